@@ -1,0 +1,97 @@
+// Points, boxes and triangles: the plain values that every layer passes on.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <compare>
+#include <cstdint>
+
+namespace locvol {
+
+struct Point {
+  double x = 0, y = 0, z = 0;
+  double operator[](int axis) const { return axis == 0 ? x : axis == 1 ? y : z; }
+  double& operator[](int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
+  friend auto operator<=>(const Point&, const Point&) = default;  // lexicographic
+  friend bool operator==(const Point&, const Point&) = default;
+};
+
+inline Point operator+(const Point& a, const Point& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Point operator-(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Point operator*(double s, const Point& a) { return {s * a.x, s * a.y, s * a.z}; }
+inline double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Point cross(const Point& a, const Point& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline double norm(const Point& a) { return std::sqrt(dot(a, a)); }
+inline double squared_distance(const Point& a, const Point& b) { return dot(a - b, a - b); }
+
+// A closed axis-parallel box. Distances are Euclidean, 0 where the two meet.
+struct Box {
+  Point min, max;
+
+  static Box around(const Point& p) { return {p, p}; }
+  Box joined(const Point& p) const {
+    return {{std::min(min.x, p.x), std::min(min.y, p.y), std::min(min.z, p.z)},
+            {std::max(max.x, p.x), std::max(max.y, p.y), std::max(max.z, p.z)}};
+  }
+  Box joined(const Box& b) const { return joined(b.min).joined(b.max); }
+  Box expanded(double d) const {
+    return {{min.x - d, min.y - d, min.z - d}, {max.x + d, max.y + d, max.z + d}};
+  }
+  Point center() const {
+    return {0.5 * (min.x + max.x), 0.5 * (min.y + max.y), 0.5 * (min.z + max.z)};
+  }
+  bool contains(const Point& p) const {
+    return min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y && min.z <= p.z &&
+           p.z <= max.z;
+  }
+  bool overlaps(const Box& b) const {
+    return min.x <= b.max.x && b.min.x <= max.x && min.y <= b.max.y && b.min.y <= max.y &&
+           min.z <= b.max.z && b.min.z <= max.z;
+  }
+  double squared_distance(const Point& p) const {
+    const auto gap = [](double low, double high, double v) {
+      return std::max({low - v, v - high, 0.0});
+    };
+    const double dx = gap(min.x, max.x, p.x), dy = gap(min.y, max.y, p.y),
+                 dz = gap(min.z, max.z, p.z);
+    return dx * dx + dy * dy + dz * dz;
+  }
+  double squared_distance(const Box& b) const {
+    const auto gap = [](double low, double high, double l, double h) {
+      return std::max({low - h, l - high, 0.0});
+    };
+    const double dx = gap(min.x, max.x, b.min.x, b.max.x), dy = gap(min.y, max.y, b.min.y, b.max.y),
+                 dz = gap(min.z, max.z, b.min.z, b.max.z);
+    return dx * dx + dy * dy + dz * dz;
+  }
+  friend bool operator==(const Box&, const Box&) = default;
+};
+
+// A triangle of the input surface; `id` is its place in the repaired input, 0, 1, 2, …
+struct Triangle {
+  std::uint64_t id = 0;
+  std::array<Point, 3> corners;
+
+  Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
+  friend bool operator==(const Triangle&, const Triangle&) = default;
+};
+
+// Where a mesh point comes from decides what may happen to it: only volume points are deleted.
+enum class PointKind : std::uint8_t {
+  kSurface = 0,  // on the input surface
+  kVolume = 1,   // Steiner point inside, may be deleted by a surface point closer than λ
+  kLattice = 2,  // of the BCC lattice, farther than λ from the surface
+};
+
+// A point of P. `id` is mesh-wide, given at the commit that creates the point, in a fixed order.
+struct MeshPoint {
+  std::uint64_t id = 0;
+  Point position;
+  PointKind kind = PointKind::kSurface;
+  friend bool operator==(const MeshPoint&, const MeshPoint&) = default;
+};
+
+}  // namespace locvol
