@@ -1,0 +1,404 @@
+#include "storage/environment.h"
+
+#include <fcntl.h>
+#include <lmdb.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <condition_variable>
+#include <map>
+#include <system_error>
+
+#include "storage/codec.h"
+#include "storage/page_check.h"
+
+namespace locvol {
+namespace {
+
+constexpr const char* kDataName = "data.mdb";
+constexpr std::string_view kFormatKey = "format";
+constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 16;
+constexpr unsigned kMaxReaders = 1000;  // snapshots at once, over all processes
+constexpr mdb_mode_t kFileMode = 0644;
+
+constexpr std::array<const char*, kNumDatabases> kNames = {
+    "meta", "leaves", "points", "cells", "surface", "queue", "unresolved"};
+
+struct CloseCursor {
+  void operator()(MDB_cursor* cursor) const { mdb_cursor_close(cursor); }
+};
+using CursorHandle = std::unique_ptr<MDB_cursor, CloseCursor>;
+
+MDB_val to_value(std::string_view bytes) {
+  return {bytes.size(), const_cast<char*>(bytes.data())};  // LMDB does not write to it
+}
+
+std::string_view to_view(const MDB_val& value) {
+  return {static_cast<const char*>(value.mv_data), value.mv_size};
+}
+
+// Whole pages of the system, at least a few, as LMDB wants it.
+std::uint64_t rounded_map_bytes(std::uint64_t bytes) {
+  const auto page = static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  return (std::max(bytes, kMinMapBytes) + page - 1) / page * page;
+}
+
+}  // namespace
+
+const char* name_of(Database database) { return kNames[static_cast<std::size_t>(database)]; }
+
+void CloseEnvironment::operator()(MDB_env* environment) const { mdb_env_close(environment); }
+void AbortTransaction::operator()(MDB_txn* transaction) const { mdb_txn_abort(transaction); }
+
+// -- One environment per directory and process
+// -----------------------------------------------------
+
+struct Environment::Registry {
+  std::mutex mutex;
+  std::condition_variable has_closed;
+  std::map<Id, std::weak_ptr<Environment>> open;  // an expired one is about to close
+};
+
+Environment::Registry& Environment::registry() {
+  static Registry registry;
+  return registry;
+}
+
+Environment::Id Environment::id_of(const std::filesystem::path& directory) {
+  struct stat status;
+  if (stat(directory.c_str(), &status) != 0)
+    throw StoreError("store " + directory.string() +
+                     ": cannot be opened: " + std::generic_category().message(errno));
+  return {status.st_dev, status.st_ino};
+}
+
+std::shared_ptr<Environment> Environment::open(const std::filesystem::path& directory,
+                                               const StoreOptions& options) {
+  const Id id = id_of(directory);
+  std::shared_ptr<Environment> shared;  // outlives the lock: it may be the last one to let go
+  Registry& all = registry();
+  std::unique_lock lock(all.mutex);
+  for (auto found = all.open.find(id); found != all.open.end(); found = all.open.find(id)) {
+    shared = found->second.lock();
+    if (!shared) {
+      all.has_closed.wait(lock);
+    } else if (options.read_only) {
+      return shared;
+    } else {
+      throw StoreError("store " + directory.string() + " is already open in this process");
+    }
+  }
+  shared.reset(new Environment(directory, id, options));
+  all.open.emplace(id, shared);
+  return shared;
+}
+
+Environment::Environment(const std::filesystem::path& directory, Id id, const StoreOptions& options)
+    : directory_(directory), id_(id) {
+  if (const auto network = network_file_system(directory))
+    throw StoreError(place() + "is on a network file system (" + *network +
+                     "), where a memory-mapped database is not safe; use a local disk");
+  const bool may_create = options.create && !options.read_only;
+  if (!Store::exists(directory) && !may_create)
+    throw StoreError(place() + "there is no store here");
+  if (!options.read_only) lock_ = WriterLock::acquire(directory);
+  const bool has_data = Store::exists(directory);
+  const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
+  try {
+    if (has_data) check_meta_pages(data.number());
+    open_map(options);
+    if (has_data) check_structure(data.number());
+  } catch (const DamagedFile& damage) {
+    throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what());
+  }
+  open_databases(may_create);
+}
+
+Environment::~Environment() {
+  idle_.clear();
+  handle_.reset();
+  lock_.reset();
+  Registry& all = registry();
+  {
+    const std::lock_guard lock(all.mutex);
+    all.open.erase(id_);
+  }
+  all.has_closed.notify_all();
+}
+
+void Environment::check(int code, const char* what) const {
+  if (code == MDB_SUCCESS) return;
+  if (code == MDB_MAP_FULL) throw MapFull();
+  throw StoreError(place() + "cannot " + what + ": " + mdb_strerror(code) + free_space_note(code));
+}
+
+// A disk or a quota that ends within a write gives LMDB a short write, which it reports as EIO.
+std::string Environment::free_space_note(int code) const {
+  if (code != EIO && code != ENOSPC) return {};
+  std::error_code unknown;
+  const auto space = std::filesystem::space(directory_, unknown);
+  if (unknown) return {};
+  return ", or no space left (" + std::to_string(space.available >> 20) + " MB are free)";
+}
+
+// -- Opening
+// ---------------------------------------------------------------------------------------
+
+void Environment::open_map(const StoreOptions& options) {
+  std::uint64_t bytes = rounded_map_bytes(options.map_bytes);
+  int code = try_map(options, bytes);
+  // A map takes address space, not memory, yet that may be limited too.
+  for (; code == ENOMEM && bytes > kMinMapBytes; code = try_map(options, bytes))
+    bytes = rounded_map_bytes(bytes / 2);
+  check(code, "open the database");
+  is_mapped_ = true;
+  int num_dead = 0;
+  check(mdb_reader_check(handle_.get(), &num_dead), "clear readers of dead processes");
+}
+
+int Environment::try_map(const StoreOptions& options, std::uint64_t map_bytes) {
+  MDB_env* environment = nullptr;
+  check(mdb_env_create(&environment), "make a database handle");
+  handle_.reset(environment);
+  check(mdb_env_set_mapsize(environment, map_bytes), "set the size of the map");
+  check(mdb_env_set_maxdbs(environment, kNumDatabases), "set the number of databases");
+  check(mdb_env_set_maxreaders(environment, kMaxReaders), "set the number of readers");
+  // No read-ahead: leaves are read in no order of the file, and what is mapped counts in the cap.
+  const unsigned flags = MDB_NOTLS | MDB_NORDAHEAD | (options.read_only ? MDB_RDONLY : 0u) |
+                         (options.is_durable ? 0u : MDB_NOSYNC);
+  return mdb_env_open(environment, directory_.c_str(), flags, kFileMode);
+}
+
+void Environment::check_structure(int data_file) {
+  bool is_checked = false;
+  while (!is_checked) {  // again when a live writer has committed twice in between
+    TransactionHandle transaction = begin_read();
+    is_checked = check_pages(data_file, mdb_txn_id(transaction.get()));
+    retire(std::move(transaction));
+  }
+}
+
+void Environment::open_databases(bool may_create) {
+  if (find_databases()) return;
+  // An environment without anything is what a creation leaves that was killed halfway.
+  if (!may_create || !is_empty())
+    throw StoreError(place() + "is a database, but not a locvol store");
+  create_databases();
+  sync_directory(directory_);
+}
+
+bool Environment::find_databases() {
+  TransactionHandle transaction = begin_read();
+  for (std::size_t i = 0; i < kNumDatabases; ++i) {
+    const int code = mdb_dbi_open(transaction.get(), kNames[i], 0, &databases_[i]);
+    if (code == MDB_NOTFOUND && i == 0) return false;
+    check(code, "open a named database");
+    // The format comes first: a newer one may have other databases.
+    if (i == 0) check_format(transaction.get());
+  }
+  check(mdb_txn_commit(transaction.release()), "keep the databases open");
+  return true;
+}
+
+void Environment::check_format(MDB_txn* transaction) const {
+  MDB_val key = to_value(kFormatKey), value;
+  check(mdb_get(transaction, databases_[0], &key, &value), "read the format of the store");
+  try {
+    const auto format = decode<StoreFormat>(to_view(value), MortonKey());
+    if (format.version > StoreFormat::kCurrent)
+      throw StoreError(place() + "has format " + std::to_string(format.version) +
+                       ", written by a newer locvol; this one reads up to format " +
+                       std::to_string(StoreFormat::kCurrent));
+  } catch (const DecodeError& error) {
+    throw CorruptRecord(place() + "the format record is damaged: " + error.what(), MortonKey());
+  }
+}
+
+bool Environment::is_empty() {
+  MDB_stat stat;
+  check(mdb_env_stat(handle_.get(), &stat), "count the databases");
+  return stat.ms_entries == 0;
+}
+
+void Environment::create_databases() {
+  write([this](Transaction& transaction) {
+    for (std::size_t i = 0; i < kNumDatabases; ++i)
+      check(mdb_dbi_open(transaction.transaction_, kNames[i], MDB_CREATE, &databases_[i]),
+            "make a named database");
+    transaction.put(Database::kMeta, kFormatKey, encode(StoreFormat(), MortonKey()));
+  });
+}
+
+// -- Transactions and the map
+// ----------------------------------------------------------------------
+
+Environment::Gate Environment::enter() {
+  const std::lock_guard turnstile(turnstile_);
+  Gate gate(gate_);
+  if (!is_mapped_) throw StoreError(place() + "is closed: its map could not be grown");
+  return gate;
+}
+
+TransactionHandle Environment::begin_read() {
+  for (;; resize_map(0)) {
+    const Gate gate = enter();
+    TransactionHandle transaction = idle_transaction();
+    MDB_txn* begun = transaction.get();
+    const int code =
+        begun ? mdb_txn_renew(begun) : mdb_txn_begin(handle_.get(), nullptr, MDB_RDONLY, &begun);
+    if (code == MDB_MAP_RESIZED) continue;
+    check(code, "begin to read");
+    if (!transaction) transaction.reset(begun);
+    return transaction;
+  }
+}
+
+TransactionHandle Environment::idle_transaction() {
+  const std::lock_guard lock(idle_mutex_);
+  if (idle_.empty()) return nullptr;
+  TransactionHandle transaction = std::move(idle_.back());
+  idle_.pop_back();
+  return transaction;
+}
+
+void Environment::retire(TransactionHandle transaction) {
+  mdb_txn_reset(transaction.get());
+  const std::lock_guard lock(idle_mutex_);
+  idle_.push_back(std::move(transaction));
+}
+
+Environment::View Environment::view() { return View(*this, begin_read()); }
+
+Environment::WriteTurn Environment::wait_for_write_turn() {
+  write_turn_.acquire();
+  return WriteTurn(this);
+}
+
+void Environment::write(const std::function<void(Transaction&)>& write) {
+  while (!is_written(write)) resize_map(2 * map_bytes());
+}
+
+bool Environment::is_written(const std::function<void(Transaction&)>& write) try {
+  const Gate gate = enter();
+  MDB_txn* begun = nullptr;
+  check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
+  TransactionHandle handle(begun);
+  Transaction transaction(*this, handle.get());
+  write(transaction);
+  check(mdb_txn_commit(handle.release()), "commit");  // LMDB frees it either way
+  return true;
+} catch (const MapFull&) {
+  return false;
+}
+
+std::uint64_t Environment::map_bytes() const {
+  MDB_envinfo info;
+  check(mdb_env_info(handle_.get(), &info), "find out the size of the map");
+  return info.me_mapsize;
+}
+
+// LMDB unmaps before it maps. When the larger map does not fit, the old one is put back; if not
+// even that works, nothing may touch the environment any more.
+void Environment::resize_map(std::uint64_t bytes) {
+  const std::lock_guard turnstile(turnstile_);
+  const std::unique_lock gate(gate_);
+  const std::uint64_t old_bytes = map_bytes();
+  const int code = mdb_env_set_mapsize(handle_.get(), bytes);
+  if (code != MDB_SUCCESS)
+    is_mapped_ = mdb_env_set_mapsize(handle_.get(), old_bytes) == MDB_SUCCESS;
+  check(code, "grow the map");
+}
+
+std::vector<DatabaseSize> Environment::sizes() {
+  const View now = view();
+  const Gate gate = enter();
+  std::vector<DatabaseSize> sizes;
+  for (std::size_t i = 0; i < kNumDatabases; ++i) {
+    MDB_stat stat;
+    check(mdb_stat(now.transaction_.get(), databases_[i], &stat), "count records");
+    const std::uint64_t num_pages =
+        stat.ms_branch_pages + stat.ms_leaf_pages + stat.ms_overflow_pages;
+    sizes.push_back({kNames[i], num_pages * stat.ms_psize, stat.ms_entries});
+  }
+  return sizes;
+}
+
+// LMDB does not tell where its map is. But the format record lies in a page, in the map, which
+// begins with its number.
+void Environment::release_pages() {
+  const View now = view();
+  const Gate gate = enter();
+  MDB_envinfo info;
+  MDB_stat stat;
+  check(mdb_env_info(handle_.get(), &info), "find out the size of the map");
+  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
+  MDB_val key = to_value(kFormatKey), value;
+  check(mdb_get(now.transaction_.get(), databases_[0], &key, &value), "find the map");
+  const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
+  const std::uintptr_t page = address - address % stat.ms_psize;
+  const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
+  void* const map = reinterpret_cast<void*>(page - page_number * stat.ms_psize);
+  const std::uint64_t used = rounded_map_bytes((info.me_last_pgno + 1) * stat.ms_psize);
+  if (madvise(map, std::min<std::uint64_t>(used, info.me_mapsize), MADV_DONTNEED) != 0)
+    check(errno, "release mapped pages");
+}
+
+// -- View
+// ------------------------------------------------------------------------------------------
+
+Environment::View::~View() {
+  if (transaction_) environment_.retire(std::move(transaction_));
+}
+
+std::optional<std::string> Environment::View::get(Database database, std::string_view key) const {
+  const Gate gate = environment_.enter();
+  MDB_val wanted = to_value(key), value;
+  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
+  const int code = mdb_get(transaction_.get(), handle, &wanted, &value);
+  if (code == MDB_NOTFOUND) return std::nullopt;
+  environment_.check(code, "read");
+  return std::string(to_view(value));
+}
+
+void Environment::View::scan(Database database, std::string_view from, const Visit& visit) const {
+  const Gate gate = environment_.enter();
+  MDB_cursor* opened = nullptr;
+  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
+  environment_.check(mdb_cursor_open(transaction_.get(), handle, &opened), "read");
+  const CursorHandle cursor(opened);
+  MDB_val key = to_value(from), value;
+  int code = mdb_cursor_get(opened, &key, &value, from.empty() ? MDB_FIRST : MDB_SET_RANGE);
+  for (; code == MDB_SUCCESS; code = mdb_cursor_get(opened, &key, &value, MDB_NEXT))
+    if (!visit(to_view(key), to_view(value))) return;
+  if (code != MDB_NOTFOUND) environment_.check(code, "read");
+}
+
+// -- Transaction
+// -----------------------------------------------------------------------------------
+
+void Environment::Transaction::put(Database database, std::string_view key,
+                                   std::string_view value) {
+  MDB_val stored_key = to_value(key), stored_value = to_value(value);
+  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
+  environment_.check(mdb_put(transaction_, handle, &stored_key, &stored_value, 0), "write");
+}
+
+void Environment::Transaction::erase(Database database, std::string_view first,
+                                     std::string_view last) {
+  MDB_cursor* opened = nullptr;
+  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
+  environment_.check(mdb_cursor_open(transaction_, handle, &opened), "write");
+  const CursorHandle cursor(opened);
+  for (;;) {
+    MDB_val key = to_value(first), value;
+    const int code = mdb_cursor_get(opened, &key, &value, MDB_SET_RANGE);
+    if (code == MDB_NOTFOUND || (code == MDB_SUCCESS && to_view(key) > last)) return;
+    environment_.check(code, "write");
+    environment_.check(mdb_cursor_del(opened, 0), "write");
+  }
+}
+
+}  // namespace locvol

@@ -1,0 +1,351 @@
+#include "storage/page_check.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+// LMDB 0.9 on disk, 64 bits, little-endian. A page (its size is in the meta pages):
+//
+//   | page number u64 | pad u16 | flags u16 | lower u16 | upper u16 | node offsets u16 ... (lower)
+//   | free | (upper) nodes ... |                    overflow pages: count u32 instead of lower,
+//   upper
+//
+// A node; in a branch page, size and flags together are the child's page number (48 bits). A value
+// that does not fit is 8 bytes, the number of its first overflow page:
+//
+//   | size u32 | flags u16 | key size u16 | key | value |
+//
+// Pages 0 and 1 are the meta pages; commits write them in turn. After the page's header:
+//
+//   | magic u32 | version u32 | address u64 | map size u64 | free-list tree | main tree
+//   | last page u64 | transaction u64 |
+//
+// A tree (48 bytes; also the value of a named database, in the main tree):
+//
+//   | page size in the free-list tree, else 0 u32 | flags u16 | depth u16 | branch pages u64
+//   | leaf pages u64 | overflow pages u64 | entries u64 | root page u64, all ones if empty |
+//
+// The free list: transaction number u64 -> | count u64 | page numbers u64, descending ... |
+
+namespace locvol {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+constexpr std::uint32_t kMagic = 0xBEEFC0DE;
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kPageHeader = 16;
+constexpr std::size_t kNodeHeader = 8;
+constexpr std::size_t kMetaBytes = kPageHeader + 24 + 2 * 48 + 16;
+constexpr std::size_t kMaxKey = 511;
+constexpr std::uint64_t kNumMetaPages = 2;
+constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
+constexpr std::uint16_t kMaxDepth = 32;
+enum PageFlags : std::uint16_t { kBranch = 0x01, kLeaf = 0x02, kOverflow = 0x04, kMeta = 0x08 };
+enum NodeFlags : std::uint16_t { kBigValue = 0x01, kSubtree = 0x02 };
+constexpr std::uint16_t kIntegerKeys = 0x08;
+
+void require(bool holds, const char* otherwise) {
+  if (!holds) throw DamagedFile(otherwise);
+}
+
+template <class T>
+T load(std::string_view bytes, std::size_t at) {
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+// Fills `bytes` from the file; a file that ends before it is damaged.
+void read_at(int file, std::uint64_t offset, std::span<char> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = pread(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+    require(n > 0, "the file is shorter than its contents");
+    bytes = bytes.subspan(static_cast<std::size_t>(n));
+    offset += static_cast<std::uint64_t>(n);
+  }
+}
+
+std::uint64_t size_of(int file) {
+  struct stat status;
+  if (fstat(file, &status) != 0)
+    throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+  return static_cast<std::uint64_t>(status.st_size);
+}
+
+struct Tree {
+  std::uint16_t flags = 0, depth = 0;
+  std::uint64_t num_branch = 0, num_leaf = 0, num_overflow = 0, num_entries = 0, root = kNoPage;
+
+  static constexpr std::size_t kBytes = 48;
+  static Tree load_from(std::string_view bytes, std::size_t at) {
+    return {load<std::uint16_t>(bytes, at + 4),  load<std::uint16_t>(bytes, at + 6),
+            load<std::uint64_t>(bytes, at + 8),  load<std::uint64_t>(bytes, at + 16),
+            load<std::uint64_t>(bytes, at + 24), load<std::uint64_t>(bytes, at + 32),
+            load<std::uint64_t>(bytes, at + 40)};
+  }
+};
+
+struct Meta {
+  std::uint32_t page_size = 0;
+  Tree free_list, main;
+  std::uint64_t last_page = 0, txn = 0;
+};
+
+bool is_page_size(std::uint32_t size) {
+  return std::has_single_bit(size) && size >= 512 && size <= 32768;
+}
+
+Meta read_meta(int file, std::uint64_t page, std::uint32_t page_size) {
+  std::array<char, kMetaBytes> buffer;
+  read_at(file, page * page_size, buffer);
+  const std::string_view bytes(buffer.data(), buffer.size());
+  require(load<std::uint32_t>(bytes, kPageHeader) == kMagic, "not an LMDB file");
+  require(load<std::uint32_t>(bytes, kPageHeader + 4) == kVersion,
+          "an LMDB file of another version");
+  require(load<std::uint64_t>(bytes, 0) == page && load<std::uint16_t>(bytes, 10) == kMeta,
+          "a damaged meta page");
+  const std::size_t trees = kPageHeader + 24;
+  Meta meta{load<std::uint32_t>(bytes, trees), Tree::load_from(bytes, trees),
+            Tree::load_from(bytes, trees + Tree::kBytes),
+            load<std::uint64_t>(bytes, trees + 2 * Tree::kBytes),
+            load<std::uint64_t>(bytes, trees + 2 * Tree::kBytes + 8)};
+  require(is_page_size(meta.page_size), "a damaged meta page: page size");
+  require(meta.free_list.flags == kIntegerKeys && meta.main.flags == 0,
+          "a damaged meta page: flags");
+  require(meta.last_page < (std::uint64_t{1} << 47) / meta.page_size,
+          "a damaged meta page: number of pages");
+  return meta;
+}
+
+std::array<Meta, 2> read_metas(int file) {
+  // The second page starts where the first one says that pages do.
+  const Meta first = read_meta(file, 0, 0);
+  return {first, read_meta(file, 1, first.page_size)};
+}
+
+// Commits write the meta pages in turn, so the page follows from the transaction's number.
+void check_turns(const std::array<Meta, 2>& metas) {
+  require(metas[0].page_size == metas[1].page_size, "meta pages that contradict each other");
+  const bool is_new = metas[0].txn == 0 && metas[1].txn == 0;
+  const bool alternates = metas[0].txn % 2 == 0 && metas[1].txn % 2 == 1 &&
+                          (metas[0].txn + 1 == metas[1].txn || metas[1].txn + 1 == metas[0].txn);
+  require(is_new || alternates, "meta pages that contradict each other");
+}
+
+class PageChecker {
+ public:
+  PageChecker(int file, const Meta& meta)
+      : file_(file),
+        page_size_(meta.page_size),
+        num_pages_(std::min(size_of(file) / meta.page_size, meta.last_page + 1)),
+        last_page_(meta.last_page),
+        is_used_(num_pages_ < kNumMetaPages ? kNumMetaPages : num_pages_) {}
+
+  void run(const Meta& meta);
+
+ private:
+  struct Node {
+    std::uint32_t size;
+    std::uint16_t flags;
+    std::string_view key, value;  // value: all that is left of the page
+    std::uint64_t child() const { return size | std::uint64_t{flags} << 32; }
+  };
+  struct Level {  // of a tree
+    bool is_leaf = false;
+    bool is_free_list = false;
+  };
+
+  void check_tree(const Tree& tree, bool is_free_list);
+  void check_page(std::uint64_t page, Level level);
+  void check_order(const Node& before, const Node& node, Level level) const;
+  void check_leaf_node(const Node& node, bool is_free_list);
+  void check_free_pages(const Node& node);
+  Node node_at(std::string_view page, std::size_t index) const;
+  std::uint64_t take_overflow_pages(const Node& node);
+  void take(std::uint64_t page, std::uint64_t count = 1);
+
+  int file_;
+  std::uint32_t page_size_;
+  std::uint64_t num_pages_;  // wholly in the file
+  std::uint64_t last_page_;
+  std::vector<bool> is_used_;
+  std::vector<Tree> named_;  // databases, found in the main tree
+
+  // Of the tree in hand.
+  std::vector<std::uint64_t> children_;
+  Tree counted_;
+};
+
+void PageChecker::run(const Meta& meta) {
+  take(0, kNumMetaPages);
+  check_tree(meta.main, false);
+  const std::vector<Tree> named = std::move(named_);
+  for (const Tree& tree : named) {
+    require(tree.flags == 0, "a named database of another kind");
+    check_tree(tree, false);
+  }
+  require(named_.empty(), "a database within a named database");
+  check_tree(meta.free_list, true);  // last: what is in use cannot be free
+}
+
+void PageChecker::check_tree(const Tree& tree, bool is_free_list) {
+  require(tree.depth <= kMaxDepth, "a tree too deep");
+  require((tree.depth == 0) == (tree.root == kNoPage), "a tree without a root");
+  counted_ = Tree();
+  std::vector<std::uint64_t> pages;
+  if (tree.depth > 0) pages.push_back(tree.root);
+  for (int depth = 1; depth <= tree.depth; ++depth) {
+    children_.clear();
+    std::ranges::sort(pages);
+    for (const std::uint64_t page : pages) check_page(page, {depth == tree.depth, is_free_list});
+    pages.swap(children_);
+  }
+  require(counted_.num_branch == tree.num_branch && counted_.num_leaf == tree.num_leaf &&
+              counted_.num_overflow == tree.num_overflow &&
+              counted_.num_entries == tree.num_entries,
+          "a tree that has lost or gained pages");
+}
+
+void PageChecker::check_page(std::uint64_t number, Level level) {
+  take(number);
+  std::string page(page_size_, '\0');
+  read_at(file_, number * page_size_, page);
+  require(load<std::uint64_t>(page, 0) == number, "a page in another's place");
+  require(load<std::uint16_t>(page, 10) == (level.is_leaf ? kLeaf : kBranch),
+          "a page of another kind");
+  const auto lower = load<std::uint16_t>(page, 12), upper = load<std::uint16_t>(page, 14);
+  require(kPageHeader <= lower && lower <= upper && upper <= page_size_ && lower % 2 == 0,
+          "a page with impossible bounds");
+  const std::size_t num_nodes = (lower - kPageHeader) / 2;
+  require(num_nodes >= (level.is_leaf || level.is_free_list ? 1u : 2u),
+          "a page with too few nodes");
+  std::optional<Node> before;
+  for (std::size_t i = 0; i < num_nodes; ++i) {
+    const Node node = node_at(page, i);
+    // The first key of a branch page stands for "less than the second", and is not looked at.
+    if (before && (level.is_leaf || i > 1)) check_order(*before, node, level);
+    if (level.is_leaf) {
+      check_leaf_node(node, level.is_free_list);
+    } else {
+      children_.push_back(node.child());
+    }
+    before = node;
+  }
+  ++(level.is_leaf ? counted_.num_leaf : counted_.num_branch);
+  if (level.is_leaf) counted_.num_entries += num_nodes;
+}
+
+PageChecker::Node PageChecker::node_at(std::string_view page, std::size_t index) const {
+  const std::size_t at = load<std::uint16_t>(page, kPageHeader + 2 * index);
+  require(at % 2 == 0 && at >= load<std::uint16_t>(page, 14) && at + kNodeHeader <= page.size(),
+          "a node outside its page");
+  const std::size_t key_size = load<std::uint16_t>(page, at + 6);
+  const std::size_t key = at + kNodeHeader;
+  require(key_size <= kMaxKey && key + key_size <= page.size(), "a key outside its page");
+  return {load<std::uint32_t>(page, at), load<std::uint16_t>(page, at + 4),
+          page.substr(key, key_size), page.substr(key + key_size)};
+}
+
+void PageChecker::check_order(const Node& before, const Node& node, Level level) const {
+  if (level.is_free_list) {
+    require(before.key.size() == 8 && node.key.size() == 8 &&
+                load<std::uint64_t>(before.key, 0) < load<std::uint64_t>(node.key, 0),
+            "free pages out of order");
+  } else {
+    require(before.key < node.key, "keys out of order");
+  }
+}
+
+void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
+  require(node.flags == 0 || node.flags == kBigValue || node.flags == kSubtree,
+          "a node of another kind");
+  if (node.flags != kBigValue) require(node.size <= node.value.size(), "a value outside its page");
+  if (node.flags == kSubtree) {
+    require(node.size == Tree::kBytes && !is_free_list, "a named database cut short");
+    named_.push_back(Tree::load_from(node.value, 0));
+  } else if (is_free_list) {
+    require(node.key.size() == 8, "free pages of no transaction");
+    check_free_pages(node);
+  } else if (node.flags == kBigValue) {
+    take_overflow_pages(node);
+  }
+}
+
+std::uint64_t PageChecker::take_overflow_pages(const Node& node) {
+  require(node.value.size() >= 8, "a value outside its page");
+  const auto first = load<std::uint64_t>(node.value, 0);
+  const std::uint64_t count = (kPageHeader - 1 + std::uint64_t{node.size}) / page_size_ + 1;
+  take(first, count);
+  counted_.num_overflow += count;
+  return first;
+}
+
+void PageChecker::check_free_pages(const Node& node) {
+  std::string list(node.value.substr(0, std::min<std::size_t>(node.size, node.value.size())));
+  if (node.flags == kBigValue) {
+    const std::uint64_t first = take_overflow_pages(node);
+    list.resize(node.size);
+    read_at(file_, first * page_size_ + kPageHeader, list);
+  }
+  require(list.size() >= 8, "free pages cut short");
+  const auto count = load<std::uint64_t>(list, 0);
+  require(count < list.size() / 8, "free pages cut short");
+  std::uint64_t before = last_page_ + 1;
+  for (std::uint64_t i = 1; i <= count; ++i) {
+    const auto page = load<std::uint64_t>(list, 8 * i);
+    require(kNumMetaPages <= page && page < before, "a free page that cannot be");
+    require(page >= num_pages_ || !is_used_[page], "a page both free and in use");
+    if (page < num_pages_) is_used_[page] = true;
+    before = page;
+  }
+}
+
+// A page belongs in one place only, inside the file.
+void PageChecker::take(std::uint64_t page, std::uint64_t count) {
+  require(page < num_pages_ && count <= num_pages_ - page, "the file is shorter than its contents");
+  for (std::uint64_t i = page; i < page + count; ++i) {
+    require(!is_used_[i], "a page in use twice");
+    is_used_[i] = true;
+  }
+}
+
+}  // namespace
+
+void check_meta_pages(int file) {
+  constexpr int kMaxTries = 3;  // a live writer may commit between the two reads
+  for (int tries = 1;; ++tries) {
+    try {
+      return check_turns(read_metas(file));
+    } catch (const DamagedFile&) {
+      if (tries == kMaxTries) throw;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+}
+
+bool check_pages(int file, std::uint64_t txn) {
+  for (const Meta& meta : read_metas(file)) {
+    if (meta.txn != txn) continue;
+    PageChecker(file, meta).run(meta);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace locvol

@@ -1,0 +1,30 @@
+// Checks the page structure of an LMDB file by plain reads, before LMDB, which trusts its pages,
+// follows them through the memory map: there a damaged page number or a truncated file is a crash.
+//
+// Knows the file format of LMDB 0.9 (data version 1, 64 bits), which is drawn in page_check.cpp.
+// Does not look into values: those have checksums of their own (codec.h).
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+
+namespace locvol {
+
+// The file is not one that LMDB wrote, or no longer. Says what is wrong; the caller knows where.
+class DamagedFile : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// What opening the environment relies on: the two meta pages. Throws DamagedFile.
+void check_meta_pages(int file);
+
+// What following pages relies on, in the state that transaction `txn` left: every page that can be
+// reached lies in the file, is in one place only, names itself, and keeps its nodes inside.
+// False: the file holds that state no longer (a writer has gone on), so ask again with a newer one.
+// Reads the trees' pages and the lists of free pages, about 1% of a store, in ascending order level
+// by level; keeps 1 bit per page of the file. Throws DamagedFile.
+// REQUIRES: check_meta_pages(file) passed; a read transaction keeps that state's pages in place.
+bool check_pages(int file, std::uint64_t txn);
+
+}  // namespace locvol

@@ -1,0 +1,123 @@
+// What the store keeps: plain structs, one set per octree leaf and one for the run.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/geometry.h"
+#include "octree/morton_key.h"
+
+namespace locvol {
+
+inline constexpr int kNumConditions = 6;  // C1 … C6 of DESIGN 3.1; index 0 is C1
+
+// Where in the queue a leaf waits; the order of the queue is (epoch, color, Morton key).
+struct QueuePosition {
+  std::uint32_t epoch = 0;
+  std::uint32_t color = 0;
+  friend auto operator<=>(const QueuePosition&, const QueuePosition&) = default;
+};
+
+struct LeafInfo {
+  bool is_center_inside = false;  // side of the center of the leaf's box, the reference point
+  std::uint32_t num_visits = 0;
+  std::uint64_t num_points = 0;
+  std::uint64_t num_cells = 0;
+  std::uint64_t num_triangles = 0;
+  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition, over all visits
+  std::uint64_t num_deletions = 0;
+  std::uint64_t num_unresolved = 0;
+  std::optional<QueuePosition> queued;  // absent: clean
+  friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
+};
+
+struct LeafPoints {
+  std::vector<MeshPoint> points;  // in order of id
+  friend bool operator==(const LeafPoints&, const LeafPoints&) = default;
+};
+
+// The cells whose smallest vertex (lexicographically) is an own point of the leaf.
+struct LeafCells {
+  std::vector<std::uint64_t> vertices;              // ids, ascending
+  std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, positively oriented
+  friend bool operator==(const LeafCells&, const LeafCells&) = default;
+};
+
+struct LeafSurface {
+  std::vector<Triangle> triangles;  // all that meet the leaf's box, in order of id
+  friend bool operator==(const LeafSurface&, const LeafSurface&) = default;
+};
+
+// A place where a condition could not be met (DESIGN 3.6).
+struct UnresolvedSite {
+  std::uint8_t condition = 0;  // 1 … 6
+  Point position;
+  double radius = 0;  // of the surface ball or the circumsphere
+  friend bool operator==(const UnresolvedSite&, const UnresolvedSite&) = default;
+};
+
+struct LeafUnresolved {
+  std::vector<UnresolvedSite> sites;
+  friend bool operator==(const LeafUnresolved&, const LeafUnresolved&) = default;
+};
+
+struct QueueEntry {
+  QueuePosition position;
+  MortonKey leaf;
+  Box dirty;  // contains all points changed near the leaf since its last visit
+  friend bool operator==(const QueueEntry&, const QueueEntry&) = default;
+};
+
+enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
+enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDone = 3 };
+
+// What the mesh is a function of (promise 4). A store refuses to go on under other ones.
+struct RunParameters {
+  std::string input_digest;  // hexadecimal, of the input's repaired triangles
+  double size = 0;           // λ
+  double radius_edge_bound = 2;
+  double spacing_floor = 0;  // as a fraction of λ
+  std::uint64_t leaf_capacity = 0;  // κ
+  Initialization init = Initialization::kCover;
+  std::uint64_t seed = 0;
+  friend bool operator==(const RunParameters&, const RunParameters&) = default;
+};
+
+// What is known of the repaired input surface.
+struct SurfaceFacts {
+  std::string file;
+  std::uint64_t num_vertices = 0;
+  std::uint64_t num_triangles = 0;
+  std::uint64_t num_components = 0;
+  std::int64_t euler_characteristic = 0;
+  double area = 0;
+  double volume = 0;
+  Box box;
+  std::vector<std::string> notes;  // repairs that were made
+  friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
+};
+
+struct RunRecord {
+  RunParameters parameters;
+  SurfaceFacts surface;
+  Frame frame;
+  Phase phase = Phase::kIngest;
+  std::uint32_t epoch = 0;          // the open one
+  std::uint64_t next_point_id = 0;
+  std::uint64_t num_visits = 0;
+  // Totals of the run so far; they outlive the leaves that were split.
+  std::uint64_t num_points = 0;
+  std::uint64_t num_cells = 0;
+  std::uint64_t num_unresolved = 0;
+  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
+  std::uint64_t num_deletions = 0;
+  MortonKey next_leaf;              // ingest and initialize: where to go on
+  std::uint32_t next_color = 0;
+  friend bool operator==(const RunRecord&, const RunRecord&) = default;
+};
+
+}  // namespace locvol

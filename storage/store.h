@@ -1,0 +1,138 @@
+// Store keeps all that a run needs on disk, by octree leaf and in Morton order, in LMDB.
+//
+// Durability: a Batch is all or nothing, and durable once commit() returns. After a crash the
+//     store opens at its last commit; there is no recovery step.
+// Threads: many Snapshots at once, each used by one thread at a time; one Batch at a time.
+// Memory: records are copies and outlive the Snapshot or Batch they came from.
+// Errors: StoreError when LMDB or the disk fails, CorruptRecord (a StoreError) when stored bytes
+//     fail their checksum; it names the record and its leaf. What was never written is not an
+//     error: an empty optional, or an empty list.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "octree/morton_key.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+class StoreError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+class CorruptRecord : public StoreError {
+ public:
+  CorruptRecord(const std::string& what, MortonKey leaf) : StoreError(what), leaf_(leaf) {}
+  MortonKey leaf() const { return leaf_; }  // not valid: the record belongs to no leaf
+
+ private:
+  MortonKey leaf_;
+};
+
+struct StoreOptions {
+  bool create = false;        // make the directory and an empty store if there is none
+  bool read_only = false;
+  bool is_durable = true;     // false only in tests and benchmarks that measure what durability costs
+  // Address space to begin with, not memory; doubled when full, halved if there is not so much.
+  std::uint64_t map_bytes = std::uint64_t{64} << 30;
+};
+
+// Bytes on disk and entries of one named database; a record of points, cells, surface or unresolved
+// sites is one entry per chunk of 4,080 bytes.
+struct DatabaseSize {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::uint64_t num_entries = 0;
+};
+
+// What both a Snapshot and a Batch can read.
+class Reader {
+ public:
+  virtual ~Reader();
+  std::optional<RunRecord> run() const;
+  std::optional<LeafInfo> leaf(MortonKey key) const;
+  LeafPoints points(MortonKey key) const;
+  LeafCells cells(MortonKey key) const;
+  LeafSurface surface(MortonKey key) const;
+  LeafUnresolved unresolved(MortonKey key) const;
+  std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
+  // Every leaf with its info, in Morton order; stops when `visit` returns false.
+  void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
+  // Queue entries in queue order; stops when `visit` returns false.
+  void for_each_queued(const std::function<bool(const QueueEntry&)>& visit) const;
+  std::optional<QueueEntry> queue_entry(QueuePosition position, MortonKey leaf) const;
+
+ protected:
+  struct Impl;
+  explicit Reader(std::unique_ptr<Impl> impl);
+  Reader(Reader&&) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+// A consistent, read-only view. Short-lived: it keeps LMDB from reusing old pages.
+class Snapshot : public Reader {
+ public:
+  Snapshot(Snapshot&&) noexcept;
+  ~Snapshot() override;
+
+ private:
+  friend class Store;
+  explicit Snapshot(std::unique_ptr<Impl> impl);
+};
+
+// A write transaction; reads see its own writes. Destroyed uncommitted, it is rolled back.
+// A full map never shows: Batch keeps what it has written until commit and, when the map is full,
+// grows it and writes all again (or Store grows it ahead of need; the caller cannot tell).
+class Batch : public Reader {
+ public:
+  Batch(Batch&&) noexcept;
+  ~Batch() override;
+
+  void put_run(const RunRecord& run);
+  void put_leaf(MortonKey key, const LeafInfo& info);
+  void put_points(MortonKey key, const LeafPoints& points);
+  void put_cells(MortonKey key, const LeafCells& cells);
+  void put_surface(MortonKey key, const LeafSurface& surface);
+  void put_unresolved(MortonKey key, const LeafUnresolved& unresolved);
+  void erase_leaf(MortonKey key);  // the leaf's info and all its records; not its queue entry
+  void put_queue_entry(const QueueEntry& entry);
+  void erase_queue_entry(QueuePosition position, MortonKey leaf);
+  std::uint64_t bytes_written() const;  // compressed, since the batch began
+  void commit();                        // durable on return; the batch is over
+
+ private:
+  friend class Store;
+  explicit Batch(std::unique_ptr<Impl> impl);
+};
+
+class Store {
+ public:
+  // Throws StoreError: no store there (and !create), in use by another process, of a newer format,
+  // damaged, or on a file system that LMDB cannot use.
+  static Store open(const std::filesystem::path& directory, const StoreOptions& options = {});
+  Store(Store&&) noexcept;
+  Store& operator=(Store&&) noexcept;
+  ~Store();
+
+  Snapshot snapshot() const;
+  Batch begin();  // waits while another thread has a Batch
+  std::vector<DatabaseSize> sizes() const;
+  void release_pages() const;  // gives mapped pages back to the system (madvise), to keep the cap
+  const std::filesystem::path& directory() const;
+  static bool exists(const std::filesystem::path& directory);
+
+ private:
+  struct Impl;
+  explicit Store(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,224 @@
+#include "storage/codec.h"
+
+#include <gtest/gtest.h>
+#include <zstd.h>
+
+#include <bit>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <random>
+
+#include "tests/storage/samples.h"
+
+namespace locvol {
+namespace {
+
+using namespace testing_samples;
+
+// -- Laws on random records
+// ------------------------------------------------------------------------
+
+template <class Record>
+void expect_round_trip(const Record& record, MortonKey leaf) {
+  const std::string bytes = encode(record, leaf);
+  EXPECT_EQ(bytes, encode(record, leaf));
+  EXPECT_TRUE(decode<Record>(bytes, leaf) == record);
+}
+
+TEST(Codec, RandomRecordsComeBack) {
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  Generator random(seed);
+  for (int round = 0; round < 200; ++round) {
+    const MortonKey leaf = random.leaf();
+    const std::size_t size = random.integer(round % 20 == 0 ? 5000 : 30);
+    expect_round_trip(random.points(size), leaf);
+    expect_round_trip(random.cells(size), leaf);
+    expect_round_trip(random.surface(size), leaf);
+    expect_round_trip(random.unresolved(size), leaf);
+    expect_round_trip(random.info(), leaf);
+    expect_round_trip(random.run(), MortonKey());
+    const QueueEntry entry = random.queue_entry();
+    expect_round_trip(entry, entry.leaf);
+  }
+}
+
+TEST(Codec, KeepsTheBitsOfCoordinates) {
+  const double values[] = {-0.0,
+                           0.0,
+                           std::numeric_limits<double>::denorm_min(),
+                           -std::numeric_limits<double>::infinity(),
+                           std::numeric_limits<double>::max(),
+                           std::bit_cast<double>(std::uint64_t{0x7ff4000000000123})};
+  LeafPoints record;
+  for (const double value : values) record.points.push_back({1, {value, 1, value}, {}});
+  LeafSurface surface{{{1, {Point{0.0, 0, 0}, Point{-0.0, 0, 0}, Point{0.0, -0.0, 0}}}}};
+  const auto points = decode<LeafPoints>(encode(record, sample_leaf()), sample_leaf());
+  const auto triangles = decode<LeafSurface>(encode(surface, sample_leaf()), sample_leaf());
+  ASSERT_EQ(points.points.size(), std::size(values));
+  for (std::size_t i = 0; i < std::size(values); ++i)
+    EXPECT_EQ(std::bit_cast<std::uint64_t>(points.points[i].position.z),
+              std::bit_cast<std::uint64_t>(values[i]));
+  EXPECT_FALSE(std::signbit(triangles.triangles[0].corners[0].x));
+  EXPECT_TRUE(std::signbit(triangles.triangles[0].corners[1].x));
+  EXPECT_TRUE(std::signbit(triangles.triangles[0].corners[2].y));
+}
+
+// -- Damage
+// ----------------------------------------------------------------------------------------
+
+// Whatever happens to the bytes, the answer is an error or the record that was stored.
+template <class Record>
+void expect_damage_is_noticed(const Record& record, MortonKey leaf) {
+  const std::string bytes = encode(record, leaf);
+  std::size_t num_unharmed = 0;
+  const auto expect_error_or_same = [&](const std::string& damaged) {
+    try {
+      EXPECT_TRUE(decode<Record>(damaged, leaf) == record);
+      ++num_unharmed;
+    } catch (const DecodeError&) {
+    }
+  };
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    for (int bit = 0; bit < 8; ++bit) {
+      std::string damaged = bytes;
+      damaged[i] = static_cast<char>(damaged[i] ^ (1 << bit));
+      expect_error_or_same(damaged);
+    }
+    EXPECT_THROW(decode<Record>(bytes.substr(0, i), leaf), DecodeError) << i << " bytes left";
+  }
+  // Some bits do not matter: unused ones of the header, a distance between equal runs of bytes.
+  EXPECT_LT(num_unharmed, 8 * bytes.size() / 20);
+  EXPECT_THROW(decode<Record>(bytes + '\0', leaf), DecodeError);
+  EXPECT_THROW(decode<Record>(bytes + bytes, leaf), DecodeError);
+}
+
+TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
+  Generator random(1);
+  expect_damage_is_noticed(sample_run(), MortonKey());
+  expect_damage_is_noticed(sample_info(), sample_leaf());
+  expect_damage_is_noticed(sample_queue_entry(), sample_leaf());
+  expect_damage_is_noticed(StoreFormat(), MortonKey());
+  expect_damage_is_noticed(random.points(100), sample_leaf());
+  expect_damage_is_noticed(random.cells(300), sample_leaf());
+  expect_damage_is_noticed(random.surface(100), sample_leaf());
+  expect_damage_is_noticed(random.unresolved(30), sample_leaf());
+}
+
+TEST(Codec, NoticesARecordInAnothersPlace) {
+  const std::string bytes = encode(sample_points(), sample_leaf());
+  EXPECT_THROW(decode<LeafPoints>(bytes, MortonKey::root()), DecodeError);
+  EXPECT_THROW(decode<LeafCells>(bytes, sample_leaf()), DecodeError);
+  EXPECT_THROW(decode<LeafUnresolved>(bytes, sample_leaf()), DecodeError);
+}
+
+// Sound frames, as an attacker or a bug would make them.
+std::string content_of(const std::string& frame) {
+  std::string content(ZSTD_getFrameContentSize(frame.data(), frame.size()), '\0');
+  ZSTD_decompress(content.data(), content.size(), frame.data(), frame.size());
+  return content;
+}
+
+std::string frame_of(const std::string& content, bool has_checksum = true) {
+  ZSTD_CCtx* const context = ZSTD_createCCtx();
+  ZSTD_CCtx_setParameter(context, ZSTD_c_checksumFlag, has_checksum ? 1 : 0);
+  std::string frame(ZSTD_compressBound(content.size()), '\0');
+  frame.resize(ZSTD_compress2(context, frame.data(), frame.size(), content.data(), content.size()));
+  ZSTD_freeCCtx(context);
+  return frame;
+}
+
+template <class Record>
+void expect_error_about(const std::string& frame, const std::string& words) {
+  try {
+    decode<Record>(frame, sample_leaf());
+    ADD_FAILURE() << "was decoded; expected: " << words;
+  } catch (const DecodeError& error) {
+    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+  }
+}
+
+constexpr std::size_t kVersionAt = 1, kFieldsAt = 11;  // in the content, see codec.cpp
+
+TEST(Codec, RefusesOtherVersions) {
+  std::string content = content_of(encode(sample_points(), sample_leaf()));
+  EXPECT_EQ(content[kVersionAt], 1);
+  content[kVersionAt] = 2;
+  expect_error_about<LeafPoints>(frame_of(content), "version 2");
+}
+
+TEST(Codec, RefusesLiesAboutLengthsBeforeItAllocates) {
+  const std::string content = content_of(encode(sample_points(), sample_leaf()));
+  for (const std::uint64_t lie : {std::uint64_t{1000}, std::uint64_t{1} << 40, ~std::uint64_t{0}}) {
+    std::string lying = content;
+    std::memcpy(lying.data() + kFieldsAt, &lie, sizeof lie);
+    expect_error_about<LeafPoints>(frame_of(lying), "beyond its end");
+  }
+  std::string shorter = content;
+  --shorter[kFieldsAt];
+  EXPECT_THROW(decode<LeafPoints>(frame_of(shorter), sample_leaf()), DecodeError);
+  expect_error_about<LeafPoints>(frame_of(content + "x"), "left over");
+}
+
+TEST(Codec, RefusesLiesAboutTheSizeOfTheFrame) {
+  // Magic number, descriptor (8-byte size, single segment, checksum), size, and an empty last
+  // block.
+  std::string frame("\x28\xb5\x2f\xfd\xe4\xff\xff\xff\xff\xff\xff\xff\x0f\x01\x00\x00", 16);
+  expect_error_about<LeafPoints>(frame, "believable");
+}
+
+TEST(Codec, RefusesFramesWithoutAChecksum) {
+  const std::string content = content_of(encode(sample_points(), sample_leaf()));
+  EXPECT_TRUE(decode<LeafPoints>(frame_of(content), sample_leaf()) == sample_points());
+  expect_error_about<LeafPoints>(frame_of(content, false), "checksum");
+}
+
+TEST(Codec, RefusesValuesOutOfRange) {
+  std::string points = content_of(encode(sample_points(), sample_leaf()));
+  points.back() = 3;  // the kind of the last point
+  expect_error_about<LeafPoints>(frame_of(points), "kind");
+  std::string cells = content_of(encode(sample_cells(), sample_leaf()));
+  cells.back() = 1;  // the highest byte of the last corner
+  expect_error_about<LeafCells>(frame_of(cells), "unknown vertices");
+  std::string surface = content_of(encode(sample_surface(), sample_leaf()));
+  surface.back() = 1;
+  expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
+}
+
+// -- Golden bytes: what was ever written still opens
+// ------------------------------------------------
+
+std::filesystem::path golden_file(const std::string& name) {
+  return std::filesystem::path(__FILE__).parent_path() / "golden" / name;
+}
+
+// To add a file for a new version: raise the version in the name below, keep the old line, and run
+// with LOCVOL_WRITE_GOLDEN=1; files that exist are never written again.
+template <class Record>
+void expect_golden(const std::string& name, const Record& record, MortonKey leaf) {
+  const std::filesystem::path path = golden_file(name);
+  if (std::getenv("LOCVOL_WRITE_GOLDEN") && !std::filesystem::exists(path))
+    std::ofstream(path, std::ios::binary) << encode(record, leaf);
+  std::ifstream file(path, std::ios::binary);
+  ASSERT_TRUE(file) << path;
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  EXPECT_TRUE(decode<Record>(bytes, leaf) == record) << name;
+}
+
+TEST(Codec, GoldenBytesOpen) {
+  expect_golden("format.v1", StoreFormat{1}, MortonKey());
+  expect_golden("run.v1", sample_run(), MortonKey());
+  expect_golden("leaf.v1", sample_info(), sample_leaf());
+  expect_golden("points.v1", sample_points(), sample_leaf());
+  expect_golden("cells.v1", sample_cells(), sample_leaf());
+  expect_golden("surface.v1", sample_surface(), sample_leaf());
+  expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());
+  expect_golden("queue.v1", sample_queue_entry(), sample_leaf());
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,169 @@
+// Records to test with: fixed ones, one of each kind, and random ones.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "octree/morton_key.h"
+#include "storage/codec.h"
+#include "storage/records.h"
+
+namespace locvol::testing_samples {
+
+inline MortonKey sample_leaf() { return MortonKey::from_bits(0x0123456789abc000); }
+
+inline RunRecord sample_run() {
+  RunRecord run;
+  run.parameters = {"00ff17", 0.125, 2.0, 0.02, 20000, Initialization::kPaper, 42};
+  run.surface.file = "modèle.stl";
+  run.surface.num_vertices = 10002;
+  run.surface.num_triangles = 20000;
+  run.surface.num_components = 2;
+  run.surface.euler_characteristic = -2816;
+  run.surface.area = 12.5;
+  run.surface.volume = 1.0 / 3;
+  run.surface.box = {{-1, -2, -3}, {4, 5, 6.5}};
+  run.surface.notes = {"merged 3 vertices", ""};
+  run.frame = Frame({-1.5, -2.5, -3.5}, 0x1p-17);
+  run.phase = Phase::kRefine;
+  run.epoch = 3;
+  run.next_point_id = 123456789012;
+  run.num_visits = 77;
+  run.next_leaf = sample_leaf();
+  run.next_color = 7;
+  return run;
+}
+
+inline LeafInfo sample_info() {
+  LeafInfo info;
+  info.is_center_inside = true;
+  info.num_visits = 2;
+  info.num_points = 1000;
+  info.num_cells = 4000;
+  info.num_triangles = 300;
+  info.num_insertions = {1, 2, 3, 4, 5, 6};
+  info.num_deletions = 9;
+  info.num_unresolved = 1;
+  info.queued = QueuePosition{3, 5};
+  return info;
+}
+
+inline LeafPoints sample_points() {
+  return {{{5, {0.1, -0.0, 1e300}, PointKind::kSurface},
+           {6, {0.1, 5e-324, -1}, PointKind::kVolume},
+           {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice}}};
+}
+
+inline LeafCells sample_cells() {
+  return {{3, 8, 9, std::uint64_t{1} << 63, ~std::uint64_t{0}}, {{{0, 1, 2, 3}}, {{4, 2, 1, 3}}}};
+}
+
+inline LeafSurface sample_surface() {
+  const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
+  return {{{2, {a, b, c}}, {3, {b, d, c}}, {90, {a, a, d}}}};
+}
+
+inline LeafUnresolved sample_unresolved() {
+  return {{{3, {1, 2, 3}, 0.5}, {6, {-1, 0.1, 3}, 1e-9}}};
+}
+
+inline QueueEntry sample_queue_entry() { return {{3, 5}, sample_leaf(), {{0, 0, 0}, {1, 2, 3}}}; }
+
+// Random records; a Generator gives the same ones for the same seed.
+class Generator {
+ public:
+  explicit Generator(std::uint64_t seed) : random_(seed) {}
+
+  std::uint64_t integer(std::uint64_t below) { return random_() % below; }
+  std::uint64_t bits() { return random_() >> integer(64); }
+  double real() { return std::uniform_real_distribution<double>(-10, 10)(random_); }
+  Point point() { return {real(), real(), real()}; }
+  Box box() { return Box::around(point()).joined(point()); }
+  std::string text() {
+    std::string text(integer(40), '\0');
+    for (char& c : text) c = static_cast<char>(integer(256));
+    return text;
+  }
+
+  MortonKey leaf() {
+    const auto cell = [this] { return static_cast<std::uint32_t>(integer(1u << 21)); };
+    return MortonKey::containing({cell(), cell(), cell()}, static_cast<int>(integer(22)));
+  }
+
+  QueuePosition position() {
+    return {static_cast<std::uint32_t>(integer(4)), static_cast<std::uint32_t>(integer(9))};
+  }
+  QueueEntry queue_entry() { return {position(), leaf(), box()}; }
+
+  LeafInfo info() {
+    LeafInfo info;
+    info.is_center_inside = integer(2) != 0;
+    info.num_visits = static_cast<std::uint32_t>(bits());
+    info.num_points = bits();
+    info.num_cells = bits();
+    info.num_triangles = bits();
+    for (auto& count : info.num_insertions) count = bits();
+    info.num_deletions = bits();
+    info.num_unresolved = bits();
+    if (integer(2) != 0) info.queued = position();
+    return info;
+  }
+
+  RunRecord run() {
+    RunRecord run = sample_run();
+    run.parameters = {text(), real(), real(), real(), bits(), Initialization::kCover, bits()};
+    run.surface.file = text();
+    run.surface.notes.resize(integer(5));
+    for (std::string& note : run.surface.notes) note = text();
+    run.surface.box = box();
+    run.surface.euler_characteristic = -static_cast<std::int64_t>(integer(1000));
+    run.phase = static_cast<Phase>(integer(4));
+    run.next_leaf = MortonKey();
+    return run;
+  }
+
+  LeafPoints points(std::size_t count) {
+    LeafPoints record;
+    std::uint64_t id = 0;
+    for (std::size_t i = 0; i < count; ++i)
+      record.points.push_back({id += 1 + integer(3), point(), static_cast<PointKind>(integer(3))});
+    return record;
+  }
+
+  LeafCells cells(std::size_t count) {
+    LeafCells record;
+    std::uint64_t id = 0;
+    for (std::size_t i = 0; i < 4 + count / 3; ++i) record.vertices.push_back(id += 1 + integer(9));
+    const auto vertex = [&] { return static_cast<std::uint32_t>(integer(record.vertices.size())); };
+    for (std::size_t i = 0; i < count; ++i)
+      record.cells.push_back({vertex(), vertex(), vertex(), vertex()});
+    return record;
+  }
+
+  LeafSurface surface(std::size_t count) {
+    std::vector<Point> corners(3 + count / 2);
+    for (Point& corner : corners) corner = point();
+    const auto corner = [&] { return corners[integer(corners.size())]; };
+    LeafSurface record;
+    std::uint64_t id = 0;
+    for (std::size_t i = 0; i < count; ++i)
+      record.triangles.push_back({id += 1 + integer(5), {corner(), corner(), corner()}});
+    return record;
+  }
+
+  LeafUnresolved unresolved(std::size_t count) {
+    LeafUnresolved record;
+    for (std::size_t i = 0; i < count; ++i)
+      record.sites.push_back({static_cast<std::uint8_t>(1 + integer(6)), point(), real()});
+    return record;
+  }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+}  // namespace locvol::testing_samples
