@@ -1,0 +1,90 @@
+#include "refine/circumcenter.h"
+
+#include <CGAL/Exact_rational.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace locvol {
+namespace {
+
+using Exact = CGAL::Exact_rational;
+using Quad = __float128;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double to_double(double v) { return v; }
+double to_double(Quad v) { return static_cast<double>(v); }
+double to_double(const Exact& v) { return CGAL::to_double(v); }
+
+template <class T>
+struct Vector {
+  T x, y, z;
+};
+
+template <class T>
+Vector<T> difference(const Point& a, const Point& b) {
+  return {T(a.x) - T(b.x), T(a.y) - T(b.y), T(a.z) - T(b.z)};
+}
+template <class T>
+Vector<T> cross(const Vector<T>& a, const Vector<T>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+template <class T>
+T dot(const Vector<T>& a, const Vector<T>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+double length_bound(const Point& a, const Point& b) {
+  return std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
+}
+
+// center = a + numerator / denominator, with
+//   numerator = |u|² (v x w) + |v|² (w x u) + |w|² (u x v),  denominator = 2 u·(v x w),
+// for the edges u, v, w from a. Empty if |denominator| is at most `flatness` times `cube`.
+template <class T>
+std::optional<Vector<T>> offset(const Point& a, const Point& b, const Point& c, const Point& d,
+                                const T& least) {
+  const auto u = difference<T>(b, a), v = difference<T>(c, a), w = difference<T>(d, a);
+  const auto vw = cross(v, w), wu = cross(w, u), uv = cross(u, v);
+  const T denominator = T(2) * dot(u, vw);
+  if (!(denominator > least || denominator < -least)) return std::nullopt;
+  const T uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
+  return Vector<T>{(uu * vw.x + vv * wu.x + ww * uv.x) / denominator,
+                   (uu * vw.y + vv * wu.y + ww * uv.y) / denominator,
+                   (uu * vw.z + vv * wu.z + ww * uv.z) / denominator};
+}
+
+template <class T>
+Circumball ball(const Point& a, const Vector<T>& o) {
+  const Point center{to_double(T(a.x) + o.x), to_double(T(a.y) + o.y), to_double(T(a.z) + o.z)};
+  return {center, to_double(dot(o, o))};
+}
+
+}  // namespace
+
+Circumball circumball(std::array<Point, 4> vertices) {
+  std::ranges::sort(vertices);
+  const auto& [a, b, c, d] = vertices;
+  const double size = std::max({length_bound(b, a), length_bound(c, a), length_bound(d, a)});
+  const double cube = size * size * size;
+  if (const auto o = offset<double>(a, b, c, d, 1e-3 * cube)) return ball(a, *o);
+  if (const auto o = offset<Quad>(a, b, c, d, Quad(1e-18 * cube))) return ball(a, *o);
+  if (const auto o = offset<Exact>(a, b, c, d, Exact(0))) return ball(a, *o);
+  return {{}, kInfinity};
+}
+
+Axis axis_of(std::array<Point, 3> corners) {
+  std::ranges::sort(corners);
+  const auto& [a, b, c] = corners;
+  const Point u = b - a, v = c - a, n = locvol::cross(u, v);
+  const double nn = locvol::dot(n, n);
+  if (!(nn > 0)) return {{}, {}, kInfinity};
+  const Point o = (0.5 / nn) * (locvol::dot(u, u) * locvol::cross(v, n) +
+                                locvol::dot(v, v) * locvol::cross(n, u));
+  return {a + o, (1 / std::sqrt(nn)) * n, locvol::dot(o, o)};
+}
+
+}  // namespace locvol

@@ -1,0 +1,387 @@
+#include "refine/cover_leaf.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <utility>
+
+namespace locvol {
+namespace {
+
+// The closed box that holds the same points as a half-open one.
+Box closed(const Box& box) {
+  const auto before = [](double v) {
+    return std::nextafter(v, -std::numeric_limits<double>::infinity());
+  };
+  return {box.min, {before(box.max.x), before(box.max.y), before(box.max.z)}};
+}
+
+// ---- Fragments: pieces of the surface, halved until each lies within one sample's ball
+
+// The finalizer of SplitMix64 (Steele, Lea, Flood, 2014): a bijection that looks random.
+std::uint64_t mix(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
+  return x ^ (x >> 31);
+}
+
+// A triangular piece of an input triangle, inside the closed leaf box; it may have no area.
+// `key` is a hash of (seed, triangle, path of splits): its priority and its source of randomness.
+struct Fragment {
+  std::array<Point, 3> corners;
+  std::uint64_t key = 0;
+
+  Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
+};
+
+Point clamped(const Point& p, const Box& box) {
+  return {std::clamp(p.x, box.min.x, box.max.x), std::clamp(p.y, box.min.y, box.max.y),
+          std::clamp(p.z, box.min.z, box.max.z)};
+}
+
+// Where the weights sum to 1. Clamped, so that rounding cannot push it out of a leaf that the
+// fragment lies in.
+Point combination(const Fragment& f, double u, double v) {
+  const auto& [a, b, c] = f.corners;
+  return clamped(a + u * (b - a) + v * (c - a), f.box());
+}
+
+Point center(const Fragment& f) { return combination(f, 1.0 / 3, 1.0 / 3); }
+
+// Uniform over the fragment.
+Point random_point(const Fragment& f) {
+  const std::uint64_t bits = mix(~f.key);
+  double u = static_cast<double>(bits >> 32) * 0x1p-32;
+  double v = static_cast<double>(bits & 0xffffffff) * 0x1p-32;
+  if (u + v > 1) {
+    u = 1 - u;
+    v = 1 - v;
+  }
+  return combination(f, u, v);
+}
+
+// Corner i, such that the edge from it to the next corner is a longest one; and its squared length.
+std::pair<std::size_t, double> longest_edge(const Fragment& f) {
+  std::pair<std::size_t, double> longest{0, squared_distance(f.corners[0], f.corners[1])};
+  for (const std::size_t i : {1, 2}) {
+    const double length2 = squared_distance(f.corners[i], f.corners[(i + 1) % 3]);
+    if (length2 > longest.second) longest = {i, length2};
+  }
+  return longest;
+}
+
+// Halves across the longest edge: a needle falls apart along its length only.
+std::array<Fragment, 2> halves(const Fragment& f) {
+  const std::size_t edge = longest_edge(f).first;
+  const Point& a = f.corners[edge];
+  const Point& b = f.corners[(edge + 1) % 3];
+  const Point& apex = f.corners[(edge + 2) % 3];
+  const Point middle = 0.5 * (a + b);
+  return {Fragment{{a, middle, apex}, mix(f.key)}, Fragment{{middle, b, apex}, mix(f.key ^ 1)}};
+}
+
+// The part of the polygon on one side of an axis plane (sign +1: at or above it; -1: at or below).
+void clip(std::vector<Point>& polygon, int axis, double plane, double sign) {
+  std::vector<Point> kept;
+  kept.reserve(polygon.size() + 2);
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Point& a = polygon[i];
+    const Point& b = polygon[(i + 1) % polygon.size()];
+    const bool is_a_kept = sign * a[axis] >= sign * plane;
+    const bool is_b_kept = sign * b[axis] >= sign * plane;
+    if (is_a_kept) kept.push_back(a);
+    if (is_a_kept == is_b_kept) continue;
+    Point cut = a + (plane - a[axis]) / (b[axis] - a[axis]) * (b - a);
+    cut[axis] = plane;
+    kept.push_back(clamped(cut, Box::around(a).joined(b)));
+  }
+  polygon = std::move(kept);
+}
+
+// The piece of a triangle in a closed box: a convex polygon, or nothing.
+std::vector<Point> clipped(const Triangle& triangle, const Box& box) {
+  std::vector<Point> polygon(triangle.corners.begin(), triangle.corners.end());
+  for (int axis = 0; axis < 3; ++axis) {
+    clip(polygon, axis, box.min[axis], +1);
+    clip(polygon, axis, box.max[axis], -1);
+  }
+  return polygon;
+}
+
+// Pieces on a face of the box stay, though they may belong to the next leaf as well: after rounding
+// nobody can tell.
+std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> triangles,
+                                   std::uint64_t seed) {
+  const Box owned = closed(box);
+  std::vector<Fragment> fragments;
+  for (const Triangle& triangle : triangles) {
+    const Box bounds = triangle.box();
+    if (!bounds.overlaps(owned)) continue;
+    const std::uint64_t key = mix(mix(seed) ^ triangle.id);
+    if (owned.contains(bounds.min) && owned.contains(bounds.max)) {
+      fragments.push_back({triangle.corners, key});
+      continue;
+    }
+    const std::vector<Point> polygon = clipped(triangle, box);
+    for (std::size_t i = 2; i < polygon.size(); ++i) {
+      fragments.push_back({{polygon[0], polygon[i - 1], polygon[i]}, mix(key + i)});
+    }
+  }
+  return fragments;
+}
+
+// In order of key, the priority.
+std::vector<const Fragment*> by_priority(std::span<const Fragment> fragments) {
+  std::vector<std::pair<std::uint64_t, const Fragment*>> keyed;  // sorts faster than by pointer
+  keyed.reserve(fragments.size());
+  for (const Fragment& fragment : fragments) keyed.emplace_back(fragment.key, &fragment);
+  // Equal keys (by chance, one leaf in 10⁹) keep the order of the array.
+  std::sort(keyed.begin(), keyed.end());
+  std::vector<const Fragment*> sorted;
+  sorted.reserve(keyed.size());
+  for (const auto& [key, fragment] : keyed) sorted.push_back(fragment);
+  return sorted;
+}
+
+// ---- Samples
+
+// SampleGrid finds the samples within `radius` of a point of a box. Each cell lists all samples
+// that are near enough to any of its points, so a query reads one cell; there are far more queries
+// than samples.
+class SampleGrid {
+ public:
+  SampleGrid(const Box& box, double radius);
+
+  void add(const Point& sample);
+
+  // Is no sample closer to p than the radius? REQUIRES: p lies in the closed box
+  bool is_free(const Point& p) const {
+    return !any_around(p, [&](const Point& s) { return squared_distance(p, s) < radius2_; });
+  }
+  // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
+  bool covers(const Fragment& f) const {
+    return any_around(f.corners[0], [&](const Point& s) {
+      return squared_distance(f.corners[0], s) <= radius2_ &&
+             squared_distance(f.corners[1], s) <= radius2_ &&
+             squared_distance(f.corners[2], s) <= radius2_;
+    });
+  }
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;
+  struct Entry {  // of a cell's linked list
+    std::uint32_t sample;
+    std::uint32_t next;
+  };
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  // Monotone in each coordinate. Of a point of the box: a cell of the grid.
+  Cell cell_of(const Point& p) const;
+  Box cell_box(const Cell& cell) const;
+  std::size_t index(const Cell& c) const {
+    return static_cast<std::size_t>((c[2] * shape_[1] + c[1]) * shape_[0] + c[0]);
+  }
+  template <class Test>
+  bool any_around(const Point& p, Test test) const;
+
+  Point origin_;
+  double radius2_;
+  double margin_;  // the radius, and a little for rounding
+  double side_;    // of a cell
+  Cell shape_;     // cells on each axis
+  std::vector<Point> samples_;
+  std::vector<Entry> entries_;
+  std::vector<std::uint32_t> first_;  // entry of a cell, or kNone
+};
+
+SampleGrid::SampleGrid(const Box& box, double radius)
+    : origin_(box.min), radius2_(radius * radius), margin_(1.001 * radius) {
+  constexpr double kMaxShape = 128;  // bounds the memory; in a larger box the cells grow instead
+  const Point sides = box.max - box.min;
+  side_ = std::max(radius, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
+  const Cell last = cell_of(box.max);
+  shape_ = {last[0] + 1, last[1] + 1, last[2] + 1};
+  first_.assign(static_cast<std::size_t>(shape_[0] * shape_[1] * shape_[2]), kNone);
+}
+
+// Truncated, not floored: as monotone, and faster. What lies less than a cell below the grid joins
+// its first cells, which add() tells apart by distance.
+SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
+  const Point c = (1 / side_) * (p - origin_);
+  return {static_cast<std::int64_t>(c.x), static_cast<std::int64_t>(c.y),
+          static_cast<std::int64_t>(c.z)};
+}
+
+Box SampleGrid::cell_box(const Cell& c) const {
+  const Point corner{static_cast<double>(c[0]), static_cast<double>(c[1]),
+                     static_cast<double>(c[2])};
+  return {origin_ + side_ * corner, origin_ + side_ * (corner + Point{1, 1, 1})};
+}
+
+void SampleGrid::add(const Point& sample) {
+  const Box ball_box = Box::around(sample).expanded(margin_);
+  const auto number = static_cast<std::uint32_t>(samples_.size());
+  samples_.push_back(sample);
+  Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
+  for (const std::size_t axis : {0, 1, 2}) {
+    low[axis] = std::max<std::int64_t>(low[axis], 0);
+    high[axis] = std::min(high[axis], shape_[axis] - 1);
+  }
+  for (std::int64_t k = low[2]; k <= high[2]; ++k) {
+    for (std::int64_t j = low[1]; j <= high[1]; ++j) {
+      for (std::int64_t i = low[0]; i <= high[0]; ++i) {
+        if (cell_box({i, j, k}).squared_distance(sample) > margin_ * margin_) continue;
+        std::uint32_t& first = first_[index({i, j, k})];
+        entries_.push_back({number, first});
+        first = static_cast<std::uint32_t>(entries_.size() - 1);
+      }
+    }
+  }
+}
+
+template <class Test>
+bool SampleGrid::any_around(const Point& p, Test test) const {
+  for (std::uint32_t e = first_[index(cell_of(p))]; e != kNone; e = entries_[e].next) {
+    if (test(samples_[entries_[e].sample])) return true;
+  }
+  return false;
+}
+
+// Fragments no longer than this are points: their centers decide. Relative to the radius, but never
+// so small that rounding could keep a fragment from shrinking.
+double point_size(const Box& box, double radius) {
+  constexpr double kPointSize = 1e-6;
+  double magnitude = 0;
+  for (const int axis : {0, 1, 2}) {
+    magnitude = std::max({magnitude, std::abs(box.min[axis]), std::abs(box.max[axis])});
+  }
+  return std::max(kPointSize * radius, 8 * std::numeric_limits<double>::epsilon() * magnitude);
+}
+
+// A maximal Poisson-disk sample, by dart throwing at the uncovered fragments, which halve from
+// round to round (after Ebeida and others, "A simple algorithm for maximal Poisson-disk sampling",
+// 2012).
+class SurfaceSampler {
+ public:
+  explicit SurfaceSampler(const CoverInput& input)
+      : owned_(closed(input.box)),
+        point_size_(point_size(input.box, kSampleRadius * input.size)),
+        grid_(input.box, kSampleRadius * input.size) {
+    for (const Point& sample : input.nearby_samples) grid_.add(sample);
+  }
+
+  std::vector<Point> sample(std::vector<Fragment> fragments) {
+    while (!fragments.empty()) fragments = uncovered_halves(throw_darts(fragments));
+    return std::move(samples_);
+  }
+
+ private:
+  bool is_point(const Fragment& f) const {
+    return longest_edge(f).second <= point_size_ * point_size_;
+  }
+  // Where rounding puts it on a face that belongs to the next leaf, it moves back by one rounding
+  // error: else nobody would own the points of a sheet that leans towards the face that little.
+  Point aim(const Fragment& f) const {
+    return clamped(is_point(f) ? center(f) : random_point(f), owned_);
+  }
+  std::vector<const Fragment*> throw_darts(std::span<const Fragment> fragments);
+  std::vector<Fragment> uncovered_halves(std::span<const Fragment* const> fragments) const;
+
+  const Box owned_;
+  const double point_size_;
+  SampleGrid grid_;  // all samples, nearby ones as well
+  std::vector<Point> samples_;
+};
+
+// One at each fragment that is not covered when its turn comes. Returns those fragments.
+std::vector<const Fragment*> SurfaceSampler::throw_darts(std::span<const Fragment> fragments) {
+  std::vector<const Fragment*> targets;
+  for (const Fragment* fragment : by_priority(fragments)) {
+    if (grid_.covers(*fragment)) continue;
+    targets.push_back(fragment);
+    const Point dart = aim(*fragment);
+    if (!grid_.is_free(dart)) continue;
+    samples_.push_back(dart);
+    grid_.add(dart);
+  }
+  return targets;
+}
+
+std::vector<Fragment> SurfaceSampler::uncovered_halves(
+    std::span<const Fragment* const> fragments) const {
+  std::vector<Fragment> result;
+  for (const Fragment* fragment : fragments) {
+    if (is_point(*fragment) || grid_.covers(*fragment)) continue;
+    const std::array<Fragment, 2> both = halves(*fragment);
+    result.insert(result.end(), both.begin(), both.end());
+  }
+  return result;
+}
+
+std::vector<Point> sample_surface(const CoverInput& input) {
+  std::vector<Fragment> fragments = fragments_in(input.box, input.surface->triangles(), input.seed);
+  if (fragments.empty()) return {};
+  return SurfaceSampler(input).sample(std::move(fragments));
+}
+
+// ---- Lattice
+
+// The integer i from which on `coordinate(i)` is at least `bound`: exact, however it is rounded.
+template <class Coordinate>
+std::int64_t first_at_least(double bound, std::int64_t guess, Coordinate coordinate) {
+  std::int64_t i = guess;
+  while (coordinate(i) < bound) ++i;
+  while (coordinate(i - 1) >= bound) --i;
+  return i;
+}
+
+std::vector<Point> deep_lattice_points(const CoverInput& input) {
+  const BccLattice lattice(input.lattice_origin, kLatticeSpacing * input.size);
+  std::vector<Point> points = lattice.points_in(input.box);
+  std::erase_if(points, [&](const Point& p) {
+    return !input.surface->is_inside(p) || input.surface->is_near(p, input.size);
+  });
+  return points;
+}
+
+}  // namespace
+
+Point BccLattice::position(std::int64_t i, std::int64_t j, std::int64_t k) const {
+  return {origin_.x + half_ * static_cast<double>(i), origin_.y + half_ * static_cast<double>(j),
+          origin_.z + half_ * static_cast<double>(k)};
+}
+
+std::vector<Point> BccLattice::points_in(const Box& box) const {
+  std::array<std::int64_t, 3> low, high;  // half-open ranges of indices
+  for (const int axis : {0, 1, 2}) {
+    const auto first = [&](double bound) {
+      const double guess = std::floor((bound - origin_[axis]) / half_);
+      return first_at_least(bound, static_cast<std::int64_t>(guess),
+                            [&](std::int64_t i) { return position(i, i, i)[axis]; });
+    };
+    low[static_cast<std::size_t>(axis)] = first(box.min[axis]);
+    high[static_cast<std::size_t>(axis)] = first(box.max[axis]);
+  }
+  std::vector<Point> points;
+  for (std::int64_t i = low[0]; i < high[0]; ++i) {
+    const std::int64_t parity = i & 1;
+    for (std::int64_t j = low[1] + ((low[1] & 1) ^ parity); j < high[1]; j += 2) {
+      for (std::int64_t k = low[2] + ((low[2] & 1) ^ parity); k < high[2]; k += 2) {
+        points.push_back(position(i, j, k));
+      }
+    }
+  }
+  return points;
+}
+
+CoverPoints cover_leaf(const CoverInput& input) {
+  assert(input.size > 0 && "λ is a length");
+  assert(input.surface && "a leaf without surface has an empty patch");
+  return {sample_surface(input), deep_lattice_points(input)};
+}
+
+}  // namespace locvol

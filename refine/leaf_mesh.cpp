@@ -1,0 +1,234 @@
+#include "refine/leaf_mesh.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "refine/circumcenter.h"
+
+namespace locvol {
+namespace {
+
+LeafMesh::Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
+
+bool is_in_half_open(const Box& box, const Point& p) {
+  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
+         box.min.z <= p.z && p.z < box.max.z;
+}
+
+// Half of the reach; where the reach is infinite, a radius at which every center is outside.
+double far_radius_of(const LeafInput& input) {
+  if (std::isfinite(input.criteria.reach)) return 0.5 * input.criteria.reach;
+  const Box& region = input.surface->region();
+  return 2 * norm(region.max - region.min);
+}
+
+}  // namespace
+
+LeafMesh::LeafMesh(const LeafInput& input) : input_(input), far_radius_(far_radius_of(input)) {
+  triangulation_.infinite_vertex()->info() = kInfiniteVertex;
+  locals_.reserve(input.own.size() + input.ghosts.size());
+  for (const MeshPoint& p : input.own) add_local(p, p.id);
+  for (const MeshPoint& p : input.ghosts) add_local(p, p.id);
+
+  std::vector<std::pair<Kernel::Point_3, LocalIndex>> points;
+  points.reserve(locals_.size());
+  for (LocalIndex i = 0; i < locals_.size(); ++i)
+    points.emplace_back(cgal(locals_[i].point.position), i);
+  triangulation_.insert(points.begin(), points.end());
+  if (triangulation_.number_of_vertices() != locals_.size())
+    throw RefineError("two points of the mesh have the same coordinates");
+  for (const Vertex v : triangulation_.finite_vertex_handles()) locals_[v->info()].vertex = v;
+  if (!has_cells()) return;
+  for (const Cell c : triangulation_.all_cell_handles()) make_fresh(c);
+}
+
+void LeafMesh::add_local(const MeshPoint& p, VertexRef ref) {
+  const bool is_own = is_in_half_open(input_.box, p.position);
+  locals_.push_back({p, ref, Vertex(), is_own, true});
+  num_own_ += is_own;
+  if ((ref & kNewPoint) == 0) ids_.insert(ref);
+}
+
+void LeafMesh::make_fresh(Cell c) {
+  c->info() = CellData{};
+  c->info().stamp = ++stamp_;
+  fresh_.push_back({c, stamp_});
+}
+
+bool LeafMesh::has_own_vertex(Cell c) const {
+  for (int i = 0; i < 4; ++i)
+    if (is_own(c->vertex(i))) return true;
+  return false;
+}
+
+bool LeafMesh::has_own_vertex(Facet f) const {
+  for (int i = 0; i < 4; ++i)
+    if (i != f.index && is_own(f.cell->vertex(i))) return true;
+  return false;
+}
+
+Side LeafMesh::side(Cell c) const {
+  CellData& data = c->info();
+  if (data.side != Side::kUnknown) return data.side;
+  data.side = Side::kFar;
+  if (triangulation_.is_infinite(c)) return data.side;
+  const Circumball ball = circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)});
+  data.center = ball.center;
+  data.squared_radius = ball.squared_radius;
+  if (!(ball.squared_radius <= far_radius_ * far_radius_)) return data.side;
+  const bool is_whole = !std::isfinite(input_.criteria.reach);
+  if (!is_whole && !input_.surface->region().contains(ball.center)) return data.side;
+  data.side = input_.surface->is_inside(ball.center) ? Side::kInside : Side::kOutside;
+  return data.side;
+}
+
+// Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
+// facet is outside the facet's smallest circumball. Sound for flat cells too.
+bool LeafMesh::leads_past(Cell c, int index, const Axis& axis) const {
+  if (!is_finite(c->vertex(index))) return true;
+  return squared_distance(point(c, index), axis.center) > axis.squared_radius;
+}
+
+Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
+                        double squared_circumradius) const {
+  const double t = std::sqrt(std::max(0.0, far_radius_ * far_radius_ - squared_circumradius));
+  return axis_center + t * direction;
+}
+
+// The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
+// the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
+LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
+  DualCrossings result;
+  const Cell here = f.cell, there = here->neighbor(f.index);
+  const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
+  const Point& corner = point(here, Triangulation::vertex_triple_index(f.index, 0));
+  Point from = here->info().center, to = there->info().center;
+  if (!is_here_near || !is_there_near) {
+    std::array<Point, 3> corners;
+    for (int k = 0; k < 3; ++k)
+      corners[std::size_t(k)] = point(here, Triangulation::vertex_triple_index(f.index, k));
+    const Axis axis = axis_of(corners);
+    // Two far ends on one side of the facet: the edge does not come near it.
+    if (!is_here_near && !is_there_near &&
+        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here, f.index, axis) &&
+          leads_past(there, there->index(here), axis)))
+      return result;
+    // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
+    // which side of the facet it points. CGAL's vertex triple is counterclockwise seen from the
+    // vertex off the facet.
+    const bool is_odd = (corners[0] > corners[1]) != ((corners[1] > corners[2]) !=
+                                                      (corners[0] > corners[2]));
+    const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
+    if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
+    if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
+  }
+  const double bound = input_.surface->distance_bound(from);
+  const bool is_clear = bound > 0 && squared_distance(from, to) < bound * bound;
+  if (is_clear)
+    crossings_.clear();
+  else
+    input_.surface->crossings(from, to, crossings_);
+
+  for (const Crossing& c : crossings_) {
+    const double squared_radius = squared_distance(c.position, corner);
+    if (result.count++ > 0 && squared_radius <= result.squared_radius) continue;
+    result.ball_center = c.position;
+    result.squared_radius = squared_radius;
+  }
+  if (is_here_near && is_there_near) return result;
+  const bool is_odd = crossings_.size() % 2 == 1;
+  const bool is_from_inside = is_here_near ? is_member(here) : input_.surface->is_inside(from);
+  if (!is_there_near && is_from_inside != is_odd)
+    result.open_end = to;
+  else if (!is_here_near && is_from_inside)
+    result.open_end = from;
+  result.open_radius = far_radius_;
+  return result;
+}
+
+void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {
+  const auto p = cgal(q);
+  const auto is_in_conflict = [&](Cell c) {
+    return triangulation_.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
+  };
+  conflict.cells.clear();
+  conflict.border.clear();
+  conflict.nearest = kInfiniteVertex;
+  conflict.squared_distance = std::numeric_limits<double>::infinity();
+  Cell start = hint;
+  if (!is_in_conflict(start)) {
+    Triangulation::Locate_type type;
+    int i = 0, j = 0;
+    start = triangulation_.locate(p, type, i, j, hint);
+    if (type == Triangulation::VERTEX) {
+      conflict.nearest = start->vertex(i)->info();
+      conflict.squared_distance = 0;
+      return;
+    }
+  }
+  triangulation_.find_conflicts(p, start, std::back_inserter(conflict.border),
+                                std::back_inserter(conflict.cells));
+  // The nearest point is a Delaunay neighbor of q, so it is a vertex of a cell in conflict.
+  for (const Cell c : conflict.cells)
+    for (int i = 0; i < 4; ++i) {
+      const Vertex v = c->vertex(i);
+      if (!is_finite(v)) continue;
+      const double d = squared_distance(locals_[v->info()].point.position, q);
+      if (d < conflict.squared_distance) {
+        conflict.squared_distance = d;
+        conflict.nearest = v->info();
+      }
+    }
+}
+
+LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
+  const auto index = static_cast<LocalIndex>(locals_.size());
+  add_local(q, ref);
+  for (const Cell c : conflict.cells) c->info().stamp = 0;
+  const auto [cell, i] = conflict.border.front();
+  const Vertex v = triangulation_.insert_in_hole(cgal(q.position), conflict.cells.begin(),
+                                                 conflict.cells.end(), cell, i);
+  v->info() = index;
+  locals_[index].vertex = v;
+  new_cells_.clear();
+  triangulation_.incident_cells(v, std::back_inserter(new_cells_));
+  for (const Cell c : new_cells_) make_fresh(c);
+  return index;
+}
+
+void LeafMesh::remove(LocalIndex i) {
+  Local& gone = locals_[i];
+  new_cells_.clear();
+  triangulation_.incident_cells(gone.vertex, std::back_inserter(new_cells_));
+  for (const Cell c : new_cells_) c->info().stamp = 0;
+  new_cells_.clear();
+  triangulation_.remove_and_give_new_cells(gone.vertex, std::back_inserter(new_cells_));
+  gone.vertex = Vertex();
+  gone.is_alive = false;
+  num_own_ -= gone.is_own;
+  for (const Cell c : new_cells_) make_fresh(c);
+}
+
+// The points of a ball around q hang together in the Delaunay graph: from each, neighbors come
+// closer and closer to q until the nearest.
+void LeafMesh::points_within(const Point& q, double radius, LocalIndex nearest,
+                             std::vector<LocalIndex>& out) const {
+  out.clear();
+  const auto is_within = [&](LocalIndex i) {
+    return squared_distance(locals_[i].point.position, q) < radius * radius;
+  };
+  if (nearest == kInfiniteVertex || !is_within(nearest)) return;
+  out.push_back(nearest);
+  std::vector<Vertex> neighbors;
+  for (std::size_t n = 0; n < out.size(); ++n) {
+    neighbors.clear();
+    triangulation_.finite_adjacent_vertices(locals_[out[n]].vertex, std::back_inserter(neighbors));
+    for (const Vertex v : neighbors)
+      if (is_within(v->info()) && std::ranges::find(out, v->info()) == out.end())
+        out.push_back(v->info());
+  }
+  std::ranges::sort(out);
+}
+
+}  // namespace locvol

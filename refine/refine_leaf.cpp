@@ -1,0 +1,431 @@
+#include "refine/refine_leaf.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "refine/leaf_mesh.h"
+
+namespace locvol {
+namespace {
+
+using Cell = LeafMesh::Cell;
+using CellRef = LeafMesh::CellRef;
+using Facet = LeafMesh::Facet;
+
+// A facet with both its cells as they were when it was looked at: its dual edge is theirs.
+struct FacetRef {
+  CellRef here, there;
+  int index = 0;
+  bool is_alive() const { return here.is_alive() && there.is_alive(); }
+  Facet facet() const { return {here.cell, index}; }
+};
+
+class Refinement {
+ public:
+  explicit Refinement(const LeafInput& input) : input_(input), mesh_(input) {}
+
+  LeafDelta run();
+
+ private:
+  enum class Outcome { kChanged, kBlocked };
+
+  bool restore_next();
+  void look_at_fresh_cells();
+  void look_at(Cell cell);
+  void look_at(Facet facet);
+  void look_at_vertex(LocalIndex v);
+
+  Outcome restore_facet(const FacetRef& facet, int condition);
+  Outcome restore_disk(LocalIndex v);
+  Outcome restore_open_end(const FacetRef& facet);
+  Outcome restore_cell(const CellRef& cell, int condition);
+
+  bool is_disk(LocalIndex v, std::vector<Facet>& star) const;
+  Outcome insert_on_surface(const Point& q, int condition, Cell hint);
+  Outcome insert_in_volume(const Point& q, int condition, Cell hint);
+  bool take_in_unloaded(const Point& q, Cell hint);
+  std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
+  void insert(const Point& q, PointKind kind, int condition);
+  void delete_volume_points_near(const Point& q);
+  bool is_blocked(const Point& q, PointKind kind) const;
+  double shortest_edge_squared(Cell c) const;
+  bool is_overfull() const {
+    return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
+  }
+
+  void list_unresolved();
+  void list_cells();
+  std::string place() const;
+
+  const LeafInput& input_;
+  LeafMesh mesh_;
+  LeafDelta delta_;
+  std::uint64_t num_insertions_ = 0;
+
+  // What may be violated, by condition. Each list is a stack, so that work stays in one place.
+  std::vector<FacetRef> c1_, c2_, c4_, open_ends_;
+  std::vector<LocalIndex> c3_;
+  std::vector<CellRef> c5_, c6_;
+  std::vector<bool> is_in_c3_;
+
+  // Violations whose cure the spacing floor forbade when it was tried.
+  struct Blocked {
+    int condition;
+    FacetRef facet;
+    CellRef cell;
+    LocalIndex vertex;
+    Violation violation;
+  };
+  std::vector<Blocked> blocked_;
+  Violation attempt_;  // the last insertion that was tried
+
+  LeafMesh::Conflict conflict_;
+  mutable std::vector<Facet> star_;
+  mutable std::vector<std::pair<LocalIndex, LocalIndex>> link_;
+  mutable std::vector<Cell> around_;
+  std::vector<LocalIndex> close_;
+};
+
+template <class T>
+std::optional<T> pop(std::vector<T>& stack) {
+  if (stack.empty()) return std::nullopt;
+  T top = stack.back();
+  stack.pop_back();
+  return top;
+}
+
+template <class T>
+std::optional<T> pop_alive(std::vector<T>& stack) {
+  while (auto top = pop(stack))
+    if (top->is_alive()) return top;
+  return std::nullopt;
+}
+
+LeafDelta Refinement::run() {
+  if (!is_overfull() && mesh_.has_cells())
+    while (!is_overfull() && restore_next()) {
+    }
+  delta_.is_overfull = is_overfull();
+  delta_.stats.cells_made = mesh_.num_cells_made();
+  if (!delta_.is_overfull && mesh_.has_cells()) {
+    list_unresolved();
+    list_cells();
+  }
+  return std::move(delta_);
+}
+
+// The conditions in priority order: the first one broken names the next point. False if none is.
+bool Refinement::restore_next() {
+  look_at_fresh_cells();
+  if (const auto f = pop_alive(c1_)) {
+    if (restore_facet(*f, 1) == Outcome::kBlocked) blocked_.push_back({1, *f, {}, 0, attempt_});
+  } else if (const auto g = pop_alive(c2_)) {
+    if (restore_facet(*g, 2) == Outcome::kBlocked) blocked_.push_back({2, *g, {}, 0, attempt_});
+  } else if (const auto v = pop(c3_)) {
+    is_in_c3_[*v] = false;
+    if (restore_disk(*v) == Outcome::kBlocked) blocked_.push_back({3, {}, {}, *v, attempt_});
+  } else if (const auto h = pop_alive(c4_)) {
+    if (restore_facet(*h, 4) == Outcome::kBlocked) blocked_.push_back({4, *h, {}, 0, attempt_});
+  } else if (const auto e = pop_alive(open_ends_)) {
+    if (restore_open_end(*e) == Outcome::kBlocked) blocked_.push_back({5, *e, {}, 0, attempt_});
+  } else if (const auto c = pop_alive(c5_)) {
+    if (restore_cell(*c, 5) == Outcome::kBlocked) blocked_.push_back({5, {}, *c, 0, attempt_});
+  } else if (const auto d = pop_alive(c6_)) {
+    if (restore_cell(*d, 6) == Outcome::kBlocked) blocked_.push_back({6, {}, *d, 0, attempt_});
+  } else {
+    return false;
+  }
+  return true;
+}
+
+// ---- Looking for violations ---------------------------------------------------------------------
+
+void Refinement::look_at_fresh_cells() {
+  auto& fresh = mesh_.fresh_cells();
+  for (std::size_t n = 0; n < fresh.size(); ++n)
+    if (fresh[n].is_alive() && mesh_.has_own_vertex(fresh[n].cell)) look_at(fresh[n].cell);
+  fresh.clear();
+}
+
+void Refinement::look_at(Cell cell) {
+  for (int i = 0; i < 4; ++i) {
+    const auto v = cell->vertex(i);
+    if (mesh_.is_own(v)) look_at_vertex(v->info());
+    if ((cell->info().facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
+      look_at(Facet{cell, i});
+  }
+  if (!mesh_.is_member(cell)) return;
+  const CellRef ref{cell, cell->info().stamp};
+  const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
+  if (cell->info().squared_radius >= size * size)
+    c5_.push_back(ref);
+  else if (cell->info().squared_radius > ratio * ratio * shortest_edge_squared(cell))
+    c6_.push_back(ref);
+}
+
+void Refinement::look_at(Facet facet) {
+  const Cell here = facet.cell, there = here->neighbor(facet.index);
+  here->info().facets_seen |= static_cast<std::uint8_t>(1u << facet.index);
+  there->info().facets_seen |= static_cast<std::uint8_t>(1u << there->index(here));
+  if (mesh_.triangulation().is_infinite(here, facet.index)) return;
+  const auto dual = mesh_.dual_crossings(facet);
+  const FacetRef ref{{here, here->info().stamp}, {there, there->info().stamp}, facet.index};
+  if (dual.open_end) open_ends_.push_back(ref);
+  if (dual.count == 0) return;
+  bool is_on_surface = true;
+  for (int i = 0; i < 4; ++i)
+    if (i != facet.index)
+      is_on_surface &=
+          mesh_.local(here->vertex(i)->info()).point.kind == PointKind::kSurface;
+  const double size = input_.criteria.size;
+  if (dual.squared_radius >= size * size)
+    c1_.push_back(ref);
+  else if (!is_on_surface)
+    c2_.push_back(ref);
+  else if (dual.count > 1)
+    c4_.push_back(ref);
+}
+
+void Refinement::look_at_vertex(LocalIndex v) {
+  if (mesh_.local(v).point.kind != PointKind::kSurface) return;
+  if (is_in_c3_.size() < mesh_.num_locals()) is_in_c3_.resize(mesh_.num_locals());
+  if (is_in_c3_[v]) return;
+  is_in_c3_[v] = true;
+  c3_.push_back(v);
+}
+
+double Refinement::shortest_edge_squared(Cell c) const {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 4; ++i)
+    for (int j = i + 1; j < 4; ++j)
+      shortest = std::min(shortest, squared_distance(mesh_.point(c, i), mesh_.point(c, j)));
+  return shortest;
+}
+
+// Whether the boundary facets at v (in `star`) form a disk around it: their edges opposite v make
+// one cycle. True without any: such vertices lie inside or are unused.
+bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
+  const auto vertex = mesh_.local(v).vertex;
+  star.clear();
+  link_.clear();
+  around_.clear();
+  mesh_.triangulation().incident_cells(vertex, std::back_inserter(around_));
+  for (const Cell c : around_) {
+    if (!mesh_.is_member(c)) continue;
+    const int at = c->index(vertex);
+    for (int i = 0; i < 4; ++i) {
+      if (i == at || mesh_.is_member(c->neighbor(i))) continue;
+      star.push_back({c, i});
+      std::array<LocalIndex, 2> ends{};
+      std::size_t n = 0;
+      for (int k = 0; k < 4; ++k)
+        if (k != i && k != at) ends[n++] = c->vertex(k)->info();
+      link_.emplace_back(ends[0], ends[1]);
+      link_.emplace_back(ends[1], ends[0]);
+    }
+  }
+  if (star.empty()) return true;
+  std::ranges::sort(link_);
+  const std::size_t n = link_.size();
+  for (std::size_t k = 0; k < n; k += 2)  // each vertex of the link must have two edges, no more
+    if (k + 1 >= n || link_[k].first != link_[k + 1].first ||
+        (k + 2 < n && link_[k + 2].first == link_[k].first))
+      return false;
+  std::size_t length = 0;  // of the cycle through the first vertex
+  LocalIndex previous = kInfiniteVertex, here = link_[0].first;
+  do {
+    const auto edges = std::ranges::lower_bound(link_, std::pair{here, LocalIndex{0}});
+    const LocalIndex next = edges[0].second != previous ? edges[0].second : edges[1].second;
+    previous = std::exchange(here, next);
+    ++length;
+  } while (here != link_[0].first && length <= n);
+  return 2 * length == n;
+}
+
+// ---- Restoring ----------------------------------------------------------------------------------
+
+Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
+  const auto dual = mesh_.dual_crossings(ref.facet());
+  attempt_ = {condition, dual.ball_center, std::sqrt(dual.squared_radius)};
+  return insert_on_surface(dual.ball_center, condition, ref.here.cell);
+}
+
+Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
+  if (is_disk(v, star_)) return Outcome::kChanged;
+  LeafMesh::DualCrossings largest;
+  Cell hint;
+  for (const Facet& f : star_) {
+    const auto dual = mesh_.dual_crossings(f);
+    if (dual.count > 0 && (hint == Cell() || dual.squared_radius > largest.squared_radius)) {
+      largest = dual;
+      hint = f.cell;
+    }
+  }
+  attempt_ = {3, mesh_.local(v).point.position, 0};
+  if (hint == Cell()) return Outcome::kBlocked;
+  attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
+  return insert_on_surface(largest.ball_center, 3, hint);
+}
+
+// A dual edge that is still inside where balls are no longer known to be empty: its end is a point
+// of the domain farther than λ from P.
+Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref) {
+  const auto dual = mesh_.dual_crossings(ref.facet());
+  if (!dual.open_end) return Outcome::kChanged;
+  attempt_ = {5, *dual.open_end, dual.open_radius};
+  return insert_in_volume(*dual.open_end, 5, ref.here.cell);
+}
+
+Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) {
+  const CellData& data = ref.cell->info();
+  attempt_ = {condition, data.center, std::sqrt(data.squared_radius)};
+  return insert_in_volume(data.center, condition, ref.cell);
+}
+
+// The insertion rule (DESIGN 3.3), first part: a point of P that this visit had not loaded.
+bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
+  if (input_.all_points == nullptr) return false;
+  const auto is_deleted = [&](std::uint64_t id) {
+    return std::ranges::any_of(delta_.deleted, [&](const MeshPoint& p) { return p.id == id; });
+  };
+  const auto s = input_.all_points->nearest(q, input_.criteria.size, is_deleted);
+  if (!s || mesh_.is_known(s->id)) return false;
+  mesh_.find_conflict(q, hint, conflict_);
+  if (conflict_.squared_distance <= squared_distance(s->position, q)) return false;
+  mesh_.find_conflict(s->position, hint, conflict_);
+  mesh_.insert(*s, s->id, conflict_);
+  ++delta_.stats.points_added;
+  return true;
+}
+
+Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
+  if (take_in_unloaded(q, hint)) return Outcome::kChanged;
+  mesh_.find_conflict(q, hint, conflict_);
+  mesh_.points_within(q, input_.criteria.size, conflict_.nearest, close_);
+  if (is_blocked(q, PointKind::kSurface)) return Outcome::kBlocked;
+  delete_volume_points_near(q);
+  insert(q, PointKind::kSurface, condition);
+  return Outcome::kChanged;
+}
+
+Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, Cell hint) {
+  if (take_in_unloaded(q, hint)) return Outcome::kChanged;
+  mesh_.find_conflict(q, hint, conflict_);
+  if (const auto ball = encroached_ball(q))
+    return insert_on_surface(ball->first, condition, ball->second);
+  if (is_blocked(q, PointKind::kVolume)) return Outcome::kBlocked;
+  insert(q, PointKind::kVolume, condition);
+  return Outcome::kChanged;
+}
+
+// Inserting q destroys the surface balls that contain it, so their facets are facets of the cells in
+// conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
+std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
+  if (input_.surface->distance_bound(q) >= input_.criteria.size) return std::nullopt;
+  std::optional<std::pair<Point, Cell>> largest;
+  double squared_radius = 0;
+  for (const Cell c : conflict_.cells)
+    for (int i = 0; i < 4; ++i) {
+      if (mesh_.triangulation().is_infinite(c, i)) continue;
+      if (mesh_.side(c) == Side::kFar && mesh_.side(c->neighbor(i)) == Side::kFar) continue;
+      const auto dual = mesh_.dual_crossings({c, i});
+      if (dual.count == 0 || dual.squared_radius <= squared_radius ||
+          squared_distance(dual.ball_center, q) >= dual.squared_radius)
+        continue;
+      squared_radius = dual.squared_radius;
+      largest.emplace(dual.ball_center, c);
+    }
+  return largest;
+}
+
+// Points that the insertion will delete do not count. For a surface point, close_ lists all within λ.
+bool Refinement::is_blocked(const Point& q, PointKind kind) const {
+  const double floor = input_.criteria.spacing_floor * input_.criteria.spacing_floor;
+  if (conflict_.squared_distance == 0)
+    throw RefineError(fmt::format("a point to insert coincides with a vertex, ({}, {}, {}){}", q.x,
+                                  q.y, q.z, place()));
+  if (kind != PointKind::kSurface) return conflict_.squared_distance < floor;
+  return std::ranges::any_of(close_, [&](LocalIndex i) {
+    const MeshPoint& p = mesh_.local(i).point;
+    return p.kind != PointKind::kVolume && squared_distance(p.position, q) < floor;
+  });
+}
+
+void Refinement::delete_volume_points_near(const Point& q) {
+  bool is_changed = false;
+  for (const LocalIndex i : close_) {
+    const auto& local = mesh_.local(i);
+    if (local.point.kind != PointKind::kVolume) continue;
+    if (local.ref & kNewPoint)
+      delta_.inserted[local.ref & ~kNewPoint].is_deleted = true;
+    else
+      delta_.deleted.push_back(local.point);
+    mesh_.remove(i);
+    ++delta_.stats.deletions;
+    is_changed = true;
+  }
+  if (is_changed) mesh_.find_conflict(q, mesh_.triangulation().infinite_cell(), conflict_);
+}
+
+void Refinement::insert(const Point& q, PointKind kind, int condition) {
+  if (input_.max_insertions > 0 && ++num_insertions_ > input_.max_insertions)
+    throw RefineError(fmt::format("more than {} insertions{}, the last near ({}, {}, {}) for C{}",
+                                  input_.max_insertions, place(), q.x, q.y, q.z, condition));
+  const VertexRef ref = kNewPoint | delta_.inserted.size();
+  delta_.inserted.push_back({q, kind, false});
+  mesh_.insert({ref, q, kind}, ref, conflict_);
+  ++delta_.stats.insertions[std::size_t(condition - 1)];
+}
+
+std::string Refinement::place() const {
+  const Point& a = input_.box.min;
+  const Point& b = input_.box.max;
+  return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
+}
+
+// ---- The result ---------------------------------------------------------------------------------
+
+// What was blocked counts only if nothing that was done later restored it.
+void Refinement::list_unresolved() {
+  std::vector<LocalIndex> vertices;
+  for (const Blocked& b : blocked_) {
+    const bool is_facet = b.facet.here.stamp > 0, is_cell = b.cell.stamp > 0;
+    if (is_facet && !b.facet.is_alive()) continue;
+    if (is_cell && !b.cell.is_alive()) continue;
+    if (!is_facet && !is_cell) {
+      if (std::ranges::find(vertices, b.vertex) != vertices.end() || is_disk(b.vertex, star_))
+        continue;
+      vertices.push_back(b.vertex);
+    }
+    delta_.unresolved.push_back(b.violation);
+  }
+}
+
+// Vertices ascending as far as a positive orientation permits, cells ascending: the same list from
+// the same set of cells.
+void Refinement::list_cells() {
+  for (const Cell c : mesh_.triangulation().finite_cell_handles()) {
+    int smallest = 0;
+    for (int i = 1; i < 4; ++i)
+      if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
+    if (!mesh_.is_own(c->vertex(smallest)) || !mesh_.is_member(c)) continue;
+    std::array<VertexRef, 4> refs{};
+    for (int i = 0; i < 4; ++i)
+      refs[std::size_t(i)] = mesh_.local(c->vertex(i)->info()).ref;
+    bool is_odd = false;
+    for (std::size_t i = 0; i < 4; ++i)
+      for (std::size_t j = i + 1; j < 4; ++j) is_odd ^= refs[i] > refs[j];
+    std::ranges::sort(refs);
+    if (is_odd) std::swap(refs[2], refs[3]);
+    delta_.cells.push_back(refs);
+  }
+  std::ranges::sort(delta_.cells);
+}
+
+}  // namespace
+
+LeafDelta refine_leaf(const LeafInput& input) { return Refinement(input).run(); }
+
+}  // namespace locvol

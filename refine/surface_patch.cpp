@@ -1,0 +1,382 @@
+#include "refine/surface_patch.h"
+
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "refine/crossing.h"
+
+namespace locvol {
+namespace {
+
+constexpr int kMinGridSide = 4;
+constexpr std::size_t kUsualGridCells = 48 * 48 * 48;  // what a leaf's patch can afford
+constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
+constexpr double kTrianglesPerCell = 4;  // wanted, in a cell that has some
+constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
+
+double largest_coordinate(const Box& b) {
+  double m = 0;
+  for (int i = 0; i < 3; ++i) m = std::max({m, std::abs(b.min[i]), std::abs(b.max[i])});
+  return m;
+}
+
+// The plane test: the box's center is farther from the triangle's plane than its corners reach.
+bool plane_misses(const Triangle& t, const Box& box, double slack) {
+  const auto& [a, b, c] = t.corners;
+  const Point n = cross(b - a, c - a);
+  const Point half = 0.5 * (box.max - box.min);
+  const double size = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
+  const double reach = std::abs(n.x) * half.x + std::abs(n.y) * half.y + std::abs(n.z) * half.z;
+  // The normal of a needle has large relative errors, bounded by the edges' rounding.
+  const Point e = b - a, f = c - a;
+  const double edge = std::abs(e.x) + std::abs(e.y) + std::abs(e.z) + std::abs(f.x) +
+                      std::abs(f.y) + std::abs(f.z);
+  const double error = slack * (size + edge * norm(half) * 4);
+  return std::abs(dot(n, box.center() - a)) > reach + error;
+}
+
+bool meets_with_slack(const Triangle& t, const Box& triangle_box, const Box& box, double slack) {
+  return triangle_box.overlaps(box.expanded(slack)) && !plane_misses(t, box, slack);
+}
+
+double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
+  const Point ab = b - a;
+  const double length = dot(ab, ab);
+  const double t = length > 0 ? std::clamp(dot(p - a, ab) / length, 0.0, 1.0) : 0.0;
+  return squared_distance(p, a + t * ab);
+}
+
+double squared_distance_to_triangle(const Point& p, const Triangle& t) {
+  const auto& [a, b, c] = t.corners;
+  const Point n = cross(b - a, c - a);
+  const double nn = dot(n, n);
+  const bool is_above = nn > 0 && dot(cross(b - a, p - a), n) >= 0 &&
+                        dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
+  if (is_above) {
+    const double d = dot(p - a, n);
+    return d * d / nn;
+  }
+  return std::min({squared_distance_to_segment(p, a, b), squared_distance_to_segment(p, b, c),
+                   squared_distance_to_segment(p, c, a)});
+}
+
+Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
+  const auto& [u, v, w] = triangle.corners;
+  const Point n = cross(v - u, w - u);
+  const double from = dot(a - u, n), to = dot(b - u, n);
+  const double t = from == to ? 0.5 : std::clamp(from / (from - to), 0.0, 1.0);
+  return {t < 0.5 ? a + t * (b - a) : b + (1 - t) * (a - b), t, triangle.id};
+}
+
+}  // namespace
+
+bool meets(const Triangle& triangle, const Box& box) {
+  const Box tb = triangle.box();
+  const double slack = kSlack * std::max(largest_coordinate(tb), largest_coordinate(box));
+  return meets_with_slack(triangle, tb, box, slack);
+}
+
+std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, const Box& box) {
+  const Point center = box.center();
+  std::uint8_t parities = 0;
+  for (const Triangle& triangle : triangles) {
+    const Box tb = triangle.box();
+    for (int k = 0; k < 8; ++k) {
+      const Point corner{(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
+                         (k & 4 ? box.max : box.min).z};
+      if (tb.overlaps(Box::around(center).joined(corner)) &&
+          segment_crosses(center, corner, triangle))
+        parities = static_cast<std::uint8_t>(parities ^ (1 << k));
+    }
+  }
+  return parities;
+}
+
+struct SurfacePatch::Impl {
+  using Index = std::uint32_t;
+
+  std::vector<Triangle> triangles;
+  std::vector<Box> boxes;  // of the triangles
+  Box region;
+  double slack = 0;
+  std::array<int, 3> num{};  // grid cells on each axis
+  Point step, inverse_step;
+  std::vector<Index> first;       // of a grid cell's triangles in `held`; one more at the end
+  std::vector<Index> held;
+  std::vector<std::uint8_t> is_center_inside;
+  std::vector<std::uint8_t> rings;  // Chebyshev distance to a cell with triangles, at most 255
+
+  std::size_t num_cells() const {
+    return std::size_t(num[0]) * std::size_t(num[1]) * std::size_t(num[2]);
+  }
+  std::size_t index(int i, int j, int k) const {
+    return (std::size_t(k) * std::size_t(num[1]) + std::size_t(j)) * std::size_t(num[0]) +
+           std::size_t(i);
+  }
+  int coordinate(double v, int axis) const {
+    const double c = (v - region.min[axis]) * inverse_step[axis];
+    return c <= 0 ? 0 : c >= num[std::size_t(axis)] ? num[std::size_t(axis)] - 1 : int(c);
+  }
+  std::array<int, 3> cell_of(const Point& p) const {
+    return {coordinate(p.x, 0), coordinate(p.y, 1), coordinate(p.z, 2)};
+  }
+  Point center(int i, int j, int k) const {
+    return {region.min.x + (i + 0.5) * step.x, region.min.y + (j + 0.5) * step.y,
+            region.min.z + (k + 0.5) * step.z};
+  }
+  Box box(int i, int j, int k) const {
+    const Point low{region.min.x + i * step.x, region.min.y + j * step.y,
+                    region.min.z + k * step.z};
+    return {low, low + step};
+  }
+  std::span<const Index> held_by(std::size_t cell) const {
+    return {held.data() + first[cell], held.data() + first[cell + 1]};
+  }
+
+  void choose_grid();
+  template <class Visit>
+  void for_each_cell_met(Index triangle, Visit visit) const;
+  void fill_grid();
+  void measure_rings();
+  void spread_sides(const Point& reference, bool is_inside);
+  bool is_crossed_oddly(const Point& a, const Point& b, std::span<const Index> some) const;
+  template <class Visit>
+  void for_each_cell_along(const Point& a, const Point& b, Visit visit) const;
+};
+
+// Cells of about the size at which those that the surface passes through hold kTrianglesPerCell
+// triangles, but never fewer or more than a visit can use.
+void SurfacePatch::Impl::choose_grid() {
+  double area = 0;
+  const double volume_side = std::cbrt((region.max.x - region.min.x) *
+                                       (region.max.y - region.min.y) *
+                                       (region.max.z - region.min.z));
+  const double area_bound = volume_side * volume_side;
+  for (const Triangle& t : triangles) {
+    const auto& [a, b, c] = t.corners;
+    area += std::min(0.5 * norm(cross(b - a, c - a)), area_bound);
+  }
+  const double usual = volume_side / std::cbrt(double(kUsualGridCells));
+  const double finest = volume_side / std::cbrt(double(kMaxGridCells));
+  double side = usual;
+  if (triangles.empty())
+    side = volume_side / kMinGridSide;
+  else
+    side = std::clamp(std::sqrt(kTrianglesPerCell * area / double(triangles.size())), finest, usual);
+  for (int axis = 0; axis < 3; ++axis) {
+    const double extent = region.max[axis] - region.min[axis];
+    const int n = std::clamp(int(extent / side), kMinGridSide, 1024);
+    num[std::size_t(axis)] = n;
+    step[axis] = extent / n;
+    inverse_step[axis] = n / extent;
+  }
+}
+
+template <class Visit>
+void SurfacePatch::Impl::for_each_cell_met(Index triangle, Visit visit) const {
+  const Box& tb = boxes[triangle];
+  if (!tb.overlaps(region.expanded(slack))) return;
+  const auto low = cell_of({tb.min.x - slack, tb.min.y - slack, tb.min.z - slack});
+  const auto high = cell_of({tb.max.x + slack, tb.max.y + slack, tb.max.z + slack});
+  const bool is_small = high[0] - low[0] + high[1] - low[1] + high[2] - low[2] <= 1;
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i)
+        if (is_small || !plane_misses(triangles[triangle], box(i, j, k), slack))
+          visit(index(i, j, k));
+}
+
+void SurfacePatch::Impl::fill_grid() {
+  first.assign(num_cells() + 1, 0);
+  for (Index t = 0; t < triangles.size(); ++t)
+    for_each_cell_met(t, [&](std::size_t cell) { ++first[cell + 1]; });
+  for (std::size_t c = 0; c < num_cells(); ++c) first[c + 1] += first[c];
+  held.resize(first.back());
+  std::vector<Index> next(first.begin(), first.end() - 1);
+  for (Index t = 0; t < triangles.size(); ++t)
+    for_each_cell_met(t, [&](std::size_t cell) { held[next[cell]++] = t; });
+}
+
+// Two sweeps over the 26 neighbors give exact Chebyshev distances.
+void SurfacePatch::Impl::measure_rings() {
+  rings.resize(num_cells());
+  for (std::size_t c = 0; c < num_cells(); ++c) rings[c] = first[c] < first[c + 1] ? 0 : 255;
+  const auto relax = [&](int i, int j, int k, int direction) {
+    std::uint8_t& here = rings[index(i, j, k)];
+    for (int dk = -1; dk <= 1; ++dk)
+      for (int dj = -1; dj <= 1; ++dj)
+        for (int di = -1; di <= 1; ++di) {
+          if ((dk != 0 ? dk : dj != 0 ? dj : di) * direction >= 0) continue;  // only those behind
+          const int a = i + di, b = j + dj, c = k + dk;
+          if (a < 0 || b < 0 || c < 0 || a >= num[0] || b >= num[1] || c >= num[2]) continue;
+          const int through = rings[index(a, b, c)] + 1;
+          if (through < here) here = static_cast<std::uint8_t>(through);
+        }
+  };
+  for (int k = 0; k < num[2]; ++k)
+    for (int j = 0; j < num[1]; ++j)
+      for (int i = 0; i < num[0]; ++i) relax(i, j, k, 1);
+  for (int k = num[2]; k-- > 0;)
+    for (int j = num[1]; j-- > 0;)
+      for (int i = num[0]; i-- > 0;) relax(i, j, k, -1);
+}
+
+bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
+                                          std::span<const Index> some) const {
+  const Box segment = Box::around(a).joined(b);
+  bool is_odd = false;
+  for (const Index t : some)
+    if (boxes[t].overlaps(segment) && segment_crosses(a, b, triangles[t])) is_odd = !is_odd;
+  return is_odd;
+}
+
+// From center to center of neighboring cells, breadth first from the reference's cell. The segment
+// between two centers crosses only triangles that one of the two cells holds.
+void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside) {
+  constexpr std::uint8_t kUnknown = 2;
+  is_center_inside.assign(num_cells(), kUnknown);
+  const auto start = cell_of(reference);
+  const std::size_t start_index = index(start[0], start[1], start[2]);
+  is_center_inside[start_index] = static_cast<std::uint8_t>(
+      is_inside != is_crossed_oddly(reference, center(start[0], start[1], start[2]),
+                                    held_by(start_index)));
+  std::vector<std::array<int, 3>> open{start};
+  std::vector<Index> both;
+  for (std::size_t n = 0; n < open.size(); ++n) {
+    const auto cell = open[n];
+    const std::size_t here = index(cell[0], cell[1], cell[2]);
+    for (int axis = 0; axis < 3; ++axis)
+      for (int way = -1; way <= 1; way += 2) {
+        auto other = cell;
+        other[std::size_t(axis)] += way;
+        if (other[std::size_t(axis)] < 0 || other[std::size_t(axis)] >= num[std::size_t(axis)])
+          continue;
+        const std::size_t there = index(other[0], other[1], other[2]);
+        if (is_center_inside[there] != kUnknown) continue;
+        bool side = is_center_inside[here];
+        if (rings[here] == 0 || rings[there] == 0) {
+          both.clear();
+          std::ranges::set_union(held_by(here), held_by(there), std::back_inserter(both));
+          if (is_crossed_oddly(center(cell[0], cell[1], cell[2]),
+                               center(other[0], other[1], other[2]), both))
+            side = !side;
+        }
+        is_center_inside[there] = side;
+        open.push_back(other);
+      }
+  }
+}
+
+// Slab by slab along the axis on which the segment spans most cells; generous by a rounding error,
+// so that no cell that the segment touches is left out.
+template <class Visit>
+void SurfacePatch::Impl::for_each_cell_along(const Point& a, const Point& b, Visit visit) const {
+  const auto from = cell_of(a), to = cell_of(b);
+  std::size_t main = 0;
+  for (std::size_t axis = 1; axis < 3; ++axis)
+    if (std::abs(from[axis] - to[axis]) > std::abs(from[main] - to[main])) main = axis;
+  const int m = int(main), u = (m + 1) % 3, v = (m + 2) % 3;
+  const double length = b[m] - a[m];
+  for (int s = std::min(from[main], to[main]); s <= std::max(from[main], to[main]); ++s) {
+    double t0 = 0, t1 = 1;
+    if (from[main] != to[main]) {
+      const double low = region.min[m] + s * step[m];
+      t0 = (low - slack - a[m]) / length;
+      t1 = (low + step[m] + slack - a[m]) / length;
+      if (t0 > t1) std::swap(t0, t1);
+      if (s == from[main]) t0 = 0;  // the first and the last also hold what lies beyond the region
+      if (s == to[main]) t1 = 1;
+      t0 = std::clamp(t0, 0.0, 1.0);
+      t1 = std::clamp(t1, 0.0, 1.0);
+    }
+    const auto range = [&](int axis) {
+      const double p = a[axis] + t0 * (b[axis] - a[axis]), q = a[axis] + t1 * (b[axis] - a[axis]);
+      return std::array{coordinate(std::min(p, q) - slack, axis),
+                        coordinate(std::max(p, q) + slack, axis)};
+    };
+    const auto ru = range(u), rv = range(v);
+    std::array<int, 3> c{};
+    c[main] = s;
+    for (int i = ru[0]; i <= ru[1]; ++i)
+      for (int j = rv[0]; j <= rv[1]; ++j) {
+        c[std::size_t(u)] = i;
+        c[std::size_t(v)] = j;
+        visit(index(c[0], c[1], c[2]));
+      }
+  }
+}
+
+SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
+                           const Point& reference, bool is_reference_inside)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->triangles = std::move(triangles);
+  impl_->region = region;
+  impl_->slack = kSlack * largest_coordinate(region);
+  impl_->boxes.reserve(impl_->triangles.size());
+  for (const Triangle& t : impl_->triangles) impl_->boxes.push_back(t.box());
+  impl_->choose_grid();
+  impl_->fill_grid();
+  impl_->measure_rings();
+  impl_->spread_sides(reference, is_reference_inside);
+}
+
+SurfacePatch::SurfacePatch(SurfacePatch&&) noexcept = default;
+SurfacePatch& SurfacePatch::operator=(SurfacePatch&&) noexcept = default;
+SurfacePatch::~SurfacePatch() = default;
+
+const Box& SurfacePatch::region() const { return impl_->region; }
+std::span<const Triangle> SurfacePatch::triangles() const { return impl_->triangles; }
+
+bool SurfacePatch::is_inside(const Point& p) const {
+  if (!impl_->region.contains(p)) return false;
+  const auto [i, j, k] = impl_->cell_of(p);
+  const std::size_t cell = impl_->index(i, j, k);
+  const bool side = impl_->is_center_inside[cell];
+  if (impl_->rings[cell] > 0) return side;
+  return side != impl_->is_crossed_oddly(p, impl_->center(i, j, k), impl_->held_by(cell));
+}
+
+void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const {
+  out.clear();
+  const Box segment = Box::around(a).joined(b);
+  if (!segment.overlaps(impl_->region)) return;
+  impl_->for_each_cell_along(a, b, [&](std::size_t cell) {
+    if (impl_->rings[cell] > 0) return;
+    for (const Impl::Index t : impl_->held_by(cell)) {
+      if (!impl_->boxes[t].overlaps(segment)) continue;
+      const Triangle& triangle = impl_->triangles[t];
+      const bool is_known = std::ranges::any_of(
+          out, [&](const Crossing& c) { return c.triangle == triangle.id; });
+      if (!is_known && segment_crosses(a, b, triangle)) out.push_back(crossing_of(a, b, triangle));
+    }
+  });
+  std::ranges::sort(out, [](const Crossing& x, const Crossing& y) {
+    return x.t != y.t ? x.t < y.t : x.triangle < y.triangle;
+  });
+}
+
+double SurfacePatch::distance_bound(const Point& p) const {
+  const auto [i, j, k] = impl_->cell_of(p);
+  const int rings = impl_->rings[impl_->index(i, j, k)];
+  return rings <= 1 ? 0
+                    : (rings - 1) * std::min({impl_->step.x, impl_->step.y, impl_->step.z}) -
+                          impl_->slack;
+}
+
+bool SurfacePatch::is_near(const Point& p, double distance) const {
+  if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
+  const Point d{distance, distance, distance};
+  const auto low = impl_->cell_of(p - d), high = impl_->cell_of(p + d);
+  const double bound = distance * distance;
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i)
+        for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k)))
+          if (impl_->boxes[t].squared_distance(p) < bound &&
+              squared_distance_to_triangle(p, impl_->triangles[t]) < bound)
+            return true;
+  return false;
+}
+
+}  // namespace locvol

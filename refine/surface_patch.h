@@ -1,0 +1,68 @@
+// SurfacePatch answers exact questions about a piece of the input surface.
+//
+// Consistency (DESIGN 3.5): is_inside(p) and the parity of crossings(a, b) are functions of the
+// points and of the whole surface alone, whatever piece was loaded. Degenerate positions (a segment
+// through an edge or a vertex, a point on a triangle) are decided by moving all query points by
+// the same infinitesimal vector (ε, ε², ε³): the number of crossings of (a, b) is odd exactly if
+// is_inside(a) != is_inside(b). A triangle without area is never crossed.
+//
+// How: a uniform grid over the region. Each grid cell knows the triangles that meet it, the side of
+// its center, and how far away the nearest cell with triangles is. A point's side needs only the
+// triangles of its own cell: the segment to the center stays in the cell.
+// Cost: about 30 bytes per grid cell and triangle reference; side of a point 10 ns away from the
+// surface and 0.2 µs beside it.
+// Threads: const functions are safe from many threads.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+struct Crossing {
+  Point position;  // rounded
+  double t = 0;    // 0 at a, 1 at b
+  std::uint64_t triangle = 0;
+};
+
+class SurfacePatch {
+ public:
+  // `triangles`: every triangle that meets `region`, each once, others allowed; in order of id.
+  // `is_reference_inside`: the side of `reference`, a point of `region`.
+  SurfacePatch(std::vector<Triangle> triangles, const Box& region, const Point& reference,
+               bool is_reference_inside);
+  SurfacePatch(SurfacePatch&&) noexcept;
+  SurfacePatch& operator=(SurfacePatch&&) noexcept;
+  ~SurfacePatch();
+
+  const Box& region() const;
+  std::span<const Triangle> triangles() const;
+
+  // A point outside region() counts as outside: right only for a patch with the whole surface.
+  bool is_inside(const Point& p) const;
+  // All crossings of the segment with the surface, by t, each triangle at most once. The part of
+  // the segment outside region() is ignored.
+  void crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const;
+  // A lower bound of the distance from p to the surface within region(), 0 if nothing better is
+  // known cheaply.
+  double distance_bound(const Point& p) const;
+  // Is some triangle of the region closer to p than `distance`?
+  bool is_near(const Point& p, double distance) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Bit k: the segment from the center of `box` to its corner k (1 = upper x, 2 = y, 4 = z) crosses
+// the surface an odd number of times. Needs only the triangles that meet the box.
+std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, const Box& box);
+
+// May say true for a triangle that misses the box by little, never false for one that meets it.
+bool meets(const Triangle& triangle, const Box& box);
+
+}  // namespace locvol

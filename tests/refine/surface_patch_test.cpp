@@ -1,0 +1,451 @@
+#include "refine/surface_patch.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tests/refine/brute_force.h"
+#include "tests/refine/shapes.h"
+
+namespace locvol {
+namespace {
+
+using shapes::Mesh;
+using shapes::Random;
+using shapes::uniform;
+using shapes::uniform_in;
+
+Mesh part_meeting(const Mesh& mesh, const Box& region) {
+  Mesh part;
+  for (const Triangle& t : mesh)
+    if (meets(t, region)) part.push_back(t);
+  return part;
+}
+
+SurfacePatch whole_patch(const Mesh& mesh, double margin = 0.37) {
+  const Box region = shapes::bounding_box(mesh).expanded(margin);
+  return {mesh, region, region.min, false};
+}
+
+SurfacePatch patch_over(const Mesh& mesh, const Box& region, const SurfacePatch& whole) {
+  return {part_meeting(mesh, region), region, region.center(), whole.is_inside(region.center())};
+}
+
+// A random piece of the box, at least `least` of its extent on each axis.
+Box random_part(Random& random, const Box& box, double least) {
+  Box part;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double extent = box.max[axis] - box.min[axis];
+    const double size = extent * uniform(random, least, 1);
+    part.min[axis] = uniform(random, box.min[axis], box.max[axis] - size);
+    part.max[axis] = part.min[axis] + size;
+  }
+  return part;
+}
+
+// Full and empty cubes in turn and at random: edges and vertices with any number of cubes around.
+bool is_full_voxel(int i, int j, int k) { return (7 * i + 5 * j * j + 3 * k * i + k * k) % 5 < 3; }
+
+constexpr int kVoxels = 5;
+
+// By the move of query points, a point of the lattice belongs to the cube above it.
+bool is_in_voxels(const Point& p) {
+  const std::array<int, 3> c{int(std::floor(p.x)), int(std::floor(p.y)), int(std::floor(p.z))};
+  return std::min({c[0], c[1], c[2]}) >= 0 && std::max({c[0], c[1], c[2]}) < kVoxels &&
+         is_full_voxel(c[0], c[1], c[2]);
+}
+
+struct NamedMesh {
+  std::string name;
+  std::function<Mesh()> make;
+  friend std::ostream& operator<<(std::ostream& out, const NamedMesh& m) { return out << m.name; }
+};
+
+const std::vector<NamedMesh> kMeshes{
+    {"Sphere",
+     [] {
+       return shapes::icosphere({0.1, 0.2, -0.3}, 1, 2);
+     }},
+    {"Torus", [] { return shapes::torus(1, 0.4, 24, 12); }},
+    {"Box",
+     [] {
+       return shapes::box({{-1, -1, -1}, {1, 2, 1}});
+     }},
+    {"ThinPlate", [] { return shapes::thin_plate(4, 0x1p-10); }},
+    {"NestedShells", [] { return shapes::nested_shells(1, 0.9, 2); }},
+    {"Voxels", [] { return shapes::voxels(kVoxels, is_full_voxel); }},
+};
+
+class SurfacePatchOf : public testing::TestWithParam<NamedMesh> {
+ protected:
+  const Mesh mesh_ = GetParam().make();
+  const SurfacePatch patch_ = whole_patch(mesh_);
+
+  // Points in general position, on vertices, edges and faces, of an axis-parallel lattice that
+  // shares coordinates with the mesh, and of the patch's own boundary.
+  std::vector<Point> probes(Random& random, std::size_t num_of_each) const {
+    std::uniform_int_distribution<std::size_t> triangle(0, mesh_.size() - 1), corner(0, 2);
+    const auto vertex = [&] { return mesh_[triangle(random)].corners[corner(random)]; };
+    std::vector<Point> points = shapes::random_points_on(mesh_, num_of_each, random);
+    for (std::size_t n = 0; n < num_of_each; ++n) {
+      points.push_back(uniform_in(random, patch_.region()));
+      points.push_back(vertex());
+      const auto& [a, b, c] = mesh_[triangle(random)].corners;
+      points.push_back(0.5 * (a + b));
+      points.push_back(0.25 * (a + b + 2.0 * c));
+      const double x = vertex().x, y = vertex().y;
+      points.push_back({x, y, vertex().z});
+      const Point inner = uniform_in(random, patch_.region());
+      points.push_back({patch_.region().min.x, inner.y, patch_.region().max.z});
+      points.push_back({inner.x, vertex().y, inner.z});
+    }
+    return points;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Shapes, SurfacePatchOf, testing::ValuesIn(kMeshes),
+                         [](const auto& instance) { return instance.param.name; });
+
+TEST_P(SurfacePatchOf, SideIsThatOfBruteForce) {
+  constexpr unsigned kSeed = 21;
+  Random random(kSeed);
+  int num_inside = 0;
+  for (const Point& p : probes(random, 300)) {
+    ASSERT_EQ(patch_.is_inside(p), brute_force::is_inside(p, mesh_))
+        << "seed " << kSeed << ": " << p.x << ' ' << p.y << ' ' << p.z;
+    num_inside += patch_.is_inside(p);
+  }
+  EXPECT_GT(num_inside, 50);
+}
+
+TEST_P(SurfacePatchOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
+  constexpr unsigned kSeed = 22;
+  Random random(kSeed);
+  const std::vector<Point> points = probes(random, 60);
+  std::uniform_int_distribution<std::size_t> pick(0, points.size() - 1);
+  std::vector<Crossing> found;
+  for (int n = 0; n < 1500; ++n) {
+    const Point a = points[pick(random)], b = points[pick(random)];
+    patch_.crossings(a, b, found);
+    ASSERT_EQ(found.size() % 2 == 1, patch_.is_inside(a) != patch_.is_inside(b))
+        << "seed " << kSeed << ", n " << n;
+    std::vector<std::uint64_t> ids;
+    for (const Crossing& c : found) ids.push_back(c.triangle);
+    std::ranges::sort(ids);
+    ASSERT_EQ(ids, brute_force::crossings(a, b, mesh_)) << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST_P(SurfacePatchOf, CrossingsComeInOrderAndLieOnSegmentAndTriangle) {
+  constexpr unsigned kSeed = 23;
+  Random random(kSeed);
+  std::vector<Crossing> found;
+  std::size_t num_crossings = 0;
+  for (int n = 0; n < 1000; ++n) {
+    const Point a = uniform_in(random, patch_.region()), b = uniform_in(random, patch_.region());
+    patch_.crossings(a, b, found);
+    num_crossings += found.size();
+    EXPECT_TRUE(std::ranges::is_sorted(found, {}, &Crossing::t));
+    for (const Crossing& c : found) {
+      ASSERT_TRUE(0 <= c.t && c.t <= 1);
+      EXPECT_LT(norm(c.position - (a + c.t * (b - a))), 1e-12);
+      EXPECT_LT(brute_force::distance(c.position, mesh_[c.triangle]), 1e-9) << "seed " << kSeed;
+    }
+  }
+  EXPECT_GT(num_crossings, 100u);
+}
+
+// A ray of a paper-mode dual edge may begin and end far outside.
+TEST_P(SurfacePatchOf, SegmentsFromOutsideTheRegionAreCrossedLikeAnyOther) {
+  constexpr unsigned kSeed = 24;
+  Random random(kSeed);
+  const Box far = patch_.region().expanded(20);
+  std::vector<Crossing> found;
+  for (int n = 0; n < 1000; ++n) {
+    const Point a = uniform_in(random, far);
+    const Point b = n % 2 == 0
+                        ? uniform_in(random, far)
+                        : uniform_in(random, patch_.region()) +
+                              uniform(random, 0, 5) * (uniform_in(random, patch_.region()) - a);
+    patch_.crossings(a, b, found);
+    std::vector<std::uint64_t> ids;
+    for (const Crossing& c : found) ids.push_back(c.triangle);
+    std::ranges::sort(ids);
+    ASSERT_EQ(ids, brute_force::crossings(a, b, mesh_)) << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST_P(SurfacePatchOf, AnswersDoNotDependOnThePieceLoaded) {
+  constexpr unsigned kSeed = 25;
+  Random random(kSeed);
+  const std::vector<Point> points = probes(random, 80);
+  std::vector<Crossing> found, expected;
+  for (int round = 0; round < 6; ++round) {
+    const Box region = random_part(random, patch_.region(), 0.2);
+    const SurfacePatch piece = patch_over(mesh_, region, patch_);
+    std::vector<Point> within;
+    for (const Point& p : points)
+      if (region.contains(p)) within.push_back(p);
+    for (int k = 0; k < 8; ++k) within.push_back(shapes::corner_of(region, k));
+    for (std::size_t n = 0; n < within.size(); ++n) {
+      const Point a = within[n], b = within[(n * 7 + 3) % within.size()];
+      ASSERT_EQ(piece.is_inside(a), patch_.is_inside(a)) << "seed " << kSeed << ", round " << round;
+      piece.crossings(a, b, found);
+      patch_.crossings(a, b, expected);
+      ASSERT_EQ(found.size(), expected.size()) << "seed " << kSeed << ", round " << round;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        ASSERT_EQ(found[i].triangle, expected[i].triangle);
+        ASSERT_EQ(found[i].position, expected[i].position) << "the same bits for all leaves";
+      }
+    }
+  }
+}
+
+TEST_P(SurfacePatchOf, OrderAndOthersDoNotMatter) {
+  constexpr unsigned kSeed = 26;
+  Random random(kSeed);
+  const Box region = random_part(random, patch_.region(), 0.5);
+  Mesh part = part_meeting(mesh_, region), shuffled = mesh_;
+  std::ranges::shuffle(shuffled, random);
+  for (Triangle& t : shuffled) std::ranges::shuffle(t.corners, random);
+  const bool is_center_inside = patch_.is_inside(region.center());
+  const SurfacePatch tight(part, region, region.center(), is_center_inside);
+  const SurfacePatch loose(shuffled, region, region.center(), is_center_inside);
+  std::vector<Crossing> found, expected;
+  for (int n = 0; n < 1000; ++n) {
+    const Point a = uniform_in(random, region), b = uniform_in(random, region);
+    ASSERT_EQ(loose.is_inside(a), tight.is_inside(a)) << "seed " << kSeed << ", n " << n;
+    tight.crossings(a, b, expected);
+    loose.crossings(a, b, found);
+    ASSERT_EQ(found.size(), expected.size()) << "seed " << kSeed << ", n " << n;
+    for (std::size_t i = 0; i < found.size(); ++i)
+      ASSERT_EQ(found[i].triangle, expected[i].triangle) << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST_P(SurfacePatchOf, ReferenceMayLieAnywhereWithinTheRegion) {
+  constexpr unsigned kSeed = 27;
+  Random random(kSeed);
+  const std::vector<Point> points = probes(random, 40);
+  for (std::size_t n = 0; n < points.size(); n += 57) {
+    const SurfacePatch other(mesh_, patch_.region(), points[n], patch_.is_inside(points[n]));
+    for (const Point& p : points)
+      ASSERT_EQ(other.is_inside(p), patch_.is_inside(p)) << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST_P(SurfacePatchOf, DistanceBoundIsALowerBound) {
+  constexpr unsigned kSeed = 28;
+  Random random(kSeed);
+  int num_positive = 0;
+  for (int n = 0; n < 1500; ++n) {
+    const Point p = uniform_in(random, patch_.region().expanded(n % 3 == 0 ? 2 : 0));
+    const double bound = patch_.distance_bound(p);
+    ASSERT_LE(bound, brute_force::distance(p, mesh_)) << "seed " << kSeed << ", n " << n;
+    ASSERT_GE(bound, 0);
+    num_positive += bound > 0;
+  }
+  EXPECT_GT(num_positive, 100);
+}
+
+TEST_P(SurfacePatchOf, IsNearIsThatOfBruteForce) {
+  constexpr unsigned kSeed = 29;
+  Random random(kSeed);
+  std::array<int, 2> count{};
+  for (int n = 0; n < 1500; ++n) {
+    const Point p = uniform_in(random, patch_.region());
+    const double truth = brute_force::distance(p, mesh_);
+    for (const double factor : {1e-3, 0.5, 1 - 1e-9, 1 + 1e-9, 1.5, 100.0}) {
+      if (truth < 1e-6) continue;  // too close for a factor to tell
+      const bool is_near = patch_.is_near(p, factor * truth);
+      ASSERT_EQ(is_near, factor > 1) << "seed " << kSeed << ", n " << n << ", factor " << factor;
+      ++count[is_near];
+    }
+  }
+  EXPECT_GT(std::min(count[0], count[1]), 1000);
+}
+
+TEST_P(SurfacePatchOf, CenterToCornerParitiesAreDifferencesOfSides) {
+  constexpr unsigned kSeed = 30;
+  Random random(kSeed);
+  const std::vector<Point> points = probes(random, 40);
+  std::uniform_int_distribution<std::size_t> pick(0, points.size() - 1);
+  int num_odd = 0;
+  for (int n = 0; n < 400; ++n) {  // corners in general position and on the surface's features
+    const Box box = n % 4 == 0 ? random_part(random, patch_.region(), 0.1)
+                               : Box::around(points[pick(random)]).joined(points[pick(random)]);
+    const auto parities = center_to_corner_parities(part_meeting(mesh_, box), box);
+    for (int k = 0; k < 8; ++k) {
+      const bool is_odd =
+          patch_.is_inside(box.center()) != patch_.is_inside(shapes::corner_of(box, k));
+      ASSERT_EQ((parities >> k & 1) == 1, is_odd) << "seed " << kSeed << ", n " << n << ", k " << k;
+      num_odd += is_odd;
+    }
+  }
+  EXPECT_GT(num_odd, 100);
+}
+
+// ---- Closed forms
+
+TEST(SurfacePatch, SphereHasTheClosedFormsSides) {
+  const Point center{0.5, -0.25, 2};
+  const Mesh mesh = shapes::icosphere(center, 1, 4);  // its chords are less than 0.003 deep
+  const SurfacePatch patch = whole_patch(mesh);
+  Random random(31);
+  for (int n = 0; n < 20000; ++n) {
+    const Point p = uniform_in(random, patch.region());
+    const double r = norm(p - center);
+    if (0.995 < r && r < 1.001) continue;
+    ASSERT_EQ(patch.is_inside(p), r < 1);
+  }
+}
+
+TEST(SurfacePatch, TorusHasTheClosedFormsSides) {
+  const SurfacePatch patch = whole_patch(shapes::torus(2, 0.7, 120, 60));
+  Random random(32);
+  for (int n = 0; n < 20000; ++n) {
+    const Point p = uniform_in(random, patch.region());
+    const double r = std::hypot(std::hypot(p.x, p.y) - 2, p.z);
+    if (0.69 < r && r < 0.71) continue;
+    ASSERT_EQ(patch.is_inside(p), r < 0.7);
+  }
+}
+
+// On its boundary too: the move makes the box half-open.
+TEST(SurfacePatch, BoxIsHalfOpen) {
+  const SurfacePatch patch = whole_patch(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
+  for (int x = -1; x <= 5; ++x)
+    for (int y = -1; y <= 5; ++y)
+      for (int z = -1; z <= 5; ++z)
+        EXPECT_EQ(patch.is_inside({double(x), double(y), double(z)}),
+                  std::min({x, y, z}) >= 0 && std::max({x, y, z}) < 4)
+            << x << ' ' << y << ' ' << z;
+}
+
+TEST(SurfacePatch, VoxelsAreHalfOpen) {
+  const SurfacePatch patch = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+  for (int x = -1; x <= 2 * kVoxels + 1; ++x)
+    for (int y = -1; y <= 2 * kVoxels + 1; ++y)
+      for (int z = -1; z <= 2 * kVoxels + 1; ++z) {
+        const Point p{0.5 * x, 0.5 * y, 0.5 * z};
+        ASSERT_EQ(patch.is_inside(p), is_in_voxels(p)) << p.x << ' ' << p.y << ' ' << p.z;
+      }
+}
+
+// Along lattice lines, planes and diagonals.
+TEST(SurfacePatch, LatticeSegmentsCrossVoxelsByParity) {
+  const SurfacePatch patch = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+  constexpr unsigned kSeed = 33;
+  Random random(kSeed);
+  std::uniform_int_distribution<int> pick(-1, kVoxels);
+  std::vector<Crossing> found;
+  for (int n = 0; n < 4000; ++n) {
+    Point a{double(pick(random)), double(pick(random)), double(pick(random))}, b = a;
+    for (int axis = n % 3; axis >= 0; --axis) b[(axis + n) % 3] = pick(random);
+    patch.crossings(a, b, found);
+    ASSERT_EQ(found.size() % 2 == 1, is_in_voxels(a) != is_in_voxels(b))
+        << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST(SurfacePatch, WithoutTrianglesIsAllOnOneSide) {
+  for (const bool is_inside : {false, true}) {
+    const SurfacePatch patch({}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside);
+    EXPECT_EQ(patch.is_inside({0.9, 0.1, 2.9}), is_inside);
+    EXPECT_FALSE(patch.is_inside({0.9, 0.1, 3.1})) << "outside the region";
+    EXPECT_FALSE(patch.is_near({0.5, 0.5, 0.5}, 100));
+    std::vector<Crossing> found{{}};
+    patch.crossings({0, 0, 0}, {1, 1, 1}, found);
+    EXPECT_TRUE(found.empty());
+  }
+}
+
+// A tiny region that a huge triangle's plane cuts through the corners of the patch's grid, and
+// points at those corners: the rounding errors of the plane go with the triangle's size, not the
+// region's.
+TEST(SurfacePatch, SmallRegionOfAHugeTriangle) {
+  constexpr unsigned kSeed = 34;
+  Random random(kSeed);
+  const Box region{{-1, -1, -1}, {1, 1, 1}};
+  const Point reference{0.9, 0.9, 0.9};
+  for (const double scale : {1e3, 1e6, 1e9})
+    for (int round = 0; round < 20; ++round) {
+      const Point a = uniform(random, 0.5, 1) * Point{scale, -scale, 0};
+      const Point b = uniform(random, 0.5, 1) * Point{-0.3 * scale, -0.7 * scale, scale};
+      const Point c = -1.0 * (a + b), d{-scale, -scale, -scale};
+      const Mesh mesh = shapes::numbered({{a, b, c}, {a, d, b}, {b, d, c}, {c, d, a}});
+      const SurfacePatch patch(part_meeting(mesh, region), region, reference,
+                               brute_force::is_inside(reference, mesh));
+      std::uniform_int_distribution<int> pick(-24, 24);
+      for (int n = 0; n < 30; ++n) {
+        const double x = pick(random) / 24.0, y = pick(random) / 24.0;
+        for (const double off : {0.0, 1e-13, 1e-10, 1e-7, -1e-13, -1e-10, -1e-7}) {
+          const Point p = Point{x, y, -(x + y)} + Point{off, off, off};
+          if (!region.contains(p)) continue;
+          ASSERT_EQ(patch.is_inside(p), brute_force::is_inside(p, mesh))
+              << "seed " << kSeed << ", scale " << scale << ", round " << round << ", off " << off;
+        }
+      }
+    }
+}
+
+// ---- Triangles and boxes
+
+TEST(Meets, IsNeverFalseForATriangleWithAPointInTheBox) {
+  constexpr unsigned kSeed = 35;
+  Random random(kSeed);
+  const Box space{{-1, -1, -1}, {1, 1, 1}};
+  int num_true = 0;
+  for (int n = 0; n < 20000; ++n) {
+    Triangle t{0,
+               {uniform_in(random, space), uniform_in(random, space), uniform_in(random, space)}};
+    if (n % 3 == 0) t.corners[2] = t.corners[0] + 1e-7 * t.corners[2];  // a needle
+    if (n % 5 == 0) t.corners[1].z = t.corners[2].z = t.corners[0].z;   // level
+    const Box box = random_part(random, space, 0.01);
+    const bool is_met = meets(t, box);
+    num_true += is_met;
+    for (const Point& p : shapes::random_points_on({t}, 10, random))
+      if (box.expanded(-1e-15).contains(p)) {  // the point is rounded
+        ASSERT_TRUE(is_met) << "seed " << kSeed << ", n " << n;
+      }
+  }
+  EXPECT_GT(num_true, 500);
+}
+
+// Integer corners and weights i/4 make the touching point exact; the box has it on its boundary.
+TEST(Meets, IsTrueForATriangleThatTouches) {
+  constexpr unsigned kSeed = 36;
+  Random random(kSeed);
+  std::uniform_int_distribution<int> pick(-50, 50), weight(0, 4), way(-1, 1), size(1, 20);
+  for (int n = 0; n < 20000; ++n) {
+    Triangle t;
+    for (Point& p : t.corners)
+      p = {double(pick(random)), double(pick(random)), double(pick(random))};
+    const int i = weight(random), j = std::min(weight(random), 4 - i);
+    const Point on = 0.25 * (double(i) * t.corners[0] + double(j) * t.corners[1] +
+                             double(4 - i - j) * t.corners[2]);
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int w = way(random);
+      box.min[axis] = on[axis] - (w <= 0 ? size(random) : 0);
+      box.max[axis] = on[axis] + (w >= 0 ? size(random) : 0);
+    }
+    ASSERT_TRUE(meets(t, box)) << "seed " << kSeed << ", n " << n;
+  }
+}
+
+TEST(Meets, IsFalseForATriangleClearlyBesideTheBox) {
+  const Box box{{0, 0, 0}, {1, 1, 1}};
+  EXPECT_FALSE(meets({0, {Point{2, 0, 0}, {3, 0, 0}, {2, 1, 0}}}, box)) << "beyond a face";
+  EXPECT_FALSE(meets({0, {Point{3.1, 0, 0}, {0, 3.1, 0}, {0, 0, 3.1}}}, box)) << "beyond a corner";
+  EXPECT_TRUE(meets({0, {Point{2.9, 0, 0}, {0, 2.9, 0}, {0, 0, 2.9}}}, box));
+}
+
+}  // namespace
+}  // namespace locvol
