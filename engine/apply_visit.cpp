@@ -1,0 +1,179 @@
+#include "engine/apply_visit.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/leaf_sides.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+namespace {
+
+class Visit {
+ public:
+  Visit(RunState& state, LeafLoader& loader, MortonKey leaf)
+      : state_(state), loader_(loader), leaf_(leaf), box_(state.box(leaf)) {}
+
+  void apply(const LeafDelta& delta) {
+    state_.dequeue(leaf_);
+    for (const InsertedPoint& point : delta.inserted) insert(point);
+    for (const MeshPoint& point : delta.deleted) erase(point);
+    count(delta);
+    if (delta.is_overfull) return split();
+    store_cells(delta.cells);
+    store_unresolved(delta.unresolved);
+  }
+
+ private:
+  void insert(const InsertedPoint& point) {
+    if (point.is_deleted) return ids_.push_back(std::nullopt);
+    const MeshPoint added = state_.add_point(point.position, point.kind);
+    ids_.push_back(added.id);
+    loader_.note_inserted(added);
+    enqueue_around(point.position, kNeighborhood * state_.size());
+  }
+
+  void erase(const MeshPoint& point) {
+    const MortonKey owner = state_.octree.leaf_owning(state_.run.frame, point.position);
+    auto& points = state_.leaves.edit_points(owner).points;
+    const auto place = std::ranges::lower_bound(points, point.id, {}, &MeshPoint::id);
+    if (place == points.end() || place->id != point.id)
+      throw RefineError("deleted point " + std::to_string(point.id) + " is not in P");
+    points.erase(place);
+    --state_.leaves.edit_info(owner).num_points;
+    --state_.run.num_points;
+    loader_.note_deleted(point);
+    enqueue_around(point.position, kReach * state_.size());
+  }
+
+  // The other leaves within the distance. Leaves without points have nothing to restore: they are
+  // enqueued with the point that gives them one.
+  void enqueue_around(const Point& changed, double distance) {
+    if (is_deeper(changed, distance)) return;
+    const Box dirty = Box::around(changed);
+    for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, dirty, distance))
+      if (other != leaf_ && state_.leaves.info(other).num_points > 0) state_.enqueue(other, dirty);
+  }
+
+  // Spares most points the search.
+  bool is_deeper(const Point& p, double distance) const {
+    return box_.expanded(-distance).contains(p);
+  }
+
+  void count(const LeafDelta& delta) {
+    LeafInfo& info = state_.leaves.edit_info(leaf_);
+    ++info.num_visits;
+    ++state_.run.num_visits;
+    info.num_deletions += delta.stats.deletions;
+    state_.run.num_deletions += delta.stats.deletions;
+    for (std::size_t c = 0; c < kNumConditions; ++c) {
+      info.num_insertions[c] += delta.stats.insertions[c];
+      state_.run.num_insertions[c] += delta.stats.insertions[c];
+    }
+  }
+
+  void store_cells(const std::vector<std::array<VertexRef, 4>>& refs) {
+    LeafCells cells = resolved(refs);
+    LeafInfo& info = state_.leaves.edit_info(leaf_);
+    state_.run.num_cells += cells.cells.size() - info.num_cells;  // modulo 2^64, as it should be
+    info.num_cells = cells.cells.size();
+    state_.leaves.put_cells(leaf_, std::move(cells));
+  }
+
+  LeafCells resolved(const std::vector<std::array<VertexRef, 4>>& refs) const {
+    LeafCells cells;
+    for (const auto& cell : refs)
+      for (const VertexRef ref : cell) cells.vertices.push_back(id_of(ref));
+    std::ranges::sort(cells.vertices);
+    const auto repeated = std::ranges::unique(cells.vertices);
+    cells.vertices.erase(repeated.begin(), repeated.end());
+    const auto index_of = [&](VertexRef ref) {
+      const auto place = std::ranges::lower_bound(cells.vertices, id_of(ref));
+      return static_cast<std::uint32_t>(place - cells.vertices.begin());
+    };
+    cells.cells.reserve(refs.size());
+    for (const auto& [a, b, c, d] : refs)
+      cells.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
+    return cells;
+  }
+
+  std::uint64_t id_of(VertexRef ref) const {
+    if ((ref & kNewPoint) == 0) return ref;
+    const auto id = ids_.at(ref & ~kNewPoint);
+    if (!id) throw RefineError("a cell has a vertex that was deleted");
+    return *id;
+  }
+
+  void store_unresolved(const std::vector<Violation>& violations) {
+    LeafInfo& info = state_.leaves.edit_info(leaf_);
+    if (violations.empty() && info.num_unresolved == 0) return;
+    state_.run.num_unresolved += violations.size() - info.num_unresolved;  // modulo 2^64
+    info.num_unresolved = violations.size();
+    LeafUnresolved unresolved;
+    for (const Violation& v : violations)
+      unresolved.sites.push_back({static_cast<std::uint8_t>(v.condition), v.position, v.radius});
+    state_.leaves.put_unresolved(leaf_, std::move(unresolved));
+  }
+
+  // The leaf's points, triangles and known side go to its children; those with points are enqueued.
+  void split() {
+    const LeafInfo parent = state_.leaves.info(leaf_);
+    const std::vector<MeshPoint> points = state_.leaves.points(leaf_).points;
+    const std::vector<Triangle> triangles = state_.leaves.surface(leaf_).triangles;
+    state_.run.num_cells -= parent.num_cells;
+    state_.run.num_unresolved -= parent.num_unresolved;
+    state_.leaves.erase_leaf(leaf_);
+    state_.octree.split(leaf_);
+
+    std::array<LeafPoints, 8> child_points;
+    for (const MeshPoint& point : points) {
+      const MortonKey owner = state_.run.frame.key_of(point.position, leaf_.level() + 1);
+      child_points[static_cast<std::size_t>(owner.octant())].points.push_back(point);
+    }
+    std::array<LeafSurface, 8> child_surfaces;
+    std::array<std::uint8_t, 8> parities{};
+    for (int octant = 0; octant < 8; ++octant) {
+      const auto i = static_cast<std::size_t>(octant);
+      const Box child_box = state_.box(leaf_.child(octant));
+      std::ranges::copy_if(triangles, std::back_inserter(child_surfaces[i].triangles),
+                           [&](const Triangle& t) { return meets(t, child_box); });
+      parities[i] = center_to_corner_parities(child_surfaces[i].triangles, child_box);
+    }
+    const std::vector<bool> sides = center_sides_of_children(parent.is_center_inside, parities);
+    for (int octant = 0; octant < 8; ++octant) {
+      const auto i = static_cast<std::size_t>(octant);
+      add_child(leaf_.child(octant), sides[i], std::move(child_points[i]),
+                std::move(child_surfaces[i]));
+    }
+  }
+
+  void add_child(MortonKey child, bool is_center_inside, LeafPoints points, LeafSurface surface) {
+    LeafInfo info;
+    info.is_center_inside = is_center_inside;
+    info.num_points = points.points.size();
+    info.num_triangles = surface.triangles.size();
+    state_.leaves.add_leaf(child, info, std::move(points), std::move(surface));
+    if (info.num_points > 0) state_.enqueue(child, state_.surroundings(child));
+  }
+
+  RunState& state_;
+  LeafLoader& loader_;
+  MortonKey leaf_;
+  Box box_;
+  std::vector<std::optional<std::uint64_t>> ids_;  // of the inserted points, unless deleted again
+};
+
+}  // namespace
+
+void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
+  Visit(state, loader, leaf).apply(delta);
+}
+
+}  // namespace locvol

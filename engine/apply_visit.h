@@ -1,0 +1,15 @@
+// What a visit found becomes the run's next state.
+#pragma once
+
+#include "engine/leaf_loader.h"
+#include "engine/run_state.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+
+// Applies the delta of a visit of `leaf` in memory, to be committed: points of the leaf and of its
+// neighbors, cells, unresolved sites, counts, the queue; an overfull leaf is split.
+// Throws RefineError if the delta contradicts the run; the state is then not to be committed.
+void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta);
+
+}  // namespace locvol

@@ -1,0 +1,20 @@
+// Colors the leaves of an epoch, so that leaves of one color can be visited in any order or at once
+// (DESIGN 6).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/octree.h"
+
+namespace locvol {
+
+// The color of each of `leaves`: greedily in Morton order, the smallest that no earlier leaf at
+// most `distance` away (box to box, Euclidean) has. Leaves of one size s >= distance need eight
+// colors. REQUIRES: `leaves` are leaves of the octree in Morton order, distance >= 0
+std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
+                                        std::span<const MortonKey> leaves, double distance);
+
+}  // namespace locvol

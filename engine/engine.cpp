@@ -1,0 +1,219 @@
+#include "engine/engine.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "engine/apply_visit.h"
+#include "engine/first_points.h"
+#include "engine/ingest.h"
+#include "engine/leaf_loader.h"
+#include "engine/leaf_name.h"
+#include "engine/run_setup.h"
+#include "engine/run_state.h"
+#include "refine/cover_leaf.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+namespace {
+
+// Decoded records that are kept for the next visits.
+constexpr std::size_t kCacheBytes = std::size_t{128} << 20;
+
+// Takes a run that has been ingested to its end: the whole program, once its input is in the store.
+class Engine {
+ public:
+  Engine(Store& store, const RunControl& control)
+      : control_(control), state_(store, kCacheBytes), loader_(state_) {}
+
+  // Until all is done (true) or the user stops it (false); then all visits made are committed.
+  bool run() {
+    if (state_.run.phase == Phase::kInitialize && !initialize()) return false;
+    return state_.run.phase == Phase::kDone || refine();
+  }
+
+ private:
+  // Load, compute, commit. The leaves of one round are independent of each other: their deltas do
+  // not depend on the order of their visits, and are applied in Morton order.
+  bool refine() {
+    while (const auto leaves = next_independent()) {
+      for (const MortonKey leaf : *leaves) {
+        if (is_stopped()) return false;
+        visit(leaf, [&] {
+          const LoadedLeaf loaded = loader_.load(leaf);
+          apply_visit(state_, loader_, leaf, refine_leaf(loaded.input));
+        });
+      }
+    }
+    end_phase(Phase::kDone);
+    return true;
+  }
+
+  bool initialize() { return state_.is_cover() ? cover() : scatter(); }
+
+  // Epoch 0: each leaf that the domain may meet gets its share of a point set that covers it.
+  bool cover() {
+    while (const auto leaves = next_independent()) {
+      for (const MortonKey leaf : *leaves) {
+        if (is_stopped()) return false;
+        visit(leaf, [&] {
+          const LoadedCover loaded = loader_.load_cover(leaf);
+          apply_cover(leaf, cover_leaf(loaded.input));
+        });
+      }
+    }
+    begin_refinement();
+    return true;
+  }
+
+  bool scatter() {
+    const auto& surface = loader_.whole_surface();
+    for (const Point& point : scatter_on_surface(surface.triangles(), state_.run.parameters.seed))
+      loader_.note_inserted(state_.add_point(point, PointKind::kSurface));
+    begin_refinement();
+    return true;
+  }
+
+  // The leaves at the front of the queue that can be visited in any order; empty: the queue is.
+  std::optional<std::vector<MortonKey>> next_independent() {
+    if (state_.open_epoch()) commit();
+    if (state_.queue.is_empty()) return std::nullopt;
+    return state_.queue.front_leaves();
+  }
+
+  // Commits what is due after the visit; its errors get the leaf's name.
+  template <class Action>
+  void visit(MortonKey leaf, const Action& action) {
+    try {
+      action();
+    } catch (const RefineError& e) {
+      throw RefineError(leaf_name(leaf) + ": " + e.what());
+    }
+    state_.note_visit();
+    if (state_.is_commit_due()) commit();
+  }
+
+  void apply_cover(MortonKey leaf, const CoverPoints& points) {
+    state_.dequeue(leaf);
+    for (const Point& p : points.samples) add_own(leaf, p, PointKind::kSurface);
+    for (const Point& p : points.lattice) add_own(leaf, p, PointKind::kLattice);
+  }
+
+  void add_own(MortonKey leaf, const Point& position, PointKind kind) {
+    if (state_.run.frame.key_of(position, leaf.level()) != leaf)
+      throw RefineError("its cover has a point outside its box");
+    state_.add_point(position, kind);
+  }
+
+  // Epoch 1: every leaf with points.
+  void begin_refinement() {
+    for (const MortonKey leaf : state_.octree.leaves())
+      if (state_.leaves.info(leaf).num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
+    end_phase(Phase::kRefine);
+  }
+
+  void end_phase(Phase next) {
+    state_.run.phase = next;
+    commit();
+  }
+
+  bool is_stopped() {
+    if (!control_.is_stopped || !control_.is_stopped()) return false;
+    commit();
+    return true;
+  }
+
+  void commit() {
+    state_.commit();
+    if (!control_.on_progress) return;
+    const RunRecord& run = state_.run;
+    control_.on_progress({.phase = run.phase,
+                          .num_leaves = state_.octree.size(),
+                          .num_queued = state_.queue.size(),
+                          .num_visits = run.num_visits,
+                          .num_points = run.num_points,
+                          .num_cells = run.num_cells,
+                          .epoch = run.epoch});
+  }
+
+  const RunControl& control_;
+  RunState state_;
+  LeafLoader loader_;
+};
+
+InputSurface read_noting(const std::filesystem::path& file, const RunControl& control) {
+  InputSurface surface = read_surface(file);
+  if (control.on_note) std::ranges::for_each(surface.facts.notes, control.on_note);
+  return surface;
+}
+
+std::optional<RunRecord> held_run(const std::filesystem::path& store) {
+  if (!Store::exists(store)) return std::nullopt;
+  const Store held = Store::open(store, {.read_only = true});
+  return held.snapshot().run();
+}
+
+RunSummary finish(Store& store, const RunControl& control) {
+  const bool is_done = Engine(store, control).run();
+  RunSummary summary = summarize(store.snapshot());
+  if (!is_done) summary.outcome = RunOutcome::kInterrupted;
+  return summary;
+}
+
+}  // namespace
+
+RunSummary mesh(const MeshOptions& options, const RunControl& control) {
+  InputSurface surface = read_noting(options.input, control);
+  const RunRecord asked = planned_run(options, surface);
+  const auto held = held_run(options.store);
+  const bool is_same = held && held->parameters == asked.parameters;
+  if (held && held->phase != Phase::kIngest && (is_same || !options.is_forced)) {
+    require_same_run(held->parameters, asked.parameters, options.store);
+    surface = {};
+    Store store = Store::open(options.store);
+    return finish(store, control);
+  }
+  plan_octree(asked.parameters, asked.surface.box);
+  check_room(asked, free_bytes_at(options.store));
+  Store store = Store::open(options.store, {.create = true});
+  ingest(store, std::move(surface), asked);
+  return finish(store, control);
+}
+
+RunSummary resume(const std::filesystem::path& directory, const RunControl& control) {
+  Store store = Store::open(directory);
+  const auto held = store.snapshot().run();
+  if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
+  if (held->phase == Phase::kIngest) {
+    InputSurface surface = read_noting(held->surface.file, control);
+    if (surface.digest != held->parameters.input_digest)
+      throw StoreMismatch(
+          "the store " + directory.string() + " was to take in " + held->surface.file +
+          ", which is another surface by now: restore the file, or force a new run");
+    ingest(store, std::move(surface), *held);
+  }
+  return finish(store, control);
+}
+
+RunSummary summarize(const Reader& reader) {
+  const auto run = reader.run();
+  if (!run) throw StoreError("the store holds no run");
+  RunSummary summary{
+      .outcome = run->num_unresolved > 0 ? RunOutcome::kUnresolved : RunOutcome::kDone,
+      .run = *run,
+      .num_points = run->num_points,
+      .num_cells = run->num_cells,
+      .num_unresolved = run->num_unresolved,
+      .num_visits = run->num_visits,
+      .num_deletions = run->num_deletions,
+      .num_insertions = run->num_insertions};
+  if (run->phase != Phase::kDone) summary.outcome = RunOutcome::kInterrupted;
+  reader.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    ++summary.num_leaves;
+    summary.max_visits_of_a_leaf =
+        std::max<std::uint64_t>(summary.max_visits_of_a_leaf, info.num_visits);
+    return true;
+  });
+  return summary;
+}
+
+}  // namespace locvol

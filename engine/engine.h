@@ -1,0 +1,74 @@
+// The engine meshes a closed surface out of core: which leaf next, load, refine, commit; then
+// writer and audit stream the result from the store.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "engine/surface_input.h"
+#include "storage/records.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// λ as the user gives it: an absolute length, or a percentage of the smallest side of the bounding
+// box of the surface.
+struct SizeSpec {
+  double value = 0;
+  bool is_percent = false;
+};
+
+struct MeshOptions {
+  std::filesystem::path input;
+  std::filesystem::path store;
+  SizeSpec size;
+  std::uint64_t leaf_capacity = 0;  // κ; 0: the default
+  Initialization init = Initialization::kCover;
+  std::uint64_t seed = 0;
+  double radius_edge_bound = 2;
+  double spacing_floor = 0.02;  // as a fraction of λ
+  bool is_forced = false;       // start anew over a store of another run
+};
+
+struct Progress {
+  Phase phase = Phase::kIngest;
+  std::uint64_t num_leaves = 0, num_queued = 0, num_visits = 0;
+  std::uint64_t num_points = 0, num_cells = 0;
+  std::uint32_t epoch = 0;
+};
+
+struct RunControl {
+  std::function<void(const Progress&)> on_progress;  // called after each commit; may be empty
+  std::function<bool()> is_stopped;                  // asked between visits; may be empty
+  std::function<void(const std::string&)> on_note;   // repairs of the input, and such
+};
+
+enum class RunOutcome { kDone, kUnresolved, kInterrupted };
+
+struct RunSummary {
+  RunOutcome outcome = RunOutcome::kDone;
+  RunRecord run;
+  std::uint64_t num_leaves = 0, num_points = 0, num_cells = 0, num_unresolved = 0;
+  std::uint64_t num_visits = 0, max_visits_of_a_leaf = 0, num_deletions = 0;
+  std::array<std::uint64_t, kNumConditions> num_insertions{};
+};
+
+// Another input or other parameters than the store's; the message names the difference.
+class StoreMismatch : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
+// StoreMismatch, RefineError.
+RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
+// Goes on with the run in `store`; needs neither the input nor the parameters.
+RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});
+RunSummary summarize(const Reader& reader);
+
+}  // namespace locvol

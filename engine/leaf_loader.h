@@ -1,0 +1,52 @@
+// LeafLoader gathers what refine_leaf and cover_leaf need to know of a leaf and its surroundings.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "engine/point_grid.h"
+#include "engine/run_state.h"
+#include "refine/cover_leaf.h"
+#include "refine/refine_leaf.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+// `input` points to `patch`, or to what the loader holds.
+struct LoadedLeaf {
+  std::unique_ptr<const SurfacePatch> patch;
+  LeafInput input;
+};
+struct LoadedCover {
+  std::unique_ptr<const SurfacePatch> patch;
+  CoverInput input;
+};
+
+class LeafLoader {
+ public:
+  // In paper mode reads all of the surface and of P, and keeps them.
+  explicit LeafLoader(RunState& state);
+
+  LoadedCover load_cover(MortonKey leaf);
+  LoadedLeaf load(MortonKey leaf);
+  // Keeps up with P.
+  void note_inserted(const MeshPoint& point);
+  void note_deleted(const MeshPoint& point);
+  // REQUIRES: paper mode
+  const SurfacePatch& whole_surface() const { return *whole_surface_; }
+
+ private:
+  Criteria criteria() const;
+  std::uint64_t max_own_points(MortonKey leaf) const;
+  std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance);
+  std::vector<Triangle> triangles_meeting(const Box& region);
+  // Points of other leaves at most `distance` from the leaf's box, in order of id.
+  std::vector<MeshPoint> points_around(MortonKey leaf, double distance);
+
+  RunState& state_;
+  std::unique_ptr<const SurfacePatch> whole_surface_;  // paper mode
+  std::optional<PointGrid> all_points_;                // paper mode
+};
+
+}  // namespace locvol

@@ -1,0 +1,46 @@
+// LeafQueue is the store's queue in memory, in queue order: (epoch, color, Morton key).
+//
+// A leaf waits at one place at most. The entries of an epoch have kNoColor until the epoch opens.
+// Nothing joins the open epoch, so its order is settled when it opens (DESIGN 6).
+// Memory: about 120 bytes a waiting leaf.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "storage/store.h"
+
+namespace locvol {
+
+inline constexpr std::uint32_t kNoColor = std::numeric_limits<std::uint32_t>::max();
+
+class LeafQueue {
+ public:
+  explicit LeafQueue(const Reader& reader);  // what the store holds
+
+  bool is_empty() const { return entries_.empty(); }
+  std::size_t size() const { return entries_.size(); }
+  QueuePosition front() const;  // REQUIRES: !is_empty()
+  // The leaves at the front that share its epoch and color, in Morton order: independent of each
+  // other, once colored. REQUIRES: !is_empty()
+  std::vector<MortonKey> front_leaves() const;
+
+  void put(const QueueEntry& entry);
+  void grow(QueuePosition position, MortonKey leaf, const Box& dirty);  // REQUIRES: it waits there
+  void move(QueuePosition from, QueuePosition to, MortonKey leaf);      // REQUIRES: it waits there
+  void erase(QueuePosition position, MortonKey leaf);                   // REQUIRES: it waits there
+
+  void write_to(Batch& batch);  // what changed since the last time
+
+ private:
+  using Place = std::pair<QueuePosition, MortonKey>;
+
+  std::map<Place, Box> entries_;
+  std::set<Place> changed_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,76 @@
+// What writer and audit share to stream over the leaves of a finished store in bounded memory.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <memory>
+#include <unordered_map>
+#include <utility>
+
+#include "storage/store.h"
+
+namespace locvol {
+
+// Keeps the values last asked for, by the leaf's place in Morton order, up to a number of bytes;
+// the others are made again when they are needed. In Morton order, a few dozen leaves are nearly
+// all that come back soon. REQUIRES: Value has bytes(), its size in memory.
+template <class Value>
+class LeafWindow {
+ public:
+  using Make = std::function<Value(std::size_t leaf)>;
+
+  LeafWindow(std::size_t max_bytes, Make make) : max_bytes_(max_bytes), make_(std::move(make)) {}
+
+  // The value outlives its place in the window.
+  std::shared_ptr<const Value> get(std::size_t leaf) {
+    if (const auto found = places_.find(leaf); found != places_.end()) {
+      entries_.splice(entries_.begin(), entries_, found->second);
+      return found->second->value;
+    }
+    entries_.push_front({leaf, std::make_shared<const Value>(make_(leaf))});
+    places_[leaf] = entries_.begin();
+    const std::shared_ptr<const Value> value = entries_.front().value;
+    bytes_ += value->bytes() + kEntryBytes;
+    while (bytes_ > max_bytes_) forget_oldest();
+    return value;
+  }
+
+ private:
+  struct Entry {
+    std::size_t leaf;
+    std::shared_ptr<const Value> value;
+  };
+  static constexpr std::size_t kEntryBytes = 128;  // list and map nodes
+
+  void forget_oldest() {
+    bytes_ -= entries_.back().value->bytes() + kEntryBytes;
+    places_.erase(entries_.back().leaf);
+    entries_.pop_back();
+  }
+
+  std::size_t max_bytes_, bytes_ = 0;
+  Make make_;
+  std::list<Entry> entries_;  // the last one used comes first
+  std::unordered_map<std::size_t, typename std::list<Entry>::iterator> places_;
+};
+
+// Gives the store's mapped pages back to the system each time enough has been read: they count as
+// memory of the process (DESIGN section 5).
+class PageRelease {
+ public:
+  explicit PageRelease(const Store& store) : store_(&store) {}
+  void count(std::uint64_t bytes_read) {
+    bytes_ += bytes_read;
+    if (bytes_ < kBytesBetween) return;
+    store_->release_pages();
+    bytes_ = 0;
+  }
+
+ private:
+  static constexpr std::uint64_t kBytesBetween = std::uint64_t{32} << 20;
+  const Store* store_;
+  std::uint64_t bytes_ = 0;
+};
+
+}  // namespace locvol

@@ -1,0 +1,141 @@
+#include "engine/partial_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <system_error>
+#include <utility>
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kBufferBytes = std::size_t{4} << 20;
+
+[[noreturn]] void fail(const char* action, const std::filesystem::path& name, int error = errno) {
+  throw std::system_error(error, std::generic_category(),
+                          std::string("cannot ") + action + " " + name.string());
+}
+
+std::filesystem::path with_suffix(std::filesystem::path file, const char* suffix) {
+  file += suffix;
+  return file;
+}
+
+std::filesystem::path directory_of(const std::filesystem::path& file) {
+  return file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+}
+
+// Under the umask, as any file that a program creates.
+int create(const std::filesystem::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (descriptor < 0) fail("write", file);
+  return descriptor;
+}
+
+// A rename is durable once its directory is. Some file systems cannot sync a directory, and need
+// not.
+void sync_directory(const std::filesystem::path& directory) {
+  const int descriptor = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) fail("open", directory);
+  const OpenFile owner(descriptor, directory);
+  if (::fsync(descriptor) != 0 && errno != EINVAL && errno != EROFS) fail("write", directory);
+}
+
+}  // namespace
+
+OpenFile::OpenFile(int descriptor, std::filesystem::path name)
+    : descriptor_(descriptor), name_(std::move(name)) {}
+
+OpenFile::OpenFile(OpenFile&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)), name_(std::move(other.name_)) {}
+
+OpenFile::~OpenFile() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+OpenFile OpenFile::temporary(const std::filesystem::path& neighbor) {
+  std::string name = with_suffix(neighbor, ".XXXXXX").string();
+  const int descriptor = ::mkostemp(name.data(), O_CLOEXEC);
+  if (descriptor < 0) fail("write", name);
+  ::unlink(name.c_str());
+  return OpenFile(descriptor, name);
+}
+
+void OpenFile::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written =
+        ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) fail("write", name_);
+    offset += static_cast<std::uint64_t>(written);
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+}
+
+void OpenFile::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
+  while (!bytes.empty()) {
+    const ssize_t got =
+        ::pread(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) fail("read", name_, got < 0 ? errno : EIO);
+    offset += static_cast<std::uint64_t>(got);
+    bytes = bytes.subspan(static_cast<std::size_t>(got));
+  }
+}
+
+void OpenFile::close() {
+  if (::close(std::exchange(descriptor_, -1)) != 0) fail("write", name_);
+}
+
+PartialFile::PartialFile(std::filesystem::path file)
+    : file_(std::move(file)),
+      partial_(with_suffix(file_, ".partial")),
+      out_(create(partial_), partial_) {}
+
+PartialFile::~PartialFile() {
+  if (!is_published_) ::unlink(partial_.c_str());
+}
+
+void PartialFile::reserve(std::uint64_t bytes) {
+  if (bytes == 0 || ::fallocate(out_.descriptor(), 0, 0, static_cast<off_t>(bytes)) == 0) return;
+  if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) {
+    throw std::system_error(
+        errno, std::generic_category(),
+        "cannot write " + file_.string() + ", which takes " + std::to_string(bytes) + " bytes");
+  }  // anything else: this file system cannot reserve
+}
+
+void PartialFile::publish() {
+  if (::fsync(out_.descriptor()) != 0) fail("write", partial_);
+  out_.close();
+  if (::rename(partial_.c_str(), file_.c_str()) != 0) fail("write", file_);
+  is_published_ = true;
+  sync_directory(directory_of(file_));
+}
+
+FileSection::FileSection(PartialFile& out, std::uint64_t offset) : out_(&out), offset_(offset) {
+  buffer_.reserve(kBufferBytes);
+}
+
+void FileSection::append(std::span<const std::byte> bytes) {
+  if (buffer_.size() + bytes.size() > kBufferBytes) flush();
+  if (bytes.size() >= kBufferBytes) {
+    out_->write_at(offset_, bytes);
+    offset_ += bytes.size();
+  } else {
+    buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
+  }
+}
+
+void FileSection::flush() {
+  out_->write_at(offset_, buffer_);
+  offset_ += buffer_.size();
+  buffer_.clear();
+}
+
+}  // namespace locvol

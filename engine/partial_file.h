@@ -1,0 +1,78 @@
+// PartialFile is a file that appears under its name only when it is whole.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace locvol {
+
+// An open file descriptor, closed with its owner. `name` is for messages.
+// Errors: std::system_error (a std::runtime_error), "cannot write NAME: REASON".
+class OpenFile {
+ public:
+  OpenFile(int descriptor, std::filesystem::path name);
+  OpenFile(OpenFile&& other) noexcept;
+  OpenFile& operator=(OpenFile&&) = delete;
+  ~OpenFile();
+
+  // A file without a name in the directory of `neighbor`, gone when it is closed.
+  static OpenFile temporary(const std::filesystem::path& neighbor);
+
+  const std::filesystem::path& name() const { return name_; }
+  int descriptor() const { return descriptor_; }
+  void write_at(std::uint64_t offset, std::span<const std::byte> bytes);
+  void read_at(std::uint64_t offset, std::span<std::byte> bytes) const;  // all of them, or throws
+  void close();  // reports what the system found out late
+
+ private:
+  int descriptor_;
+  std::filesystem::path name_;
+};
+
+// Written as NAME.partial beside its place. publish() makes it durable, then renames it; without
+// publish() nothing is left behind.
+class PartialFile {
+ public:
+  explicit PartialFile(std::filesystem::path file);
+  PartialFile(const PartialFile&) = delete;
+  PartialFile& operator=(const PartialFile&) = delete;
+  ~PartialFile();
+
+  void reserve(std::uint64_t bytes);  // so that a disk too full is known before the work is done
+  void write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+    out_.write_at(offset, bytes);
+  }
+  void publish();
+
+ private:
+  std::filesystem::path file_, partial_;
+  OpenFile out_;
+  bool is_published_ = false;
+};
+
+// A run of bytes at a known place of a PartialFile, written front to back through a buffer.
+class FileSection {
+ public:
+  FileSection(PartialFile& out, std::uint64_t offset);
+  void append(std::span<const std::byte> bytes);
+  template <class T>
+  void append_values(std::span<const T> values) {
+    append(std::as_bytes(values));
+  }
+  template <class T>
+  void append_value(const T& value) {
+    append(std::as_bytes(std::span(&value, 1)));
+  }
+  void flush();                                                      // must be called at the end
+  std::uint64_t offset() const { return offset_ + buffer_.size(); }  // of the next byte
+
+ private:
+  PartialFile* out_;
+  std::uint64_t offset_;
+  std::vector<std::byte> buffer_;
+};
+
+}  // namespace locvol

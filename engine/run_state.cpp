@@ -1,0 +1,111 @@
+#include "engine/run_state.h"
+
+#include <cassert>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "engine/coloring.h"
+#include "refine/cover_leaf.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+namespace {
+
+// What a crash may cost, and what LMDB holds in memory until the commit. About a quarter of the
+// bytes are left once encoded and compressed.
+constexpr int kMaxVisitsOfCommit = 64;
+constexpr std::size_t kMaxBytesOfCommit = std::size_t{32} << 20;
+
+// Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
+constexpr double kCoverConflict = 1.01 * kSampleRadius;
+
+RunRecord read_run(const Store& store) {
+  const auto run = store.snapshot().run();
+  assert(run && run->phase != Phase::kIngest);
+  return *run;
+}
+
+}  // namespace
+
+RunState::RunState(Store& the_store, std::size_t cache_bytes)
+    : store(the_store),
+      run(read_run(the_store)),
+      octree(the_store.snapshot().leaf_keys()),
+      leaves(the_store, cache_bytes),
+      queue(the_store.snapshot()) {}
+
+void RunState::enqueue(MortonKey leaf, const Box& dirty) {
+  if (const auto position = leaves.info(leaf).queued) return queue.grow(*position, leaf, dirty);
+  const QueuePosition position{run.epoch + 1, kNoColor};
+  leaves.edit_info(leaf).queued = position;
+  queue.put({position, leaf, dirty});
+}
+
+void RunState::dequeue(MortonKey leaf) {
+  auto& queued = leaves.edit_info(leaf).queued;
+  assert(queued);
+  queue.erase(*queued, leaf);
+  queued.reset();
+}
+
+bool RunState::open_epoch() {
+  if (queue.is_empty() || queue.front().color != kNoColor) return false;
+  const QueuePosition waiting = queue.front();
+  const std::vector<MortonKey> epoch = queue.front_leaves();
+  const std::vector<std::uint32_t> colors = colors_of(epoch);
+  for (std::size_t i = 0; i < epoch.size(); ++i) {
+    const QueuePosition position{waiting.epoch, colors[i]};
+    queue.move(waiting, position, epoch[i]);
+    leaves.edit_info(epoch[i]).queued = position;
+  }
+  run.epoch = waiting.epoch;
+  return true;
+}
+
+std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& epoch) const {
+  if (is_cover()) {
+    const double conflict = run.phase == Phase::kInitialize ? kCoverConflict : kConflict;
+    return color_leaves(octree, run.frame, epoch, conflict * size());
+  }
+  std::vector<std::uint32_t> colors(
+      epoch.size());  // any leaf may write into the reach of any other
+  std::iota(colors.begin(), colors.end(), 0U);
+  return colors;
+}
+
+MeshPoint RunState::add_point(const Point& position, PointKind kind) {
+  if (!run.frame.contains(position))
+    throw RefineError("the new point (" + std::to_string(position.x) + ", " +
+                      std::to_string(position.y) + ", " + std::to_string(position.z) +
+                      ") lies outside the octree");
+  const MeshPoint point{run.next_point_id++, position, kind};
+  const MortonKey owner = octree.leaf_owning(run.frame, position);
+  leaves.edit_points(owner).points.push_back(point);
+  ++leaves.edit_info(owner).num_points;
+  ++run.num_points;
+  return point;
+}
+
+void RunState::note_visit() {
+  ++num_unwritten_visits_;
+  leaves.trim();
+}
+
+bool RunState::is_commit_due() const {
+  return num_unwritten_visits_ >= kMaxVisitsOfCommit ||
+         leaves.unwritten_bytes() > kMaxBytesOfCommit;
+}
+
+void RunState::commit() {
+  Batch batch = store.begin();
+  leaves.write_to(batch);
+  queue.write_to(batch);
+  batch.put_run(run);
+  batch.commit();
+  num_unwritten_visits_ = 0;
+  leaves.trim();
+  store.release_pages();
+}
+
+}  // namespace locvol

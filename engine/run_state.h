@@ -1,0 +1,60 @@
+// RunState is the run in memory: what the engine has read of the store, and what the next commit
+// will write. There is no other state: dropped at any time and read again from the store, it goes
+// on from the last commit with the same result.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "engine/leaf_cache.h"
+#include "engine/leaf_queue.h"
+#include "octree/octree.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4):
+inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
+inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
+inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + kReach < kConflict
+inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
+inline constexpr double kMinChildSide = 2;  // of a leaf after splits
+
+struct RunState {
+  // REQUIRES: the store holds a run that is past Phase::kIngest
+  RunState(Store& store, std::size_t cache_bytes);
+
+  double size() const { return run.parameters.size; }  // λ
+  bool is_cover() const { return run.parameters.init == Initialization::kCover; }
+  Box box(MortonKey leaf) const { return run.frame.box(leaf); }
+  // All that a leaf never visited depends on.
+  Box surroundings(MortonKey leaf) const { return box(leaf).expanded(kReach * size()); }
+
+  // A leaf that waits keeps its place, and its dirty box grows; another waits for the next epoch.
+  void enqueue(MortonKey leaf, const Box& dirty);
+  void dequeue(MortonKey leaf);  // REQUIRES: it waits
+  // If the leaves at the front wait for an epoch that has not begun, begins it: gives them colors.
+  // That is to be committed before any of them is visited.
+  bool open_epoch();
+
+  // Appends to the points of the leaf that owns `position`, and gives the next id.
+  MeshPoint add_point(const Point& position, PointKind kind);
+
+  bool is_commit_due() const;
+  void note_visit();
+  void commit();  // one batch with all changes; durable on return
+
+  Store& store;
+  RunRecord run;
+  LinearOctree octree;
+  LeafCache leaves;
+  LeafQueue queue;
+
+ private:
+  std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
+
+  int num_unwritten_visits_ = 0;
+};
+
+}  // namespace locvol

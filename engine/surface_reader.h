@@ -1,0 +1,42 @@
+// Parses surface files. Whatever a file holds goes to a SurfaceSink in file order, unchanged:
+// merging points, cutting polygons into triangles and judging the surface is the business of
+// others.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// Where in the file something stands, for messages.
+struct FilePlace {
+  enum class Unit { kLine, kFace } unit = Unit::kLine;
+  std::uint64_t number = 0;  // from 1
+};
+std::string to_string(const FilePlace& place);
+
+class SurfaceSink {
+ public:
+  virtual ~SurfaceSink() = default;
+  // About how many will come, to reserve memory: never more than the size of the file allows.
+  virtual void expect(std::uint64_t num_vertices, std::uint64_t num_polygons) = 0;
+  // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
+  virtual void vertex(const Point& position) = 0;
+  // Any number of corners, with any numbers: they may name a vertex that comes later, or never.
+  virtual void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) = 0;
+};
+
+enum class SurfaceFormat { kBinaryStl, kAsciiStl, kObj, kOff, kPly };
+
+// Reads the whole file and tells its format, which its content decides, and only if that says
+// nothing, its extension. Needs memory for one buffer, whatever the size of the file.
+// Throws InputError: missing, unreadable, of no known format, damaged, cut off, with a header that
+// promises more than the file holds, with a coordinate that is not finite, or named as another
+// format than it is.
+SurfaceFormat parse_surface(const std::filesystem::path& file, SurfaceSink& sink);
+
+}  // namespace locvol

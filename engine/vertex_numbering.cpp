@@ -1,0 +1,144 @@
+#include "engine/vertex_numbering.h"
+
+#include <algorithm>
+#include <string>
+
+#include "engine/leaf_name.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20;
+constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
+
+[[noreturn]] void corrupt(MortonKey leaf, const std::string& what) {
+  throw CorruptRecord(leaf_name(leaf) + ": " + what, leaf);
+}
+
+void require_ascending(std::span<const std::uint64_t> ids, MortonKey leaf, const char* what) {
+  if (std::ranges::adjacent_find(ids, std::ranges::greater_equal()) != ids.end()) {
+    corrupt(leaf, std::string(what) + " are not in order of id");
+  }
+}
+
+// Which entries of the vertex table the cells name.
+std::vector<bool> named_vertices(const LeafCells& cells) {
+  std::vector<bool> is_named(cells.vertices.size());
+  for (const auto& cell : cells.cells) {
+    for (const std::uint32_t v : cell) is_named[v] = true;
+  }
+  return is_named;
+}
+
+// Calls visit(i, j) for each ids[i] == table[j]. Both ascend; ids are clustered by leaf, so the
+// common range is cut out first.
+template <class Visit>
+void for_each_common(std::span<const std::uint64_t> ids, std::span<const std::uint64_t> table,
+                     Visit visit) {
+  if (ids.empty() || table.empty()) return;
+  auto id = std::ranges::lower_bound(ids, table.front());
+  const auto last = std::upper_bound(id, ids.end(), table.back());
+  auto place = table.begin();
+  for (; id != last; ++id) {
+    place = std::lower_bound(place, table.end(), *id);
+    if (*place == *id) visit(id - ids.begin(), place - table.begin());
+  }
+}
+
+}  // namespace
+
+VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
+                                 const std::filesystem::path& output, PageRelease& pages)
+    : reader_(&reader),
+      pages_(&pages),
+      frame_(run.frame),
+      reach_(2 * run.parameters.size * kSlack),
+      octree_(reader.leaf_keys()),
+      ids_file_(OpenFile::temporary(output)),
+      tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }) {
+  first_vertex_.reserve(octree_.size() + 1);
+  LeafWindow<Names> names(kNamesBytes, [this](std::size_t leaf) { return load_names(leaf); });
+  for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+    const Table used = find_used(leaf, names);
+    ids_file_.write_at(num_vertices() * sizeof(std::uint64_t), std::as_bytes(std::span(used.ids)));
+    first_vertex_.push_back(num_vertices() + used.ids.size());
+    num_cells_ += names.get(leaf)->num_cells;
+  }
+}
+
+VertexNumbering::Names VertexNumbering::load_names(std::size_t leaf) {
+  const MortonKey key = leaves()[leaf];
+  const LeafPoints points = reader_->points(key);
+  const LeafCells cells = reader_->cells(key);
+  pages_->count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
+  require_ascending(cells.vertices, key, "the vertices of the cells");
+
+  Names names;
+  names.num_cells = cells.cells.size();
+  names.own.reserve(points.points.size());
+  for (const MeshPoint& point : points.points) names.own.push_back(point.id);
+  require_ascending(names.own, key, "the points");
+  names.is_named.resize(names.own.size());
+  const std::vector<bool> is_named = named_vertices(cells);
+  auto own = names.own.begin();
+  for (std::size_t i = 0; i < cells.vertices.size(); ++i) {
+    if (!is_named[i]) continue;
+    own = std::lower_bound(own, names.own.end(), cells.vertices[i]);
+    if (own != names.own.end() && *own == cells.vertices[i]) {
+      names.is_named[static_cast<std::size_t>(own - names.own.begin())] = true;
+    } else {
+      names.foreign.push_back(cells.vertices[i]);
+    }
+  }
+  return names;
+}
+
+VertexNumbering::Table VertexNumbering::find_used(std::size_t leaf,
+                                                  LeafWindow<Names>& names) const {
+  const auto here = names.get(leaf);
+  std::vector<bool> is_used = here->is_named;
+  if (std::ranges::find(is_used, false) != is_used.end()) {
+    for (const std::size_t neighbor : neighbors(leaf)) {
+      for_each_common(names.get(neighbor)->foreign, here->own,
+                      [&](auto, auto own) { is_used[static_cast<std::size_t>(own)] = true; });
+    }
+  }
+  Table used;
+  used.ids.reserve(here->own.size());
+  for (std::size_t i = 0; i < is_used.size(); ++i) {
+    if (is_used[i]) used.ids.push_back(here->own[i]);
+  }
+  return used;
+}
+
+VertexNumbering::Table VertexNumbering::load_table(std::size_t leaf) const {
+  Table table{std::vector<std::uint64_t>(first_vertex_[leaf + 1] - first_vertex_[leaf])};
+  ids_file_.read_at(first_vertex_[leaf] * sizeof(std::uint64_t),
+                    std::as_writable_bytes(std::span(table.ids)));
+  return table;
+}
+
+std::vector<std::size_t> VertexNumbering::neighbors(std::size_t leaf) const {
+  std::vector<std::size_t> places;
+  auto place = leaves().begin();
+  for (const MortonKey key : octree_.leaves_within(frame_, frame_.box(leaves()[leaf]), reach_)) {
+    place = std::lower_bound(place, leaves().end(), key);
+    places.push_back(static_cast<std::size_t>(place - leaves().begin()));
+  }
+  return places;
+}
+
+std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
+                                                   std::span<const std::uint64_t> ids) {
+  std::vector<std::int64_t> numbers(ids.size(), -1);
+  if (ids.empty()) return numbers;
+  for (const std::size_t neighbor : neighbors(leaf)) {
+    const auto first = static_cast<std::int64_t>(first_vertex_[neighbor]);
+    for_each_common(ids, tables_.get(neighbor)->ids, [&](auto id, auto rank) {
+      numbers[static_cast<std::size_t>(id)] = first + rank;
+    });
+  }
+  return numbers;
+}
+
+}  // namespace locvol

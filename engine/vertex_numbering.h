@@ -1,0 +1,71 @@
+// VertexNumbering gives the used points of a finished store their numbers in the output.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/leaf_window.h"
+#include "engine/partial_file.h"
+#include "octree/octree.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// Used points (named by some cell) are numbered leaf by leaf in Morton order, by id within a leaf.
+// A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
+// from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
+// of their numbers, in a nameless file of 8 bytes per vertex beside the output.
+// Memory: 16 bytes per leaf, and 24 MB for the ids of leaves near the current one.
+// Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
+class VertexNumbering {
+ public:
+  // `reader` must outlive this object.
+  VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
+                  PageRelease& pages);
+
+  VertexNumbering(const VertexNumbering&) = delete;
+  VertexNumbering& operator=(const VertexNumbering&) = delete;
+
+  std::span<const MortonKey> leaves() const { return octree_.leaves(); }
+  std::uint64_t num_vertices() const { return first_vertex_.back(); }
+  std::uint64_t num_cells() const { return num_cells_; }
+  // Ids of the used points of a leaf, ascending. `leaf`: its place in Morton order
+  std::vector<std::uint64_t> used_ids(std::size_t leaf) const { return load_table(leaf).ids; }
+  // The numbers of points within 2λ of the leaf; -1 if unused or unknown. REQUIRES: ids ascend
+  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
+
+ private:
+  // Of one leaf: its points, which of them its own cells name, and what else they name.
+  struct Names {
+    std::vector<std::uint64_t> own;
+    std::vector<bool> is_named;
+    std::vector<std::uint64_t> foreign;
+    std::uint64_t num_cells = 0;
+
+    std::size_t bytes() const {
+      return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8;
+    }
+  };
+  struct Table {
+    std::vector<std::uint64_t> ids;  // of the leaf's used points, ascending
+    std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
+  };
+
+  Names load_names(std::size_t leaf);
+  Table find_used(std::size_t leaf, LeafWindow<Names>& names) const;
+  Table load_table(std::size_t leaf) const;
+  std::vector<std::size_t> neighbors(std::size_t leaf) const;  // with itself, in Morton order
+
+  const Reader* reader_;
+  PageRelease* pages_;
+  Frame frame_;
+  double reach_;  // a cell's vertices lie this close to its smallest one
+  LinearOctree octree_;
+  OpenFile ids_file_;
+  std::vector<std::uint64_t> first_vertex_{0};  // of each leaf, and the end
+  std::uint64_t num_cells_ = 0;
+  LeafWindow<Table> tables_;
+};
+
+}  // namespace locvol

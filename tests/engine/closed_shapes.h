@@ -1,0 +1,118 @@
+// Closed triangulated shapes made in the test, and scratch directories to keep them in.
+#pragma once
+
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "octree/geometry.h"
+
+namespace locvol::testing_shapes {
+
+struct Shape {
+  std::vector<Point> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+
+  std::vector<Triangle> soup() const {
+    std::vector<Triangle> soup;
+    for (const auto& [a, b, c] : triangles)
+      soup.push_back({soup.size(), {vertices[a], vertices[b], vertices[c]}});
+    return soup;
+  }
+};
+
+// A torus around the z axis: n × m quadrilaterals, cut in two.
+inline Shape torus(double major, double minor, std::uint32_t n, std::uint32_t m) {
+  Shape shape;
+  for (std::uint32_t i = 0; i < n; ++i)
+    for (std::uint32_t j = 0; j < m; ++j) {
+      const double u = 2 * std::numbers::pi * i / n, v = 2 * std::numbers::pi * j / m;
+      const double r = major + minor * std::cos(v);
+      shape.vertices.push_back({r * std::cos(u), r * std::sin(u), minor * std::sin(v)});
+    }
+  const auto at = [&](std::uint32_t i, std::uint32_t j) { return (i % n) * m + j % m; };
+  for (std::uint32_t i = 0; i < n; ++i)
+    for (std::uint32_t j = 0; j < m; ++j) {
+      shape.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      shape.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  return shape;
+}
+
+// A sphere around the origin, of n rings of m vertices between the poles.
+inline Shape sphere(double radius, std::uint32_t n, std::uint32_t m) {
+  Shape shape;
+  shape.vertices.push_back({0, 0, -radius});
+  for (std::uint32_t i = 1; i <= n; ++i)
+    for (std::uint32_t j = 0; j < m; ++j) {
+      const double u = std::numbers::pi * (-0.5 + 1.0 * i / (n + 1));
+      const double v = 2 * std::numbers::pi * j / m;
+      shape.vertices.push_back({radius * std::cos(u) * std::cos(v),
+                                radius * std::cos(u) * std::sin(v), radius * std::sin(u)});
+    }
+  shape.vertices.push_back({0, 0, radius});
+  const auto at = [&](std::uint32_t i, std::uint32_t j) { return 1 + i * m + j % m; };
+  const std::uint32_t top = n * m + 1;
+  for (std::uint32_t j = 0; j < m; ++j) {
+    shape.triangles.push_back({0, at(0, j + 1), at(0, j)});
+    for (std::uint32_t i = 0; i + 1 < n; ++i) {
+      shape.triangles.push_back({at(i, j), at(i, j + 1), at(i + 1, j + 1)});
+      shape.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i + 1, j)});
+    }
+    shape.triangles.push_back({at(n - 1, j), at(n - 1, j + 1), top});
+  }
+  return shape;
+}
+
+inline Shape translated(Shape shape, const Point& by) {
+  for (Point& p : shape.vertices) p = p + by;
+  return shape;
+}
+
+inline Shape together(Shape a, const Shape& b) {
+  const auto offset = static_cast<std::uint32_t>(a.vertices.size());
+  a.vertices.insert(a.vertices.end(), b.vertices.begin(), b.vertices.end());
+  for (const auto& t : b.triangles)
+    a.triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
+  return a;
+}
+
+inline void write_off(const Shape& shape, const std::filesystem::path& file) {
+  std::ofstream out(file);
+  out.precision(std::numeric_limits<double>::max_digits10);
+  out << "OFF\n" << shape.vertices.size() << ' ' << shape.triangles.size() << " 0\n";
+  for (const Point& p : shape.vertices) out << p.x << ' ' << p.y << ' ' << p.z << '\n';
+  for (const auto& t : shape.triangles) out << "3 " << t[0] << ' ' << t[1] << ' ' << t[2] << '\n';
+}
+
+// Removed with all its contents at the end.
+class ScratchDirectory {
+ public:
+  ScratchDirectory() {
+    std::string name = (std::filesystem::temp_directory_path() / "locvol-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
+    path_ = name;
+  }
+  ScratchDirectory(const ScratchDirectory&) = delete;
+  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
+  ~ScratchDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace locvol::testing_shapes

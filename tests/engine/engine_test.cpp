@@ -1,0 +1,373 @@
+#include "engine/engine.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "tests/engine/closed_shapes.h"
+
+namespace locvol {
+namespace {
+
+using namespace testing_shapes;
+
+// All that a store holds.
+struct LeafContents {
+  LeafInfo info;
+  LeafPoints points;
+  LeafCells cells;
+  LeafSurface surface;
+  LeafUnresolved unresolved;
+  friend bool operator==(const LeafContents&, const LeafContents&) = default;
+};
+struct Contents {
+  RunRecord run;
+  std::map<MortonKey, LeafContents> leaves;
+  std::vector<QueueEntry> queue;
+  friend bool operator==(const Contents&, const Contents&) = default;
+};
+
+Contents contents_of(const std::filesystem::path& directory) {
+  const Store store = Store::open(directory, {.read_only = true});
+  const Snapshot snapshot = store.snapshot();
+  Contents contents{.run = *snapshot.run(), .leaves = {}, .queue = {}};
+  for (const MortonKey key : snapshot.leaf_keys())
+    contents.leaves[key] = {*snapshot.leaf(key), snapshot.points(key), snapshot.cells(key),
+                            snapshot.surface(key), snapshot.unresolved(key)};
+  snapshot.for_each_queued([&](const QueueEntry& entry) {
+    contents.queue.push_back(entry);
+    return true;
+  });
+  return contents;
+}
+
+// Says which record differs first, where EXPECT_EQ could only print bytes.
+testing::AssertionResult are_equal(const Contents& a, const Contents& b) {
+  if (a.run != b.run) return testing::AssertionFailure() << "the run records differ";
+  if (a.leaves.size() != b.leaves.size())
+    return testing::AssertionFailure()
+           << a.leaves.size() << " and " << b.leaves.size() << " leaves";
+  for (const auto& [key, leaf] : a.leaves) {
+    const auto other = b.leaves.find(key);
+    if (other == b.leaves.end() || leaf != other->second)
+      return testing::AssertionFailure() << "leaf " << key.bits() << " differs";
+  }
+  if (a.queue != b.queue) return testing::AssertionFailure() << "the queues differ";
+  return testing::AssertionSuccess();
+}
+
+using Facet = std::array<std::uint64_t, 3>;
+
+// The boundary of the union of all cells: facets of one cell only.
+struct Boundary {
+  std::vector<Facet> facets;
+  std::uint64_t num_overused_facets = 0;  // in more than two cells
+  std::uint64_t num_open_edges = 0;       // not in two facets of the boundary
+  std::int64_t euler_characteristic = 0;
+};
+
+Boundary boundary_of(const Contents& contents) {
+  std::map<Facet, int> cells_of_facet;
+  for (const auto& [key, leaf] : contents.leaves)
+    for (const auto& cell : leaf.cells.cells)
+      for (std::size_t opposite = 0; opposite < 4; ++opposite) {
+        Facet facet{};
+        for (std::size_t i = 0; i < 3; ++i)
+          facet[i] = leaf.cells.vertices[cell[(opposite + 1 + i) % 4]];
+        std::ranges::sort(facet);
+        ++cells_of_facet[facet];
+      }
+  Boundary boundary;
+  std::map<std::pair<std::uint64_t, std::uint64_t>, int> facets_of_edge;
+  std::set<std::uint64_t> vertices;
+  for (const auto& [facet, num_cells] : cells_of_facet) {
+    boundary.num_overused_facets += num_cells > 2;
+    if (num_cells != 1) continue;
+    boundary.facets.push_back(facet);
+    vertices.insert(facet.begin(), facet.end());
+    for (const auto& [i, j] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)})
+      ++facets_of_edge[{facet[static_cast<std::size_t>(i)], facet[static_cast<std::size_t>(j)]}];
+  }
+  for (const auto& [edge, num_facets] : facets_of_edge) boundary.num_open_edges += num_facets != 2;
+  boundary.euler_characteristic = static_cast<std::int64_t>(vertices.size()) -
+                                  static_cast<std::int64_t>(facets_of_edge.size()) +
+                                  static_cast<std::int64_t>(boundary.facets.size());
+  return boundary;
+}
+
+std::map<std::uint64_t, MeshPoint> points_of(const Contents& contents) {
+  std::map<std::uint64_t, MeshPoint> points;
+  for (const auto& [key, leaf] : contents.leaves)
+    for (const MeshPoint& point : leaf.points.points) points[point.id] = point;
+  return points;
+}
+
+double volume_of(const Contents& contents) {
+  const auto points = points_of(contents);
+  double volume = 0;
+  for (const auto& [key, leaf] : contents.leaves)
+    for (const auto& cell : leaf.cells.cells) {
+      std::array<Point, 4> p;
+      for (std::size_t i = 0; i < 4; ++i) p[i] = points.at(leaf.cells.vertices[cell[i]]).position;
+      volume += dot(cross(p[1] - p[0], p[2] - p[0]), p[3] - p[0]) / 6;
+    }
+  return volume;
+}
+
+// The store's own laws, which hold after every commit.
+void expect_consistent(const Contents& contents) {
+  std::uint64_t num_points = 0, num_cells = 0, num_unresolved = 0, num_queued = 0;
+  std::set<std::uint64_t> ids;
+  for (const auto& [key, leaf] : contents.leaves) {
+    EXPECT_EQ(leaf.info.num_points, leaf.points.points.size());
+    EXPECT_EQ(leaf.info.num_cells, leaf.cells.cells.size());
+    EXPECT_EQ(leaf.info.num_triangles, leaf.surface.triangles.size());
+    EXPECT_EQ(leaf.info.num_unresolved, leaf.unresolved.sites.size());
+    EXPECT_TRUE(std::ranges::is_sorted(leaf.points.points, {}, &MeshPoint::id));
+    for (const MeshPoint& point : leaf.points.points) {
+      EXPECT_EQ(contents.run.frame.key_of(point.position, key.level()), key);
+      EXPECT_TRUE(ids.insert(point.id).second);
+      EXPECT_LT(point.id, contents.run.next_point_id);
+    }
+    num_points += leaf.info.num_points;
+    num_cells += leaf.info.num_cells;
+    num_unresolved += leaf.info.num_unresolved;
+    num_queued += leaf.info.queued.has_value();
+  }
+  EXPECT_EQ(contents.run.num_points, num_points);
+  EXPECT_EQ(contents.run.num_cells, num_cells);
+  EXPECT_EQ(contents.run.num_unresolved, num_unresolved);
+  EXPECT_EQ(contents.queue.size(), num_queued);
+  for (const QueueEntry& entry : contents.queue)
+    EXPECT_EQ(contents.leaves.at(entry.leaf).info.queued, entry.position);
+}
+
+class EngineTest : public testing::Test {
+ protected:
+  MeshOptions options(const std::string& store, double size, std::uint64_t leaf_capacity) const {
+    MeshOptions options;
+    options.input = input_;
+    options.store = scratch_ / store;
+    options.size = {size, false};
+    options.leaf_capacity = leaf_capacity;
+    return options;
+  }
+  void write(const Shape& shape) const { write_off(shape, input_); }
+
+  ScratchDirectory scratch_;
+  std::filesystem::path input_ = scratch_ / "input.off";
+};
+
+// A run that is stopped after each `num_visits` visits, and resumed until it is done.
+void mesh_in_pieces(const MeshOptions& options, int num_visits) {
+  int num_pieces = 0;
+  const auto stop_soon = [&] {
+    return RunControl{.on_progress = {},
+                      .is_stopped = [left = num_visits]() mutable { return left-- == 0; },
+                      .on_note = {}};
+  };
+  RunSummary summary = mesh(options, stop_soon());
+  while (summary.outcome == RunOutcome::kInterrupted) {
+    ASSERT_LT(++num_pieces, 5000);
+    if (num_pieces % 7 == 0) expect_consistent(contents_of(options.store));
+    summary = num_pieces % 2 == 0 ? resume(options.store, stop_soon()) : mesh(options, stop_soon());
+  }
+  EXPECT_GT(num_pieces, 2);
+}
+
+struct Division {
+  std::uint64_t leaf_capacity;
+  std::uint64_t least_leaves, most_leaves;
+};
+
+class EngineAt : public EngineTest, public testing::WithParamInterface<Division> {};
+
+TEST_P(EngineAt, MeshesASphereWithAClosedBoundary) {
+  write(sphere(1, 31, 64));
+  const auto run = options("store", 0.1, GetParam().leaf_capacity);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  EXPECT_GE(summary.num_leaves, GetParam().least_leaves);
+  EXPECT_LE(summary.num_leaves, GetParam().most_leaves);
+  EXPECT_LE(summary.max_visits_of_a_leaf, 4U);
+
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  EXPECT_EQ(contents.run.phase, Phase::kDone);
+  EXPECT_TRUE(contents.queue.empty());
+  const Boundary boundary = boundary_of(contents);
+  EXPECT_GT(boundary.facets.size(), 1000U);
+  EXPECT_EQ(boundary.num_overused_facets, 0U);
+  EXPECT_EQ(boundary.num_open_edges, 0U);
+  EXPECT_EQ(boundary.euler_characteristic, 2);
+  EXPECT_NEAR(volume_of(contents), summary.run.surface.volume, 0.02 * summary.run.surface.volume);
+}
+
+INSTANTIATE_TEST_SUITE_P(Leaves, EngineAt,
+                         testing::Values(Division{20000, 1, 1}, Division{1000, 8, 64},
+                                         Division{50, 100, 1000}));
+
+TEST_F(EngineTest, KeepsTheTorusGenusInTwoOrThreeVisitsOfALeaf) {
+  write(torus(1, 0.4, 64, 32));
+  const auto run = options("store", 0.1, 200);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  const Boundary boundary = boundary_of(contents);
+  EXPECT_EQ(boundary.num_overused_facets, 0U);
+  EXPECT_EQ(boundary.num_open_edges, 0U);
+  EXPECT_EQ(boundary.euler_characteristic, 0);
+
+  const auto num_with_points = static_cast<std::uint64_t>(std::ranges::count_if(
+      contents.leaves, [](const auto& leaf) { return leaf.second.info.num_points > 0; }));
+  EXPECT_GT(num_with_points, 20U);
+  EXPECT_GE(summary.num_visits, num_with_points);
+  EXPECT_LE(summary.num_visits, 3 * num_with_points);
+  EXPECT_LE(summary.max_visits_of_a_leaf, 5U);
+}
+
+TEST_F(EngineTest, GivesTheSameRecordsTwice) {
+  write(torus(1, 0.4, 32, 16));
+  mesh(options("one", 0.2, 60));
+  mesh(options("two", 0.2, 60));
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "one"), contents_of(scratch_ / "two")));
+}
+
+TEST_F(EngineTest, GoesOnAfterInterruptionsToTheSameRecords) {
+  write(torus(1, 0.4, 32, 16));
+  const RunSummary undisturbed = mesh(options("undisturbed", 0.2, 60));
+  const Contents expected = contents_of(scratch_ / "undisturbed");
+  for (const int num_visits : {1, 17}) {
+    const auto run = options("pieces " + std::to_string(num_visits), 0.2, 60);
+    mesh_in_pieces(run, num_visits);
+    EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_visits;
+  }
+  EXPECT_EQ(mesh(options("undisturbed", 0.2, 60)).num_visits, undisturbed.num_visits);
+}
+
+TEST_F(EngineTest, SplitsLeavesThatOutgrowTheirCapacity) {
+  // Leaves are at least 4 λ wide at the start, and those inside hold about 24 lattice points.
+  constexpr double kSize = 0.15;
+  constexpr std::uint64_t kCapacity = 12;
+  write(torus(1, 0.4, 32, 16));
+  const auto run = options("store", kSize, kCapacity);
+  EXPECT_EQ(mesh(run).outcome, RunOutcome::kDone);
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  std::set<int> levels;
+  for (const auto& [key, leaf] : contents.leaves) {
+    levels.insert(key.level());
+    const bool may_split = contents.run.frame.side(key.level() + 1) >= 2 * kSize;
+    EXPECT_TRUE(leaf.info.num_points <= kCapacity || !may_split) << leaf.info.num_points;
+  }
+  EXPECT_EQ(levels.size(), 2U);
+  const Boundary boundary = boundary_of(contents);
+  EXPECT_EQ(boundary.num_overused_facets, 0U);
+  EXPECT_EQ(boundary.num_open_edges, 0U);
+  EXPECT_EQ(boundary.euler_characteristic, 0);
+
+  auto pieces = run;
+  pieces.store = scratch_ / "pieces";
+  mesh_in_pieces(pieces, 10);
+  EXPECT_TRUE(are_equal(contents_of(pieces.store), contents));
+}
+
+TEST_F(EngineTest, MeshesInPaperModeToo) {
+  write(sphere(1, 31, 64));
+  auto run = options("store", 0.25, 60);
+  run.init = Initialization::kPaper;
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  EXPECT_GT(summary.num_leaves, 1U);
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  const Boundary boundary = boundary_of(contents);
+  EXPECT_GT(boundary.facets.size(), 100U);
+  EXPECT_EQ(boundary.num_overused_facets, 0U);
+  EXPECT_EQ(boundary.num_open_edges, 0U);
+  EXPECT_EQ(boundary.euler_characteristic, 2);
+
+  auto pieces = run;
+  pieces.store = scratch_ / "pieces";
+  mesh_in_pieces(pieces, 3);
+  EXPECT_TRUE(are_equal(contents_of(pieces.store), contents));
+}
+
+TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {
+  write(sphere(1, 15, 32));
+  mesh(options("store", 0.3, 0));
+  auto other = options("store", 0.25, 0);
+  try {
+    mesh(other);
+    FAIL() << "the store was taken over";
+  } catch (const StoreMismatch& e) {
+    const std::string message = e.what();
+    EXPECT_NE(message.find("size: 0.3 in the store, 0.25 asked for"), std::string::npos) << message;
+  }
+  EXPECT_EQ(contents_of(other.store).run.parameters.size, 0.3);
+  write(sphere(1.1, 15, 32));
+  EXPECT_THROW(mesh(options("store", 0.3, 0)), StoreMismatch);
+  other.is_forced = true;
+  EXPECT_EQ(mesh(other).outcome, RunOutcome::kDone);
+  mesh(options("fresh", 0.25, 0));
+  EXPECT_TRUE(are_equal(contents_of(other.store), contents_of(scratch_ / "fresh")));
+}
+
+TEST_F(EngineTest, IngestsAgainWhatWasCutShort) {
+  write(sphere(1, 15, 32));
+  const auto run = options("store", 0.3, 60);
+  mesh(run);
+  const Contents expected = contents_of(run.store);
+  const auto back_to_ingest = [&] {
+    Store store = Store::open(run.store);
+    Batch batch = store.begin();
+    RunRecord record;
+    record.parameters = expected.run.parameters;
+    record.surface = expected.run.surface;
+    batch.put_run(record);
+    batch.commit();
+  };
+  back_to_ingest();
+  resume(run.store);
+  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  back_to_ingest();
+  mesh(run);
+  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  back_to_ingest();
+  write(sphere(1.1, 15, 32));
+  EXPECT_THROW(resume(run.store), StoreMismatch);
+}
+
+TEST_F(EngineTest, LeavesNoStoreBehindWhenItRefuses) {
+  write(sphere(1, 15, 32));
+  EXPECT_THROW(mesh(options("store", 1e-7, 1000000)), InputError);
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "store"));
+  EXPECT_THROW(resume(scratch_ / "store"), StoreError);
+}
+
+TEST_F(EngineTest, ReportsProgressAndStopsWhenAsked) {
+  write(sphere(1, 31, 64));
+  std::vector<Progress> reports;
+  const RunControl control{.on_progress = [&](const Progress& p) { reports.push_back(p); },
+                           .is_stopped = {},
+                           .on_note = {}};
+  const RunSummary summary = mesh(options("store", 0.1, 1000), control);
+  ASSERT_GT(reports.size(), 3U);
+  EXPECT_EQ(reports.back().phase, Phase::kDone);
+  EXPECT_EQ(reports.back().num_queued, 0U);
+  EXPECT_EQ(reports.back().num_cells, summary.num_cells);
+  EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::num_visits));
+  EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::epoch));
+
+  const RunSummary stopped =
+      mesh(options("stopped", 0.1, 1000),
+           {.on_progress = {}, .is_stopped = [] { return true; }, .on_note = {}});
+  EXPECT_EQ(stopped.outcome, RunOutcome::kInterrupted);
+  EXPECT_EQ(stopped.num_visits, 0U);
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,163 @@
+#include "engine/run_setup.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/run_state.h"
+
+namespace locvol {
+namespace {
+
+InputSurface box_facts(const Point& sides) {
+  InputSurface surface;
+  surface.digest = "ab12";
+  surface.facts.box = {{0, 0, 0}, sides};
+  surface.facts.volume = sides.x * sides.y * sides.z;
+  surface.facts.area = 2 * (sides.x * sides.y + sides.y * sides.z + sides.z * sides.x);
+  return surface;
+}
+
+MeshOptions options_with(const SizeSpec& size) {
+  MeshOptions options;
+  options.input = "box.off";
+  options.store = "box.store";
+  options.size = size;
+  return options;
+}
+
+RunParameters parameters_with(double size, std::uint64_t leaf_capacity) {
+  RunParameters parameters;
+  parameters.size = size;
+  parameters.leaf_capacity = leaf_capacity;
+  return parameters;
+}
+
+template <class Error, class Action>
+std::string message_of(const Action& action) {
+  try {
+    action();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "nothing was thrown";
+}
+
+TEST(PlannedRun, TakesPercentOfTheSmallestSide) {
+  const RunRecord run = planned_run(options_with({5, true}), box_facts({4, 2, 3}));
+  EXPECT_DOUBLE_EQ(run.parameters.size, 0.1);
+  EXPECT_EQ(run.parameters.leaf_capacity, kDefaultLeafCapacity);
+  EXPECT_EQ(run.parameters.input_digest, "ab12");
+  EXPECT_TRUE(std::filesystem::path(run.surface.file).is_absolute());
+  EXPECT_EQ(planned_run(options_with({0.5, false}), box_facts({4, 2, 3})).parameters.size, 0.5);
+}
+
+TEST(PlannedRun, RefusesOptionsOutOfRange) {
+  const auto surface = box_facts({1, 1, 1});
+  for (const double size : {0.0, -1.0, std::nan(""), HUGE_VAL, 1e-300, 1e300})
+    EXPECT_THROW(planned_run(options_with({size, false}), surface), InputError) << size;
+  for (const double bound : {1.9, std::nan(""), HUGE_VAL}) {
+    auto options = options_with({1, true});
+    options.radius_edge_bound = bound;
+    EXPECT_THROW(planned_run(options, surface), InputError) << bound;
+  }
+  for (const double floor : {-0.1, 0.6, std::nan("")}) {
+    auto options = options_with({1, true});
+    options.spacing_floor = floor;
+    EXPECT_THROW(planned_run(options, surface), InputError) << floor;
+  }
+}
+
+TEST(PlannedRun, RefusesCoordinatesBeyondDoubleArithmetic) {
+  EXPECT_THROW(planned_run(options_with({5, true}), box_facts({1e200, 1e200, 1e200})), InputError);
+  EXPECT_THROW(planned_run(options_with({5, true}), box_facts({1e-170, 1e-170, 1e-170})),
+               InputError);
+}
+
+TEST(PlanOctree, MakesLeavesThatHoldHalfTheirCapacity) {
+  RunParameters parameters = parameters_with(0.01, 20000);
+  const OctreePlan plan = plan_octree(parameters, {{0, 0, 0}, {1, 2, 3}});
+  const double side = plan.frame.side(plan.level);
+  EXPECT_NEAR(side / 0.01, std::cbrt(0.5 * 20000 / 0.3732), 0.01);
+  EXPECT_GE(plan.frame.side(0), 3.06);
+  EXPECT_TRUE(plan.frame.contains({-0.03, -0.03, -0.03}));
+  EXPECT_TRUE(plan.frame.contains({1.03, 2.03, 3.03}));
+}
+
+TEST(PlanOctree, KeepsLeavesWideEnoughForTinyCapacities) {
+  RunParameters parameters = parameters_with(0.1, 1);
+  const OctreePlan plan = plan_octree(parameters, {{0, 0, 0}, {1, 1, 1}});
+  EXPECT_GE(plan.frame.side(plan.level), kMinLeafSide * 0.1);
+}
+
+TEST(PlanOctree, IsOneLeafWhereThatHoldsAllAndInPaperMode) {
+  RunParameters parameters = parameters_with(1, 20000);
+  EXPECT_EQ(plan_octree(parameters, {{0, 0, 0}, {1, 1, 1}}).level, 0);
+  parameters.size = 0.001;
+  parameters.init = Initialization::kPaper;
+  EXPECT_EQ(plan_octree(parameters, {{0, 0, 0}, {1, 1, 1}}).level, 0);
+}
+
+TEST(PlanOctree, RefusesTooManyLeavesAndNamesASizeThatWorks) {
+  const Box box{{0, 0, 0}, {1, 1, 1}};
+  for (const double size : {1e-3, 1e-4, 1e-5}) {
+    RunParameters parameters = parameters_with(size, 50);
+    const auto message = message_of<InputError>([&] { plan_octree(parameters, box); });
+    const std::string words = "choose a size of at least ";
+    const auto place = message.find(words);
+    ASSERT_NE(place, std::string::npos) << message;
+    parameters.size = std::stod(message.substr(place + words.size()));
+    EXPECT_EQ(plan_octree(parameters, box).level, 7);
+  }
+  EXPECT_THROW(plan_octree(parameters_with(1e-9, 50), box), InputError);
+}
+
+TEST(CheckRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
+  const auto plate = box_facts({2, 2, 2e-6});
+  const RunRecord run = planned_run(options_with({5, true}), plate);
+  const auto message = message_of<InputError>([&] { check_room(run, 1e12); });
+  EXPECT_NE(message.find("choose a size of at least"), std::string::npos) << message;
+}
+
+TEST(CheckRoom, NamesASizeThatFits) {
+  const RunRecord run = planned_run(options_with({0.1, true}), box_facts({1, 1, 1}));
+  const auto message = message_of<InputError>([&] { check_room(run, 1e9); });
+  const std::string words = "choose a size of at least ";
+  const auto place = message.find(words);
+  ASSERT_NE(place, std::string::npos) << message;
+  RunRecord larger = run;
+  larger.parameters.size = 1.01 * std::stod(message.substr(place + words.size()));
+  EXPECT_NO_THROW(check_room(larger, 1e9));
+  EXPECT_LT(larger.parameters.size, 0.1);
+}
+
+TEST(FreeBytes, OfADirectoryYetToBeMadeAreItsDisks) {
+  EXPECT_GT(free_bytes_at("no/such/directory"), 0);
+}
+
+TEST(RequireSameRun, NamesEachDifferenceWithBothValues) {
+  const RunParameters held = parameters_with(0.1, 100);
+  EXPECT_NO_THROW(require_same_run(held, held, "dir"));
+  RunParameters asked = held;
+  asked.size = 0.25;
+  asked.init = Initialization::kPaper;
+  const auto message = message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir"); });
+  EXPECT_NE(message.find("size: 0.1 in the store, 0.25 asked for"), std::string::npos) << message;
+  EXPECT_NE(message.find("initialization: cover in the store, paper asked for"), std::string::npos);
+  EXPECT_EQ(message.find("seed"), std::string::npos) << message;
+  EXPECT_NE(message.find("dir"), std::string::npos);
+
+  // Every parameter is compared.
+  for (const auto& change : std::vector<std::function<void(RunParameters&)>>{
+           [](auto& p) { p.input_digest = "cd"; }, [](auto& p) { p.size = 1; },
+           [](auto& p) { p.radius_edge_bound = 3; }, [](auto& p) { p.spacing_floor = 0.3; },
+           [](auto& p) { p.leaf_capacity = 7; }, [](auto& p) { p.init = Initialization::kPaper; },
+           [](auto& p) { p.seed = 4; }}) {
+    RunParameters other = held;
+    change(other);
+    EXPECT_THROW(require_same_run(held, other, "dir"), StoreMismatch);
+  }
+}
+
+}  // namespace
+}  // namespace locvol
