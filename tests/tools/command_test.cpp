@@ -1,0 +1,268 @@
+// The locvol command from outside: exit codes, files, what is printed where.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/tools/process.h"
+#include "tests/tools/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* kCube =
+    "OFF\n8 12 0\n"
+    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n"
+    "3 0 2 1\n3 0 3 2\n3 4 5 6\n3 4 6 7\n3 0 1 5\n3 0 5 4\n"
+    "3 1 2 6\n3 1 6 5\n3 2 3 7\n3 2 7 6\n3 3 0 4\n3 3 4 7\n";
+
+std::string make_cube(const TempDir& dir) {
+  const auto file = dir / "cube.off";
+  std::ofstream(file) << kCube;
+  return file.string();
+}
+
+// Everything in a directory, so that a test can say that nothing was left behind.
+std::vector<std::string> names_in(const TempDir& dir) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(dir.path())) {
+    names.push_back(entry.path().filename().string());
+  }
+  std::ranges::sort(names);
+  return names;
+}
+
+using Names = std::vector<std::string>;
+
+class UsageError : public testing::TestWithParam<std::vector<std::string>> {};
+
+TEST_P(UsageError, ExitsWithTwoAndSaysWhy) {
+  const ProcessResult result = run_locvol(GetParam());
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_TRUE(result.err.starts_with("locvol: error: ")) << result.err;
+  EXPECT_EQ(result.out, "");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Command, UsageError,
+    testing::Values(std::vector<std::string>{}, Names{"frobnicate"}, Names{"mesh"},
+                    Names{"mesh", "cube.off"}, Names{"mesh", "cube.off", "-o", "cube.vtu"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
+                    Names{"mesh", "cube.off", "-o", "cube.msh", "--size", "2%"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity",
+                          "0"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
+                    Names{"resume"}, Names{"inspect", "dir", "--leaf", "2"},
+                    Names{"inspect", "dir", "--leaves", "--queue"}, Names{"export", "dir"},
+                    Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
+                    Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"}));
+
+TEST(Command, HelpDocumentsExitCodes) {
+  const ProcessResult result = run_locvol({"--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  for (const char* text : {"0 done", "1 error", "2 usage", "3 done, but", "4 interrupted"}) {
+    EXPECT_NE(result.out.find(text), std::string::npos) << text << " in\n" << result.out;
+  }
+}
+
+TEST(Command, MissingInputIsAnErrorThatNamesIt) {
+  const TempDir dir;
+  const ProcessResult result =
+      run_locvol({"mesh", (dir / "no.off").string(), "-o", (dir / "no.vtu").string(), "-s", "2%"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.err.starts_with("locvol: error: ")) << result.err;
+  EXPECT_NE(result.err.find("no.off"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(dir / "no.vtu"));
+}
+
+TEST(Command, OpenSurfaceIsRefusedWithoutOutput) {
+  const TempDir dir;
+  std::ofstream(dir / "open.off") << "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  const std::string input = (dir / "open.off").string();
+  const ProcessResult result =
+      run_locvol({"mesh", input, "-o", (dir / "o.vtu").string(), "-s", "1"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.err.find("open.off"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(dir / "o.vtu"));
+  EXPECT_EQ(run_locvol({"info", input}).exit_code, 1);
+}
+
+TEST(Command, UnwritableOutputIsRefusedBeforeTheRun) {
+  const TempDir dir;
+  const ProcessResult result = run_locvol(
+      {"mesh", make_cube(dir), "-o", (dir / "missing" / "cube.vtu").string(), "-s", "10%"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.err.find("missing"), std::string::npos) << result.err;
+  EXPECT_EQ(names_in(dir), Names{"cube.off"});
+}
+
+TEST(Command, InfoEstimatesCells) {
+  const TempDir dir;
+  const ProcessResult result = run_locvol({"info", make_cube(dir), "--size", "10%", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const Json info = Json::parse(result.out);
+  EXPECT_EQ(info["num_triangles"], 12);
+  EXPECT_EQ(info["genus"], 0);
+  EXPECT_NEAR(info["volume"].get<double>(), 1, 1e-12);
+  EXPECT_EQ(info["size"], 0.1);
+  EXPECT_EQ(info["estimated_cells"], 2400);
+}
+
+TEST(Command, StoreSubcommandsRefuseWhatIsNoStore) {
+  const TempDir dir;
+  for (const char* command : {"resume", "inspect", "audit"}) {
+    const ProcessResult result = run_locvol({command, dir.path().string()});
+    EXPECT_EQ(result.exit_code, 1) << command;
+    EXPECT_NE(result.err.find(dir.path().string()), std::string::npos) << result.err;
+    EXPECT_EQ(names_in(dir), Names{}) << command;
+  }
+}
+
+TEST(Command, MeshLeavesOnlyItsOutput) {
+  const TempDir dir;
+  const auto output = dir / "cube.vtu";
+  const ProcessResult result =
+      run_locvol({"mesh", make_cube(dir), "-o", output.string(), "-s", "30%", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const Json json = Json::parse(result.out);
+  EXPECT_EQ(json["outcome"], "done");
+  EXPECT_EQ(json["written"]["bytes"], std::filesystem::file_size(output));
+  EXPECT_EQ(json["written"]["num_cells"], json["num_cells"]);
+  EXPECT_GT(json["num_cells"], 0);
+  EXPECT_EQ(names_in(dir), (Names{"cube.off", "cube.vtu"}));
+}
+
+TEST(Command, QuietMeshSaysNothingOnStderr) {
+  const TempDir dir;
+  const ProcessResult result = run_locvol(
+      {"mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "30%", "--quiet"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.err, "");
+}
+
+// A run of the cube that the tests below look into.
+class CubeStore : public testing::Test {
+ protected:
+  void SetUp() override {
+    const ProcessResult result =
+        run_locvol({"mesh", make_cube(dir_), "-o", (dir_ / "cube.vtu").string(), "-s", "20%",
+                    "--store", store_});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  }
+
+  Json json_of(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin() + 1, {store_, "--json"});
+    const ProcessResult result = run_locvol(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out);
+  }
+
+  const TempDir dir_;
+  const std::string store_ = (dir_ / "store").string();
+};
+
+TEST_F(CubeStore, AuditFindsItValid) {
+  const Json audit = json_of({"audit"});
+  EXPECT_EQ(audit["is_valid"], true);
+  EXPECT_EQ(audit["mesh"]["genus"], 0);
+  EXPECT_NEAR(audit["input"]["volume"].get<double>(), 1, 1e-12);
+  const ProcessResult text = run_locvol({"audit", store_});
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_TRUE(text.out.ends_with("\nvalid\n")) << text.out;
+}
+
+TEST_F(CubeStore, InspectAgreesWithItself) {
+  const Json summary = json_of({"inspect"});
+  EXPECT_EQ(summary["phase"], "done");
+  EXPECT_EQ(summary["parameters"]["size"], 0.2);
+  const Json leaves = json_of({"inspect", "--leaves"});
+  EXPECT_EQ(leaves.size(), summary["num_leaves"]);
+  std::uint64_t num_cells = 0, num_points = 0;
+  for (const Json& leaf : leaves) {
+    EXPECT_EQ(leaf["state"], "clean");
+    const Json contents = json_of({"inspect", "--leaf", leaf["leaf"]});
+    EXPECT_EQ(contents["points"].size(), leaf["num_points"]);
+    EXPECT_EQ(contents["cells"].size(), leaf["num_cells"]);
+    num_points += contents["points"].size();
+    num_cells += contents["cells"].size();
+  }
+  EXPECT_EQ(num_cells, summary["num_cells"]);
+  EXPECT_EQ(num_points, summary["num_points"]);
+  EXPECT_EQ(json_of({"inspect", "--queue"}), Json::array());
+}
+
+TEST_F(CubeStore, InspectNamesALeafThatIsMissing) {
+  const ProcessResult result = run_locvol({"inspect", store_, "--leaf", "1"});  // a deepest node
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.err.find("0000000000000001"), std::string::npos) << result.err;
+}
+
+TEST_F(CubeStore, ExportAndResumeWriteTheSameBytes) {
+  const std::string mesh = read_file(dir_ / "cube.vtu");
+  for (const char* command : {"export", "resume"}) {
+    const auto output = dir_ / (std::string(command) + ".vtu");
+    EXPECT_EQ(run_locvol({command, store_, "-o", output.string()}).exit_code, 0);
+    EXPECT_TRUE(read_file(output) == mesh) << command;
+  }
+}
+
+TEST_F(CubeStore, OtherParametersAreRefusedUnlessForced) {
+  std::vector<std::string> arguments = {
+      "mesh", make_cube(dir_), "-o", (dir_ / "other.vtu").string(), "-s", "30%", "--store", store_};
+  const ProcessResult refused = run_locvol(arguments);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "other.vtu"));
+  arguments.push_back("--force");
+  EXPECT_EQ(run_locvol(arguments).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "other.vtu"));
+}
+
+// Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.
+bool wait_for_refinement(const Process& process) {
+  for (int i = 0; i < 6000 && !process.has_ended(); ++i) {
+    if (process.err().find(" refine: ") != std::string::npos) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+class StoppedBy : public testing::TestWithParam<int> {};
+
+TEST_P(StoppedBy, ResumesToTheSameBytes) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir);
+  const auto arguments = [&](const std::string& output) {
+    return std::vector<std::string>{
+        "mesh", cube, "-o", (dir / output).string(), "-s", "4%", "--leaf-capacity", "1000"};
+  };
+  Process process(arguments("stopped.vtu"));
+  ASSERT_TRUE(wait_for_refinement(process)) << process.err();
+  process.send(GetParam());
+  const ProcessResult stopped = process.wait();
+  if (GetParam() == SIGKILL) {
+    EXPECT_EQ(stopped.signal, SIGKILL);
+  } else {
+    EXPECT_EQ(stopped.exit_code, 4) << stopped.err;
+    EXPECT_NE(stopped.err.find("locvol resume"), std::string::npos) << stopped.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(dir / "stopped.vtu"));
+
+  EXPECT_EQ(run_locvol(arguments("stopped.vtu")).exit_code, 0);
+  EXPECT_EQ(run_locvol(arguments("undisturbed.vtu")).exit_code, 0);
+  EXPECT_TRUE(read_file(dir / "stopped.vtu") == read_file(dir / "undisturbed.vtu"));
+}
+
+INSTANTIATE_TEST_SUITE_P(Command, StoppedBy, testing::Values(SIGINT, SIGTERM, SIGKILL));
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,22 @@
+// Uses something of every exported library, so that each one must link.
+#include <cstdio>
+
+#include "engine/engine.h"
+#include "octree/octree.h"
+#include "refine/cover_leaf.h"
+#include "storage/store.h"
+
+int main() {
+  const bool has_leaves = locvol::LinearOctree::uniform(1).size() == 8;
+  const bool has_lattice =
+      !locvol::BccLattice({0, 0, 0}, 1).points_in({{0, 0, 0}, {1, 1, 1}}).empty();
+  const bool has_store = locvol::Store::exists("no-such-store");
+  bool is_refused = false;
+  try {
+    locvol::read_surface("no-such-surface.off");
+  } catch (const locvol::InputError& error) {
+    std::puts(error.what());
+    is_refused = true;
+  }
+  return has_leaves && has_lattice && !has_store && is_refused ? 0 : 1;
+}

@@ -1,0 +1,68 @@
+#include "tests/tools/process.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <fstream>
+#include <iterator>
+#include <system_error>
+
+extern char** environ;
+
+namespace locvol {
+
+Process::Process(const std::vector<std::string>& arguments) {
+  std::string command = LOCVOL_COMMAND;
+  std::vector<std::string> copies = arguments;
+  std::vector<char*> argv = {command.data()};
+  for (std::string& copy : copies) argv.push_back(copy.data());
+  argv.push_back(nullptr);
+
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&files, 1, (output_ / "out").c_str(), O_WRONLY | O_CREAT, 0600);
+  posix_spawn_file_actions_addopen(&files, 2, (output_ / "err").c_str(), O_WRONLY | O_CREAT, 0600);
+  const int error = posix_spawn(&pid_, command.c_str(), &files, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&files);
+  if (error != 0) throw std::system_error(error, std::generic_category(), command);
+}
+
+Process::~Process() {
+  if (pid_ == 0) return;
+  kill(pid_, SIGKILL);
+  waitpid(pid_, nullptr, 0);
+}
+
+void Process::send(int signal) { kill(pid_, signal); }
+
+bool Process::has_ended() const {
+  siginfo_t info = {};  // si_pid stays 0 while the process runs
+  waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT);
+  return info.si_pid != 0;
+}
+
+std::string Process::err() const { return read_file(output_ / "err"); }
+
+ProcessResult Process::wait() {
+  int status = 0;
+  waitpid(pid_, &status, 0);
+  pid_ = 0;
+  return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
+          .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0,
+          .out = read_file(output_ / "out"),
+          .err = err()};
+}
+
+ProcessResult run_locvol(const std::vector<std::string>& arguments) {
+  return Process(arguments).wait();
+}
+
+std::string read_file(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+}  // namespace locvol

@@ -1,0 +1,41 @@
+// Runs the locvol command as its users do: arguments in, exit code, stdout and stderr out.
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/tools/temp_dir.h"
+
+namespace locvol {
+
+struct ProcessResult {
+  int exit_code = -1;  // -1: a signal ended the process
+  int signal = 0;      // that signal
+  std::string out, err;
+};
+
+class Process {
+ public:
+  explicit Process(const std::vector<std::string>& arguments);
+  ~Process();  // kills it, if it still runs
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  void send(int signal);
+  bool has_ended() const;
+  std::string err() const;  // so far
+  ProcessResult wait();
+
+ private:
+  TempDir output_;
+  pid_t pid_ = 0;  // 0: waited for
+};
+
+ProcessResult run_locvol(const std::vector<std::string>& arguments);
+
+std::string read_file(const std::filesystem::path& file);
+
+}  // namespace locvol

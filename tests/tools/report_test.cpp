@@ -1,0 +1,90 @@
+#include "tools/report.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace locvol {
+namespace {
+
+AuditReport valid_report() {
+  AuditReport report;
+  report.num_cells = 10;
+  report.num_components = report.surface_num_components = 1;
+  report.euler_characteristic = report.surface_euler_characteristic = -4;
+  return report;
+}
+
+TEST(BytesText, HasThreeDigits) {
+  EXPECT_EQ(bytes_text(0), "0 B");
+  EXPECT_EQ(bytes_text(999), "999 B");
+  EXPECT_EQ(bytes_text(1000), "1 kB");
+  EXPECT_EQ(bytes_text(1234567), "1.23 MB");
+  EXPECT_EQ(bytes_text(999'999), "1 MB");
+  EXPECT_EQ(bytes_text(5'000'000'000'000'000), "5e+03 TB");
+}
+
+TEST(PointText, RoundTrips) {
+  EXPECT_EQ(point_text({0.1, -0.0, 1.0 / 3}), "(0.1, -0, 0.3333333333333333)");
+}
+
+TEST(Genus, IsTheSumOverComponents) {
+  EXPECT_EQ(genus(1, 2), 0);
+  EXPECT_EQ(genus(1, -4), 3);
+  EXPECT_EQ(genus(3, 6), 0);
+  EXPECT_EQ(genus(2, 0), 2);  // two tori
+}
+
+TEST(AuditText, SetsMeshBesideInput) {
+  const std::string text = audit_text(valid_report());
+  EXPECT_NE(text.find("genus                                     3              3\n"),
+            std::string::npos)
+      << text;
+  EXPECT_EQ(text.find("BAD"), std::string::npos) << text;
+  EXPECT_TRUE(text.ends_with("\nvalid\n")) << text;
+}
+
+TEST(AuditText, NamesEveryViolation) {
+  AuditReport report = valid_report();
+  report.num_bad_boundary_edges = 2;
+  report.num_large_cells = 1;
+  report.violations = {"edge 3 7"};
+  const std::string text = audit_text(report);
+  EXPECT_NE(text.find("BAD: 2 boundary edges"), std::string::npos) << text;
+  EXPECT_NE(text.find("BAD: 1 cells with a circumradius"), std::string::npos) << text;
+  EXPECT_NE(text.find("  edge 3 7\n"), std::string::npos) << text;
+  EXPECT_TRUE(text.ends_with("\nNOT VALID\n")) << text;
+}
+
+TEST(AuditJson, AgreesWithTheReport) {
+  AuditReport report = valid_report();
+  report.num_repeated_cells = 4;
+  const Json json = to_json(report);
+  EXPECT_EQ(json["is_valid"], false);
+  EXPECT_EQ(json["mesh"]["genus"], 3);
+  EXPECT_EQ(json["violations"]["repeated_cells"], 4);
+  EXPECT_EQ(json["violations"]["large_cells"], 0);
+}
+
+TEST(LeafJson, HasAQueuePositionOnlyWhenQueued) {
+  LeafInfo info;
+  EXPECT_EQ(to_json(info)["state"], "clean");
+  EXPECT_FALSE(to_json(info).contains("epoch"));
+  info.queued = QueuePosition{.epoch = 3, .color = 5};
+  EXPECT_EQ(to_json(info)["state"], "queued");
+  EXPECT_EQ(to_json(info)["epoch"], 3);
+  EXPECT_EQ(to_json(info)["color"], 5);
+}
+
+TEST(SiteText, NamesConditionPlaceAndLeaf) {
+  const LeafSite site{MortonKey::root(),
+                      {.condition = 3, .position = {1, 2.5, -3}, .radius = 0.25}};
+  EXPECT_EQ(site_text(site), "C3 at (1, 2.5, -3), radius 0.25, leaf 8000000000000000");
+}
+
+TEST(InsertionsText, NamesConditionsFromC1) {
+  EXPECT_EQ(insertions_text({1, 2, 3, 4, 5, 6}), "C1 1, C2 2, C3 3, C4 4, C5 5, C6 6");
+}
+
+}  // namespace
+}  // namespace locvol

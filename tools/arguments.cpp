@@ -1,0 +1,146 @@
+#include "tools/arguments.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+
+#include "tools/generate.h"
+
+namespace locvol {
+namespace {
+
+// All of `text` as a number, or nothing.
+template <typename Number, typename... Format>
+std::optional<Number> parse_number(std::string_view text, Format... format) {
+  Number value{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value, format...);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return value;
+}
+
+// Takes the suffix off `text` and returns its factor.
+double take_factor(std::string_view& text) {
+  const char suffix = text.empty() ? '\0' : text.back();
+  const double factor = suffix == 'k' || suffix == 'K' ? 1e3
+                        : suffix == 'M'                ? 1e6
+                        : suffix == 'G'                ? 1e9
+                                                       : 1;
+  if (factor > 1) text.remove_suffix(1);
+  return factor;
+}
+
+}  // namespace
+
+SizeSpec parse_size(const std::string& text) {
+  const bool is_percent = text.ends_with('%');
+  const auto value =
+      parse_number<double>(std::string_view(text).substr(0, text.size() - is_percent));
+  if (!value || !std::isfinite(*value) || *value <= 0) {
+    throw std::invalid_argument(fmt::format(
+        "'{}' is no size: give a positive length (0.01) or a percentage of the smallest side of "
+        "the bounding box (2%)",
+        text));
+  }
+  return {*value, is_percent};
+}
+
+std::uint64_t parse_count(const std::string& text) {
+  std::string_view digits = text;
+  const double factor = take_factor(digits);
+  const auto number = parse_number<double>(digits);
+  const double value = number.value_or(0) * factor;
+  if (!(value >= 1) || value >= 0x1p53 || value != std::floor(value)) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no count: give a whole number, at least 1 (50000, 50k, 1.5M)", text));
+  }
+  return static_cast<std::uint64_t>(value);
+}
+
+double parse_fraction(const std::string& text) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value > 0 && *value < 1)) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no fraction: give a number above 0 and below 1", text));
+  }
+  return *value;
+}
+
+std::uint64_t parse_seed(const std::string& text) {
+  const auto value = parse_number<std::uint64_t>(text);
+  if (!value) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no seed: give a whole number from 0 to 2^64 - 1", text));
+  }
+  return *value;
+}
+
+Initialization parse_init(const std::string& text) {
+  if (text == "cover") return Initialization::kCover;
+  if (text == "paper") return Initialization::kPaper;
+  throw std::invalid_argument(fmt::format("'{}' is no initialization: give cover or paper", text));
+}
+
+std::string parse_shape(const std::string& text) {
+  if (std::ranges::find(shapes(), text, &ShapeInfo::name) == shapes().end()) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no shape: `locvol generate --help` lists all", text));
+  }
+  return text;
+}
+
+MortonKey parse_key(const std::string& text) {
+  std::string_view digits = text;
+  if (digits.starts_with("0x")) digits.remove_prefix(2);
+  const auto bits = parse_number<std::uint64_t>(digits, 16);
+  if (!bits || !MortonKey::from_bits(*bits).is_valid()) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no leaf key: give one as `locvol inspect DIR --leaves` prints it, "
+                    "such as {}",
+                    text, key_text(MortonKey::root())));
+  }
+  return MortonKey::from_bits(*bits);
+}
+
+std::string key_text(MortonKey key) { return fmt::format("{:016x}", key.bits()); }
+
+std::filesystem::path parse_output(const std::string& text,
+                                   const std::vector<std::string_view>& extensions) {
+  const std::filesystem::path path(text);
+  if (std::ranges::find(extensions, path.extension().string()) == extensions.end()) {
+    throw std::invalid_argument(fmt::format("'{}' names no known format: it must end in {}", text,
+                                            fmt::join(extensions, " or ")));
+  }
+  return path;
+}
+
+double absolute_size(const SizeSpec& size, const Box& box) {
+  if (!size.is_percent) return size.value;
+  const Point sides = box.max - box.min;
+  return size.value / 100 * std::min({sides.x, sides.y, sides.z});
+}
+
+void require_writable(const std::filesystem::path& output) {
+  const auto folder = output.has_parent_path() ? output.parent_path() : std::filesystem::path(".");
+  if (!std::filesystem::is_directory(folder)) {
+    throw std::runtime_error(
+        fmt::format("cannot write {}: there is no directory {}", output.string(), folder.string()));
+  }
+  if (std::filesystem::is_directory(output)) {
+    throw std::runtime_error(fmt::format("cannot write {}: it is a directory", output.string()));
+  }
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    throw std::runtime_error(
+        fmt::format("cannot write {}: {}", output.string(),
+                    std::error_code(errno, std::generic_category()).message()));
+  }
+}
+
+}  // namespace locvol

@@ -1,0 +1,42 @@
+// What the user types, made into values. A value that cannot be meant throws std::invalid_argument
+// with a message that says what can: a usage error.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/engine.h"
+#include "octree/geometry.h"
+#include "octree/morton_key.h"
+
+namespace locvol {
+
+// "0.01", a length; "2%", of the smallest side of the bounding box. Positive and finite.
+SizeSpec parse_size(const std::string& text);
+// "50000", "50k", "1.5M", "2G" (powers of 1000). A whole number, at least 1 and below 2^53.
+std::uint64_t parse_count(const std::string& text);
+// Above 0 and below 1.
+double parse_fraction(const std::string& text);
+// A whole number from 0 to 2^64 - 1.
+std::uint64_t parse_seed(const std::string& text);
+Initialization parse_init(const std::string& text);  // "cover" or "paper"
+std::string parse_shape(const std::string& text);    // a name from shapes()
+// Morton bits in hexadecimal, as key_text() prints them; "0x" may precede.
+MortonKey parse_key(const std::string& text);
+std::string key_text(MortonKey key);
+
+// `text` as a path, if its extension is one of `extensions` (".vtu").
+std::filesystem::path parse_output(const std::string& text,
+                                   const std::vector<std::string_view>& extensions);
+
+// λ of a surface with this bounding box.
+double absolute_size(const SizeSpec& size, const Box& box);
+
+// Throws std::runtime_error unless a file could be made under this name: asked before hours of
+// work, so that they end in a file.
+void require_writable(const std::filesystem::path& output);
+
+}  // namespace locvol

@@ -1,0 +1,228 @@
+#include "tools/commands.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <optional>
+#include <system_error>
+
+#include "engine/audit.h"
+#include "engine/surface_input.h"
+#include "engine/writer.h"
+#include "tools/arguments.h"
+#include "tools/generate.h"
+#include "tools/progress.h"
+#include "tools/report.h"
+#include "tools/stop_signal.h"
+#include "tools/stored_run.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kMaxListedSites = 20;  // on stderr; `inspect` lists all
+constexpr double kCellsPerCubicSize =
+    2.4;  // of volume over λ³: a BCC mesh has 2.24, a boundary more
+
+std::filesystem::path default_store(const std::filesystem::path& output) {
+  return output.string() + ".locvol";
+}
+
+// Only what this command may remove when it is done with it.
+bool is_absent_or_store(const std::filesystem::path& directory) {
+  return !std::filesystem::exists(directory) || Store::exists(directory);
+}
+
+void remove_store(const std::filesystem::path& directory) {
+  std::error_code error;
+  std::filesystem::remove_all(directory, error);
+  if (error) {
+    fmt::print(stderr, "locvol: cannot remove the store {}: {}\n", directory.string(),
+               error.message());
+  }
+}
+
+struct TimedRun {
+  RunSummary summary;
+  double seconds = 0;
+};
+
+TimedRun run_with_progress(bool is_quiet, const std::function<RunSummary(const RunControl&)>& run) {
+  ProgressLine line(is_quiet);
+  const RunControl control{
+      .on_progress = [&](const Progress& progress) { line.update(progress); },
+      .is_stopped = StopSignal::is_requested,
+      .on_note = [&](const std::string& text) { line.note(text); },
+  };
+  RunSummary summary = run(control);
+  return {std::move(summary), line.seconds()};
+}
+
+std::string_view outcome_name(RunOutcome outcome) {
+  switch (outcome) {
+    case RunOutcome::kDone:
+      return "done";
+    case RunOutcome::kUnresolved:
+      return "unresolved";
+    case RunOutcome::kInterrupted:
+      return "interrupted";
+  }
+  return "unknown";
+}
+
+int exit_code(RunOutcome outcome) {
+  switch (outcome) {
+    case RunOutcome::kDone:
+      return kExitDone;
+    case RunOutcome::kUnresolved:
+      return kExitUnresolved;
+    case RunOutcome::kInterrupted:
+      return kExitInterrupted;
+  }
+  return kExitError;
+}
+
+void print_how_to_resume(const std::filesystem::path& store, const std::filesystem::path& output) {
+  const std::string option = output.empty() ? "" : fmt::format(" -o {}", output.string());
+  fmt::print(stderr, "locvol: interrupted; `locvol resume {}{}` goes on\n", store.string(), option);
+}
+
+void print_unresolved(const Store& store) {
+  const auto sites = unresolved_sites(store.snapshot());
+  fmt::print(stderr,
+             "locvol: {} sites are unresolved: the surface is not smooth there at scale λ\n",
+             sites.size());
+  for (std::size_t i = 0; i < std::min(sites.size(), kMaxListedSites); ++i) {
+    fmt::print(stderr, "  {}\n", site_text(sites[i]));
+  }
+  if (sites.size() > kMaxListedSites) {
+    fmt::print(stderr, "  and {} more: `locvol inspect {}` lists all\n",
+               sites.size() - kMaxListedSites, store.directory().string());
+  }
+}
+
+std::string written_text(const std::filesystem::path& output, const WriteSummary& written) {
+  return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", output.string(),
+                     written.num_cells, written.num_vertices, bytes_text(written.bytes));
+}
+
+Json written_json(const std::filesystem::path& output, const WriteSummary& written) {
+  Json json = to_json(written);
+  json["file"] = output.string();
+  return json;
+}
+
+// What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
+// code.
+int finish(const TimedRun& run, const std::filesystem::path& directory,
+           const std::filesystem::path& output, bool is_json) {
+  std::optional<WriteSummary> written;
+  const RunOutcome outcome = run.summary.outcome;
+  if (outcome == RunOutcome::kInterrupted) {
+    print_how_to_resume(directory, output);
+  } else {
+    const Store store = open_to_read(directory);
+    if (!output.empty()) written = write_vtu(store, output);
+    if (outcome == RunOutcome::kUnresolved) print_unresolved(store);
+  }
+  if (is_json) {
+    Json json = {{"outcome", outcome_name(outcome)}, {"seconds", run.seconds}};
+    json.update(to_json(run.summary));
+    if (written) json["written"] = written_json(output, *written);
+    print_json(json);
+  } else {
+    fmt::print("{}{:<16} {}\n", summary_text(run.summary), "time", duration_text(run.seconds));
+    if (written) fmt::print("{}", written_text(output, *written));
+  }
+  return exit_code(outcome);
+}
+
+}  // namespace
+
+int run_mesh(const MeshCommand& command) {
+  require_writable(command.output);
+  MeshOptions options = command.options;
+  const bool is_default = options.store.empty();
+  if (is_default) options.store = default_store(command.output);
+  const bool is_removable =
+      is_default && !command.is_store_kept && is_absent_or_store(options.store);
+
+  const StopSignal stop_signal;
+  const TimedRun run = run_with_progress(
+      command.is_quiet, [&](const RunControl& control) { return mesh(options, control); });
+  const int code = finish(run, options.store, command.output, command.is_json);
+  if (code == kExitDone && is_removable) remove_store(options.store);
+  return code;
+}
+
+int run_resume(const ResumeCommand& command) {
+  if (!command.output.empty()) require_writable(command.output);
+  const StopSignal stop_signal;
+  const TimedRun run = run_with_progress(
+      command.is_quiet, [&](const RunControl& control) { return resume(command.store, control); });
+  return finish(run, command.store, command.output, command.is_json);
+}
+
+int run_export(const ExportCommand& command) {
+  require_writable(command.output);
+  const Store store = open_to_read(command.store);
+  require_done(store);
+  const WriteSummary written = write_vtu(store, command.output);
+  if (command.is_json) {
+    print_json(written_json(command.output, written));
+  } else {
+    fmt::print("{}", written_text(command.output, written));
+  }
+  return kExitDone;
+}
+
+int run_audit(const AuditCommand& command) {
+  const Store store = open_to_read(command.store);
+  require_done(store);
+  const AuditReport report = audit(store);
+  if (command.is_json) {
+    print_json(to_json(report));
+  } else {
+    fmt::print("{}", audit_text(report));
+  }
+  return report.is_valid() ? kExitDone : kExitError;
+}
+
+int run_info(const InfoCommand& command) {
+  const InputSurface surface = read_surface(command.surface);
+  const SurfaceFacts& facts = surface.facts;
+  Json json = to_json(facts);
+  std::string text = facts_text(facts);
+  if (command.size) {
+    const double size = absolute_size(*command.size, facts.box);
+    const double num_cells = std::round(kCellsPerCubicSize * facts.volume / std::pow(size, 3));
+    json["size"] = size;
+    json["estimated_cells"] = num_cells;
+    text += fmt::format("{:<16} {}\n{:<16} about {:.3g}\n", "size λ", size, "cells", num_cells);
+  }
+  if (command.is_json) {
+    json["digest"] = surface.digest;
+    print_json(json);
+  } else {
+    fmt::print("{}", text);
+  }
+  return kExitDone;
+}
+
+int run_generate(const GenerateCommand& command) {
+  require_writable(command.output);
+  const GeneratedSurface surface = generate(command.shape, command.num_triangles, command.output);
+  if (command.is_json) {
+    print_json({{"file", command.output.string()},
+                {"num_vertices", surface.num_vertices},
+                {"num_triangles", surface.num_triangles},
+                {"bytes", surface.bytes}});
+  } else {
+    fmt::print("{}: {} triangles, {} vertices, {}\n", command.output.string(),
+               surface.num_triangles, surface.num_vertices, bytes_text(surface.bytes));
+  }
+  return kExitDone;
+}
+
+}  // namespace locvol

@@ -1,0 +1,246 @@
+// The locvol command: declares what can be typed, calls the subcommand, and catches every error.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "tools/arguments.h"
+#include "tools/commands.h"
+#include "tools/generate.h"
+
+namespace locvol {
+namespace {
+
+constexpr const char* kDescription =
+    "Meshes the volume inside a closed surface with tetrahedra, out of core.";
+constexpr const char* kFooter =
+    "Results go to stdout, progress to stderr.\n"
+    "Exit codes: 0 done; 1 error (audit: not valid); 2 usage; 3 done, but with unresolved sites;\n"
+    "4 interrupted, and resumable.";
+constexpr const char* kSizeHelp =
+    "Bound λ of circumradii and surface balls: a length (0.01), or a percentage of the smallest "
+    "side of the bounding box (2%)";
+
+using Subcommand = std::pair<CLI::App*, std::function<int()>>;
+
+// An option whose text `parse` makes into a value; its std::invalid_argument is a usage error.
+template <typename Parse>
+CLI::Option* add_parsed(CLI::App& app, const std::string& name, Parse parse, auto& target,
+                        const std::string& description) {
+  const auto assign = [name, parse, &target](const std::string& text) {
+    try {
+      target = parse(text);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(name, error.what());
+    }
+  };
+  return app.add_option_function<std::string>(name, assign, description);
+}
+
+CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
+                        std::vector<std::string_view> extensions) {
+  const auto parse = [extensions](const std::string& text) {
+    return parse_output(text, extensions);
+  };
+  return add_parsed(app, "-o,--output", parse, output,
+                    fmt::format("File to write ({})", fmt::join(extensions, ", ")))
+      ->type_name("FILE");
+}
+
+void add_store(CLI::App& app, std::filesystem::path& store) {
+  app.add_option("DIR", store, "Store of a run")->type_name("")->required();
+}
+
+void add_json(CLI::App& app, bool& is_json) {
+  app.add_flag("--json", is_json, "Print the result as JSON");
+}
+
+void add_quiet(CLI::App& app, bool& is_quiet) {
+  app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
+}
+
+CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
+  CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
+  MeshOptions& options = command.options;
+  mesh->add_option("SURFACE", options.input, "Closed surface: STL, OBJ, OFF or PLY")
+      ->type_name("")
+      ->required();
+  add_output(*mesh, command.output, {".vtu"})->required();
+  add_parsed(*mesh, "-s,--size", parse_size, options.size, kSizeHelp)
+      ->type_name("SIZE")
+      ->required();
+  mesh->add_option("--store", options.store,
+                   "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
+                   "when the run is done with exit code 0)")
+      ->type_name("DIR");
+  mesh->add_flag("--keep-store", command.is_store_kept, "Keep the default store, too");
+  add_parsed(*mesh, "--leaf-capacity", parse_count, options.leaf_capacity,
+             "Split a leaf with more points than this")
+      ->type_name("K");
+  add_parsed(*mesh, "--init", parse_init, options.init,
+             "First points: cover the domain, or few as in the paper (default: cover)")
+      ->type_name("cover|paper");
+  add_parsed(*mesh, "--seed", parse_seed, options.seed, "Seed of the surface sample (default: 0)")
+      ->type_name("N");
+  add_parsed(*mesh, "--spacing-floor", parse_fraction, options.spacing_floor,
+             fmt::format("Insert no point closer than this to another, as a fraction of λ "
+                         "(default: {})",
+                         options.spacing_floor))
+      ->type_name("F");
+  mesh->add_flag("--force", options.is_forced, "Start anew over the store of another run");
+  add_quiet(*mesh, command.is_quiet);
+  add_json(*mesh, command.is_json);
+  return mesh;
+}
+
+CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
+  CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
+  add_store(*resume, command.store);
+  add_output(*resume, command.output, {".vtu"});
+  add_quiet(*resume, command.is_quiet);
+  add_json(*resume, command.is_json);
+  return resume;
+}
+
+CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
+  CLI::App* inspect = app.add_subcommand("inspect", "Look into a store");
+  add_store(*inspect, command.store);
+  CLI::App* view = inspect->add_option_group("View", "Instead of the summary");
+  view->add_flag("--leaves", command.lists_leaves, "List all leaves with state and counts");
+  view->add_flag("--queue", command.lists_queue, "List the queue, in its order");
+  add_parsed(*view, "--leaf", parse_key, command.leaf, "One leaf in full, by its key")
+      ->type_name("KEY");
+  view->require_option(0, 1);
+  add_json(*inspect, command.is_json);
+  return inspect;
+}
+
+CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
+  CLI::App* export_app = app.add_subcommand("export", "Write the mesh of a finished run");
+  add_store(*export_app, command.store);
+  add_output(*export_app, command.output, {".vtu"})->required();
+  add_json(*export_app, command.is_json);
+  return export_app;
+}
+
+CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
+  CLI::App* audit = app.add_subcommand(
+      "audit",
+      "Check the mesh of a finished run from its store alone; exit code 1 if it is not valid");
+  add_store(*audit, command.store);
+  add_json(*audit, command.is_json);
+  return audit;
+}
+
+CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
+  CLI::App* info = app.add_subcommand("info", "Read a surface and say what it is");
+  info->add_option("SURFACE", command.surface, "Closed surface: STL, OBJ, OFF or PLY")
+      ->type_name("")
+      ->required();
+  add_parsed(*info, "-s,--size", parse_size, command.size,
+             "With λ, as for mesh: also estimate the number of cells")
+      ->type_name("SIZE");
+  add_json(*info, command.is_json);
+  return info;
+}
+
+std::string shape_list() {
+  std::string list = "Shapes:\n";
+  for (const ShapeInfo& shape : shapes()) {
+    list += fmt::format("  {:<18} {}; at least {} triangles\n", shape.name, shape.description,
+                        shape.min_triangles);
+  }
+  return list;
+}
+
+CLI::App* declare_generate(CLI::App& app, GenerateCommand& command) {
+  CLI::App* generate = app.add_subcommand("generate", "Write a surface of a known shape");
+  add_parsed(*generate, "SHAPE", parse_shape, command.shape, "Name of the shape")
+      ->type_name("")
+      ->required();
+  add_output(*generate, command.output, {".stl", ".ply"})->required();
+  add_parsed(*generate, "-n,--triangles", parse_count, command.num_triangles,
+             "About how many (50000, 50k, 1.5M)")
+      ->type_name("N")
+      ->required();
+  add_json(*generate, command.is_json);
+  generate->footer(shape_list());
+  return generate;
+}
+
+int report_usage(const CLI::App& app, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
+  fmt::print(stderr,
+             "locvol: error: {}\nlocvol: `locvol --help` and `locvol COMMAND --help` say more\n",
+             error.what());
+  return kExitUsage;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app(kDescription, "locvol");
+  app.footer(kFooter);
+  app.set_version_flag("--version", "locvol " LOCVOL_VERSION);
+  app.require_subcommand(1);
+  MeshCommand mesh;
+  ResumeCommand resume;
+  InspectCommand inspect;
+  ExportCommand export_command;
+  AuditCommand audit;
+  InfoCommand info;
+  GenerateCommand generate;
+  const std::vector<Subcommand> subcommands = {
+      {declare_mesh(app, mesh), [&] { return run_mesh(mesh); }},
+      {declare_resume(app, resume), [&] { return run_resume(resume); }},
+      {declare_inspect(app, inspect), [&] { return run_inspect(inspect); }},
+      {declare_export(app, export_command), [&] { return run_export(export_command); }},
+      {declare_audit(app, audit), [&] { return run_audit(audit); }},
+      {declare_info(app, info), [&] { return run_info(info); }},
+      {declare_generate(app, generate), [&] { return run_generate(generate); }},
+  };
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return report_usage(app, error);
+  }
+  for (const auto& [subcommand, run_subcommand] : subcommands) {
+    if (subcommand->parsed()) return run_subcommand();
+  }
+  return kExitUsage;
+}
+
+// A result that did not reach its reader is no result.
+void flush_output() {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    throw std::runtime_error("cannot write to standard output");
+  }
+}
+
+int fail(const char* message) {
+  fmt::print(stderr, "locvol: error: {}\n", message);
+  return kExitError;
+}
+
+}  // namespace
+}  // namespace locvol
+
+int main(int argc, char** argv) {
+  try {
+    const int code = locvol::run(argc, argv);
+    locvol::flush_output();
+    return code;
+  } catch (const std::bad_alloc&) {
+    return locvol::fail("out of memory");
+  } catch (const std::exception& error) {
+    return locvol::fail(error.what());
+  } catch (...) {
+    return locvol::fail("unknown error");
+  }
+}

@@ -1,0 +1,5 @@
+include(CMakeFindDependencyMacro)
+find_dependency(Boost COMPONENTS serialization)
+find_dependency(CGAL)
+find_dependency(fmt)
+include(${CMAKE_CURRENT_LIST_DIR}/locvolTargets.cmake)

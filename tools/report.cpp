@@ -1,0 +1,284 @@
+#include "tools/report.h"
+
+#include <fmt/format.h>
+
+#include "tools/arguments.h"
+#include "tools/progress.h"
+
+namespace locvol {
+namespace {
+
+std::string plural(std::uint64_t count, std::string_view noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+template <typename... Values>
+std::string row(std::string_view name, fmt::format_string<Values...> format, Values&&... values) {
+  return fmt::format("{:<16} {}\n", name, fmt::format(format, std::forward<Values>(values)...));
+}
+
+std::string mesh_and_input(std::string_view name, const auto& mesh, const auto& input) {
+  return fmt::format("{:<28} {:>14} {:>14}\n", name, mesh, input);
+}
+
+// One violation count of an audit, its name in JSON and in text.
+struct Check {
+  std::string_view key, text;
+  std::uint64_t AuditReport::*count;
+};
+
+constexpr std::array kChecks = {
+    Check{"nonempty_circumballs", "cells with a point in the circumball",
+          &AuditReport::num_nonempty_circumballs},
+    Check{"overused_facets", "facets used more than twice or twice on one side",
+          &AuditReport::num_overused_facets},
+    Check{"bad_boundary_edges", "boundary edges not in two boundary facets",
+          &AuditReport::num_bad_boundary_edges},
+    Check{"bad_boundary_vertices", "boundary vertices whose link is no cycle",
+          &AuditReport::num_bad_boundary_vertices},
+    Check{"off_surface_vertices", "boundary vertices off the surface",
+          &AuditReport::num_off_surface_vertices},
+    Check{"large_cells", "cells with a circumradius of λ or more", &AuditReport::num_large_cells},
+    Check{"badly_shaped_cells", "cells above the radius-edge bound",
+          &AuditReport::num_badly_shaped_cells},
+    Check{"misoriented_cells", "cells flat or inverted", &AuditReport::num_misoriented_cells},
+    Check{"repeated_cells", "cells stored twice", &AuditReport::num_repeated_cells},
+    Check{"unknown_vertices", "vertices that no leaf owns", &AuditReport::num_unknown_vertices},
+};
+
+}  // namespace
+
+std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic) {
+  return static_cast<std::int64_t>(num_components) - euler_characteristic / 2;
+}
+
+std::string_view init_name(Initialization init) {
+  return init == Initialization::kPaper ? "paper" : "cover";
+}
+
+std::string_view kind_name(PointKind kind) {
+  switch (kind) {
+    case PointKind::kSurface:
+      return "surface";
+    case PointKind::kVolume:
+      return "volume";
+    case PointKind::kLattice:
+      return "lattice";
+  }
+  return "unknown";
+}
+
+std::string bytes_text(std::uint64_t bytes) {
+  constexpr std::array<std::string_view, 5> kUnits = {"B", "kB", "MB", "GB", "TB"};
+  if (bytes < 1000) return fmt::format("{} B", bytes);
+  double value = static_cast<double>(bytes);
+  std::size_t unit = 0;
+  while (value >= 999.5 && unit + 1 < kUnits.size()) {
+    value /= 1000;
+    ++unit;
+  }
+  return fmt::format("{:.3g} {}", value, kUnits[unit]);
+}
+
+std::string point_text(const Point& point) {
+  return fmt::format("({}, {}, {})", point.x, point.y, point.z);
+}
+
+std::string box_text(const Box& box) {
+  return fmt::format("{} to {}", point_text(box.min), point_text(box.max));
+}
+
+std::string site_text(const LeafSite& site) {
+  return fmt::format("C{} at {}, radius {:.6g}, leaf {}", site.site.condition,
+                     point_text(site.site.position), site.site.radius, key_text(site.leaf));
+}
+
+std::string insertions_text(const std::array<std::uint64_t, kNumConditions>& num_insertions) {
+  std::string text;
+  for (std::size_t i = 0; i < num_insertions.size(); ++i) {
+    text += fmt::format("{}C{} {}", i == 0 ? "" : ", ", i + 1, num_insertions[i]);
+  }
+  return text;
+}
+
+std::string facts_text(const SurfaceFacts& facts) {
+  std::string text = row("surface", "{}", facts.file) +
+                     row("triangles", "{}, {} vertices", facts.num_triangles, facts.num_vertices) +
+                     row("topology", "{}, Euler characteristic {}, genus {}",
+                         plural(facts.num_components, "component"), facts.euler_characteristic,
+                         genus(facts.num_components, facts.euler_characteristic)) +
+                     row("area, volume", "{:.6g}, {:.6g}", facts.area, facts.volume) +
+                     row("bounding box", "{}", box_text(facts.box));
+  for (const std::string& note : facts.notes) text += row("note", "{}", note);
+  return text;
+}
+
+std::string parameters_text(const RunParameters& parameters) {
+  return row("size λ", "{}", parameters.size) +
+         row("leaf capacity κ", "{}", parameters.leaf_capacity) +
+         row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +
+         row("bounds", "radius-edge ratio {}, spacing floor {} λ", parameters.radius_edge_bound,
+             parameters.spacing_floor);
+}
+
+std::string summary_text(const RunSummary& summary) {
+  return row("phase", "{}", phase_name(summary.run.phase)) +
+         row("mesh", "{}, {}", plural(summary.num_cells, "cell"),
+             plural(summary.num_points, "point")) +
+         row("visits", "{}, at most {} to one of {} leaves", summary.num_visits,
+             summary.max_visits_of_a_leaf, summary.num_leaves) +
+         row("insertions", "{}", insertions_text(summary.num_insertions)) +
+         row("deletions", "{}", summary.num_deletions) +
+         row("unresolved", "{}", plural(summary.num_unresolved, "site"));
+}
+
+std::string audit_text(const AuditReport& report) {
+  std::string text = mesh_and_input("", "mesh", "input");
+  text += mesh_and_input("volume", fmt::format("{:.6g}", report.volume),
+                         fmt::format("{:.6g}", report.surface_volume));
+  text +=
+      mesh_and_input("boundary components", report.num_components, report.surface_num_components);
+  text += mesh_and_input("Euler characteristic", report.euler_characteristic,
+                         report.surface_euler_characteristic);
+  text += mesh_and_input("genus", genus(report.num_components, report.euler_characteristic),
+                         genus(report.surface_num_components, report.surface_euler_characteristic));
+  text += fmt::format(
+      "cells {}, vertices {}; boundary facets {}, vertices {}\n"
+      "largest circumradius {:.6g} λ, radius-edge ratio {:.6g}\n"
+      "dihedral angles {:.2f}° to {:.2f}°\n"
+      "boundary vertices at most {:.3g} λ off the surface\n"
+      "unresolved sites {}\n",
+      report.num_cells, report.num_vertices, report.num_boundary_facets,
+      report.num_boundary_vertices, report.max_circumradius, report.max_radius_edge_ratio,
+      report.min_dihedral_degrees, report.max_dihedral_degrees, report.max_surface_distance,
+      report.num_unresolved);
+  for (const Check& check : kChecks) {
+    if (report.*check.count > 0)
+      text += fmt::format("BAD: {} {}\n", report.*check.count, check.text);
+  }
+  for (const std::string& violation : report.violations) text += fmt::format("  {}\n", violation);
+  return text + (report.is_valid() ? "valid\n" : "NOT VALID\n");
+}
+
+Json to_json(const Point& point) { return {point.x, point.y, point.z}; }
+
+Json to_json(const Box& box) { return {{"min", to_json(box.min)}, {"max", to_json(box.max)}}; }
+
+Json to_json(const SurfaceFacts& facts) {
+  return {{"file", facts.file},
+          {"num_vertices", facts.num_vertices},
+          {"num_triangles", facts.num_triangles},
+          {"num_components", facts.num_components},
+          {"euler_characteristic", facts.euler_characteristic},
+          {"genus", genus(facts.num_components, facts.euler_characteristic)},
+          {"area", facts.area},
+          {"volume", facts.volume},
+          {"box", to_json(facts.box)},
+          {"notes", facts.notes}};
+}
+
+Json to_json(const RunParameters& parameters) {
+  return {{"input_digest", parameters.input_digest},
+          {"size", parameters.size},
+          {"leaf_capacity", parameters.leaf_capacity},
+          {"init", init_name(parameters.init)},
+          {"seed", parameters.seed},
+          {"radius_edge_bound", parameters.radius_edge_bound},
+          {"spacing_floor", parameters.spacing_floor}};
+}
+
+Json to_json(const LeafInfo& info) {
+  Json json = {{"state", info.queued ? "queued" : "clean"},
+               {"num_visits", info.num_visits},
+               {"num_points", info.num_points},
+               {"num_cells", info.num_cells},
+               {"num_triangles", info.num_triangles},
+               {"insertions", insertions_json(info.num_insertions)},
+               {"num_deletions", info.num_deletions},
+               {"num_unresolved", info.num_unresolved},
+               {"is_center_inside", info.is_center_inside}};
+  if (info.queued) json["epoch"] = info.queued->epoch;
+  if (info.queued) json["color"] = info.queued->color;
+  return json;
+}
+
+Json to_json(const QueueEntry& entry) {
+  return {{"epoch", entry.position.epoch},
+          {"color", entry.position.color},
+          {"leaf", key_text(entry.leaf)},
+          {"dirty", to_json(entry.dirty)}};
+}
+
+Json to_json(const LeafSite& site) {
+  return {{"leaf", key_text(site.leaf)},
+          {"condition", fmt::format("C{}", site.site.condition)},
+          {"position", to_json(site.site.position)},
+          {"radius", site.site.radius}};
+}
+
+Json to_json(const DatabaseSize& size) {
+  return {{"name", size.name}, {"bytes", size.bytes}, {"num_entries", size.num_entries}};
+}
+
+Json to_json(const RunSummary& summary) {
+  return {{"phase", phase_name(summary.run.phase)},
+          {"num_points", summary.num_points},
+          {"num_cells", summary.num_cells},
+          {"num_leaves", summary.num_leaves},
+          {"num_visits", summary.num_visits},
+          {"max_visits_of_a_leaf", summary.max_visits_of_a_leaf},
+          {"insertions", insertions_json(summary.num_insertions)},
+          {"num_deletions", summary.num_deletions},
+          {"num_unresolved", summary.num_unresolved},
+          {"parameters", to_json(summary.run.parameters)},
+          {"surface", to_json(summary.run.surface)}};
+}
+
+Json to_json(const WriteSummary& summary) {
+  return {{"num_vertices", summary.num_vertices},
+          {"num_cells", summary.num_cells},
+          {"bytes", summary.bytes}};
+}
+
+Json to_json(const AuditReport& report) {
+  Json violations;
+  for (const Check& check : kChecks) violations[std::string(check.key)] = report.*check.count;
+  violations["examples"] = report.violations;
+  return {{"is_valid", report.is_valid()},
+          {"mesh",
+           {{"num_cells", report.num_cells},
+            {"num_vertices", report.num_vertices},
+            {"num_boundary_facets", report.num_boundary_facets},
+            {"num_boundary_vertices", report.num_boundary_vertices},
+            {"volume", report.volume},
+            {"num_components", report.num_components},
+            {"euler_characteristic", report.euler_characteristic},
+            {"genus", genus(report.num_components, report.euler_characteristic)}}},
+          {"input",
+           {{"volume", report.surface_volume},
+            {"num_components", report.surface_num_components},
+            {"euler_characteristic", report.surface_euler_characteristic},
+            {"genus", genus(report.surface_num_components, report.surface_euler_characteristic)}}},
+          {"max_circumradius_over_size", report.max_circumradius},
+          {"max_radius_edge_ratio", report.max_radius_edge_ratio},
+          {"min_dihedral_degrees", report.min_dihedral_degrees},
+          {"max_dihedral_degrees", report.max_dihedral_degrees},
+          {"max_surface_distance_over_size", report.max_surface_distance},
+          {"num_unresolved", report.num_unresolved},
+          {"violations", violations}};
+}
+
+Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions) {
+  Json json;
+  for (std::size_t i = 0; i < num_insertions.size(); ++i) {
+    json[fmt::format("C{}", i + 1)] = num_insertions[i];
+  }
+  return json;
+}
+
+void print_json(const Json& json) {
+  // A file name need not be UTF-8; JSON must be.
+  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+}
+
+}  // namespace locvol

@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# Installs what is missing, builds all and runs the tests.
+# Usage: tools/test.sh [ARGUMENTS OF ctest...]
+#   LOCVOL_MODELS    directory of the shared models (default: ../shared/models, if it is there;
+#                    without it the tests that need models are skipped)
+#   LOCVOL_SANITIZE  address or thread: the sanitizer build, in build/address or build/thread
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+models=${LOCVOL_MODELS:-../shared/models}
+[[ -d $models ]] && models=$(cd "$models" && pwd) || models=
+sanitize=${LOCVOL_SANITIZE:-}
+tree=${sanitize:-release}
+
+tools/setup.sh
+tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize"
+ctest --test-dir "build/$tree" --output-on-failure --parallel "$(nproc)" "$@"
