@@ -19,9 +19,9 @@ Circumball circumball(std::array<Point, 4> vertices);
 
 // The axis of a triangle: the line of points at equal distances from its corners.
 struct Axis {
-  Point center;                // circumcenter
-  Point direction;             // unit normal, right-handed for the sorted corners
-  double squared_radius = 0;   // of the circumcircle; infinity for a triangle without area
+  Point center;               // circumcenter
+  Point direction;            // unit normal, right-handed for the sorted corners
+  double squared_radius = 0;  // of the circumcircle; infinity for a triangle without area
 };
 Axis axis_of(std::array<Point, 3> corners);
 

@@ -117,8 +117,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
     // which side of the facet it points. CGAL's vertex triple is counterclockwise seen from the
     // vertex off the facet.
-    const bool is_odd = (corners[0] > corners[1]) != ((corners[1] > corners[2]) !=
-                                                      (corners[0] > corners[2]));
+    const bool is_odd =
+        (corners[0] > corners[1]) != ((corners[1] > corners[2]) != (corners[0] > corners[2]));
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);

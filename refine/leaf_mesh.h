@@ -59,8 +59,8 @@ class LeafMesh {
   // How the dual edge of a facet meets the surface.
   struct DualCrossings {
     int count = 0;
-    Point ball_center;          // of the largest surface ball
-    double squared_radius = 0;  // of that ball
+    Point ball_center;              // of the largest surface ball
+    double squared_radius = 0;      // of that ball
     std::optional<Point> open_end;  // an end that was cut at the reach and lies inside the domain
     double open_radius = 0;
   };
@@ -122,7 +122,8 @@ class LeafMesh {
   void add_local(const MeshPoint& p, VertexRef ref);
   void make_fresh(Cell c);
   bool leads_past(Cell c, int index, const Axis& axis) const;
-  Point far_end(const Point& axis_center, const Point& direction, double squared_circumradius) const;
+  Point far_end(const Point& axis_center, const Point& direction,
+                double squared_circumradius) const;
 
   const LeafInput& input_;
   double far_radius_;

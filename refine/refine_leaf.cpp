@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <variant>
 
 #include "refine/leaf_mesh.h"
 
@@ -31,7 +33,13 @@ class Refinement {
  private:
   enum class Outcome { kChanged, kBlocked };
 
+  template <class Ref>
+  using Cure = Outcome (Refinement::*)(const Ref&, int condition);
+
   bool restore_next();
+  template <class Ref>
+  bool restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore);
+  bool restore_next_disk();
   void look_at_fresh_cells();
   void look_at(Cell cell);
   void look_at(Facet facet);
@@ -39,7 +47,7 @@ class Refinement {
 
   Outcome restore_facet(const FacetRef& facet, int condition);
   Outcome restore_disk(LocalIndex v);
-  Outcome restore_open_end(const FacetRef& facet);
+  Outcome restore_open_end(const FacetRef& facet, int condition);
   Outcome restore_cell(const CellRef& cell, int condition);
 
   bool is_disk(LocalIndex v, std::vector<Facet>& star) const;
@@ -51,6 +59,9 @@ class Refinement {
   void delete_volume_points_near(const Point& q);
   bool is_blocked(const Point& q, PointKind kind) const;
   double shortest_edge_squared(Cell c) const;
+  bool is_within_size(const Point& p, const Point& q) const {
+    return squared_distance(p, q) < input_.criteria.size * input_.criteria.size;
+  }
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
@@ -72,10 +83,7 @@ class Refinement {
 
   // Violations whose cure the spacing floor forbade when it was tried.
   struct Blocked {
-    int condition;
-    FacetRef facet;
-    CellRef cell;
-    LocalIndex vertex;
+    std::variant<FacetRef, CellRef, LocalIndex> where;
     Violation violation;
   };
   std::vector<Blocked> blocked_;
@@ -89,17 +97,12 @@ class Refinement {
 };
 
 template <class T>
-std::optional<T> pop(std::vector<T>& stack) {
-  if (stack.empty()) return std::nullopt;
-  T top = stack.back();
-  stack.pop_back();
-  return top;
-}
-
-template <class T>
 std::optional<T> pop_alive(std::vector<T>& stack) {
-  while (auto top = pop(stack))
-    if (top->is_alive()) return top;
+  while (!stack.empty()) {
+    const T top = stack.back();
+    stack.pop_back();
+    if (top.is_alive()) return top;
+  }
   return std::nullopt;
 }
 
@@ -119,24 +122,32 @@ LeafDelta Refinement::run() {
 // The conditions in priority order: the first one broken names the next point. False if none is.
 bool Refinement::restore_next() {
   look_at_fresh_cells();
-  if (const auto f = pop_alive(c1_)) {
-    if (restore_facet(*f, 1) == Outcome::kBlocked) blocked_.push_back({1, *f, {}, 0, attempt_});
-  } else if (const auto g = pop_alive(c2_)) {
-    if (restore_facet(*g, 2) == Outcome::kBlocked) blocked_.push_back({2, *g, {}, 0, attempt_});
-  } else if (const auto v = pop(c3_)) {
-    is_in_c3_[*v] = false;
-    if (restore_disk(*v) == Outcome::kBlocked) blocked_.push_back({3, {}, {}, *v, attempt_});
-  } else if (const auto h = pop_alive(c4_)) {
-    if (restore_facet(*h, 4) == Outcome::kBlocked) blocked_.push_back({4, *h, {}, 0, attempt_});
-  } else if (const auto e = pop_alive(open_ends_)) {
-    if (restore_open_end(*e) == Outcome::kBlocked) blocked_.push_back({5, *e, {}, 0, attempt_});
-  } else if (const auto c = pop_alive(c5_)) {
-    if (restore_cell(*c, 5) == Outcome::kBlocked) blocked_.push_back({5, {}, *c, 0, attempt_});
-  } else if (const auto d = pop_alive(c6_)) {
-    if (restore_cell(*d, 6) == Outcome::kBlocked) blocked_.push_back({6, {}, *d, 0, attempt_});
-  } else {
-    return false;
-  }
+  return restore_next(c1_, 1, &Refinement::restore_facet) ||
+         restore_next(c2_, 2, &Refinement::restore_facet) || restore_next_disk() ||
+         restore_next(c4_, 4, &Refinement::restore_facet) ||
+         restore_next(open_ends_, 5, &Refinement::restore_open_end) ||
+         restore_next(c5_, 5, &Refinement::restore_cell) ||
+         restore_next(c6_, 6, &Refinement::restore_cell);
+}
+
+// What survives its cure (the center of a surface ball was inserted in its place) is tried again.
+template <class Ref>
+bool Refinement::restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore) {
+  const auto ref = pop_alive(stack);
+  if (!ref) return false;
+  if ((this->*restore)(*ref, condition) == Outcome::kBlocked)
+    blocked_.push_back({*ref, attempt_});
+  else if (ref->is_alive())
+    stack.push_back(*ref);
+  return true;
+}
+
+bool Refinement::restore_next_disk() {
+  if (c3_.empty()) return false;
+  const LocalIndex v = c3_.back();
+  c3_.pop_back();
+  is_in_c3_[v] = false;
+  if (restore_disk(v) == Outcome::kBlocked) blocked_.push_back({v, attempt_});
   return true;
 }
 
@@ -177,8 +188,7 @@ void Refinement::look_at(Facet facet) {
   bool is_on_surface = true;
   for (int i = 0; i < 4; ++i)
     if (i != facet.index)
-      is_on_surface &=
-          mesh_.local(here->vertex(i)->info()).point.kind == PointKind::kSurface;
+      is_on_surface &= mesh_.local(here->vertex(i)->info()).point.kind == PointKind::kSurface;
   const double size = input_.criteria.size;
   if (dual.squared_radius >= size * size)
     c1_.push_back(ref);
@@ -271,11 +281,11 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
 
 // A dual edge that is still inside where balls are no longer known to be empty: its end is a point
 // of the domain farther than λ from P.
-Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref) {
+Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   if (!dual.open_end) return Outcome::kChanged;
-  attempt_ = {5, *dual.open_end, dual.open_radius};
-  return insert_in_volume(*dual.open_end, 5, ref.here.cell);
+  attempt_ = {condition, *dual.open_end, dual.open_radius};
+  return insert_in_volume(*dual.open_end, condition, ref.here.cell);
 }
 
 Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) {
@@ -303,7 +313,8 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
   if (take_in_unloaded(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
-  mesh_.points_within(q, input_.criteria.size, conflict_.nearest, close_);
+  mesh_.points_within(q, std::max(input_.criteria.size, input_.criteria.spacing_floor),
+                      conflict_.nearest, close_);
   if (is_blocked(q, PointKind::kSurface)) return Outcome::kBlocked;
   delete_volume_points_near(q);
   insert(q, PointKind::kSurface, condition);
@@ -313,15 +324,17 @@ Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition,
 Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, Cell hint) {
   if (take_in_unloaded(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
-  if (const auto ball = encroached_ball(q))
+  if (const auto ball = encroached_ball(q)) {
+    attempt_.position = ball->first;
     return insert_on_surface(ball->first, condition, ball->second);
+  }
   if (is_blocked(q, PointKind::kVolume)) return Outcome::kBlocked;
   insert(q, PointKind::kVolume, condition);
   return Outcome::kChanged;
 }
 
-// Inserting q destroys the surface balls that contain it, so their facets are facets of the cells in
-// conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
+// Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
+// in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
   if (input_.surface->distance_bound(q) >= input_.criteria.size) return std::nullopt;
   std::optional<std::pair<Point, Cell>> largest;
@@ -340,7 +353,7 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
   return largest;
 }
 
-// Points that the insertion will delete do not count. For a surface point, close_ lists all within λ.
+// Points that the insertion will delete do not count. For a surface point, close_ lists those near.
 bool Refinement::is_blocked(const Point& q, PointKind kind) const {
   const double floor = input_.criteria.spacing_floor * input_.criteria.spacing_floor;
   if (conflict_.squared_distance == 0)
@@ -349,7 +362,8 @@ bool Refinement::is_blocked(const Point& q, PointKind kind) const {
   if (kind != PointKind::kSurface) return conflict_.squared_distance < floor;
   return std::ranges::any_of(close_, [&](LocalIndex i) {
     const MeshPoint& p = mesh_.local(i).point;
-    return p.kind != PointKind::kVolume && squared_distance(p.position, q) < floor;
+    const bool is_to_go = p.kind == PointKind::kVolume && is_within_size(p.position, q);
+    return !is_to_go && squared_distance(p.position, q) < floor;
   });
 }
 
@@ -357,7 +371,8 @@ void Refinement::delete_volume_points_near(const Point& q) {
   bool is_changed = false;
   for (const LocalIndex i : close_) {
     const auto& local = mesh_.local(i);
-    if (local.point.kind != PointKind::kVolume) continue;
+    if (local.point.kind != PointKind::kVolume || !is_within_size(local.point.position, q))
+      continue;
     if (local.ref & kNewPoint)
       delta_.inserted[local.ref & ~kNewPoint].is_deleted = true;
     else
@@ -389,15 +404,14 @@ std::string Refinement::place() const {
 
 // What was blocked counts only if nothing that was done later restored it.
 void Refinement::list_unresolved() {
-  std::vector<LocalIndex> vertices;
+  std::set<LocalIndex> disks;
   for (const Blocked& b : blocked_) {
-    const bool is_facet = b.facet.here.stamp > 0, is_cell = b.cell.stamp > 0;
-    if (is_facet && !b.facet.is_alive()) continue;
-    if (is_cell && !b.cell.is_alive()) continue;
-    if (!is_facet && !is_cell) {
-      if (std::ranges::find(vertices, b.vertex) != vertices.end() || is_disk(b.vertex, star_))
-        continue;
-      vertices.push_back(b.vertex);
+    if (const auto* vertex = std::get_if<LocalIndex>(&b.where)) {
+      if (is_disk(*vertex, star_) || !disks.insert(*vertex).second) continue;
+    } else if (const auto* facet = std::get_if<FacetRef>(&b.where)) {
+      if (!facet->is_alive()) continue;
+    } else if (!std::get<CellRef>(b.where).is_alive()) {
+      continue;
     }
     delta_.unresolved.push_back(b.violation);
   }
@@ -412,8 +426,7 @@ void Refinement::list_cells() {
       if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
     if (!mesh_.is_own(c->vertex(smallest)) || !mesh_.is_member(c)) continue;
     std::array<VertexRef, 4> refs{};
-    for (int i = 0; i < 4; ++i)
-      refs[std::size_t(i)] = mesh_.local(c->vertex(i)->info()).ref;
+    for (int i = 0; i < 4; ++i) refs[std::size_t(i)] = mesh_.local(c->vertex(i)->info()).ref;
     bool is_odd = false;
     for (std::size_t i = 0; i < 4; ++i)
       for (std::size_t j = i + 1; j < 4; ++j) is_odd ^= refs[i] > refs[j];

@@ -17,13 +17,13 @@
 namespace locvol {
 
 struct Criteria {
-  double size = 0;                 // λ, in the units of the coordinates
+  double size = 0;  // λ, in the units of the coordinates
   double radius_edge_bound = 2;
   // All of P within this distance of the leaf is loaded; may be infinite. A ball through an own
-  // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for an
-  // artifact of points that were not loaded (DESIGN 3.4), and ends of dual edges are cut there.
+  // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for
+  // an artifact of points that were not loaded (DESIGN 3.4), and ends of dual edges are cut there.
   double reach = 0;
-  double spacing_floor = 0;        // no insertion closer than this to a point of P, same units
+  double spacing_floor = 0;  // no insertion closer than this to a point of P, same units
 };
 
 // Looks up points of P that the leaf has not loaded (paper mode).
@@ -39,13 +39,14 @@ class PointIndex {
 
 struct LeafInput {
   Criteria criteria;
-  Box box;                           // of the leaf, half-open: own points have min <= p < max
-  std::vector<MeshPoint> own;        // P_v
-  std::vector<MeshPoint> ghosts;     // P within `reach` of the box (paper: within 2λ), without own
-  const SurfacePatch* surface = nullptr;    // its region contains the box expanded by reach / 2
-  const PointIndex* all_points = nullptr;   // null if the ghosts are all that can matter (cover)
-  std::uint64_t max_own_points = 0;  // κ: the visit stops above it, to be split; 0: no bound
-  std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
+  Box box;  // of the leaf, half-open: own points have min <= p < max
+  // In order of id: where points get inserted, the result depends on the order.
+  std::vector<MeshPoint> own;     // P_v
+  std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
+  const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
+  const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
+  std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
+  std::uint64_t max_insertions = 0;        // beyond it the visit is taken for a bug; 0: no bound
 };
 
 // Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
@@ -58,7 +59,7 @@ struct InsertedPoint {
   bool is_deleted = false;  // again, by a later insertion of the same visit
 };
 
-struct Violation {  // unresolved: the spacing floor forbids the cure
+struct Violation {    // unresolved: the spacing floor forbids the cure
   int condition = 0;  // 1 … 6
   Point position;     // where a point would have been inserted
   double radius = 0;
@@ -72,13 +73,14 @@ struct VisitStats {
 };
 
 struct LeafDelta {
-  std::vector<InsertedPoint> inserted;             // in order of insertion
-  std::vector<MeshPoint> deleted;                  // points of the input
-  std::vector<std::array<VertexRef, 4>> cells;     // of the mesh, whose smallest vertex is own and
-                                                   // lies in the box; positively oriented
+  std::vector<InsertedPoint> inserted;          // in order of insertion
+  std::vector<MeshPoint> deleted;               // points of the input
+  std::vector<std::array<VertexRef, 4>> cells;  // of the mesh, whose smallest vertex is own and
+                                                // lies in the box; positively oriented
   std::vector<Violation> unresolved;
   VisitStats stats;
-  bool is_overfull = false;  // more than max_own_points: split and visit the children; cells is empty
+  bool is_overfull =
+      false;  // more than max_own_points: split and visit the children; cells is empty
 };
 
 // A bug or a rounding fault, never bad input: with the leaf's place in the message.

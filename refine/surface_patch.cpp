@@ -12,6 +12,7 @@ namespace {
 constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;  // what a leaf's patch can afford
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
+constexpr std::uint8_t kMaxRings = 16;   // distances beyond it are not told apart
 constexpr double kTrianglesPerCell = 4;  // wanted, in a cell that has some
 constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
 
@@ -30,8 +31,8 @@ bool plane_misses(const Triangle& t, const Box& box, double slack) {
   const double reach = std::abs(n.x) * half.x + std::abs(n.y) * half.y + std::abs(n.z) * half.z;
   // The normal of a needle has large relative errors, bounded by the edges' rounding.
   const Point e = b - a, f = c - a;
-  const double edge = std::abs(e.x) + std::abs(e.y) + std::abs(e.z) + std::abs(f.x) +
-                      std::abs(f.y) + std::abs(f.z);
+  const double edge =
+      std::abs(e.x) + std::abs(e.y) + std::abs(e.z) + std::abs(f.x) + std::abs(f.y) + std::abs(f.z);
   const double error = slack * (size + edge * norm(half) * 4);
   return std::abs(dot(n, box.center() - a)) > reach + error;
 }
@@ -102,10 +103,11 @@ struct SurfacePatch::Impl {
   double slack = 0;
   std::array<int, 3> num{};  // grid cells on each axis
   Point step, inverse_step;
-  std::vector<Index> first;       // of a grid cell's triangles in `held`; one more at the end
+  std::vector<Index> first;  // of a grid cell's triangles in `held`; one more at the end
   std::vector<Index> held;
   std::vector<std::uint8_t> is_center_inside;
-  std::vector<std::uint8_t> rings;  // Chebyshev distance to a cell with triangles, at most 255
+  std::vector<std::uint8_t> rings;  // Chebyshev distance to a cell with triangles
+  std::vector<Index> both;          // of spread()
 
   std::size_t num_cells() const {
     return std::size_t(num[0]) * std::size_t(num[1]) * std::size_t(num[2]);
@@ -140,6 +142,9 @@ struct SurfacePatch::Impl {
   void fill_grid();
   void measure_rings();
   void spread_sides(const Point& reference, bool is_inside);
+  void spread_over_plane(int i0, int j0, int k, int from);
+  void spread_over_row(int i0, int j, int k, int from);
+  void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
   bool is_crossed_oddly(const Point& a, const Point& b, std::span<const Index> some) const;
   template <class Visit>
   void for_each_cell_along(const Point& a, const Point& b, Visit visit) const;
@@ -149,9 +154,9 @@ struct SurfacePatch::Impl {
 // triangles, but never fewer or more than a visit can use.
 void SurfacePatch::Impl::choose_grid() {
   double area = 0;
-  const double volume_side = std::cbrt((region.max.x - region.min.x) *
-                                       (region.max.y - region.min.y) *
-                                       (region.max.z - region.min.z));
+  const double volume_side =
+      std::cbrt((region.max.x - region.min.x) * (region.max.y - region.min.y) *
+                (region.max.z - region.min.z));
   const double area_bound = volume_side * volume_side;
   for (const Triangle& t : triangles) {
     const auto& [a, b, c] = t.corners;
@@ -163,7 +168,8 @@ void SurfacePatch::Impl::choose_grid() {
   if (triangles.empty())
     side = volume_side / kMinGridSide;
   else
-    side = std::clamp(std::sqrt(kTrianglesPerCell * area / double(triangles.size())), finest, usual);
+    side =
+        std::clamp(std::sqrt(kTrianglesPerCell * area / double(triangles.size())), finest, usual);
   for (int axis = 0; axis < 3; ++axis) {
     const double extent = region.max[axis] - region.min[axis];
     const int n = std::clamp(int(extent / side), kMinGridSide, 1024);
@@ -188,38 +194,67 @@ void SurfacePatch::Impl::for_each_cell_met(Index triangle, Visit visit) const {
 }
 
 void SurfacePatch::Impl::fill_grid() {
+  std::vector<std::pair<std::uint32_t, Index>> met;  // grid cell, triangle; in order of triangle
   first.assign(num_cells() + 1, 0);
   for (Index t = 0; t < triangles.size(); ++t)
-    for_each_cell_met(t, [&](std::size_t cell) { ++first[cell + 1]; });
+    for_each_cell_met(t, [&](std::size_t cell) {
+      met.emplace_back(static_cast<std::uint32_t>(cell), t);
+      ++first[cell + 1];
+    });
   for (std::size_t c = 0; c < num_cells(); ++c) first[c + 1] += first[c];
-  held.resize(first.back());
+  held.resize(met.size());
   std::vector<Index> next(first.begin(), first.end() - 1);
-  for (Index t = 0; t < triangles.size(); ++t)
-    for_each_cell_met(t, [&](std::size_t cell) { held[next[cell]++] = t; });
+  for (const auto& [cell, t] : met) held[next[cell]++] = t;
 }
 
-// Two sweeps over the 26 neighbors give exact Chebyshev distances.
+// Ring by ring: the cells with triangles as a bit each, 64 to a word along x, dilated by one cell
+// in all directions until they fill the grid.
 void SurfacePatch::Impl::measure_rings() {
-  rings.resize(num_cells());
-  for (std::size_t c = 0; c < num_cells(); ++c) rings[c] = first[c] < first[c + 1] ? 0 : 255;
-  const auto relax = [&](int i, int j, int k, int direction) {
-    std::uint8_t& here = rings[index(i, j, k)];
-    for (int dk = -1; dk <= 1; ++dk)
-      for (int dj = -1; dj <= 1; ++dj)
-        for (int di = -1; di <= 1; ++di) {
-          if ((dk != 0 ? dk : dj != 0 ? dj : di) * direction >= 0) continue;  // only those behind
-          const int a = i + di, b = j + dj, c = k + dk;
-          if (a < 0 || b < 0 || c < 0 || a >= num[0] || b >= num[1] || c >= num[2]) continue;
-          const int through = rings[index(a, b, c)] + 1;
-          if (through < here) here = static_cast<std::uint8_t>(through);
+  const std::size_t words = (std::size_t(num[0]) + 63) / 64;
+  const std::size_t rows = std::size_t(num[1]) * std::size_t(num[2]);
+  const std::size_t line = std::size_t(num[0]), plane = std::size_t(num[1]);
+  std::vector<std::uint64_t> near(words * rows), wider(words * rows);
+  rings.assign(num_cells(), kMaxRings);
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t i = 0; i < line; ++i)
+      if (first[row * line + i] < first[row * line + i + 1]) {
+        near[row * words + i / 64] |= std::uint64_t{1} << i % 64;
+        rings[row * line + i] = 0;
+      }
+  for (std::uint8_t ring = 1; ring < kMaxRings; ++ring) {
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t w = 0; w < words; ++w) {
+        const std::uint64_t* here = near.data() + row * words;
+        std::uint64_t bits = here[w] | here[w] << 1 | here[w] >> 1;
+        if (w > 0) bits |= here[w - 1] >> 63;
+        if (w + 1 < words) bits |= here[w + 1] << 63;
+        wider[row * words + w] = bits;
+      }
+    const auto dilate = [&](std::size_t stride, std::size_t count) {  // rows `stride` apart
+      near = wider;
+      for (std::size_t row = 0; row < rows; ++row) {
+        const std::size_t place = row / stride % count;
+        for (std::size_t w = 0; w < words; ++w) {
+          if (place > 0) wider[row * words + w] |= near[(row - stride) * words + w];
+          if (place + 1 < count) wider[row * words + w] |= near[(row + stride) * words + w];
         }
-  };
-  for (int k = 0; k < num[2]; ++k)
-    for (int j = 0; j < num[1]; ++j)
-      for (int i = 0; i < num[0]; ++i) relax(i, j, k, 1);
-  for (int k = num[2]; k-- > 0;)
-    for (int j = num[1]; j-- > 0;)
-      for (int i = num[0]; i-- > 0;) relax(i, j, k, -1);
+      }
+    };
+    dilate(1, plane);
+    dilate(plane, std::size_t(num[2]));
+    bool is_full = true;
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t i = 0; i < line; ++i) {
+        std::uint8_t& r = rings[row * line + i];
+        if (r < kMaxRings) continue;
+        if (wider[row * words + i / 64] >> i % 64 & 1)
+          r = ring;
+        else
+          is_full = false;
+      }
+    near = wider;
+    if (is_full) break;
+  }
 }
 
 bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
@@ -231,41 +266,40 @@ bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
   return is_odd;
 }
 
-// From center to center of neighboring cells, breadth first from the reference's cell. The segment
-// between two centers crosses only triangles that one of the two cells holds.
+// From center to center of neighboring cells: along x, then from row to row, then from plane to
+// plane. The segment between two centers crosses only triangles that one of the two cells holds.
 void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside) {
-  constexpr std::uint8_t kUnknown = 2;
-  is_center_inside.assign(num_cells(), kUnknown);
-  const auto start = cell_of(reference);
-  const std::size_t start_index = index(start[0], start[1], start[2]);
-  is_center_inside[start_index] = static_cast<std::uint8_t>(
-      is_inside != is_crossed_oddly(reference, center(start[0], start[1], start[2]),
-                                    held_by(start_index)));
-  std::vector<std::array<int, 3>> open{start};
-  std::vector<Index> both;
-  for (std::size_t n = 0; n < open.size(); ++n) {
-    const auto cell = open[n];
-    const std::size_t here = index(cell[0], cell[1], cell[2]);
-    for (int axis = 0; axis < 3; ++axis)
-      for (int way = -1; way <= 1; way += 2) {
-        auto other = cell;
-        other[std::size_t(axis)] += way;
-        if (other[std::size_t(axis)] < 0 || other[std::size_t(axis)] >= num[std::size_t(axis)])
-          continue;
-        const std::size_t there = index(other[0], other[1], other[2]);
-        if (is_center_inside[there] != kUnknown) continue;
-        bool side = is_center_inside[here];
-        if (rings[here] == 0 || rings[there] == 0) {
-          both.clear();
-          std::ranges::set_union(held_by(here), held_by(there), std::back_inserter(both));
-          if (is_crossed_oddly(center(cell[0], cell[1], cell[2]),
-                               center(other[0], other[1], other[2]), both))
-            side = !side;
-        }
-        is_center_inside[there] = side;
-        open.push_back(other);
-      }
+  is_center_inside.resize(num_cells());
+  const auto [i0, j0, k0] = cell_of(reference);
+  const std::size_t start = index(i0, j0, k0);
+  is_center_inside[start] = static_cast<std::uint8_t>(
+      is_inside != is_crossed_oddly(reference, center(i0, j0, k0), held_by(start)));
+  for (int k = k0; k < num[2]; ++k) spread_over_plane(i0, j0, k, k == k0 ? 0 : -1);
+  for (int k = k0; k-- > 0;) spread_over_plane(i0, j0, k, 1);
+}
+
+// `from`: the way to the plane that is done already, or 0 in the first.
+void SurfacePatch::Impl::spread_over_plane(int i0, int j0, int k, int from) {
+  if (from != 0) spread({i0, j0, k + from}, {i0, j0, k});
+  for (int j = j0; j < num[1]; ++j) spread_over_row(i0, j, k, j == j0 ? 0 : -1);
+  for (int j = j0; j-- > 0;) spread_over_row(i0, j, k, 1);
+}
+
+void SurfacePatch::Impl::spread_over_row(int i0, int j, int k, int from) {
+  if (from != 0) spread({i0, j + from, k}, {i0, j, k});
+  for (int i = i0 + 1; i < num[0]; ++i) spread({i - 1, j, k}, {i, j, k});
+  for (int i = i0; i-- > 0;) spread({i + 1, j, k}, {i, j, k});
+}
+
+void SurfacePatch::Impl::spread(const std::array<int, 3>& a, const std::array<int, 3>& b) {
+  const std::size_t here = index(a[0], a[1], a[2]), there = index(b[0], b[1], b[2]);
+  bool side = is_center_inside[here];
+  if (rings[here] == 0 || rings[there] == 0) {
+    both.clear();
+    std::ranges::set_union(held_by(here), held_by(there), std::back_inserter(both));
+    if (is_crossed_oddly(center(a[0], a[1], a[2]), center(b[0], b[1], b[2]), both)) side = !side;
   }
+  is_center_inside[there] = side;
 }
 
 // Slab by slab along the axis on which the segment spans most cells; generous by a rounding error,
@@ -312,9 +346,13 @@ SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
     : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(triangles);
   impl_->region = region;
-  impl_->slack = kSlack * largest_coordinate(region);
   impl_->boxes.reserve(impl_->triangles.size());
-  for (const Triangle& t : impl_->triangles) impl_->boxes.push_back(t.box());
+  Box all = region;  // a plane's rounding errors go with the triangle's size
+  for (const Triangle& t : impl_->triangles) {
+    impl_->boxes.push_back(t.box());
+    all = all.joined(impl_->boxes.back());
+  }
+  impl_->slack = kSlack * largest_coordinate(all);
   impl_->choose_grid();
   impl_->fill_grid();
   impl_->measure_rings();
@@ -346,8 +384,8 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
     for (const Impl::Index t : impl_->held_by(cell)) {
       if (!impl_->boxes[t].overlaps(segment)) continue;
       const Triangle& triangle = impl_->triangles[t];
-      const bool is_known = std::ranges::any_of(
-          out, [&](const Crossing& c) { return c.triangle == triangle.id; });
+      const bool is_known =
+          std::ranges::any_of(out, [&](const Crossing& c) { return c.triangle == triangle.id; });
       if (!is_known && segment_crosses(a, b, triangle)) out.push_back(crossing_of(a, b, triangle));
     }
   });
@@ -359,9 +397,9 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
 double SurfacePatch::distance_bound(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   const int rings = impl_->rings[impl_->index(i, j, k)];
-  return rings <= 1 ? 0
-                    : (rings - 1) * std::min({impl_->step.x, impl_->step.y, impl_->step.z}) -
-                          impl_->slack;
+  return rings <= 1
+             ? 0
+             : (rings - 1) * std::min({impl_->step.x, impl_->step.y, impl_->step.z}) - impl_->slack;
 }
 
 bool SurfacePatch::is_near(const Point& p, double distance) const {
