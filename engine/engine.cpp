@@ -155,7 +155,11 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
 RunSummary finish(Store& store, const RunControl& control) {
   const bool is_done = Engine(store, control).run();
   RunSummary summary = summarize(store.snapshot());
-  if (!is_done) summary.outcome = RunOutcome::kInterrupted;
+  if (!is_done)
+    summary.outcome = RunOutcome::kInterrupted;
+  else if (summary.num_cells == 0)
+    throw InputError(summary.run.surface.file +
+                     ": no cell fits the surface at this size; choose a smaller one");
   return summary;
 }
 

@@ -35,8 +35,8 @@ struct InputSurface {
   }
 };
 
-// STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content first, then by
-// extension. Throws InputError.
+// STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content first, then
+// by extension. Throws InputError.
 InputSurface read_surface(const std::filesystem::path& file);
 
 }  // namespace locvol

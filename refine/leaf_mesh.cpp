@@ -48,12 +48,25 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref) {
   locals_.push_back({p, ref, Vertex(), is_own, true});
   num_own_ += is_own;
   if ((ref & kNewPoint) == 0) ids_.insert(ref);
+  if (p.kind == PointKind::kVolume)
+    volume_points_[grid_cell(p.position)].push_back(static_cast<LocalIndex>(locals_.size() - 1));
 }
 
 void LeafMesh::make_fresh(Cell c) {
   c->info() = CellData{};
   c->info().stamp = ++stamp_;
   fresh_.push_back({c, stamp_});
+}
+
+// The order in which CGAL lists new cells, and numbers their vertices, follows their addresses.
+void LeafMesh::make_fresh_in_order() {
+  std::ranges::sort(new_cells_, {}, [](Cell c) {
+    std::array<LocalIndex, 4> vertices{};
+    for (int i = 0; i < 4; ++i) vertices[std::size_t(i)] = c->vertex(i)->info();
+    std::ranges::sort(vertices);
+    return vertices;
+  });
+  for (const Cell c : new_cells_) make_fresh(c);
 }
 
 bool LeafMesh::has_own_vertex(Cell c) const {
@@ -78,7 +91,8 @@ Side LeafMesh::side(Cell c) const {
   data.squared_radius = ball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return data.side;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
-  if (!is_whole && !input_.surface->region().contains(ball.center)) return data.side;
+  if (!is_whole && !input_.surface->region().contains(ball.center))
+    return data.side = Side::kBeyond;
   data.side = input_.surface->is_inside(ball.center) ? Side::kInside : Side::kOutside;
   return data.side;
 }
@@ -102,12 +116,11 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   DualCrossings result;
   const Cell here = f.cell, there = here->neighbor(f.index);
   const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
-  const Point& corner = point(here, Triangulation::vertex_triple_index(f.index, 0));
+  std::array<Point, 3> corners;
+  for (int k = 0; k < 3; ++k)
+    corners[std::size_t(k)] = point(here, Triangulation::vertex_triple_index(f.index, k));
   Point from = here->info().center, to = there->info().center;
   if (!is_here_near || !is_there_near) {
-    std::array<Point, 3> corners;
-    for (int k = 0; k < 3; ++k)
-      corners[std::size_t(k)] = point(here, Triangulation::vertex_triple_index(f.index, k));
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
     if (!is_here_near && !is_there_near &&
@@ -123,13 +136,15 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
   }
-  const double bound = input_.surface->distance_bound(from);
-  const bool is_clear = bound > 0 && squared_distance(from, to) < bound * bound;
+  // Two balls around the ends, without surface in them, that cover the edge.
+  const double clear = input_.surface->distance_bound(from) + input_.surface->distance_bound(to);
+  const bool is_clear = clear > 0 && squared_distance(from, to) < clear * clear;
   if (is_clear)
     crossings_.clear();
-  else
-    input_.surface->crossings(from, to, crossings_);
+  else  // always in one direction, so that both cells see the same bits
+    input_.surface->crossings(std::min(from, to), std::max(from, to), crossings_);
 
+  const Point& corner = *std::ranges::min_element(corners);
   for (const Crossing& c : crossings_) {
     const double squared_radius = squared_distance(c.position, corner);
     if (result.count++ > 0 && squared_radius <= result.squared_radius) continue;
@@ -193,7 +208,17 @@ LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& c
   locals_[index].vertex = v;
   new_cells_.clear();
   triangulation_.incident_cells(v, std::back_inserter(new_cells_));
-  for (const Cell c : new_cells_) make_fresh(c);
+  make_fresh_in_order();
+  return index;
+}
+
+LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
+  const auto index = static_cast<LocalIndex>(locals_.size());
+  add_local(q, ref);
+  locals_[index].vertex = triangulation_.insert(cgal(q.position));
+  locals_[index].vertex->info() = index;
+  if (has_cells())
+    for (const Cell c : triangulation_.all_cell_handles()) make_fresh(c);
   return index;
 }
 
@@ -207,28 +232,60 @@ void LeafMesh::remove(LocalIndex i) {
   gone.vertex = Vertex();
   gone.is_alive = false;
   num_own_ -= gone.is_own;
-  for (const Cell c : new_cells_) make_fresh(c);
+  make_fresh_in_order();
+}
+
+bool LeafMesh::is_in_voronoi_cell(const Point& q, LocalIndex i) const {
+  std::vector<Vertex> neighbors;
+  triangulation_.finite_adjacent_vertices(locals_[i].vertex, std::back_inserter(neighbors));
+  const double distance = squared_distance(q, locals_[i].point.position);
+  return std::ranges::none_of(neighbors, [&](Vertex v) {
+    return squared_distance(q, locals_[v->info()].point.position) <= distance;
+  });
+}
+
+LeafMesh::GridCell LeafMesh::grid_cell(const Point& p) const {
+  const double size = input_.criteria.size;
+  return {static_cast<std::int64_t>(std::floor(p.x / size)),
+          static_cast<std::int64_t>(std::floor(p.y / size)),
+          static_cast<std::int64_t>(std::floor(p.z / size))};
+}
+
+void LeafMesh::volume_points_near(const Point& q, std::vector<LocalIndex>& out) const {
+  out.clear();
+  const double size = input_.criteria.size;
+  const auto [x, y, z] = grid_cell(q);
+  for (std::int64_t i = x - 1; i <= x + 1; ++i)
+    for (std::int64_t j = y - 1; j <= y + 1; ++j)
+      for (std::int64_t k = z - 1; k <= z + 1; ++k) {
+        const auto found = volume_points_.find({i, j, k});
+        if (found == volume_points_.end()) continue;
+        for (const LocalIndex v : found->second)
+          if (locals_[v].is_alive && squared_distance(locals_[v].point.position, q) < size * size)
+            out.push_back(v);
+      }
+  std::ranges::sort(out);
 }
 
 // The points of a ball around q hang together in the Delaunay graph: from each, neighbors come
 // closer and closer to q until the nearest.
-void LeafMesh::points_within(const Point& q, double radius, LocalIndex nearest,
-                             std::vector<LocalIndex>& out) const {
-  out.clear();
+bool LeafMesh::has_other_point_within(const Point& q, double radius, LocalIndex nearest,
+                                      const std::vector<LocalIndex>& leaving) const {
   const auto is_within = [&](LocalIndex i) {
     return squared_distance(locals_[i].point.position, q) < radius * radius;
   };
-  if (nearest == kInfiniteVertex || !is_within(nearest)) return;
-  out.push_back(nearest);
+  if (nearest == kInfiniteVertex || !is_within(nearest)) return false;
+  std::vector<LocalIndex> seen{nearest};
   std::vector<Vertex> neighbors;
-  for (std::size_t n = 0; n < out.size(); ++n) {
+  for (std::size_t n = 0; n < seen.size(); ++n) {
+    if (!std::ranges::binary_search(leaving, seen[n])) return true;
     neighbors.clear();
-    triangulation_.finite_adjacent_vertices(locals_[out[n]].vertex, std::back_inserter(neighbors));
+    triangulation_.finite_adjacent_vertices(locals_[seen[n]].vertex, std::back_inserter(neighbors));
     for (const Vertex v : neighbors)
-      if (is_within(v->info()) && std::ranges::find(out, v->info()) == out.end())
-        out.push_back(v->info());
+      if (is_within(v->info()) && std::ranges::find(seen, v->info()) == seen.end())
+        seen.push_back(v->info());
   }
-  std::ranges::sort(out);
+  return false;
 }
 
 }  // namespace locvol

@@ -9,7 +9,9 @@
 #include <CGAL/Triangulation_cell_base_with_info_3.h>
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
 
+#include <array>
 #include <limits>
+#include <map>
 #include <optional>
 #include <span>
 #include <unordered_set>
@@ -28,7 +30,8 @@ enum class Side : std::uint8_t {
   kUnknown,  // not asked yet
   kOutside,
   kInside,
-  kFar,  // the circumradius is infinite, or beyond what is known to be empty (Criteria::reach)
+  kFar,     // the circumradius is infinite, or beyond what is known to be empty (Criteria::reach)
+  kBeyond,  // near, but outside the surface patch: of cells without own vertex only
 };
 
 struct CellData {
@@ -89,10 +92,10 @@ class LeafMesh {
   bool has_own_vertex(Cell c) const;
   bool has_own_vertex(Facet f) const;
 
-  // ---- The cells and facets against the surface. Cells must have been asked within the region of
-  // the surface patch: those with an own vertex are, others count as far where they are not.
+  // ---- The cells and facets against the surface.
   Side side(Cell c) const;
   bool is_member(Cell c) const { return side(c) == Side::kInside; }
+  // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
   // ---- Change. Every cell that comes up is put on fresh_cells().
@@ -113,14 +116,25 @@ class LeafMesh {
   void find_conflict(const Point& q, Cell hint, Conflict& conflict) const;
   // `conflict` is that of q.
   LocalIndex insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict);
+  // REQUIRES: !has_cells()
+  LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(LocalIndex i);
-  // Local points closer to q than `radius`; `nearest` is the one closest to q.
-  void points_within(const Point& q, double radius, LocalIndex nearest,
-                     std::vector<LocalIndex>& out) const;
+  // Volume points closer to q than λ, ascending.
+  void volume_points_near(const Point& q, std::vector<LocalIndex>& out) const;
+  // Is q, a point near the vertex `i`, in its Voronoi cell?
+  bool is_in_voronoi_cell(const Point& q, LocalIndex i) const;
+  // Is a point closer to q than `radius`, apart from those `leaving` (ascending)? `nearest` is the
+  // point closest to q.
+  bool has_other_point_within(const Point& q, double radius, LocalIndex nearest,
+                              const std::vector<LocalIndex>& leaving) const;
 
  private:
+  using GridCell = std::array<std::int64_t, 3>;  // cubes of side λ
+
+  GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref);
   void make_fresh(Cell c);
+  void make_fresh_in_order();  // new_cells_
   bool leads_past(Cell c, int index, const Axis& axis) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
@@ -129,6 +143,7 @@ class LeafMesh {
   double far_radius_;
   std::vector<Local> locals_;
   std::unordered_set<std::uint64_t> ids_;  // of points taken from P; asked, never listed
+  std::map<GridCell, std::vector<LocalIndex>> volume_points_;  // and those no longer alive
   std::uint64_t num_own_ = 0;
   std::uint32_t stamp_ = 0;
   Triangulation triangulation_;

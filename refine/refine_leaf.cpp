@@ -47,6 +47,8 @@ class Refinement {
 
   Outcome restore_facet(const FacetRef& facet, int condition);
   Outcome restore_disk(LocalIndex v);
+  Outcome restore_lost_part(LocalIndex v);
+  void start_from_corners();
   Outcome restore_open_end(const FacetRef& facet, int condition);
   Outcome restore_cell(const CellRef& cell, int condition);
 
@@ -55,13 +57,11 @@ class Refinement {
   Outcome insert_in_volume(const Point& q, int condition, Cell hint);
   bool take_in_unloaded(const Point& q, Cell hint);
   std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
+  VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
   void delete_volume_points_near(const Point& q);
-  bool is_blocked(const Point& q, PointKind kind) const;
+  bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
   double shortest_edge_squared(Cell c) const;
-  bool is_within_size(const Point& p, const Point& q) const {
-    return squared_distance(p, q) < input_.criteria.size * input_.criteria.size;
-  }
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
@@ -93,7 +93,8 @@ class Refinement {
   mutable std::vector<Facet> star_;
   mutable std::vector<std::pair<LocalIndex, LocalIndex>> link_;
   mutable std::vector<Cell> around_;
-  std::vector<LocalIndex> close_;
+  std::vector<Point> corners_;
+  std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
 };
 
 template <class T>
@@ -107,6 +108,7 @@ std::optional<T> pop_alive(std::vector<T>& stack) {
 }
 
 LeafDelta Refinement::run() {
+  if (!mesh_.has_cells()) start_from_corners();
   if (!is_overfull() && mesh_.has_cells())
     while (!is_overfull() && restore_next()) {
     }
@@ -161,7 +163,9 @@ void Refinement::look_at_fresh_cells() {
 }
 
 void Refinement::look_at(Cell cell) {
-  for (int i = 0; i < 4; ++i) {
+  std::array<int, 4> order{0, 1, 2, 3};  // by local index: CGAL's own depends on addresses
+  std::ranges::sort(order, {}, [&](int i) { return cell->vertex(i)->info(); });
+  for (const int i : order) {
     const auto v = cell->vertex(i);
     if (mesh_.is_own(v)) look_at_vertex(v->info());
     if ((cell->info().facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
@@ -263,7 +267,7 @@ Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition
 }
 
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
-  if (is_disk(v, star_)) return Outcome::kChanged;
+  if (is_disk(v, star_)) return star_.empty() ? restore_lost_part(v) : Outcome::kChanged;
   LeafMesh::DualCrossings largest;
   Cell hint;
   for (const Facet& f : star_) {
@@ -277,6 +281,49 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   if (hint == Cell()) return Outcome::kBlocked;
   attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
   return insert_on_surface(largest.ball_center, 3, hint);
+}
+
+// No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie within
+// v's Voronoi cell as a whole, and would be missing from the mesh: then some of its corners do, and
+// the farthest one starts to unfold it.
+Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
+  const Point p = mesh_.local(v).point.position;
+  const double size = input_.criteria.size, floor = input_.criteria.spacing_floor;
+  input_.surface->corners_near(p, size, corners_);
+  std::ranges::stable_sort(corners_, std::ranges::greater{},
+                           [&](const Point& q) { return squared_distance(p, q); });
+  for (const Point& q : corners_) {
+    if (squared_distance(p, q) >= size * size) continue;
+    if (squared_distance(p, q) <= floor * floor) break;
+    if (mesh_.is_in_voronoi_cell(q, v))
+      return insert_on_surface(q, 3, mesh_.local(v).vertex->cell());
+  }
+  return Outcome::kChanged;
+}
+
+// Too few points for a cell, but some on the surface: corners of its triangles around, each the
+// farthest from all points so far, until there is one.
+void Refinement::start_from_corners() {
+  std::set<Point> corners;
+  for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
+    if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
+    input_.surface->corners_near(mesh_.local(i).point.position, input_.criteria.size, corners_);
+    corners.insert(corners_.begin(), corners_.end());
+  }
+  const auto distance = [&](const Point& q) {
+    double least = std::numeric_limits<double>::infinity();
+    for (LocalIndex i = 0; i < mesh_.num_locals(); ++i)
+      least = std::min(least, squared_distance(mesh_.local(i).point.position, q));
+    return least;
+  };
+  const double floor = input_.criteria.spacing_floor;
+  while (!mesh_.has_cells() && !corners.empty()) {
+    const auto farthest = std::ranges::max_element(corners, {}, distance);
+    if (distance(*farthest) <= floor * floor) return;
+    const VertexRef ref = new_point(*farthest, PointKind::kSurface, 3);
+    mesh_.insert_first({ref, *farthest, PointKind::kSurface}, ref);
+    corners.erase(farthest);
+  }
 }
 
 // A dual edge that is still inside where balls are no longer known to be empty: its end is a point
@@ -313,9 +360,8 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
   if (take_in_unloaded(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
-  mesh_.points_within(q, std::max(input_.criteria.size, input_.criteria.spacing_floor),
-                      conflict_.nearest, close_);
-  if (is_blocked(q, PointKind::kSurface)) return Outcome::kBlocked;
+  mesh_.volume_points_near(q, leaving_);
+  if (is_blocked(q)) return Outcome::kBlocked;
   delete_volume_points_near(q);
   insert(q, PointKind::kSurface, condition);
   return Outcome::kChanged;
@@ -328,7 +374,8 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
     attempt_.position = ball->first;
     return insert_on_surface(ball->first, condition, ball->second);
   }
-  if (is_blocked(q, PointKind::kVolume)) return Outcome::kBlocked;
+  leaving_.clear();
+  if (is_blocked(q)) return Outcome::kBlocked;
   insert(q, PointKind::kVolume, condition);
   return Outcome::kChanged;
 }
@@ -336,15 +383,19 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 // Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
 // in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
-  if (input_.surface->distance_bound(q) >= input_.criteria.size) return std::nullopt;
+  const double size = input_.criteria.size;
+  if (input_.surface->distance_bound(q) >= size) return std::nullopt;
   std::optional<std::pair<Point, Cell>> largest;
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
     for (int i = 0; i < 4; ++i) {
       if (mesh_.triangulation().is_infinite(c, i)) continue;
-      if (mesh_.side(c) == Side::kFar && mesh_.side(c->neighbor(i)) == Side::kFar) continue;
+      const Side here = mesh_.side(c), there = mesh_.side(c->neighbor(i));
+      if (here == Side::kBeyond || there == Side::kBeyond) continue;
+      if (here == Side::kFar && there == Side::kFar) continue;
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
+          dual.squared_radius >= size * size ||
           squared_distance(dual.ball_center, q) >= dual.squared_radius)
         continue;
       squared_radius = dual.squared_radius;
@@ -353,45 +404,41 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
   return largest;
 }
 
-// Points that the insertion will delete do not count. For a surface point, close_ lists those near.
-bool Refinement::is_blocked(const Point& q, PointKind kind) const {
-  const double floor = input_.criteria.spacing_floor * input_.criteria.spacing_floor;
+bool Refinement::is_blocked(const Point& q) const {
   if (conflict_.squared_distance == 0)
     throw RefineError(fmt::format("a point to insert coincides with a vertex, ({}, {}, {}){}", q.x,
                                   q.y, q.z, place()));
-  if (kind != PointKind::kSurface) return conflict_.squared_distance < floor;
-  return std::ranges::any_of(close_, [&](LocalIndex i) {
-    const MeshPoint& p = mesh_.local(i).point;
-    const bool is_to_go = p.kind == PointKind::kVolume && is_within_size(p.position, q);
-    return !is_to_go && squared_distance(p.position, q) < floor;
-  });
+  return mesh_.has_other_point_within(q, input_.criteria.spacing_floor, conflict_.nearest,
+                                      leaving_);
 }
 
 void Refinement::delete_volume_points_near(const Point& q) {
-  bool is_changed = false;
-  for (const LocalIndex i : close_) {
+  if (leaving_.empty()) return;
+  for (const LocalIndex i : leaving_) {
     const auto& local = mesh_.local(i);
-    if (local.point.kind != PointKind::kVolume || !is_within_size(local.point.position, q))
-      continue;
     if (local.ref & kNewPoint)
       delta_.inserted[local.ref & ~kNewPoint].is_deleted = true;
     else
       delta_.deleted.push_back(local.point);
     mesh_.remove(i);
     ++delta_.stats.deletions;
-    is_changed = true;
   }
-  if (is_changed) mesh_.find_conflict(q, mesh_.triangulation().infinite_cell(), conflict_);
+  mesh_.find_conflict(q, mesh_.triangulation().infinite_cell(), conflict_);
 }
 
-void Refinement::insert(const Point& q, PointKind kind, int condition) {
+VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
   if (input_.max_insertions > 0 && ++num_insertions_ > input_.max_insertions)
     throw RefineError(fmt::format("more than {} insertions{}, the last near ({}, {}, {}) for C{}",
                                   input_.max_insertions, place(), q.x, q.y, q.z, condition));
   const VertexRef ref = kNewPoint | delta_.inserted.size();
   delta_.inserted.push_back({q, kind, false});
-  mesh_.insert({ref, q, kind}, ref, conflict_);
   ++delta_.stats.insertions[std::size_t(condition - 1)];
+  return ref;
+}
+
+void Refinement::insert(const Point& q, PointKind kind, int condition) {
+  const VertexRef ref = new_point(q, kind, condition);
+  mesh_.insert({ref, q, kind}, ref, conflict_);
 }
 
 std::string Refinement::place() const {

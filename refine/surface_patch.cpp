@@ -147,6 +147,8 @@ struct SurfacePatch::Impl {
   void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
   bool is_crossed_oddly(const Point& a, const Point& b, std::span<const Index> some) const;
   template <class Visit>
+  void for_each_near(const Point& p, double distance, Visit visit) const;
+  template <class Visit>
   void for_each_cell_along(const Point& a, const Point& b, Visit visit) const;
 };
 
@@ -402,19 +404,37 @@ double SurfacePatch::distance_bound(const Point& p) const {
              : (rings - 1) * std::min({impl_->step.x, impl_->step.y, impl_->step.z}) - impl_->slack;
 }
 
-bool SurfacePatch::is_near(const Point& p, double distance) const {
-  if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
+template <class Visit>
+void SurfacePatch::Impl::for_each_near(const Point& p, double distance, Visit visit) const {
   const Point d{distance, distance, distance};
-  const auto low = impl_->cell_of(p - d), high = impl_->cell_of(p + d);
+  const auto low = cell_of(p - d), high = cell_of(p + d);
   const double bound = distance * distance;
   for (int k = low[2]; k <= high[2]; ++k)
     for (int j = low[1]; j <= high[1]; ++j)
       for (int i = low[0]; i <= high[0]; ++i)
-        for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k)))
-          if (impl_->boxes[t].squared_distance(p) < bound &&
-              squared_distance_to_triangle(p, impl_->triangles[t]) < bound)
-            return true;
-  return false;
+        for (const Index t : held_by(index(i, j, k)))
+          if (boxes[t].squared_distance(p) < bound && !visit(triangles[t])) return;
+}
+
+bool SurfacePatch::is_near(const Point& p, double distance) const {
+  if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
+  bool is_found = false;
+  impl_->for_each_near(p, distance, [&](const Triangle& t) {
+    is_found = squared_distance_to_triangle(p, t) < distance * distance;
+    return !is_found;
+  });
+  return is_found;
+}
+
+void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
+  out.clear();
+  impl_->for_each_near(p, distance, [&](const Triangle& t) {
+    out.insert(out.end(), t.corners.begin(), t.corners.end());
+    return true;
+  });
+  std::ranges::sort(out);
+  const auto repeated = std::ranges::unique(out);
+  out.erase(repeated.begin(), repeated.end());
 }
 
 }  // namespace locvol

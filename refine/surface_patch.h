@@ -50,6 +50,9 @@ class SurfacePatch {
   // A lower bound of the distance from p to the surface within region(), 0 if nothing better is
   // known cheaply.
   double distance_bound(const Point& p) const;
+  // The corners of triangles closer to p than `distance` (and, of those, some farther away), in
+  // lexicographic order, each once.
+  void corners_near(const Point& p, double distance, std::vector<Point>& out) const;
   // Is some triangle of the region closer to p than `distance`?
   bool is_near(const Point& p, double distance) const;
 

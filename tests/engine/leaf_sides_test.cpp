@@ -52,7 +52,7 @@ TEST(LeafSides, AgreeWithRaysOnOctreesOfMixedLevels) {
   const auto soup =
       together(torus(1, 0.35, 24, 12), together(sphere(0.5, 9, 16), sphere(0.25, 5, 9))).soup();
   const Frame frame({-1.53, -1.49, -1.51}, 3.07 / (1 << MortonKey::kMaxLevel));
-  LinearOctree octree = LinearOctree::uniform(1);
+  LinearOctree octree = LinearOctree::uniform(3);
   for (int i = 0; i < 150; ++i) {
     const MortonKey leaf = octree.leaves()[random() % octree.size()];
     if (leaf.level() < 5) octree.split(leaf);

@@ -454,14 +454,33 @@ TEST(RefineLeafGuards, ThrowsForTwoPointsInOnePlace) {
   EXPECT_THROW(refine_leaf(world.leaf(points)), RefineError);
 }
 
-TEST(RefineLeafGuards, TooFewPointsForACellGiveNothing) {
+TEST(RefineLeafGuards, NoPointsGiveNothing) {
+  const LeafDelta delta = refine_leaf(sphere(0.3).leaf({}));
+  EXPECT_TRUE(delta.cells.empty());
+  EXPECT_TRUE(delta.inserted.empty());
+}
+
+TEST(RefineLeaf, StartsFromCornersWithTooFewPointsForACell) {
   const World world = sphere(0.3);
-  for (std::size_t num = 0; num < 4; ++num) {
-    const LeafDelta delta = refine_leaf(world.leaf(random_surface_points(world, num, 48)));
-    EXPECT_TRUE(delta.cells.empty());
-    EXPECT_TRUE(delta.inserted.empty());
-    EXPECT_FALSE(delta.is_overfull);
-  }
+  for (std::size_t num = 1; num < 4; ++num)
+    expect_good(world, refined(world.leaf(random_surface_points(world, num, 48))), 2);
+}
+
+// A part far smaller than λ, which gets one sample: without a cure it would not be in the mesh, and
+// no condition would say so.
+TEST(RefineLeaf, UnfoldsPartsSmallerThanSize) {
+  const World world{
+      shapes::together(shapes::icosphere({0, 0, 0}, 1, 3), shapes::icosphere({2, 0, 0}, 0.02, 2)),
+      0.4};
+  const Refined result = refined(world.leaf(covering_points(world, true)));
+  EXPECT_GT(result.delta.stats.insertions[2], 0);
+  expect_good(world, result, 4);
+}
+
+TEST(RefineLeaf, UnfoldsCavitiesSmallerThanSize) {
+  const World world{shapes::nested_shells(1, 0.02, 2), 0.4};
+  const Refined result = refined(world.leaf(covering_points(world, true)));
+  expect_good(world, result, 4);
 }
 
 TEST(RefineLeafGuards, WithoutOwnPointsNothingIsDone) {
