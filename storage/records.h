@@ -80,7 +80,7 @@ struct RunParameters {
   std::string input_digest;  // hexadecimal, of the input's repaired triangles
   double size = 0;           // λ
   double radius_edge_bound = 2;
-  double spacing_floor = 0;  // as a fraction of λ
+  double spacing_floor = 0;         // as a fraction of λ
   std::uint64_t leaf_capacity = 0;  // κ
   Initialization init = Initialization::kCover;
   std::uint64_t seed = 0;
@@ -106,7 +106,7 @@ struct RunRecord {
   SurfaceFacts surface;
   Frame frame;
   Phase phase = Phase::kIngest;
-  std::uint32_t epoch = 0;          // the open one
+  std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
   std::uint64_t num_visits = 0;
   // Totals of the run so far; they outlive the leaves that were split.
@@ -115,7 +115,7 @@ struct RunRecord {
   std::uint64_t num_unresolved = 0;
   std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
   std::uint64_t num_deletions = 0;
-  MortonKey next_leaf;              // ingest and initialize: where to go on
+  MortonKey next_leaf;  // ingest and initialize: where to go on
   std::uint32_t next_color = 0;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };

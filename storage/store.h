@@ -38,9 +38,9 @@ class CorruptRecord : public StoreError {
 };
 
 struct StoreOptions {
-  bool create = false;        // make the directory and an empty store if there is none
+  bool create = false;  // make the directory and an empty store if there is none
   bool read_only = false;
-  bool is_durable = true;     // false only in tests and benchmarks that measure what durability costs
+  bool is_durable = true;  // false only in tests and benchmarks that measure what durability costs
   // Address space to begin with, not memory; doubled when full, halved if there is not so much.
   std::uint64_t map_bytes = std::uint64_t{64} << 30;
 };
