@@ -21,7 +21,8 @@ std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_cap
 LeafLoader::LeafLoader(RunState& state) : state_(state) {
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
-  whole_surface_ = std::make_unique<SurfacePatch>(triangles_meeting(root), root, root.min, false);
+  whole_surface_ =
+      std::make_unique<SurfacePatch>(triangles_meeting(root), root, root.min, false, state_.size());
   all_points_.emplace(state_.size());
   for (const MortonKey leaf : state_.octree.leaves())
     for (const MeshPoint& point : state_.leaves.points(leaf).points) all_points_->insert(point);
@@ -84,7 +85,7 @@ std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, dou
   const Box box = state_.box(leaf);
   const Box region = box.expanded(distance);
   return std::make_unique<SurfacePatch>(triangles_meeting(region), region, box.center(),
-                                        state_.leaves.info(leaf).is_center_inside);
+                                        state_.leaves.info(leaf).is_center_inside, state_.size());
 }
 
 // Each once, in order of id; and some more, that only come close.

@@ -60,13 +60,37 @@ void LeafMesh::make_fresh(Cell c) {
 
 // The order in which CGAL lists new cells, and numbers their vertices, follows their addresses.
 void LeafMesh::make_fresh_in_order() {
-  std::ranges::sort(new_cells_, {}, [](Cell c) {
+  in_order_.clear();
+  for (const Cell c : new_cells_) {
     std::array<LocalIndex, 4> vertices{};
     for (int i = 0; i < 4; ++i) vertices[std::size_t(i)] = c->vertex(i)->info();
     std::ranges::sort(vertices);
-    return vertices;
-  });
-  for (const Cell c : new_cells_) make_fresh(c);
+    in_order_.emplace_back(vertices, c);
+  }
+  std::ranges::sort(in_order_, {}, &std::pair<std::array<LocalIndex, 4>, Cell>::first);
+  for (const auto& [vertices, c] : in_order_) make_fresh(c);
+}
+
+void LeafMesh::note_gone(Cell c) {
+  if (has_own_vertex(c)) (is_member(c) ? has_gone_member_ : has_gone_other_) = true;
+  c->info().stamp = 0;
+}
+
+// If all cells that went and came are in the mesh, or none is, every facet is as it was.
+bool LeafMesh::is_boundary_changed() const {
+  bool has_member = has_gone_member_, has_other = has_gone_other_;
+  if (!has_member && !has_other) return true;  // only just built
+  for (const CellRef& fresh : fresh_) {
+    if (has_member && has_other) return true;
+    if (fresh.is_alive() && has_own_vertex(fresh.cell))
+      (is_member(fresh.cell) ? has_member : has_other) = true;
+  }
+  return has_member && has_other;
+}
+
+void LeafMesh::clear_fresh_cells() {
+  fresh_.clear();
+  has_gone_member_ = has_gone_other_ = false;
 }
 
 bool LeafMesh::has_own_vertex(Cell c) const {
@@ -200,7 +224,7 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
   const auto index = static_cast<LocalIndex>(locals_.size());
   add_local(q, ref);
-  for (const Cell c : conflict.cells) c->info().stamp = 0;
+  for (const Cell c : conflict.cells) note_gone(c);
   const auto [cell, i] = conflict.border.front();
   const Vertex v = triangulation_.insert_in_hole(cgal(q.position), conflict.cells.begin(),
                                                  conflict.cells.end(), cell, i);
@@ -226,7 +250,7 @@ void LeafMesh::remove(LocalIndex i) {
   Local& gone = locals_[i];
   new_cells_.clear();
   triangulation_.incident_cells(gone.vertex, std::back_inserter(new_cells_));
-  for (const Cell c : new_cells_) c->info().stamp = 0;
+  for (const Cell c : new_cells_) note_gone(c);
   new_cells_.clear();
   triangulation_.remove_and_give_new_cells(gone.vertex, std::back_inserter(new_cells_));
   gone.vertex = Vertex();

@@ -104,7 +104,11 @@ class LeafMesh {
     std::uint32_t stamp = 0;
     bool is_alive() const { return cell->info().stamp == stamp; }
   };
-  std::vector<CellRef>& fresh_cells() { return fresh_; }
+  const std::vector<CellRef>& fresh_cells() const { return fresh_; }
+  // Whether facets at own vertices may have joined or left the mesh's boundary since the fresh
+  // cells were cleared last.
+  bool is_boundary_changed() const;
+  void clear_fresh_cells();
 
   // The cells whose circumballs contain q, and the hole's border.
   struct Conflict {
@@ -135,6 +139,7 @@ class LeafMesh {
   void add_local(const MeshPoint& p, VertexRef ref);
   void make_fresh(Cell c);
   void make_fresh_in_order();  // new_cells_
+  void note_gone(Cell c);
   bool leads_past(Cell c, int index, const Axis& axis) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
@@ -149,6 +154,8 @@ class LeafMesh {
   Triangulation triangulation_;
   std::vector<CellRef> fresh_;
   std::vector<Cell> new_cells_;
+  std::vector<std::pair<std::array<LocalIndex, 4>, Cell>> in_order_;
+  bool has_gone_member_ = false, has_gone_other_ = false;  // with an own vertex
   mutable std::vector<Crossing> crossings_;
 };
 

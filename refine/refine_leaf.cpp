@@ -41,7 +41,7 @@ class Refinement {
   bool restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore);
   bool restore_next_disk();
   void look_at_fresh_cells();
-  void look_at(Cell cell);
+  void look_at(Cell cell, bool is_boundary_changed);
   void look_at(Facet facet);
   void look_at_vertex(LocalIndex v);
 
@@ -156,18 +156,21 @@ bool Refinement::restore_next_disk() {
 // ---- Looking for violations ---------------------------------------------------------------------
 
 void Refinement::look_at_fresh_cells() {
-  auto& fresh = mesh_.fresh_cells();
+  const auto& fresh = mesh_.fresh_cells();
+  if (fresh.empty()) return;
+  const bool is_boundary_changed = mesh_.is_boundary_changed();
   for (std::size_t n = 0; n < fresh.size(); ++n)
-    if (fresh[n].is_alive() && mesh_.has_own_vertex(fresh[n].cell)) look_at(fresh[n].cell);
-  fresh.clear();
+    if (fresh[n].is_alive() && mesh_.has_own_vertex(fresh[n].cell))
+      look_at(fresh[n].cell, is_boundary_changed);
+  mesh_.clear_fresh_cells();
 }
 
-void Refinement::look_at(Cell cell) {
+void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   std::array<int, 4> order{0, 1, 2, 3};  // by local index: CGAL's own depends on addresses
   std::ranges::sort(order, {}, [&](int i) { return cell->vertex(i)->info(); });
   for (const int i : order) {
     const auto v = cell->vertex(i);
-    if (mesh_.is_own(v)) look_at_vertex(v->info());
+    if (is_boundary_changed && mesh_.is_finite(v)) look_at_vertex(v->info());
     if ((cell->info().facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
@@ -203,7 +206,7 @@ void Refinement::look_at(Facet facet) {
 }
 
 void Refinement::look_at_vertex(LocalIndex v) {
-  if (mesh_.local(v).point.kind != PointKind::kSurface) return;
+  if (mesh_.local(v).point.kind != PointKind::kSurface || !mesh_.local(v).is_own) return;
   if (is_in_c3_.size() < mesh_.num_locals()) is_in_c3_.resize(mesh_.num_locals());
   if (is_in_c3_[v]) return;
   is_in_c3_[v] = true;
@@ -295,8 +298,12 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   for (const Point& q : corners_) {
     if (squared_distance(p, q) >= size * size) continue;
     if (squared_distance(p, q) <= floor * floor) break;
-    if (mesh_.is_in_voronoi_cell(q, v))
-      return insert_on_surface(q, 3, mesh_.local(v).vertex->cell());
+    if (!mesh_.is_in_voronoi_cell(q, v)) continue;
+    const Outcome outcome = insert_on_surface(q, 3, mesh_.local(v).vertex->cell());
+    if (outcome == Outcome::kBlocked) return outcome;
+    look_at_vertex(v);  // again, and the new one: nothing else might have changed
+    look_at_vertex(static_cast<LocalIndex>(mesh_.num_locals() - 1));
+    return outcome;
   }
   return Outcome::kChanged;
 }

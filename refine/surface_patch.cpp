@@ -10,7 +10,7 @@ namespace locvol {
 namespace {
 
 constexpr int kMinGridSide = 4;
-constexpr std::size_t kUsualGridCells = 48 * 48 * 48;  // what a leaf's patch can afford
+constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
 constexpr std::uint8_t kMaxRings = 16;   // distances beyond it are not told apart
 constexpr double kTrianglesPerCell = 4;  // wanted, in a cell that has some
@@ -136,7 +136,7 @@ struct SurfacePatch::Impl {
     return {held.data() + first[cell], held.data() + first[cell + 1]};
   }
 
-  void choose_grid();
+  void choose_grid(double resolution);
   template <class Visit>
   void for_each_cell_met(Index triangle, Visit visit) const;
   void fill_grid();
@@ -149,12 +149,13 @@ struct SurfacePatch::Impl {
   template <class Visit>
   void for_each_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
-  void for_each_cell_along(const Point& a, const Point& b, Visit visit) const;
+  void for_each_cell_along(Point a, Point b, Visit visit) const;
+  bool clip(Point& a, Point& b) const;
 };
 
-// Cells of about the size at which those that the surface passes through hold kTrianglesPerCell
-// triangles, but never fewer or more than a visit can use.
-void SurfacePatch::Impl::choose_grid() {
+// Cells of half the resolution, or smaller, where those that the surface passes through would hold
+// more than kTrianglesPerCell triangles; but never more than a visit can use.
+void SurfacePatch::Impl::choose_grid(double resolution) {
   double area = 0;
   const double volume_side =
       std::cbrt((region.max.x - region.min.x) * (region.max.y - region.min.y) *
@@ -164,14 +165,12 @@ void SurfacePatch::Impl::choose_grid() {
     const auto& [a, b, c] = t.corners;
     area += std::min(0.5 * norm(cross(b - a, c - a)), area_bound);
   }
-  const double usual = volume_side / std::cbrt(double(kUsualGridCells));
+  const double usual =
+      resolution > 0 ? 0.5 * resolution : volume_side / std::cbrt(double(kUsualGridCells));
   const double finest = volume_side / std::cbrt(double(kMaxGridCells));
-  double side = usual;
-  if (triangles.empty())
-    side = volume_side / kMinGridSide;
-  else
-    side =
-        std::clamp(std::sqrt(kTrianglesPerCell * area / double(triangles.size())), finest, usual);
+  const double dense = std::sqrt(kTrianglesPerCell * area / double(triangles.size()));
+  const double side =
+      triangles.empty() ? volume_side / kMinGridSide : std::max(finest, std::min(usual, dense));
   for (int axis = 0; axis < 3; ++axis) {
     const double extent = region.max[axis] - region.min[axis];
     const int n = std::clamp(int(extent / side), kMinGridSide, 1024);
@@ -304,17 +303,42 @@ void SurfacePatch::Impl::spread(const std::array<int, 3>& a, const std::array<in
   is_center_inside[there] = side;
 }
 
-// Slab by slab along the axis on which the segment spans most cells; generous by a rounding error,
-// so that no cell that the segment touches is left out.
+// The part of the segment from a to b inside the region, a rounding error longer; as points, and
+// false if there is none.
+bool SurfacePatch::Impl::clip(Point& a, Point& b) const {
+  double t0 = 0, t1 = 1;
+  const Point d = b - a;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = region.min[axis] - 4 * slack, high = region.max[axis] + 4 * slack;
+    if (d[axis] == 0) {
+      if (a[axis] < low || a[axis] > high) return false;
+      continue;
+    }
+    const double in = ((d[axis] > 0 ? low : high) - a[axis]) / d[axis];
+    const double out = ((d[axis] > 0 ? high : low) - a[axis]) / d[axis];
+    t0 = std::max(t0, in);
+    t1 = std::min(t1, out);
+  }
+  if (t0 > t1) return false;
+  if (t1 < 1) b = a + t1 * d;
+  if (t0 > 0) a = a + t0 * d;
+  return true;
+}
+
+// The cells with triangles that the segment touches, and some beside it: slab by slab along the
+// axis on which it spans most cells, generous by a rounding error, leaping where no triangle is
+// near.
 template <class Visit>
-void SurfacePatch::Impl::for_each_cell_along(const Point& a, const Point& b, Visit visit) const {
+void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) const {
+  if (!clip(a, b)) return;
   const auto from = cell_of(a), to = cell_of(b);
   std::size_t main = 0;
   for (std::size_t axis = 1; axis < 3; ++axis)
     if (std::abs(from[axis] - to[axis]) > std::abs(from[main] - to[main])) main = axis;
   const int m = int(main), u = (m + 1) % 3, v = (m + 2) % 3;
   const double length = b[m] - a[m];
-  for (int s = std::min(from[main], to[main]); s <= std::max(from[main], to[main]); ++s) {
+  const int last = std::max(from[main], to[main]);
+  for (int s = std::min(from[main], to[main]), leap = 0; s <= last; s += leap) {
     double t0 = 0, t1 = 1;
     if (from[main] != to[main]) {
       const double low = region.min[m] + s * step[m];
@@ -334,17 +358,22 @@ void SurfacePatch::Impl::for_each_cell_along(const Point& a, const Point& b, Vis
     const auto ru = range(u), rv = range(v);
     std::array<int, 3> c{};
     c[main] = s;
+    int nearest = kMaxRings;
     for (int i = ru[0]; i <= ru[1]; ++i)
       for (int j = rv[0]; j <= rv[1]; ++j) {
         c[std::size_t(u)] = i;
         c[std::size_t(v)] = j;
-        visit(index(c[0], c[1], c[2]));
+        const std::size_t cell = index(c[0], c[1], c[2]);
+        nearest = std::min<int>(nearest, rings[cell]);
+        if (rings[cell] == 0) visit(cell);
       }
+    leap =
+        std::max(1, nearest - 2);  // a slab on, the segment is at most one cell aside; 2 to spare
   }
 }
 
 SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
-                           const Point& reference, bool is_reference_inside)
+                           const Point& reference, bool is_reference_inside, double resolution)
     : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(triangles);
   impl_->region = region;
@@ -355,7 +384,7 @@ SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
     all = all.joined(impl_->boxes.back());
   }
   impl_->slack = kSlack * largest_coordinate(all);
-  impl_->choose_grid();
+  impl_->choose_grid(resolution);
   impl_->fill_grid();
   impl_->measure_rings();
   impl_->spread_sides(reference, is_reference_inside);
@@ -382,7 +411,6 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
   const Box segment = Box::around(a).joined(b);
   if (!segment.overlaps(impl_->region)) return;
   impl_->for_each_cell_along(a, b, [&](std::size_t cell) {
-    if (impl_->rings[cell] > 0) return;
     for (const Impl::Index t : impl_->held_by(cell)) {
       if (!impl_->boxes[t].overlaps(segment)) continue;
       const Triangle& triangle = impl_->triangles[t];

@@ -33,8 +33,10 @@ class SurfacePatch {
  public:
   // `triangles`: every triangle that meets `region`, each once, others allowed; in order of id.
   // `is_reference_inside`: the side of `reference`, a point of `region`.
+  // `resolution`: distances to the surface of about this size matter to the caller (λ); 0: unknown.
+  // It decides how fine the grid is, never an answer but distance_bound's.
   SurfacePatch(std::vector<Triangle> triangles, const Box& region, const Point& reference,
-               bool is_reference_inside);
+               bool is_reference_inside, double resolution = 0);
   SurfacePatch(SurfacePatch&&) noexcept;
   SurfacePatch& operator=(SurfacePatch&&) noexcept;
   ~SurfacePatch();
