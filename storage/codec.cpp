@@ -295,7 +295,7 @@ void fields(auto& archive, Maybe<SurfaceFacts> auto& s) {
 void fields(auto& archive, Maybe<RunRecord> auto& run) {
   archive(run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
           run.num_visits, run.num_points, run.num_cells, run.num_unresolved, run.num_insertions,
-          run.num_deletions, run.next_leaf, run.next_color);
+          run.num_deletions);
 }
 
 // LeafInfo as stored: the optional is a flag and a value that is 0 when absent.

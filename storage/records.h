@@ -115,8 +115,6 @@ struct RunRecord {
   std::uint64_t num_unresolved = 0;
   std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
   std::uint64_t num_deletions = 0;
-  MortonKey next_leaf;  // ingest and initialize: where to go on
-  std::uint32_t next_color = 0;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

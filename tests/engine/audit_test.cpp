@@ -8,7 +8,7 @@
 #include <string>
 
 #include "tests/engine/hand_made_mesh.h"
-#include "tests/tools/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {

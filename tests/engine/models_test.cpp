@@ -9,7 +9,7 @@
 #include "engine/audit.h"
 #include "engine/engine.h"
 #include "engine/surface_input.h"
-#include "tests/tools/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {

@@ -15,8 +15,9 @@
 
 #include "storage/codec.h"
 #include "storage/store.h"
+#include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
-#include "tests/storage/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {

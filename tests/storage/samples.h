@@ -33,8 +33,6 @@ inline RunRecord sample_run() {
   run.epoch = 3;
   run.next_point_id = 123456789012;
   run.num_visits = 77;
-  run.next_leaf = sample_leaf();
-  run.next_color = 7;
   return run;
 }
 
@@ -122,7 +120,6 @@ class Generator {
     run.surface.box = box();
     run.surface.euler_characteristic = -static_cast<std::int64_t>(integer(1000));
     run.phase = static_cast<Phase>(integer(4));
-    run.next_leaf = MortonKey();
     return run;
   }
 

@@ -16,8 +16,9 @@
 #include <thread>
 
 #include "storage/file_system.h"
+#include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
-#include "tests/storage/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {

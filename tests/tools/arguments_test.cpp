@@ -7,7 +7,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "tests/tools/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {

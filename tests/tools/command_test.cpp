@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "tests/temp_dir.h"
 #include "tests/tools/process.h"
-#include "tests/tools/temp_dir.h"
 
 namespace locvol {
 namespace {

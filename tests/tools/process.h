@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/tools/temp_dir.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 

@@ -1,32 +1,13 @@
-// A directory that is gone with all in it when the test is over; and code run in a child process.
+// Code run in a child process, and signals between it and its parent.
 #pragma once
 
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdlib>
-#include <filesystem>
 #include <stdexcept>
-#include <string>
 
 namespace locvol::testing_samples {
-
-class TempDir {
- public:
-  TempDir() {
-    std::string name = (std::filesystem::temp_directory_path() / "locvol-XXXXXX").string();
-    if (!mkdtemp(name.data())) throw std::runtime_error("cannot make a temporary directory");
-    path_ = name;
-  }
-  ~TempDir() { std::filesystem::remove_all(path_); }
-  TempDir(const TempDir&) = delete;
-  TempDir& operator=(const TempDir&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 // A child process that runs `body` and exits with its result; 99 if it throws. REQUIRES: no store
 // is open that the child would use.
