@@ -16,7 +16,7 @@ std::size_t vector_bytes(const std::vector<T>& v) {
 }  // namespace
 
 std::size_t LeafCache::Entry::bytes() const {
-  std::size_t bytes = sizeof(Entry) + 64;  // and what the containers add
+  std::size_t bytes = kEntryBytes;
   if (points.record) bytes += vector_bytes(points.record->points);
   if (surface.record) bytes += vector_bytes(surface.record->triangles);
   if (cells.record)
@@ -28,10 +28,12 @@ std::size_t LeafCache::Entry::bytes() const {
 LeafCache::Entry& LeafCache::touch(MortonKey leaf) {
   const auto [place, is_new] = entries_.try_emplace(leaf);
   Entry& entry = place->second;
-  if (is_new)
+  if (is_new) {
     entry.place = used_.insert(used_.begin(), leaf);
-  else
+    most_bytes_ += kEntryBytes;
+  } else {
     used_.splice(used_.begin(), used_, entry.place);
+  }
   return entry;
 }
 
@@ -51,13 +53,19 @@ const LeafInfo& LeafCache::info(MortonKey leaf) {
 
 const LeafPoints& LeafCache::points(MortonKey leaf) {
   auto& points = touch(leaf).points;
-  if (!points.record) points.record = store_.snapshot().points(leaf);
+  if (!points.record) {
+    points.record = store_.snapshot().points(leaf);
+    most_bytes_ += vector_bytes(points.record->points);
+  }
   return *points.record;
 }
 
 const LeafSurface& LeafCache::surface(MortonKey leaf) {
   auto& surface = touch(leaf).surface;
-  if (!surface.record) surface.record = store_.snapshot().surface(leaf);
+  if (!surface.record) {
+    surface.record = store_.snapshot().surface(leaf);
+    most_bytes_ += vector_bytes(surface.record->triangles);
+  }
   return *surface.record;
 }
 
@@ -120,24 +128,29 @@ void LeafCache::write(Batch& batch, MortonKey leaf, Entry& entry) {
 
 void LeafCache::write_to(Batch& batch) {
   for (const MortonKey leaf : erased_) batch.erase_leaf(leaf);
+  most_bytes_ += unwritten_bytes();
   for (const MortonKey leaf : changed_) write(batch, leaf, entries_.at(leaf));
   erased_.clear();
   changed_.clear();
 }
 
 void LeafCache::trim() {
+  if (most_bytes_ <= max_bytes_) return;
+  const std::size_t kept_bytes = max_bytes_ / 4 * 3;  // so that not every call has to walk the list
   std::size_t bytes = 0;
   for (auto leaf = used_.begin(); leaf != used_.end();) {
     const auto entry = entries_.find(*leaf);
     const bool is_changed = changed_.contains(*leaf);
     if (!is_changed) bytes += entry->second.bytes();
-    if (is_changed || bytes <= max_bytes_) {
+    if (is_changed || bytes <= kept_bytes) {
       ++leaf;
     } else {
+      bytes -= entry->second.bytes();
       entries_.erase(entry);
       leaf = used_.erase(leaf);
     }
   }
+  most_bytes_ = bytes;
 }
 
 }  // namespace locvol

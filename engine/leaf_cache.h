@@ -57,13 +57,16 @@ class LeafCache {
     std::size_t operator()(MortonKey key) const { return key.bits() * 0x9e3779b97f4a7c15 >> 8; }
   };
 
+  static constexpr std::size_t kEntryBytes = sizeof(Entry) + 64;  // and what the containers add
+
   Entry& touch(MortonKey leaf);  // the leaf's entry, now the most recently used
   Entry& touch_changed(MortonKey leaf);
   static void write(Batch& batch, MortonKey leaf, Entry& entry);
 
   const Store& store_;
   std::size_t max_bytes_;
-  std::list<MortonKey> used_;  // most recently used first
+  std::size_t most_bytes_ = 0;  // the unchanged records take no more
+  std::list<MortonKey> used_;   // most recently used first
   std::unordered_map<MortonKey, Entry, Hash> entries_;
   std::set<MortonKey> changed_;  // leaves with a record to write
   std::set<MortonKey> erased_;   // leaves to erase from the store
