@@ -23,6 +23,9 @@ struct SizeSpec {
   bool is_percent = false;
 };
 
+// λ in the units of the coordinates. Throws InputError unless it is positive and finite.
+double absolute_size(const SizeSpec& size, const Box& box);
+
 struct MeshOptions {
   std::filesystem::path input;
   std::filesystem::path store;

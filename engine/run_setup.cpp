@@ -51,13 +51,6 @@ double largest_coordinate(const Box& box) {
   return largest;
 }
 
-double resolved_size(const SizeSpec& spec, const Box& box) {
-  if (!(spec.value > 0) || !std::isfinite(spec.value))
-    throw InputError("size " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
-                     ": give a finite number above 0");
-  return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
-}
-
 void check_lengths(const SurfaceFacts& surface, double size) {
   if (!(largest_coordinate(surface.box) < kMaxLength) || !(largest_side(surface.box) > kMinLength))
     throw InputError(surface.file + ": coordinates of about " +
@@ -108,6 +101,13 @@ const char* name_of(Initialization init) {
 
 }  // namespace
 
+double absolute_size(const SizeSpec& spec, const Box& box) {
+  if (!(spec.value > 0) || !std::isfinite(spec.value))
+    throw InputError("size " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
+                     ": give a finite number above 0");
+  return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
+}
+
 RunRecord planned_run(const MeshOptions& options, const InputSurface& surface) {
   check_options(options);
   RunRecord run;
@@ -115,7 +115,7 @@ RunRecord planned_run(const MeshOptions& options, const InputSurface& surface) {
   run.surface.file = std::filesystem::absolute(options.input).string();
   run.parameters = {
       .input_digest = surface.digest,
-      .size = resolved_size(options.size, surface.facts.box),
+      .size = absolute_size(options.size, surface.facts.box),
       .radius_edge_bound = options.radius_edge_bound,
       .spacing_floor = options.spacing_floor,
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,

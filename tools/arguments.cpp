@@ -121,12 +121,6 @@ std::filesystem::path parse_output(const std::string& text,
   return path;
 }
 
-double absolute_size(const SizeSpec& size, const Box& box) {
-  if (!size.is_percent) return size.value;
-  const Point sides = box.max - box.min;
-  return size.value / 100 * std::min({sides.x, sides.y, sides.z});
-}
-
 void require_writable(const std::filesystem::path& output) {
   const auto folder = output.has_parent_path() ? output.parent_path() : std::filesystem::path(".");
   if (!std::filesystem::is_directory(folder)) {

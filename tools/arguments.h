@@ -32,9 +32,6 @@ std::string key_text(MortonKey key);
 std::filesystem::path parse_output(const std::string& text,
                                    const std::vector<std::string_view>& extensions);
 
-// λ of a surface with this bounding box.
-double absolute_size(const SizeSpec& size, const Box& box);
-
 // Throws std::runtime_error unless a file could be made under this name: asked before hours of
 // work, so that they end in a file.
 void require_writable(const std::filesystem::path& output);
