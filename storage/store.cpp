@@ -34,7 +34,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -299,6 +299,12 @@ std::optional<RunRecord> Reader::run() const {
   return decode_in<RunRecord>(Database::kMeta, *bytes, MortonKey());
 }
 
+std::optional<MemoryRecord> Reader::memory() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kMemoryKey));
+  if (!bytes) return std::nullopt;
+  return decode_in<MemoryRecord>(Database::kMeta, *bytes, MortonKey());
+}
+
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
   const auto bytes = impl_->find(Database::kLeaves, leaf_key(key));
   if (!bytes) return std::nullopt;
@@ -375,6 +381,10 @@ Batch::~Batch() = default;
 
 void Batch::put_run(const RunRecord& run) {
   impl_->put(Database::kMeta, std::string(kRunKey), encode(run, MortonKey()));
+}
+
+void Batch::put_memory(const MemoryRecord& memory) {
+  impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
 }
 
 void Batch::put_leaf(MortonKey key, const LeafInfo& info) {

@@ -58,6 +58,7 @@ class Reader {
  public:
   virtual ~Reader();
   std::optional<RunRecord> run() const;
+  std::optional<MemoryRecord> memory() const;
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
@@ -97,6 +98,7 @@ class Batch : public Reader {
   ~Batch() override;
 
   void put_run(const RunRecord& run);
+  void put_memory(const MemoryRecord& memory);
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);
