@@ -598,6 +598,7 @@ std::string compress(const std::string& content) {
       ZSTD_compress2(compressor.get(), frame.data(), frame.size(), content.data(), content.size());
   if (ZSTD_isError(size)) throw std::bad_alloc();  // all that is left to fail
   frame.resize(size);
+  frame.shrink_to_fit();  // batches keep it
   return frame;
 }
 
