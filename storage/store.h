@@ -66,6 +66,13 @@ struct DatabaseSize {
   std::uint64_t num_entries = 0;
 };
 
+// Where an entry of the queue lies, in the order of the queue.
+struct QueuePlace {
+  QueuePosition position;
+  MortonKey leaf;
+  friend auto operator<=>(const QueuePlace&, const QueuePlace&) = default;
+};
+
 // What both a Snapshot and a Batch can read.
 class Reader {
  public:
@@ -78,6 +85,10 @@ class Reader {
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
+  // The first `max` leaves, or places in the queue, from `from` on, in order. Decodes no record, so
+  // a damaged one is listed like any other; a damaged key may be no valid one.
+  std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
+  std::vector<QueuePlace> queue_places(const QueuePlace& from, std::size_t max) const;
   // Every leaf with its info, in Morton order; stops when `visit` returns false.
   void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
   // Queue entries in queue order; stops when `visit` returns false.
@@ -142,6 +153,11 @@ class Store {
   ~Store();
 
   Snapshot snapshot() const;
+  // The store as it is now, for reading: all its snapshots are of this one moment. Short-lived, as
+  // a Snapshot is, and for one thread at a time.
+  Store frozen() const;
+  // The id of the process that has the store open for writing, if there is one.
+  std::optional<std::string> writer() const;
   Batch begin();  // waits while another thread has a Batch
   std::vector<DatabaseSize> sizes() const;
   std::uint64_t mapped_bytes() const;  // pages of the map in memory, at most; costs nothing to ask

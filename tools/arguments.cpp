@@ -138,6 +138,25 @@ MortonKey parse_key(const std::string& text) {
   return MortonKey::from_bits(*bits);
 }
 
+LeafSpec parse_leaf(const std::string& text) {
+  if (text.find(',') == std::string::npos) return parse_key(text);
+  std::string numbers = text;
+  std::erase_if(numbers, [](char c) { return c == ' ' || c == '(' || c == ')'; });
+  Point point;
+  std::string_view rest = numbers;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::size_t end = axis < 2 ? rest.find(',') : rest.size();
+    const auto value = parse_number<double>(rest.substr(0, end));
+    if (end == std::string_view::npos || !value || !std::isfinite(*value)) {
+      throw std::invalid_argument(
+          fmt::format("'{}' is no point: give three numbers, x,y,z, or a leaf's key", text));
+    }
+    point[axis] = *value;
+    if (axis < 2) rest.remove_prefix(end + 1);
+  }
+  return point;
+}
+
 std::string key_text(MortonKey key) { return fmt::format("{:016x}", key.bits()); }
 
 std::filesystem::path parse_output(const std::string& text,

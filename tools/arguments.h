@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "engine/engine.h"
@@ -30,6 +31,9 @@ std::string parse_shape(const std::string& text);    // a name from shapes()
 // Morton bits in hexadecimal, as key_text() prints them; "0x" may precede.
 MortonKey parse_key(const std::string& text);
 std::string key_text(MortonKey key);
+// A leaf by its key, or by a point in it: "x,y,z", or as point_text() prints it.
+using LeafSpec = std::variant<MortonKey, Point>;
+LeafSpec parse_leaf(const std::string& text);
 
 // `text` as a path, if its extension is one of `extensions` (".vtu").
 std::filesystem::path parse_output(const std::string& text,
