@@ -445,7 +445,8 @@ Store Store::open(const std::filesystem::path& directory, const StoreOptions& op
       throw StoreError("store " + directory.string() + ": there is no such directory");
     make_directory(directory);
   }
-  return Store(std::make_unique<Impl>(Environment::open(directory, options), options.read_only));
+  return Store(
+      std::make_unique<Impl>(Impl{Environment::open(directory, options), options.read_only}));
 }
 
 bool Store::exists(const std::filesystem::path& directory) {
