@@ -29,7 +29,7 @@ class DecodeError : public std::runtime_error {
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
 // For StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface, LeafUnresolved and
 // QueueEntry. Safe from many threads; a thread keeps its zstd contexts (about 1 MB) until it ends.
-// REQUIRES: enumerators in range, LeafCells::cells index LeafCells::vertices
+// REQUIRES: enumerators and conditions in range, LeafCells::cells index LeafCells::vertices
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf);
 
