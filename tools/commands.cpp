@@ -99,7 +99,7 @@ void print_unresolved(const Store& store) {
     fmt::print(stderr, "  {}\n", site_text(sites[i]));
   }
   if (sites.size() > kMaxListedSites) {
-    fmt::print(stderr, "  and {} more: `locvol inspect {}` lists all\n",
+    fmt::print(stderr, "  and {} more: `locvol inspect {} --unresolved` lists all\n",
                sites.size() - kMaxListedSites, store.directory().string());
   }
 }
