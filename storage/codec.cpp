@@ -47,6 +47,7 @@
 //                 0 is the next new one]
 //   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
 //   7 queue       position, leaf, dirty box
+//   8 memory      the fields of MemoryRecord in order
 //
 // A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
 // (tests/storage/golden).
@@ -81,6 +82,8 @@ template <>
 inline constexpr Kind kKind<LeafUnresolved>{6, 1};
 template <>
 inline constexpr Kind kKind<QueueEntry>{7, 1};
+template <>
+inline constexpr Kind kKind<MemoryRecord>{8, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
@@ -296,6 +299,10 @@ void fields(auto& archive, Maybe<RunRecord> auto& run) {
   archive(run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
           run.num_visits, run.num_points, run.num_cells, run.num_unresolved, run.num_insertions,
           run.num_deletions);
+}
+
+void fields(auto& archive, Maybe<MemoryRecord> auto& m) {
+  archive(m.cap, m.program, m.leaves, m.commits, m.visits, m.cache, m.peak_resident);
 }
 
 // LeafInfo as stored: the optional is a flag and a value that is 0 when absent.
@@ -598,6 +605,7 @@ std::string compress(const std::string& content) {
       ZSTD_compress2(compressor.get(), frame.data(), frame.size(), content.data(), content.size());
   if (ZSTD_isError(size)) throw std::bad_alloc();  // all that is left to fail
   frame.resize(size);
+  frame.shrink_to_fit();  // batches keep it
   return frame;
 }
 
@@ -700,6 +708,7 @@ template std::string encode(const LeafCells&, MortonKey);
 template std::string encode(const LeafSurface&, MortonKey);
 template std::string encode(const LeafUnresolved&, MortonKey);
 template std::string encode(const QueueEntry&, MortonKey);
+template std::string encode(const MemoryRecord&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -708,5 +717,6 @@ template LeafCells decode(std::string_view, MortonKey);
 template LeafSurface decode(std::string_view, MortonKey);
 template LeafUnresolved decode(std::string_view, MortonKey);
 template QueueEntry decode(std::string_view, MortonKey);
+template MemoryRecord decode(std::string_view, MortonKey);
 
 }  // namespace locvol

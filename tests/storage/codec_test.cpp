@@ -100,6 +100,7 @@ void expect_damage_is_noticed(const Record& record, MortonKey leaf) {
 TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   Generator random(1);
   expect_damage_is_noticed(sample_run(), MortonKey());
+  expect_damage_is_noticed(sample_memory(), MortonKey());
   expect_damage_is_noticed(sample_info(), sample_leaf());
   expect_damage_is_noticed(sample_queue_entry(), sample_leaf());
   expect_damage_is_noticed(StoreFormat(), MortonKey());
@@ -236,6 +237,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("surface.v1", sample_surface(), sample_leaf());
   expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());
   expect_golden("queue.v1", sample_queue_entry(), sample_leaf());
+  expect_golden("memory.v1", sample_memory(), MortonKey());
 }
 
 }  // namespace
