@@ -41,6 +41,12 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+// Built beside this program.
+std::string built(const char* name) {
+  static const auto directory = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  return (directory / name).string();
+}
+
 // Out of reach of the faults.
 std::filesystem::path logs_of(const std::filesystem::path& directory) {
   return directory.parent_path() / ("logs-of-" + directory.filename().string());
@@ -51,7 +57,7 @@ std::vector<std::string> environment_for(const std::filesystem::path& directory,
                                          const Disturbance& disturbance) {
   std::vector<std::string> all;
   for (char** entry = environ; *entry != nullptr; ++entry) all.emplace_back(*entry);
-  all.push_back("LD_PRELOAD=" LOCVOL_FAULTS_LIBRARY);
+  all.push_back("LD_PRELOAD=" + built("liblocvol_faults.so"));
   // A sanitizer wants to come first; that it does not is of no harm to what is tried here.
   all.push_back("ASAN_OPTIONS=verify_asan_link_order=0:detect_leaks=0");
   all.push_back("LOCVOL_FAULT_DIR=" + directory.string());
@@ -150,7 +156,7 @@ Ending Trial::run(const Disturbance& disturbance) {
 Ending Trial::spawn(const std::vector<std::string>& arguments, const Disturbance& disturbance) {
   for (const char* name : {"err", "faults.log", "steps.log"})
     std::filesystem::remove(logs_of(directory_) / name);
-  std::vector<std::string> words = {LOCVOL_STEPS_COMMAND};
+  std::vector<std::string> words = {built("locvol_steps")};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<std::string> environment = environment_for(directory_, disturbance);
 
