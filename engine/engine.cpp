@@ -8,6 +8,7 @@
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
 #include "engine/leaf_name.h"
+#include "engine/memory_budget.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
@@ -16,14 +17,15 @@
 namespace locvol {
 namespace {
 
-// Decoded records that are kept for the next visits.
-constexpr std::size_t kCacheBytes = std::size_t{128} << 20;
-
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
-  Engine(Store& store, const RunControl& control)
-      : control_(control), state_(store, kCacheBytes), loader_(state_) {}
+  Engine(Store& store, const MemoryPlan& plan, const RunControl& control)
+      : control_(control),
+        plan_(plan),
+        budget_(plan.heap()),
+        state_(store, budget_.free_bytes(), plan.max_unwritten()),
+        loader_(state_, budget_) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -87,6 +89,12 @@ class Engine {
       action();
     } catch (const RefineError& e) {
       throw RefineError(leaf_name(leaf) + ": " + e.what());
+    } catch (const OverBudget& e) {
+      commit();
+      throw OverBudget(leaf_name(leaf) + ": " + e.what() + "; go on with a larger one, at least " +
+                           memory_text(plan_.cap_with_heap(e.bytes())) +
+                           ": nothing that was done is lost",
+                       e.bytes());
     }
     state_.note_visit();
     if (state_.is_commit_due()) commit();
@@ -123,7 +131,7 @@ class Engine {
   }
 
   void commit() {
-    state_.commit();
+    state_.commit(memory_use());
     if (!control_.on_progress) return;
     const RunRecord& run = state_.run;
     control_.on_progress({.phase = run.phase,
@@ -135,7 +143,17 @@ class Engine {
                           .epoch = run.epoch});
   }
 
+  MemoryRecord memory_use() const {
+    MemoryRecord memory = plan_.record();
+    memory.visits = budget_.largest_reservation();
+    memory.cache = plan_.heap() - memory.visits;
+    memory.peak_resident = peak_resident_memory();
+    return memory;
+  }
+
   const RunControl& control_;
+  const MemoryPlan& plan_;
+  MemoryBudget budget_;
   RunState state_;
   LeafLoader loader_;
 };
@@ -146,6 +164,11 @@ InputSurface read_noting(const std::filesystem::path& file, const RunControl& co
   return surface;
 }
 
+// In bytes, of the whole process.
+std::uint64_t memory_cap(const RunControl& control) {
+  return control.memory_bytes > 0 ? control.memory_bytes : free_memory() / 2;
+}
+
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   if (!Store::exists(store)) return std::nullopt;
   const Store held = Store::open(store, {.read_only = true});
@@ -153,7 +176,8 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
 }
 
 RunSummary finish(Store& store, const RunControl& control) {
-  const bool is_done = Engine(store, control).run();
+  const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control));
+  const bool is_done = Engine(store, plan, control).run();
   RunSummary summary = summarize(store.snapshot());
   if (!is_done)
     summary.outcome = RunOutcome::kInterrupted;
@@ -178,6 +202,7 @@ RunSummary mesh(const MeshOptions& options, const RunControl& control) {
   }
   plan_octree(asked.parameters, asked.surface.box);
   check_room(asked, free_bytes_at(options.store));
+  planned_memory(asked, memory_cap(control));
   Store store = Store::open(options.store, {.create = true});
   ingest(store, std::move(surface), asked);
   return finish(store, control);

@@ -49,6 +49,9 @@ struct RunControl {
   std::function<void(const Progress&)> on_progress;  // called after each commit; may be empty
   std::function<bool()> is_stopped;                  // asked between visits; may be empty
   std::function<void(const std::string&)> on_note;   // repairs of the input, and such
+  // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
+  // no influence on the result.
+  std::uint64_t memory_bytes = 0;
 };
 
 enum class RunOutcome { kDone, kUnresolved, kInterrupted };
@@ -68,7 +71,7 @@ class StoreMismatch : public std::runtime_error {
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
-// StoreMismatch, RefineError.
+// StoreMismatch, OverBudget, RefineError.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
 // Goes on with the run in `store`; needs neither the input nor the parameters.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/memory_budget.h"
 #include "engine/surface_input.h"
 #include "storage/records.h"
 
@@ -34,6 +35,12 @@ double estimated_num_cells(const SurfaceFacts& surface, double size);
 void check_room(const RunRecord& run, double free_bytes);
 // What is free where a store at `directory`, which need not exist yet, would be written.
 double free_bytes_at(const std::filesystem::path& directory);
+
+// How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
+// parameters tell what its visits will take, and one in a store, leaf by leaf.
+// Throws OverBudget, naming the least cap that would do.
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap);
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
 
 // Throws StoreMismatch, naming each parameter that differs and both its values.
 void require_same_run(const RunParameters& held, const RunParameters& asked,

@@ -97,7 +97,7 @@ std::shared_ptr<Environment> Environment::open(const std::filesystem::path& dire
 }
 
 Environment::Environment(const std::filesystem::path& directory, Id id, const StoreOptions& options)
-    : directory_(directory), id_(id) {
+    : directory_(directory), id_(id), pages_(options.memory_bytes) {
   if (const auto network = network_file_system(directory))
     throw StoreError(place() + "is on a network file system (" + *network +
                      "), where a memory-mapped database is not safe; use a local disk");
@@ -270,7 +270,12 @@ void Environment::retire(TransactionHandle transaction) {
   idle_.push_back(std::move(transaction));
 }
 
-Environment::View Environment::view() { return View(*this, begin_read()); }
+Environment::View Environment::view() {
+  View view(*this, begin_read());
+  const Gate gate = enter();
+  if (!pages_.is_located()) locate_map(view.transaction_.get());
+  return view;
+}
 
 Environment::WriteTurn Environment::wait_for_write_turn() {
   write_turn_.acquire();
@@ -286,8 +291,10 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   MDB_txn* begun = nullptr;
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
-  Transaction transaction(*this, handle.get());
-  write(transaction);
+  {
+    Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
+    write(transaction);
+  }
   check(mdb_txn_commit(handle.release()), "commit");  // LMDB frees it either way
   return true;
 } catch (const MapFull&) {
@@ -306,6 +313,7 @@ void Environment::resize_map(std::uint64_t bytes) {
   const std::lock_guard turnstile(turnstile_);
   const std::unique_lock gate(gate_);
   const std::uint64_t old_bytes = map_bytes();
+  pages_.forget();
   const int code = mdb_env_set_mapsize(handle_.get(), bytes);
   if (code != MDB_SUCCESS)
     is_mapped_ = mdb_env_set_mapsize(handle_.get(), old_bytes) == MDB_SUCCESS;
@@ -328,22 +336,15 @@ std::vector<DatabaseSize> Environment::sizes() {
 
 // LMDB does not tell where its map is. But the format record lies in a page, in the map, which
 // begins with its number.
-void Environment::release_pages() {
-  const View now = view();
-  const Gate gate = enter();
-  MDB_envinfo info;
+void Environment::locate_map(MDB_txn* transaction) {
   MDB_stat stat;
-  check(mdb_env_info(handle_.get(), &info), "find out the size of the map");
   check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
   MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(now.transaction_.get(), databases_[0], &key, &value), "find the map");
+  check(mdb_get(transaction, databases_[0], &key, &value), "find the map");
   const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
   const std::uintptr_t page = address - address % stat.ms_psize;
   const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
-  void* const map = reinterpret_cast<void*>(page - page_number * stat.ms_psize);
-  const std::uint64_t used = rounded_map_bytes((info.me_last_pgno + 1) * stat.ms_psize);
-  if (madvise(map, std::min<std::uint64_t>(used, info.me_mapsize), MADV_DONTNEED) != 0)
-    check(errno, "release mapped pages");
+  pages_.locate(reinterpret_cast<const void*>(page - page_number * stat.ms_psize), map_bytes());
 }
 
 // -- View
@@ -360,6 +361,7 @@ std::optional<std::string> Environment::View::get(Database database, std::string
   const int code = mdb_get(transaction_.get(), handle, &wanted, &value);
   if (code == MDB_NOTFOUND) return std::nullopt;
   environment_.check(code, "read");
+  environment_.pages_.note(value.mv_data, value.mv_size);
   return std::string(to_view(value));
 }
 
@@ -371,33 +373,60 @@ void Environment::View::scan(Database database, std::string_view from, const Vis
   const CursorHandle cursor(opened);
   MDB_val key = to_value(from), value;
   int code = mdb_cursor_get(opened, &key, &value, from.empty() ? MDB_FIRST : MDB_SET_RANGE);
-  for (; code == MDB_SUCCESS; code = mdb_cursor_get(opened, &key, &value, MDB_NEXT))
+  for (; code == MDB_SUCCESS; code = mdb_cursor_get(opened, &key, &value, MDB_NEXT)) {
+    environment_.pages_.note(key.mv_data, key.mv_size);
+    environment_.pages_.note(value.mv_data, value.mv_size);
     if (!visit(to_view(key), to_view(value))) return;
+  }
   if (code != MDB_NOTFOUND) environment_.check(code, "read");
 }
 
 // -- Transaction
 // -----------------------------------------------------------------------------------
 
+struct Environment::Transaction::Cursors {
+  std::array<CursorHandle, kNumDatabases> of;
+};
+
+Environment::Transaction::Transaction(Environment& environment, MDB_txn* transaction)
+    : environment_(environment), transaction_(transaction), cursors_(std::make_unique<Cursors>()) {}
+Environment::Transaction::~Transaction() = default;
+
+MDB_cursor* Environment::Transaction::cursor(Database database) {
+  const auto i = static_cast<std::size_t>(database);
+  if (!cursors_->of[i]) {
+    MDB_cursor* opened = nullptr;
+    environment_.check(mdb_cursor_open(transaction_, environment_.databases_[i], &opened), "write");
+    cursors_->of[i].reset(opened);
+  }
+  return cursors_->of[i].get();
+}
+
+// What is found is about to be overwritten or freed, for which LMDB reads it through the map.
+bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& value, bool or_next) {
+  const int code =
+      mdb_cursor_get(cursor(database), &key, &value, or_next ? MDB_SET_RANGE : MDB_SET_KEY);
+  if (code == MDB_NOTFOUND) return false;
+  environment_.check(code, "write");
+  environment_.pages_.note(key.mv_data, key.mv_size);
+  environment_.pages_.note(value.mv_data, value.mv_size);
+  return true;
+}
+
 void Environment::Transaction::put(Database database, std::string_view key,
                                    std::string_view value) {
+  MDB_val old_key = to_value(key), old_value;
+  find(database, old_key, old_value, false);
   MDB_val stored_key = to_value(key), stored_value = to_value(value);
-  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
-  environment_.check(mdb_put(transaction_, handle, &stored_key, &stored_value, 0), "write");
+  environment_.check(mdb_cursor_put(cursor(database), &stored_key, &stored_value, 0), "write");
 }
 
 void Environment::Transaction::erase(Database database, std::string_view first,
                                      std::string_view last) {
-  MDB_cursor* opened = nullptr;
-  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
-  environment_.check(mdb_cursor_open(transaction_, handle, &opened), "write");
-  const CursorHandle cursor(opened);
   for (;;) {
     MDB_val key = to_value(first), value;
-    const int code = mdb_cursor_get(opened, &key, &value, MDB_SET_RANGE);
-    if (code == MDB_NOTFOUND || (code == MDB_SUCCESS && to_view(key) > last)) return;
-    environment_.check(code, "write");
-    environment_.check(mdb_cursor_del(opened, 0), "write");
+    if (!find(database, key, value, true) || to_view(key) > last) return;
+    environment_.check(mdb_cursor_del(cursor(database), 0), "write");
   }
 }
 

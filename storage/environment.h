@@ -26,10 +26,13 @@
 #include <vector>
 
 #include "storage/file_system.h"
+#include "storage/mapped_pages.h"
 #include "storage/store.h"
 
+struct MDB_cursor;
 struct MDB_env;
 struct MDB_txn;
+struct MDB_val;
 
 namespace locvol {
 
@@ -79,7 +82,8 @@ class Environment {
   // and starts again, so `write` must do the same each time. REQUIRES: the caller has the turn
   void write(const std::function<void(Transaction&)>& write);
   std::vector<DatabaseSize> sizes();
-  void release_pages();  // as Store::release_pages()
+  void release_pages() { pages_.release(); }                     // as Store::release_pages()
+  std::uint64_t mapped_bytes() const { return pages_.bytes(); }  // as Store::mapped_bytes()
 
  private:
   using Id = std::pair<std::uint64_t, std::uint64_t>;  // device and inode of the directory
@@ -111,6 +115,7 @@ class Environment {
   bool is_written(const std::function<void(Transaction&)>& write);  // false: the map is full
   void resize_map(std::uint64_t map_bytes);  // 0: to what another process made it
   std::uint64_t map_bytes() const;
+  void locate_map(MDB_txn* transaction);
 
   const std::filesystem::path directory_;
   const Id id_;
@@ -121,6 +126,7 @@ class Environment {
   std::mutex turnstile_;  // before the gate, so that readers that keep coming let growth in
   std::shared_mutex gate_;
   bool is_mapped_ = false;  // guarded by the gate; false after a growth that failed for good
+  MappedPages pages_;
   std::mutex idle_mutex_;
   std::vector<TransactionHandle> idle_;  // read transactions, reset, to be renewed
   std::binary_semaphore write_turn_{1};
@@ -155,11 +161,15 @@ class Environment::Transaction {
 
  private:
   friend class Environment;
-  Transaction(const Environment& environment, MDB_txn* transaction)
-      : environment_(environment), transaction_(transaction) {}
+  struct Cursors;
+  Transaction(Environment& environment, MDB_txn* transaction);
+  ~Transaction();
+  MDB_cursor* cursor(Database database);
+  bool find(Database database, MDB_val& key, MDB_val& value, bool or_next);
 
-  const Environment& environment_;
+  Environment& environment_;
   MDB_txn* transaction_;
+  std::unique_ptr<Cursors> cursors_;
 };
 
 }  // namespace locvol

@@ -35,7 +35,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -166,6 +166,17 @@ bool is_blob(Database database) { return std::ranges::find(kBlobs, database) != 
 using PendingRecords = std::map<std::string, std::optional<std::string>, std::less<>>;
 using Pending = std::array<PendingRecords, kNumDatabases>;
 
+// A pending record's node in the map, its key and the heap's own headers.
+constexpr std::uint64_t kPendingBytes = 160;
+
+// The pages that writing a record changes, at most: the tree's pages down to it, and its chunks,
+// whose keys fill a page of the tree for every hundred of them.
+std::uint64_t page_bytes_of(Database database, std::uint64_t record_bytes) {
+  constexpr std::uint64_t kPageBytes = 4096 + 64, kChangedPages = 2;
+  const std::uint64_t num_chunks = is_blob(database) ? num_chunks_of(record_bytes) : 0;
+  return (kChangedPages + num_chunks + num_chunks / 100) * kPageBytes;
+}
+
 void write_pending(Environment::Transaction& transaction, Database database,
                    const PendingRecords& records) {
   for (const auto& [key, record] : records) {
@@ -191,6 +202,8 @@ struct Reader::Impl {
   std::shared_ptr<Environment::View> view;  // null when a Batch is over
   Pending pending;
   std::uint64_t bytes_written = 0;
+  std::uint64_t memory_bytes = 0;  // of what is pending
+  std::uint64_t commit_bytes = 0;
 
   struct Entries {
     std::map<std::string, std::string> records;
@@ -217,8 +230,15 @@ struct Reader::Impl {
 
 void Reader::Impl::put(Database database, std::string key, std::optional<std::string> record) {
   assert(view && "the batch is over");
-  if (record) bytes_written += record->size();
-  pending[static_cast<std::size_t>(database)].insert_or_assign(std::move(key), std::move(record));
+  const std::uint64_t record_bytes = record ? record->size() : 0;
+  PendingRecords& records = pending[static_cast<std::size_t>(database)];
+  const auto [place, is_new] = records.try_emplace(std::move(key));
+  std::optional<std::string>& held = place->second;
+  if (is_new) memory_bytes += kPendingBytes;
+  memory_bytes += record_bytes - (held ? held->size() : 0);  // modulo 2^64, as it should be
+  bytes_written += record_bytes;
+  commit_bytes += page_bytes_of(database, record_bytes);
+  held = std::move(record);
 }
 
 std::optional<std::string> Reader::Impl::find(Database database, const std::string& key) const {
@@ -300,6 +320,12 @@ std::optional<RunRecord> Reader::run() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kRunKey));
   if (!bytes) return std::nullopt;
   return decode_in<RunRecord>(Database::kMeta, *bytes, MortonKey());
+}
+
+std::optional<MemoryRecord> Reader::memory() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kMemoryKey));
+  if (!bytes) return std::nullopt;
+  return decode_in<MemoryRecord>(Database::kMeta, *bytes, MortonKey());
 }
 
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
@@ -403,6 +429,10 @@ void Batch::put_run(const RunRecord& run) {
   impl_->put(Database::kMeta, std::string(kRunKey), encode(run, MortonKey()));
 }
 
+void Batch::put_memory(const MemoryRecord& memory) {
+  impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
+}
+
 void Batch::put_leaf(MortonKey key, const LeafInfo& info) {
   assert(key.is_valid());
   impl_->put(Database::kLeaves, leaf_key(key), encode(info, key));
@@ -440,6 +470,8 @@ void Batch::erase_queue_entry(QueuePosition position, MortonKey leaf) {
 }
 
 std::uint64_t Batch::bytes_written() const { return impl_->bytes_written; }
+std::uint64_t Batch::memory_bytes() const { return impl_->memory_bytes; }
+std::uint64_t Batch::commit_bytes() const { return impl_->commit_bytes; }
 
 void Batch::commit() {
   assert(impl_->view && "the batch is over");
@@ -509,6 +541,7 @@ Batch Store::begin() {
 }
 
 std::vector<DatabaseSize> Store::sizes() const { return impl_->environment->sizes(); }
+std::uint64_t Store::mapped_bytes() const { return impl_->environment->mapped_bytes(); }
 void Store::release_pages() const { impl_->environment->release_pages(); }
 const std::filesystem::path& Store::directory() const { return impl_->environment->directory(); }
 

@@ -19,6 +19,9 @@ namespace locvol {
 SizeSpec parse_size(const std::string& text);
 // "50000", "50k", "1.5M", "2G" (powers of 1000). A whole number, at least 1 and below 2^53.
 std::uint64_t parse_count(const std::string& text);
+// "512M", "2G", "1.5GiB" (K, M, G and T are powers of 1024), or "25%" of the memory that is free.
+// In bytes.
+std::uint64_t parse_memory(const std::string& text);
 // Above 0 and below 1.
 double parse_fraction(const std::string& text);
 // A whole number from 0 to 2^64 - 1.

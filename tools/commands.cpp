@@ -48,12 +48,14 @@ struct TimedRun {
   double seconds = 0;
 };
 
-TimedRun run_with_progress(bool is_quiet, const std::function<RunSummary(const RunControl&)>& run) {
+TimedRun run_with_progress(bool is_quiet, std::uint64_t memory_bytes,
+                           const std::function<RunSummary(const RunControl&)>& run) {
   ProgressLine line(is_quiet);
   const RunControl control{
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
+      .memory_bytes = memory_bytes,
   };
   RunSummary summary = run(control);
   return {std::move(summary), line.seconds()};
@@ -149,8 +151,9 @@ int run_mesh(const MeshCommand& command) {
       is_default && !command.is_store_kept && is_absent_or_store(options.store);
 
   const StopSignal stop_signal;
-  const TimedRun run = run_with_progress(
-      command.is_quiet, [&](const RunControl& control) { return mesh(options, control); });
+  const TimedRun run =
+      run_with_progress(command.is_quiet, command.memory_bytes,
+                        [&](const RunControl& control) { return mesh(options, control); });
   const int code = finish(run, options.store, command.output, command.is_json);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
@@ -159,8 +162,9 @@ int run_mesh(const MeshCommand& command) {
 int run_resume(const ResumeCommand& command) {
   if (!command.output.empty()) require_writable(command.output);
   const StopSignal stop_signal;
-  const TimedRun run = run_with_progress(
-      command.is_quiet, [&](const RunControl& control) { return resume(command.store, control); });
+  const TimedRun run =
+      run_with_progress(command.is_quiet, command.memory_bytes,
+                        [&](const RunControl& control) { return resume(command.store, control); });
   return finish(run, command.store, command.output, command.is_json);
 }
 

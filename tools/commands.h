@@ -25,14 +25,16 @@ enum ExitCode : int {
 struct MeshCommand {
   MeshOptions options;  // store: empty for the default, OUTPUT.locvol
   std::filesystem::path output;
-  bool is_store_kept = false;  // a store that the user names is kept in any case
+  std::uint64_t memory_bytes = 0;  // 0: the default
+  bool is_store_kept = false;      // a store that the user names is kept in any case
   bool is_quiet = false;
   bool is_json = false;
 };
 
 struct ResumeCommand {
   std::filesystem::path store;
-  std::filesystem::path output;  // empty: none is written
+  std::filesystem::path output;    // empty: none is written
+  std::uint64_t memory_bytes = 0;  // 0: the default
   bool is_quiet = false;
   bool is_json = false;
 };

@@ -64,6 +64,13 @@ void add_json(CLI::App& app, bool& is_json) {
   app.add_flag("--json", is_json, "Print the result as JSON");
 }
 
+void add_memory(CLI::App& app, std::uint64_t& memory_bytes) {
+  add_parsed(app, "-m,--memory", parse_memory, memory_bytes,
+             "Cap on the memory of the process (512M, 2G, 25% of what is free; default: 50%); the "
+             "mesh is the same under any")
+      ->type_name("SIZE");
+}
+
 void add_quiet(CLI::App& app, bool& is_quiet) {
   app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
 }
@@ -78,6 +85,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   add_parsed(*mesh, "-s,--size", parse_size, options.size, kSizeHelp)
       ->type_name("SIZE")
       ->required();
+  add_memory(*mesh, command.memory_bytes);
   mesh->add_option("--store", options.store,
                    "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
                    "when the run is done with exit code 0)")
@@ -106,6 +114,7 @@ CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
   CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
   add_store(*resume, command.store);
   add_output(*resume, command.output, {".vtu"});
+  add_memory(*resume, command.memory_bytes);
   add_quiet(*resume, command.is_quiet);
   add_json(*resume, command.is_json);
   return resume;

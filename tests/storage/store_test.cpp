@@ -1,6 +1,7 @@
 #include "storage/store.h"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -548,22 +549,98 @@ std::uint64_t mapped_file_bytes() {
   return kilobytes << 10;
 }
 
-TEST(Store, ReleasesMappedPages) {
-  constexpr int kNumLeaves = 200;
-  const TempDir dir;
-  Store store = Store::open(dir / "s", {.create = true, .is_durable = false});
-  Batch batch = store.begin();
-  for (int i = 0; i < kNumLeaves; ++i) batch.put_points(leaf_number(i), Generator(1).points(5000));
-  batch.commit();
-  const auto read_all = [&] {
-    for (int i = 0; i < kNumLeaves; ++i)
-      EXPECT_EQ(store.snapshot().points(leaf_number(i)).points.size(), 5000u);
-  };
-  read_all();
-  const std::uint64_t before = mapped_file_bytes();
+class StoreMemory : public testing::Test {
+ protected:
+  static constexpr int kNumLeaves = 300;  // of some 33 MB
+  static constexpr std::uint64_t kBound = std::uint64_t{2} << 20;
+  // Branch pages of the trees are not accounted for, nor is what the test itself loads.
+  static constexpr std::uint64_t kSlack = std::uint64_t{1} << 20;
+
+  StoreMemory() {
+    Store store = Store::open(dir_ / "s", {.create = true, .is_durable = false});
+    Batch batch = store.begin();
+    for (int i = 0; i < kNumLeaves; ++i) put(batch, i);
+    batch.commit();
+  }
+  static void put(Batch& batch, int i) {
+    batch.put_points(leaf_number(i), Generator(1).points(5000));
+  }
+  static void read(const Reader& reader, int i) {
+    EXPECT_EQ(reader.points(leaf_number(i)).points.size(), 5000u);
+  }
+
+  const TempDir dir_;
+};
+
+TEST_F(StoreMemory, MappedPagesStayBelowTheirBound) {
+  Store store = Store::open(dir_ / "s", {.is_durable = false, .memory_bytes = kBound});
+  read(store.snapshot(), 0);
   store.release_pages();
-  EXPECT_LT(mapped_file_bytes() + (15u << 20), before);  // the leaves have some 22 MB
-  read_all();
+  const std::uint64_t before = mapped_file_bytes();
+  const auto expect_bounded = [&](const char* after) {
+    EXPECT_LE(mapped_file_bytes(), before + kBound + kSlack) << after;
+    EXPECT_LE(store.mapped_bytes(), kBound) << after;
+  };
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  Generator random(seed);
+  const Snapshot snapshot = store.snapshot();
+  for (int i = 0; i < kNumLeaves; ++i) {
+    read(snapshot, static_cast<int>(random.integer(kNumLeaves)));
+    expect_bounded("reading");
+  }
+  Batch batch = store.begin();
+  for (int i = 0; i < kNumLeaves; i += 2) put(batch, i);
+  for (int i = 1; i < kNumLeaves; i += 4) batch.erase_leaf(leaf_number(i));
+  expect_bounded("writing");
+  batch.commit();
+  expect_bounded("the commit");
+  read(store.snapshot(), 0);
+  EXPECT_GT(store.mapped_bytes(), 0u);
+  store.release_pages();
+  EXPECT_EQ(store.mapped_bytes(), 0u);
+}
+
+TEST_F(StoreMemory, MappedPagesAreFoundAgainAfterGrowth) {
+  Store store =
+      Store::open(dir_ / "s", {.is_durable = false, .map_bytes = 1, .memory_bytes = kBound});
+  const std::uint64_t before = mapped_file_bytes();
+  for (int i = kNumLeaves; i < 2 * kNumLeaves; ++i) {
+    Batch batch = store.begin();
+    put(batch, i);
+    batch.commit();
+    read(store.snapshot(), i);
+    EXPECT_LE(mapped_file_bytes(), before + kBound + kSlack) << i;
+  }
+}
+
+// In use on the heap.
+std::uint64_t heap_bytes() {
+  const struct mallinfo2 info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+TEST_F(StoreMemory, ABatchSaysWhatItTakes) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the heap of a sanitizer does not tell its size";
+#endif
+  Store store = Store::open(dir_ / "s", {.is_durable = false});
+  encode(Generator(1).points(5000), sample_leaf());  // now this thread has its zstd contexts
+  const std::uint64_t before = heap_bytes();
+  Batch batch = store.begin();
+  EXPECT_LT(batch.memory_bytes(), 1000u);
+  for (int round = 0; round < 2; ++round)  // what is written twice counts once
+    for (int i = 0; i < kNumLeaves; ++i) put(batch, i);
+  for (int i = 0; i < 3000; ++i) batch.put_leaf(leaf_number(7 * i), sample_info());
+  const std::uint64_t held = heap_bytes() - before;
+  EXPECT_LE(held, batch.memory_bytes() * 11 / 10);
+  EXPECT_GE(held, batch.memory_bytes() * 7 / 10);
+  EXPECT_GT(held, std::uint64_t{20} << 20);
+  const std::uint64_t commit_bytes = batch.commit_bytes();
+  batch.commit();
+  const std::uint64_t kept = heap_bytes() - before - held;  // LMDB's copies; the batch still lives
+  EXPECT_LE(kept, commit_bytes);
+  EXPECT_GE(kept, commit_bytes / 4);
 }
 
 // -- Disk
