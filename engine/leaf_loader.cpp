@@ -93,7 +93,8 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
                   .max_own_points = max_own_points(leaf),
-                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity)};
+                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
+                  .on_step = {}};
   return loaded;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
@@ -103,7 +104,8 @@ Replay replay(const Store& store, MortonKey leaf) {
   if (!now.snapshot().leaf(leaf))
     throw StoreError("the store " + store.directory().string() + " has no " + leaf_name(leaf));
   RunState state = state_of(now);
-  LeafLoader loader(state);
+  MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
+  LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
 
   Replay replay;

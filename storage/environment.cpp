@@ -71,8 +71,15 @@ Environment::Id Environment::id_of(const std::filesystem::path& directory) {
   struct stat status;
   if (stat(directory.c_str(), &status) != 0)
     throw StoreError("store " + directory.string() +
-                     ": cannot be opened: " + std::generic_category().message(errno));
+                     ": cannot be opened: " + std::generic_category().message(errno) +
+                     "; check the path and its permissions");
   return {status.st_dev, status.st_ino};
+}
+
+bool Environment::exists(const std::filesystem::path& directory) {
+  const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
+  if (!data.is_open()) return errno != ENOENT && errno != ENOTDIR;  // opening it says why not
+  return has_content(data.number());
 }
 
 std::shared_ptr<Environment> Environment::open(const std::filesystem::path& directory,
@@ -91,7 +98,12 @@ std::shared_ptr<Environment> Environment::open(const std::filesystem::path& dire
       throw StoreError("store " + directory.string() + " is already open in this process");
     }
   }
-  shared.reset(new Environment(directory, id, options));
+  // make_shared() takes its memory before it constructs: were there none, ~Environment() would run
+  // under the lock that it takes.
+  struct Opened : Environment {
+    Opened(const std::filesystem::path& d, Id i, const StoreOptions& o) : Environment(d, i, o) {}
+  };
+  shared = std::make_shared<Opened>(directory, id, options);
   all.open.emplace(id, shared);
   return shared;
 }
@@ -106,6 +118,8 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
     throw StoreError(place() + "there is no store here");
   if (!options.read_only) lock_ = WriterLock::acquire(directory);
   const bool has_data = Store::exists(directory);
+  // What a creation leaves that was cut short may end within the meta pages.
+  if (!has_data) std::filesystem::remove(directory / kDataName);
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
   try {
     if (has_data) check_meta_pages(data.number());
@@ -114,7 +128,12 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
   } catch (const DamagedFile& damage) {
     throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what());
   }
-  open_databases(may_create);
+  if (has_data || !may_create) {
+    find_databases();
+  } else {
+    create_databases();
+    sync_directory(directory_);
+  }
 }
 
 Environment::~Environment() {
@@ -132,16 +151,24 @@ Environment::~Environment() {
 void Environment::check(int code, const char* what) const {
   if (code == MDB_SUCCESS) return;
   if (code == MDB_MAP_FULL) throw MapFull();
-  throw StoreError(place() + "cannot " + what + ": " + mdb_strerror(code) + free_space_note(code));
+  throw StoreError(place() + "cannot " + what + ": " + mdb_strerror(code) + advice(code));
 }
 
-// A disk or a quota that ends within a write gives LMDB a short write, which it reports as EIO.
-std::string Environment::free_space_note(int code) const {
-  if (code != EIO && code != ENOSPC) return {};
+// What may be the matter, and what can be done. A disk or a quota that ends within a write gives
+// LMDB a short write, which it reports as EIO.
+std::string Environment::advice(int code) const {
+  constexpr const char* kAgain = " and give the same command again: what was committed is kept";
+  if (code == ENOMEM) return std::string("; free some memory") + kAgain;
+  if (code == EMFILE || code == ENFILE) return std::string("; close other files") + kAgain;
+  if (code == EACCES || code == EROFS || code == EPERM)
+    return std::string("; get the right to write to it") + kAgain;
+  if (code != EIO && code != ENOSPC && code != EDQUOT) return {};
   std::error_code unknown;
   const auto space = std::filesystem::space(directory_, unknown);
-  if (unknown) return {};
-  return ", or no space left (" + std::to_string(space.available >> 20) + " MB are free)";
+  const std::string free =
+      unknown ? "" : " (" + std::to_string(space.available >> 20) + " MB are free)";
+  return (code == EIO ? ", or no space left" : "") + free + "; make room, or check the disk," +
+         kAgain;
 }
 
 // -- Opening
@@ -181,26 +208,17 @@ void Environment::check_structure(int data_file) {
   }
 }
 
-void Environment::open_databases(bool may_create) {
-  if (find_databases()) return;
-  // An environment without anything is what a creation leaves that was killed halfway.
-  if (!may_create || !is_empty())
-    throw StoreError(place() + "is a database, but not a locvol store");
-  create_databases();
-  sync_directory(directory_);
-}
-
-bool Environment::find_databases() {
+void Environment::find_databases() {
   TransactionHandle transaction = begin_read();
   for (std::size_t i = 0; i < kNumDatabases; ++i) {
     const int code = mdb_dbi_open(transaction.get(), kNames[i], 0, &databases_[i]);
-    if (code == MDB_NOTFOUND && i == 0) return false;
+    if (code == MDB_NOTFOUND && i == 0)
+      throw StoreError(place() + "is a database, but not a locvol store");
     check(code, "open a named database");
     // The format comes first: a newer one may have other databases.
     if (i == 0) check_format(transaction.get());
   }
   check(mdb_txn_commit(transaction.release()), "keep the databases open");
-  return true;
 }
 
 void Environment::check_format(MDB_txn* transaction) const {
@@ -215,12 +233,6 @@ void Environment::check_format(MDB_txn* transaction) const {
   } catch (const DecodeError& error) {
     throw CorruptRecord(place() + "the format record is damaged: " + error.what(), MortonKey());
   }
-}
-
-bool Environment::is_empty() {
-  MDB_stat stat;
-  check(mdb_env_stat(handle_.get(), &stat), "count the databases");
-  return stat.ms_entries == 0;
 }
 
 void Environment::create_databases() {
@@ -251,7 +263,10 @@ TransactionHandle Environment::begin_read() {
         begun ? mdb_txn_renew(begun) : mdb_txn_begin(handle_.get(), nullptr, MDB_RDONLY, &begun);
     if (code == MDB_MAP_RESIZED) continue;
     check(code, "begin to read");
-    if (!transaction) transaction.reset(begun);
+    if (!transaction) {
+      transaction.reset(begun);
+      make_room_for_idle();
+    }
     return transaction;
   }
 }
@@ -262,6 +277,12 @@ TransactionHandle Environment::idle_transaction() {
   TransactionHandle transaction = std::move(idle_.back());
   idle_.pop_back();
   return transaction;
+}
+
+// So that retire(), which destructors call, allocates nothing.
+void Environment::make_room_for_idle() {
+  const std::lock_guard lock(idle_mutex_);
+  idle_.reserve(++num_transactions_);
 }
 
 void Environment::retire(TransactionHandle transaction) {

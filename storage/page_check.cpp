@@ -359,6 +359,16 @@ void PageChecker::take(std::uint64_t page, std::uint64_t count) {
 
 }  // namespace
 
+bool has_content(int file) try {
+  constexpr std::uint64_t kMinPageBytes = 512;
+  if (size_of(file) < kNumMetaPages * kMinPageBytes) return false;
+  const Meta first = read_meta(file, 0, 0);
+  if (size_of(file) < kNumMetaPages * first.page_size) return false;
+  return first.main.root != kNoPage || read_meta(file, 1, first.page_size).main.root != kNoPage;
+} catch (const DamagedFile&) {
+  return true;
+}
+
 void check_meta_pages(int file) {
   constexpr int kMaxTries = 3;  // a live writer may commit between the two reads
   for (int tries = 1;; ++tries) {

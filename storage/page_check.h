@@ -16,6 +16,10 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Whether anything was ever committed to the file. A file too damaged to tell counts as one to
+// which something was.
+bool has_content(int file);
+
 // What opening the environment relies on: the two meta pages. Throws DamagedFile.
 void check_meta_pages(int file);
 

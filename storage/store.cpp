@@ -509,9 +509,15 @@ Store Store::open(const std::filesystem::path& directory, const StoreOptions& op
 }
 
 bool Store::exists(const std::filesystem::path& directory) {
+  return Environment::exists(directory);
+}
+
+bool Store::owns(const std::filesystem::path& directory) {
+  constexpr std::array kNames = {"data.mdb", "lock.mdb", "writer.lock"};
   std::error_code unknown;
-  const std::uintmax_t bytes = std::filesystem::file_size(directory / "data.mdb", unknown);
-  return !unknown && bytes > 0;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, unknown))
+    if (std::ranges::find(kNames, entry.path().filename()) == kNames.end()) return false;
+  return !unknown;
 }
 
 Snapshot Store::snapshot() const {

@@ -25,13 +25,9 @@ constexpr std::size_t kMaxListedSites = 20;  // on stderr; `inspect` lists all
 constexpr double kCellsPerCubicSize =
     2.4;  // of volume over λ³: a BCC mesh has 2.24, a boundary more
 
-std::filesystem::path default_store(const std::filesystem::path& output) {
-  return output.string() + ".locvol";
-}
-
 // Only what this command may remove when it is done with it.
 bool is_absent_or_store(const std::filesystem::path& directory) {
-  return !std::filesystem::exists(directory) || Store::exists(directory);
+  return !std::filesystem::exists(directory) || Store::owns(directory);
 }
 
 void remove_store(const std::filesystem::path& directory) {
@@ -99,7 +95,7 @@ void print_unresolved(const Store& store) {
     fmt::print(stderr, "  {}\n", site_text(sites[i]));
   }
   if (sites.size() > kMaxListedSites) {
-    fmt::print(stderr, "  and {} more: `locvol inspect {}` lists all\n",
+    fmt::print(stderr, "  and {} more: `locvol inspect {} --unresolved` lists all\n",
                sites.size() - kMaxListedSites, store.directory().string());
   }
 }
@@ -142,13 +138,18 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
 
 }  // namespace
 
+std::filesystem::path store_of(const MeshCommand& command) {
+  const std::filesystem::path& named = command.options.store;
+  if (!named.empty()) return named;
+  return command.output.string() + ".locvol";
+}
+
 int run_mesh(const MeshCommand& command) {
   require_writable(command.output);
   MeshOptions options = command.options;
-  const bool is_default = options.store.empty();
-  if (is_default) options.store = default_store(command.output);
+  options.store = store_of(command);
   const bool is_removable =
-      is_default && !command.is_store_kept && is_absent_or_store(options.store);
+      command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
   const StopSignal stop_signal;
   const TimedRun run =

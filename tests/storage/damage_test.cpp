@@ -360,8 +360,37 @@ TEST_F(ForeignFile, AnotherProgramsDatabaseIsRefused) {
 // What is left of a creation that was killed halfway.
 TEST_F(ForeignFile, AnEmptyEnvironmentBecomesAStore) {
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "not a locvol store");
+  EXPECT_FALSE(Store::exists(dir_.path()));
+  EXPECT_TRUE(Store::owns(dir_.path()));
+  expect_error([&] { Store::open(dir_.path()); }, "there is no store here");
+  expect_error([&] { Store::open(dir_.path(), kReadOnly); }, "there is no store here");
   EXPECT_TRUE(Store::open(dir_.path(), {.create = true}).snapshot().leaf_keys().empty());
+}
+
+// And within the first write, at any length.
+TEST(Creation, GoesOnWhereItWasCutShort) {
+  const TempDir dir;
+  Store::open(dir / "s", {.create = true});
+  const std::string whole = bytes_of(dir / "s" / "data.mdb").substr(0, 8192);
+  for (std::size_t length = 0; length < whole.size(); length += 512) {
+    const TempDir cut;
+    write_bytes(cut / "data.mdb", whole.substr(0, length));
+    write_bytes(cut / "writer.lock", "1");
+    EXPECT_FALSE(Store::exists(cut.path())) << length;
+    EXPECT_TRUE(Store::owns(cut.path())) << length;
+    EXPECT_TRUE(Store::open(cut.path(), {.create = true}).snapshot().leaf_keys().empty()) << length;
+    EXPECT_TRUE(Store::exists(cut.path())) << length;
+  }
+}
+
+TEST(Creation, OwnsNothingElse) {
+  const TempDir dir;
+  EXPECT_FALSE(Store::owns(dir / "none"));
+  EXPECT_TRUE(Store::owns(dir.path()));  // a creation may be killed after its first step
+  Store::open(dir.path(), {.create = true});
+  EXPECT_TRUE(Store::owns(dir.path()));
+  write_bytes(dir / "notes.txt", "mine");
+  EXPECT_FALSE(Store::owns(dir.path()));
 }
 
 // Keys and chunks that no Batch writes.

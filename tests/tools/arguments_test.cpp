@@ -107,6 +107,16 @@ TEST(ParseKey, RefusesWhatNamesNoNode) {
   }
 }
 
+TEST(ParseLeaf, TakesAKeyOrAPoint) {
+  const MortonKey key = MortonKey::root().child(3);
+  EXPECT_EQ(std::get<MortonKey>(parse_leaf(key_text(key))), key);
+  const Point point{0.5, -1e-3, 2};
+  for (const char* text : {"0.5,-1e-3,2", "(0.5, -0.001, 2)", " 0.5 ,-0.001,2.0"})
+    EXPECT_EQ(std::get<Point>(parse_leaf(text)), point) << text;
+  for (const char* text : {"", "1,2", "1,2,3,4", "1,,3", "a,b,c", "1,2,nan", ",,"})
+    EXPECT_THROW(parse_leaf(text), std::invalid_argument) << text;
+}
+
 TEST(ParseOutput, KnowsFormatsByExtension) {
   EXPECT_EQ(parse_output("a/b.vtu", {".vtu"}), "a/b.vtu");
   EXPECT_EQ(parse_output("b.ply", {".stl", ".ply"}), "b.ply");
