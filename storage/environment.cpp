@@ -312,6 +312,7 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   MDB_txn* begun = nullptr;
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
+  if (!pages_.is_located()) locate_map(begun);
   {
     Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
     write(transaction);
@@ -356,16 +357,31 @@ std::vector<DatabaseSize> Environment::sizes() {
 }
 
 // LMDB does not tell where its map is. But the format record lies in a page, in the map, which
-// begins with its number.
+// begins with its number. REQUIRES: the transaction has not written yet, for that takes pages out
+// of the map
 void Environment::locate_map(MDB_txn* transaction) {
   MDB_stat stat;
   check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
   MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(transaction, databases_[0], &key, &value), "find the map");
+  const bool is_created = databases_[0] != 0;
+  if (!is_created || mdb_get(transaction, databases_[0], &key, &value) != MDB_SUCCESS) return;
   const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
   const std::uintptr_t page = address - address % stat.ms_psize;
   const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
   pages_.locate(reinterpret_cast<const void*>(page - page_number * stat.ms_psize), map_bytes());
+}
+
+void Environment::check_before_freeing(const MDB_val& value) const {
+  MDB_stat stat;
+  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
+  const auto offset = pages_.offset_of(value.mv_data);
+  if (!offset) return;  // written in this transaction
+  try {
+    check_overflow_header(static_cast<const char*>(value.mv_data), value.mv_size, *offset,
+                          stat.ms_psize);
+  } catch (const DamagedFile& damage) {
+    throw StoreError(place() + kDataName + " is damaged: " + damage.what());
+  }
 }
 
 // -- View
@@ -423,7 +439,8 @@ MDB_cursor* Environment::Transaction::cursor(Database database) {
   return cursors_->of[i].get();
 }
 
-// What is found is about to be overwritten or freed, for which LMDB reads it through the map.
+// What is found is about to be overwritten or freed, for which LMDB reads it through the map, and
+// trusts it.
 bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& value, bool or_next) {
   const int code =
       mdb_cursor_get(cursor(database), &key, &value, or_next ? MDB_SET_RANGE : MDB_SET_KEY);
@@ -431,6 +448,7 @@ bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& va
   environment_.check(code, "write");
   environment_.pages_.note(key.mv_data, key.mv_size);
   environment_.pages_.note(value.mv_data, value.mv_size);
+  environment_.check_before_freeing(value);
   return true;
 }
 

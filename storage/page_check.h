@@ -31,4 +31,10 @@ void check_meta_pages(int file);
 // REQUIRES: check_meta_pages(file) passed; a read transaction keeps that state's pages in place.
 bool check_pages(int file, std::uint64_t txn);
 
+// What freeing a value relies on, which check_pages() does not read: the header of the overflow
+// pages that it is on, if it is on such. `value` is `offset` bytes from the beginning of the file,
+// or of its map. Throws DamagedFile.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size);
+
 }  // namespace locvol
