@@ -32,6 +32,12 @@ void MappedPages::note(const void* place, std::size_t bytes) {
   if (this->bytes() > max_bytes_) release();
 }
 
+std::optional<std::uint64_t> MappedPages::offset_of(const void* place) const {
+  const std::uintptr_t map = map_, address = reinterpret_cast<std::uintptr_t>(place);
+  if (map == 0 || address < map || address - map >= map_bytes_) return std::nullopt;
+  return address - map;
+}
+
 void MappedPages::release() {
   const std::lock_guard lock(mutex_);
   if (!is_located()) return;

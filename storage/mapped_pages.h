@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 
 namespace locvol {
 
@@ -30,8 +31,9 @@ class MappedPages {
 
   // The bytes are being read. Places outside the map are left out of account.
   void note(const void* place, std::size_t bytes);
-  void release();               // gives all back
-  std::uint64_t bytes() const;  // in memory, at most
+  std::optional<std::uint64_t> offset_of(const void* place) const;  // nothing if outside
+  void release();                                                   // gives all back
+  std::uint64_t bytes() const;                                      // in memory, at most
 
  private:
   const std::uint64_t max_bytes_;

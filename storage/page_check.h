@@ -5,8 +5,14 @@
 // Does not look into values: those have checksums of their own (codec.h).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 
 namespace locvol {
 
@@ -23,12 +29,25 @@ bool has_content(int file);
 // What opening the environment relies on: the two meta pages. Throws DamagedFile.
 void check_meta_pages(int file);
 
+// A number that tells keys apart.
+std::uint64_t key_hash(std::string_view key);
+
+// Of each named database: the sum modulo 2^64 of its keys' key_hash().
+using KeySumByName = std::map<std::string, std::uint64_t, std::less<>>;
+
 // What following pages relies on, in the state that transaction `txn` left: every page that can be
-// reached lies in the file, is in one place only, names itself, and keeps its nodes inside.
-// False: the file holds that state no longer (a writer has gone on), so ask again with a newer one.
+// reached lies in the file, is in one place only, names itself, keeps its nodes inside, and has no
+// key that a search would not find. Returns the sums of the keys found; nothing if the file holds
+// that state no longer (a writer has gone on), so ask again with a newer one.
 // Reads the trees' pages and the lists of free pages, about 1% of a store, in ascending order level
 // by level; keeps 1 bit per page of the file. Throws DamagedFile.
 // REQUIRES: check_meta_pages(file) passed; a read transaction keeps that state's pages in place.
-bool check_pages(int file, std::uint64_t txn);
+std::optional<KeySumByName> check_pages(int file, std::uint64_t txn);
+
+// Whether a value of `bytes` at `value`, within the map at `offset`, has a sound page header before
+// it, if it lies in pages of its own. LMDB frees the pages that the header names. (check_pages()
+// does not read these: they are the bulk of the file.)
+bool has_sound_header(const void* value, std::size_t bytes, std::uint64_t offset,
+                      std::uint32_t page_size);
 
 }  // namespace locvol
