@@ -340,6 +340,7 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   MDB_txn* begun = nullptr;
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
+  if (!pages_.is_located()) locate_map(begun);
   std::optional<KeySumOf> key_sums;
   {
     Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
@@ -388,14 +389,27 @@ std::vector<DatabaseSize> Environment::sizes() {
 }
 
 // LMDB does not tell where its map is. But the format record lies in a page, in the map, which
-// begins with its number.
+// begins with its number. REQUIRES: the transaction has not written yet, for that takes pages out
+// of the map
 void Environment::locate_map(MDB_txn* transaction) {
   MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(transaction, databases_[0], &key, &value), "find the map");
+  const bool is_created = databases_[0] != 0;
+  if (!is_created || mdb_get(transaction, databases_[0], &key, &value) != MDB_SUCCESS) return;
   const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
   const std::uintptr_t page = address - address % page_bytes_;
   const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
   pages_.locate(reinterpret_cast<const void*>(page - page_number * page_bytes_), map_bytes());
+}
+
+void Environment::check_before_freeing(const MDB_val& value) const {
+  const auto offset = pages_.offset_of(value.mv_data);
+  if (!offset) return;  // written in this transaction
+  try {
+    check_overflow_header(static_cast<const char*>(value.mv_data), value.mv_size, *offset,
+                          page_bytes_);
+  } catch (const DamagedFile& damage) {
+    throw StoreError(place() + kDataName + " is damaged: " + damage.what() + kDamageCure);
+  }
 }
 
 // -- View
@@ -456,20 +470,16 @@ MDB_cursor* Environment::Transaction::cursor(Database database) {
   return cursors_->of[i].get();
 }
 
-// What is found is about to be overwritten or freed, for which LMDB reads it through the map.
+// What is found is about to be overwritten or freed, for which LMDB reads it through the map, and
+// trusts it.
 bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& value, bool or_next) {
   const int code =
       mdb_cursor_get(cursor(database), &key, &value, or_next ? MDB_SET_RANGE : MDB_SET_KEY);
   if (code == MDB_NOTFOUND) return false;
   environment_.check(code, "write");
-  MappedPages& pages = environment_.pages_;
-  pages.note(key.mv_data, key.mv_size);
-  pages.note(value.mv_data, value.mv_size);
-  const auto offset = pages.offset_of(value.mv_data);  // a page changed before is not in the map
-  if (offset && !has_sound_header(value.mv_data, value.mv_size, *offset, environment_.page_bytes_))
-    throw StoreError(environment_.place() + kDataName + " is damaged: page " +
-                     std::to_string(*offset / environment_.page_bytes_) +
-                     " does not say what it is" + kDamageCure);
+  environment_.pages_.note(key.mv_data, key.mv_size);
+  environment_.pages_.note(value.mv_data, value.mv_size);
+  environment_.check_before_freeing(value);
   return true;
 }
 

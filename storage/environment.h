@@ -119,6 +119,7 @@ class Environment {
   void resize_map(std::uint64_t map_bytes);  // 0: to what another process made it
   std::uint64_t map_bytes() const;
   void locate_map(MDB_txn* transaction);
+  void check_before_freeing(const MDB_val& value) const;
 
   const std::filesystem::path directory_;
   const Id id_;

@@ -29,11 +29,12 @@ class MappedPages {
   void locate(const void* map, std::uint64_t map_bytes);
   void forget();  // the map is gone. REQUIRES: no other member is running
 
+  // In the map; absent: outside of it.
+  std::optional<std::uint64_t> offset_of(const void* place) const;
   // The bytes are being read. Places outside the map are left out of account.
   void note(const void* place, std::size_t bytes);
-  std::optional<std::uint64_t> offset_of(const void* place) const;  // nothing if outside
-  void release();                                                   // gives all back
-  std::uint64_t bytes() const;                                      // in memory, at most
+  void release();               // gives all back
+  std::uint64_t bytes() const;  // in memory, at most
 
  private:
   const std::uint64_t max_bytes_;

@@ -24,6 +24,7 @@
 //   | free | (upper) nodes ... |                    overflow pages: count u32 instead of lower,
 //   upper
 //
+// The nodes fill the page from its end on without gaps, in any order, each of an even length.
 // A node; in a branch page, size and flags together are the child's page number (48 bits). A value
 // that does not fit is 8 bytes, the number of its first overflow page:
 //
@@ -87,6 +88,10 @@ std::uint64_t size_of(int file) {
   if (fstat(file, &status) != 0)
     throw DamagedFile("unreadable: " + std::generic_category().message(errno));
   return static_cast<std::uint64_t>(status.st_size);
+}
+
+std::uint64_t num_overflow_pages(std::uint64_t value_bytes, std::uint32_t page_size) {
+  return (kPageHeader - 1 + value_bytes) / page_size + 1;
 }
 
 struct Tree {
@@ -200,9 +205,12 @@ class PageChecker {
   void check_page(const Place& place, Level level);
   static bool is_less(std::string_view a, std::string_view b, Level level);
   void check_bounds(std::string_view key, const Place& place, Level level) const;
+  void check_extents(std::size_t upper);
   void check_leaf_node(const Node& node, bool is_free_list);
   void check_free_pages(const Node& node);
   Node node_at(std::string_view page, std::size_t index) const;
+  static std::pair<std::size_t, std::size_t> extent(std::string_view page, const Node& node,
+                                                    Level level);
   std::uint64_t take_overflow_pages(const Node& node);
   void take(std::uint64_t page, std::uint64_t count = 1);
 
@@ -218,6 +226,7 @@ class PageChecker {
   std::vector<Place> children_;
   Tree counted_;
   std::uint64_t key_sum_ = 0;
+  std::vector<std::pair<std::size_t, std::size_t>> extents_;  // of a page's nodes: begin, bytes
 };
 
 KeySumByName PageChecker::run(const Meta& meta) {
@@ -268,6 +277,7 @@ void PageChecker::check_page(const Place& place, Level level) {
   require(num_nodes >= (level.is_leaf || level.is_free_list ? 1u : 2u),
           "a page with too few nodes");
   std::optional<Node> before;
+  extents_.clear();
   for (std::size_t i = 0; i < num_nodes; ++i) {
     const Node node = node_at(page, i);
     // The first key of a branch page stands for "less than the second", and is not looked at.
@@ -282,8 +292,10 @@ void PageChecker::check_page(const Place& place, Level level) {
       if (i > 0) children_.back().high = low;
       children_.push_back({node.child(), low, place.high});
     }
+    extents_.push_back(extent(page, node, level));
     before = node;
   }
+  check_extents(upper);
   ++(level.is_leaf ? counted_.num_leaf : counted_.num_branch);
   if (level.is_leaf) counted_.num_entries += num_nodes;
 }
@@ -311,6 +323,25 @@ void PageChecker::check_bounds(std::string_view key, const Place& place, Level l
   if (place.high.is_set()) require(is_less(key, place.high.key(), level), kLost);
 }
 
+// Node by node without a gap to the end of the page: where they are not, writing moves the wrong
+// bytes, even beyond the page.
+void PageChecker::check_extents(std::size_t upper) {
+  std::ranges::sort(extents_);
+  std::size_t end = upper;
+  for (const auto& [begin, bytes] : extents_) {
+    require(begin == end, "nodes that overlap");
+    end += bytes;
+  }
+  require(end == page_size_, "nodes that overlap");
+}
+
+std::pair<std::size_t, std::size_t> PageChecker::extent(std::string_view page, const Node& node,
+                                                        Level level) {
+  const std::size_t value = !level.is_leaf ? 0 : node.flags == kBigValue ? 8 : node.size;
+  const std::size_t bytes = kNodeHeader + node.key.size() + value;
+  return {static_cast<std::size_t>(node.key.data() - page.data()) - kNodeHeader, bytes + bytes % 2};
+}
+
 void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
   require(node.flags == 0 || node.flags == kBigValue || node.flags == kSubtree,
           "a node of another kind");
@@ -331,7 +362,7 @@ void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
 std::uint64_t PageChecker::take_overflow_pages(const Node& node) {
   require(node.value.size() >= 8, "a value outside its page");
   const auto first = load<std::uint64_t>(node.value, 0);
-  const std::uint64_t count = (kPageHeader - 1 + std::uint64_t{node.size}) / page_size_ + 1;
+  const std::uint64_t count = num_overflow_pages(node.size, page_size_);
   take(first, count);
   counted_.num_overflow += count;
   return first;
@@ -406,13 +437,15 @@ std::uint64_t key_hash(std::string_view key) {
   return hash ^ hash >> 32;
 }
 
-bool has_sound_header(const void* value, std::size_t bytes, std::uint64_t offset,
-                      std::uint32_t page_size) {
-  if (offset % page_size != kPageHeader) return true;  // within a page of the tree
-  const std::string_view header(static_cast<const char*>(value) - kPageHeader, kPageHeader);
-  return load<std::uint64_t>(header, 0) == offset / page_size &&
-         load<std::uint16_t>(header, 10) == kOverflow &&
-         load<std::uint32_t>(header, 12) == (kPageHeader - 1 + bytes) / page_size + 1;
+// Right behind a page's header, there are node offsets in a page with nodes.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size) {
+  if (offset % page_size != kPageHeader) return;
+  const std::string_view header(value - kPageHeader, kPageHeader);
+  require(load<std::uint64_t>(header, 0) == offset / page_size &&
+              load<std::uint16_t>(header, 10) == kOverflow &&
+              load<std::uint32_t>(header, 12) == num_overflow_pages(value_bytes, page_size),
+          "a damaged overflow page");
 }
 
 }  // namespace locvol

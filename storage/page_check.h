@@ -44,10 +44,10 @@ using KeySumByName = std::map<std::string, std::uint64_t, std::less<>>;
 // REQUIRES: check_meta_pages(file) passed; a read transaction keeps that state's pages in place.
 std::optional<KeySumByName> check_pages(int file, std::uint64_t txn);
 
-// Whether a value of `bytes` at `value`, within the map at `offset`, has a sound page header before
-// it, if it lies in pages of its own. LMDB frees the pages that the header names. (check_pages()
-// does not read these: they are the bulk of the file.)
-bool has_sound_header(const void* value, std::size_t bytes, std::uint64_t offset,
-                      std::uint32_t page_size);
+// What freeing a value relies on, which check_pages() does not read: the header of the overflow
+// pages that it is on, if it is on such. `value` is `offset` bytes from the beginning of the file,
+// or of its map. Throws DamagedFile.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size);
 
 }  // namespace locvol

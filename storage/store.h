@@ -70,17 +70,29 @@ struct DatabaseSize {
   std::uint64_t num_entries = 0;
 };
 
+// Where an entry of the queue lies, in the order of the queue.
+struct QueuePlace {
+  QueuePosition position;
+  MortonKey leaf;
+  friend auto operator<=>(const QueuePlace&, const QueuePlace&) = default;
+};
+
 // What both a Snapshot and a Batch can read.
 class Reader {
  public:
   virtual ~Reader();
   std::optional<RunRecord> run() const;
+  std::optional<MemoryRecord> memory() const;
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
+  // The first `max` leaves, or places in the queue, from `from` on, in order. Decodes no record, so
+  // a damaged one is listed like any other; a damaged key may be no valid one.
+  std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
+  std::vector<QueuePlace> queue_places(const QueuePlace& from, std::size_t max) const;
   // Every leaf with its info, in Morton order; stops when `visit` returns false.
   void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
   // Queue entries in queue order; stops when `visit` returns false.
@@ -114,6 +126,7 @@ class Batch : public Reader {
   ~Batch() override;
 
   void put_run(const RunRecord& run);
+  void put_memory(const MemoryRecord& memory);
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);
@@ -144,6 +157,11 @@ class Store {
   ~Store();
 
   Snapshot snapshot() const;
+  // The store as it is now, for reading: all its snapshots are of this one moment. Short-lived, as
+  // a Snapshot is, and for one thread at a time.
+  Store frozen() const;
+  // The id of the process that has the store open for writing, if there is one.
+  std::optional<std::string> writer() const;
   Batch begin();  // waits while another thread has a Batch
   std::vector<DatabaseSize> sizes() const;
   std::uint64_t mapped_bytes() const;  // pages of the map in memory, at most; costs nothing to ask

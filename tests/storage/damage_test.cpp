@@ -208,6 +208,62 @@ TEST_F(Damage, CorruptRecordNamesTheLeaf) {
   }
 }
 
+// The pages of the data file with these flags, those no longer in use included.
+std::vector<std::size_t> pages_with_flags(const std::string& bytes, std::uint16_t wanted) {
+  std::vector<std::size_t> pages;
+  for (std::size_t page = 0; page < bytes.size(); page += 4096) {
+    std::uint16_t flags;
+    std::memcpy(&flags, bytes.data() + page + 10, sizeof flags);
+    if (flags == wanted) pages.push_back(page);
+  }
+  return pages;
+}
+
+// LMDB frees as many pages as the header says, from the one on that it says: 2^24 of them took
+// 128 MB, and a wrong one made pages free that were in use.
+TEST_F(Damage, DamagedHeadersOfOverflowPagesAreNeverFreed) {
+  int num_refused = 0;
+  for (const std::size_t page : pages_with_flags(bytes_, 0x04)) {
+    for (const std::size_t at : {page + 1, page + 15}) {  // the page's number, the count of pages
+      std::string damaged = bytes_;
+      damaged[at] = static_cast<char>(damaged[at] ^ 1);
+      write_bytes(data_, damaged);
+      try {
+        Store store = Store::open(path_);
+        Batch batch = store.begin();
+        for (int i = 0; i < kNumLeaves; ++i) batch.erase_leaf(leaf_number(i));
+        batch.commit();
+      } catch (const StoreError& error) {
+        EXPECT_NE(std::string(error.what()).find("damaged overflow page"), std::string::npos)
+            << error.what();
+        ++num_refused;
+      }
+    }
+  }
+  EXPECT_GT(num_refused, 2 * kNumLeaves);
+}
+
+// To remove a node, LMDB moves the others by its length: one too long moved bytes beyond the page.
+TEST_F(Damage, NodesThatOverlapAreRefused) {
+  int num_refused = 0;
+  for (const std::size_t page : pages_with_flags(bytes_, 0x02)) {
+    std::uint16_t node, flags;
+    std::memcpy(&node, bytes_.data() + page + 16, sizeof node);
+    std::memcpy(&flags, bytes_.data() + page + node + 4, sizeof flags);
+    if (flags == 0x01) continue;  // its value is on other pages
+    std::string damaged = bytes_;
+    damaged[page + node] =
+        static_cast<char>(damaged[page + node] + 16);  // of the size of the value
+    write_bytes(data_, damaged);
+    try {
+      EXPECT_EQ(read_store(path_).num_same, kNumRecords);  // in a free page
+    } catch (const StoreError&) {
+      ++num_refused;
+    }
+  }
+  EXPECT_GT(num_refused, 5);
+}
+
 // Anywhere, LMDB's own pages included, whose keys have no checksum but the sum of all.
 TEST_F(Damage, FlippedBytesAnywhereNeverCrashNorHideNorGiveOtherContent) {
   const std::uint64_t seed = std::random_device()();

@@ -80,6 +80,12 @@ void expect_same_lists(const Reader& reader, const Model& model) {
   EXPECT_EQ(keys.size(), model.infos.size());
   EXPECT_TRUE(std::ranges::is_sorted(keys));
   EXPECT_EQ(reader.leaf_keys(), keys);
+  const std::size_t middle = keys.size() / 2;
+  const MortonKey from = keys.empty() ? MortonKey() : keys[middle];
+  EXPECT_EQ(reader.leaf_keys(from, keys.size() + 1),
+            std::vector(keys.begin() + static_cast<std::ptrdiff_t>(middle), keys.end()));
+  EXPECT_EQ(reader.leaf_keys(MortonKey(), middle),
+            std::vector(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(middle)));
   std::vector<QueueEntry> queue, expected;
   reader.for_each_queued([&](const QueueEntry& entry) {
     queue.push_back(entry);
@@ -87,6 +93,12 @@ void expect_same_lists(const Reader& reader, const Model& model) {
   });
   for (const auto& [place, entry] : model.queue) expected.push_back(entry);
   EXPECT_EQ(queue, expected);
+  std::vector<QueuePlace> places;
+  for (const auto& [place, entry] : model.queue) places.push_back({place.first, place.second});
+  EXPECT_EQ(reader.queue_places({}, places.size() + 1), places);
+  if (places.empty()) return;
+  EXPECT_EQ(reader.queue_places(places.back(), 9), std::vector(1, places.back()));
+  EXPECT_EQ(reader.queue_places(places[0], 1), std::vector(1, places[0]));
 }
 
 void expect_same(const Reader& reader, const Model& model, const std::vector<MortonKey>& keys) {
@@ -400,6 +412,46 @@ TEST(Store, SecondProcessIsRefusedByName) {
   is_over.raise();
   EXPECT_EQ(holder.exit_code(), 0);
   EXPECT_NO_THROW(Store::open(dir / "s"));
+}
+
+TEST(Store, TellsWhoWrites) {
+  const TempDir dir;
+  const auto path = dir / "store";
+  Store::open(path, kCreate);
+  EXPECT_EQ(Store::open(path, kReadOnly).writer(), std::nullopt);
+  Signal opened, seen;
+  Child child([&] {
+    const Store store = Store::open(path);
+    opened.raise();
+    seen.await();
+    return 0;
+  });
+  opened.await();
+  const auto writer = Store::open(path, kReadOnly).writer();
+  EXPECT_EQ(writer, std::to_string(child.id()));
+  seen.raise();
+  EXPECT_EQ(child.exit_code(), 0);
+  EXPECT_EQ(Store::open(path, kReadOnly).writer(), std::nullopt);
+}
+
+TEST(Store, FrozenStaysAsItWas) {
+  const TempDir dir;
+  Store store = Store::open(dir / "store", kCreate);
+  const auto put = [&](int leaf) {
+    Batch batch = store.begin();
+    batch.put_leaf(leaf_number(leaf), {});
+    batch.commit();
+  };
+  put(1);
+  {
+    const Store frozen = store.frozen();
+    put(2);
+    EXPECT_EQ(frozen.snapshot().leaf_keys(), std::vector{leaf_number(1)});
+    EXPECT_EQ(store.snapshot().leaf_keys().size(), 2U);
+    EXPECT_EQ(frozen.frozen().snapshot().leaf_keys().size(), 1U);
+  }
+  Store frozen = store.frozen();
+  EXPECT_THROW(frozen.begin(), StoreError);
 }
 
 TEST(Store, OneEnvironmentPerProcess) {
