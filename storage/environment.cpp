@@ -133,6 +133,8 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
       create_databases();
       sync_directory(directory_);
     }
+  } catch (const std::system_error& error) {
+    throw StoreError(place() + kDataName + ' ' + error.what() + advice(error.code().value()));
   } catch (const DamagedFile& damage) {
     throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what() +
                      kDamageCure);

@@ -76,7 +76,7 @@ void read_at(int file, std::uint64_t offset, std::span<char> bytes) {
   while (!bytes.empty()) {
     const ssize_t n = pread(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+    if (n < 0) throw std::system_error(errno, std::generic_category(), "cannot be read");
     require(n > 0, "the file is shorter than its contents");
     bytes = bytes.subspan(static_cast<std::size_t>(n));
     offset += static_cast<std::uint64_t>(n);
@@ -86,7 +86,7 @@ void read_at(int file, std::uint64_t offset, std::span<char> bytes) {
 std::uint64_t size_of(int file) {
   struct stat status;
   if (fstat(file, &status) != 0)
-    throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+    throw std::system_error(errno, std::generic_category(), "cannot be read");
   return static_cast<std::uint64_t>(status.st_size);
 }
 

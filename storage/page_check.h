@@ -17,6 +17,7 @@
 namespace locvol {
 
 // The file is not one that LMDB wrote, or no longer. Says what is wrong; the caller knows where.
+// (A file that cannot be read is no damage: std::system_error.)
 class DamagedFile : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -4,11 +4,11 @@
 // the same mesh as the undamaged store; never a crash, a hang or another mesh.
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <signal.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -37,11 +37,11 @@ constexpr unsigned kHangSeconds = 120;
 // What is being tried, for the handler of the signal that ends the program.
 std::array<char, 200> trying{};
 
-void on_crash(int signal) {
+void on_crash(int number) {
   [[maybe_unused]] const ssize_t written =
       write(STDERR_FILENO, trying.data(), strlen(trying.data()));
-  std::signal(signal, SIG_DFL);
-  raise(signal);
+  std::signal(number, SIG_DFL);
+  std::raise(number);
 }
 
 std::string content_of(const std::filesystem::path& file) {
@@ -185,6 +185,8 @@ class FlipSweep {
             sample_.name + ", " + what + ": the error does not name the store: " + message);
     // Without what differs from leaf to leaf.
     std::string kind = message.substr(message.find(store_.string()) + store_.string().size());
+    if (const auto leaf = kind.find(" of the leaf"); leaf != std::string::npos)
+      kind.erase(leaf, kind.find(": ", leaf) - leaf);
     for (char& c : kind)
       if (c >= '0' && c <= '9') c = '#';
     if (const auto cure = kind.find("; it cannot be mended"); cure != std::string::npos)
@@ -229,8 +231,8 @@ void sweep(const Sample& sample, const Samples& samples, const std::filesystem::
 }
 
 void run(bool is_brief, std::uint64_t seed) {
-  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGALRM, SIGFPE})
-    std::signal(signal, on_crash);
+  for (const int number : {SIGSEGV, SIGBUS, SIGABRT, SIGALRM, SIGFPE})
+    std::signal(number, on_crash);
   fmt::print("flipped bits, seed {}\n", seed);
   std::mt19937_64 random(seed);
   const TempDir directory;
