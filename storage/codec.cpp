@@ -12,6 +12,7 @@
 #include <concepts>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <streambuf>
 #include <type_traits>
@@ -48,6 +49,7 @@
 //   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
 //   7 queue       position, leaf, dirty box
 //   8 memory      the fields of MemoryRecord in order
+//   9 keys        [sums u64]
 //
 // A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
 // (tests/storage/golden).
@@ -84,6 +86,8 @@ template <>
 inline constexpr Kind kKind<QueueEntry>{7, 1};
 template <>
 inline constexpr Kind kKind<MemoryRecord>{8, 1};
+template <>
+inline constexpr Kind kKind<KeySums>{9, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
@@ -280,6 +284,7 @@ void fields(auto& archive, Maybe<Point> auto& p) { archive(p.x, p.y, p.z); }
 void fields(auto& archive, Maybe<Box> auto& box) { archive(box.min, box.max); }
 void fields(auto& archive, Maybe<QueuePosition> auto& p) { archive(p.epoch, p.color); }
 void fields(auto& archive, Maybe<StoreFormat> auto& format) { archive(format.version); }
+void fields(auto& archive, Maybe<KeySums> auto& keys) { archive(keys.sums); }
 
 void fields(auto& archive, Maybe<QueueEntry> auto& entry) {
   archive(entry.position, entry.leaf, entry.dirty);
@@ -584,6 +589,45 @@ struct FreeContext {
 using Compressor = std::unique_ptr<ZSTD_CCtx, FreeContext>;
 using Decompressor = std::unique_ptr<ZSTD_DCtx, FreeContext>;
 
+// Contexts that are not in use, for the next one who needs one. (Kept per thread, they would need a
+// destructor per thread, for which the C library takes memory or ends the program.)
+template <class Context>
+class ContextPool {
+ public:
+  class Lease {
+   public:
+    Lease(ContextPool& pool, Context context) : pool_(pool), context_(std::move(context)) {}
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    ~Lease() {
+      const std::lock_guard lock(pool_.mutex_);
+      pool_.idle_.push_back(std::move(context_));  // there is room
+    }
+    auto* get() const { return context_.get(); }
+
+   private:
+    ContextPool& pool_;
+    Context context_;
+  };
+
+  Lease lease(Context (*make)()) {
+    const std::lock_guard lock(mutex_);
+    if (idle_.empty()) {
+      idle_.reserve(num_contexts_ + 1);
+      idle_.push_back(make());
+      ++num_contexts_;
+    }
+    Context context = std::move(idle_.back());
+    idle_.pop_back();
+    return Lease(*this, std::move(context));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<Context> idle_;
+  std::size_t num_contexts_ = 0;  // idle and leased
+};
+
 Compressor make_compressor() {
   Compressor compressor(ZSTD_createCCtx());
   if (!compressor) throw std::bad_alloc();
@@ -599,7 +643,8 @@ Decompressor make_decompressor() {
 }
 
 std::string compress(const std::string& content) {
-  thread_local const Compressor compressor = make_compressor();
+  static ContextPool<Compressor> pool;
+  const auto compressor = pool.lease(make_compressor);
   std::string frame(ZSTD_compressBound(content.size()), '\0');
   const std::size_t size =
       ZSTD_compress2(compressor.get(), frame.data(), frame.size(), content.data(), content.size());
@@ -659,7 +704,8 @@ std::size_t believable_content_size(std::string_view frame) {
 
 Content decompress(std::string_view frame) {
   constexpr char kHasChecksum = 0x04;
-  thread_local const Decompressor decompressor = make_decompressor();
+  static ContextPool<Decompressor> pool;
+  const auto decompressor = pool.lease(make_decompressor);
   Content content{nullptr, believable_content_size(frame)};
   if ((frame[kDescriptor] & kHasChecksum) == 0) throw DecodeError("no checksum");
   content.bytes = std::make_unique_for_overwrite<char[]>(content.size);
@@ -709,6 +755,7 @@ template std::string encode(const LeafSurface&, MortonKey);
 template std::string encode(const LeafUnresolved&, MortonKey);
 template std::string encode(const QueueEntry&, MortonKey);
 template std::string encode(const MemoryRecord&, MortonKey);
+template std::string encode(const KeySums&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -718,5 +765,6 @@ template LeafSurface decode(std::string_view, MortonKey);
 template LeafUnresolved decode(std::string_view, MortonKey);
 template QueueEntry decode(std::string_view, MortonKey);
 template MemoryRecord decode(std::string_view, MortonKey);
+template KeySums decode(std::string_view, MortonKey);
 
 }  // namespace locvol

@@ -13,13 +13,13 @@
 #include <system_error>
 
 #include "storage/codec.h"
-#include "storage/page_check.h"
 
 namespace locvol {
 namespace {
 
 constexpr const char* kDataName = "data.mdb";
 constexpr std::string_view kFormatKey = "format";
+constexpr std::string_view kKeySumsKey = "keys";
 constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 16;
 constexpr unsigned kMaxReaders = 1000;  // snapshots at once, over all processes
 constexpr mdb_mode_t kFileMode = 0644;
@@ -78,8 +78,11 @@ Environment::Id Environment::id_of(const std::filesystem::path& directory) {
 
 bool Environment::exists(const std::filesystem::path& directory) {
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
-  if (!data.is_open()) return errno != ENOENT && errno != ENOTDIR;  // opening it says why not
-  return has_content(data.number());
+  if (data.is_open()) return has_content(data.number());
+  if (errno == ENOENT || errno == ENOTDIR) return false;
+  throw StoreError("store " + directory.string() + ": cannot open " + kDataName + ": " +
+                   std::generic_category().message(errno) +
+                   "; mend that, and give the same command again");
 }
 
 std::shared_ptr<Environment> Environment::open(const std::filesystem::path& directory,
@@ -124,15 +127,17 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
   try {
     if (has_data) check_meta_pages(data.number());
     open_map(options);
-    if (has_data) check_structure(data.number());
+    if (has_data) {
+      find_databases(data.number());
+    } else {
+      create_databases();
+      sync_directory(directory_);
+    }
+  } catch (const std::system_error& error) {
+    throw StoreError(place() + kDataName + ' ' + error.what() + advice(error.code().value()));
   } catch (const DamagedFile& damage) {
-    throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what());
-  }
-  if (has_data || !may_create) {
-    find_databases();
-  } else {
-    create_databases();
-    sync_directory(directory_);
+    throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what() +
+                     kDamageCure);
   }
 }
 
@@ -182,6 +187,9 @@ void Environment::open_map(const StoreOptions& options) {
     bytes = rounded_map_bytes(bytes / 2);
   check(code, "open the database");
   is_mapped_ = true;
+  MDB_stat stat;
+  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
+  page_bytes_ = stat.ms_psize;
   int num_dead = 0;
   check(mdb_reader_check(handle_.get(), &num_dead), "clear readers of dead processes");
 }
@@ -199,43 +207,65 @@ int Environment::try_map(const StoreOptions& options, std::uint64_t map_bytes) {
   return mdb_env_open(environment, directory_.c_str(), flags, kFileMode);
 }
 
-void Environment::check_structure(int data_file) {
-  bool is_checked = false;
-  while (!is_checked) {  // again when a live writer has committed twice in between
+void Environment::find_databases(int data_file) {
+  for (;;) {  // again when a live writer has committed twice in between
     TransactionHandle transaction = begin_read();
-    is_checked = check_pages(data_file, mdb_txn_id(transaction.get()));
+    if (const auto found = check_pages(data_file, mdb_txn_id(transaction.get()))) {
+      open_databases(transaction.get(), *found);
+      return check(mdb_txn_commit(transaction.release()), "keep the databases open");
+    }
     retire(std::move(transaction));
   }
 }
 
-void Environment::find_databases() {
-  TransactionHandle transaction = begin_read();
+void Environment::open_databases(MDB_txn* transaction, const KeySumByName& found) {
+  StoreFormat format;
   for (std::size_t i = 0; i < kNumDatabases; ++i) {
-    const int code = mdb_dbi_open(transaction.get(), kNames[i], 0, &databases_[i]);
-    if (code == MDB_NOTFOUND && i == 0)
-      throw StoreError(place() + "is a database, but not a locvol store");
-    check(code, "open a named database");
+    if (!found.contains(kNames[i])) {
+      if (i == 0) throw StoreError(place() + "is a database, but not a locvol store");
+      throw DamagedFile(std::string("there is no database `") + kNames[i] + "`");
+    }
+    check(mdb_dbi_open(transaction, kNames[i], 0, &databases_[i]), "open a named database");
+    if (i > 0) continue;
     // The format comes first: a newer one may have other databases.
-    if (i == 0) check_format(transaction.get());
-  }
-  check(mdb_txn_commit(transaction.release()), "keep the databases open");
-}
-
-void Environment::check_format(MDB_txn* transaction) const {
-  MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(transaction, databases_[0], &key, &value), "read the format of the store");
-  try {
-    const auto format = decode<StoreFormat>(to_view(value), MortonKey());
+    format = meta_record<StoreFormat>(transaction, kFormatKey);
     if (format.version > StoreFormat::kCurrent)
       throw StoreError(place() + "has format " + std::to_string(format.version) +
                        ", written by a newer locvol; this one reads up to format " +
                        std::to_string(StoreFormat::kCurrent));
+  }
+  if (format.version >= StoreFormat::kWithKeySums) check_key_sums(transaction, found);
+}
+
+void Environment::check_key_sums(MDB_txn* transaction, const KeySumByName& found) {
+  const auto stored = meta_record<KeySums>(transaction, kKeySumsKey);
+  if (stored.sums.size() != kNumDatabases) throw DamagedFile("sums of keys of other databases");
+  key_sums_.emplace();
+  for (std::size_t i = 0; i < kNumDatabases; ++i) {
+    const std::uint64_t own = i == 0 ? key_hash(kKeySumsKey) : 0;
+    if (found.at(kNames[i]) - own != stored.sums[i])
+      throw DamagedFile(std::string("a key in database `") + kNames[i] + "` is not what it was");
+    (*key_sums_)[i] = stored.sums[i];
+  }
+}
+
+template <class Record>
+Record Environment::meta_record(MDB_txn* transaction, std::string_view name) const {
+  MDB_val key = to_value(name), value;
+  const int code = mdb_get(transaction, databases_[0], &key, &value);
+  if (code == MDB_NOTFOUND) throw DamagedFile("the record `" + std::string(name) + "` is missing");
+  check(code, "read");
+  try {
+    return decode<Record>(to_view(value), MortonKey());
   } catch (const DecodeError& error) {
-    throw CorruptRecord(place() + "the format record is damaged: " + error.what(), MortonKey());
+    throw CorruptRecord(place() + "the record `" + std::string(name) +
+                            "` is damaged: " + error.what() + kDamageCure,
+                        MortonKey());
   }
 }
 
 void Environment::create_databases() {
+  key_sums_.emplace();
   write([this](Transaction& transaction) {
     for (std::size_t i = 0; i < kNumDatabases; ++i)
       check(mdb_dbi_open(transaction.transaction_, kNames[i], MDB_CREATE, &databases_[i]),
@@ -313,11 +343,15 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
   if (!pages_.is_located()) locate_map(begun);
+  std::optional<KeySumOf> key_sums;
   {
     Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
     write(transaction);
+    transaction.finish();
+    key_sums = transaction.key_sums_;
   }
   check(mdb_txn_commit(handle.release()), "commit");  // LMDB frees it either way
+  key_sums_ = key_sums;
   return true;
 } catch (const MapFull&) {
   return false;
@@ -360,27 +394,23 @@ std::vector<DatabaseSize> Environment::sizes() {
 // begins with its number. REQUIRES: the transaction has not written yet, for that takes pages out
 // of the map
 void Environment::locate_map(MDB_txn* transaction) {
-  MDB_stat stat;
-  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
   MDB_val key = to_value(kFormatKey), value;
   const bool is_created = databases_[0] != 0;
   if (!is_created || mdb_get(transaction, databases_[0], &key, &value) != MDB_SUCCESS) return;
   const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
-  const std::uintptr_t page = address - address % stat.ms_psize;
+  const std::uintptr_t page = address - address % page_bytes_;
   const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
-  pages_.locate(reinterpret_cast<const void*>(page - page_number * stat.ms_psize), map_bytes());
+  pages_.locate(reinterpret_cast<const void*>(page - page_number * page_bytes_), map_bytes());
 }
 
 void Environment::check_before_freeing(const MDB_val& value) const {
-  MDB_stat stat;
-  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
   const auto offset = pages_.offset_of(value.mv_data);
   if (!offset) return;  // written in this transaction
   try {
     check_overflow_header(static_cast<const char*>(value.mv_data), value.mv_size, *offset,
-                          stat.ms_psize);
+                          page_bytes_);
   } catch (const DamagedFile& damage) {
-    throw StoreError(place() + kDataName + " is damaged: " + damage.what());
+    throw StoreError(place() + kDataName + " is damaged: " + damage.what() + kDamageCure);
   }
 }
 
@@ -426,7 +456,10 @@ struct Environment::Transaction::Cursors {
 };
 
 Environment::Transaction::Transaction(Environment& environment, MDB_txn* transaction)
-    : environment_(environment), transaction_(transaction), cursors_(std::make_unique<Cursors>()) {}
+    : environment_(environment),
+      transaction_(transaction),
+      key_sums_(environment.key_sums_),
+      cursors_(std::make_unique<Cursors>()) {}
 Environment::Transaction::~Transaction() = default;
 
 MDB_cursor* Environment::Transaction::cursor(Database database) {
@@ -452,10 +485,21 @@ bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& va
   return true;
 }
 
+void Environment::Transaction::add_to_sum(Database database, std::uint64_t term) {
+  if (key_sums_) (*key_sums_)[static_cast<std::size_t>(database)] += term;
+}
+
+void Environment::Transaction::finish() {
+  if (!key_sums_) return;
+  const std::string record = encode(KeySums{{key_sums_->begin(), key_sums_->end()}}, MortonKey());
+  MDB_val key = to_value(kKeySumsKey), value = to_value(record);
+  environment_.check(mdb_cursor_put(cursor(Database::kMeta), &key, &value, 0), "write");
+}
+
 void Environment::Transaction::put(Database database, std::string_view key,
                                    std::string_view value) {
   MDB_val old_key = to_value(key), old_value;
-  find(database, old_key, old_value, false);
+  if (!find(database, old_key, old_value, false)) add_to_sum(database, key_hash(key));
   MDB_val stored_key = to_value(key), stored_value = to_value(value);
   environment_.check(mdb_cursor_put(cursor(database), &stored_key, &stored_value, 0), "write");
 }
@@ -465,6 +509,7 @@ void Environment::Transaction::erase(Database database, std::string_view first,
   for (;;) {
     MDB_val key = to_value(first), value;
     if (!find(database, key, value, true) || to_view(key) > last) return;
+    add_to_sum(database, std::uint64_t{0} - key_hash(to_view(key)));
     environment_.check(mdb_cursor_del(cursor(database), 0), "write");
   }
 }

@@ -27,6 +27,7 @@
 
 #include "storage/file_system.h"
 #include "storage/mapped_pages.h"
+#include "storage/page_check.h"
 #include "storage/store.h"
 
 struct MDB_cursor;
@@ -102,10 +103,12 @@ class Environment {
 
   void open_map(const StoreOptions& options);
   int try_map(const StoreOptions& options, std::uint64_t map_bytes);
-  void check_structure(int data_file);
-  void find_databases();
+  void find_databases(int data_file);
+  void open_databases(MDB_txn* transaction, const KeySumByName& found);
+  void check_key_sums(MDB_txn* transaction, const KeySumByName& found);
   void create_databases();
-  void check_format(MDB_txn* transaction) const;
+  template <class Record>
+  Record meta_record(MDB_txn* transaction, std::string_view name) const;
 
   Gate enter();
   TransactionHandle begin_read();
@@ -123,6 +126,10 @@ class Environment {
   std::optional<WriterLock> lock_;
   EnvironmentHandle handle_;
   std::array<unsigned, kNumDatabases> databases_{};
+  std::uint32_t page_bytes_ = 0;
+  // As of the last commit, for who has the write turn; a store of the first format has none.
+  using KeySumOf = std::array<std::uint64_t, kNumDatabases>;
+  std::optional<KeySumOf> key_sums_;
 
   std::mutex turnstile_;  // before the gate, so that readers that keep coming let growth in
   std::shared_mutex gate_;
@@ -168,9 +175,12 @@ class Environment::Transaction {
   ~Transaction();
   MDB_cursor* cursor(Database database);
   bool find(Database database, MDB_val& key, MDB_val& value, bool or_next);
+  void add_to_sum(Database database, std::uint64_t term);
+  void finish();  // after the last put() and erase()
 
   Environment& environment_;
   MDB_txn* transaction_;
+  std::optional<KeySumOf> key_sums_;  // as of now
   std::unique_ptr<Cursors> cursors_;
 };
 

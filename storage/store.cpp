@@ -17,7 +17,7 @@
 // ================================
 // Numbers in keys are big-endian, so that LMDB's order of bytes is their order.
 //
-//   meta                             "format" | "run"               -> record
+//   meta                             "format" | "keys" | "run"      -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
@@ -83,25 +83,29 @@ std::string hexadecimal(std::uint64_t bits) {
   return text;
 }
 
-[[noreturn]] void report_damage(Database database, MortonKey leaf, const std::string& what) {
-  std::string where = std::string("damaged record in database `") + name_of(database) + "`";
+using Path = std::filesystem::path;
+
+[[noreturn]] void report_damage(const Path& store, Database database, MortonKey leaf,
+                                const std::string& what) {
+  std::string where =
+      "store " + store.string() + ": damaged record in database `" + name_of(database) + "`";
   if (leaf.is_valid())
     where += " of the leaf at level " + std::to_string(leaf.level()) + ", key " +
              hexadecimal(leaf.bits());
-  throw CorruptRecord(where + ": " + what, leaf);
+  throw CorruptRecord(where + ": " + what + kDamageCure, leaf);
 }
 
-MortonKey leaf_of_key(Database database, std::string_view key, std::size_t at) {
+MortonKey leaf_of_key(const Path& store, Database database, std::string_view key, std::size_t at) {
   if (key.size() != at + sizeof(std::uint64_t))
-    report_damage(database, MortonKey(), "a key of impossible length");
+    report_damage(store, database, MortonKey(), "a key of impossible length");
   return MortonKey::from_bits(big_endian_at<std::uint64_t>(key, at));
 }
 
 template <class Record>
-Record decode_in(Database database, std::string_view bytes, MortonKey leaf) try {
+Record decode_in(const Path& store, Database database, std::string_view bytes, MortonKey leaf) try {
   return decode<Record>(bytes, leaf);
 } catch (const DecodeError& error) {
-  report_damage(database, leaf, error.what());
+  report_damage(store, database, leaf, error.what());
 }
 
 // -- Blobs
@@ -260,14 +264,14 @@ std::optional<std::string> Reader::Impl::find_blob(Database database, MortonKey 
   if (record.empty()) return std::nullopt;
   return record;
 } catch (const DecodeError& error) {
-  report_damage(database, leaf, error.what());
+  report_damage(environment->directory(), database, leaf, error.what());
 }
 
 // An empty list is stored as nothing at all.
 template <class Record>
 Record Reader::Impl::list(Database database, MortonKey leaf) const {
   const std::optional<std::string> bytes = find_blob(database, leaf);
-  return bytes ? decode_in<Record>(database, *bytes, leaf) : Record();
+  return bytes ? decode_in<Record>(environment->directory(), database, *bytes, leaf) : Record();
 }
 
 template <class Record, class List>
@@ -319,19 +323,21 @@ Reader::~Reader() = default;
 std::optional<RunRecord> Reader::run() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kRunKey));
   if (!bytes) return std::nullopt;
-  return decode_in<RunRecord>(Database::kMeta, *bytes, MortonKey());
+  return decode_in<RunRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                              MortonKey());
 }
 
 std::optional<MemoryRecord> Reader::memory() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kMemoryKey));
   if (!bytes) return std::nullopt;
-  return decode_in<MemoryRecord>(Database::kMeta, *bytes, MortonKey());
+  return decode_in<MemoryRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                                 MortonKey());
 }
 
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
   const auto bytes = impl_->find(Database::kLeaves, leaf_key(key));
   if (!bytes) return std::nullopt;
-  return decode_in<LeafInfo>(Database::kLeaves, *bytes, key);
+  return decode_in<LeafInfo>(impl_->environment->directory(), Database::kLeaves, *bytes, key);
 }
 
 LeafPoints Reader::points(MortonKey key) const {
@@ -353,7 +359,7 @@ LeafUnresolved Reader::unresolved(MortonKey key) const {
 std::vector<MortonKey> Reader::leaf_keys() const {
   std::vector<MortonKey> keys;
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string&) {
-    keys.push_back(leaf_of_key(Database::kLeaves, key, 0));
+    keys.push_back(leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0));
     return true;
   });
   return keys;
@@ -362,7 +368,7 @@ std::vector<MortonKey> Reader::leaf_keys() const {
 std::vector<MortonKey> Reader::leaf_keys(MortonKey from, std::size_t max) const {
   std::vector<MortonKey> keys;
   const auto take = [&](const std::string& key, const std::string&) {
-    keys.push_back(leaf_of_key(Database::kLeaves, key, 0));
+    keys.push_back(leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0));
     return keys.size() < max;
   };
   if (max > 0)
@@ -372,18 +378,20 @@ std::vector<MortonKey> Reader::leaf_keys(MortonKey from, std::size_t max) const 
 
 void Reader::for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const {
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string& record) {
-    const MortonKey leaf = leaf_of_key(Database::kLeaves, key, 0);
-    return visit(leaf, decode_in<LeafInfo>(Database::kLeaves, record, leaf));
+    const MortonKey leaf = leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0);
+    return visit(leaf, decode_in<LeafInfo>(impl_->environment->directory(), Database::kLeaves,
+                                           record, leaf));
   });
 }
 
 namespace {
 
-QueueEntry decode_queue_entry(const std::string& key, const std::string& record) {
-  const MortonKey leaf = leaf_of_key(Database::kQueue, key, 2 * sizeof(std::uint32_t));
-  const auto entry = decode_in<QueueEntry>(Database::kQueue, record, leaf);
+QueueEntry decode_queue_entry(const Path& store, const std::string& key,
+                              const std::string& record) {
+  const MortonKey leaf = leaf_of_key(store, Database::kQueue, key, 2 * sizeof(std::uint32_t));
+  const auto entry = decode_in<QueueEntry>(store, Database::kQueue, record, leaf);
   if (queue_key(entry.position, entry.leaf) != key)
-    report_damage(Database::kQueue, leaf, "a record of another place in the queue");
+    report_damage(store, Database::kQueue, leaf, "a record of another place in the queue");
   return entry;
 }
 
@@ -391,14 +399,15 @@ QueueEntry decode_queue_entry(const std::string& key, const std::string& record)
 
 void Reader::for_each_queued(const std::function<bool(const QueueEntry&)>& visit) const {
   impl_->for_each(Database::kQueue, [&](const std::string& key, const std::string& record) {
-    return visit(decode_queue_entry(key, record));
+    return visit(decode_queue_entry(impl_->environment->directory(), key, record));
   });
 }
 
 std::vector<QueuePlace> Reader::queue_places(const QueuePlace& from, std::size_t max) const {
   std::vector<QueuePlace> places;
   const auto take = [&](const std::string& key, const std::string&) {
-    const MortonKey leaf = leaf_of_key(Database::kQueue, key, 2 * sizeof(std::uint32_t));
+    const MortonKey leaf = leaf_of_key(impl_->environment->directory(), Database::kQueue, key,
+                                       2 * sizeof(std::uint32_t));
     places.push_back(
         {{big_endian_at<std::uint32_t>(key, 0), big_endian_at<std::uint32_t>(key, 4)}, leaf});
     return places.size() < max;
@@ -411,7 +420,7 @@ std::optional<QueueEntry> Reader::queue_entry(QueuePosition position, MortonKey 
   const std::string key = queue_key(position, leaf);
   const auto bytes = impl_->find(Database::kQueue, key);
   if (!bytes) return std::nullopt;
-  return decode_queue_entry(key, *bytes);
+  return decode_queue_entry(impl_->environment->directory(), key, *bytes);
 }
 
 // -- Snapshot and Batch

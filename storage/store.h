@@ -5,7 +5,7 @@
 // Threads: many Snapshots at once, each used by one thread at a time; one Batch at a time.
 // Memory: records are copies and outlive the Snapshot or Batch they came from. Besides them:
 //     StoreOptions::memory_bytes for mapped pages; Batch::memory_bytes() and commit_bytes() for
-//     the batch; kStoreThreadBytes for each thread that reads or writes; kStoreFixedBytes.
+//     the batch; kStoreThreadBytes for each thread that reads or writes at once; kStoreFixedBytes.
 // Errors: StoreError when LMDB or the disk fails, CorruptRecord (a StoreError) when stored bytes
 //     fail their checksum; it names the record and its leaf. What was never written is not an
 //     error: an empty optional, or an empty list.
@@ -45,6 +45,10 @@ inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // z
 // Encoding or decoding a record takes this many times its bytes as a struct while it lasts, with
 // the result.
 inline constexpr std::uint64_t kCodecFactor = 4;
+
+// The end of every message about damage.
+inline constexpr const char* kDamageCure =
+    "; it cannot be mended: remove the store, and mesh the surface again, or put back a copy";
 
 struct StoreOptions {
   bool create = false;  // make the directory and an empty store if there is none
@@ -163,7 +167,8 @@ class Store {
   std::uint64_t mapped_bytes() const;  // pages of the map in memory, at most; costs nothing to ask
   void release_pages() const;          // gives them back ahead of StoreOptions::memory_bytes
   const std::filesystem::path& directory() const;
-  // False too for what is left of a creation that was cut short: nothing was committed.
+  // False too for what is left of a creation that was cut short: nothing was committed. Throws
+  // StoreError when it cannot tell.
   static bool exists(const std::filesystem::path& directory);
   // A directory with a store in it, or with what is left of the creation of one, which may be
   // nothing; and with no other file.

@@ -48,7 +48,6 @@ struct Summary {
   std::optional<QueuePlace> front;
   std::array<std::uint64_t, kNumConditions> num_unresolved{};  // by condition
   std::vector<LeafSite> first_sites;
-  std::optional<MemoryRecord> memory;  // of the last process that worked on the run
   std::vector<DatabaseSize> databases;
   std::uint64_t file_bytes = 0;
   std::vector<Fault> faults;

@@ -104,6 +104,7 @@ TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   expect_damage_is_noticed(sample_info(), sample_leaf());
   expect_damage_is_noticed(sample_queue_entry(), sample_leaf());
   expect_damage_is_noticed(StoreFormat(), MortonKey());
+  expect_damage_is_noticed(KeySums{{1, 2, 3, 4, 5, 6, 7}}, MortonKey());
   expect_damage_is_noticed(random.points(100), sample_leaf());
   expect_damage_is_noticed(random.cells(300), sample_leaf());
   expect_damage_is_noticed(random.surface(100), sample_leaf());
@@ -238,6 +239,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());
   expect_golden("queue.v1", sample_queue_entry(), sample_leaf());
   expect_golden("memory.v1", sample_memory(), MortonKey());
+  expect_golden("keys.v1", KeySums{{1, 0, ~std::uint64_t{0}}}, MortonKey());
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace {
 constexpr std::uint64_t kMaxVisitsInHand = 64;
 
 const std::array<Model, 3> kModels = {{{"three-holes", "2k", "10%", "150"},
-                                       {"octahandles", "2k", "5%", "60"},
+                                       {"octahandles", "40k", "6%", "60"},
                                        {"torus", "500", "14%", "60"}}};
 
 std::uint64_t num_visits_of(const Ending& ending) {

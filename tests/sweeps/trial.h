@@ -83,7 +83,7 @@ class Trial {
 
   Model model_;
   std::filesystem::path directory_;
-  std::string digest_;
+  std::string mesh_;  // the undisturbed run's bytes
   Ending undisturbed_;
 };
 
