@@ -93,6 +93,24 @@ RunSummary totals_of(const RunRecord& run, const Summary& summary) {
   return totals;
 }
 
+// Reads the queue's records, too, and compares it with what the leaves say.
+void check_queue(const Store& store, Summary& summary) {
+  std::uint64_t num_entries = 0, num_waiting = 0;
+  const auto take = [&](const QueueRow& row) {
+    ++num_entries;
+    summary.faults.insert(summary.faults.end(), row.faults.begin(), row.faults.end());
+    return true;
+  };
+  scan_queue(store, take, summary.faults);
+  for (const auto& [epoch, num] : summary.num_waiting) num_waiting += num;
+  const bool is_comparable = !summary.writer && !store.writer() && summary.faults.empty();
+  if (is_comparable && num_entries != num_waiting) {
+    summary.faults.push_back({MortonKey(), fmt::format("{} leaves wait, but the queue has {} "
+                                                       "entries",
+                                                       num_waiting, num_entries)});
+  }
+}
+
 std::uint64_t data_file_bytes(const Store& store) {
   std::error_code unknown;
   const std::uintmax_t bytes = std::filesystem::file_size(store.directory() / "data.mdb", unknown);
@@ -115,10 +133,12 @@ Summary summary_of(const Store& store, bool reads_all) {
       read_around(summary.faults, [&] { return store.snapshot().memory(); }).value_or(std::nullopt);
   summary.databases = store.sizes();
   summary.file_bytes = data_file_bytes(store);
-  if (!run) return summary;
-  const RunRecord now = run_of(store);  // the newer one, should the run go on
-  summary.run = totals_of(now, summary);
-  summary.has_gone_on = now != *run;
+  if (run) {
+    const RunRecord now = run_of(store);  // the newer one, should the run go on
+    summary.run = totals_of(now, summary);
+    summary.has_gone_on = now != *run;
+  }
+  if (reads_all) check_queue(store, summary);
   return summary;
 }
 
@@ -224,7 +244,7 @@ void print_memory(const MemoryRecord& memory) {
     print_row(name, bytes);
     fmt::print("\n");
   }
-  print_row("all", memory.cap);
+  print_row("cap", memory.cap);
   fmt::print("; the process has taken {}\n", bytes_text(memory.peak_resident));
 }
 
