@@ -26,7 +26,8 @@ constexpr std::uint32_t kFuseMagic = 0x65735546;
 
 [[noreturn]] void fail(const std::filesystem::path& path, const std::string& what) {
   throw StoreError(path.string() + ": cannot " + what + ": " +
-                   std::generic_category().message(errno));
+                   std::generic_category().message(errno) +
+                   "; mend that, and give the same command again");
 }
 
 std::string text_of(const FileDescriptor& file) {

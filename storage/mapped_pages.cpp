@@ -19,9 +19,15 @@ void MappedPages::forget() {
   num_touched_ = 0;
 }
 
+std::optional<std::uint64_t> MappedPages::offset_of(const void* place) const {
+  const std::uintptr_t map = map_, address = reinterpret_cast<std::uintptr_t>(place);
+  if (map == 0 || address < map || address - map >= map_bytes_) return std::nullopt;
+  return address - map;
+}
+
 void MappedPages::note(const void* place, std::size_t bytes) {
+  if (bytes == 0 || !offset_of(place)) return;
   const std::uintptr_t map = map_, begin = reinterpret_cast<std::uintptr_t>(place);
-  if (map == 0 || bytes == 0 || begin < map || begin - map >= map_bytes_) return;
   const std::uint64_t last = (begin + bytes - 1) / kBlockBytes - map / kBlockBytes;
   for (std::uint64_t block = begin / kBlockBytes - map / kBlockBytes; block <= last; ++block) {
     std::atomic<std::uint64_t>& word = touched_[block / 64];

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 
 namespace locvol {
 
@@ -28,6 +29,8 @@ class MappedPages {
   void locate(const void* map, std::uint64_t map_bytes);
   void forget();  // the map is gone. REQUIRES: no other member is running
 
+  // In the map; absent: outside of it.
+  std::optional<std::uint64_t> offset_of(const void* place) const;
   // The bytes are being read. Places outside the map are left out of account.
   void note(const void* place, std::size_t bytes);
   void release();               // gives all back

@@ -504,14 +504,20 @@ Store Store::open(const std::filesystem::path& directory, const StoreOptions& op
       throw StoreError("store " + directory.string() + ": there is no such directory");
     make_directory(directory);
   }
-  return Store(
-      std::make_unique<Impl>(Environment::open(directory, options), options.read_only, nullptr));
+  return Store(std::make_unique<Impl>(
+      Impl{Environment::open(directory, options), options.read_only, nullptr}));
 }
 
 bool Store::exists(const std::filesystem::path& directory) {
+  return Environment::exists(directory);
+}
+
+bool Store::owns(const std::filesystem::path& directory) {
+  constexpr std::array kNames = {"data.mdb", "lock.mdb", "writer.lock"};
   std::error_code unknown;
-  const std::uintmax_t bytes = std::filesystem::file_size(directory / "data.mdb", unknown);
-  return !unknown && bytes > 0;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, unknown))
+    if (std::ranges::find(kNames, entry.path().filename()) == kNames.end()) return false;
+  return !unknown;
 }
 
 Snapshot Store::snapshot() const {
@@ -525,7 +531,7 @@ Snapshot Store::snapshot() const {
 Store Store::frozen() const {
   auto moment = impl_->moment;
   if (!moment) moment = std::make_shared<Environment::View>(impl_->environment->view());
-  return Store(std::make_unique<Impl>(impl_->environment, true, std::move(moment)));
+  return Store(std::make_unique<Impl>(Impl{impl_->environment, true, std::move(moment)}));
 }
 
 std::optional<std::string> Store::writer() const { return WriterLock::holder(directory()); }

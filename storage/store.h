@@ -163,7 +163,11 @@ class Store {
   std::uint64_t mapped_bytes() const;  // pages of the map in memory, at most; costs nothing to ask
   void release_pages() const;          // gives them back ahead of StoreOptions::memory_bytes
   const std::filesystem::path& directory() const;
+  // False too for what is left of a creation that was cut short: nothing was committed.
   static bool exists(const std::filesystem::path& directory);
+  // A directory with a store in it, or with what is left of the creation of one, which may be
+  // nothing; and with no other file.
+  static bool owns(const std::filesystem::path& directory);
 
  private:
   struct Impl;

@@ -25,13 +25,9 @@ constexpr std::size_t kMaxListedSites = 20;  // on stderr; `inspect` lists all
 constexpr double kCellsPerCubicSize =
     2.4;  // of volume over λ³: a BCC mesh has 2.24, a boundary more
 
-std::filesystem::path default_store(const std::filesystem::path& output) {
-  return output.string() + ".locvol";
-}
-
 // Only what this command may remove when it is done with it.
 bool is_absent_or_store(const std::filesystem::path& directory) {
-  return !std::filesystem::exists(directory) || Store::exists(directory);
+  return !std::filesystem::exists(directory) || Store::owns(directory);
 }
 
 void remove_store(const std::filesystem::path& directory) {
@@ -142,13 +138,18 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
 
 }  // namespace
 
+std::filesystem::path store_of(const MeshCommand& command) {
+  const std::filesystem::path& named = command.options.store;
+  if (!named.empty()) return named;
+  return command.output.string() + ".locvol";
+}
+
 int run_mesh(const MeshCommand& command) {
   require_writable(command.output);
   MeshOptions options = command.options;
-  const bool is_default = options.store.empty();
-  if (is_default) options.store = default_store(command.output);
+  options.store = store_of(command);
   const bool is_removable =
-      is_default && !command.is_store_kept && is_absent_or_store(options.store);
+      command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
   const StopSignal stop_signal;
   const TimedRun run =
@@ -194,8 +195,11 @@ int run_audit(const AuditCommand& command) {
 }
 
 int run_info(const InfoCommand& command) {
-  const InputSurface surface = read_surface(command.surface);
-  const SurfaceFacts& facts = surface.facts;
+  IngestWatch watch;
+  RawSurface raw = read_surface(command.surface, std::filesystem::temp_directory_path(), watch);
+  const std::string digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  const SurfaceFacts facts = check_surface(std::move(raw), frame, watch).facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);
   if (command.size) {
@@ -206,7 +210,7 @@ int run_info(const InfoCommand& command) {
     text += fmt::format("{:<16} {}\n{:<16} about {:.3g}\n", "size λ", size, "cells", num_cells);
   }
   if (command.is_json) {
-    json["digest"] = surface.digest;
+    json["digest"] = digest;
     print_json(json);
   } else {
     fmt::print("{}", text);

@@ -86,6 +86,8 @@ struct GenerateCommand {
   bool is_json = false;
 };
 
+// Where `mesh` keeps its run: the directory that the user names, or OUTPUT.locvol.
+std::filesystem::path store_of(const MeshCommand& command);
 int run_mesh(const MeshCommand& command);
 int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);

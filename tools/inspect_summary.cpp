@@ -37,9 +37,10 @@ struct LevelCounts {
 };
 
 struct Summary {
-  std::optional<RunSummary> run;      // absent if its record is damaged
-  std::optional<std::string> writer;  // the process that works on the run
-  bool has_gone_on = false;           // while it was read
+  std::optional<RunSummary> run;       // absent if its record is damaged
+  std::optional<std::string> writer;   // the process that works on the run
+  std::optional<MemoryRecord> memory;  // of that process, or of the last one
+  bool has_gone_on = false;            // while it was read
   std::map<int, LevelCounts> levels;
   LevelCounts all;
   std::uint64_t max_visits_of_a_leaf = 0;
@@ -121,6 +122,8 @@ Summary summary_of(const Store& store, bool reads_all) {
   Summary summary;
   summary.writer = store.writer();
   const auto run = read_around(summary.faults, [&] { return run_of(store); });
+  const auto memory = read_around(summary.faults, [&] { return store.snapshot().memory(); });
+  if (memory) summary.memory = *memory;
   const auto count = [&](const LeafRow& row) {
     count_leaf(row, summary);
     return true;
@@ -179,6 +182,8 @@ Json to_json(const Summary& summary) {
   if (summary.run) json["epoch"] = summary.run->run.epoch;
   json["writer"] = nullptr;
   if (summary.writer) json["writer"] = *summary.writer;
+  json["memory"] = nullptr;
+  if (summary.memory) json["memory"] = to_json(*summary.memory);
   json["has_gone_on"] = summary.has_gone_on;
   json["queue"] = queue_json(summary);
   json["leaves"] = to_json(summary.all);
@@ -259,6 +264,16 @@ void print_databases(const Summary& summary) {
   fmt::print("; the file takes {}\n", bytes_text(summary.file_bytes));
 }
 
+// Planned against measured.
+std::string memory_text_of(const MemoryRecord& memory) {
+  return fmt::format(
+      "{} of {} taken at the peak; planned: program {}, leaves {}, commits {}, "
+      "largest visit {}, cache {}",
+      bytes_text(memory.peak_resident), bytes_text(memory.cap), bytes_text(memory.program),
+      bytes_text(memory.leaves), bytes_text(memory.commits), bytes_text(memory.visits),
+      bytes_text(memory.cache));
+}
+
 void print_sites(const Summary& summary) {
   if (summary.first_sites.empty()) return;
   fmt::print("\nunresolved sites: {}\n", insertions_text(summary.num_unresolved));
@@ -278,6 +293,7 @@ void print(const Summary& summary) {
                line_text("epoch", fmt::to_string(run.epoch)));
   }
   fmt::print("{}", line_text("queue", queue_text(summary)));
+  if (summary.memory) fmt::print("{}", line_text("memory", memory_text_of(*summary.memory)));
   if (summary.has_gone_on) {
     fmt::print("{}", line_text("note",
                                "the run went on while this was read: counts by leaf and "

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -31,6 +33,13 @@ constexpr const char* kSizeHelp =
     "side of the bounding box (2%)";
 
 using Subcommand = std::pair<CLI::App*, std::function<int()>>;
+
+// The store of the command, for the message when no memory is left to make one.
+std::array<char, 4096> store_name{};
+
+void note_store(const std::filesystem::path& store) {
+  std::snprintf(store_name.data(), store_name.size(), "%s", store.c_str());
+}
 
 // An option whose text `parse` makes into a value; its std::invalid_argument is a usage error.
 template <typename Parse>
@@ -301,6 +310,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report_usage(app, error);
   }
+  if (subcommands[0].first->parsed()) note_store(store_of(mesh));
+  if (subcommands[1].first->parsed()) note_store(resume.store);
   for (const auto& [subcommand, run_subcommand] : subcommands) {
     if (subcommand->parsed()) return run_subcommand();
   }
@@ -315,7 +326,19 @@ void flush_output() {
 }
 
 int fail(const char* message) {
-  fmt::print(stderr, "locvol: error: {}\n", message);
+  for (const char* text : {"locvol: error: ", message, "\n"}) std::fputs(text, stderr);
+  return kExitError;
+}
+
+// The system refused memory or a file, for now: nothing is lost. Allocates nothing.
+int fail_resumably(const char* message, const char* cure) {
+  const auto print = [](std::initializer_list<const char*> texts) {
+    for (const char* text : texts) std::fputs(text, stderr);
+  };
+  print({"locvol: error: ", message, "; "});
+  if (store_name[0] != '\0')
+    print({"the store ", store_name.data(), " keeps what was committed: "});
+  print({cure, ", and give the same command again\n"});
   return kExitError;
 }
 
@@ -328,7 +351,9 @@ int main(int argc, char** argv) {
     locvol::flush_output();
     return code;
   } catch (const std::bad_alloc&) {
-    return locvol::fail("out of memory");
+    return locvol::fail_resumably("out of memory", "free some memory");
+  } catch (const std::system_error& error) {
+    return locvol::fail_resumably(error.what(), "mend that");
   } catch (const std::exception& error) {
     return locvol::fail(error.what());
   } catch (...) {

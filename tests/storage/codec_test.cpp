@@ -199,7 +199,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
   surface.back() = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
   std::string unresolved = content_of(encode(sample_unresolved(), sample_leaf()));
-  for (const char condition : {0, 7}) {
+  for (const char condition : {char{0}, char{7}}) {
     unresolved[kFieldsAt + sizeof(std::uint64_t)] = condition;
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
