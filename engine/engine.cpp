@@ -1,9 +1,11 @@
 #include "engine/engine.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "engine/apply_visit.h"
+#include "engine/file_digest.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
@@ -158,25 +160,29 @@ class Engine {
   LeafLoader loader_;
 };
 
-InputSurface read_noting(const std::filesystem::path& file, const RunControl& control) {
-  InputSurface surface = read_surface(file);
-  if (control.on_note) std::ranges::for_each(surface.facts.notes, control.on_note);
-  return surface;
-}
-
-// In bytes, of the whole process.
-std::uint64_t memory_cap(const RunControl& control) {
-  return control.memory_bytes > 0 ? control.memory_bytes : free_memory() / 2;
-}
-
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   if (!Store::exists(store)) return std::nullopt;
   const Store held = Store::open(store, {.read_only = true});
   return held.snapshot().run();
 }
 
+// Takes in `file` for a run that `planned` makes of its digest and bounding box.
+Store ingested(const std::filesystem::path& file, const std::filesystem::path& directory,
+               const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
+               const std::function<Store()>& open_store, const RunControl& control) {
+  memory_cap(control.memory_bytes);
+  // Not stopped before the run is known that `resume` would go on with.
+  RunControl unstoppable = control;
+  unstoppable.is_stopped = nullptr;
+  IngestWatch watch = watch_of(unstoppable);
+  RawSurface raw = read_surface(file, existing_directory(directory), watch);
+  const RunRecord run = planned(raw.digest, raw.box);
+  return ingest(std::move(raw), run, free_bytes_at(directory), open_store, control);
+}
+
 RunSummary finish(Store& store, const RunControl& control) {
-  const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control));
+  if (store.snapshot().run()->phase == Phase::kIngest) return summarize(store.snapshot());
+  const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   const bool is_done = Engine(store, plan, control).run();
   RunSummary summary = summarize(store.snapshot());
   if (!is_done)
@@ -190,21 +196,20 @@ RunSummary finish(Store& store, const RunControl& control) {
 }  // namespace
 
 RunSummary mesh(const MeshOptions& options, const RunControl& control) {
-  InputSurface surface = read_noting(options.input, control);
-  const RunRecord asked = planned_run(options, surface);
   const auto held = held_run(options.store);
-  const bool is_same = held && held->parameters == asked.parameters;
-  if (held && held->phase != Phase::kIngest && (is_same || !options.is_forced)) {
-    require_same_run(held->parameters, asked.parameters, options.store);
-    surface = {};
-    Store store = Store::open(options.store);
-    return finish(store, control);
+  if (held && held->phase != Phase::kIngest) {
+    const RunParameters asked =
+        planned_run(options, digest_of_file(options.input), held->surface.box).parameters;
+    if (held->parameters == asked || !options.is_forced) {
+      require_same_run(held->parameters, asked, options.store);
+      Store store = Store::open(options.store);
+      return finish(store, control);
+    }
   }
-  plan_octree(asked.parameters, asked.surface.box);
-  check_room(asked, free_bytes_at(options.store));
-  planned_memory(asked, memory_cap(control));
-  Store store = Store::open(options.store, {.create = true});
-  ingest(store, std::move(surface), asked);
+  Store store = ingested(
+      options.input, options.store,
+      [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
+      [&] { return Store::open(options.store, {.create = true}); }, control);
   return finish(store, control);
 }
 
@@ -213,12 +218,16 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
   const auto held = store.snapshot().run();
   if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
   if (held->phase == Phase::kIngest) {
-    InputSurface surface = read_noting(held->surface.file, control);
-    if (surface.digest != held->parameters.input_digest)
-      throw StoreMismatch(
-          "the store " + directory.string() + " was to take in " + held->surface.file +
-          ", which is another surface by now: restore the file, or force a new run");
-    ingest(store, std::move(surface), *held);
+    store = ingested(
+        held->surface.file, directory,
+        [&](const std::string& digest, const Box&) {
+          if (digest != held->parameters.input_digest)
+            throw StoreMismatch("the store " + directory.string() + " was to take in " +
+                                held->surface.file +
+                                ", which is another file by now: restore it, or force a new run");
+          return *held;
+        },
+        [&] { return std::move(store); }, control);
   }
   return finish(store, control);
 }

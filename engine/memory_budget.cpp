@@ -18,6 +18,8 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 
 // Code and libraries, what they set up, and the pages of LMDB's map between two releases.
 constexpr std::uint64_t kProgramBytes = 32 * kMiB;
+// To read, check and cut a surface of any size.
+constexpr std::uint64_t kIngestBytes = 64 * kMiB;
 // In the octree, the queue with its colors, and the writer's tables.
 constexpr std::uint64_t kBytesPerLeaf = 256;
 // What a changed record takes from its change until the commit is over, over its decoded size:
@@ -110,6 +112,16 @@ std::uint64_t free_memory() {
       bytes_in("/proc/meminfo", "MemAvailable:").value_or(pages * page_bytes / 2);
   return std::min({available, free_in_control_groups(), free_within_limit(RLIMIT_DATA, "VmData:"),
                    free_within_limit(RLIMIT_AS, "VmSize:")});
+}
+
+std::uint64_t memory_cap(std::uint64_t asked) {
+  constexpr std::uint64_t kLeast = kProgramBytes + kIngestBytes;
+  const std::uint64_t cap = asked > 0 ? asked : free_memory() / 2;
+  if (cap < kLeast)
+    throw OverBudget("a memory cap of " + memory_text(cap) + " is too small for any run: give " +
+                         memory_text(kLeast) + " or more",
+                     kLeast);
+  return cap;
 }
 
 std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmHWM:").value_or(0); }

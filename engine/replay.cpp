@@ -9,6 +9,7 @@
 
 #include "engine/leaf_loader.h"
 #include "engine/leaf_name.h"
+#include "engine/point_grid.h"
 #include "engine/run_state.h"
 
 namespace locvol {
@@ -52,14 +53,14 @@ std::uint64_t num_missing(const Cells& some, const Cells& others) {
 // Positions of the vertices of a visit's cells.
 class VertexTable {
  public:
-  explicit VertexTable(const Replay& replay, const LeafInput& input) : inserted_(replay.delta) {
+  VertexTable(const Replay& replay, const LeafInput& input) {
     for (const MeshPoint& p : input.own) known_[p.id] = vertex(p, true);
     for (const MeshPoint& p : input.ghosts) known_[p.id] = vertex(p, false);
     for (const RefineStep& step : replay.steps)
       if (step.action == RefineStep::Action::kTakeIn)
         known_[step.point] = vertex({step.point, step.position, step.kind}, false);
-    for (std::size_t i = 0; i < inserted_.inserted.size(); ++i) {
-      const InsertedPoint& p = inserted_.inserted[i];
+    for (std::size_t i = 0; i < replay.delta.inserted.size(); ++i) {
+      const InsertedPoint& p = replay.delta.inserted[i];
       known_[kNewPoint | i] = {-1, p.position, p.kind, input.box.contains(p.position)};
     }
   }
@@ -83,22 +84,27 @@ class VertexTable {
     return {static_cast<std::int64_t>(p.id), p.position, p.kind, is_own};
   }
 
-  const LeafDelta& inserted_;
   std::unordered_map<VertexRef, CellMesh::Vertex> known_;  // asked, never listed
 };
 
-void visit(LeafInput& input, Replay& replay) {
-  input.on_step = [&](const RefineStep& step) { replay.steps.push_back(step); };
-  try {
-    replay.delta = refine_leaf(input);
-  } catch (const RefineError& e) {
-    replay.error = e.what();
+std::vector<MeshPoint> all_points(RunState& state) {
+  std::vector<MeshPoint> points;
+  for (const MortonKey leaf : state.octree.leaves()) {
+    const std::vector<MeshPoint>& own = state.leaves.points(leaf).points;
+    points.insert(points.end(), own.begin(), own.end());
   }
+  return points;
+}
+
+PointGrid index_of(const std::vector<MeshPoint>& points, double size) {
+  PointGrid index(size);
+  for (const MeshPoint& point : points) index.insert(point);
+  return index;
 }
 
 }  // namespace
 
-Replay replay(const Store& store, MortonKey leaf) {
+StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   Store now = store.frozen();
   require_refinement(now);
   if (!now.snapshot().leaf(leaf))
@@ -108,22 +114,41 @@ Replay replay(const Store& store, MortonKey leaf) {
   LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
 
-  Replay replay;
-  replay.leaf = leaf;
-  replay.box = state.box(leaf);
-  replay.size = state.size();
-  replay.info = state.leaves.info(leaf);
-  replay.num_own = loaded.input.own.size();
-  replay.num_ghosts = loaded.input.ghosts.size();
-  replay.num_triangles = loaded.input.surface->triangles().size();
-  visit(loaded.input, replay);
+  StoredVisit visit;
+  visit.leaf = leaf;
+  visit.is_clean = !state.leaves.info(leaf).queued;
+  visit.num_visits = state.leaves.info(leaf).num_visits;
+  const SurfacePatch& surface = *loaded.input.surface;
+  visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
+  visit.region = surface.region();
+  visit.is_center_inside = surface.is_inside(loaded.input.box.center());
+  if (!state.is_cover()) visit.all_points = all_points(state);
+  visit.cells = stored_cells(now, leaf);
+  visit.input = std::move(loaded.input);
+  visit.input.surface = nullptr;
+  visit.input.all_points = nullptr;
+  return visit;
+}
 
-  const Cells stored = stored_cells(now, leaf);
+Replay replay(const StoredVisit& visit) {
+  Replay replay;
+  LeafInput input = visit.input;
+  const double size = input.criteria.size;
+  const SurfacePatch surface(visit.triangles, visit.region, input.box.center(),
+                             visit.is_center_inside, size);
+  const PointGrid index = index_of(visit.all_points.value_or(std::vector<MeshPoint>()), size);
+  input.surface = &surface;
+  input.all_points = visit.all_points ? &index : nullptr;
+  input.on_step = [&](const RefineStep& step) { replay.steps.push_back(step); };
+  try {
+    replay.delta = refine_leaf(input);
+  } catch (const RefineError& e) {
+    replay.error = e.what();
+  }
   const Cells found = std::exchange(replay.delta.cells, {});
-  replay.num_stored_cells = stored.size();
-  replay.num_cells_gone = num_missing(stored, found);
-  replay.num_cells_new = num_missing(found, stored);
-  replay.mesh = VertexTable(replay, loaded.input).mesh_of(found);
+  replay.num_cells_gone = num_missing(visit.cells, found);
+  replay.num_cells_new = num_missing(found, visit.cells);
+  replay.mesh = VertexTable(replay, input).mesh_of(found);
   return replay;
 }
 

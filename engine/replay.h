@@ -2,6 +2,7 @@
 // is written.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,23 +14,34 @@
 
 namespace locvol {
 
-struct Replay {
+// All that a visit depends on, and what the store held: a value, which can be kept in a file and
+// visited elsewhere.
+struct StoredVisit {
   MortonKey leaf;
-  Box box;
-  double size = 0;                                               // λ
-  LeafInfo info;                                                 // before the visit
-  std::uint64_t num_own = 0, num_ghosts = 0, num_triangles = 0;  // what the visit was given
+  bool is_clean = false;
+  std::uint32_t num_visits = 0;  // before
+  LeafInput input;               // but for its pointers, which the next four make
+  std::vector<Triangle> triangles;
+  Box region;  // of the surface patch
+  bool is_center_inside = false;
+  std::optional<std::vector<MeshPoint>> all_points;  // paper mode
+  std::vector<std::array<std::uint64_t, 4>> cells;   // the store's, by vertex ids, sorted
+};
+
+// Takes it from the store's last commit, whatever another process does meanwhile.
+// Throws StoreError: no such leaf, damage in the leaf or around it, or a run not yet in refinement.
+StoredVisit stored_visit(const Store& store, MortonKey leaf);
+
+struct Replay {
   std::vector<RefineStep> steps;
   LeafDelta delta;    // without its cells, which are in `mesh`
   std::string error;  // why the visit broke off (a RefineError), after `steps`; else empty
   CellMesh mesh;      // the leaf's cells after the visit; empty if it is to be split
 
-  // Against what the store holds.
-  std::uint64_t num_stored_cells = 0;
+  // Against what the store held.
   std::uint64_t num_cells_gone = 0;  // in the store only
   std::uint64_t num_cells_new = 0;   // in the visit's result only
 
-  bool is_clean() const { return !info.queued; }
   bool changes_points() const { return !delta.inserted.empty() || !delta.deleted.empty(); }
   // The same cells, and no point inserted or deleted: what a clean leaf's visit must give.
   bool reproduces() const {
@@ -38,8 +50,6 @@ struct Replay {
   }
 };
 
-// Visits `leaf` as of the store's last commit, whatever another process does meanwhile.
-// Throws StoreError: no such leaf, damage in the leaf or around it, or a run not yet in refinement.
-Replay replay(const Store& store, MortonKey leaf);
+Replay replay(const StoredVisit& visit);
 
 }  // namespace locvol

@@ -12,9 +12,6 @@
 namespace locvol {
 namespace {
 
-// Beyond it the leaves' own records outweigh what they hold; 2 million leaves at this level.
-constexpr int kMaxStartLevel = 7;
-
 // A determinant of the predicates multiplies five lengths: within these bounds it neither overflows
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
@@ -124,14 +121,14 @@ double absolute_size(const SizeSpec& spec, const Box& box) {
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
 
-RunRecord planned_run(const MeshOptions& options, const InputSurface& surface) {
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface) {
   check_options(options);
   RunRecord run;
-  run.surface = surface.facts;
   run.surface.file = std::filesystem::absolute(options.input).string();
+  run.surface.box = surface;
   run.parameters = {
-      .input_digest = surface.digest,
-      .size = absolute_size(options.size, surface.facts.box),
+      .input_digest = digest,
+      .size = absolute_size(options.size, surface),
       .radius_edge_bound = options.radius_edge_bound,
       .spacing_floor = options.spacing_floor,
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
@@ -146,13 +143,6 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
   OctreePlan plan{.frame = frame_around(parameters, surface, leaf_side)};
   if (parameters.init == Initialization::kPaper) return plan;
   plan.level = plan.frame.level_of_side(leaf_side);
-  if (plan.level > kMaxStartLevel)
-    throw InputError("size " + decimal(parameters.size) + " with " +
-                     std::to_string(parameters.leaf_capacity) + " points to a leaf needs 8^" +
-                     std::to_string(plan.level) + " leaves, more than 8^" +
-                     std::to_string(kMaxStartLevel) + ": choose a size of at least " +
-                     rounded(1.1 * std::ldexp(parameters.size, plan.level - kMaxStartLevel)) +
-                     ", or a larger leaf capacity");
   return plan;
 }
 
@@ -174,11 +164,15 @@ void check_room(const RunRecord& run, double free_bytes) {
                    ", or a store on a larger disk");
 }
 
-double free_bytes_at(const std::filesystem::path& directory) {
+std::filesystem::path existing_directory(const std::filesystem::path& directory) {
   std::filesystem::path existing = std::filesystem::absolute(directory);
-  while (!std::filesystem::exists(existing) && existing.has_relative_path())
+  while (!std::filesystem::is_directory(existing) && existing.has_relative_path())
     existing = existing.parent_path();
-  return static_cast<double>(std::filesystem::space(existing).available);
+  return existing;
+}
+
+double free_bytes_at(const std::filesystem::path& directory) {
+  return static_cast<double>(std::filesystem::space(existing_directory(directory)).available);
 }
 
 MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {

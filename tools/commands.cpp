@@ -195,8 +195,11 @@ int run_audit(const AuditCommand& command) {
 }
 
 int run_info(const InfoCommand& command) {
-  const InputSurface surface = read_surface(command.surface);
-  const SurfaceFacts& facts = surface.facts;
+  IngestWatch watch;
+  RawSurface raw = read_surface(command.surface, std::filesystem::temp_directory_path(), watch);
+  const std::string digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  const SurfaceFacts facts = check_surface(std::move(raw), frame, watch).facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);
   if (command.size) {
@@ -207,7 +210,7 @@ int run_info(const InfoCommand& command) {
     text += fmt::format("{:<16} {}\n{:<16} about {:.3g}\n", "size λ", size, "cells", num_cells);
   }
   if (command.is_json) {
-    json["digest"] = surface.digest;
+    json["digest"] = digest;
     print_json(json);
   } else {
     fmt::print("{}", text);

@@ -54,7 +54,9 @@ struct InspectCommand {
 
 struct ReplayCommand {
   std::filesystem::path store;
-  LeafSpec leaf;
+  std::optional<LeafSpec> leaf;        // with `store`
+  std::filesystem::path from;          // or a file that `dump` has written
+  std::filesystem::path dump;          // not empty: the visit is written there
   std::optional<std::uint64_t> limit;  // of the steps that are listed
   std::filesystem::path vtu;           // not empty: the resulting cells are written there
   bool is_json = false;

@@ -6,6 +6,7 @@
 #include <array>
 #include <map>
 #include <system_error>
+#include <utility>
 
 #include "engine/leaf_scan.h"
 #include "tools/arguments.h"
@@ -47,6 +48,7 @@ struct Summary {
   std::optional<QueuePlace> front;
   std::array<std::uint64_t, kNumConditions> num_unresolved{};  // by condition
   std::vector<LeafSite> first_sites;
+  std::optional<MemoryRecord> memory;  // of the last process that worked on the run
   std::vector<DatabaseSize> databases;
   std::uint64_t file_bytes = 0;
   std::vector<Fault> faults;
@@ -112,6 +114,8 @@ Summary summary_of(const Store& store, bool reads_all) {
   const auto front =
       read_around(summary.faults, [&] { return store.snapshot().queue_places({}, 1); });
   if (front && !front->empty()) summary.front = front->front();
+  summary.memory =
+      read_around(summary.faults, [&] { return store.snapshot().memory(); }).value_or(std::nullopt);
   summary.databases = store.sizes();
   summary.file_bytes = data_file_bytes(store);
   if (!run) return summary;
@@ -170,6 +174,8 @@ Json to_json(const Summary& summary) {
     json["levels"].push_back(std::move(entry));
   }
   json["unresolved"] = insertions_json(summary.num_unresolved);
+  json["memory"] = nullptr;
+  if (summary.memory) json["memory"] = to_json(*summary.memory);
   json["bytes"] = summary.bytes();
   json["file_bytes"] = summary.file_bytes;
   if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
@@ -207,6 +213,24 @@ void print_levels(const Summary& summary) {
   };
   for (const auto& [level, counts] : summary.levels) print_row(fmt::to_string(level), counts);
   print_row("all", summary.all);
+}
+
+// What the cap was shared out to, and what the process took of it.
+void print_memory(const MemoryRecord& memory) {
+  fmt::print("\n{:<12} {:>12}\n", "memory", "planned");
+  const auto print_row = [](std::string_view name, std::uint64_t bytes) {
+    fmt::print("{:<12} {:>12}", name, bytes_text(bytes));
+  };
+  for (const auto& [name, bytes] : {std::pair("program", memory.program),
+                                    {"leaves", memory.leaves},
+                                    {"commits", memory.commits},
+                                    {"a visit", memory.visits},
+                                    {"cache", memory.cache}}) {
+    print_row(name, bytes);
+    fmt::print("\n");
+  }
+  print_row("all", memory.cap);
+  fmt::print("; the process has taken {}\n", bytes_text(memory.peak_resident));
 }
 
 void print_databases(const Summary& summary) {
@@ -256,6 +280,7 @@ void print(const Summary& summary) {
                                "totals differ by some commits"));
   }
   print_levels(summary);
+  if (summary.memory) print_memory(*summary.memory);
   print_databases(summary);
   print_sites(summary);
   if (!summary.faults.empty()) fmt::print("\n");

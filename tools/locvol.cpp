@@ -201,11 +201,23 @@ CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
       "replay",
       "Repeat one leaf's visit step by step, changing nothing; exit code 1 if the leaf is clean "
       "and comes out otherwise");
-  add_store(*replay, command.store);
-  add_leaf(*replay, command.leaf, "The leaf")->required();
+  CLI::Option* store = replay->add_option("DIR", command.store, "Store of a run")->type_name("");
+  CLI::Option* leaf = add_leaf(*replay, command.leaf, "The leaf");
+  replay->add_option("--from", command.from, "Instead: a visit that --dump has written")
+      ->type_name("FILE")
+      ->excludes(store)
+      ->excludes(leaf);
+  add_parsed(
+      *replay, "--dump", [](const std::string& text) { return parse_output(text, {".json"}); },
+      command.dump, "Write all that the visit depends on to this file, to repeat it elsewhere")
+      ->type_name("FILE");
   add_limit(*replay, command.limit, "List at most so many steps");
   add_vtu(*replay, command.vtu, "Write the resulting cells to this file, too");
   add_json(*replay, command.is_json);
+  replay->final_callback([&command] {
+    if (command.from.empty() && (command.store.empty() || !command.leaf))
+      throw CLI::RequiredError("DIR and --leaf, or --from,");
+  });
   return replay;
 }
 

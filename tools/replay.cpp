@@ -6,6 +6,7 @@
 #include "tools/commands.h"
 #include "tools/report.h"
 #include "tools/stored_run.h"
+#include "tools/visit_file.h"
 
 namespace locvol {
 namespace {
@@ -68,29 +69,30 @@ std::array<std::uint64_t, 4> num_steps(const Replay& replay) {
 }
 
 // A clean leaf has nothing left to do.
-bool is_as_it_should_be(const Replay& replay) {
-  return replay.error.empty() && (!replay.is_clean() || replay.reproduces());
+bool is_as_it_should_be(const StoredVisit& visit, const Replay& replay) {
+  return replay.error.empty() && (!visit.is_clean || replay.reproduces());
 }
 
-std::string verdict(const Replay& replay) {
+std::string verdict(const StoredVisit& visit, const Replay& replay) {
   if (!replay.error.empty()) return "the visit broke off: " + replay.error;
   if (replay.reproduces()) return "the same cells as in the store, and no point changed";
-  if (replay.is_clean()) return "NOT what the store holds, though the leaf is clean";
+  if (visit.is_clean) return "NOT what the store holds, though the leaf is clean";
   if (replay.delta.is_overfull) return "the leaf is to be split";
   return "the leaf waits: this is what its visit would do now";
 }
 
-Json to_json(const Replay& replay, std::optional<std::uint64_t> limit) {
+Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::uint64_t> limit) {
+  const double size = visit.input.criteria.size;
   const auto [inserted, deleted, taken_in, unresolved] = num_steps(replay);
-  Json json = {{"leaf", key_text(replay.leaf)},
-               {"is_clean", replay.is_clean()},
-               {"num_visits", replay.info.num_visits},
-               {"box", to_json(replay.box)},
-               {"size", replay.size},
+  Json json = {{"leaf", key_text(visit.leaf)},
+               {"is_clean", visit.is_clean},
+               {"num_visits", visit.num_visits},
+               {"box", to_json(visit.input.box)},
+               {"size", size},
                {"input",
-                {{"num_own", replay.num_own},
-                 {"num_ghosts", replay.num_ghosts},
-                 {"num_triangles", replay.num_triangles}}},
+                {{"num_own", visit.input.own.size()},
+                 {"num_ghosts", visit.input.ghosts.size()},
+                 {"num_triangles", visit.triangles.size()}}},
                {"num_inserted", inserted},
                {"num_deleted", deleted},
                {"num_taken_in", taken_in},
@@ -98,24 +100,23 @@ Json to_json(const Replay& replay, std::optional<std::uint64_t> limit) {
                {"num_unresolved", replay.delta.unresolved.size()},
                {"is_split", replay.delta.is_overfull},
                {"num_cells", replay.mesh.cells.size()},
-               {"num_stored_cells", replay.num_stored_cells},
+               {"num_stored_cells", visit.cells.size()},
                {"num_cells_gone", replay.num_cells_gone},
                {"num_cells_new", replay.num_cells_new},
                {"reproduces", replay.reproduces()},
                {"error", nullptr},
                {"steps", Json::array()}};
   if (!replay.error.empty()) json["error"] = replay.error;
-  if (!replay.mesh.cells.empty())
-    json["quality"] = to_json(worst_quality(replay.mesh), replay.size);
+  if (!replay.mesh.cells.empty()) json["quality"] = to_json(worst_quality(replay.mesh), size);
   StepCount count;
   for (const RefineStep& step : replay.steps) {
     if (limit && json["steps"].size() == *limit) break;
-    json["steps"].push_back(to_json(step, count.number(step), replay.size));
+    json["steps"].push_back(to_json(step, count.number(step), size));
   }
   return json;
 }
 
-void print_steps(const Replay& replay, std::optional<std::uint64_t> limit) {
+void print_steps(const Replay& replay, double size, std::optional<std::uint64_t> limit) {
   if (replay.steps.empty()) return;
   fmt::print("\n{:>6} {:<4} {:<10} {:<12} {:>8}  place\n", "step", "", "what", "point", "radius/λ");
   StepCount count;
@@ -127,55 +128,57 @@ void print_steps(const Replay& replay, std::optional<std::uint64_t> limit) {
     }
     ++num_printed;
     fmt::print("{:>6} C{:<3} {:<10} {:<12} {:>8.4f}  {}\n", count.number(step), step.condition,
-               action_name(step.action), place_name(step), step.radius / replay.size,
+               action_name(step.action), place_name(step), step.radius / size,
                point_text(step.position));
   }
   fmt::print("\n");
 }
 
-void print(const Replay& replay, std::optional<std::uint64_t> limit) {
-  fmt::print(
-      "{}{}{}",
-      line_text("leaf", fmt::format("{}, level {}; {} visits, {}", key_text(replay.leaf),
-                                    replay.leaf.level(), replay.info.num_visits,
-                                    replay.is_clean() ? "clean" : "waiting")),
-      line_text("box", box_text(replay.box)),
-      line_text("input", fmt::format("{} points, {} ghost points, {} triangles", replay.num_own,
-                                     replay.num_ghosts, replay.num_triangles)));
-  print_steps(replay, limit);
+void print(const StoredVisit& visit, const Replay& replay, std::optional<std::uint64_t> limit) {
+  const double size = visit.input.criteria.size;
+  fmt::print("{}{}{}",
+             line_text("leaf", fmt::format("{}, level {}; {} visits, {}", key_text(visit.leaf),
+                                           visit.leaf.level(), visit.num_visits,
+                                           visit.is_clean ? "clean" : "waiting")),
+             line_text("box", box_text(visit.input.box)),
+             line_text("input", fmt::format("{} points, {} ghost points, {} triangles",
+                                            visit.input.own.size(), visit.input.ghosts.size(),
+                                            visit.triangles.size())));
+  print_steps(replay, size, limit);
   const auto [inserted, deleted, taken_in, blocked] = num_steps(replay);
   fmt::print("{}{}",
              line_text("steps", fmt::format("{} inserted, {} deleted, {} taken in, {} unresolved",
                                             inserted, deleted, taken_in, blocked)),
              line_text("cells", fmt::format("{}; the store holds {}, of which {} go; {} come",
-                                            replay.mesh.cells.size(), replay.num_stored_cells,
+                                            replay.mesh.cells.size(), visit.cells.size(),
                                             replay.num_cells_gone, replay.num_cells_new)));
   if (!replay.mesh.cells.empty())
-    fmt::print("{}", line_text("at worst", quality_text(worst_quality(replay.mesh), replay.size)));
-  fmt::print("{}", line_text("result", verdict(replay)));
+    fmt::print("{}", line_text("at worst", quality_text(worst_quality(replay.mesh), size)));
+  fmt::print("{}", line_text("result", verdict(visit, replay)));
 }
 
-MortonKey leaf_of(const Store& store, const LeafSpec& spec) {
-  return find_leaf(store.snapshot(), run_of(store), spec, store.directory());
+StoredVisit visit_of(const ReplayCommand& command) {
+  if (!command.from.empty()) return read_visit(command.from);
+  const Store store = open_to_read(command.store);
+  const MortonKey leaf =
+      find_leaf(store.snapshot(), run_of(store), command.leaf.value(), store.directory());
+  return stored_visit(store, leaf);
 }
 
 }  // namespace
 
 int run_replay(const ReplayCommand& command) {
-  if (!command.vtu.empty()) require_writable(command.vtu);
-  const Store store = open_to_read(command.store);
-  const Replay result = replay(store, leaf_of(store, command.leaf));
-  std::uint64_t bytes = 0;
-  if (!command.vtu.empty()) bytes = write_vtu(result.mesh, result.size, command.vtu);
-  if (command.is_json) {
-    Json json = to_json(result, command.limit);
-    if (bytes > 0) json["written"] = {{"file", command.vtu.string()}, {"bytes", bytes}};
-    print_json(json);
-  } else {
-    print(result, command.limit);
-    if (bytes > 0) fmt::print("{}", line_text("written", command.vtu.string()));
-  }
-  return is_as_it_should_be(result) ? kExitDone : kExitError;
+  for (const auto& file : {command.vtu, command.dump})
+    if (!file.empty()) require_writable(file);
+  const StoredVisit visit = visit_of(command);
+  if (!command.dump.empty()) write_visit(visit, command.dump);  // first: the visit may crash
+  const Replay result = replay(visit);
+  if (!command.vtu.empty()) write_vtu(result.mesh, visit.input.criteria.size, command.vtu);
+  if (command.is_json)
+    print_json(to_json(visit, result, command.limit));
+  else
+    print(visit, result, command.limit);
+  return is_as_it_should_be(visit, result) ? kExitDone : kExitError;
 }
 
 }  // namespace locvol

@@ -72,11 +72,14 @@ TEST_P(ReplayOf, EachCleanLeafIsTheSameAgain) {
   const Store store = Store::open(run.store(), kReadOnly);
   std::uint64_t num_cells = 0;
   for (const MortonKey leaf : leaves_with_points(store)) {
-    const Replay again = replay(store, leaf);
-    EXPECT_TRUE(again.is_clean());
+    const StoredVisit visit = stored_visit(store, leaf);
+    EXPECT_TRUE(visit.is_clean);
+    const LeafInfo info = *store.snapshot().leaf(leaf);
+    EXPECT_EQ(visit.num_visits, info.num_visits);
+    EXPECT_EQ(visit.input.own.size(), info.num_points);
+    const Replay again = replay(visit);
     EXPECT_TRUE(again.reproduces()) << again.error;
-    EXPECT_EQ(again.num_own, again.info.num_points);
-    EXPECT_EQ(again.mesh.cells.size(), again.info.num_cells);
+    EXPECT_EQ(again.mesh.cells.size(), info.num_cells);
     num_cells += again.mesh.cells.size();
   }
   EXPECT_EQ(num_cells, store.snapshot().run()->num_cells);
@@ -89,16 +92,17 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
     SCOPED_TRACE(num_visits);
     TorusRun run(GetParam(), GetParam() == Initialization::kPaper ? 60 : 400);
     run.stop_after(num_visits);
-    Replay next;
+    StoredVisit visit;
     RunRecord before;
     {
       Store store = Store::open(run.store());
       RunState state(store, 1 << 20);
       if (state.open_epoch()) state.commit();
       before = state.run;
-      next = replay(store, state.queue.front_leaves().front());
+      visit = stored_visit(store, state.queue.front_leaves().front());
     }
-    EXPECT_FALSE(next.is_clean());
+    EXPECT_FALSE(visit.is_clean);
+    const Replay next = replay(visit);
     EXPECT_EQ(next.error, "");
     run.stop_after(1);
     const Store store = Store::open(run.store(), kReadOnly);
@@ -110,7 +114,7 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
     EXPECT_EQ(static_cast<std::size_t>(std::ranges::count_if(next.steps, is_insertion)),
               next.delta.inserted.size());
     has_inserted |= !next.delta.inserted.empty();
-    const auto info = store.snapshot().leaf(next.leaf);
+    const auto info = store.snapshot().leaf(visit.leaf);
     EXPECT_EQ(info.has_value(), !next.delta.is_overfull);
     if (info) {
       EXPECT_EQ(info->num_cells, next.mesh.cells.size());
@@ -132,7 +136,7 @@ TEST(Replay, ChangesNothing) {
   const std::string before = bytes();
   {
     const Store store = Store::open(run.store(), kReadOnly);
-    for (const MortonKey leaf : leaves_with_points(store)) replay(store, leaf);
+    for (const MortonKey leaf : leaves_with_points(store)) replay(stored_visit(store, leaf));
   }
   EXPECT_TRUE(bytes() == before);
 }
@@ -152,7 +156,7 @@ TEST(Replay, SaysWhenTheCellsDiffer) {
     batch.put_cells(leaf, cells);
     batch.commit();
   }
-  const Replay again = replay(Store::open(run.store(), kReadOnly), leaf);
+  const Replay again = replay(stored_visit(Store::open(run.store(), kReadOnly), leaf));
   EXPECT_FALSE(again.reproduces());
   EXPECT_EQ(again.num_cells_new, 2U);
   EXPECT_EQ(again.num_cells_gone, 1U);
@@ -162,9 +166,9 @@ TEST(Replay, RefusesWhatCannotBeVisited) {
   TorusRun run(Initialization::kCover, 400);
   run.finish();
   const Store store = Store::open(run.store(), kReadOnly);
-  EXPECT_THROW(replay(store, MortonKey::root()), StoreError);
+  EXPECT_THROW(stored_visit(store, MortonKey::root()), StoreError);
   const ScratchDirectory other;
-  EXPECT_THROW(replay(Store::open(other / "empty", {.create = true}), MortonKey::root()),
+  EXPECT_THROW(stored_visit(Store::open(other / "empty", {.create = true}), MortonKey::root()),
                StoreError);
 }
 
@@ -226,7 +230,7 @@ TEST(LeafReport, ShowsWhatIsLeftOfADamagedLeaf) {
   EXPECT_EQ(report->cells.cells.size(), report->info->num_cells);
   EXPECT_GT(report->num_stale_cells, 0U);
   EXPECT_GT(report->num_triangles, 0U);
-  EXPECT_THROW(replay(store, leaf), CorruptRecord);
+  EXPECT_THROW(stored_visit(store, leaf), CorruptRecord);
 }
 
 TEST(LeavesVtu, HoldsBoxesAndCounts) {

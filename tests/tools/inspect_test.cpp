@@ -113,6 +113,11 @@ TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
   EXPECT_EQ(json["file_bytes"], std::filesystem::file_size(dir_ / "store" / "data.mdb"));
   EXPECT_DOUBLE_EQ(json["bytes_per_cell"], double(bytes) / double(summary.num_cells));
   EXPECT_EQ(json["faults"], Json::array());
+  const auto memory = Store::open(store_, {.read_only = true}).snapshot().memory();
+  ASSERT_TRUE(memory);
+  EXPECT_EQ(json["memory"]["cap"], memory->cap);
+  EXPECT_EQ(json["memory"]["visits"], memory->visits);
+  EXPECT_EQ(json["memory"]["peak_resident"], memory->peak_resident);
   const std::string text = run({"inspect"});
   for (const std::string words : {"phase            done", "state            finished",
                                   "queue            no leaves wait", "size λ           0.06"})
@@ -265,6 +270,28 @@ TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   EXPECT_TRUE(read_file(dir_ / "store" / "data.mdb") == before);
 }
 
+// A dumped visit needs no store, and gives the same steps and cells to the last bit.
+TEST_F(InspectTest, DumpedVisitIsTheSame) {
+  stop_after(2);
+  const std::string leaf = inspect({"--queue", "--limit", "1"})[0]["leaf"];
+  const std::string dump = (dir_ / "visit.json").string(), cells = (dir_ / "cells.vtu").string();
+  const Json visit =
+      Json::parse(run({"replay", "--leaf", leaf, "--json", "--dump", dump, "--vtu", cells}));
+  EXPECT_GT(visit["num_inserted"], 0);
+  EXPECT_EQ(VtuArrays(cells).num_cells(), visit["num_cells"]);
+  std::filesystem::remove_all(store_);
+  const std::string again = (dir_ / "again.vtu").string();
+  const ProcessResult result = run_locvol({"replay", "--from", dump, "--json", "--vtu", again});
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(Json::parse(result.out), visit);
+  EXPECT_TRUE(read_file(again) == read_file(cells));
+
+  std::ofstream(dump) << "{\"format\":\"locvol visit\",\"version\":1}";
+  const ProcessResult damaged = run_locvol({"replay", "--from", dump});
+  EXPECT_EQ(damaged.exit_code, 1);
+  EXPECT_NE(damaged.err.find("visit.json is no visit"), std::string::npos) << damaged.err;
+}
+
 TEST_F(InspectTest, DamageIsShownInItsPlace) {
   stop_after(3);
   MortonKey damaged_info, damaged_points;
@@ -353,6 +380,8 @@ TEST_F(InspectTest, OptionsThatDoNotGoTogetherAreRefused) {
     EXPECT_EQ(run_locvol(arguments).exit_code, 2) << options[0] << ' ' << options[1];
   }
   EXPECT_EQ(run_locvol({"replay", store_}).exit_code, 2);
+  EXPECT_EQ(run_locvol({"replay"}).exit_code, 2);
+  EXPECT_EQ(run_locvol({"replay", store_, "--from", "visit.json"}).exit_code, 2);
 }
 
 // Looks into a run all the time while it goes on: nothing fails, each list of leaves covers the
