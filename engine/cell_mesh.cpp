@@ -74,12 +74,13 @@ std::uint64_t write_vtu(const CellMesh& mesh, double size, const std::filesystem
   grid.vertex = [&](std::size_t cell, std::size_t i) {
     return static_cast<std::int64_t>(mesh.cells[cell][i]);
   };
+  // No bytes: VTK takes those for colors.
   grid.point_data = {
       vtu_array("id", num_vertices, [&](std::size_t i) { return mesh.vertices[i].id; }),
       vtu_array("kind", num_vertices,
-                [&](std::size_t i) { return static_cast<std::uint8_t>(mesh.vertices[i].kind); }),
+                [&](std::size_t i) { return static_cast<std::int64_t>(mesh.vertices[i].kind); }),
       vtu_array("own", num_vertices,
-                [&](std::size_t i) { return std::uint8_t{mesh.vertices[i].is_own}; })};
+                [&](std::size_t i) { return std::int64_t{mesh.vertices[i].is_own}; })};
   grid.cell_data = {vtu_array("circumradius", num_cells,
                               [&](std::size_t i) { return qualities[i].circumradius / size; }),
                     vtu_array("radius_edge_ratio", num_cells,

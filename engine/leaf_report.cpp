@@ -146,8 +146,8 @@ std::uint64_t write_leaves_vtu(std::span<const LeafRow> leaves, const Frame& fra
     });
   };
   add("key", [](const LeafRow& row) { return row.key.bits(); });
-  add("level", [](const LeafRow& row) { return static_cast<std::uint8_t>(row.key.level()); });
-  add("state", [](const LeafRow& row) { return static_cast<std::uint8_t>(row.state()); });
+  add("level", [](const LeafRow& row) { return std::int64_t{row.key.level()}; });
+  add("state", [](const LeafRow& row) { return static_cast<std::int64_t>(row.state()); });
   add_count("visits", [](const LeafInfo& info) { return info.num_visits; });
   add_count("points", [](const LeafInfo& info) { return info.num_points; });
   add_count("cells", [](const LeafInfo& info) { return info.num_cells; });

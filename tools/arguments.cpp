@@ -161,7 +161,7 @@ std::string key_text(MortonKey key) { return fmt::format("{:016x}", key.bits());
 
 std::filesystem::path parse_output(const std::string& text,
                                    const std::vector<std::string_view>& extensions) {
-  const std::filesystem::path path(text);
+  std::filesystem::path path(text);
   if (std::ranges::find(extensions, path.extension().string()) == extensions.end()) {
     throw std::invalid_argument(fmt::format("'{}' names no known format: it must end in {}", text,
                                             fmt::join(extensions, " or ")));

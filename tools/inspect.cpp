@@ -223,8 +223,8 @@ int run_inspect(const InspectCommand& command) {
   for (const Fault& fault : faults) fmt::print(stderr, "locvol: error: {}\n", fault.message);
   const std::uint64_t num_faults = std::max<std::uint64_t>(faults.size(), inspect(store, command));
   if (num_faults == 0) return kExitDone;
-  fmt::print(stderr, "locvol: error: the store {} is damaged in {} places\n",
-             store.directory().string(), num_faults);
+  fmt::print(stderr, "locvol: error: the store {} is damaged in {} place{}\n",
+             store.directory().string(), num_faults, num_faults == 1 ? "" : "s");
   return kExitError;
 }
 

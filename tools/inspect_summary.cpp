@@ -131,8 +131,6 @@ Summary summary_of(const Store& store, bool reads_all) {
   const auto front =
       read_around(summary.faults, [&] { return store.snapshot().queue_places({}, 1); });
   if (front && !front->empty()) summary.front = front->front();
-  summary.memory =
-      read_around(summary.faults, [&] { return store.snapshot().memory(); }).value_or(std::nullopt);
   summary.databases = store.sizes();
   summary.file_bytes = data_file_bytes(store);
   if (run) {
@@ -193,8 +191,6 @@ Json to_json(const Summary& summary) {
     json["levels"].push_back(std::move(entry));
   }
   json["unresolved"] = insertions_json(summary.num_unresolved);
-  json["memory"] = nullptr;
-  if (summary.memory) json["memory"] = to_json(*summary.memory);
   json["bytes"] = summary.bytes();
   json["file_bytes"] = summary.file_bytes;
   if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
@@ -263,16 +259,6 @@ void print_databases(const Summary& summary) {
   fmt::print("; the file takes {}\n", bytes_text(summary.file_bytes));
 }
 
-// Planned against measured.
-std::string memory_text_of(const MemoryRecord& memory) {
-  return fmt::format(
-      "{} of {} taken at the peak; planned: program {}, leaves {}, commits {}, "
-      "largest visit {}, cache {}",
-      bytes_text(memory.peak_resident), bytes_text(memory.cap), bytes_text(memory.program),
-      bytes_text(memory.leaves), bytes_text(memory.commits), bytes_text(memory.visits),
-      bytes_text(memory.cache));
-}
-
 void print_sites(const Summary& summary) {
   if (summary.first_sites.empty()) return;
   fmt::print("\nunresolved sites: {}\n", insertions_text(summary.num_unresolved));
@@ -292,7 +278,6 @@ void print(const Summary& summary) {
                line_text("epoch", fmt::to_string(run.epoch)));
   }
   fmt::print("{}", line_text("queue", queue_text(summary)));
-  if (summary.memory) fmt::print("{}", line_text("memory", memory_text_of(*summary.memory)));
   if (summary.has_gone_on) {
     fmt::print("{}", line_text("note",
                                "the run went on while this was read: counts by leaf and "

@@ -74,10 +74,10 @@ TEST(CellMesh, IsWrittenWithItsQuality) {
   EXPECT_EQ(vtu.array<std::int64_t>("Int64", "offsets"), (std::vector<std::int64_t>{4, 8}));
   EXPECT_EQ(vtu.array<std::uint8_t>("UInt8", "types"), (std::vector<std::uint8_t>{10, 10}));
   EXPECT_EQ(vtu.array<std::int64_t>("Int64", "id").back(), -1);
-  EXPECT_EQ(vtu.array<std::uint8_t>("UInt8", "kind"),
-            (std::vector<std::uint8_t>{0, 1, 2, 0, 1, 2, 0, 1}));
-  EXPECT_EQ(vtu.array<std::uint8_t>("UInt8", "own"),
-            (std::vector<std::uint8_t>{1, 1, 1, 1, 0, 0, 0, 0}));
+  EXPECT_EQ(vtu.array<std::int64_t>("Int64", "kind"),
+            (std::vector<std::int64_t>{0, 1, 2, 0, 1, 2, 0, 1}));
+  EXPECT_EQ(vtu.array<std::int64_t>("Int64", "own"),
+            (std::vector<std::int64_t>{1, 1, 1, 1, 0, 0, 0, 0}));
   const auto radii = vtu.array<double>("Float64", "circumradius");
   ASSERT_EQ(radii.size(), 2U);
   EXPECT_NEAR(radii[0], std::sqrt(3) / 2, 1e-12);  // over the size

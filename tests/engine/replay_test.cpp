@@ -252,7 +252,7 @@ TEST(LeavesVtu, HoldsBoxesAndCounts) {
   ASSERT_EQ(vtu.num_cells(), rows.size());
   const auto points = vtu.array<Point>("Float64", "Points");
   const auto keys = vtu.array<std::uint64_t>("UInt64", "key");
-  const auto states = vtu.array<std::uint8_t>("UInt8", "state");
+  const auto states = vtu.array<std::int64_t>("Int64", "state");
   const auto num_points = vtu.array<std::int64_t>("Int64", "points");
   const auto queued = vtu.array<std::int64_t>("Int64", "queued");
   const auto epochs = vtu.array<std::int64_t>("Int64", "epoch");
@@ -263,7 +263,7 @@ TEST(LeavesVtu, HoldsBoxesAndCounts) {
     EXPECT_EQ(points[8 * i + 2], (Point{box.max.x, box.max.y, box.min.z}));
     EXPECT_EQ(points[8 * i + 6], box.max);
     EXPECT_EQ(keys[i], rows[i].key.bits());
-    EXPECT_EQ(states[i], static_cast<std::uint8_t>(rows[i].state()));
+    EXPECT_EQ(states[i], static_cast<std::int64_t>(rows[i].state()));
     EXPECT_EQ(num_points[i], static_cast<std::int64_t>(rows[i].info->num_points));
     EXPECT_EQ(queued[i], rows[i].info->queued ? 1 : 0);
     EXPECT_EQ(epochs[i], rows[i].info->queued ? std::int64_t{rows[i].info->queued->epoch} : -1);

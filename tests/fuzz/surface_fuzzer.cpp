@@ -1,5 +1,6 @@
-// Arbitrary bytes as a surface file: parse_surface() hands what its sink may rely on, or throws
-// InputError; and what SurfaceBuilder makes of it, polygons cut, is a sound list of triangles.
+// Arbitrary bytes as a surface file. parse_surface() hands what its sink may rely on,
+// read_surface() makes sound triangles of it, check_surface() finds the same whatever is cut into
+// how large buckets; or they throw InputError.
 //
 //   | format u8 | the file ... |
 //
@@ -16,7 +17,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <set>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,12 +27,13 @@
 #include "engine/polygon_triangulation.h"
 #include "engine/surface_input.h"
 #include "engine/surface_reader.h"
-#include "engine/triangle_soup.h"
 #include "tests/fuzz/expect.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr char kWholeBinaryStl = 'b';
 
@@ -76,31 +79,28 @@ void expect_is_cut(const std::vector<Point>& corners,
   }
 }
 
-// Checks the promises of surface_reader.h, and passes everything on.
+// Checks the promises of surface_reader.h, and cuts polygons.
 class CheckingSink : public SurfaceSink {
  public:
-  CheckingSink(std::uint64_t file_bytes, SurfaceSink& next) : bytes_(file_bytes), next_(next) {}
-
-  void expect(std::uint64_t num_vertices, std::uint64_t num_polygons) override {
-    locvol::expect(num_vertices <= bytes_ && num_polygons <= bytes_,
-                   "no more is expected than the file can hold");
-    locvol::expect(points_.empty() && num_corners_ == 0, "what is expected is said first");
-    next_.expect(num_vertices, num_polygons);
-  }
+  explicit CheckingSink(std::uint64_t file_bytes) : bytes_(file_bytes) {}
 
   void vertex(const Point& position) override {
-    locvol::expect(is_finite(position), "coordinates are finite");
+    expect(is_finite(position), "coordinates are finite");
     points_.push_back(position);
-    locvol::expect(points_.size() <= bytes_, "a vertex takes a byte of the file at least");
-    next_.vertex(position);
+    expect(points_.size() <= bytes_, "a vertex takes a byte of the file at least");
   }
 
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override {
     num_corners_ += corners.size();
-    locvol::expect(num_corners_ <= bytes_ || bytes_ >= 84, "a corner takes a byte at least");
-    locvol::expect(1 <= place.number && place.number <= bytes_, "a place is in the file");
+    expect(num_corners_ <= bytes_, "a corner takes a byte of the file at least");
+    expect(1 <= place.number && place.number <= bytes_, "a place is in the file");
     cut(corners);
-    next_.polygon(corners, place);
+  }
+
+  void facet(const std::array<Point, 3>& corners) override {
+    num_corners_ += corners.size();
+    expect(num_corners_ <= bytes_, "a corner takes a byte of the file at least");
+    for (const Point& p : corners) expect(is_finite(p), "coordinates are finite");
   }
 
  private:
@@ -118,37 +118,58 @@ class CheckingSink : public SurfaceSink {
   }
 
   std::uint64_t bytes_;
-  SurfaceSink& next_;
   std::uint64_t num_corners_ = 0;
   std::vector<Point> points_;
   std::vector<Point> ring_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
 };
 
-void expect_sound(const TriangleSoup& soup) {
-  std::set<Point> different;
-  for (const Point& p : soup.vertices) {
-    expect(is_finite(p), "coordinates are finite");
-    for (int axis = 0; axis < 3; ++axis)
-      expect(p[axis] != 0 || !std::signbit(p[axis]), "there is one zero");
-    expect(different.insert(p).second, "equal points are merged");
-  }
-  for (const TriangleCorners& corners : soup.triangles)
-    for (const std::uint32_t corner : corners)
-      expect(corner < soup.vertices.size(), "triangles have vertices that are there");
+void expect_sound(const RawSurface& surface) {
+  std::uint64_t num_triangles = 0;
+  surface.spill.for_each(surface.triangles, [&](const Triangle& triangle) {
+    expect(triangle.id == num_triangles++, "triangles are counted in the order of the file");
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Point& p = triangle.corners[i];
+      expect(is_finite(p) && surface.box.contains(p), "triangles lie in the box");
+      expect(p != triangle.corners[(i + 1) % 3], "triangles have three corners");
+      for (int axis = 0; axis < 3; ++axis)
+        expect(p[axis] != 0 || !std::signbit(p[axis]), "there is one zero");
+    }
+  });
+  expect(num_triangles == surface.triangles.count && num_triangles > 0, "no triangle is lost");
+}
+
+void expect_sound(const SurfaceFacts& facts) {
+  expect(facts.num_triangles >= 4 && facts.num_vertices >= 4, "it is a closed surface");
+  const auto num_edges = static_cast<std::int64_t>(3 * facts.num_triangles / 2);
+  expect(facts.num_triangles % 2 == 0, "each edge has two triangles");
+  expect(static_cast<std::int64_t>(facts.num_vertices) - num_edges +
+                 static_cast<std::int64_t>(facts.num_triangles) ==
+             facts.euler_characteristic,
+         "the Euler characteristic is that of the counts");
+  expect(1 <= facts.num_components && facts.num_components <= facts.num_triangles / 4,
+         "components are counted");
+  expect(std::isfinite(facts.area) && facts.area > 0, "it has an area");
+  expect(std::isfinite(facts.volume), "it has a volume");
+}
+
+void expect_names(const InputError& error, const fs::path& path) {
+  expect(std::string_view(error.what()).starts_with(path.native() + ": "),
+         "an error names the file");
 }
 
 // A file of each extension, written anew for every input.
 class InputFiles {
  public:
-  std::filesystem::path write(char format, std::string_view content) {
-    const std::filesystem::path path = directory_ / (std::string("surface") + extension(format));
+  fs::path write(char format, std::string_view content) {
+    const fs::path path = directory_ / (std::string("surface") + extension(format));
     const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     expect(file >= 0, "the directory for temporary files takes a file");
     expect(write_all(file, content), "the directory for temporary files has room");
     close(file);
     return path;
   }
+  const fs::path& directory() const { return directory_.path(); }
 
  private:
   static bool write_all(int file, std::string_view content) {
@@ -174,19 +195,51 @@ std::string file_content(char format, std::string_view bytes) {
   return content;
 }
 
+std::optional<RawSurface> read(const fs::path& path, const fs::path& directory) {
+  IngestWatch watch;
+  try {
+    std::optional<RawSurface> surface = read_surface(path, directory, watch);
+    expect_sound(*surface);
+    return surface;
+  } catch (const InputError& error) {
+    expect_names(error, path);
+    return std::nullopt;
+  }
+}
+
+// The facts, if it bounds a volume.
+std::optional<SurfaceFacts> check(const fs::path& path, const fs::path& directory,
+                                  std::uint64_t bucket_capacity) {
+  std::optional<RawSurface> surface = read(path, directory);
+  if (!surface) return std::nullopt;
+  const Frame frame = frame_of(surface->box);
+  IngestWatch watch;
+  try {
+    const SurfaceFacts facts =
+        check_surface(std::move(*surface), frame, watch, bucket_capacity).facts;
+    expect_sound(facts);
+    return facts;
+  } catch (const InputError& error) {
+    expect_names(error, path);
+    return std::nullopt;
+  }
+}
+
 void read_as_surface(char format, std::string_view bytes) {
   static InputFiles files;
+  constexpr std::uint64_t kFewTriangles = 8;
   const std::string content = file_content(format, bytes);
-  const std::filesystem::path path = files.write(format, content);
-  SurfaceBuilder builder(path);
-  CheckingSink sink(content.size(), builder);
+  const fs::path path = files.write(format, content);
+  CheckingSink sink(content.size());
   try {
     parse_surface(path, sink);
-    expect_sound(builder.finish());
   } catch (const InputError& error) {
-    expect(std::string_view(error.what()).starts_with(path.native() + ": "),
-           "an error names the file");
+    expect_names(error, path);
+    return;
   }
+  const auto facts = check(path, files.directory(), kBucketCapacity);
+  expect(facts == check(path, files.directory(), kFewTriangles),
+         "how the work is cut does not decide its result");
 }
 
 }  // namespace

@@ -342,7 +342,9 @@ TEST_F(InspectTest, DamageIsShownInItsPlace) {
   EXPECT_EQ(summary["leaves"]["damaged"], 1);
   EXPECT_EQ(summary["faults"].size(), 1U);
   EXPECT_EQ(summary["num_visits"], 3);
-  EXPECT_EQ(inspect({"--check"}, 1)["leaves"]["damaged"], 2);
+  const Json all = inspect({"--check"}, 1);
+  EXPECT_EQ(all["leaves"]["damaged"], 2);
+  EXPECT_EQ(all["faults"].size(), 3U);
   const Json leaf = inspect({"--leaf", text(damaged_points)}, 1);
   EXPECT_EQ(leaf["points"], Json::array());
   EXPECT_GT(leaf["num_triangles"].get<int>() + leaf["neighbors"].size(), 0U);
@@ -351,6 +353,21 @@ TEST_F(InspectTest, DamageIsShownInItsPlace) {
   const ProcessResult replayed = run_locvol({"replay", store_, "--leaf", text(damaged_points)});
   EXPECT_EQ(replayed.exit_code, 1);
   EXPECT_NE(replayed.err.find("damaged record"), std::string::npos) << replayed.err;
+}
+
+TEST_F(InspectTest, CheckMissesQueueEntries) {
+  stop_after(3);
+  EXPECT_EQ(inspect({"--check"})["faults"], Json::array());
+  {
+    Store store = Store::open(store_);
+    const QueuePlace front = store.snapshot().queue_places({}, 1).at(0);
+    Batch batch = store.begin();
+    batch.erase_queue_entry(front.position, front.leaf);
+    batch.commit();
+  }
+  const Json faults = inspect({"--check"}, 1)["faults"];
+  ASSERT_EQ(faults.size(), 1U);
+  EXPECT_NE(faults[0]["message"].get<std::string>().find("the queue has"), std::string::npos);
 }
 
 TEST_F(InspectTest, DamagedRunRecordLeavesTheLists) {
