@@ -130,6 +130,7 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
   // What a creation leaves that was cut short may end within the meta pages.
   if (!has_data) std::filesystem::remove(directory / kDataName);
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
+  if (has_data && !data.is_open()) check(errno, "open data.mdb");
   try {
     if (has_data) check_meta_pages(data.number());
     open_map(options);
