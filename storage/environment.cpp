@@ -78,11 +78,17 @@ Environment::Id Environment::id_of(const std::filesystem::path& directory) {
 
 bool Environment::exists(const std::filesystem::path& directory) {
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
-  if (data.is_open()) return has_content(data.number());
-  if (errno == ENOENT || errno == ENOTDIR) return false;
-  throw StoreError("store " + directory.string() + ": cannot open " + kDataName + ": " +
-                   std::generic_category().message(errno) +
-                   "; mend that, and give the same command again");
+  const auto fail = [&](const std::error_code& error) {
+    throw StoreError("store " + directory.string() + ": cannot read " + kDataName + ": " +
+                     error.message() + "; mend that, and give the same command again");
+  };
+  try {
+    if (data.is_open()) return has_content(data.number());
+  } catch (const std::system_error& error) {
+    fail(error.code());
+  }
+  if (errno != ENOENT && errno != ENOTDIR) fail({errno, std::generic_category()});
+  return false;
 }
 
 std::shared_ptr<Environment> Environment::open(const std::filesystem::path& directory,
@@ -124,6 +130,7 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
   // What a creation leaves that was cut short may end within the meta pages.
   if (!has_data) std::filesystem::remove(directory / kDataName);
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
+  if (has_data && !data.is_open()) check(errno, "open data.mdb");
   try {
     if (has_data) check_meta_pages(data.number());
     open_map(options);
@@ -190,6 +197,11 @@ void Environment::open_map(const StoreOptions& options) {
   MDB_stat stat;
   check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
   page_bytes_ = stat.ms_psize;
+  clear_dead_readers();
+}
+
+// Else the pages that they read could never be used again.
+void Environment::clear_dead_readers() {
   int num_dead = 0;
   check(mdb_reader_check(handle_.get(), &num_dead), "clear readers of dead processes");
 }
@@ -339,6 +351,7 @@ void Environment::write(const std::function<void(Transaction&)>& write) {
 
 bool Environment::is_written(const std::function<void(Transaction&)>& write) try {
   const Gate gate = enter();
+  clear_dead_readers();
   MDB_txn* begun = nullptr;
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);

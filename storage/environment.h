@@ -102,6 +102,7 @@ class Environment {
   std::string advice(int code) const;
 
   void open_map(const StoreOptions& options);
+  void clear_dead_readers();
   int try_map(const StoreOptions& options, std::uint64_t map_bytes);
   void find_databases(int data_file);
   void open_databases(MDB_txn* transaction, const KeySumByName& found);

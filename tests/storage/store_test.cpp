@@ -538,6 +538,38 @@ TEST(Store, ReadersOfKilledProcessesDoNotMakeTheFileGrow) {
   EXPECT_EQ(std::filesystem::file_size(dir / "s" / "data.mdb"), bytes);
 }
 
+// Nor do they while the writer goes on: it clears them at its next commit.
+TEST(Store, ReadersKilledBesideALiveWriterDoNotMakeTheFileGrow) {
+  const TempDir dir;
+  const Signal has_content, is_reading;
+  Child reader([&] {
+    has_content.await();
+    const Store store = Store::open(dir / "s", kReadOnly);
+    const Snapshot snapshot = store.snapshot();
+    snapshot.points(sample_leaf());
+    is_reading.raise();
+    pause();
+    return 0;
+  });
+  Store store = Store::open(dir / "s", kCreate);
+  const auto rewrite = [&](int times) {
+    for (int i = 0; i < times; ++i) {
+      Batch batch = store.begin();
+      batch.put_points(sample_leaf(), Generator(1).points(5000));
+      batch.commit();
+    }
+    return std::filesystem::file_size(dir / "s" / "data.mdb");
+  };
+  const auto before = rewrite(5);
+  has_content.raise();
+  is_reading.await();
+  const auto pinned = rewrite(10);
+  EXPECT_GT(pinned, before);  // what the reader sees must stay
+  kill(reader.id(), SIGKILL);
+  reader.wait();
+  EXPECT_EQ(rewrite(50), pinned);
+}
+
 // -- Memory
 // ----------------------------------------------------------------------------------------
 
@@ -706,6 +738,33 @@ TEST(Store, SaysWhyADirectoryIsNoStore) {
   EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
   std::ofstream(dir / "file") << "text";
   EXPECT_THROW(Store::open(dir / "file", kCreate), StoreError);
+}
+
+// Root may write anywhere, so that the child lets go of being root.
+TEST(Store, SaysThatADirectoryCannotBeWritten) {
+  const TempDir dir;
+  Store::open(dir / "s", kCreate);
+  using std::filesystem::perms;
+  constexpr perms kReadAndSearch = static_cast<perms>(0555);
+  std::filesystem::permissions(dir.path(), kReadAndSearch);
+  std::filesystem::permissions(dir / "s", kReadAndSearch);
+  for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"})
+    std::filesystem::permissions(dir / "s" / name, static_cast<perms>(0444));
+  Child child([&] {
+    if (geteuid() == 0 && setuid(65534) != 0) return 1;
+    const auto is_refused = [&](const char* name, const StoreOptions& options) {
+      const std::string message = error_of([&] { Store::open(dir / name, options); });
+      return message.find("Permission denied") != std::string::npos &&
+             message.find((dir / name).string()) != std::string::npos &&
+             message.find("again") != std::string::npos;
+    };
+    if (!is_refused("s", {})) return 2;
+    if (!is_refused("s", kReadOnly)) return 3;  // a reader has to write down what it reads
+    return is_refused("new", kCreate) ? 0 : 4;
+  });
+  EXPECT_EQ(child.exit_code(), 0);
+  std::filesystem::permissions(dir.path(), perms::owner_all);
+  std::filesystem::permissions(dir / "s", perms::owner_all);
 }
 
 TEST(Store, KnowsNetworkFileSystems) {

@@ -1,4 +1,4 @@
-// crash_sweep kill|fault|memory|all [--brief] [--seed N] [--kills N] [--directory DIR]
+// crash_sweep kill|fault|memory|all|overhead [--brief] [--seed N] [--kills N] [--directory DIR]
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -15,9 +15,9 @@ int main(int argc, char** argv) {
   SweepOptions options;
   options.seed = std::random_device()();
   std::string what;
-  app.add_option("SWEEP", what, "kill, fault, memory or all")
+  app.add_option("SWEEP", what, "kill, fault, memory, all of these, or overhead")
       ->required()
-      ->check(CLI::IsMember({"kill", "fault", "memory", "all"}));
+      ->check(CLI::IsMember({"kill", "fault", "memory", "all", "overhead"}));
   app.add_flag("--brief", options.is_brief, "A few dozen trials");
   app.add_option("--seed", options.seed, "Of the random instants (default: another one each time)");
   app.add_option("--kills", options.num_kills, "At random instants (default: 240)");
@@ -25,12 +25,18 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   const locvol::TempDir temporary;
   if (options.directory.empty()) options.directory = temporary.path();
+  options.memory_directory = "/dev/shm/" + temporary.path().filename().string();
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {
     if (what == "kill" || what == "all") sweep_kills(options);
     if (what == "fault" || what == "all") sweep_faults(options);
     if (what == "memory" || what == "all") sweep_allocations(options);
-    fmt::print("nothing broke\n");
+    if (what == "overhead") {
+      measure_overhead(options);
+      std::filesystem::remove_all(options.memory_directory);
+    } else {
+      fmt::print("nothing broke\n");
+    }
     return 0;
   } catch (const std::exception& failure) {
     fmt::print(stderr, "crash_sweep: {}\n", failure.what());

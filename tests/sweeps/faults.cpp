@@ -7,7 +7,8 @@
 //                                           "calls N" at the end of the process
 //
 // GROUPS, joined by "+": write sync size open name read map alloc. ACTION: a number is an errno to
-// fail with; "short" writes half; "kill" before the call, "killed" after it, "torn" after half.
+// fail with; "skip" does nothing and says it is done (for "sync" and "size"); "short" writes half;
+// "kill" before the call, "killed" after it, "torn" after half.
 // Allocations count from the start of main() on: what fails before is nobody's to handle.
 #include <dlfcn.h>
 #include <errno.h>
@@ -44,7 +45,7 @@ constexpr struct {
 } kGroups[] = {{"write", kWrite}, {"sync", kSync}, {"size", kSize}, {"open", kOpen},
                {"name", kName},   {"read", kRead}, {"map", kMap},   {"alloc", kAlloc}};
 
-enum class Action { kNone, kFail, kShort, kKill, kKilled, kTorn };
+enum class Action { kNone, kFail, kSkip, kShort, kKill, kKilled, kTorn };
 
 struct Plan {
   unsigned groups = 0;
@@ -76,6 +77,7 @@ void read_plan() {
   plan.is_always = strstr(action, ":always") != nullptr;
   plan.error = atoi(action);
   plan.action = plan.error != 0                     ? Action::kFail
+                : strncmp(action, "skip", 4) == 0   ? Action::kSkip
                 : strncmp(action, "short", 5) == 0  ? Action::kShort
                 : strncmp(action, "killed", 6) == 0 ? Action::kKilled
                 : strncmp(action, "kill", 4) == 0   ? Action::kKill
@@ -209,6 +211,7 @@ ssize_t writev(int file, const iovec* pieces, int count) {
     NEXT(name);                                                    \
     const Action action = turn(group, #name, file);                \
     if (action == Action::kFail) return -1;                        \
+    if (action == Action::kSkip) return 0;                         \
     return through(action, [&] { return real arguments; });        \
   }
 DEFINE_BY_FILE(kSync, int, fsync, (int file), (file))

@@ -11,6 +11,7 @@ struct SweepOptions {
   bool is_brief = false;  // a few dozen trials, for every build; else all of them
   int num_kills = 240;    // at random instants, if not brief
   std::filesystem::path directory;
+  std::filesystem::path memory_directory;  // on a tmpfs
 };
 
 // kill -9 at random instants, at the steps of a run, and around its calls of the system.
@@ -19,5 +20,8 @@ void sweep_kills(const SweepOptions& options);
 void sweep_faults(const SweepOptions& options);
 // Each of the first allocations fails, then ever fewer; and all from there on.
 void sweep_allocations(const SweepOptions& options);
+
+// What the store costs: the same runs on disk, on disk without syncs, and in memory, as ratios.
+void measure_overhead(const SweepOptions& options);
 
 }  // namespace locvol::sweeps
