@@ -14,8 +14,8 @@ targets=("$@")
 tree=build/fuzz
 jobs=${LOCVOL_JOBS:-$(nproc)}
 
-[[ -n ${CXX:-} ]] || tools/setup.sh clang-14 libclang-rt-14-dev
-cmake -S . -B "$tree" -G Ninja -DCMAKE_CXX_COMPILER="${CXX:-clang++-14}" -DLOCVOL_FUZZ=ON \
+[[ -n ${CXX:-} ]] || tools/setup.sh clang-16 libclang-rt-16-dev
+cmake -S . -B "$tree" -G Ninja -DCMAKE_CXX_COMPILER="${CXX:-clang++-16}" -DLOCVOL_FUZZ=ON \
   -DLOCVOL_SANITIZE=address -DCMAKE_CXX_FLAGS_RELEASE="-O1 -gline-tables-only" >/dev/null
 nice ninja -C "$tree" -j "$jobs" "${targets[@]/%/_fuzzer}" >&2
 
