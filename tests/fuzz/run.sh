@@ -32,7 +32,7 @@ for target in "${targets[@]}"; do
   cat tests/fuzz/dictionaries/"$target"*.dict >"$run.dict"
   nice -n 19 "$tree/tests/fuzz/${target}_fuzzer" \
     -max_total_time=$((60 * minutes)) -max_len="${max_len[$target]}" -dict="$run.dict" \
-    -rss_limit_mb=512 -malloc_limit_mb=256 -timeout=20 -use_value_profile=1 \
+    -rss_limit_mb=512 -malloc_limit_mb=256 -timeout=60 -use_value_profile=1 \
     -artifact_prefix="$run.findings/" -print_final_stats=1 \
     "$run.corpus" "tests/fuzz/seeds/$target" >"$run.log" 2>&1 &
   pid[$target]=$!
