@@ -350,6 +350,14 @@ std::vector<Point> deep_lattice_points(const CoverInput& input) {
 
 }  // namespace
 
+double BccLattice::step(double spacing) { return std::ldexp(1, std::ilogb(spacing) - 18); }
+
+BccLattice::BccLattice(const Point& origin, double spacing) {
+  const double step = BccLattice::step(spacing);
+  half_ = step * std::floor(0.5 * spacing / step);
+  for (const int axis : {0, 1, 2}) origin_[axis] = step * std::nearbyint(origin[axis] / step);
+}
+
 Point BccLattice::position(std::int64_t i, std::int64_t j, std::int64_t k) const {
   return {origin_.x + half_ * static_cast<double>(i), origin_.y + half_ * static_cast<double>(j),
           origin_.z + half_ * static_cast<double>(k)};

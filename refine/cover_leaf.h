@@ -15,9 +15,12 @@ inline constexpr double kLatticeSpacing = 1.75;  // a over λ
 
 // The BCC lattice of cubic spacing `a`: the points origin + a/2 (i, j, k) with i, j, k all even or
 // all odd. One expression gives their coordinates, so that all leaves get the same bits.
+// a is rounded down by at most 1e-5, and the origin by as little, to whole steps: as small
+// integers, the degenerate positions of lattice points are decided by integer arithmetic.
 class BccLattice {
  public:
-  BccLattice(const Point& origin, double spacing) : origin_(origin), half_(0.5 * spacing) {}
+  BccLattice(const Point& origin, double spacing);
+  static double step(double spacing);  // a power of two
   Point position(std::int64_t i, std::int64_t j, std::int64_t k) const;
   // Lattice points p with box.min <= p < box.max on each axis, lexicographically by (i, j, k).
   std::vector<Point> points_in(const Box& box) const;
