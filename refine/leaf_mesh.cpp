@@ -10,11 +10,6 @@
 namespace locvol {
 namespace {
 
-bool is_in_half_open(const Box& box, const Point& p) {
-  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-         box.min.z <= p.z && p.z < box.max.z;
-}
-
 // Half of the reach; where the reach is infinite, a radius at which every center is outside.
 double far_radius_of(const LeafInput& input) {
   if (std::isfinite(input.criteria.reach)) return 0.5 * input.criteria.reach;
@@ -27,13 +22,14 @@ constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3
 
 }  // namespace
 
-LeafMesh::LeafMesh(const LeafInput& input)
+LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     : input_(input),
       far_radius_(far_radius_of(input)),
       delaunay_(BccLattice::step(kLatticeSpacing * input.criteria.size)) {
   locals_.reserve(input.own.size() + input.ghosts.size());
-  for (const MeshPoint& p : input.own) add_local(p, p.id);
-  for (const MeshPoint& p : input.ghosts) add_local(p, p.id);
+  for (const MeshPoint& p : input.own) add_local(p, p.id, true);
+  for (const MeshPoint& p : input.ghosts)
+    add_local(p, p.id, own == OwnPoints::kInBox && is_in_box(p.position));
   std::vector<Point> points;
   points.reserve(locals_.size());
   for (const Local& local : locals_) points.push_back(local.point.position);
@@ -42,8 +38,13 @@ LeafMesh::LeafMesh(const LeafInput& input)
   make_all_fresh();
 }
 
-void LeafMesh::add_local(const MeshPoint& p, VertexRef ref) {
-  const bool is_own = is_in_half_open(input_.box, p.position);
+bool LeafMesh::is_in_box(const Point& p) const {
+  const Box& box = input_.box;  // half-open
+  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
+         box.min.z <= p.z && p.z < box.max.z;
+}
+
+void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own) {
   locals_.push_back({p, ref, is_own, true});
   num_own_ += is_own;
   if ((ref & kNewPoint) == 0) ids_.insert(ref);
@@ -192,7 +193,7 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
 }
 
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
-  add_local(q, ref);
+  add_local(q, ref, is_in_box(q.position));
   for (const Cell c : conflict.cells) note_gone(c);
   const LocalIndex index = delaunay_.insert(q.position, conflict);
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
@@ -200,7 +201,7 @@ LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& c
 }
 
 LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
-  add_local(q, ref);
+  add_local(q, ref, is_in_box(q.position));
   if (!delaunay_.build({&q.position, 1}))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();

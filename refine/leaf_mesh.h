@@ -59,7 +59,11 @@ class LeafMesh {
     bool is_alive = true;
   };
 
-  explicit LeafMesh(const LeafInput& input);
+  enum class OwnPoints {
+    kInBox,   // all in the leaf's box
+    kListed,  // of the input's points, only those that it lists as own
+  };
+  explicit LeafMesh(const LeafInput& input, OwnPoints own = OwnPoints::kInBox);
 
   // ---- What is there
   const Delaunay& delaunay() const { return delaunay_; }
@@ -124,7 +128,8 @@ class LeafMesh {
   using GridCell = std::array<std::int64_t, 3>;  // cubes of side λ
 
   GridCell grid_cell(const Point& p) const;
-  void add_local(const MeshPoint& p, VertexRef ref);
+  void add_local(const MeshPoint& p, VertexRef ref, bool is_own);
+  bool is_in_box(const Point& p) const;
   void make_fresh(Cell c);
   void make_all_fresh();
   void note_gone(Cell c);

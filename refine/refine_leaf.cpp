@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "refine/leaf_mesh.h"
+#include "refine/revisit.h"
 
 namespace locvol {
 namespace {
@@ -25,7 +26,8 @@ struct FacetRef {
 
 class Refinement {
  public:
-  explicit Refinement(const LeafInput& input) : input_(input), mesh_(input) {}
+  explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
+      : input_(input), mesh_(input, own) {}
 
   LeafDelta run();
 
@@ -499,6 +501,15 @@ void Refinement::list_cells() {
 
 }  // namespace
 
-LeafDelta refine_leaf(const LeafInput& input) { return Refinement(input).run(); }
+LeafDelta refine_leaf(const LeafInput& input) {
+  if (const auto revisit = Revisit::of(input)) {
+    LeafDelta delta = Refinement(revisit->part(), LeafMesh::OwnPoints::kListed).run();
+    if (revisit->is_complete(delta)) {
+      revisit->add_kept_cells(delta);
+      return delta;
+    }
+  }
+  return Refinement(input).run();
+}
 
 }  // namespace locvol
