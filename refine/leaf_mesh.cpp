@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "refine/circumcenter.h"
-#include "refine/cover_leaf.h"
 
 namespace locvol {
 namespace {
@@ -23,9 +22,7 @@ constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3
 }  // namespace
 
 LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
-    : input_(input),
-      far_radius_(far_radius_of(input)),
-      delaunay_(BccLattice::step(kLatticeSpacing * input.criteria.size)) {
+    : input_(input), far_radius_(far_radius_of(input)) {
   locals_.reserve(input.own.size() + input.ghosts.size());
   for (const MeshPoint& p : input.own) add_local(p, p.id, true);
   for (const MeshPoint& p : input.ghosts)

@@ -185,7 +185,7 @@ void triangulations(benchmark::State& state, const Run& run) {
   std::size_t num = 0;
   for (auto _ : state)
     for (const auto& some : points) {
-      Delaunay delaunay(BccLattice::step(kLatticeSpacing * run.size()));
+      Delaunay delaunay;
       delaunay.build(some);
       num += some.size();
     }
