@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <set>
 #include <variant>
 
@@ -41,9 +42,9 @@ class Refinement {
   bool is_alive(const CellRef& ref) const { return mesh_.is_alive(ref); }
   bool is_alive(const FacetRef& ref) const { return is_alive(ref.here) && is_alive(ref.there); }
   template <class Ref>
-  std::optional<Ref> pop_alive(std::vector<Ref>& stack) const;
+  std::optional<Ref> pop_alive(std::deque<Ref>& waiting) const;
   template <class Ref>
-  bool restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore);
+  bool restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore);
   bool restore_next_disk();
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
@@ -80,10 +81,11 @@ class Refinement {
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
-  // What may be violated, by condition. Each list is a stack, so that work stays in one place.
-  std::vector<FacetRef> c1_, c2_, c4_, open_ends_;
+  // What may be violated, by condition: first come, first served. The last come first would stay in
+  // one place and pile up points there: twice as many for C6 between the folds of a rough surface.
+  std::deque<FacetRef> c1_, c2_, c4_, open_ends_;
   std::vector<LocalIndex> c3_;
-  std::vector<CellRef> c5_, c6_;
+  std::deque<CellRef> c5_, c6_;
   std::vector<bool> is_in_c3_;
 
   // Violations whose cure the spacing floor forbade when it was tried.
@@ -103,11 +105,11 @@ class Refinement {
 };
 
 template <class Ref>
-std::optional<Ref> Refinement::pop_alive(std::vector<Ref>& stack) const {
-  while (!stack.empty()) {
-    const Ref top = stack.back();
-    stack.pop_back();
-    if (is_alive(top)) return top;
+std::optional<Ref> Refinement::pop_alive(std::deque<Ref>& waiting) const {
+  while (!waiting.empty()) {
+    const Ref next = waiting.front();
+    waiting.pop_front();
+    if (is_alive(next)) return next;
   }
   return std::nullopt;
 }
@@ -139,13 +141,13 @@ bool Refinement::restore_next() {
 
 // What survives its cure (the center of a surface ball was inserted in its place) is tried again.
 template <class Ref>
-bool Refinement::restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore) {
-  const auto ref = pop_alive(stack);
+bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore) {
+  const auto ref = pop_alive(waiting);
   if (!ref) return false;
   if ((this->*restore)(*ref, condition) == Outcome::kBlocked)
     blocked_.push_back({*ref, attempt_});
   else if (is_alive(*ref))
-    stack.push_back(*ref);
+    waiting.push_back(*ref);
   return true;
 }
 
