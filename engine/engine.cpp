@@ -1,13 +1,16 @@
 #include "engine/engine.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 #include "engine/apply_visit.h"
+#include "engine/file_digest.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
 #include "engine/leaf_name.h"
+#include "engine/memory_budget.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
@@ -16,14 +19,15 @@
 namespace locvol {
 namespace {
 
-// Decoded records that are kept for the next visits.
-constexpr std::size_t kCacheBytes = std::size_t{128} << 20;
-
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
-  Engine(Store& store, const RunControl& control)
-      : control_(control), state_(store, kCacheBytes), loader_(state_) {}
+  Engine(Store& store, const MemoryPlan& plan, const RunControl& control)
+      : control_(control),
+        plan_(plan),
+        budget_(plan.heap()),
+        state_(store, budget_.free_bytes(), plan.max_unwritten()),
+        loader_(state_, budget_) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -87,6 +91,12 @@ class Engine {
       action();
     } catch (const RefineError& e) {
       throw RefineError(leaf_name(leaf) + ": " + e.what());
+    } catch (const OverBudget& e) {
+      commit();
+      throw OverBudget(leaf_name(leaf) + ": " + e.what() + "; go on with a larger one, at least " +
+                           memory_text(plan_.cap_with_heap(e.bytes())) +
+                           ": nothing that was done is lost",
+                       e.bytes());
     }
     state_.note_visit();
     if (state_.is_commit_due()) commit();
@@ -123,7 +133,7 @@ class Engine {
   }
 
   void commit() {
-    state_.commit();
+    state_.commit(memory_use());
     if (!control_.on_progress) return;
     const RunRecord& run = state_.run;
     control_.on_progress({.phase = run.phase,
@@ -135,16 +145,20 @@ class Engine {
                           .epoch = run.epoch});
   }
 
+  MemoryRecord memory_use() const {
+    MemoryRecord memory = plan_.record();
+    memory.visits = budget_.largest_reservation();
+    memory.cache = plan_.heap() - memory.visits;
+    memory.peak_resident = peak_resident_memory();
+    return memory;
+  }
+
   const RunControl& control_;
+  const MemoryPlan& plan_;
+  MemoryBudget budget_;
   RunState state_;
   LeafLoader loader_;
 };
-
-InputSurface read_noting(const std::filesystem::path& file, const RunControl& control) {
-  InputSurface surface = read_surface(file);
-  if (control.on_note) std::ranges::for_each(surface.facts.notes, control.on_note);
-  return surface;
-}
 
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   if (!Store::exists(store)) return std::nullopt;
@@ -152,8 +166,24 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   return held.snapshot().run();
 }
 
+// Takes in `file` for a run that `planned` makes of its digest and bounding box.
+Store ingested(const std::filesystem::path& file, const std::filesystem::path& directory,
+               const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
+               const std::function<Store()>& open_store, const RunControl& control) {
+  memory_cap(control.memory_bytes);
+  // Not stopped before the run is known that `resume` would go on with.
+  RunControl unstoppable = control;
+  unstoppable.is_stopped = nullptr;
+  IngestWatch watch = watch_of(unstoppable);
+  RawSurface raw = read_surface(file, existing_directory(directory), watch);
+  const RunRecord run = planned(raw.digest, raw.box);
+  return ingest(std::move(raw), run, free_bytes_at(directory), open_store, control);
+}
+
 RunSummary finish(Store& store, const RunControl& control) {
-  const bool is_done = Engine(store, control).run();
+  if (store.snapshot().run()->phase == Phase::kIngest) return summarize(store.snapshot());
+  const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
+  const bool is_done = Engine(store, plan, control).run();
   RunSummary summary = summarize(store.snapshot());
   if (!is_done)
     summary.outcome = RunOutcome::kInterrupted;
@@ -166,20 +196,20 @@ RunSummary finish(Store& store, const RunControl& control) {
 }  // namespace
 
 RunSummary mesh(const MeshOptions& options, const RunControl& control) {
-  InputSurface surface = read_noting(options.input, control);
-  const RunRecord asked = planned_run(options, surface);
   const auto held = held_run(options.store);
-  const bool is_same = held && held->parameters == asked.parameters;
-  if (held && held->phase != Phase::kIngest && (is_same || !options.is_forced)) {
-    require_same_run(held->parameters, asked.parameters, options.store);
-    surface = {};
-    Store store = Store::open(options.store);
-    return finish(store, control);
+  if (held && held->phase != Phase::kIngest) {
+    const RunParameters asked =
+        planned_run(options, digest_of_file(options.input), held->surface.box).parameters;
+    if (held->parameters == asked || !options.is_forced) {
+      require_same_run(held->parameters, asked, options.store);
+      Store store = Store::open(options.store);
+      return finish(store, control);
+    }
   }
-  plan_octree(asked.parameters, asked.surface.box);
-  check_room(asked, free_bytes_at(options.store));
-  Store store = Store::open(options.store, {.create = true});
-  ingest(store, std::move(surface), asked);
+  Store store = ingested(
+      options.input, options.store,
+      [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
+      [&] { return Store::open(options.store, {.create = true}); }, control);
   return finish(store, control);
 }
 
@@ -188,12 +218,16 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
   const auto held = store.snapshot().run();
   if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
   if (held->phase == Phase::kIngest) {
-    InputSurface surface = read_noting(held->surface.file, control);
-    if (surface.digest != held->parameters.input_digest)
-      throw StoreMismatch(
-          "the store " + directory.string() + " was to take in " + held->surface.file +
-          ", which is another surface by now: restore the file, or force a new run");
-    ingest(store, std::move(surface), *held);
+    store = ingested(
+        held->surface.file, directory,
+        [&](const std::string& digest, const Box&) {
+          if (digest != held->parameters.input_digest)
+            throw StoreMismatch("the store " + directory.string() + " was to take in " +
+                                held->surface.file +
+                                ", which is another file by now: restore it, or force a new run");
+          return *held;
+        },
+        [&] { return std::move(store); }, control);
   }
   return finish(store, control);
 }

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/surface_input.h"
+#include "engine/input_error.h"
 #include "storage/records.h"
 #include "storage/store.h"
 
@@ -43,12 +43,18 @@ struct Progress {
   std::uint64_t num_leaves = 0, num_queued = 0, num_visits = 0;
   std::uint64_t num_points = 0, num_cells = 0;
   std::uint32_t epoch = 0;
+  std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
 };
 
 struct RunControl {
-  std::function<void(const Progress&)> on_progress;  // called after each commit; may be empty
-  std::function<bool()> is_stopped;                  // asked between visits; may be empty
-  std::function<void(const std::string&)> on_note;   // repairs of the input, and such
+  // Called after each commit, and now and then while a large surface is ingested; may be empty.
+  std::function<void(const Progress&)> on_progress;
+  // Asked between visits, and now and then while a large surface is ingested; may be empty.
+  std::function<bool()> is_stopped;
+  std::function<void(const std::string&)> on_note;  // repairs of the input, and such
+  // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
+  // no influence on the result.
+  std::uint64_t memory_bytes = 0;
 };
 
 enum class RunOutcome { kDone, kUnresolved, kInterrupted };
@@ -68,7 +74,7 @@ class StoreMismatch : public std::runtime_error {
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
-// StoreMismatch, RefineError.
+// StoreMismatch, OverBudget, RefineError.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
 // Goes on with the run in `store`; needs neither the input nor the parameters.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});

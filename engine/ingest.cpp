@@ -3,15 +3,21 @@
 #include <algorithm>
 #include <cstdint>
 #include <iterator>
-#include <numeric>
+#include <limits>
 #include <optional>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "engine/leaf_queue.h"
 #include "engine/leaf_sides.h"
+#include "engine/run_setup.h"
+#include "engine/run_state.h"
+#include "engine/start_leaves.h"
+#include "engine/surface_check.h"
 #include "refine/surface_patch.h"
+#include "refine/triangle_box.h"
 
 namespace locvol {
 namespace {
@@ -59,68 +65,183 @@ void erase_all(Store& store) {
   batches.commit();
 }
 
-// Hands each leaf the triangles that meet its box, in Morton order, by descending the octree.
+// A leaf with more triangles is cut as far as its children remain wide enough.
+constexpr std::uint64_t kMaxLeafTriangles = 100'000;
+
+// Leaves near the surface, in Morton order.
+struct CutLeaves {
+  std::vector<MortonKey> keys;
+  std::vector<std::uint8_t> parities;  // their center_to_corner_parities()
+};
+
+// Hands each leaf the triangles that meet its box, in Morton order, by descending to the buckets
+// and from there, or from larger leaves, to the leaves.
 class SurfaceCutter {
  public:
-  SurfaceCutter(const InputSurface& surface, const Frame& frame, const LinearOctree& octree,
-                BoundedBatches& batches)
+  // `cells`: see cells_near_surface().
+  SurfaceCutter(const CheckedSurface& surface, const std::vector<MortonKey>& cells,
+                const RunRecord& run, BoundedBatches& batches, IngestWatch& watch)
       : surface_(surface),
-        frame_(frame),
-        octree_(octree),
+        cells_(cells),
+        frame_(run.frame),
+        min_side_(kMinLeafSide * run.parameters.size),
+        may_split_(run.parameters.init == Initialization::kCover),
         batches_(batches),
-        parities_(octree.size()) {}
+        watch_(watch) {}
 
-  // Returns the leaves' center_to_corner_parities().
-  std::vector<std::uint8_t> cut() {
-    std::vector<std::uint64_t> all(surface_.triangles.size());
-    std::iota(all.begin(), all.end(), std::uint64_t{0});
-    cut(MortonKey::root(), all);
-    return std::move(parities_);
+  CutLeaves cut() {
+    descend(MortonKey::root(), cells_);
+    return std::move(leaves_);
   }
 
  private:
-  // `candidates`: in order of id, all that meet the parent's box.
-  void cut(MortonKey node, const std::vector<std::uint64_t>& candidates) {
+  using Cells = std::span<const MortonKey>;  // under a node, or the one that it lies in
+
+  // Above the buckets.
+  void descend(MortonKey node, Cells cells) {
+    if (cells.empty()) return;
+    const auto buckets = surface_.buckets.under(node);
+    if (buckets.size() == 1 && buckets.front().cell.is_ancestor_or_self_of(node)) {
+      cut(node, cells, surface_.load(buckets.front()));
+      watch_.advance(buckets.front().triangles.count);
+    } else if (is_leaf(node, cells) && !is_to_be_split(node, buckets)) {
+      store(node, gathered(buckets));
+    } else {
+      for_each_child(node, cells,
+                     [&](MortonKey child, Cells of_child) { descend(child, of_child); });
+    }
+  }
+
+  // `candidates`: in order of id, all that meet the node's box, and others.
+  void cut(MortonKey node, Cells cells, const std::vector<Triangle>& candidates) {
+    if (cells.empty()) return;
     const Box box = frame_.box(node);
-    std::vector<std::uint64_t> met;
+    std::vector<Triangle> met;
     std::ranges::copy_if(candidates, std::back_inserter(met),
-                         [&](std::uint64_t i) { return meets(surface_.triangle(i), box); });
-    if (met.empty()) return;
-    const auto leaves = octree_.leaves_under(node);
-    if (leaves.front() == node) return store(leaves, met);
-    for (int octant = 0; octant < 8; ++octant) cut(node.child(octant), met);
+                         [&](const Triangle& t) { return touches(t, box); });
+    if (is_leaf(node, cells) && !(may_split(node) && num_owned(met, box) > kMaxLeafTriangles))
+      return store(node, std::move(met));
+    for_each_child(node, cells,
+                   [&](MortonKey child, Cells of_child) { cut(child, of_child, met); });
   }
 
-  void store(std::span<const MortonKey> leaf, const std::vector<std::uint64_t>& met) {
-    LeafSurface piece;
-    piece.triangles.reserve(met.size());
-    for (const std::uint64_t i : met) piece.triangles.push_back(surface_.triangle(i));
-    parities_[static_cast<std::size_t>(leaf.data() - octree_.leaves().data())] =
-        center_to_corner_parities(piece.triangles, frame_.box(leaf.front()));
+  template <class Visit>
+  static void for_each_child(MortonKey node, Cells cells, const Visit& visit) {
+    const bool is_in_cell = is_leaf(node, cells);
+    for (int octant = 0; octant < 8; ++octant) {
+      const MortonKey child = node.child(octant);
+      if (is_in_cell) {
+        visit(child, cells);
+        continue;
+      }
+      const auto end = std::ranges::upper_bound(cells, child.range_max());
+      visit(child, Cells(cells.begin(), end));
+      cells = Cells(end, cells.end());
+    }
+  }
+
+  static bool is_leaf(MortonKey node, Cells cells) {
+    return cells.front().is_ancestor_or_self_of(node);
+  }
+  bool may_split(MortonKey node) const {
+    return may_split_ && node.level() < MortonKey::kMaxLevel &&
+           frame_.side(node.level() + 1) >= min_side_;
+  }
+  bool is_to_be_split(MortonKey node, std::span<const TriangleBucket> buckets) const {
+    if (!may_split(node)) return false;
+    std::uint64_t at_most = 0, num_triangles = 0;
+    for (const TriangleBucket& bucket : buckets) at_most += bucket.triangles.count;
+    if (at_most <= kMaxLeafTriangles) return false;
+    for (const TriangleBucket& bucket : buckets)
+      num_triangles += num_owned(surface_.load(bucket), frame_.box(bucket.cell));
+    return num_triangles > kMaxLeafTriangles;
+  }
+  // Does not depend on the buckets: each triangle counts in one cell.
+  static std::uint64_t num_owned(const std::vector<Triangle>& triangles, const Box& box) {
+    return static_cast<std::uint64_t>(
+        std::ranges::count_if(triangles, [&](const Triangle& t) { return owns_triangle(box, t); }));
+  }
+
+  std::vector<Triangle> gathered(std::span<const TriangleBucket> buckets) const {
+    std::vector<Triangle> triangles;
+    for (const TriangleBucket& bucket : buckets) {
+      const std::vector<Triangle> held = surface_.load(bucket);
+      triangles.insert(triangles.end(), held.begin(), held.end());
+      watch_.advance(held.size());
+    }
+    std::ranges::sort(triangles, {}, &Triangle::id);
+    const auto again = std::ranges::unique(triangles, {}, &Triangle::id);
+    triangles.erase(again.begin(), again.end());
+    return triangles;
+  }
+
+  void store(MortonKey leaf, std::vector<Triangle> triangles) {
+    leaves_.keys.push_back(leaf);
+    leaves_.parities.push_back(center_to_corner_parities(triangles, frame_.box(leaf)));
+    if (triangles.empty()) return;
     LeafInfo info;
-    info.num_triangles = met.size();
+    info.num_triangles = triangles.size();
     Batch& batch = batches_.next();
-    batch.put_leaf(leaf.front(), info);
-    batch.put_surface(leaf.front(), piece);
+    batch.put_leaf(leaf, info);
+    batch.put_surface(leaf, {std::move(triangles)});
   }
 
-  const InputSurface& surface_;
+  const CheckedSurface& surface_;
+  const std::vector<MortonKey>& cells_;
   const Frame& frame_;
-  const LinearOctree& octree_;
+  double min_side_;
+  bool may_split_;
   BoundedBatches& batches_;
-  std::vector<std::uint8_t> parities_;
+  IngestWatch& watch_;
+  CutLeaves leaves_;
 };
 
-// Completes the leaves' infos, and queues those that may get points.
-void store_sides(const LinearOctree& octree, const RunRecord& run,
-                 const std::vector<bool>& is_center_inside, BoundedBatches& batches) {
-  const QueuePosition waiting{0, kNoColor};
-  const bool is_cover = run.parameters.init == Initialization::kCover;
+// All leaves of the start, in Morton order, and on which sides their centers lie.
+struct StartLeaves {
+  std::vector<MortonKey> keys;
+  std::vector<bool> is_center_inside;
+
+  void add(MortonKey key, bool is_inside) {
+    keys.push_back(key);
+    is_center_inside.push_back(is_inside);
+  }
+};
+
+void add_parts(MortonKey node, int level, StartLeaves& leaves) {
+  if (node.level() == level) return leaves.add(node, true);
+  for (int octant = 0; octant < 8; ++octant) add_parts(node.child(octant), level, leaves);
+}
+
+// Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
+// points are to come.
+StartLeaves completed(const CutLeaves& near, int level) {
+  const LinearOctree octree = coarsest_octree(near.keys);
+  std::vector<std::uint8_t> parities(octree.size());
+  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
+    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
+  const std::vector<bool> sides = center_sides(octree, parities);
+
+  StartLeaves leaves;
   for (std::size_t i = 0; i < octree.size(); ++i) {
     const MortonKey leaf = octree.leaves()[i];
+    if (!sides[i] || leaf.level() >= level) {
+      leaves.add(leaf, sides[i]);
+      continue;
+    }
+    add_parts(leaf, level, leaves);
+  }
+  return leaves;
+}
+
+// Completes the leaves' infos, and queues those that may get points.
+void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatches& batches) {
+  const QueuePosition waiting{0, kNoColor};
+  const bool is_cover = run.parameters.init == Initialization::kCover;
+  for (std::size_t i = 0; i < leaves.keys.size(); ++i) {
+    const MortonKey leaf = leaves.keys[i];
     Batch& batch = batches.next();
     LeafInfo info = batch.leaf(leaf).value_or(LeafInfo{});
-    info.is_center_inside = is_center_inside[i];
+    info.is_center_inside = leaves.is_center_inside[i];
     if (is_cover && (info.num_triangles > 0 || info.is_center_inside)) {
       info.queued = waiting;
       batch.put_queue_entry({waiting, leaf, run.frame.box(leaf)});
@@ -129,24 +250,55 @@ void store_sides(const LinearOctree& octree, const RunRecord& run,
   }
 }
 
+void put_run(Store& store, const RunRecord& run) {
+  Batch batch = store.begin();
+  batch.put_run(run);
+  batch.commit();
+}
+
 }  // namespace
 
-void ingest(Store& store, InputSurface surface, RunRecord run) {
-  const OctreePlan plan = plan_octree(run.parameters, run.surface.box);
+Store ingest(RawSurface raw, RunRecord run, double free_bytes,
+             const std::function<Store()>& open_store, const RunControl& control,
+             std::uint64_t bucket_capacity) {
+  const OctreePlan plan = plan_octree(run.parameters, raw.box);
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
-  BoundedBatches batches(store);
-  batches.next().put_run(run);
-  batches.commit();
-  erase_all(store);
+  IngestWatch watch = watch_of(control);
+  std::optional<Store> store;
+  try {
+    const CheckedSurface surface =
+        check_surface(std::move(raw), plan.frame, watch, bucket_capacity);
+    const std::string file = std::exchange(run.surface, surface.facts).file;
+    run.surface.file = file;
+    if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
+    check_room(run, free_bytes);
+    planned_memory(run, memory_cap(control.memory_bytes));
+    const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
 
-  const LinearOctree octree = LinearOctree::uniform(plan.level);
-  const auto parities = SurfaceCutter(surface, run.frame, octree, batches).cut();
-  surface = {};
-  store_sides(octree, run, center_sides(octree, parities), batches);
-  run.phase = Phase::kInitialize;
-  batches.next().put_run(run);
-  batches.commit();
+    store.emplace(open_store());
+    put_run(*store, run);
+    erase_all(*store);
+    BoundedBatches batches(*store);
+    const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
+    store_leaves(completed(cut, plan.level), run, batches);
+    run.phase = Phase::kInitialize;
+    batches.next().put_run(run);
+    batches.commit();
+  } catch (const IngestStopped&) {
+    if (!store) store.emplace(open_store());
+    put_run(*store, run);
+  }
+  return std::move(*store);
+}
+
+IngestWatch watch_of(const RunControl& control) {
+  std::function<void(std::uint64_t)> tell;
+  if (control.on_progress)
+    tell = [&control](std::uint64_t num_triangles) {
+      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    };
+  return IngestWatch(control.is_stopped, tell);
 }
 
 }  // namespace locvol

@@ -1,17 +1,29 @@
-// Ingest: a surface in memory becomes the first records of a store, cut by octree leaf.
+// Ingest: a surface file becomes the first records of a store, cut by octree leaf.
 #pragma once
 
-#include "engine/run_setup.h"
+#include <filesystem>
+#include <functional>
+
+#include "engine/engine.h"
 #include "engine/surface_input.h"
 #include "storage/store.h"
 
 namespace locvol {
 
-// Erases what the store holds and starts `run` in it: each leaf gets the triangles that meet its
-// box and the side of its center, and the leaves that may get points are queued for epoch 0. A
-// crash leaves the store in Phase::kIngest, to be ingested again; the last batch ends the phase.
-// Memory: the surface, 16 bytes a triangle and a few bytes a leaf; the surface is freed on return.
-// Throws InputError (see plan_octree), StoreError.
-void ingest(Store& store, InputSurface surface, RunRecord run);
+// Checks the surface, then starts `run` in the store that `open_store` gives; it is asked for one
+// when nothing can be refused any more, nor for want of `free_bytes` on its disk. Erases what the
+// store holds. Each leaf gets the triangles that meet its box and the side of its center, and the
+// leaves that may get points are queued for epoch 0. A crash leaves the store in Phase::kIngest, to
+// be ingested again; the last batch ends the phase. Where control.is_stopped() says so, the store
+// is left in that phase, too. Memory: 64 MB, whatever the size of the surface, but for leaves with
+// more than 100,000 triangles, whose sides are below 8 λ (200 bytes a triangle), and see
+// check_surface(). Throws InputError, StoreError, std::system_error where temporary files cannot be
+// written.
+Store ingest(RawSurface raw, RunRecord run, double free_bytes,
+             const std::function<Store()>& open_store, const RunControl& control,
+             std::uint64_t bucket_capacity = kBucketCapacity);
+
+// Asks and tells the user of `control`, in Phase::kIngest.
+IngestWatch watch_of(const RunControl& control);
 
 }  // namespace locvol

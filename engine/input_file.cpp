@@ -6,7 +6,7 @@
 #include <cstring>
 #include <system_error>
 
-#include "engine/surface_input.h"
+#include "engine/input_error.h"
 
 namespace locvol {
 namespace {
@@ -86,10 +86,18 @@ bool InputFile::load_more() {
   const std::size_t count =
       std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
   if (count == 0 && std::ferror(file_.get()))
-    refuse(fmt::format("cannot be read at byte {} ({})", loaded_, std::strerror(errno)));
+    refuse(fmt::format("cannot be read at byte {} ({}); check the disk", loaded_,
+                       std::strerror(errno)));
+  hash_.update(buffer_.data() + end_, count);
   end_ += count;
   loaded_ += count;
   return count > 0;
+}
+
+std::string InputFile::digest() {
+  do begin_ = end_;
+  while (load_more());
+  return hash_.hex_digest();
 }
 
 void InputFile::refuse(const std::string& what) const {

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "engine/file_digest.h"
+
 namespace locvol {
 
 class InputFile {
@@ -32,6 +34,9 @@ class InputFile {
   // for a line longer than 16 MiB, which no text format has.
   bool next_line(std::string_view& line);
 
+  // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once.
+  std::string digest();
+
   // Throws InputError with the file's name before the message.
   [[noreturn]] void refuse(const std::string& what) const;
   [[noreturn]] void refuse_line(const std::string& what) const;  // and the line's number
@@ -49,6 +54,7 @@ class InputFile {
   std::uint64_t loaded_ = 0;  // bytes read from the file
   std::uint64_t line_number_ = 0;
   std::vector<char> buffer_;
+  Sha256 hash_;                      // of the bytes loaded
   std::size_t begin_ = 0, end_ = 0;  // of the bytes in the buffer that are not taken yet
 };
 

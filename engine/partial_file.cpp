@@ -60,6 +60,8 @@ OpenFile::~OpenFile() {
 
 OpenFile OpenFile::temporary(const std::filesystem::path& neighbor) {
   std::string name = with_suffix(neighbor, ".XXXXXX").string();
+  const int nameless = ::open(directory_of(neighbor).c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (nameless >= 0) return OpenFile(nameless, name);  // not on every file system
   const int descriptor = ::mkostemp(name.data(), O_CLOEXEC);
   if (descriptor < 0) fail("write", name);
   ::unlink(name.c_str());

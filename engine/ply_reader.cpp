@@ -318,7 +318,6 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
   const Element* const faces = find(header, "face");
   if (!faces && find(header, "tristrips"))
     file.refuse("has triangle strips instead of faces; export it with faces");
-  sink.expect(vertices ? vertices->count : 0, faces ? faces->count : 0);
 
   ValueReader values(file, header.encoding);
   for (const Element& element : header.elements) {

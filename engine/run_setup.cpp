@@ -12,9 +12,6 @@
 namespace locvol {
 namespace {
 
-// Beyond it the leaves' own records outweigh what they hold; 2 million leaves at this level.
-constexpr int kMaxStartLevel = 7;
-
 // A determinant of the predicates multiplies five lengths: within these bounds it neither overflows
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
@@ -95,6 +92,22 @@ double least_size_that_fits(const SurfaceFacts& surface, double size, double fre
   return size;
 }
 
+// Of a box with the given side, grown by `distance` on all sides.
+double volume_growth(double side, double distance) { return std::pow(1 + 2 * distance / side, 3); }
+
+// What the visit of a leaf that wide will take, with some points more near the surface.
+std::uint64_t expected_visit(const RunParameters& parameters, double side, double num_points,
+                             double num_triangles) {
+  const double reach = kReach * parameters.size;
+  if (parameters.init == Initialization::kPaper)
+    num_points = std::max(num_points, 2 * static_cast<double>(parameters.leaf_capacity));
+  const VisitSize visit{
+      .volume = std::pow((side + reach) / parameters.size, 3),
+      .num_points = static_cast<std::uint64_t>(1.2 * num_points * volume_growth(side, reach)),
+      .num_triangles = static_cast<std::uint64_t>(num_triangles * volume_growth(side, reach / 2))};
+  return visit.bytes_to_refine();
+}
+
 const char* name_of(Initialization init) {
   return init == Initialization::kCover ? "cover" : "paper";
 }
@@ -108,14 +121,14 @@ double absolute_size(const SizeSpec& spec, const Box& box) {
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
 
-RunRecord planned_run(const MeshOptions& options, const InputSurface& surface) {
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface) {
   check_options(options);
   RunRecord run;
-  run.surface = surface.facts;
   run.surface.file = std::filesystem::absolute(options.input).string();
+  run.surface.box = surface;
   run.parameters = {
-      .input_digest = surface.digest,
-      .size = absolute_size(options.size, surface.facts.box),
+      .input_digest = digest,
+      .size = absolute_size(options.size, surface),
       .radius_edge_bound = options.radius_edge_bound,
       .spacing_floor = options.spacing_floor,
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
@@ -130,13 +143,6 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
   OctreePlan plan{.frame = frame_around(parameters, surface, leaf_side)};
   if (parameters.init == Initialization::kPaper) return plan;
   plan.level = plan.frame.level_of_side(leaf_side);
-  if (plan.level > kMaxStartLevel)
-    throw InputError("size " + decimal(parameters.size) + " with " +
-                     std::to_string(parameters.leaf_capacity) + " points to a leaf needs 8^" +
-                     std::to_string(plan.level) + " leaves, more than 8^" +
-                     std::to_string(kMaxStartLevel) + ": choose a size of at least " +
-                     rounded(1.1 * std::ldexp(parameters.size, plan.level - kMaxStartLevel)) +
-                     ", or a larger leaf capacity");
   return plan;
 }
 
@@ -158,11 +164,41 @@ void check_room(const RunRecord& run, double free_bytes) {
                    ", or a store on a larger disk");
 }
 
-double free_bytes_at(const std::filesystem::path& directory) {
+std::filesystem::path existing_directory(const std::filesystem::path& directory) {
   std::filesystem::path existing = std::filesystem::absolute(directory);
-  while (!std::filesystem::exists(existing) && existing.has_relative_path())
+  while (!std::filesystem::is_directory(existing) && existing.has_relative_path())
     existing = existing.parent_path();
-  return static_cast<double>(std::filesystem::space(existing).available);
+  return existing;
+}
+
+double free_bytes_at(const std::filesystem::path& directory) {
+  return static_cast<double>(std::filesystem::space(existing_directory(directory)).available);
+}
+
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {
+  const double all_points = estimated_num_cells(run.surface, run.parameters.size) / 6;
+  const double leaf_points =
+      std::min(all_points, 0.5 * static_cast<double>(run.parameters.leaf_capacity));
+  const double side = std::min(start_leaf_side(run.parameters), largest_side(run.surface.box));
+  const double num_leaves = std::min(all_points / leaf_points, 1e9);
+  const VisitSize all{.num_points = static_cast<std::uint64_t>(std::min(all_points, 1e12))};
+  return {cap, static_cast<std::uint64_t>(num_leaves),
+          std::min(expected_visit(run.parameters, side, leaf_points, 0), all.bytes_to_refine())};
+}
+
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {
+  const RunRecord run = reader.run().value();
+  std::uint64_t num_leaves = 0, largest_visit = 0;
+  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
+    const double side = run.frame.side(key.level());
+    ++num_leaves;
+    if (info.num_triangles > 0 || info.num_points > 0)
+      largest_visit = std::max(
+          largest_visit, expected_visit(run.parameters, side, static_cast<double>(info.num_points),
+                                        static_cast<double>(info.num_triangles)));
+    return true;
+  });
+  return {cap, num_leaves, largest_visit};
 }
 
 void require_same_run(const RunParameters& held, const RunParameters& asked,

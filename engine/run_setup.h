@@ -6,25 +6,26 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "engine/surface_input.h"
+#include "engine/memory_budget.h"
 #include "storage/records.h"
 
 namespace locvol {
 
 inline constexpr std::uint64_t kDefaultLeafCapacity = 20000;
 
-// The record of a run that has yet to ingest `surface`. Throws InputError, with the cure, for
-// options out of range and for sizes that double arithmetic cannot handle on this surface.
-RunRecord planned_run(const MeshOptions& options, const InputSurface& surface);
+// The record of a run that has yet to ingest the surface whose file has this digest, and which has
+// this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
+// double arithmetic cannot handle on this surface.
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface);
 
-// Where the run's leaves lie at the start: all nodes of `level`.
+// Where the run's leaves lie at the start: near the surface and inside they are nodes of `level`.
 struct OctreePlan {
   Frame frame;
   int level = 0;
 };
 
 // Cover: leaves that will hold about half of κ lattice points, at least 4 λ wide; paper: one leaf.
-// Throws InputError, with the cure, if the surface is too large for leaves that small.
+// Throws InputError, with the cure, if the surface is too large for leaves that small at all.
 OctreePlan plan_octree(const RunParameters& parameters, const Box& surface);
 
 // About how many cells the mesh will have. May be infinite.
@@ -32,8 +33,16 @@ double estimated_num_cells(const SurfaceFacts& surface, double size);
 
 // Throws InputError, with the least size that would do, unless the mesh will fit into `free_bytes`.
 void check_room(const RunRecord& run, double free_bytes);
+// The directory, or the nearest one above it that exists.
+std::filesystem::path existing_directory(const std::filesystem::path& directory);
 // What is free where a store at `directory`, which need not exist yet, would be written.
 double free_bytes_at(const std::filesystem::path& directory);
+
+// How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
+// parameters tell what its visits will take, and one in a store, leaf by leaf.
+// Throws OverBudget, naming the least cap that would do.
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap);
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
 
 // Throws StoreMismatch, naming each parameter that differs and both its values.
 void require_same_run(const RunParameters& held, const RunParameters& asked,

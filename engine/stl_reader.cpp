@@ -36,11 +36,6 @@ std::uint64_t binary_size(std::uint64_t num_triangles) {
   return kHeaderBytes + kTriangleBytes * num_triangles;
 }
 
-void give_triangle(SurfaceSink& sink, std::uint64_t first_vertex, const FilePlace& place) {
-  const std::array<std::uint64_t, 3> corners{first_vertex, first_vertex + 1, first_vertex + 2};
-  sink.polygon(corners, place);
-}
-
 bool is_word(std::string_view word, std::string_view lower_case) {
   if (word.size() != lower_case.size()) return false;
   for (std::size_t i = 0; i < word.size(); ++i)
@@ -74,7 +69,7 @@ class AsciiStlParser {
       require(num_corners_.has_value(), "a loop stands outside a facet");
     } else if (is_word(word, "endfacet")) {
       require(num_corners_ == 3, "a facet must have three vertices");
-      give_triangle(sink_, num_vertices_ - 3, {FilePlace::Unit::kLine, file_.line_number()});
+      sink_.facet(corners_);
       num_corners_.reset();
     } else if (is_word(word, "solid")) {
       require(!is_in_solid_, "a solid begins inside a solid");
@@ -90,9 +85,7 @@ class AsciiStlParser {
   void take_vertex() {
     require(num_corners_ && *num_corners_ < 3, "a vertex too many, or outside a facet");
     const double x = scanner_.coordinate(), y = scanner_.coordinate(), z = scanner_.coordinate();
-    sink_.vertex({x, y, z});
-    ++*num_corners_;
-    ++num_vertices_;
+    corners_[static_cast<std::size_t>((*num_corners_)++)] = {x, y, z};
   }
 
   void require(bool holds, const char* what) const {
@@ -104,7 +97,7 @@ class AsciiStlParser {
   TextScanner scanner_;
   bool is_in_solid_ = false;
   std::optional<int> num_corners_;  // of the open facet
-  std::uint64_t num_vertices_ = 0;
+  std::array<Point, 3> corners_;
 };
 
 }  // namespace
@@ -126,7 +119,7 @@ void parse_binary_stl(InputFile& file, SurfaceSink& sink) {
                     "{} bytes, but it has {}; fetch or export it again",
                     num_triangles, binary_size(num_triangles), file.size()));
   file.take(kHeaderBytes);
-  sink.expect(num_triangles / 2, num_triangles);  // a closed surface has half as many vertices
+  std::array<Point, 3> corners;
   for (std::uint64_t t = 0; t < num_triangles; ++t) {
     const unsigned char* data = file.take(kTriangleBytes) + kNormalBytes;
     for (int corner = 0; corner < 3; ++corner, data += 12) {
@@ -136,9 +129,9 @@ void parse_binary_stl(InputFile& file, SurfaceSink& sink) {
             fmt::format("corner {} of triangle {} has the coordinates ({}, {}, {}), which are "
                         "not finite; remove the triangle, then close the hole",
                         corner + 1, t + 1, p.x, p.y, p.z));
-      sink.vertex(p);
+      corners[static_cast<std::size_t>(corner)] = p;
     }
-    give_triangle(sink, 3 * t, {FilePlace::Unit::kFace, t + 1});
+    sink.facet(corners);
   }
 }
 

@@ -3,220 +3,277 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <limits>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <set>
 #include <utility>
 
-#include "engine/sha256.h"
-#include "engine/surface_orientation.h"
-#include "engine/surface_reader.h"
+#include "engine/surface_check.h"
 #include "engine/surface_repair.h"
-#include "engine/surface_topology.h"
 #include "engine/triangle_soup.h"
-#include "refine/self_intersection.h"
 
 namespace locvol {
 namespace {
 
-// Outside these, products of six lengths overflow or underflow.
-constexpr double kMinDiagonal = 1e-50, kMaxDiagonal = 1e50;
-// The least number of steps between representable coordinates along the diagonal.
-constexpr double kMinResolution = 1 << 20;
+// Around triangles without area, repaired in memory.
+constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
 std::string text(const Point& p) { return fmt::format("({}, {}, {})", p.x, p.y, p.z); }
+
+std::string text(const Triangle& t) {
+  return fmt::format("triangle {} with the corners {}, {}, {}", t.id, text(t.corners[0]),
+                     text(t.corners[1]), text(t.corners[2]));
+}
+
+std::string text(const EdgeFlaws& flaws) {
+  return fmt::format("{} to {} of triangle {}", text(flaws.from), text(flaws.to),
+                     flaws.half_edge / 3);
+}
 
 std::string counted(std::uint64_t count, std::string_view one, std::string_view many) {
   return fmt::format("{} {}", count, count == 1 ? one : many);
 }
 
-// Takes a surface as read through repairs and checks, in an order in which each may rely on those
-// before it.
+// Takes a surface as read through repairs and checks. What is wrong first is told first: in an
+// order in which each check may rely on those before it.
 class SurfacePreparation {
  public:
-  SurfacePreparation(const std::filesystem::path& file, SurfaceFormat format, TriangleSoup soup)
-      : file_(file.string()), format_(format), soup_(std::move(soup)) {}
+  SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch,
+                     std::uint64_t bucket_capacity)
+      : raw_(std::move(raw)), watch_(watch), buckets_(frame, bucket_capacity) {}
 
-  InputSurface run() {
-    drop_what_is_unused();
-    check_extent();
-    pair_edges_once();
-    orient_consistently();
-    repair_collinear_triangles();
-    check_fans();
+  CheckedSurface run() {
+    const bool has_area = raw_.collinear.empty();
+    distribute({}, !has_area);
+    check(has_area ? CheckScope::kAll : CheckScope::kNeighbors);
+    check_edges();
+    check_orientation();
+    if (!has_area) {
+      distribute(flipped_triangles(), false);
+      check(CheckScope::kAll);
+      check_edges();
+      check_orientation();
+    }
+    check_vertices();
     check_self_intersection();
-    orient_outward();
+    note_repairs();
+    measure();
     return result();
   }
 
  private:
-  void drop_what_is_unused() {
-    const bool is_stl = format_ == SurfaceFormat::kBinaryStl || format_ == SurfaceFormat::kAsciiStl;
-    if (soup_.num_merged_points > 0 && !is_stl)  // STL has no other way to say what is connected
-      note("merged {} with one at the same place", soup_.num_merged_points, "point", "points");
-    if (soup_.triangles.empty()) {
-      if (soup_.vertices.empty()) refuse("is empty: it has no vertices and no faces");
-      refuse("has {} but no faces; reconstruct a surface from its points first",
-             counted(soup_.vertices.size(), "vertex", "vertices"));
-    }
-    note("dropped {} with two equal corners", drop_collapsed_triangles(soup_), "triangle",
-         "triangles");
-    if (soup_.triangles.empty())
-      refuse("has only faces whose corners coincide; it bounds no volume");
-    note("dropped {} without a face", drop_unused_vertices(soup_), "vertex", "vertices");
+  void distribute(const TriangleChanges& changes, bool is_to_be_repaired) {
+    buckets_.distribute(raw_.spill, raw_.triangles, raw_.box, changes, is_to_be_repaired, watch_);
   }
 
-  void check_extent() {
-    box_ = Box::around(soup_.vertices[0]);
-    for (const Point& p : soup_.vertices) box_ = box_.joined(p);
-    const Point size = box_.max - box_.min;
-    const double diagonal = std::hypot(size.x, size.y, size.z);
-    if (!(diagonal >= kMinDiagonal && diagonal <= kMaxDiagonal))
-      refuse(
-          "its bounding box, {} to {}, has a diagonal of {}, outside {} to {}; choose another unit",
-          text(box_.min), text(box_.max), diagonal, kMinDiagonal, kMaxDiagonal);
-    double largest = 0;
-    for (int axis = 0; axis < 3; ++axis)
-      largest = std::max({largest, std::abs(box_.min[axis]), std::abs(box_.max[axis])});
-    const double step = std::nextafter(largest, std::numeric_limits<double>::infinity()) - largest;
-    if (step * kMinResolution > diagonal)
-      refuse(
-          "lies so far from the origin ({} to {}) that its coordinates cannot tell its points "
-          "apart; move it to the origin",
-          text(box_.min), text(box_.max));
+  void check(CheckScope scope) {
+    findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_);
+    // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
+    // each; elsewhere they stay, for they are part of what is wrong.
+    drops_copies_ =
+        findings_.num_copies > 0 && findings_.edges.overused.count > 0 && !findings_.is_copy_needed;
   }
 
-  void pair_edges_once() {
-    pairing_ = pair_edges(soup_.vertices.size(), soup_.triangles);
-    if (pairing_.num_overused_edges > 0) {
-      const std::uint64_t num_dropped = drop_repeated_triangles(soup_);
-      note("dropped {} that repeated another", num_dropped, "triangle", "triangles");
-      if (num_dropped > 0) pairing_ = pair_edges(soup_.vertices.size(), soup_.triangles);
-    }
-    if (pairing_.num_border_edges > 0)
+  void check_edges() const {
+    const EdgeCounts& edges = drops_copies_ ? findings_.edges_without_copies : findings_.edges;
+    if (edges.border.count > 0)
       refuse("is not closed: {}, for example that from {}; close the holes",
-             counted(pairing_.num_border_edges, "edge belongs to one triangle only",
+             counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             text_of_edge(pairing_.first_border));
-    if (pairing_.num_overused_edges > 0)
+             text(edges.border));
+    if (edges.overused.count > 0)
       refuse(
           "is not manifold: {}, for example that from {}; separate the parts that touch there, or "
           "remove inner and doubled faces",
-          counted(pairing_.num_overused_edges, "edge belongs to more than two triangles",
+          counted(edges.overused.count, "edge belongs to more than two triangles",
                   "edges belong to more than two triangles"),
-          text_of_edge(pairing_.first_overused));
+          text(edges.overused));
   }
 
-  void orient_consistently() {
-    components_ = find_components(soup_.triangles, pairing_);
-    if (components_.conflict != kNoHalfEdge)
+  void check_orientation() const {
+    if (findings_.conflicts.count > 0)
       refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside",
-             text_of_edge(components_.conflict));
-    turn_triangles(components_.is_turned, soup_.triangles, pairing_);
+             text(findings_.conflicts));
   }
 
-  void repair_collinear_triangles() {
-    const auto collinear = find_collinear_triangles(soup_);
-    if (collinear.empty()) return;
-    const FlipResult flips = flip_collinear_triangles(soup_, pairing_, collinear);
-    if (flips.remaining)
-      refuse(
-          "{} has no area, its corners lie on a line, and there is no unambiguous repair; remove "
-          "degenerate faces",
-          text_of_triangle(*flips.remaining));
-    note("flipped an edge of {} without area", collinear.size(), "triangle", "triangles");
+  // Flips edges of triangles without area, in the piece of the surface around them, which grows
+  // until it holds all that the flips must see.
+  TriangleChanges flipped_triangles() {
+    std::set<Point> whole;  // vertices with all their triangles in the piece
+    for (const Triangle& t : raw_.collinear) whole.insert(t.corners.begin(), t.corners.end());
+    for (;;) {
+      const std::vector<Triangle> piece = triangles_around(whole);
+      TriangleSoup soup = soup_of(piece);
+      std::vector<bool> is_whole(soup.vertices.size());
+      for (std::size_t v = 0; v < is_whole.size(); ++v)
+        is_whole[v] = whole.contains(soup.vertices[v]);
+      const FlipResult flips = flip_collinear_triangles(soup, is_whole, collinear_in(piece));
+      for (const std::uint32_t v : flips.beyond) whole.insert(soup.vertices[v]);
+      if (!flips.beyond.empty()) continue;
+      const auto triangle = [&](std::uint32_t t) -> Triangle {
+        const auto& [a, b, c] = soup.triangles[t];
+        return {piece[t].id, {soup.vertices[a], soup.vertices[b], soup.vertices[c]}};
+      };
+      if (flips.remaining)
+        refuse(
+            "{} has no area, its corners lie on a line, and there is no unambiguous repair; remove "
+            "degenerate faces",
+            text(triangle(*flips.remaining)));
+      TriangleChanges changes;
+      std::ranges::transform(flips.changed, std::back_inserter(changes), triangle);
+      if (drops_copies_) change_copies(piece, triangles_around(whole, true), changes);
+      return changes;
+    }
   }
 
-  void check_fans() {
-    const PinchedVertices pinched =
-        find_pinched_vertices(soup_.vertices.size(), soup_.triangles, pairing_);
-    if (pinched.count > 0)
+  // Copies change as the first of them does, so that they remain copies. `with_copies`: the piece
+  // and the copies of its triangles.
+  static void change_copies(const std::vector<Triangle>& piece,
+                            const std::vector<Triangle>& with_copies, TriangleChanges& changes) {
+    const auto vertices_of = [](Triangle t) {
+      std::ranges::sort(t.corners);
+      return t.corners;
+    };
+    std::map<std::array<Point, 3>, std::array<Point, 3>> changed_corners;
+    for (const Triangle& change : changes) {
+      const auto before = std::ranges::lower_bound(piece, change.id, {}, &Triangle::id);
+      changed_corners[vertices_of(*before)] = change.corners;
+    }
+    for (const Triangle& t : with_copies) {
+      if (std::ranges::binary_search(piece, t.id, {}, &Triangle::id)) continue;
+      const auto changed = changed_corners.find(vertices_of(t));
+      if (changed != changed_corners.end()) changes.push_back({t.id, changed->second});
+    }
+    std::ranges::sort(changes, {}, &Triangle::id);
+  }
+
+  // All triangles with a corner among `vertices`, in order of id.
+  std::vector<Triangle> triangles_around(const std::set<Point>& vertices,
+                                         bool has_copies = false) const {
+    std::vector<MortonKey> owners;
+    for (const Point& p : vertices)
+      owners.push_back(buckets_.under(buckets_.frame().key_of(p)).front().cell);
+    std::ranges::sort(owners);
+    const auto repeated = std::ranges::unique(owners);
+    owners.erase(repeated.begin(), repeated.end());
+
+    std::vector<Triangle> piece;
+    for (const MortonKey owner : owners) {
+      const TriangleBucket& bucket = buckets_.under(owner).front();
+      const auto held = has_copies ? raw_.spill.load(bucket.triangles) : load(bucket);
+      std::ranges::copy_if(held, std::back_inserter(piece), [&](const Triangle& t) {
+        return std::ranges::any_of(t.corners, [&](const Point& p) { return vertices.contains(p); });
+      });
+      if (piece.size() > kMaxPieceTriangles)
+        refuse(
+            "has {} without area, and more than {} triangles around them; remove degenerate faces",
+            counted(raw_.collinear.size(), "triangle", "triangles"), kMaxPieceTriangles);
+    }
+    std::ranges::sort(piece, {}, &Triangle::id);
+    const auto again = std::ranges::unique(piece, {}, &Triangle::id);
+    piece.erase(again.begin(), again.end());
+    return piece;
+  }
+
+  std::vector<std::uint32_t> collinear_in(const std::vector<Triangle>& piece) const {
+    std::vector<std::uint32_t> numbers;
+    for (const Triangle& t : raw_.collinear) {
+      const auto place = std::ranges::lower_bound(piece, t.id, {}, &Triangle::id);
+      if (place != piece.end() && place->id == t.id)  // not there: a copy that was dropped
+        numbers.push_back(static_cast<std::uint32_t>(place - piece.begin()));
+    }
+    return numbers;
+  }
+
+  std::vector<Triangle> load(const TriangleBucket& bucket) const {
+    std::vector<Triangle> triangles = raw_.spill.load(bucket.triangles);
+    if (drops_copies_) drop_copies(triangles);
+    return triangles;
+  }
+
+  void check_vertices() const {
+    if (findings_.num_pinched > 0)
       refuse("is not manifold: {}, for example {}; separate the parts that touch there",
-             counted(pinched.count, "vertex joins two parts that share no edge there",
+             counted(findings_.num_pinched, "vertex joins two parts that share no edge there",
                      "vertices join parts that share no edge there"),
-             text(soup_.vertices[pinched.first]));
+             text(findings_.first_pinched));
   }
 
-  void check_self_intersection() {
-    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles);
+  void check_self_intersection() const {
+    auto pair = findings_.intersection;
+    if (!drops_copies_ && findings_.first_copy) {
+      const auto ids = [](const TrianglePair& p) { return std::pair(p.first.id, p.second.id); };
+      if (!pair || ids(*findings_.first_copy) < ids(*pair)) pair = findings_.first_copy;
+    }
     if (pair)
       refuse(
           "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
           "parts",
-          text_of_triangle(pair->first), text_of_triangle(pair->second));
+          text(pair->first), text(pair->second));
   }
 
-  // Outer shells face outward, cavities inward.
-  void orient_outward() {
-    const auto volumes = component_volumes(soup_.vertices, soup_.triangles, components_);
-    const auto is_cavity = find_cavities(soup_.vertices, soup_.triangles, components_);
-    std::vector<bool> is_wrong(components_.count);
-    for (std::uint32_t c = 0; c < components_.count; ++c) {
-      if (!volumes[c].is_certain)
-        refuse("bounds no volume, to within rounding errors{}",
-               components_.count == 1 ? "" : fmt::format(", in its component {}", c));
-      is_wrong[c] = (volumes[c].value < 0) != is_cavity[c];
-      volume_ += is_cavity[c] ? -std::abs(volumes[c].value) : std::abs(volumes[c].value);
-    }
-    std::vector<bool> is_turned(soup_.triangles.size());
+  void note_repairs() {
+    if (raw_.num_numbered_vertices > findings_.num_vertices)
+      note("left out {} of no face, or at the same place as another",
+           raw_.num_numbered_vertices - findings_.num_vertices, "vertex", "vertices");
+    note("dropped {} with two equal corners", raw_.num_collapsed, "triangle", "triangles");
+    if (drops_copies_)
+      note("dropped {} that repeated another", findings_.num_copies, "triangle", "triangles");
+    note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
+  }
+
+  // The volume is that of the material: less in cavities. Orientation is the file's own affair; the
+  // user may want to know.
+  void measure() {
+    const std::vector<SurfaceComponent>& components = findings_.components;
+    const std::vector<bool> is_cavity = cavities();
+    CompensatedSum volume;
     std::uint64_t num_turned = 0;
-    for (std::size_t t = 0; t < is_turned.size(); ++t) {
-      is_turned[t] = is_wrong[components_.of_triangle[t]];
-      if (is_turned[t] != components_.is_turned[t]) ++num_turned;
+    for (std::size_t c = 0; c < components.size(); ++c) {
+      if (!components[c].has_certain_volume())
+        refuse("bounds no volume, to within rounding errors{}",
+               components.size() == 1
+                   ? ""
+                   : fmt::format(", in its component up to {}", text(components[c].top)));
+      const double enclosed = std::abs(components[c].volume());
+      volume.add(is_cavity[c] ? -enclosed : enclosed);
+      const bool is_wrong = (components[c].volume() < 0) != is_cavity[c];
+      num_turned += is_wrong ? components[c].num_triangles - components[c].num_turned
+                             : components[c].num_turned;
     }
-    turn_triangles(is_turned, soup_.triangles, pairing_);
-    note("turned {} over, so that all face away from the material", num_turned, "triangle",
-         "triangles");
+    volume_ = volume.value();
+    note("{} toward the material, where others face away; sides are found without that", num_turned,
+         "triangle faces", "triangles face");
   }
 
-  InputSurface result() {
-    InputSurface surface;
-    SurfaceFacts& facts = surface.facts;
-    facts.file = file_;
-    facts.num_vertices = soup_.vertices.size();
-    facts.num_triangles = soup_.triangles.size();
-    facts.num_components = components_.count;
-    facts.euler_characteristic = static_cast<std::int64_t>(facts.num_vertices) -
-                                 static_cast<std::int64_t>(facts.num_triangles / 2);
-    facts.volume = volume_;
-    facts.box = box_;
-    facts.notes = std::move(notes_);
-    surface.vertices = std::move(soup_.vertices);
-    surface.triangles = std::move(soup_.triangles);
-    for (const auto& [a, b, c] : surface.triangles)
-      facts.area += 0.5 * norm(cross(surface.vertices[b] - surface.vertices[a],
-                                     surface.vertices[c] - surface.vertices[a]));
-    surface.digest = digest_of(surface);
+  std::vector<bool> cavities() {
+    if (findings_.components.size() < 2) return {false};
+    Nesting nesting(findings_.components);
+    for (const TriangleBucket& bucket : buckets_.all()) {
+      const Box cell = buckets_.frame().box(bucket.cell);
+      for (const Triangle& t : load(bucket))
+        if (owns_triangle(cell, t)) nesting.add(t);
+      watch_.advance(bucket.triangles.count);
+    }
+    return nesting.take_cavities();
+  }
+
+  CheckedSurface result() {
+    CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
+    surface.has_copies = drops_copies_;
+    surface.facts = {.file = raw_.file,
+                     .num_vertices = findings_.num_vertices,
+                     .num_triangles = findings_.num_triangles,
+                     .num_components = findings_.components.size(),
+                     .euler_characteristic = static_cast<std::int64_t>(findings_.num_vertices) -
+                                             static_cast<std::int64_t>(findings_.num_triangles / 2),
+                     .area = findings_.area.value(),
+                     .volume = volume_,
+                     .box = raw_.box,
+                     .notes = std::move(notes_)};
     return surface;
-  }
-
-  // SHA-256 of the corners' coordinates as little-endian doubles, triangle by triangle.
-  static std::string digest_of(const InputSurface& surface) {
-    Sha256 hash;
-    std::array<unsigned char, 72> bytes;
-    for (const auto& corners : surface.triangles) {
-      std::size_t i = 0;
-      for (const std::uint32_t v : corners) {
-        for (int axis = 0; axis < 3; ++axis) {
-          const auto bits = std::bit_cast<std::uint64_t>(surface.vertices[v][axis]);
-          for (int shift = 0; shift < 64; shift += 8)
-            bytes[i++] = static_cast<unsigned char>(bits >> shift);
-        }
-      }
-      hash.update(bytes.data(), bytes.size());
-    }
-    return hash.hex_digest();
-  }
-
-  std::string text_of_edge(std::uint32_t h) const {
-    return fmt::format("{} to {} of triangle {}", text(soup_.vertices[origin(soup_.triangles, h)]),
-                       text(soup_.vertices[target(soup_.triangles, h)]), h / 3);
-  }
-
-  std::string text_of_triangle(std::uint32_t t) const {
-    const auto& [a, b, c] = soup_.triangles[t];
-    return fmt::format("triangle {} with the corners {}, {}, {}", t, text(soup_.vertices[a]),
-                       text(soup_.vertices[b]), text(soup_.vertices[c]));
   }
 
   void note(std::string_view pattern, std::uint64_t count, std::string_view one,
@@ -227,25 +284,40 @@ class SurfacePreparation {
   template <typename... Args>
   [[noreturn]] void refuse(fmt::format_string<Args...> pattern, Args&&... args) const {
     throw InputError(
-        fmt::format("{}: {}", file_, fmt::format(pattern, std::forward<Args>(args)...)));
+        fmt::format("{}: {}", raw_.file, fmt::format(pattern, std::forward<Args>(args)...)));
   }
 
-  std::string file_;
-  SurfaceFormat format_;
-  TriangleSoup soup_;
-  Box box_;
-  EdgePairing pairing_;
-  Components components_;
+  RawSurface raw_;
+  IngestWatch& watch_;
+  TriangleBuckets buckets_;
+  SurfaceFindings findings_;
+  bool drops_copies_ = false;
   double volume_ = 0;
   std::vector<std::string> notes_;
 };
 
 }  // namespace
 
-InputSurface read_surface(const std::filesystem::path& file) {
-  SurfaceBuilder builder(file);
-  const SurfaceFormat format = parse_surface(file, builder);
-  return SurfacePreparation(file, format, builder.finish()).run();
+std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
+  std::vector<Triangle> triangles = spill.load(bucket.triangles);
+  if (has_copies) drop_copies(triangles);
+  return triangles;
+}
+
+CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
+                             std::uint64_t bucket_capacity) {
+  return SurfacePreparation(std::move(raw), frame, watch, bucket_capacity).run();
+}
+
+Frame frame_of(const Box& surface) {
+  const Point sides = surface.max - surface.min;
+  for (double leaf_side = std::max({sides.x, sides.y, sides.z});; leaf_side *= 2) {
+    try {
+      return Frame::around(surface, 0, leaf_side);
+    } catch (const std::invalid_argument&) {
+      // Its grid would be finer than the coordinates so far from the origin: a wider one is not.
+    }
+  }
 }
 
 }  // namespace locvol

@@ -1,42 +1,76 @@
-// Reads a surface from a file, repairs what is unambiguous, and refuses what bounds no volume.
+// Reads a surface of any size from a file, repairs what is unambiguous, and refuses what bounds no
+// volume.
+//
+//   file ──read_surface()──> RawSurface ──check_surface()──> CheckedSurface
+//
+// Both hold their triangles in temporary files. Vertices are what their coordinates are: corners at
+// one place are one vertex.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
-#include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "engine/ingest_watch.h"
+#include "engine/input_error.h"
+#include "engine/triangle_buckets.h"
+#include "engine/triangle_spill.h"
+#include "octree/frame.h"
 #include "octree/geometry.h"
 #include "storage/records.h"
 
 namespace locvol {
 
-// The input is at fault. The message names the file, the place (line, triangle, coordinates) and
-// the cure.
-class InputError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
+// What a file holds: polygons are cut into triangles, those with two equal corners are left out,
+// and no coordinate is -0.0. Ids count in the order of the file.
+struct RawSurface {
+  explicit RawSurface(const std::filesystem::path& directory) : spill(directory) {}
 
-// A closed 2-manifold without self-intersections, each edge in exactly two triangles. Orientation
-// is made consistent where possible, but nothing relies on it: sides are found by parity.
-struct InputSurface {
-  std::vector<Point> vertices;
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-  SurfaceFacts facts;
-  std::string digest;  // SHA-256 of the triangles' coordinates, hexadecimal
-
-  Triangle triangle(std::uint64_t i) const {
-    const auto& t = triangles[i];
-    return {i, {vertices[t[0]], vertices[t[1]], vertices[t[2]]}};
-  }
+  std::string file;
+  std::string digest;  // SHA-256 of the file's bytes, hexadecimal
+  Box box;
+  TriangleSpill spill;
+  TriangleList triangles;
+  std::uint64_t num_numbered_vertices = 0;  // of formats whose faces name their vertices
+  std::uint64_t num_collapsed = 0;          // triangles left out
+  std::vector<Triangle> collinear;          // those without area, in order of id
 };
 
 // STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content first, then
-// by extension. Throws InputError.
-InputSurface read_surface(const std::filesystem::path& file);
+// by extension. Temporary files are made in `directory`, which must exist.
+// Memory: 25 MB for the vertices of files that number them; 16 MB for triangles without area.
+// Throws InputError, also for what is empty or cannot be told apart in double arithmetic;
+// std::system_error where the disk fails; IngestStopped.
+RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
+                        IngestWatch& watch);
+
+// A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
+// keep the order of their corners: nothing relies on it, sides are found by parity.
+struct CheckedSurface {
+  CheckedSurface(TriangleSpill the_spill, TriangleBuckets the_buckets)
+      : spill(std::move(the_spill)), buckets(std::move(the_buckets)) {}
+
+  // The triangles that meet the bucket's box, in order of id.
+  std::vector<Triangle> load(const TriangleBucket& bucket) const;
+
+  SurfaceFacts facts;
+  TriangleSpill spill;
+  TriangleBuckets buckets;
+  bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
+};
+
+// The bucket's capacity decides how the work is cut, never its result.
+inline constexpr std::uint64_t kBucketCapacity = 50'000;
+
+// REQUIRES: the frame contains the surface
+// Memory: some 300 bytes a triangle of one bucket, 16 MB while triangles are distributed, and 60
+// bytes a component. A bucket outgrows its capacity where more triangles than that meet in a point.
+// Throws InputError, std::system_error, IngestStopped.
+CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
+                             std::uint64_t bucket_capacity = kBucketCapacity);
+
+// A frame for a surface that is checked only.
+Frame frame_of(const Box& surface);
 
 }  // namespace locvol

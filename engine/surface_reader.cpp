@@ -13,6 +13,8 @@
 namespace locvol {
 namespace {
 
+enum class SurfaceFormat { kBinaryStl, kAsciiStl, kObj, kOff, kPly };
+
 constexpr std::size_t kPeekBytes = std::size_t{1} << 16;
 
 const char* name(SurfaceFormat format) {
@@ -102,11 +104,10 @@ std::string to_string(const FilePlace& place) {
   return fmt::format("{} {}", place.unit == FilePlace::Unit::kLine ? "line" : "face", place.number);
 }
 
-SurfaceFormat parse_surface(const std::filesystem::path& path, SurfaceSink& sink) {
+std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink) {
   InputFile file(path);
   if (file.size() == 0) file.refuse("is empty (0 bytes); fetch or export it again");
-  const SurfaceFormat format = format_of(file);
-  switch (format) {
+  switch (format_of(file)) {
     case SurfaceFormat::kBinaryStl:
       parse_binary_stl(file, sink);
       break;
@@ -123,7 +124,7 @@ SurfaceFormat parse_surface(const std::filesystem::path& path, SurfaceSink& sink
       parse_ply(file, sink);
       break;
   }
-  return format;
+  return file.digest();
 }
 
 }  // namespace locvol

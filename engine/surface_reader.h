@@ -3,6 +3,7 @@
 // others.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -22,21 +23,19 @@ std::string to_string(const FilePlace& place);
 class SurfaceSink {
  public:
   virtual ~SurfaceSink() = default;
-  // About how many will come, to reserve memory: never more than the size of the file allows.
-  virtual void expect(std::uint64_t num_vertices, std::uint64_t num_polygons) = 0;
   // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
   virtual void vertex(const Point& position) = 0;
   // Any number of corners, with any numbers: they may name a vertex that comes later, or never.
   virtual void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) = 0;
+  // A triangle with corners of its own, which are no numbered vertices. They are finite.
+  virtual void facet(const std::array<Point, 3>& corners) = 0;
 };
 
-enum class SurfaceFormat { kBinaryStl, kAsciiStl, kObj, kOff, kPly };
-
-// Reads the whole file and tells its format, which its content decides, and only if that says
-// nothing, its extension. Needs memory for one buffer, whatever the size of the file.
-// Throws InputError: missing, unreadable, of no known format, damaged, cut off, with a header that
-// promises more than the file holds, with a coordinate that is not finite, or named as another
-// format than it is.
-SurfaceFormat parse_surface(const std::filesystem::path& file, SurfaceSink& sink);
+// Reads the whole file. Its content decides what format it has, and only if that says nothing, its
+// extension. Returns the SHA-256 of the file's bytes. Needs memory for one buffer, whatever the
+// size of the file. Throws InputError: missing, unreadable, of no known format, damaged, cut off,
+// with a header that promises more than the file holds, with a coordinate that is not finite, or
+// named as another format than it is.
+std::string parse_surface(const std::filesystem::path& file, SurfaceSink& sink);
 
 }  // namespace locvol

@@ -1,4 +1,5 @@
-// Repairs of a triangle surface that leave the set of its points as it is.
+// Gives triangles without area one, by flips of edges that leave the set of the surface's points as
+// it is.
 #pragma once
 
 #include <cstdint>
@@ -11,28 +12,19 @@
 
 namespace locvol {
 
-// All but find_collinear_triangles() return how much they dropped or changed; orders are kept.
-
-// Triangles with two equal corners.
-std::uint64_t drop_collapsed_triangles(TriangleSoup& soup);
-// Of triangles with the same three vertices all but the first, where each edge of that one is
-// then in exactly two triangles. Elsewhere all copies stay, for they are part of what is wrong.
-std::uint64_t drop_repeated_triangles(TriangleSoup& soup);
-// Vertices of no triangle.
-std::uint64_t drop_unused_vertices(TriangleSoup& soup);
-
-std::vector<std::uint32_t> find_collinear_triangles(const TriangleSoup& soup);
-
 struct FlipResult {
-  std::uint64_t num_flips = 0;
+  std::vector<std::uint32_t> changed;      // triangles, ascending
   std::optional<std::uint32_t> remaining;  // a triangle that could not be repaired
+  // Vertices with triangles beyond the piece that the repair must see: unless there are none, the
+  // result is void.
+  std::vector<std::uint32_t> beyond;
 };
 
-// Gives every collinear triangle an area: where its middle corner b lies on the edge ac, the
-// triangle acd beyond that edge is cut at b, and acb, acd become bad, dcb. Keeps `pairing` in step.
-// Fails where b and d are joined already.
-// REQUIRES: a closed manifold pairing, consistent orientation; `collinear` as found above
-FlipResult flip_collinear_triangles(TriangleSoup& soup, EdgePairing& pairing,
+// Where the middle corner b of a collinear triangle lies on its edge ac, the triangle acd beyond
+// that edge is cut at b, and acb, acd become bad, dcb. Fails where b and d are joined already.
+// `collinear`: the triangles to be repaired. `is_whole`: by vertex, are all its triangles here?
+// REQUIRES: the soup is a piece of a closed, orientable surface with each edge in two triangles
+FlipResult flip_collinear_triangles(TriangleSoup& soup, const std::vector<bool>& is_whole,
                                     std::vector<std::uint32_t> collinear);
 
 }  // namespace locvol

@@ -72,6 +72,14 @@ class Refinement {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
 
+  void tell(RefineStep::Action action, int condition, VertexRef ref, const MeshPoint& point) const {
+    if (input_.on_step)
+      input_.on_step({action, condition, attempt_.radius, ref, point.position, point.kind});
+  }
+  void tell_blocked() const {
+    tell(RefineStep::Action::kBlocked, attempt_.condition, 0, {0, attempt_.position, {}});
+  }
+
   void list_unresolved();
   void list_cells();
   std::string place() const;
@@ -144,10 +152,12 @@ template <class Ref>
 bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore) {
   const auto ref = pop_alive(waiting);
   if (!ref) return false;
-  if ((this->*restore)(*ref, condition) == Outcome::kBlocked)
+  if ((this->*restore)(*ref, condition) == Outcome::kBlocked) {
     blocked_.push_back({*ref, attempt_});
-  else if (is_alive(*ref))
+    tell_blocked();
+  } else if (is_alive(*ref)) {
     waiting.push_back(*ref);
+  }
   return true;
 }
 
@@ -156,11 +166,15 @@ bool Refinement::restore_next_disk() {
   const LocalIndex v = c3_.back();
   c3_.pop_back();
   is_in_c3_[v] = false;
-  if (restore_disk(v) == Outcome::kBlocked) blocked_.push_back({v, attempt_});
+  if (restore_disk(v) == Outcome::kBlocked) {
+    blocked_.push_back({v, attempt_});
+    tell_blocked();
+  }
   return true;
 }
 
-// ---- Looking for violations ---------------------------------------------------------------------
+// ---- Looking for violations
+// ---------------------------------------------------------------------
 
 void Refinement::look_at_fresh_cells() {
   const auto& fresh = mesh_.fresh_cells();
@@ -265,7 +279,8 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
   return 2 * length == n;
 }
 
-// ---- Restoring ----------------------------------------------------------------------------------
+// ---- Restoring
+// ----------------------------------------------------------------------------------
 
 Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
@@ -291,9 +306,9 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   return insert_on_surface(largest.ball_center, 3, hint);
 }
 
-// No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie within
-// v's Voronoi cell as a whole, and would be missing from the mesh: then some of its corners do, and
-// the farthest one starts to unfold it.
+// No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie
+// within v's Voronoi cell as a whole, and would be missing from the mesh: then some of its
+// corners do, and the farthest one starts to unfold it.
 Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const Point p = mesh_.local(v).point.position;
   const double size = input_.criteria.size, floor = input_.criteria.spacing_floor;
@@ -304,6 +319,7 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
     if (squared_distance(p, q) >= size * size) continue;
     if (squared_distance(p, q) <= floor * floor) break;
     if (!mesh_.is_in_voronoi_cell(q, v)) continue;
+    attempt_ = {3, q, std::sqrt(squared_distance(p, q))};
     const Outcome outcome = insert_on_surface(q, 3, mesh_.delaunay().cell_of(v));
     if (outcome == Outcome::kBlocked) return outcome;
     look_at_vertex(v);  // again, and the new one: nothing else might have changed
@@ -338,8 +354,8 @@ void Refinement::start_from_corners() {
   }
 }
 
-// A dual edge that is still inside where balls are no longer known to be empty: its end is a point
-// of the domain farther than λ from P.
+// A dual edge that is still inside where balls are no longer known to be empty: its end is a
+// point of the domain farther than λ from P.
 Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   if (!dual.open_end) return Outcome::kChanged;
@@ -366,6 +382,7 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
   mesh_.find_conflict(s->position, hint, conflict_);
   mesh_.insert(*s, s->id, conflict_);
   ++delta_.stats.points_added;
+  tell(RefineStep::Action::kTakeIn, attempt_.condition, s->id, *s);
   return true;
 }
 
@@ -393,7 +410,8 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 }
 
 // Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
-// in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
+// in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in
+// one.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
   const double size = input_.criteria.size;
   if (input_.surface->distance_bound(q) >= size) return std::nullopt;
@@ -432,6 +450,7 @@ void Refinement::delete_volume_points_near(const Point& q) {
       delta_.inserted[local.ref & ~kNewPoint].is_deleted = true;
     else
       delta_.deleted.push_back(local.point);
+    tell(RefineStep::Action::kDelete, attempt_.condition, local.ref, local.point);
     mesh_.remove(i);
     ++delta_.stats.deletions;
   }
@@ -445,6 +464,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = kNewPoint | delta_.inserted.size();
   delta_.inserted.push_back({q, kind, false});
   ++delta_.stats.insertions[std::size_t(condition - 1)];
+  tell(RefineStep::Action::kInsert, condition, ref, {0, q, kind});
   return ref;
 }
 
@@ -462,7 +482,8 @@ std::string Refinement::place() const {
   return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
 }
 
-// ---- The result ---------------------------------------------------------------------------------
+// ---- The result
+// ---------------------------------------------------------------------------------
 
 // What was blocked counts only if nothing that was done later restored it.
 void Refinement::list_unresolved() {
@@ -479,8 +500,8 @@ void Refinement::list_unresolved() {
   }
 }
 
-// Vertices ascending as far as a positive orientation permits, cells ascending: the same list from
-// the same set of cells.
+// Vertices ascending as far as a positive orientation permits, cells ascending: the same list
+// from the same set of cells.
 void Refinement::list_cells() {
   const Delaunay& delaunay = mesh_.delaunay();
   for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
@@ -504,9 +525,13 @@ void Refinement::list_cells() {
 }  // namespace
 
 LeafDelta refine_leaf(const LeafInput& input) {
-  if (const auto revisit = Revisit::of(input)) {
+  if (auto revisit = Revisit::of(input)) {
+    std::vector<RefineStep> steps;  // told only if they count
+    if (input.on_step)
+      revisit->part().on_step = [&](const RefineStep& step) { steps.push_back(step); };
     LeafDelta delta = Refinement(revisit->part(), LeafMesh::OwnPoints::kListed).run();
     if (revisit->is_complete(delta)) {
+      std::ranges::for_each(steps, [&](const RefineStep& step) { input.on_step(step); });
       revisit->add_kept_cells(delta);
       return delta;
     }

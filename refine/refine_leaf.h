@@ -48,6 +48,19 @@ struct LastVisit {
   std::vector<std::array<VertexRef, 4>> cells;  // LeafDelta::cells, with ids for all vertices
 };
 
+// One change that a visit makes, or finds forbidden. The points that an insertion deletes come
+// right before it.
+struct RefineStep {
+  enum class Action { kInsert, kDelete, kTakeIn, kBlocked };
+  Action action = Action::kInsert;
+  int condition = 0;  // 1 … 6, the one that is restored
+  double radius = 0;  // of its surface ball or circumsphere; 0 if it has none
+  // The point inserted, deleted, or taken in from P; kBlocked: that the spacing floor forbids.
+  VertexRef point = 0;  // kBlocked: nothing
+  Point position;
+  PointKind kind = PointKind::kSurface;  // kBlocked: nothing
+};
+
 struct LeafInput {
   Criteria criteria;
   Box box;  // of the leaf, half-open: own points have min <= p < max
@@ -62,6 +75,7 @@ struct LeafInput {
   // REQUIRES: that visit was not overfull, and left nothing unresolved; a finite reach
   std::optional<LastVisit> last_visit = std::nullopt;
   std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
+  std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
 };
 
 struct InsertedPoint {

@@ -22,7 +22,7 @@ class Revisit {
 
   // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
   // into the box are own. Valid while the Revisit lives.
-  const LeafInput& part() const { return part_; }
+  LeafInput& part() { return part_; }
   // Whether what the visit of part() changed leaves the stars of all other own points as they were.
   bool is_complete(const LeafDelta& delta) const;
   // Completes its cells by those that the leaf keeps.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace locvol {
@@ -28,93 +29,103 @@ std::uint64_t spread_bits(double v, double low, double extent) {
   return (x | x << 2) & 0x1249249249249249;
 }
 
-// A tree without pointers: node i of level l has the children kFanOut·i … of level l - 1; the
-// children of level 0 are runs of triangles in `order_`.
+Box common(const Box& a, const Box& b) {
+  return {{std::max(a.min.x, b.min.x), std::max(a.min.y, b.min.y), std::max(a.min.z, b.min.z)},
+          {std::min(a.max.x, b.max.x), std::min(a.max.y, b.max.y), std::min(a.max.z, b.max.z)}};
+}
+
+// A tree without pointers: node i of level l has the children kFanOut·i … of level l - 1; level 0
+// holds the triangles, with the part of their boxes in the region.
 class TriangleTree {
  public:
-  TriangleTree(std::span<const Point> vertices, std::span<const Corners> triangles)
-      : vertices_(vertices), triangles_(triangles) {
-    sort_along_curve();
+  TriangleTree(std::span<const Point> vertices, std::span<const Corners> triangles,
+               const Box& region)
+      : levels_(1) {
+    std::vector<Node> nodes;
+    nodes.reserve(triangles.size());
+    for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+      const auto& [a, b, c] = triangles[t];
+      const Box box = Box::around(vertices[a]).joined(vertices[b]).joined(vertices[c]);
+      nodes.push_back({common(box, region), t});
+    }
+    sort_along_curve(nodes);
     build_levels();
   }
 
-  Box box(std::uint32_t triangle) const {
-    const Corners& t = triangles_[triangle];
-    return Box::around(vertices_[t[0]]).joined(vertices_[t[1]]).joined(vertices_[t[2]]);
-  }
-
-  // Appends the triangles with a number above `above` whose boxes overlap `query`.
-  void overlapping(const Box& query, std::uint32_t above, std::vector<std::uint32_t>& found) const {
+  // visit(s, t) for every two triangles whose boxes overlap, once, in either order; not for pairs
+  // without a number up to `limit`, which visits may lower.
+  template <class Visit>
+  void for_each_pair(const std::uint32_t& limit, const Visit& visit) const {
     const std::size_t top = levels_.size() - 1;
-    for (std::size_t i = 0; i < levels_[top].size(); ++i) visit(top, i, query, above, found);
+    pairs_within(top, 0, levels_[top].size(), limit, visit);
   }
 
  private:
   static constexpr std::size_t kFanOut = 4;
   struct Node {
     Box box;
-    std::uint32_t max_triangle = 0;
+    std::uint32_t triangle = 0;  // the smallest below
   };
 
-  void sort_along_curve() {
-    Box all = Box::around(vertices_[triangles_[0][0]]);
-    for (std::uint32_t t = 0; t < triangles_.size(); ++t) all = all.joined(box(t));
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(triangles_.size());
-    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-      const Point c = box(t).center();
+  void sort_along_curve(const std::vector<Node>& nodes) {
+    Box all = nodes[0].box;
+    for (const Node& node : nodes) all = all.joined(node.box);
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(nodes.size());
+    for (std::uint32_t t = 0; t < nodes.size(); ++t) {
+      const Point c = nodes[t].box.center();
       keys[t] = {spread_bits(c.x, all.min.x, all.max.x - all.min.x) |
                      spread_bits(c.y, all.min.y, all.max.y - all.min.y) << 1 |
                      spread_bits(c.z, all.min.z, all.max.z - all.min.z) << 2,
                  t};
     }
     std::sort(keys.begin(), keys.end());
-    order_.reserve(keys.size());
-    for (const auto& [key, t] : keys) order_.push_back(t);
+    levels_[0].reserve(keys.size());
+    for (const auto& [key, t] : keys) levels_[0].push_back(nodes[t]);
   }
 
   void build_levels() {
-    std::vector<Node> level;
-    for (std::size_t begin = 0; begin < order_.size(); begin += kFanOut) {
-      const std::size_t end = std::min(begin + kFanOut, order_.size());
-      Node node{box(order_[begin]), order_[begin]};
-      for (std::size_t i = begin + 1; i < end; ++i)
-        node = {node.box.joined(box(order_[i])), std::max(node.max_triangle, order_[i])};
-      level.push_back(node);
-    }
-    levels_.push_back(std::move(level));
     while (levels_.back().size() > kFanOut) {
       const std::vector<Node>& below = levels_.back();
       std::vector<Node> next;
+      next.reserve(below.size() / kFanOut + 1);
       for (std::size_t begin = 0; begin < below.size(); begin += kFanOut) {
         const std::size_t end = std::min(begin + kFanOut, below.size());
         Node node = below[begin];
         for (std::size_t i = begin + 1; i < end; ++i)
-          node = {node.box.joined(below[i].box),
-                  std::max(node.max_triangle, below[i].max_triangle)};
+          node = {node.box.joined(below[i].box), std::min(node.triangle, below[i].triangle)};
         next.push_back(node);
       }
       levels_.push_back(std::move(next));
     }
   }
 
-  void visit(std::size_t level, std::size_t i, const Box& query, std::uint32_t above,
-             std::vector<std::uint32_t>& found) const {
-    const Node& node = levels_[level][i];
-    if (node.max_triangle <= above || !node.box.overlaps(query)) return;
-    const std::size_t begin = kFanOut * i;
-    const std::size_t end =
-        std::min(begin + kFanOut, level == 0 ? order_.size() : levels_[level - 1].size());
-    for (std::size_t child = begin; child < end; ++child) {
-      if (level > 0)
-        visit(level - 1, child, query, above, found);
-      else if (order_[child] > above && box(order_[child]).overlaps(query))
-        found.push_back(order_[child]);
+  // Among the nodes begin … end - 1 of a level.
+  template <class Visit>
+  void pairs_within(std::size_t level, std::size_t begin, std::size_t end,
+                    const std::uint32_t& limit, const Visit& visit) const {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (level > 0) pairs_within(level - 1, kFanOut * i, end_of_children(level, i), limit, visit);
+      for (std::size_t j = i + 1; j < end; ++j) pairs_of(level, i, j, limit, visit);
     }
   }
 
-  std::span<const Point> vertices_;
-  std::span<const Corners> triangles_;
-  std::vector<std::uint32_t> order_;
+  template <class Visit>
+  void pairs_of(std::size_t level, std::size_t i, std::size_t j, const std::uint32_t& limit,
+                const Visit& visit) const {
+    const Node &a = levels_[level][i], &b = levels_[level][j];
+    if (!a.box.overlaps(b.box) || std::min(a.triangle, b.triangle) > limit) return;
+    if (level == 0) return visit(a.triangle, b.triangle);
+    const std::size_t end_a = end_of_children(level, i), end_b = end_of_children(level, j);
+    for (std::size_t k = kFanOut * i; k < end_a; ++k) {
+      if (!levels_[level - 1][k].box.overlaps(b.box)) continue;
+      for (std::size_t l = kFanOut * j; l < end_b; ++l) pairs_of(level - 1, k, l, limit, visit);
+    }
+  }
+
+  std::size_t end_of_children(std::size_t level, std::size_t i) const {
+    return std::min(kFanOut * (i + 1), levels_[level - 1].size());
+  }
+
   std::vector<std::vector<Node>> levels_;
 };
 
@@ -270,19 +281,21 @@ class PairTest {
 }  // namespace
 
 std::optional<IntersectingPair> find_self_intersection(std::span<const Point> vertices,
-                                                       std::span<const Corners> triangles) {
+                                                       std::span<const Corners> triangles,
+                                                       const Box& region) {
   if (triangles.empty()) return std::nullopt;
-  const TriangleTree tree(vertices, triangles);
+  const TriangleTree tree(vertices, triangles, region);
   const PairTest test(vertices, triangles);
-  std::vector<std::uint32_t> candidates;
-  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-    candidates.clear();
-    tree.overlapping(tree.box(t), t, candidates);
-    std::sort(candidates.begin(), candidates.end());
-    for (const std::uint32_t other : candidates)
-      if (test.intersect(t, other)) return IntersectingPair{t, other};
-  }
-  return std::nullopt;
+  std::optional<IntersectingPair> smallest;
+  std::uint32_t limit = std::numeric_limits<std::uint32_t>::max();
+  tree.for_each_pair(limit, [&](std::uint32_t s, std::uint32_t t) {
+    const IntersectingPair pair{std::min(s, t), std::max(s, t)};
+    if (smallest && *smallest < pair) return;
+    if (!test.intersect(pair.first, pair.second)) return;
+    smallest = pair;
+    limit = pair.first;
+  });
+  return smallest;
 }
 
 }  // namespace locvol

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -12,15 +14,20 @@ namespace locvol {
 
 struct IntersectingPair {
   std::uint32_t first = 0, second = 0;  // triangles, first < second
-  friend bool operator==(const IntersectingPair&, const IntersectingPair&) = default;
+  friend auto operator<=>(const IntersectingPair&, const IntersectingPair&) = default;
 };
 
+inline constexpr double kEndless = std::numeric_limits<double>::infinity();
+inline constexpr Box kEverywhere{{-kEndless, -kEndless, -kEndless}, {kEndless, kEndless, kEndless}};
+
 // The smallest pair (by first, then second) of triangles that meet anywhere but in the vertices and
-// the edge they share, or nothing. Vertices are told apart by their index.
-// Memory: about 30 bytes a triangle. Time: about T log T, and the search ends at the first pair.
+// the edge they share, or nothing. Vertices are told apart by their index. Pairs that can meet
+// outside `region` only may be left out.
+// Memory: about 80 bytes a triangle. Time: about T log T, 0.6 µs a triangle.
 // REQUIRES: different vertices have different coordinates; no triangle is collinear; coordinates
 // differ by at most 1e50 and are finite
 std::optional<IntersectingPair> find_self_intersection(
-    std::span<const Point> vertices, std::span<const std::array<std::uint32_t, 3>> triangles);
+    std::span<const Point> vertices, std::span<const std::array<std::uint32_t, 3>> triangles,
+    const Box& region = kEverywhere);
 
 }  // namespace locvol

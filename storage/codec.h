@@ -27,9 +27,10 @@ class DecodeError : public std::runtime_error {
 
 // Equal records give equal bytes. `leaf` goes into the bytes, so that a record which turns up in
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
-// For StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface, LeafUnresolved and
-// QueueEntry. Safe from many threads; a thread keeps its zstd contexts (about 1 MB) until it ends.
-// REQUIRES: enumerators in range, LeafCells::cells index LeafCells::vertices
+// For StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface, LeafUnresolved,
+// QueueEntry and MemoryRecord. Safe from many threads; a thread keeps its zstd contexts (about
+// 1 MB) until it ends.
+// REQUIRES: enumerators and conditions in range, LeafCells::cells index LeafCells::vertices
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf);
 

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 // LMDB 0.9 on disk, 64 bits, little-endian. A page (its size is in the meta pages):
@@ -23,6 +24,7 @@
 //   | free | (upper) nodes ... |                    overflow pages: count u32 instead of lower,
 //   upper
 //
+// The nodes fill the page from its end on without gaps, in any order, each of an even length.
 // A node; in a branch page, size and flags together are the child's page number (48 bits). A value
 // that does not fit is 8 bytes, the number of its first overflow page:
 //
@@ -86,6 +88,10 @@ std::uint64_t size_of(int file) {
   if (fstat(file, &status) != 0)
     throw DamagedFile("unreadable: " + std::generic_category().message(errno));
   return static_cast<std::uint64_t>(status.st_size);
+}
+
+std::uint64_t num_overflow_pages(std::uint64_t value_bytes, std::uint32_t page_size) {
+  return (kPageHeader - 1 + value_bytes) / page_size + 1;
 }
 
 struct Tree {
@@ -173,10 +179,13 @@ class PageChecker {
 
   void check_tree(const Tree& tree, bool is_free_list);
   void check_page(std::uint64_t page, Level level);
+  void check_extents(std::size_t upper);
   void check_order(const Node& before, const Node& node, Level level) const;
   void check_leaf_node(const Node& node, bool is_free_list);
   void check_free_pages(const Node& node);
   Node node_at(std::string_view page, std::size_t index) const;
+  static std::pair<std::size_t, std::size_t> extent(std::string_view page, const Node& node,
+                                                    Level level);
   std::uint64_t take_overflow_pages(const Node& node);
   void take(std::uint64_t page, std::uint64_t count = 1);
 
@@ -190,6 +199,7 @@ class PageChecker {
   // Of the tree in hand.
   std::vector<std::uint64_t> children_;
   Tree counted_;
+  std::vector<std::pair<std::size_t, std::size_t>> extents_;  // of a page's nodes: begin, bytes
 };
 
 void PageChecker::run(const Meta& meta) {
@@ -236,6 +246,7 @@ void PageChecker::check_page(std::uint64_t number, Level level) {
   require(num_nodes >= (level.is_leaf || level.is_free_list ? 1u : 2u),
           "a page with too few nodes");
   std::optional<Node> before;
+  extents_.clear();
   for (std::size_t i = 0; i < num_nodes; ++i) {
     const Node node = node_at(page, i);
     // The first key of a branch page stands for "less than the second", and is not looked at.
@@ -245,8 +256,10 @@ void PageChecker::check_page(std::uint64_t number, Level level) {
     } else {
       children_.push_back(node.child());
     }
+    extents_.push_back(extent(page, node, level));
     before = node;
   }
+  check_extents(upper);
   ++(level.is_leaf ? counted_.num_leaf : counted_.num_branch);
   if (level.is_leaf) counted_.num_entries += num_nodes;
 }
@@ -260,6 +273,25 @@ PageChecker::Node PageChecker::node_at(std::string_view page, std::size_t index)
   require(key_size <= kMaxKey && key + key_size <= page.size(), "a key outside its page");
   return {load<std::uint32_t>(page, at), load<std::uint16_t>(page, at + 4),
           page.substr(key, key_size), page.substr(key + key_size)};
+}
+
+// Node by node without a gap to the end of the page: where they are not, writing moves the wrong
+// bytes, even beyond the page.
+void PageChecker::check_extents(std::size_t upper) {
+  std::ranges::sort(extents_);
+  std::size_t end = upper;
+  for (const auto& [begin, bytes] : extents_) {
+    require(begin == end, "nodes that overlap");
+    end += bytes;
+  }
+  require(end == page_size_, "nodes that overlap");
+}
+
+std::pair<std::size_t, std::size_t> PageChecker::extent(std::string_view page, const Node& node,
+                                                        Level level) {
+  const std::size_t value = !level.is_leaf ? 0 : node.flags == kBigValue ? 8 : node.size;
+  const std::size_t bytes = kNodeHeader + node.key.size() + value;
+  return {static_cast<std::size_t>(node.key.data() - page.data()) - kNodeHeader, bytes + bytes % 2};
 }
 
 void PageChecker::check_order(const Node& before, const Node& node, Level level) const {
@@ -290,7 +322,7 @@ void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
 std::uint64_t PageChecker::take_overflow_pages(const Node& node) {
   require(node.value.size() >= 8, "a value outside its page");
   const auto first = load<std::uint64_t>(node.value, 0);
-  const std::uint64_t count = (kPageHeader - 1 + std::uint64_t{node.size}) / page_size_ + 1;
+  const std::uint64_t count = num_overflow_pages(node.size, page_size_);
   take(first, count);
   counted_.num_overflow += count;
   return first;
@@ -327,6 +359,16 @@ void PageChecker::take(std::uint64_t page, std::uint64_t count) {
 
 }  // namespace
 
+bool has_content(int file) try {
+  constexpr std::uint64_t kMinPageBytes = 512;
+  if (size_of(file) < kNumMetaPages * kMinPageBytes) return false;
+  const Meta first = read_meta(file, 0, 0);
+  if (size_of(file) < kNumMetaPages * first.page_size) return false;
+  return first.main.root != kNoPage || read_meta(file, 1, first.page_size).main.root != kNoPage;
+} catch (const DamagedFile&) {
+  return true;
+}
+
 void check_meta_pages(int file) {
   constexpr int kMaxTries = 3;  // a live writer may commit between the two reads
   for (int tries = 1;; ++tries) {
@@ -346,6 +388,17 @@ bool check_pages(int file, std::uint64_t txn) {
     return true;
   }
   return false;
+}
+
+// Right behind a page's header, there are node offsets in a page with nodes.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size) {
+  if (offset % page_size != kPageHeader) return;
+  const std::string_view header(value - kPageHeader, kPageHeader);
+  require(load<std::uint64_t>(header, 0) == offset / page_size &&
+              load<std::uint16_t>(header, 10) == kOverflow &&
+              load<std::uint32_t>(header, 12) == num_overflow_pages(value_bytes, page_size),
+          "a damaged overflow page");
 }
 
 }  // namespace locvol

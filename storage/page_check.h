@@ -16,6 +16,10 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Whether anything was ever committed to the file. A file too damaged to tell counts as one to
+// which something was.
+bool has_content(int file);
+
 // What opening the environment relies on: the two meta pages. Throws DamagedFile.
 void check_meta_pages(int file);
 
@@ -26,5 +30,11 @@ void check_meta_pages(int file);
 // by level; keeps 1 bit per page of the file. Throws DamagedFile.
 // REQUIRES: check_meta_pages(file) passed; a read transaction keeps that state's pages in place.
 bool check_pages(int file, std::uint64_t txn);
+
+// What freeing a value relies on, which check_pages() does not read: the header of the overflow
+// pages that it is on, if it is on such. `value` is `offset` bytes from the beginning of the file,
+// or of its map. Throws DamagedFile.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size);
 
 }  // namespace locvol

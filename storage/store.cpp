@@ -11,6 +11,7 @@
 
 #include "storage/codec.h"
 #include "storage/environment.h"
+#include "storage/file_system.h"
 
 // Keys and values in the databases
 // ================================
@@ -34,7 +35,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -165,6 +166,17 @@ bool is_blob(Database database) { return std::ranges::find(kBlobs, database) != 
 using PendingRecords = std::map<std::string, std::optional<std::string>, std::less<>>;
 using Pending = std::array<PendingRecords, kNumDatabases>;
 
+// A pending record's node in the map, its key and the heap's own headers.
+constexpr std::uint64_t kPendingBytes = 160;
+
+// The pages that writing a record changes, at most: the tree's pages down to it, and its chunks,
+// whose keys fill a page of the tree for every hundred of them.
+std::uint64_t page_bytes_of(Database database, std::uint64_t record_bytes) {
+  constexpr std::uint64_t kPageBytes = 4096 + 64, kChangedPages = 2;
+  const std::uint64_t num_chunks = is_blob(database) ? num_chunks_of(record_bytes) : 0;
+  return (kChangedPages + num_chunks + num_chunks / 100) * kPageBytes;
+}
+
 void write_pending(Environment::Transaction& transaction, Database database,
                    const PendingRecords& records) {
   for (const auto& [key, record] : records) {
@@ -186,10 +198,12 @@ void write_pending(Environment::Transaction& transaction, Database database,
 // Of a Snapshot, and of a Batch, whose pending records go before the stored ones.
 struct Reader::Impl {
   std::shared_ptr<Environment> environment;
-  Environment::WriteTurn turn;            // null in a Snapshot
-  std::optional<Environment::View> view;  // none when a Batch is over
+  Environment::WriteTurn turn;              // null in a Snapshot
+  std::shared_ptr<Environment::View> view;  // null when a Batch is over
   Pending pending;
   std::uint64_t bytes_written = 0;
+  std::uint64_t memory_bytes = 0;  // of what is pending
+  std::uint64_t commit_bytes = 0;
 
   struct Entries {
     std::map<std::string, std::string> records;
@@ -208,14 +222,23 @@ struct Reader::Impl {
   Record list(Database database, MortonKey leaf) const;
   template <class Record, class List>
   void put_list(Database database, MortonKey leaf, const Record& record, const List& list);
-  void for_each(Database database, const Visit& visit) const;
-  Entries entries_from(Database database, const std::string& from) const;
+  static constexpr std::size_t kStride = 64;
+  void for_each(Database database, const Visit& visit, std::string from = {},
+                std::size_t stride = kStride) const;
+  Entries entries_from(Database database, const std::string& from, std::size_t stride) const;
 };
 
 void Reader::Impl::put(Database database, std::string key, std::optional<std::string> record) {
   assert(view && "the batch is over");
-  if (record) bytes_written += record->size();
-  pending[static_cast<std::size_t>(database)].insert_or_assign(std::move(key), std::move(record));
+  const std::uint64_t record_bytes = record ? record->size() : 0;
+  PendingRecords& records = pending[static_cast<std::size_t>(database)];
+  const auto [place, is_new] = records.try_emplace(std::move(key));
+  std::optional<std::string>& held = place->second;
+  if (is_new) memory_bytes += kPendingBytes;
+  memory_bytes += record_bytes - (held ? held->size() : 0);  // modulo 2^64, as it should be
+  bytes_written += record_bytes;
+  commit_bytes += page_bytes_of(database, record_bytes);
+  held = std::move(record);
 }
 
 std::optional<std::string> Reader::Impl::find(Database database, const std::string& key) const {
@@ -255,10 +278,10 @@ void Reader::Impl::put_list(Database database, MortonKey leaf, const Record& rec
 
 // Visits some entries at a time, with no call into LMDB under way meanwhile: the visitor may read,
 // write and commit.
-void Reader::Impl::for_each(Database database, const Visit& visit) const {
-  std::string from;
+void Reader::Impl::for_each(Database database, const Visit& visit, std::string from,
+                            std::size_t stride) const {
   for (bool is_last = false; !is_last;) {
-    const Entries entries = entries_from(database, from);
+    const Entries entries = entries_from(database, from, stride);
     for (const auto& [key, record] : entries.records)
       if (!visit(key, record)) return;
     is_last = entries.is_last;
@@ -267,13 +290,13 @@ void Reader::Impl::for_each(Database database, const Visit& visit) const {
 }
 
 // Some entries from key `from` on, pending over stored.
-Reader::Impl::Entries Reader::Impl::entries_from(Database database, const std::string& from) const {
-  constexpr std::size_t kStride = 64;
+Reader::Impl::Entries Reader::Impl::entries_from(Database database, const std::string& from,
+                                                 std::size_t stride) const {
   assert(view && "the batch is over");
   Entries entries;
   view->scan(database, from, [&](std::string_view key, std::string_view record) {
     entries.records.emplace(key, record);
-    entries.is_last = entries.records.size() < kStride;
+    entries.is_last = entries.records.size() < stride;
     entries.next = std::string(key) + '\0';  // the least key above
     return entries.is_last;
   });
@@ -297,6 +320,12 @@ std::optional<RunRecord> Reader::run() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kRunKey));
   if (!bytes) return std::nullopt;
   return decode_in<RunRecord>(Database::kMeta, *bytes, MortonKey());
+}
+
+std::optional<MemoryRecord> Reader::memory() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kMemoryKey));
+  if (!bytes) return std::nullopt;
+  return decode_in<MemoryRecord>(Database::kMeta, *bytes, MortonKey());
 }
 
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
@@ -330,6 +359,17 @@ std::vector<MortonKey> Reader::leaf_keys() const {
   return keys;
 }
 
+std::vector<MortonKey> Reader::leaf_keys(MortonKey from, std::size_t max) const {
+  std::vector<MortonKey> keys;
+  const auto take = [&](const std::string& key, const std::string&) {
+    keys.push_back(leaf_of_key(Database::kLeaves, key, 0));
+    return keys.size() < max;
+  };
+  if (max > 0)
+    impl_->for_each(Database::kLeaves, take, leaf_key(from), std::min(max, Impl::kStride));
+  return keys;
+}
+
 void Reader::for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const {
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string& record) {
     const MortonKey leaf = leaf_of_key(Database::kLeaves, key, 0);
@@ -355,6 +395,18 @@ void Reader::for_each_queued(const std::function<bool(const QueueEntry&)>& visit
   });
 }
 
+std::vector<QueuePlace> Reader::queue_places(const QueuePlace& from, std::size_t max) const {
+  std::vector<QueuePlace> places;
+  const auto take = [&](const std::string& key, const std::string&) {
+    const MortonKey leaf = leaf_of_key(Database::kQueue, key, 2 * sizeof(std::uint32_t));
+    places.push_back(
+        {{big_endian_at<std::uint32_t>(key, 0), big_endian_at<std::uint32_t>(key, 4)}, leaf});
+    return places.size() < max;
+  };
+  if (max > 0) impl_->for_each(Database::kQueue, take, queue_key(from.position, from.leaf));
+  return places;
+}
+
 std::optional<QueueEntry> Reader::queue_entry(QueuePosition position, MortonKey leaf) const {
   const std::string key = queue_key(position, leaf);
   const auto bytes = impl_->find(Database::kQueue, key);
@@ -375,6 +427,10 @@ Batch::~Batch() = default;
 
 void Batch::put_run(const RunRecord& run) {
   impl_->put(Database::kMeta, std::string(kRunKey), encode(run, MortonKey()));
+}
+
+void Batch::put_memory(const MemoryRecord& memory) {
+  impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
 }
 
 void Batch::put_leaf(MortonKey key, const LeafInfo& info) {
@@ -414,6 +470,8 @@ void Batch::erase_queue_entry(QueuePosition position, MortonKey leaf) {
 }
 
 std::uint64_t Batch::bytes_written() const { return impl_->bytes_written; }
+std::uint64_t Batch::memory_bytes() const { return impl_->memory_bytes; }
+std::uint64_t Batch::commit_bytes() const { return impl_->commit_bytes; }
 
 void Batch::commit() {
   assert(impl_->view && "the batch is over");
@@ -431,6 +489,7 @@ void Batch::commit() {
 struct Store::Impl {
   std::shared_ptr<Environment> environment;
   bool is_read_only = false;
+  std::shared_ptr<Environment::View> moment;  // null: the store as it is at each time
 };
 
 Store::Store(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -445,21 +504,37 @@ Store Store::open(const std::filesystem::path& directory, const StoreOptions& op
       throw StoreError("store " + directory.string() + ": there is no such directory");
     make_directory(directory);
   }
-  return Store(std::make_unique<Impl>(Environment::open(directory, options), options.read_only));
+  return Store(std::make_unique<Impl>(
+      Impl{Environment::open(directory, options), options.read_only, nullptr}));
 }
 
 bool Store::exists(const std::filesystem::path& directory) {
+  return Environment::exists(directory);
+}
+
+bool Store::owns(const std::filesystem::path& directory) {
+  constexpr std::array kNames = {"data.mdb", "lock.mdb", "writer.lock"};
   std::error_code unknown;
-  const std::uintmax_t bytes = std::filesystem::file_size(directory / "data.mdb", unknown);
-  return !unknown && bytes > 0;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, unknown))
+    if (std::ranges::find(kNames, entry.path().filename()) == kNames.end()) return false;
+  return !unknown;
 }
 
 Snapshot Store::snapshot() const {
   auto impl = std::make_unique<Snapshot::Impl>();
   impl->environment = impl_->environment;
-  impl->view.emplace(impl_->environment->view());
+  impl->view = impl_->moment;
+  if (!impl->view) impl->view = std::make_shared<Environment::View>(impl_->environment->view());
   return Snapshot(std::move(impl));
 }
+
+Store Store::frozen() const {
+  auto moment = impl_->moment;
+  if (!moment) moment = std::make_shared<Environment::View>(impl_->environment->view());
+  return Store(std::make_unique<Impl>(Impl{impl_->environment, true, std::move(moment)}));
+}
+
+std::optional<std::string> Store::writer() const { return WriterLock::holder(directory()); }
 
 Batch Store::begin() {
   if (impl_->is_read_only)
@@ -467,11 +542,12 @@ Batch Store::begin() {
   auto impl = std::make_unique<Batch::Impl>();
   impl->environment = impl_->environment;
   impl->turn = impl_->environment->wait_for_write_turn();
-  impl->view.emplace(impl_->environment->view());
+  impl->view = std::make_shared<Environment::View>(impl_->environment->view());
   return Batch(std::move(impl));
 }
 
 std::vector<DatabaseSize> Store::sizes() const { return impl_->environment->sizes(); }
+std::uint64_t Store::mapped_bytes() const { return impl_->environment->mapped_bytes(); }
 void Store::release_pages() const { impl_->environment->release_pages(); }
 const std::filesystem::path& Store::directory() const { return impl_->environment->directory(); }
 

@@ -37,6 +37,9 @@ std::string duration_text(double seconds) {
 
 std::string progress_text(const Progress& progress, double seconds,
                           std::optional<double> seconds_left) {
+  if (progress.phase == Phase::kIngest)
+    return fmt::format("{} ingest: {} triangles read, checked and cut", duration_text(seconds),
+                       progress.num_triangles);
   std::string text =
       fmt::format("{} {}: {} leaves, {} queued", duration_text(seconds), phase_name(progress.phase),
                   progress.num_leaves, progress.num_queued);

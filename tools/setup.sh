@@ -7,7 +7,8 @@ packages=(
   g++ cmake ninja-build
   libcgal-dev                             # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
-  libcli11-dev libfmt-dev nlohmann-json3-dev          # tools/
+  libfmt-dev libssl-dev                   # engine/
+  libcli11-dev nlohmann-json3-dev         # tools/
   libgtest-dev libbenchmark-dev           # tests/
   "$@"
 )

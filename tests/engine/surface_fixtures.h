@@ -16,9 +16,45 @@
 #include <vector>
 
 #include "engine/surface_input.h"
+#include "engine/triangle_soup.h"
 #include "octree/geometry.h"
 
 namespace locvol {
+
+// A checked surface, in memory.
+struct InputSurface {
+  SurfaceFacts facts;
+  std::string digest;
+  std::vector<Triangle> pieces;  // in order of id
+  std::vector<Point> vertices;
+  std::vector<TriangleCorners> triangles;
+
+  std::vector<std::array<Point, 3>> corners() const {
+    std::vector<std::array<Point, 3>> corners;
+    for (const Triangle& t : pieces) corners.push_back(t.corners);
+    return corners;
+  }
+};
+
+inline InputSurface read_whole_surface(const std::filesystem::path& file,
+                                       std::uint64_t bucket_capacity = kBucketCapacity) {
+  IngestWatch watch;
+  InputSurface surface;
+  RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
+  surface.digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, bucket_capacity);
+  surface.facts = checked.facts;
+  for (const TriangleBucket& bucket : checked.buckets.all())
+    for (const Triangle& t : checked.load(bucket)) surface.pieces.push_back(t);
+  std::ranges::sort(surface.pieces, {}, &Triangle::id);
+  const auto again = std::ranges::unique(surface.pieces, {}, &Triangle::id);
+  surface.pieces.erase(again.begin(), again.end());
+  TriangleSoup soup = soup_of(surface.pieces);
+  surface.vertices = std::move(soup.vertices);
+  surface.triangles = std::move(soup.triangles);
+  return surface;
+}
 
 // A directory of its own for each test, gone with it.
 class SurfaceFiles {
@@ -42,7 +78,7 @@ class SurfaceFiles {
     return path;
   }
   InputSurface read(const std::string& name, std::string_view content) const {
-    return read_surface(write(name, content));
+    return read_whole_surface(write(name, content));
   }
 
  private:
@@ -193,15 +229,17 @@ inline std::vector<NamedFile> in_every_format(const Polygons& s) {
           {"big.ply", to_ply(s, PlyEncoding::kBigEndian)}};
 }
 
-// What every surface that is accepted must be: closed, each edge run along once either way.
-inline void expect_closed_and_oriented(const InputSurface& s) {
+// What every surface that is accepted must be: closed, each edge in two triangles.
+inline void expect_closed(const InputSurface& s) {
   std::vector<std::array<std::uint32_t, 2>> edges;
   for (const auto& t : s.triangles)
-    for (std::size_t k = 0; k < 3; ++k) edges.push_back({t[k], t[(k + 1) % 3]});
+    for (std::size_t k = 0; k < 3; ++k)
+      edges.push_back({std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])});
   std::sort(edges.begin(), edges.end());
-  EXPECT_EQ(std::adjacent_find(edges.begin(), edges.end()), edges.end());
-  for (const auto& [a, b] : edges)
-    ASSERT_TRUE(std::binary_search(edges.begin(), edges.end(), std::array{b, a}));
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    const auto uses = std::ranges::equal_range(edges, edges[i]);
+    ASSERT_EQ(uses.size(), 2u);
+  }
 }
 
 }  // namespace locvol

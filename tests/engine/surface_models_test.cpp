@@ -161,7 +161,7 @@ TEST_F(SurfaceModels, TablesNameEveryFile) {
 TEST_F(SurfaceModels, GoodModelsAreWhatTheirTableSays) {
   for (const Model& model : kGoodModels) {
     SCOPED_TRACE(model.file);
-    const InputSurface s = read_surface(kModels / model.file);
+    const InputSurface s = read_whole_surface(kModels / model.file);
     EXPECT_EQ(s.facts.num_vertices, model.num_vertices);
     EXPECT_EQ(s.facts.num_triangles, model.num_triangles);
     EXPECT_EQ(s.facts.num_components, model.num_components);
@@ -169,7 +169,7 @@ TEST_F(SurfaceModels, GoodModelsAreWhatTheirTableSays) {
               2 * static_cast<std::int64_t>(model.num_components) - 2 * model.genus);
     EXPECT_NEAR(s.facts.volume, model.volume, 5e-6 * model.volume);
     EXPECT_TRUE(s.facts.notes.empty()) << s.facts.notes.front();
-    expect_closed_and_oriented(s);
+    expect_closed(s);
   }
 }
 
@@ -178,10 +178,10 @@ TEST_F(SurfaceModels, BadFilesEndAsTheirClassDemands) {
     SCOPED_TRACE(model.file);
     const std::string expected = model.refusal;
     try {
-      const InputSurface s = read_surface(kModels / "bad" / model.file);
+      const InputSurface s = read_whole_surface(kModels / "bad" / model.file);
       EXPECT_TRUE(expected.empty()) << "accepted, but should be refused with: " << expected;
       EXPECT_NEAR(s.facts.volume, model.volume, 1e-5 * model.volume);
-      expect_closed_and_oriented(s);
+      expect_closed(s);
     } catch (const InputError& error) {
       EXPECT_FALSE(expected.empty()) << error.what();
       EXPECT_NE(std::string(error.what()).find(expected), std::string::npos) << error.what();
@@ -191,8 +191,9 @@ TEST_F(SurfaceModels, BadFilesEndAsTheirClassDemands) {
 }
 
 TEST_F(SurfaceModels, NestedShellsHaveOneVolumeHoweverTheyFace) {
-  EXPECT_DOUBLE_EQ(read_surface(kModels / "bad" / "nested_shells_all_outward.ply").facts.volume,
-                   read_surface(kModels / "nested_shells.ply").facts.volume);
+  EXPECT_DOUBLE_EQ(
+      read_whole_surface(kModels / "bad" / "nested_shells_all_outward.ply").facts.volume,
+      read_whole_surface(kModels / "nested_shells.ply").facts.volume);
 }
 
 }  // namespace

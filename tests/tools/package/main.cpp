@@ -1,7 +1,7 @@
 // Uses something of every exported library, so that each one must link.
 #include <cstdio>
 
-#include "engine/engine.h"
+#include "engine/surface_input.h"
 #include "octree/octree.h"
 #include "refine/cover_leaf.h"
 #include "storage/store.h"
@@ -13,7 +13,8 @@ int main() {
   const bool has_store = locvol::Store::exists("no-such-store");
   bool is_refused = false;
   try {
-    locvol::read_surface("no-such-surface.off");
+    locvol::IngestWatch watch;
+    locvol::read_surface("no-such-surface.off", ".", watch);
   } catch (const locvol::InputError& error) {
     std::puts(error.what());
     is_refused = true;
