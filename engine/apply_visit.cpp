@@ -29,6 +29,8 @@ class Visit {
     if (delta.is_overfull) return split();
     store_cells(delta.cells);
     store_unresolved(delta.unresolved);
+    state_.leaves.edit_info(leaf_).first_new_id =
+        delta.unresolved.empty() ? state_.run.next_point_id : 0;
   }
 
  private:
@@ -51,6 +53,16 @@ class Visit {
     --state_.run.num_points;
     loader_.note_deleted(point);
     enqueue_around(point.position, kReach * state_.size());
+    forbid_shorter_visits(point.position);
+  }
+
+  // A later visit knows the points that came by their ids; of those that went it would know
+  // nothing.
+  void forbid_shorter_visits(const Point& deleted) {
+    for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, Box::around(deleted),
+                                                             kReach * state_.size()))
+      if (other != leaf_ && state_.leaves.info(other).first_new_id != 0)
+        state_.leaves.edit_info(other).first_new_id = 0;
   }
 
   // The other leaves within the distance. Leaves without points have nothing to restore: they are

@@ -69,6 +69,11 @@ const LeafSurface& LeafCache::surface(MortonKey leaf) {
   return *surface.record;
 }
 
+LeafCells LeafCache::cells(MortonKey leaf) {
+  const auto& cells = touch(leaf).cells;
+  return cells.record ? *cells.record : store_.snapshot().cells(leaf);
+}
+
 LeafInfo& LeafCache::edit_info(MortonKey leaf) {
   info(leaf);
   auto& info = touch_changed(leaf).info;

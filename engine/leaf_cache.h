@@ -24,6 +24,7 @@ class LeafCache {
   const LeafInfo& info(MortonKey leaf);
   const LeafPoints& points(MortonKey leaf);
   const LeafSurface& surface(MortonKey leaf);
+  LeafCells cells(MortonKey leaf);  // not kept
 
   LeafInfo& edit_info(MortonKey leaf);
   LeafPoints& edit_points(MortonKey leaf);

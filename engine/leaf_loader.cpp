@@ -93,6 +93,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
                   .max_own_points = max_own_points(leaf),
+                  .last_visit = last_visit(leaf),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
                   .on_step = {}};
   return loaded;
@@ -118,6 +119,18 @@ MemoryBudget::Reservation LeafLoader::reserve(std::uint64_t bytes) {
   state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
   state_.leaves.trim();
   return reservation;
+}
+
+std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
+  const LeafInfo& info = state_.leaves.info(leaf);
+  if (!state_.is_cover() || info.first_new_id == 0) return std::nullopt;
+  LastVisit last;
+  last.first_new_id = info.first_new_id;
+  const LeafCells held = state_.leaves.cells(leaf);
+  last.cells.reserve(held.cells.size());
+  for (const auto& [a, b, c, d] : held.cells)
+    last.cells.push_back({held.vertices[a], held.vertices[b], held.vertices[c], held.vertices[d]});
+  return last;
 }
 
 double LeafLoader::volume_over_size(const Box& box) const {

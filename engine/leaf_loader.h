@@ -44,6 +44,7 @@ class LeafLoader {
   Criteria criteria() const;
   std::uint64_t max_own_points(MortonKey leaf) const;
   MemoryBudget::Reservation reserve(std::uint64_t bytes);  // the cache of records gives way
+  std::optional<LastVisit> last_visit(MortonKey leaf);
   double volume_over_size(const Box& box) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance,

@@ -113,6 +113,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
   LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
+  if (!state.leaves.info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
 
   StoredVisit visit;
   visit.leaf = leaf;

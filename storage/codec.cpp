@@ -32,12 +32,13 @@
 //
 //   | count u64 | byte 0 of every value | byte 1 of every value | ... |
 //
-// Fields, version 1 of every kind (columns in brackets; "steps" are differences to the value
-// before, "changed bits" the exclusive or with it, both from 0):
+// Fields, version 1 of every kind but leaf, which has version 2 (columns in brackets; "steps" are
+// differences to the value before, "changed bits" the exclusive or with it, both from 0):
 //
 //   0 format      version u32
 //   1 run         parameters, surface facts, frame, progress: in the order of fields() below
-//   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32
+//   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
+//                 first_new_id from version 2 on
 //   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]
 //   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32] [third -
 //   first]
@@ -73,7 +74,7 @@ inline constexpr Kind kKind<StoreFormat>{0, 1};
 template <>
 inline constexpr Kind kKind<RunRecord>{1, 1};
 template <>
-inline constexpr Kind kKind<LeafInfo>{2, 1};
+inline constexpr Kind kKind<LeafInfo>{2, 2};
 template <>
 inline constexpr Kind kKind<LeafPoints>{3, 1};
 template <>
@@ -317,11 +318,16 @@ struct StoredLeafInfo {
   QueuePosition position;
 };
 
-void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+void fields_of_version_1(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
   auto& info = leaf.info;
   archive(info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
           info.num_triangles, info.num_insertions, info.num_deletions, info.num_unresolved,
           leaf.is_queued, leaf.position);
+}
+
+void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+  fields_of_version_1(archive, leaf);
+  archive(leaf.info.first_new_id);
 }
 
 struct PositionColumns {
@@ -735,11 +741,15 @@ Record decode(std::string_view bytes, MortonKey leaf) try {
   in(kind, version, stored_leaf);
   if (kind != kKind<Record>.number) throw DecodeError("a record of another kind");
   if (stored_leaf != leaf) throw DecodeError("a record of another leaf");
-  if (version != kKind<Record>.version)
+  std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
+  if (version == kKind<Record>.version) {
+    in(stored);
+  } else if (std::same_as<Record, LeafInfo> && version == 1) {
+    if constexpr (std::same_as<Record, LeafInfo>) fields_of_version_1(in, stored);
+  } else {
     throw DecodeError("record version " + std::to_string(version) +
                       ", which this program does not know");
-  std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
-  in(stored);
+  }
   if (!in.is_at_end()) throw DecodeError("bytes left over");
   return record_of(std::move(stored));
 } catch (const boost::archive::archive_exception&) {

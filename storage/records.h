@@ -32,6 +32,9 @@ struct LeafInfo {
   std::uint64_t num_deletions = 0;
   std::uint64_t num_unresolved = 0;
   std::optional<QueuePosition> queued;  // absent: clean
+  // Points from this id on came after the last visit. 0: there was none that a later one may build
+  // on, for it left something unresolved, or points near the leaf have been deleted since.
+  std::uint64_t first_new_id = 0;
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 

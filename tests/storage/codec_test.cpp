@@ -232,7 +232,10 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v1", StoreFormat{1}, MortonKey());
   expect_golden("run.v1", sample_run(), MortonKey());
-  expect_golden("leaf.v1", sample_info(), sample_leaf());
+  LeafInfo info_of_version_1 = sample_info();
+  info_of_version_1.first_new_id = 0;
+  expect_golden("leaf.v1", info_of_version_1, sample_leaf());
+  expect_golden("leaf.v2", sample_info(), sample_leaf());
   expect_golden("points.v1", sample_points(), sample_leaf());
   expect_golden("cells.v1", sample_cells(), sample_leaf());
   expect_golden("surface.v1", sample_surface(), sample_leaf());

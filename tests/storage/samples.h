@@ -47,6 +47,7 @@ inline LeafInfo sample_info() {
   info.num_deletions = 9;
   info.num_unresolved = 1;
   info.queued = QueuePosition{3, 5};
+  info.first_new_id = 4711;
   return info;
 }
 

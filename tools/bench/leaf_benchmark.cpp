@@ -27,12 +27,16 @@ namespace {
 constexpr double kReach = 4, kLeafSide = 31;  // over λ
 constexpr std::size_t kMaxLeaves = 12;
 
-struct TriangleList : SurfaceSink {
-  void expect(std::uint64_t, std::uint64_t) override {}
+struct PolygonList : SurfaceSink {
   void vertex(const Point& position) override { vertices.push_back(position); }
   void polygon(std::span<const std::uint64_t> corners, const FilePlace&) override {
     for (std::size_t i = 2; i < corners.size(); ++i)
       indices.push_back({corners[0], corners[i - 1], corners[i]});
+  }
+  void facet(const std::array<Point, 3>& corners) override {
+    const std::uint64_t first = vertices.size();
+    vertices.insert(vertices.end(), corners.begin(), corners.end());
+    indices.push_back({first, first + 1, first + 2});
   }
   std::vector<Point> vertices;
   std::vector<std::array<std::uint64_t, 3>> indices;
@@ -50,7 +54,7 @@ struct Leaf {
 class Run {
  public:
   Run(const std::string& file, const std::string& size) {
-    TriangleList list;
+    PolygonList list;
     parse_surface(file, list);
     for (const auto& [a, b, c] : list.indices)
       triangles_.push_back(
