@@ -10,6 +10,7 @@
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
 #include "engine/leaf_name.h"
+#include "engine/memory_budget.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
@@ -18,14 +19,15 @@
 namespace locvol {
 namespace {
 
-// Decoded records that are kept for the next visits.
-constexpr std::size_t kCacheBytes = std::size_t{128} << 20;
-
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
-  Engine(Store& store, const RunControl& control)
-      : control_(control), state_(store, kCacheBytes), loader_(state_) {}
+  Engine(Store& store, const MemoryPlan& plan, const RunControl& control)
+      : control_(control),
+        plan_(plan),
+        budget_(plan.heap()),
+        state_(store, budget_.free_bytes(), plan.max_unwritten()),
+        loader_(state_, budget_) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -89,6 +91,12 @@ class Engine {
       action();
     } catch (const RefineError& e) {
       throw RefineError(leaf_name(leaf) + ": " + e.what());
+    } catch (const OverBudget& e) {
+      commit();
+      throw OverBudget(leaf_name(leaf) + ": " + e.what() + "; go on with a larger one, at least " +
+                           memory_text(plan_.cap_with_heap(e.bytes())) +
+                           ": nothing that was done is lost",
+                       e.bytes());
     }
     state_.note_visit();
     if (state_.is_commit_due()) commit();
@@ -125,7 +133,7 @@ class Engine {
   }
 
   void commit() {
-    state_.commit();
+    state_.commit(memory_use());
     if (!control_.on_progress) return;
     const RunRecord& run = state_.run;
     control_.on_progress({.phase = run.phase,
@@ -137,7 +145,17 @@ class Engine {
                           .epoch = run.epoch});
   }
 
+  MemoryRecord memory_use() const {
+    MemoryRecord memory = plan_.record();
+    memory.visits = budget_.largest_reservation();
+    memory.cache = plan_.heap() - memory.visits;
+    memory.peak_resident = peak_resident_memory();
+    return memory;
+  }
+
   const RunControl& control_;
+  const MemoryPlan& plan_;
+  MemoryBudget budget_;
   RunState state_;
   LeafLoader loader_;
 };
@@ -152,6 +170,7 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
 Store ingested(const std::filesystem::path& file, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
                const std::function<Store()>& open_store, const RunControl& control) {
+  memory_cap(control.memory_bytes);
   // Not stopped before the run is known that `resume` would go on with.
   RunControl unstoppable = control;
   unstoppable.is_stopped = nullptr;
@@ -163,7 +182,8 @@ Store ingested(const std::filesystem::path& file, const std::filesystem::path& d
 
 RunSummary finish(Store& store, const RunControl& control) {
   if (store.snapshot().run()->phase == Phase::kIngest) return summarize(store.snapshot());
-  const bool is_done = Engine(store, control).run();
+  const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
+  const bool is_done = Engine(store, plan, control).run();
   RunSummary summary = summarize(store.snapshot());
   if (!is_done)
     summary.outcome = RunOutcome::kInterrupted;

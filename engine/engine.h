@@ -52,6 +52,9 @@ struct RunControl {
   // Asked between visits, and now and then while a large surface is ingested; may be empty.
   std::function<bool()> is_stopped;
   std::function<void(const std::string&)> on_note;  // repairs of the input, and such
+  // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
+  // no influence on the result.
+  std::uint64_t memory_bytes = 0;
 };
 
 enum class RunOutcome { kDone, kUnresolved, kInterrupted };
@@ -71,7 +74,7 @@ class StoreMismatch : public std::runtime_error {
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
-// StoreMismatch, RefineError.
+// StoreMismatch, OverBudget, RefineError.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
 // Goes on with the run in `store`; needs neither the input nor the parameters.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});

@@ -86,7 +86,8 @@ bool InputFile::load_more() {
   const std::size_t count =
       std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
   if (count == 0 && std::ferror(file_.get()))
-    refuse(fmt::format("cannot be read at byte {} ({})", loaded_, std::strerror(errno)));
+    refuse(fmt::format("cannot be read at byte {} ({}); check the disk", loaded_,
+                       std::strerror(errno)));
   hash_.update(buffer_.data() + end_, count);
   end_ += count;
   loaded_ += count;

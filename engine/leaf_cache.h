@@ -33,6 +33,9 @@ class LeafCache {
   void add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points, LeafSurface surface);
   void erase_leaf(MortonKey leaf);  // with all its records
 
+  // Of what is unchanged; to be enforced by the next trim().
+  void set_max_bytes(std::size_t max_bytes) { max_bytes_ = max_bytes; }
+
   std::size_t unwritten_bytes() const;  // decoded, roughly
   void write_to(Batch& batch);          // the changes, in Morton order
   void trim();                          // lets go of the least recently used

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
+#include <span>
 #include <utility>
 
 namespace locvol {
@@ -13,31 +14,59 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 // Where a fraction of λ keeps the lattice off the planes of the octree and of most models.
 constexpr Point kLatticeOffset{0.1370, 0.2718, 0.3517};
 
+constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
+
+// In a leaf's box, and on its triangles at the density of a maximal sample (at most one in each
+// disk of radius r_s / 2, which is some 1.8 times what it gets to).
+std::uint64_t most_lattice_points(const Box& box, double size) {
+  const Point sides = (1 / (kLatticeSpacing * size)) * (box.max - box.min);
+  return static_cast<std::uint64_t>(2 * (sides.x + 1) * (sides.y + 1) * (sides.z + 1));
+}
+std::uint64_t most_samples(std::span<const Triangle> triangles, double size) {
+  double area = 0;
+  for (const auto& [id, c] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+  return static_cast<std::uint64_t>(2 * area / (size * size));
+}
+
 // A visit that inserts more than any mesh needs is a bug (DESIGN 3.6).
 std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_capacity + 100000; }
 
 }  // namespace
 
-LeafLoader::LeafLoader(RunState& state) : state_(state) {
+LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), budget_(budget) {
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
+  std::vector<Triangle> triangles = triangles_meeting(root);
+  surface_memory_ =
+      reserve(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
+                  .bytes_to_refine());
   whole_surface_ =
-      std::make_unique<SurfacePatch>(triangles_meeting(root), root, root.min, false, state_.size());
+      std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false, state_.size());
   all_points_.emplace(state_.size());
   for (const MortonKey leaf : state_.octree.leaves())
-    for (const MeshPoint& point : state_.leaves.points(leaf).points) all_points_->insert(point);
+    for (const MeshPoint& point : state_.leaves.points(leaf).points) note_inserted(point);
 }
 
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double size = state_.size();
-  LoadedCover loaded{.patch = patch_around(leaf, kSlack * size), .input = {}};
+  const Box box = state_.box(leaf);
+  std::vector<MeshPoint> around = points_around(leaf, kSampleRadius * size);
+  const Box region = box.expanded(kSlack * size);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  const VisitSize visit{
+      .volume = volume_over_size(region),
+      .num_points = around.size() + most_lattice_points(box, size) + most_samples(triangles, size),
+      .num_triangles = triangles.size()};
+  LoadedCover loaded;
+  loaded.memory = reserve(visit.bytes_to_cover());
+  loaded.patch = patch_around(leaf, kSlack * size, std::move(triangles));
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
                   .lattice_origin = state_.run.frame.origin() + size * kLatticeOffset,
-                  .box = state_.box(leaf),
+                  .box = box,
                   .surface = loaded.patch.get(),
                   .nearby_samples = {}};
-  for (const MeshPoint& point : points_around(leaf, kSampleRadius * size))
+  for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
   return loaded;
 }
@@ -45,25 +74,65 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double size = state_.size();
   const double ghost_distance = state_.is_cover() ? kReach * size : kNeighborhood * size;
+  const double patch_distance = kSlack * kReach / 2 * size;
+  std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
+  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
+  const Box region = state_.box(leaf).expanded(patch_distance);
+  std::vector<Triangle> triangles;
+  if (state_.is_cover()) triangles = triangles_meeting(region);
+  const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
+                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
+                        .num_triangles = triangles.size()};
   LoadedLeaf loaded;
-  if (state_.is_cover()) loaded.patch = patch_around(leaf, kSlack * kReach / 2 * size);
+  loaded.memory = reserve(visit.bytes_to_refine());
+  if (state_.is_cover()) loaded.patch = patch_around(leaf, patch_distance, std::move(triangles));
   loaded.input = {.criteria = criteria(),
                   .box = state_.box(leaf),
-                  .own = state_.leaves.points(leaf).points,
-                  .ghosts = points_around(leaf, ghost_distance),
+                  .own = std::move(own),
+                  .ghosts = std::move(ghosts),
                   .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
                   .max_own_points = max_own_points(leaf),
-                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity)};
+                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
+                  .on_step = {}};
   return loaded;
 }
 
 void LeafLoader::note_inserted(const MeshPoint& point) {
-  if (all_points_) all_points_->insert(point);
+  if (!all_points_) return;
+  if (++num_points_ > num_points_reserved_) {
+    num_points_reserved_ += kPointsOfReservation;
+    point_memory_.push_back(budget_.reserve(kPointsOfReservation * kGridBytesPerPoint));
+  }
+  all_points_->insert(point);
 }
 
 void LeafLoader::note_deleted(const MeshPoint& point) {
-  if (all_points_) all_points_->erase(point);
+  if (!all_points_) return;
+  --num_points_;
+  all_points_->erase(point);
+}
+
+MemoryBudget::Reservation LeafLoader::reserve(std::uint64_t bytes) {
+  MemoryBudget::Reservation reservation = budget_.reserve(bytes);
+  state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
+  state_.leaves.trim();
+  return reservation;
+}
+
+double LeafLoader::volume_over_size(const Box& box) const {
+  const Point sides = (1 / state_.size()) * (box.max - box.min);
+  return sides.x * sides.y * sides.z;
+}
+
+// In cover mode few points are added to those that cover the domain; in paper mode a leaf fills up
+// until it is split.
+std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
+                                               std::uint64_t num_ghosts) const {
+  const std::uint64_t num_local = num_own + num_ghosts;
+  if (state_.is_cover()) return num_local + num_local / 5 + 100;
+  const std::uint64_t capacity = state_.run.parameters.leaf_capacity;
+  return 2 * std::max(num_own, capacity) + num_ghosts;
 }
 
 Criteria LeafLoader::criteria() const {
@@ -81,19 +150,21 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
   return may_split ? state_.run.parameters.leaf_capacity : 0;
 }
 
-std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, double distance) {
+std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, double distance,
+                                                             std::vector<Triangle> triangles) {
   const Box box = state_.box(leaf);
-  const Box region = box.expanded(distance);
-  return std::make_unique<SurfacePatch>(triangles_meeting(region), region, box.center(),
+  return std::make_unique<SurfacePatch>(std::move(triangles), box.expanded(distance), box.center(),
                                         state_.leaves.info(leaf).is_center_inside, state_.size());
 }
 
 // Each once, in order of id; and some more, that only come close.
 std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   std::vector<Triangle> triangles;
-  for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0))
+  for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0)) {
     std::ranges::copy_if(state_.leaves.surface(leaf).triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
+    state_.leaves.trim();
+  }
   std::ranges::sort(triangles, {}, &Triangle::id);
   const auto repeated = std::ranges::unique(triangles, {}, &Triangle::id);
   triangles.erase(repeated.begin(), repeated.end());
@@ -109,6 +180,7 @@ std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance
                          [&](const MeshPoint& p) {
                            return box.squared_distance(p.position) <= distance * distance;
                          });
+    state_.leaves.trim();
   }
   std::ranges::sort(around, {}, &MeshPoint::id);
   return around;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/memory_budget.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
@@ -13,21 +14,24 @@
 
 namespace locvol {
 
-// `input` points to `patch`, or to what the loader holds.
+// `input` points to `patch`, or to what the loader holds. `memory` is reserved for the visit.
 struct LoadedLeaf {
+  MemoryBudget::Reservation memory;
   std::unique_ptr<const SurfacePatch> patch;
   LeafInput input;
 };
 struct LoadedCover {
+  MemoryBudget::Reservation memory;
   std::unique_ptr<const SurfacePatch> patch;
   CoverInput input;
 };
 
 class LeafLoader {
  public:
-  // In paper mode reads all of the surface and of P, and keeps them.
-  explicit LeafLoader(RunState& state);
+  // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget.
+  LeafLoader(RunState& state, MemoryBudget& budget);
 
+  // Both wait for memory. Throw OverBudget: the visit takes more than there is.
   LoadedCover load_cover(MortonKey leaf);
   LoadedLeaf load(MortonKey leaf);
   // Keeps up with P.
@@ -39,14 +43,23 @@ class LeafLoader {
  private:
   Criteria criteria() const;
   std::uint64_t max_own_points(MortonKey leaf) const;
-  std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance);
+  MemoryBudget::Reservation reserve(std::uint64_t bytes);  // the cache of records gives way
+  double volume_over_size(const Box& box) const;
+  std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
+  std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance,
+                                                   std::vector<Triangle> triangles);
   std::vector<Triangle> triangles_meeting(const Box& region);
   // Points of other leaves at most `distance` from the leaf's box, in order of id.
   std::vector<MeshPoint> points_around(MortonKey leaf, double distance);
 
   RunState& state_;
-  std::unique_ptr<const SurfacePatch> whole_surface_;  // paper mode
-  std::optional<PointGrid> all_points_;                // paper mode
+  MemoryBudget& budget_;
+  // All below is for paper mode.
+  MemoryBudget::Reservation surface_memory_;
+  std::unique_ptr<const SurfacePatch> whole_surface_;
+  std::vector<MemoryBudget::Reservation> point_memory_;
+  std::uint64_t num_points_reserved_ = 0, num_points_ = 0;
+  std::optional<PointGrid> all_points_;
 };
 
 }  // namespace locvol

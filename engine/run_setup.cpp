@@ -92,6 +92,22 @@ double least_size_that_fits(const SurfaceFacts& surface, double size, double fre
   return size;
 }
 
+// Of a box with the given side, grown by `distance` on all sides.
+double volume_growth(double side, double distance) { return std::pow(1 + 2 * distance / side, 3); }
+
+// What the visit of a leaf that wide will take, with some points more near the surface.
+std::uint64_t expected_visit(const RunParameters& parameters, double side, double num_points,
+                             double num_triangles) {
+  const double reach = kReach * parameters.size;
+  if (parameters.init == Initialization::kPaper)
+    num_points = std::max(num_points, 2 * static_cast<double>(parameters.leaf_capacity));
+  const VisitSize visit{
+      .volume = std::pow((side + reach) / parameters.size, 3),
+      .num_points = static_cast<std::uint64_t>(1.2 * num_points * volume_growth(side, reach)),
+      .num_triangles = static_cast<std::uint64_t>(num_triangles * volume_growth(side, reach / 2))};
+  return visit.bytes_to_refine();
+}
+
 const char* name_of(Initialization init) {
   return init == Initialization::kCover ? "cover" : "paper";
 }
@@ -157,6 +173,32 @@ std::filesystem::path existing_directory(const std::filesystem::path& directory)
 
 double free_bytes_at(const std::filesystem::path& directory) {
   return static_cast<double>(std::filesystem::space(existing_directory(directory)).available);
+}
+
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {
+  const double all_points = estimated_num_cells(run.surface, run.parameters.size) / 6;
+  const double leaf_points =
+      std::min(all_points, 0.5 * static_cast<double>(run.parameters.leaf_capacity));
+  const double side = std::min(start_leaf_side(run.parameters), largest_side(run.surface.box));
+  const double num_leaves = std::min(all_points / leaf_points, 1e9);
+  const VisitSize all{.num_points = static_cast<std::uint64_t>(std::min(all_points, 1e12))};
+  return {cap, static_cast<std::uint64_t>(num_leaves),
+          std::min(expected_visit(run.parameters, side, leaf_points, 0), all.bytes_to_refine())};
+}
+
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {
+  const RunRecord run = reader.run().value();
+  std::uint64_t num_leaves = 0, largest_visit = 0;
+  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
+    const double side = run.frame.side(key.level());
+    ++num_leaves;
+    if (info.num_triangles > 0 || info.num_points > 0)
+      largest_visit = std::max(
+          largest_visit, expected_visit(run.parameters, side, static_cast<double>(info.num_points),
+                                        static_cast<double>(info.num_triangles)));
+    return true;
+  });
+  return {cap, num_leaves, largest_visit};
 }
 
 void require_same_run(const RunParameters& held, const RunParameters& asked,

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/memory_budget.h"
 #include "storage/records.h"
 
 namespace locvol {
@@ -36,6 +37,12 @@ void check_room(const RunRecord& run, double free_bytes);
 std::filesystem::path existing_directory(const std::filesystem::path& directory);
 // What is free where a store at `directory`, which need not exist yet, would be written.
 double free_bytes_at(const std::filesystem::path& directory);
+
+// How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
+// parameters tell what its visits will take, and one in a store, leaf by leaf.
+// Throws OverBudget, naming the least cap that would do.
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap);
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
 
 // Throws StoreMismatch, naming each parameter that differs and both its values.
 void require_same_run(const RunParameters& held, const RunParameters& asked,

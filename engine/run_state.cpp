@@ -12,10 +12,7 @@
 namespace locvol {
 namespace {
 
-// What a crash may cost, and what LMDB holds in memory until the commit. About a quarter of the
-// bytes are left once encoded and compressed.
-constexpr int kMaxVisitsOfCommit = 64;
-constexpr std::size_t kMaxBytesOfCommit = std::size_t{32} << 20;
+constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
 
 // Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
 constexpr double kCoverConflict = 1.01 * kSampleRadius;
@@ -28,12 +25,13 @@ RunRecord read_run(const Store& store) {
 
 }  // namespace
 
-RunState::RunState(Store& the_store, std::size_t cache_bytes)
+RunState::RunState(Store& the_store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
     : store(the_store),
       run(read_run(the_store)),
       octree(the_store.snapshot().leaf_keys()),
       leaves(the_store, cache_bytes),
-      queue(the_store.snapshot()) {}
+      queue(the_store.snapshot()),
+      max_unwritten_bytes_(max_unwritten_bytes) {}
 
 void RunState::enqueue(MortonKey leaf, const Box& dirty) {
   if (const auto position = leaves.info(leaf).queued) return queue.grow(*position, leaf, dirty);
@@ -94,14 +92,15 @@ void RunState::note_visit() {
 
 bool RunState::is_commit_due() const {
   return num_unwritten_visits_ >= kMaxVisitsOfCommit ||
-         leaves.unwritten_bytes() > kMaxBytesOfCommit;
+         leaves.unwritten_bytes() > max_unwritten_bytes_;
 }
 
-void RunState::commit() {
+void RunState::commit(const std::optional<MemoryRecord>& memory) {
   Batch batch = store.begin();
   leaves.write_to(batch);
   queue.write_to(batch);
   batch.put_run(run);
+  if (memory) batch.put_memory(*memory);
   batch.commit();
   num_unwritten_visits_ = 0;
   leaves.trim();

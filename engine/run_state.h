@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "engine/leaf_cache.h"
@@ -21,9 +22,14 @@ inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + 
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
 
+inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
+inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
+
 struct RunState {
+  // `max_unwritten_bytes`: of changes as decoded, before a commit is due.
   // REQUIRES: the store holds a run that is past Phase::kIngest
-  RunState(Store& store, std::size_t cache_bytes);
+  explicit RunState(Store& store, std::size_t cache_bytes = kDefaultCacheBytes,
+                    std::size_t max_unwritten_bytes = kDefaultUnwrittenBytes);
 
   double size() const { return run.parameters.size; }  // λ
   bool is_cover() const { return run.parameters.init == Initialization::kCover; }
@@ -43,7 +49,8 @@ struct RunState {
 
   bool is_commit_due() const;
   void note_visit();
-  void commit();  // one batch with all changes; durable on return
+  // One batch with all changes; durable on return.
+  void commit(const std::optional<MemoryRecord>& memory = std::nullopt);
 
   Store& store;
   RunRecord run;
@@ -54,6 +61,7 @@ struct RunState {
  private:
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
 
+  std::size_t max_unwritten_bytes_;
   int num_unwritten_visits_ = 0;
 };
 

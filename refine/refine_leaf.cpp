@@ -66,6 +66,14 @@ class Refinement {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
 
+  void tell(RefineStep::Action action, int condition, VertexRef ref, const MeshPoint& point) const {
+    if (input_.on_step)
+      input_.on_step({action, condition, attempt_.radius, ref, point.position, point.kind});
+  }
+  void tell_blocked() const {
+    tell(RefineStep::Action::kBlocked, attempt_.condition, 0, {0, attempt_.position, {}});
+  }
+
   void list_unresolved();
   void list_cells();
   std::string place() const;
@@ -137,10 +145,12 @@ template <class Ref>
 bool Refinement::restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore) {
   const auto ref = pop_alive(stack);
   if (!ref) return false;
-  if ((this->*restore)(*ref, condition) == Outcome::kBlocked)
+  if ((this->*restore)(*ref, condition) == Outcome::kBlocked) {
     blocked_.push_back({*ref, attempt_});
-  else if (ref->is_alive())
+    tell_blocked();
+  } else if (ref->is_alive()) {
     stack.push_back(*ref);
+  }
   return true;
 }
 
@@ -149,7 +159,10 @@ bool Refinement::restore_next_disk() {
   const LocalIndex v = c3_.back();
   c3_.pop_back();
   is_in_c3_[v] = false;
-  if (restore_disk(v) == Outcome::kBlocked) blocked_.push_back({v, attempt_});
+  if (restore_disk(v) == Outcome::kBlocked) {
+    blocked_.push_back({v, attempt_});
+    tell_blocked();
+  }
   return true;
 }
 
@@ -299,6 +312,7 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
     if (squared_distance(p, q) >= size * size) continue;
     if (squared_distance(p, q) <= floor * floor) break;
     if (!mesh_.is_in_voronoi_cell(q, v)) continue;
+    attempt_ = {3, q, std::sqrt(squared_distance(p, q))};
     const Outcome outcome = insert_on_surface(q, 3, mesh_.local(v).vertex->cell());
     if (outcome == Outcome::kBlocked) return outcome;
     look_at_vertex(v);  // again, and the new one: nothing else might have changed
@@ -361,6 +375,7 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
   mesh_.find_conflict(s->position, hint, conflict_);
   mesh_.insert(*s, s->id, conflict_);
   ++delta_.stats.points_added;
+  tell(RefineStep::Action::kTakeIn, attempt_.condition, s->id, *s);
   return true;
 }
 
@@ -427,6 +442,7 @@ void Refinement::delete_volume_points_near(const Point& q) {
       delta_.inserted[local.ref & ~kNewPoint].is_deleted = true;
     else
       delta_.deleted.push_back(local.point);
+    tell(RefineStep::Action::kDelete, attempt_.condition, local.ref, local.point);
     mesh_.remove(i);
     ++delta_.stats.deletions;
   }
@@ -440,6 +456,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = kNewPoint | delta_.inserted.size();
   delta_.inserted.push_back({q, kind, false});
   ++delta_.stats.insertions[std::size_t(condition - 1)];
+  tell(RefineStep::Action::kInsert, condition, ref, {0, q, kind});
   return ref;
 }
 

@@ -37,6 +37,23 @@ class PointIndex {
       const std::function<bool(std::uint64_t)>& is_deleted) const = 0;
 };
 
+// Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
+using VertexRef = std::uint64_t;
+inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
+
+// One change that a visit makes, or finds forbidden. The points that an insertion deletes come
+// right before it.
+struct RefineStep {
+  enum class Action { kInsert, kDelete, kTakeIn, kBlocked };
+  Action action = Action::kInsert;
+  int condition = 0;  // 1 … 6, the one that is restored
+  double radius = 0;  // of its surface ball or circumsphere; 0 if it has none
+  // The point inserted, deleted, or taken in from P; kBlocked: that the spacing floor forbids.
+  VertexRef point = 0;  // kBlocked: nothing
+  Point position;
+  PointKind kind = PointKind::kSurface;  // kBlocked: nothing
+};
+
 struct LeafInput {
   Criteria criteria;
   Box box;  // of the leaf, half-open: own points have min <= p < max
@@ -47,11 +64,8 @@ struct LeafInput {
   const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
   std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
   std::uint64_t max_insertions = 0;        // beyond it the visit is taken for a bug; 0: no bound
+  std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
 };
-
-// Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
-using VertexRef = std::uint64_t;
-inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 
 struct InsertedPoint {
   Point position;

@@ -12,6 +12,7 @@
 #include <concepts>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <streambuf>
 #include <type_traits>
@@ -47,6 +48,8 @@
 //                 0 is the next new one]
 //   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
 //   7 queue       position, leaf, dirty box
+//   8 memory      the fields of MemoryRecord in order
+//   9 keys        [sums u64]
 //
 // A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
 // (tests/storage/golden).
@@ -81,6 +84,10 @@ template <>
 inline constexpr Kind kKind<LeafUnresolved>{6, 1};
 template <>
 inline constexpr Kind kKind<QueueEntry>{7, 1};
+template <>
+inline constexpr Kind kKind<MemoryRecord>{8, 1};
+template <>
+inline constexpr Kind kKind<KeySums>{9, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
@@ -119,7 +126,7 @@ class ViewBuffer : public std::streambuf {
 };
 
 template <class T>
-concept Number = std::integral<T> && !std::same_as<T, bool> || std::same_as<T, double>;
+concept Number = (std::integral<T> && !std::same_as<T, bool>) || std::same_as<T, double>;
 template <class T>
 concept Enumeration = std::is_enum_v<T>;
 template <class T, class Record>
@@ -277,6 +284,7 @@ void fields(auto& archive, Maybe<Point> auto& p) { archive(p.x, p.y, p.z); }
 void fields(auto& archive, Maybe<Box> auto& box) { archive(box.min, box.max); }
 void fields(auto& archive, Maybe<QueuePosition> auto& p) { archive(p.epoch, p.color); }
 void fields(auto& archive, Maybe<StoreFormat> auto& format) { archive(format.version); }
+void fields(auto& archive, Maybe<KeySums> auto& keys) { archive(keys.sums); }
 
 void fields(auto& archive, Maybe<QueueEntry> auto& entry) {
   archive(entry.position, entry.leaf, entry.dirty);
@@ -296,6 +304,10 @@ void fields(auto& archive, Maybe<RunRecord> auto& run) {
   archive(run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
           run.num_visits, run.num_points, run.num_cells, run.num_unresolved, run.num_insertions,
           run.num_deletions);
+}
+
+void fields(auto& archive, Maybe<MemoryRecord> auto& m) {
+  archive(m.cap, m.program, m.leaves, m.commits, m.visits, m.cache, m.peak_resident);
 }
 
 // LeafInfo as stored: the optional is a flag and a value that is 0 when absent.
@@ -517,6 +529,7 @@ SiteColumns stored_form(const LeafUnresolved& record) {
   PositionWriter positions(columns.positions);
   ChangedBits radius;
   for (const UnresolvedSite& site : record.sites) {
+    assert(1 <= site.condition && site.condition <= kNumConditions);
     columns.conditions.push_back(site.condition);
     positions.add(site.position);
     columns.radii.push_back(radius.to_change(site.radius));
@@ -531,9 +544,12 @@ LeafUnresolved record_of(const SiteColumns& columns) {
   LeafUnresolved record;
   record.sites.reserve(positions.size());
   ChangedBits radius;
-  for (std::size_t i = 0; i < positions.size(); ++i)
-    record.sites.push_back(
-        {columns.conditions[i], positions[i], radius.to_value(columns.radii[i])});
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const std::uint8_t condition = columns.conditions[i];
+    if (condition < 1 || condition > kNumConditions)
+      throw DecodeError("a site of no known condition");
+    record.sites.push_back({condition, positions[i], radius.to_value(columns.radii[i])});
+  }
   return record;
 }
 
@@ -542,7 +558,10 @@ StoredLeafInfo stored_form(const LeafInfo& info) {
 }
 
 LeafInfo record_of(StoredLeafInfo leaf) {
-  if (leaf.is_queued) leaf.info.queued = leaf.position;
+  if (leaf.is_queued)
+    leaf.info.queued = leaf.position;
+  else if (leaf.position != QueuePosition())
+    throw DecodeError("a place in the queue of a leaf that is not queued");
   return leaf.info;
 }
 
@@ -570,6 +589,45 @@ struct FreeContext {
 using Compressor = std::unique_ptr<ZSTD_CCtx, FreeContext>;
 using Decompressor = std::unique_ptr<ZSTD_DCtx, FreeContext>;
 
+// Contexts that are not in use, for the next one who needs one. (Kept per thread, they would need a
+// destructor per thread, for which the C library takes memory or ends the program.)
+template <class Context>
+class ContextPool {
+ public:
+  class Lease {
+   public:
+    Lease(ContextPool& pool, Context context) : pool_(pool), context_(std::move(context)) {}
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    ~Lease() {
+      const std::lock_guard lock(pool_.mutex_);
+      pool_.idle_.push_back(std::move(context_));  // there is room
+    }
+    auto* get() const { return context_.get(); }
+
+   private:
+    ContextPool& pool_;
+    Context context_;
+  };
+
+  Lease lease(Context (*make)()) {
+    const std::lock_guard lock(mutex_);
+    if (idle_.empty()) {
+      idle_.reserve(num_contexts_ + 1);
+      idle_.push_back(make());
+      ++num_contexts_;
+    }
+    Context context = std::move(idle_.back());
+    idle_.pop_back();
+    return Lease(*this, std::move(context));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<Context> idle_;
+  std::size_t num_contexts_ = 0;  // idle and leased
+};
+
 Compressor make_compressor() {
   Compressor compressor(ZSTD_createCCtx());
   if (!compressor) throw std::bad_alloc();
@@ -585,14 +643,18 @@ Decompressor make_decompressor() {
 }
 
 std::string compress(const std::string& content) {
-  thread_local const Compressor compressor = make_compressor();
+  static ContextPool<Compressor> pool;
+  const auto compressor = pool.lease(make_compressor);
   std::string frame(ZSTD_compressBound(content.size()), '\0');
   const std::size_t size =
       ZSTD_compress2(compressor.get(), frame.data(), frame.size(), content.data(), content.size());
   if (ZSTD_isError(size)) throw std::bad_alloc();  // all that is left to fail
   frame.resize(size);
+  frame.shrink_to_fit();  // batches keep it
   return frame;
 }
+
+constexpr std::size_t kDescriptor = 4;  // in a frame, after its magic number
 
 struct Content {
   std::unique_ptr<char[]> bytes;
@@ -600,22 +662,50 @@ struct Content {
   std::string_view view() const { return {bytes.get(), size}; }
 };
 
+// The most that a frame's blocks can hold, from their headers (RFC 8878, section 3.1.1):
+//
+//   | magic u32 | descriptor u8 | window u8, if not a single segment | dictionary 0, 1, 2 or 4
+//   bytes | content size 0, 1, 2, 4 or 8 bytes | blocks ... | checksum u32 |
+//
+// A block is | last 1 bit, type 2 bits, size 21 bits | bytes ... |: `size` bytes as they are, one
+// byte to be repeated `size` times, or `size` bytes compressed, which give 128 KB at most.
+std::uint64_t max_content_size(std::string_view frame) {
+  constexpr std::uint64_t kMaxBlock = std::uint64_t{128} << 10;
+  constexpr std::size_t kBlockHeader = 3;
+  enum BlockType { kRaw, kRepeated, kCompressed };
+  const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(frame[i]); };
+  const unsigned descriptor = byte_at(kDescriptor);
+  const bool is_single_segment = (descriptor & 0x20) != 0;
+  const std::array<std::size_t, 4> dictionary{0, 1, 2, 4}, content{is_single_segment, 2, 4, 8};
+  std::size_t at = kDescriptor + 1 + (is_single_segment ? 0 : 1) + dictionary[descriptor & 3] +
+                   content[descriptor >> 6];
+  std::uint64_t most = 0;
+  for (bool is_last = false; !is_last;) {
+    if (at + kBlockHeader > frame.size()) throw DecodeError("a frame cut short");
+    const std::uint32_t header =
+        byte_at(at) | std::uint32_t{byte_at(at + 1)} << 8 | std::uint32_t{byte_at(at + 2)} << 16;
+    const std::uint32_t type = header >> 1 & 3, size = header >> 3;
+    is_last = (header & 1) != 0;
+    most += type == kCompressed ? kMaxBlock : std::min<std::uint64_t>(size, kMaxBlock);
+    at += kBlockHeader + (type == kRepeated ? 1 : size);
+  }
+  return most;
+}
+
 // The content size is part of the frame's header, which the checksum does not cover. So it is held
-// against the most that a frame of this length can say: a block takes at least 4 bytes and gives at
-// most 128 KB. What is allocated beyond the true content is never touched.
+// against what the blocks can hold, before memory is asked for.
 std::size_t believable_content_size(std::string_view frame) {
-  constexpr std::uint64_t kMaxExpansion = (std::uint64_t{128} << 10) / 4;
   const unsigned long long size = ZSTD_getFrameContentSize(frame.data(), frame.size());
   if (size == ZSTD_CONTENTSIZE_ERROR) throw DecodeError("not a zstd frame");
-  if (size == ZSTD_CONTENTSIZE_UNKNOWN || size > kMaxExpansion * frame.size())
+  if (size == ZSTD_CONTENTSIZE_UNKNOWN || size > max_content_size(frame))
     throw DecodeError("no believable size");
   return static_cast<std::size_t>(size);
 }
 
 Content decompress(std::string_view frame) {
-  constexpr std::size_t kDescriptor = 4;  // of the frame, after its magic number
   constexpr char kHasChecksum = 0x04;
-  thread_local const Decompressor decompressor = make_decompressor();
+  static ContextPool<Decompressor> pool;
+  const auto decompressor = pool.lease(make_decompressor);
   Content content{nullptr, believable_content_size(frame)};
   if ((frame[kDescriptor] & kHasChecksum) == 0) throw DecodeError("no checksum");
   content.bytes = std::make_unique_for_overwrite<char[]>(content.size);
@@ -664,6 +754,8 @@ template std::string encode(const LeafCells&, MortonKey);
 template std::string encode(const LeafSurface&, MortonKey);
 template std::string encode(const LeafUnresolved&, MortonKey);
 template std::string encode(const QueueEntry&, MortonKey);
+template std::string encode(const MemoryRecord&, MortonKey);
+template std::string encode(const KeySums&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -672,5 +764,7 @@ template LeafCells decode(std::string_view, MortonKey);
 template LeafSurface decode(std::string_view, MortonKey);
 template LeafUnresolved decode(std::string_view, MortonKey);
 template QueueEntry decode(std::string_view, MortonKey);
+template MemoryRecord decode(std::string_view, MortonKey);
+template KeySums decode(std::string_view, MortonKey);
 
 }  // namespace locvol

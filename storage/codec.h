@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "octree/morton_key.h"
 #include "storage/records.h"
@@ -13,10 +14,21 @@
 namespace locvol {
 
 // The first record of every store: what reads it must know how all others are laid out.
+//   1  as drawn in store.cpp, without the sums of keys
+//   2  with them
 struct StoreFormat {
-  static constexpr std::uint32_t kCurrent = 1;
+  static constexpr std::uint32_t kCurrent = 2;
+  static constexpr std::uint32_t kWithKeySums = 2;
   std::uint32_t version = kCurrent;
   friend bool operator==(const StoreFormat&, const StoreFormat&) = default;
+};
+
+// Written by every commit, in its transaction: the sum modulo 2^64 of the key_hash() of all keys of
+// each database but this record's own. LMDB has no checksums; a key that is damaged hides its
+// record, and shows here.
+struct KeySums {
+  std::vector<std::uint64_t> sums;  // by Database
+  friend bool operator==(const KeySums&, const KeySums&) = default;
 };
 
 // The bytes are not the record that was asked for. Says what is wrong; the caller knows where.
@@ -27,9 +39,10 @@ class DecodeError : public std::runtime_error {
 
 // Equal records give equal bytes. `leaf` goes into the bytes, so that a record which turns up in
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
-// For StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface, LeafUnresolved and
-// QueueEntry. Safe from many threads; a thread keeps its zstd contexts (about 1 MB) until it ends.
-// REQUIRES: enumerators in range, LeafCells::cells index LeafCells::vertices
+// For StoreFormat, KeySums, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
+// LeafUnresolved, QueueEntry and MemoryRecord. Safe from many threads; as many zstd contexts are
+// kept as were in use at once. REQUIRES: enumerators and conditions in range, LeafCells::cells
+// index LeafCells::vertices
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf);
 

@@ -13,13 +13,13 @@
 #include <system_error>
 
 #include "storage/codec.h"
-#include "storage/page_check.h"
 
 namespace locvol {
 namespace {
 
 constexpr const char* kDataName = "data.mdb";
 constexpr std::string_view kFormatKey = "format";
+constexpr std::string_view kKeySumsKey = "keys";
 constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 16;
 constexpr unsigned kMaxReaders = 1000;  // snapshots at once, over all processes
 constexpr mdb_mode_t kFileMode = 0644;
@@ -71,8 +71,18 @@ Environment::Id Environment::id_of(const std::filesystem::path& directory) {
   struct stat status;
   if (stat(directory.c_str(), &status) != 0)
     throw StoreError("store " + directory.string() +
-                     ": cannot be opened: " + std::generic_category().message(errno));
+                     ": cannot be opened: " + std::generic_category().message(errno) +
+                     "; check the path and its permissions");
   return {status.st_dev, status.st_ino};
+}
+
+bool Environment::exists(const std::filesystem::path& directory) {
+  const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
+  if (data.is_open()) return has_content(data.number());
+  if (errno == ENOENT || errno == ENOTDIR) return false;
+  throw StoreError("store " + directory.string() + ": cannot open " + kDataName + ": " +
+                   std::generic_category().message(errno) +
+                   "; mend that, and give the same command again");
 }
 
 std::shared_ptr<Environment> Environment::open(const std::filesystem::path& directory,
@@ -91,13 +101,18 @@ std::shared_ptr<Environment> Environment::open(const std::filesystem::path& dire
       throw StoreError("store " + directory.string() + " is already open in this process");
     }
   }
-  shared.reset(new Environment(directory, id, options));
+  // make_shared() takes its memory before it constructs: were there none, ~Environment() would run
+  // under the lock that it takes.
+  struct Opened : Environment {
+    Opened(const std::filesystem::path& d, Id i, const StoreOptions& o) : Environment(d, i, o) {}
+  };
+  shared = std::make_shared<Opened>(directory, id, options);
   all.open.emplace(id, shared);
   return shared;
 }
 
 Environment::Environment(const std::filesystem::path& directory, Id id, const StoreOptions& options)
-    : directory_(directory), id_(id) {
+    : directory_(directory), id_(id), pages_(options.memory_bytes) {
   if (const auto network = network_file_system(directory))
     throw StoreError(place() + "is on a network file system (" + *network +
                      "), where a memory-mapped database is not safe; use a local disk");
@@ -106,15 +121,24 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
     throw StoreError(place() + "there is no store here");
   if (!options.read_only) lock_ = WriterLock::acquire(directory);
   const bool has_data = Store::exists(directory);
+  // What a creation leaves that was cut short may end within the meta pages.
+  if (!has_data) std::filesystem::remove(directory / kDataName);
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));
   try {
     if (has_data) check_meta_pages(data.number());
     open_map(options);
-    if (has_data) check_structure(data.number());
+    if (has_data) {
+      find_databases(data.number());
+    } else {
+      create_databases();
+      sync_directory(directory_);
+    }
+  } catch (const std::system_error& error) {
+    throw StoreError(place() + kDataName + ' ' + error.what() + advice(error.code().value()));
   } catch (const DamagedFile& damage) {
-    throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what());
+    throw StoreError(place() + kDataName + " is damaged, or no database: " + damage.what() +
+                     kDamageCure);
   }
-  open_databases(may_create);
 }
 
 Environment::~Environment() {
@@ -132,16 +156,24 @@ Environment::~Environment() {
 void Environment::check(int code, const char* what) const {
   if (code == MDB_SUCCESS) return;
   if (code == MDB_MAP_FULL) throw MapFull();
-  throw StoreError(place() + "cannot " + what + ": " + mdb_strerror(code) + free_space_note(code));
+  throw StoreError(place() + "cannot " + what + ": " + mdb_strerror(code) + advice(code));
 }
 
-// A disk or a quota that ends within a write gives LMDB a short write, which it reports as EIO.
-std::string Environment::free_space_note(int code) const {
-  if (code != EIO && code != ENOSPC) return {};
+// What may be the matter, and what can be done. A disk or a quota that ends within a write gives
+// LMDB a short write, which it reports as EIO.
+std::string Environment::advice(int code) const {
+  constexpr const char* kAgain = " and give the same command again: what was committed is kept";
+  if (code == ENOMEM) return std::string("; free some memory") + kAgain;
+  if (code == EMFILE || code == ENFILE) return std::string("; close other files") + kAgain;
+  if (code == EACCES || code == EROFS || code == EPERM)
+    return std::string("; get the right to write to it") + kAgain;
+  if (code != EIO && code != ENOSPC && code != EDQUOT) return {};
   std::error_code unknown;
   const auto space = std::filesystem::space(directory_, unknown);
-  if (unknown) return {};
-  return ", or no space left (" + std::to_string(space.available >> 20) + " MB are free)";
+  const std::string free =
+      unknown ? "" : " (" + std::to_string(space.available >> 20) + " MB are free)";
+  return (code == EIO ? ", or no space left" : "") + free + "; make room, or check the disk," +
+         kAgain;
 }
 
 // -- Opening
@@ -155,6 +187,9 @@ void Environment::open_map(const StoreOptions& options) {
     bytes = rounded_map_bytes(bytes / 2);
   check(code, "open the database");
   is_mapped_ = true;
+  MDB_stat stat;
+  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
+  page_bytes_ = stat.ms_psize;
   int num_dead = 0;
   check(mdb_reader_check(handle_.get(), &num_dead), "clear readers of dead processes");
 }
@@ -172,58 +207,65 @@ int Environment::try_map(const StoreOptions& options, std::uint64_t map_bytes) {
   return mdb_env_open(environment, directory_.c_str(), flags, kFileMode);
 }
 
-void Environment::check_structure(int data_file) {
-  bool is_checked = false;
-  while (!is_checked) {  // again when a live writer has committed twice in between
+void Environment::find_databases(int data_file) {
+  for (;;) {  // again when a live writer has committed twice in between
     TransactionHandle transaction = begin_read();
-    is_checked = check_pages(data_file, mdb_txn_id(transaction.get()));
+    if (const auto found = check_pages(data_file, mdb_txn_id(transaction.get()))) {
+      open_databases(transaction.get(), *found);
+      return check(mdb_txn_commit(transaction.release()), "keep the databases open");
+    }
     retire(std::move(transaction));
   }
 }
 
-void Environment::open_databases(bool may_create) {
-  if (find_databases()) return;
-  // An environment without anything is what a creation leaves that was killed halfway.
-  if (!may_create || !is_empty())
-    throw StoreError(place() + "is a database, but not a locvol store");
-  create_databases();
-  sync_directory(directory_);
-}
-
-bool Environment::find_databases() {
-  TransactionHandle transaction = begin_read();
+void Environment::open_databases(MDB_txn* transaction, const KeySumByName& found) {
+  StoreFormat format;
   for (std::size_t i = 0; i < kNumDatabases; ++i) {
-    const int code = mdb_dbi_open(transaction.get(), kNames[i], 0, &databases_[i]);
-    if (code == MDB_NOTFOUND && i == 0) return false;
-    check(code, "open a named database");
+    if (!found.contains(kNames[i])) {
+      if (i == 0) throw StoreError(place() + "is a database, but not a locvol store");
+      throw DamagedFile(std::string("there is no database `") + kNames[i] + "`");
+    }
+    check(mdb_dbi_open(transaction, kNames[i], 0, &databases_[i]), "open a named database");
+    if (i > 0) continue;
     // The format comes first: a newer one may have other databases.
-    if (i == 0) check_format(transaction.get());
-  }
-  check(mdb_txn_commit(transaction.release()), "keep the databases open");
-  return true;
-}
-
-void Environment::check_format(MDB_txn* transaction) const {
-  MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(transaction, databases_[0], &key, &value), "read the format of the store");
-  try {
-    const auto format = decode<StoreFormat>(to_view(value), MortonKey());
+    format = meta_record<StoreFormat>(transaction, kFormatKey);
     if (format.version > StoreFormat::kCurrent)
       throw StoreError(place() + "has format " + std::to_string(format.version) +
                        ", written by a newer locvol; this one reads up to format " +
                        std::to_string(StoreFormat::kCurrent));
-  } catch (const DecodeError& error) {
-    throw CorruptRecord(place() + "the format record is damaged: " + error.what(), MortonKey());
+  }
+  if (format.version >= StoreFormat::kWithKeySums) check_key_sums(transaction, found);
+}
+
+void Environment::check_key_sums(MDB_txn* transaction, const KeySumByName& found) {
+  const auto stored = meta_record<KeySums>(transaction, kKeySumsKey);
+  if (stored.sums.size() != kNumDatabases) throw DamagedFile("sums of keys of other databases");
+  key_sums_.emplace();
+  for (std::size_t i = 0; i < kNumDatabases; ++i) {
+    const std::uint64_t own = i == 0 ? key_hash(kKeySumsKey) : 0;
+    if (found.at(kNames[i]) - own != stored.sums[i])
+      throw DamagedFile(std::string("a key in database `") + kNames[i] + "` is not what it was");
+    (*key_sums_)[i] = stored.sums[i];
   }
 }
 
-bool Environment::is_empty() {
-  MDB_stat stat;
-  check(mdb_env_stat(handle_.get(), &stat), "count the databases");
-  return stat.ms_entries == 0;
+template <class Record>
+Record Environment::meta_record(MDB_txn* transaction, std::string_view name) const {
+  MDB_val key = to_value(name), value;
+  const int code = mdb_get(transaction, databases_[0], &key, &value);
+  if (code == MDB_NOTFOUND) throw DamagedFile("the record `" + std::string(name) + "` is missing");
+  check(code, "read");
+  try {
+    return decode<Record>(to_view(value), MortonKey());
+  } catch (const DecodeError& error) {
+    throw CorruptRecord(place() + "the record `" + std::string(name) +
+                            "` is damaged: " + error.what() + kDamageCure,
+                        MortonKey());
+  }
 }
 
 void Environment::create_databases() {
+  key_sums_.emplace();
   write([this](Transaction& transaction) {
     for (std::size_t i = 0; i < kNumDatabases; ++i)
       check(mdb_dbi_open(transaction.transaction_, kNames[i], MDB_CREATE, &databases_[i]),
@@ -251,7 +293,10 @@ TransactionHandle Environment::begin_read() {
         begun ? mdb_txn_renew(begun) : mdb_txn_begin(handle_.get(), nullptr, MDB_RDONLY, &begun);
     if (code == MDB_MAP_RESIZED) continue;
     check(code, "begin to read");
-    if (!transaction) transaction.reset(begun);
+    if (!transaction) {
+      transaction.reset(begun);
+      make_room_for_idle();
+    }
     return transaction;
   }
 }
@@ -264,13 +309,24 @@ TransactionHandle Environment::idle_transaction() {
   return transaction;
 }
 
+// So that retire(), which destructors call, allocates nothing.
+void Environment::make_room_for_idle() {
+  const std::lock_guard lock(idle_mutex_);
+  idle_.reserve(++num_transactions_);
+}
+
 void Environment::retire(TransactionHandle transaction) {
   mdb_txn_reset(transaction.get());
   const std::lock_guard lock(idle_mutex_);
   idle_.push_back(std::move(transaction));
 }
 
-Environment::View Environment::view() { return View(*this, begin_read()); }
+Environment::View Environment::view() {
+  View view(*this, begin_read());
+  const Gate gate = enter();
+  if (!pages_.is_located()) locate_map(view.transaction_.get());
+  return view;
+}
 
 Environment::WriteTurn Environment::wait_for_write_turn() {
   write_turn_.acquire();
@@ -286,9 +342,16 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   MDB_txn* begun = nullptr;
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
-  Transaction transaction(*this, handle.get());
-  write(transaction);
+  if (!pages_.is_located()) locate_map(begun);
+  std::optional<KeySumOf> key_sums;
+  {
+    Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
+    write(transaction);
+    transaction.finish();
+    key_sums = transaction.key_sums_;
+  }
   check(mdb_txn_commit(handle.release()), "commit");  // LMDB frees it either way
+  key_sums_ = key_sums;
   return true;
 } catch (const MapFull&) {
   return false;
@@ -306,6 +369,7 @@ void Environment::resize_map(std::uint64_t bytes) {
   const std::lock_guard turnstile(turnstile_);
   const std::unique_lock gate(gate_);
   const std::uint64_t old_bytes = map_bytes();
+  pages_.forget();
   const int code = mdb_env_set_mapsize(handle_.get(), bytes);
   if (code != MDB_SUCCESS)
     is_mapped_ = mdb_env_set_mapsize(handle_.get(), old_bytes) == MDB_SUCCESS;
@@ -327,23 +391,27 @@ std::vector<DatabaseSize> Environment::sizes() {
 }
 
 // LMDB does not tell where its map is. But the format record lies in a page, in the map, which
-// begins with its number.
-void Environment::release_pages() {
-  const View now = view();
-  const Gate gate = enter();
-  MDB_envinfo info;
-  MDB_stat stat;
-  check(mdb_env_info(handle_.get(), &info), "find out the size of the map");
-  check(mdb_env_stat(handle_.get(), &stat), "find out the size of a page");
+// begins with its number. REQUIRES: the transaction has not written yet, for that takes pages out
+// of the map
+void Environment::locate_map(MDB_txn* transaction) {
   MDB_val key = to_value(kFormatKey), value;
-  check(mdb_get(now.transaction_.get(), databases_[0], &key, &value), "find the map");
+  const bool is_created = databases_[0] != 0;
+  if (!is_created || mdb_get(transaction, databases_[0], &key, &value) != MDB_SUCCESS) return;
   const auto address = reinterpret_cast<std::uintptr_t>(value.mv_data);
-  const std::uintptr_t page = address - address % stat.ms_psize;
+  const std::uintptr_t page = address - address % page_bytes_;
   const std::uint64_t page_number = *reinterpret_cast<const std::uint64_t*>(page);
-  void* const map = reinterpret_cast<void*>(page - page_number * stat.ms_psize);
-  const std::uint64_t used = rounded_map_bytes((info.me_last_pgno + 1) * stat.ms_psize);
-  if (madvise(map, std::min<std::uint64_t>(used, info.me_mapsize), MADV_DONTNEED) != 0)
-    check(errno, "release mapped pages");
+  pages_.locate(reinterpret_cast<const void*>(page - page_number * page_bytes_), map_bytes());
+}
+
+void Environment::check_before_freeing(const MDB_val& value) const {
+  const auto offset = pages_.offset_of(value.mv_data);
+  if (!offset) return;  // written in this transaction
+  try {
+    check_overflow_header(static_cast<const char*>(value.mv_data), value.mv_size, *offset,
+                          page_bytes_);
+  } catch (const DamagedFile& damage) {
+    throw StoreError(place() + kDataName + " is damaged: " + damage.what() + kDamageCure);
+  }
 }
 
 // -- View
@@ -360,6 +428,7 @@ std::optional<std::string> Environment::View::get(Database database, std::string
   const int code = mdb_get(transaction_.get(), handle, &wanted, &value);
   if (code == MDB_NOTFOUND) return std::nullopt;
   environment_.check(code, "read");
+  environment_.pages_.note(value.mv_data, value.mv_size);
   return std::string(to_view(value));
 }
 
@@ -371,33 +440,77 @@ void Environment::View::scan(Database database, std::string_view from, const Vis
   const CursorHandle cursor(opened);
   MDB_val key = to_value(from), value;
   int code = mdb_cursor_get(opened, &key, &value, from.empty() ? MDB_FIRST : MDB_SET_RANGE);
-  for (; code == MDB_SUCCESS; code = mdb_cursor_get(opened, &key, &value, MDB_NEXT))
+  for (; code == MDB_SUCCESS; code = mdb_cursor_get(opened, &key, &value, MDB_NEXT)) {
+    environment_.pages_.note(key.mv_data, key.mv_size);
+    environment_.pages_.note(value.mv_data, value.mv_size);
     if (!visit(to_view(key), to_view(value))) return;
+  }
   if (code != MDB_NOTFOUND) environment_.check(code, "read");
 }
 
 // -- Transaction
 // -----------------------------------------------------------------------------------
 
+struct Environment::Transaction::Cursors {
+  std::array<CursorHandle, kNumDatabases> of;
+};
+
+Environment::Transaction::Transaction(Environment& environment, MDB_txn* transaction)
+    : environment_(environment),
+      transaction_(transaction),
+      key_sums_(environment.key_sums_),
+      cursors_(std::make_unique<Cursors>()) {}
+Environment::Transaction::~Transaction() = default;
+
+MDB_cursor* Environment::Transaction::cursor(Database database) {
+  const auto i = static_cast<std::size_t>(database);
+  if (!cursors_->of[i]) {
+    MDB_cursor* opened = nullptr;
+    environment_.check(mdb_cursor_open(transaction_, environment_.databases_[i], &opened), "write");
+    cursors_->of[i].reset(opened);
+  }
+  return cursors_->of[i].get();
+}
+
+// What is found is about to be overwritten or freed, for which LMDB reads it through the map, and
+// trusts it.
+bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& value, bool or_next) {
+  const int code =
+      mdb_cursor_get(cursor(database), &key, &value, or_next ? MDB_SET_RANGE : MDB_SET_KEY);
+  if (code == MDB_NOTFOUND) return false;
+  environment_.check(code, "write");
+  environment_.pages_.note(key.mv_data, key.mv_size);
+  environment_.pages_.note(value.mv_data, value.mv_size);
+  environment_.check_before_freeing(value);
+  return true;
+}
+
+void Environment::Transaction::add_to_sum(Database database, std::uint64_t term) {
+  if (key_sums_) (*key_sums_)[static_cast<std::size_t>(database)] += term;
+}
+
+void Environment::Transaction::finish() {
+  if (!key_sums_) return;
+  const std::string record = encode(KeySums{{key_sums_->begin(), key_sums_->end()}}, MortonKey());
+  MDB_val key = to_value(kKeySumsKey), value = to_value(record);
+  environment_.check(mdb_cursor_put(cursor(Database::kMeta), &key, &value, 0), "write");
+}
+
 void Environment::Transaction::put(Database database, std::string_view key,
                                    std::string_view value) {
+  MDB_val old_key = to_value(key), old_value;
+  if (!find(database, old_key, old_value, false)) add_to_sum(database, key_hash(key));
   MDB_val stored_key = to_value(key), stored_value = to_value(value);
-  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
-  environment_.check(mdb_put(transaction_, handle, &stored_key, &stored_value, 0), "write");
+  environment_.check(mdb_cursor_put(cursor(database), &stored_key, &stored_value, 0), "write");
 }
 
 void Environment::Transaction::erase(Database database, std::string_view first,
                                      std::string_view last) {
-  MDB_cursor* opened = nullptr;
-  const unsigned handle = environment_.databases_[static_cast<std::size_t>(database)];
-  environment_.check(mdb_cursor_open(transaction_, handle, &opened), "write");
-  const CursorHandle cursor(opened);
   for (;;) {
     MDB_val key = to_value(first), value;
-    const int code = mdb_cursor_get(opened, &key, &value, MDB_SET_RANGE);
-    if (code == MDB_NOTFOUND || (code == MDB_SUCCESS && to_view(key) > last)) return;
-    environment_.check(code, "write");
-    environment_.check(mdb_cursor_del(opened, 0), "write");
+    if (!find(database, key, value, true) || to_view(key) > last) return;
+    add_to_sum(database, std::uint64_t{0} - key_hash(to_view(key)));
+    environment_.check(mdb_cursor_del(cursor(database), 0), "write");
   }
 }
 

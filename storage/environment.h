@@ -26,10 +26,14 @@
 #include <vector>
 
 #include "storage/file_system.h"
+#include "storage/mapped_pages.h"
+#include "storage/page_check.h"
 #include "storage/store.h"
 
+struct MDB_cursor;
 struct MDB_env;
 struct MDB_txn;
+struct MDB_val;
 
 namespace locvol {
 
@@ -64,6 +68,7 @@ class Environment {
   // Held by who may write, one at a time; may be given back by any thread.
   using WriteTurn = std::unique_ptr<Environment, GiveBackTurn>;
 
+  static bool exists(const std::filesystem::path& directory);  // as Store::exists()
   // One for each directory in a process: a second read-only open shares the first one's.
   // Throws StoreError as Store::open() does.
   static std::shared_ptr<Environment> open(const std::filesystem::path& directory,
@@ -79,7 +84,8 @@ class Environment {
   // and starts again, so `write` must do the same each time. REQUIRES: the caller has the turn
   void write(const std::function<void(Transaction&)>& write);
   std::vector<DatabaseSize> sizes();
-  void release_pages();  // as Store::release_pages()
+  void release_pages() { pages_.release(); }                     // as Store::release_pages()
+  std::uint64_t mapped_bytes() const { return pages_.bytes(); }  // as Store::mapped_bytes()
 
  private:
   using Id = std::pair<std::uint64_t, std::uint64_t>;  // device and inode of the directory
@@ -93,36 +99,45 @@ class Environment {
   std::string place() const { return "store " + directory_.string() + ": "; }
   // Throws StoreError unless the code is MDB_SUCCESS; MapFull, for write() to catch.
   void check(int code, const char* what) const;
-  std::string free_space_note(int code) const;
+  std::string advice(int code) const;
 
   void open_map(const StoreOptions& options);
   int try_map(const StoreOptions& options, std::uint64_t map_bytes);
-  void check_structure(int data_file);
-  void open_databases(bool may_create);
-  bool find_databases();  // false: not even the first one is there
-  bool is_empty();
+  void find_databases(int data_file);
+  void open_databases(MDB_txn* transaction, const KeySumByName& found);
+  void check_key_sums(MDB_txn* transaction, const KeySumByName& found);
   void create_databases();
-  void check_format(MDB_txn* transaction) const;
+  template <class Record>
+  Record meta_record(MDB_txn* transaction, std::string_view name) const;
 
   Gate enter();
   TransactionHandle begin_read();
   TransactionHandle idle_transaction();  // or null
+  void make_room_for_idle();
   void retire(TransactionHandle transaction);
   bool is_written(const std::function<void(Transaction&)>& write);  // false: the map is full
   void resize_map(std::uint64_t map_bytes);  // 0: to what another process made it
   std::uint64_t map_bytes() const;
+  void locate_map(MDB_txn* transaction);
+  void check_before_freeing(const MDB_val& value) const;
 
   const std::filesystem::path directory_;
   const Id id_;
   std::optional<WriterLock> lock_;
   EnvironmentHandle handle_;
   std::array<unsigned, kNumDatabases> databases_{};
+  std::uint32_t page_bytes_ = 0;
+  // As of the last commit, for who has the write turn; a store of the first format has none.
+  using KeySumOf = std::array<std::uint64_t, kNumDatabases>;
+  std::optional<KeySumOf> key_sums_;
 
   std::mutex turnstile_;  // before the gate, so that readers that keep coming let growth in
   std::shared_mutex gate_;
   bool is_mapped_ = false;  // guarded by the gate; false after a growth that failed for good
+  MappedPages pages_;
   std::mutex idle_mutex_;
   std::vector<TransactionHandle> idle_;  // read transactions, reset, to be renewed
+  std::size_t num_transactions_ = 0;     // idle and in use
   std::binary_semaphore write_turn_{1};
 };
 
@@ -155,11 +170,18 @@ class Environment::Transaction {
 
  private:
   friend class Environment;
-  Transaction(const Environment& environment, MDB_txn* transaction)
-      : environment_(environment), transaction_(transaction) {}
+  struct Cursors;
+  Transaction(Environment& environment, MDB_txn* transaction);
+  ~Transaction();
+  MDB_cursor* cursor(Database database);
+  bool find(Database database, MDB_val& key, MDB_val& value, bool or_next);
+  void add_to_sum(Database database, std::uint64_t term);
+  void finish();  // after the last put() and erase()
 
-  const Environment& environment_;
+  Environment& environment_;
   MDB_txn* transaction_;
+  std::optional<KeySumOf> key_sums_;  // as of now
+  std::unique_ptr<Cursors> cursors_;
 };
 
 }  // namespace locvol

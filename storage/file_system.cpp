@@ -10,9 +10,11 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <fstream>
 #include <sstream>
 #include <system_error>
+#include <thread>
 
 #include "storage/store.h"
 
@@ -24,13 +26,26 @@ constexpr std::uint32_t kFuseMagic = 0x65735546;
 
 [[noreturn]] void fail(const std::filesystem::path& path, const std::string& what) {
   throw StoreError(path.string() + ": cannot " + what + ": " +
-                   std::generic_category().message(errno));
+                   std::generic_category().message(errno) +
+                   "; mend that, and give the same command again");
 }
 
 std::string text_of(const FileDescriptor& file) {
   std::array<char, 32> text{};
   const ssize_t size = pread(file.number(), text.data(), text.size(), 0);
   return std::string(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+}
+
+// Tries again for a moment: holder() takes the lock for some microseconds.
+bool try_lock(const FileDescriptor& file) {
+  constexpr int kTries = 20;
+  for (int i = 0; i < kTries; ++i) {
+    if (flock(file.number(), LOCK_EX | LOCK_NB) == 0) return true;
+    if (errno != EWOULDBLOCK) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  errno = EWOULDBLOCK;
+  return false;
 }
 
 // Only for the message that another process gets: the lock holds without it.
@@ -66,7 +81,7 @@ WriterLock WriterLock::acquire(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / kLockName;
   FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (!file.is_open()) fail(path, "open for writing");
-  if (flock(file.number(), LOCK_EX | LOCK_NB) != 0) {
+  if (!try_lock(file)) {
     if (errno != EWOULDBLOCK) fail(path, "lock");
     const std::string process = text_of(file);
     throw StoreError("store " + directory.string() + " is in use by " +
@@ -74,6 +89,13 @@ WriterLock WriterLock::acquire(const std::filesystem::path& directory) {
   }
   write_process_id(file);
   return WriterLock(std::move(file));
+}
+
+std::optional<std::string> WriterLock::holder(const std::filesystem::path& directory) {
+  const FileDescriptor file(::open((directory / kLockName).c_str(), O_RDONLY | O_CLOEXEC));
+  const bool is_held =
+      file.is_open() && flock(file.number(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  return is_held ? std::optional(text_of(file)) : std::nullopt;
 }
 
 void make_directory(const std::filesystem::path& directory) {

@@ -33,6 +33,8 @@ class WriterLock {
  public:
   // Throws StoreError: another process has it (named by its id), or the lock cannot be made.
   static WriterLock acquire(const std::filesystem::path& directory);
+  // The id of the process that has it, if one has.
+  static std::optional<std::string> holder(const std::filesystem::path& directory);
 
  private:
   explicit WriterLock(FileDescriptor file) : file_(std::move(file)) {}

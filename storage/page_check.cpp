@@ -15,6 +15,7 @@
 #include <string_view>
 #include <system_error>
 #include <thread>
+#include <utility>
 #include <vector>
 
 // LMDB 0.9 on disk, 64 bits, little-endian. A page (its size is in the meta pages):
@@ -23,6 +24,7 @@
 //   | free | (upper) nodes ... |                    overflow pages: count u32 instead of lower,
 //   upper
 //
+// The nodes fill the page from its end on without gaps, in any order, each of an even length.
 // A node; in a branch page, size and flags together are the child's page number (48 bits). A value
 // that does not fit is 8 bytes, the number of its first overflow page:
 //
@@ -74,7 +76,7 @@ void read_at(int file, std::uint64_t offset, std::span<char> bytes) {
   while (!bytes.empty()) {
     const ssize_t n = pread(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+    if (n < 0) throw std::system_error(errno, std::generic_category(), "cannot be read");
     require(n > 0, "the file is shorter than its contents");
     bytes = bytes.subspan(static_cast<std::size_t>(n));
     offset += static_cast<std::uint64_t>(n);
@@ -84,8 +86,12 @@ void read_at(int file, std::uint64_t offset, std::span<char> bytes) {
 std::uint64_t size_of(int file) {
   struct stat status;
   if (fstat(file, &status) != 0)
-    throw DamagedFile("unreadable: " + std::generic_category().message(errno));
+    throw std::system_error(errno, std::generic_category(), "cannot be read");
   return static_cast<std::uint64_t>(status.st_size);
+}
+
+std::uint64_t num_overflow_pages(std::uint64_t value_bytes, std::uint32_t page_size) {
+  return (kPageHeader - 1 + value_bytes) / page_size + 1;
 }
 
 struct Tree {
@@ -148,6 +154,23 @@ void check_turns(const std::array<Meta, 2>& metas) {
   require(is_new || alternates, "meta pages that contradict each other");
 }
 
+// A key as a bound: what is longer than any of ours is no bound.
+class KeyBound {
+ public:
+  KeyBound() = default;
+  explicit KeyBound(std::string_view key) {
+    if (key.size() > bytes_.size()) return;
+    size_ = static_cast<std::uint8_t>(key.size());
+    std::ranges::copy(key, bytes_.begin());
+  }
+  bool is_set() const { return size_ <= bytes_.size(); }
+  std::string_view key() const { return {bytes_.data(), size_}; }
+
+ private:
+  std::array<char, 23> bytes_{};
+  std::uint8_t size_ = 0xff;
+};
+
 class PageChecker {
  public:
   PageChecker(int file, const Meta& meta)
@@ -155,9 +178,10 @@ class PageChecker {
         page_size_(meta.page_size),
         num_pages_(std::min(size_of(file) / meta.page_size, meta.last_page + 1)),
         last_page_(meta.last_page),
+        txn_(meta.txn),
         is_used_(num_pages_ < kNumMetaPages ? kNumMetaPages : num_pages_) {}
 
-  void run(const Meta& meta);
+  KeySumByName run(const Meta& meta);
 
  private:
   struct Node {
@@ -171,12 +195,22 @@ class PageChecker {
     bool is_free_list = false;
   };
 
+  // A page of a tree, and between which keys a search comes to it: low <= key < high.
+  struct Place {
+    std::uint64_t page = 0;
+    KeyBound low, high;
+  };
+
   void check_tree(const Tree& tree, bool is_free_list);
-  void check_page(std::uint64_t page, Level level);
-  void check_order(const Node& before, const Node& node, Level level) const;
+  void check_page(const Place& place, Level level);
+  static bool is_less(std::string_view a, std::string_view b, Level level);
+  void check_bounds(std::string_view key, const Place& place, Level level) const;
+  void check_extents(std::size_t upper);
   void check_leaf_node(const Node& node, bool is_free_list);
   void check_free_pages(const Node& node);
   Node node_at(std::string_view page, std::size_t index) const;
+  static std::pair<std::size_t, std::size_t> extent(std::string_view page, const Node& node,
+                                                    Level level);
   std::uint64_t take_overflow_pages(const Node& node);
   void take(std::uint64_t page, std::uint64_t count = 1);
 
@@ -184,37 +218,44 @@ class PageChecker {
   std::uint32_t page_size_;
   std::uint64_t num_pages_;  // wholly in the file
   std::uint64_t last_page_;
+  std::uint64_t txn_;
   std::vector<bool> is_used_;
-  std::vector<Tree> named_;  // databases, found in the main tree
+  std::map<std::string, Tree> named_;  // databases, found in the main tree
 
   // Of the tree in hand.
-  std::vector<std::uint64_t> children_;
+  std::vector<Place> children_;
   Tree counted_;
+  std::uint64_t key_sum_ = 0;
+  std::vector<std::pair<std::size_t, std::size_t>> extents_;  // of a page's nodes: begin, bytes
 };
 
-void PageChecker::run(const Meta& meta) {
+KeySumByName PageChecker::run(const Meta& meta) {
   take(0, kNumMetaPages);
   check_tree(meta.main, false);
-  const std::vector<Tree> named = std::move(named_);
-  for (const Tree& tree : named) {
+  const std::map<std::string, Tree> named = std::exchange(named_, {});
+  KeySumByName sums;
+  for (const auto& [name, tree] : named) {
     require(tree.flags == 0, "a named database of another kind");
     check_tree(tree, false);
+    sums[name] = key_sum_;
   }
   require(named_.empty(), "a database within a named database");
   check_tree(meta.free_list, true);  // last: what is in use cannot be free
+  return sums;
 }
 
 void PageChecker::check_tree(const Tree& tree, bool is_free_list) {
   require(tree.depth <= kMaxDepth, "a tree too deep");
   require((tree.depth == 0) == (tree.root == kNoPage), "a tree without a root");
   counted_ = Tree();
-  std::vector<std::uint64_t> pages;
-  if (tree.depth > 0) pages.push_back(tree.root);
+  key_sum_ = 0;
+  std::vector<Place> places;
+  if (tree.depth > 0) places.push_back({tree.root, {}, {}});
   for (int depth = 1; depth <= tree.depth; ++depth) {
     children_.clear();
-    std::ranges::sort(pages);
-    for (const std::uint64_t page : pages) check_page(page, {depth == tree.depth, is_free_list});
-    pages.swap(children_);
+    std::ranges::sort(places, {}, &Place::page);
+    for (const Place& place : places) check_page(place, {depth == tree.depth, is_free_list});
+    places.swap(children_);
   }
   require(counted_.num_branch == tree.num_branch && counted_.num_leaf == tree.num_leaf &&
               counted_.num_overflow == tree.num_overflow &&
@@ -222,11 +263,11 @@ void PageChecker::check_tree(const Tree& tree, bool is_free_list) {
           "a tree that has lost or gained pages");
 }
 
-void PageChecker::check_page(std::uint64_t number, Level level) {
-  take(number);
+void PageChecker::check_page(const Place& place, Level level) {
+  take(place.page);
   std::string page(page_size_, '\0');
-  read_at(file_, number * page_size_, page);
-  require(load<std::uint64_t>(page, 0) == number, "a page in another's place");
+  read_at(file_, place.page * page_size_, page);
+  require(load<std::uint64_t>(page, 0) == place.page, "a page in another's place");
   require(load<std::uint16_t>(page, 10) == (level.is_leaf ? kLeaf : kBranch),
           "a page of another kind");
   const auto lower = load<std::uint16_t>(page, 12), upper = load<std::uint16_t>(page, 14);
@@ -236,17 +277,25 @@ void PageChecker::check_page(std::uint64_t number, Level level) {
   require(num_nodes >= (level.is_leaf || level.is_free_list ? 1u : 2u),
           "a page with too few nodes");
   std::optional<Node> before;
+  extents_.clear();
   for (std::size_t i = 0; i < num_nodes; ++i) {
     const Node node = node_at(page, i);
     // The first key of a branch page stands for "less than the second", and is not looked at.
-    if (before && (level.is_leaf || i > 1)) check_order(*before, node, level);
+    const bool has_key = level.is_leaf || i > 0;
+    if (has_key) check_bounds(node.key, place, level);
+    if (before && (level.is_leaf || i > 1))
+      require(is_less(before->key, node.key, level), "keys out of order");
     if (level.is_leaf) {
       check_leaf_node(node, level.is_free_list);
     } else {
-      children_.push_back(node.child());
+      const KeyBound low = has_key ? KeyBound(node.key) : place.low;
+      if (i > 0) children_.back().high = low;
+      children_.push_back({node.child(), low, place.high});
     }
+    extents_.push_back(extent(page, node, level));
     before = node;
   }
+  check_extents(upper);
   ++(level.is_leaf ? counted_.num_leaf : counted_.num_branch);
   if (level.is_leaf) counted_.num_entries += num_nodes;
 }
@@ -262,25 +311,48 @@ PageChecker::Node PageChecker::node_at(std::string_view page, std::size_t index)
           page.substr(key, key_size), page.substr(key + key_size)};
 }
 
-void PageChecker::check_order(const Node& before, const Node& node, Level level) const {
-  if (level.is_free_list) {
-    require(before.key.size() == 8 && node.key.size() == 8 &&
-                load<std::uint64_t>(before.key, 0) < load<std::uint64_t>(node.key, 0),
-            "free pages out of order");
-  } else {
-    require(before.key < node.key, "keys out of order");
+bool PageChecker::is_less(std::string_view a, std::string_view b, Level level) {
+  if (!level.is_free_list) return a < b;
+  require(a.size() == 8 && b.size() == 8, "free pages of no transaction");
+  return load<std::uint64_t>(a, 0) < load<std::uint64_t>(b, 0);
+}
+
+void PageChecker::check_bounds(std::string_view key, const Place& place, Level level) const {
+  constexpr const char* kLost = "a key where no search would find it";
+  if (place.low.is_set()) require(!is_less(key, place.low.key(), level), kLost);
+  if (place.high.is_set()) require(is_less(key, place.high.key(), level), kLost);
+}
+
+// Node by node without a gap to the end of the page: where they are not, writing moves the wrong
+// bytes, even beyond the page.
+void PageChecker::check_extents(std::size_t upper) {
+  std::ranges::sort(extents_);
+  std::size_t end = upper;
+  for (const auto& [begin, bytes] : extents_) {
+    require(begin == end, "nodes that overlap");
+    end += bytes;
   }
+  require(end == page_size_, "nodes that overlap");
+}
+
+std::pair<std::size_t, std::size_t> PageChecker::extent(std::string_view page, const Node& node,
+                                                        Level level) {
+  const std::size_t value = !level.is_leaf ? 0 : node.flags == kBigValue ? 8 : node.size;
+  const std::size_t bytes = kNodeHeader + node.key.size() + value;
+  return {static_cast<std::size_t>(node.key.data() - page.data()) - kNodeHeader, bytes + bytes % 2};
 }
 
 void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
   require(node.flags == 0 || node.flags == kBigValue || node.flags == kSubtree,
           "a node of another kind");
+  key_sum_ += key_hash(node.key);
   if (node.flags != kBigValue) require(node.size <= node.value.size(), "a value outside its page");
   if (node.flags == kSubtree) {
     require(node.size == Tree::kBytes && !is_free_list, "a named database cut short");
-    named_.push_back(Tree::load_from(node.value, 0));
+    named_.emplace(node.key, Tree::load_from(node.value, 0));
   } else if (is_free_list) {
-    require(node.key.size() == 8, "free pages of no transaction");
+    require(node.key.size() == 8 && load<std::uint64_t>(node.key, 0) <= txn_,
+            "free pages of no transaction");
     check_free_pages(node);
   } else if (node.flags == kBigValue) {
     take_overflow_pages(node);
@@ -290,7 +362,7 @@ void PageChecker::check_leaf_node(const Node& node, bool is_free_list) {
 std::uint64_t PageChecker::take_overflow_pages(const Node& node) {
   require(node.value.size() >= 8, "a value outside its page");
   const auto first = load<std::uint64_t>(node.value, 0);
-  const std::uint64_t count = (kPageHeader - 1 + std::uint64_t{node.size}) / page_size_ + 1;
+  const std::uint64_t count = num_overflow_pages(node.size, page_size_);
   take(first, count);
   counted_.num_overflow += count;
   return first;
@@ -327,6 +399,19 @@ void PageChecker::take(std::uint64_t page, std::uint64_t count) {
 
 }  // namespace
 
+bool has_content(int file) try {
+  constexpr std::uint64_t kMinPageBytes = 512;
+  if (size_of(file) < kNumMetaPages * kMinPageBytes) return false;
+  const Meta first = read_meta(file, 0, 0);
+  if (size_of(file) < kNumMetaPages * first.page_size) return false;
+  const Meta second = read_meta(file, 1, first.page_size);
+  // LMDB's choice. When a commit fails to write its meta page, the page may say anything but for
+  // its transaction, which then is an old one.
+  return (first.txn < second.txn ? second : first).main.root != kNoPage;
+} catch (const DamagedFile&) {
+  return true;
+}
+
 void check_meta_pages(int file) {
   constexpr int kMaxTries = 3;  // a live writer may commit between the two reads
   for (int tries = 1;; ++tries) {
@@ -339,13 +424,28 @@ void check_meta_pages(int file) {
   }
 }
 
-bool check_pages(int file, std::uint64_t txn) {
-  for (const Meta& meta : read_metas(file)) {
-    if (meta.txn != txn) continue;
-    PageChecker(file, meta).run(meta);
-    return true;
-  }
-  return false;
+std::optional<KeySumByName> check_pages(int file, std::uint64_t txn) {
+  for (const Meta& meta : read_metas(file))
+    if (meta.txn == txn) return PageChecker(file, meta).run(meta);
+  return std::nullopt;
+}
+
+std::uint64_t key_hash(std::string_view key) {
+  std::uint64_t hash = 0xcbf29ce484222325;  // FNV-1a, whose low bits alone are good, then mixed
+  for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  hash = (hash ^ hash >> 32) * 0xd6e8feb86659fd93;
+  return hash ^ hash >> 32;
+}
+
+// Right behind a page's header, there are node offsets in a page with nodes.
+void check_overflow_header(const char* value, std::uint64_t value_bytes, std::uint64_t offset,
+                           std::uint32_t page_size) {
+  if (offset % page_size != kPageHeader) return;
+  const std::string_view header(value - kPageHeader, kPageHeader);
+  require(load<std::uint64_t>(header, 0) == offset / page_size &&
+              load<std::uint16_t>(header, 10) == kOverflow &&
+              load<std::uint32_t>(header, 12) == num_overflow_pages(value_bytes, page_size),
+          "a damaged overflow page");
 }
 
 }  // namespace locvol

@@ -118,4 +118,17 @@ struct RunRecord {
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 
+// How the memory of the last process that worked on the run was shared out, in bytes, and what it
+// took. Says nothing of the result, which is the same under any cap.
+struct MemoryRecord {
+  std::uint64_t cap = 0;            // on the whole process
+  std::uint64_t program = 0;        // code, libraries, LMDB's mapped pages
+  std::uint64_t leaves = 0;         // lists over all leaves
+  std::uint64_t commits = 0;        // changes that wait for a commit, and the commit
+  std::uint64_t visits = 0;         // the largest reservation that a visit has asked for
+  std::uint64_t cache = 0;          // what that left to records kept decoded
+  std::uint64_t peak_resident = 0;  // measured
+  friend bool operator==(const MemoryRecord&, const MemoryRecord&) = default;
+};
+
 }  // namespace locvol

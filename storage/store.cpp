@@ -11,12 +11,13 @@
 
 #include "storage/codec.h"
 #include "storage/environment.h"
+#include "storage/file_system.h"
 
 // Keys and values in the databases
 // ================================
 // Numbers in keys are big-endian, so that LMDB's order of bytes is their order.
 //
-//   meta                             "format" | "run"               -> record
+//   meta                             "format" | "keys" | "run"      -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
@@ -34,7 +35,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -82,25 +83,29 @@ std::string hexadecimal(std::uint64_t bits) {
   return text;
 }
 
-[[noreturn]] void report_damage(Database database, MortonKey leaf, const std::string& what) {
-  std::string where = std::string("damaged record in database `") + name_of(database) + "`";
+using Path = std::filesystem::path;
+
+[[noreturn]] void report_damage(const Path& store, Database database, MortonKey leaf,
+                                const std::string& what) {
+  std::string where =
+      "store " + store.string() + ": damaged record in database `" + name_of(database) + "`";
   if (leaf.is_valid())
     where += " of the leaf at level " + std::to_string(leaf.level()) + ", key " +
              hexadecimal(leaf.bits());
-  throw CorruptRecord(where + ": " + what, leaf);
+  throw CorruptRecord(where + ": " + what + kDamageCure, leaf);
 }
 
-MortonKey leaf_of_key(Database database, std::string_view key, std::size_t at) {
+MortonKey leaf_of_key(const Path& store, Database database, std::string_view key, std::size_t at) {
   if (key.size() != at + sizeof(std::uint64_t))
-    report_damage(database, MortonKey(), "a key of impossible length");
+    report_damage(store, database, MortonKey(), "a key of impossible length");
   return MortonKey::from_bits(big_endian_at<std::uint64_t>(key, at));
 }
 
 template <class Record>
-Record decode_in(Database database, std::string_view bytes, MortonKey leaf) try {
+Record decode_in(const Path& store, Database database, std::string_view bytes, MortonKey leaf) try {
   return decode<Record>(bytes, leaf);
 } catch (const DecodeError& error) {
-  report_damage(database, leaf, error.what());
+  report_damage(store, database, leaf, error.what());
 }
 
 // -- Blobs
@@ -165,6 +170,17 @@ bool is_blob(Database database) { return std::ranges::find(kBlobs, database) != 
 using PendingRecords = std::map<std::string, std::optional<std::string>, std::less<>>;
 using Pending = std::array<PendingRecords, kNumDatabases>;
 
+// A pending record's node in the map, its key and the heap's own headers.
+constexpr std::uint64_t kPendingBytes = 160;
+
+// The pages that writing a record changes, at most: the tree's pages down to it, and its chunks,
+// whose keys fill a page of the tree for every hundred of them.
+std::uint64_t page_bytes_of(Database database, std::uint64_t record_bytes) {
+  constexpr std::uint64_t kPageBytes = 4096 + 64, kChangedPages = 2;
+  const std::uint64_t num_chunks = is_blob(database) ? num_chunks_of(record_bytes) : 0;
+  return (kChangedPages + num_chunks + num_chunks / 100) * kPageBytes;
+}
+
 void write_pending(Environment::Transaction& transaction, Database database,
                    const PendingRecords& records) {
   for (const auto& [key, record] : records) {
@@ -186,10 +202,12 @@ void write_pending(Environment::Transaction& transaction, Database database,
 // Of a Snapshot, and of a Batch, whose pending records go before the stored ones.
 struct Reader::Impl {
   std::shared_ptr<Environment> environment;
-  Environment::WriteTurn turn;            // null in a Snapshot
-  std::optional<Environment::View> view;  // none when a Batch is over
+  Environment::WriteTurn turn;              // null in a Snapshot
+  std::shared_ptr<Environment::View> view;  // null when a Batch is over
   Pending pending;
   std::uint64_t bytes_written = 0;
+  std::uint64_t memory_bytes = 0;  // of what is pending
+  std::uint64_t commit_bytes = 0;
 
   struct Entries {
     std::map<std::string, std::string> records;
@@ -208,14 +226,23 @@ struct Reader::Impl {
   Record list(Database database, MortonKey leaf) const;
   template <class Record, class List>
   void put_list(Database database, MortonKey leaf, const Record& record, const List& list);
-  void for_each(Database database, const Visit& visit) const;
-  Entries entries_from(Database database, const std::string& from) const;
+  static constexpr std::size_t kStride = 64;
+  void for_each(Database database, const Visit& visit, std::string from = {},
+                std::size_t stride = kStride) const;
+  Entries entries_from(Database database, const std::string& from, std::size_t stride) const;
 };
 
 void Reader::Impl::put(Database database, std::string key, std::optional<std::string> record) {
   assert(view && "the batch is over");
-  if (record) bytes_written += record->size();
-  pending[static_cast<std::size_t>(database)].insert_or_assign(std::move(key), std::move(record));
+  const std::uint64_t record_bytes = record ? record->size() : 0;
+  PendingRecords& records = pending[static_cast<std::size_t>(database)];
+  const auto [place, is_new] = records.try_emplace(std::move(key));
+  std::optional<std::string>& held = place->second;
+  if (is_new) memory_bytes += kPendingBytes;
+  memory_bytes += record_bytes - (held ? held->size() : 0);  // modulo 2^64, as it should be
+  bytes_written += record_bytes;
+  commit_bytes += page_bytes_of(database, record_bytes);
+  held = std::move(record);
 }
 
 std::optional<std::string> Reader::Impl::find(Database database, const std::string& key) const {
@@ -237,14 +264,14 @@ std::optional<std::string> Reader::Impl::find_blob(Database database, MortonKey 
   if (record.empty()) return std::nullopt;
   return record;
 } catch (const DecodeError& error) {
-  report_damage(database, leaf, error.what());
+  report_damage(environment->directory(), database, leaf, error.what());
 }
 
 // An empty list is stored as nothing at all.
 template <class Record>
 Record Reader::Impl::list(Database database, MortonKey leaf) const {
   const std::optional<std::string> bytes = find_blob(database, leaf);
-  return bytes ? decode_in<Record>(database, *bytes, leaf) : Record();
+  return bytes ? decode_in<Record>(environment->directory(), database, *bytes, leaf) : Record();
 }
 
 template <class Record, class List>
@@ -255,10 +282,10 @@ void Reader::Impl::put_list(Database database, MortonKey leaf, const Record& rec
 
 // Visits some entries at a time, with no call into LMDB under way meanwhile: the visitor may read,
 // write and commit.
-void Reader::Impl::for_each(Database database, const Visit& visit) const {
-  std::string from;
+void Reader::Impl::for_each(Database database, const Visit& visit, std::string from,
+                            std::size_t stride) const {
   for (bool is_last = false; !is_last;) {
-    const Entries entries = entries_from(database, from);
+    const Entries entries = entries_from(database, from, stride);
     for (const auto& [key, record] : entries.records)
       if (!visit(key, record)) return;
     is_last = entries.is_last;
@@ -267,13 +294,13 @@ void Reader::Impl::for_each(Database database, const Visit& visit) const {
 }
 
 // Some entries from key `from` on, pending over stored.
-Reader::Impl::Entries Reader::Impl::entries_from(Database database, const std::string& from) const {
-  constexpr std::size_t kStride = 64;
+Reader::Impl::Entries Reader::Impl::entries_from(Database database, const std::string& from,
+                                                 std::size_t stride) const {
   assert(view && "the batch is over");
   Entries entries;
   view->scan(database, from, [&](std::string_view key, std::string_view record) {
     entries.records.emplace(key, record);
-    entries.is_last = entries.records.size() < kStride;
+    entries.is_last = entries.records.size() < stride;
     entries.next = std::string(key) + '\0';  // the least key above
     return entries.is_last;
   });
@@ -296,13 +323,21 @@ Reader::~Reader() = default;
 std::optional<RunRecord> Reader::run() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kRunKey));
   if (!bytes) return std::nullopt;
-  return decode_in<RunRecord>(Database::kMeta, *bytes, MortonKey());
+  return decode_in<RunRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                              MortonKey());
+}
+
+std::optional<MemoryRecord> Reader::memory() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kMemoryKey));
+  if (!bytes) return std::nullopt;
+  return decode_in<MemoryRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                                 MortonKey());
 }
 
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
   const auto bytes = impl_->find(Database::kLeaves, leaf_key(key));
   if (!bytes) return std::nullopt;
-  return decode_in<LeafInfo>(Database::kLeaves, *bytes, key);
+  return decode_in<LeafInfo>(impl_->environment->directory(), Database::kLeaves, *bytes, key);
 }
 
 LeafPoints Reader::points(MortonKey key) const {
@@ -324,26 +359,39 @@ LeafUnresolved Reader::unresolved(MortonKey key) const {
 std::vector<MortonKey> Reader::leaf_keys() const {
   std::vector<MortonKey> keys;
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string&) {
-    keys.push_back(leaf_of_key(Database::kLeaves, key, 0));
+    keys.push_back(leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0));
     return true;
   });
   return keys;
 }
 
+std::vector<MortonKey> Reader::leaf_keys(MortonKey from, std::size_t max) const {
+  std::vector<MortonKey> keys;
+  const auto take = [&](const std::string& key, const std::string&) {
+    keys.push_back(leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0));
+    return keys.size() < max;
+  };
+  if (max > 0)
+    impl_->for_each(Database::kLeaves, take, leaf_key(from), std::min(max, Impl::kStride));
+  return keys;
+}
+
 void Reader::for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const {
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string& record) {
-    const MortonKey leaf = leaf_of_key(Database::kLeaves, key, 0);
-    return visit(leaf, decode_in<LeafInfo>(Database::kLeaves, record, leaf));
+    const MortonKey leaf = leaf_of_key(impl_->environment->directory(), Database::kLeaves, key, 0);
+    return visit(leaf, decode_in<LeafInfo>(impl_->environment->directory(), Database::kLeaves,
+                                           record, leaf));
   });
 }
 
 namespace {
 
-QueueEntry decode_queue_entry(const std::string& key, const std::string& record) {
-  const MortonKey leaf = leaf_of_key(Database::kQueue, key, 2 * sizeof(std::uint32_t));
-  const auto entry = decode_in<QueueEntry>(Database::kQueue, record, leaf);
+QueueEntry decode_queue_entry(const Path& store, const std::string& key,
+                              const std::string& record) {
+  const MortonKey leaf = leaf_of_key(store, Database::kQueue, key, 2 * sizeof(std::uint32_t));
+  const auto entry = decode_in<QueueEntry>(store, Database::kQueue, record, leaf);
   if (queue_key(entry.position, entry.leaf) != key)
-    report_damage(Database::kQueue, leaf, "a record of another place in the queue");
+    report_damage(store, Database::kQueue, leaf, "a record of another place in the queue");
   return entry;
 }
 
@@ -351,15 +399,28 @@ QueueEntry decode_queue_entry(const std::string& key, const std::string& record)
 
 void Reader::for_each_queued(const std::function<bool(const QueueEntry&)>& visit) const {
   impl_->for_each(Database::kQueue, [&](const std::string& key, const std::string& record) {
-    return visit(decode_queue_entry(key, record));
+    return visit(decode_queue_entry(impl_->environment->directory(), key, record));
   });
+}
+
+std::vector<QueuePlace> Reader::queue_places(const QueuePlace& from, std::size_t max) const {
+  std::vector<QueuePlace> places;
+  const auto take = [&](const std::string& key, const std::string&) {
+    const MortonKey leaf = leaf_of_key(impl_->environment->directory(), Database::kQueue, key,
+                                       2 * sizeof(std::uint32_t));
+    places.push_back(
+        {{big_endian_at<std::uint32_t>(key, 0), big_endian_at<std::uint32_t>(key, 4)}, leaf});
+    return places.size() < max;
+  };
+  if (max > 0) impl_->for_each(Database::kQueue, take, queue_key(from.position, from.leaf));
+  return places;
 }
 
 std::optional<QueueEntry> Reader::queue_entry(QueuePosition position, MortonKey leaf) const {
   const std::string key = queue_key(position, leaf);
   const auto bytes = impl_->find(Database::kQueue, key);
   if (!bytes) return std::nullopt;
-  return decode_queue_entry(key, *bytes);
+  return decode_queue_entry(impl_->environment->directory(), key, *bytes);
 }
 
 // -- Snapshot and Batch
@@ -375,6 +436,10 @@ Batch::~Batch() = default;
 
 void Batch::put_run(const RunRecord& run) {
   impl_->put(Database::kMeta, std::string(kRunKey), encode(run, MortonKey()));
+}
+
+void Batch::put_memory(const MemoryRecord& memory) {
+  impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
 }
 
 void Batch::put_leaf(MortonKey key, const LeafInfo& info) {
@@ -414,6 +479,8 @@ void Batch::erase_queue_entry(QueuePosition position, MortonKey leaf) {
 }
 
 std::uint64_t Batch::bytes_written() const { return impl_->bytes_written; }
+std::uint64_t Batch::memory_bytes() const { return impl_->memory_bytes; }
+std::uint64_t Batch::commit_bytes() const { return impl_->commit_bytes; }
 
 void Batch::commit() {
   assert(impl_->view && "the batch is over");
@@ -431,6 +498,7 @@ void Batch::commit() {
 struct Store::Impl {
   std::shared_ptr<Environment> environment;
   bool is_read_only = false;
+  std::shared_ptr<Environment::View> moment;  // null: the store as it is at each time
 };
 
 Store::Store(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -445,21 +513,37 @@ Store Store::open(const std::filesystem::path& directory, const StoreOptions& op
       throw StoreError("store " + directory.string() + ": there is no such directory");
     make_directory(directory);
   }
-  return Store(std::make_unique<Impl>(Environment::open(directory, options), options.read_only));
+  return Store(std::make_unique<Impl>(
+      Impl{Environment::open(directory, options), options.read_only, nullptr}));
 }
 
 bool Store::exists(const std::filesystem::path& directory) {
+  return Environment::exists(directory);
+}
+
+bool Store::owns(const std::filesystem::path& directory) {
+  constexpr std::array kNames = {"data.mdb", "lock.mdb", "writer.lock"};
   std::error_code unknown;
-  const std::uintmax_t bytes = std::filesystem::file_size(directory / "data.mdb", unknown);
-  return !unknown && bytes > 0;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, unknown))
+    if (std::ranges::find(kNames, entry.path().filename()) == kNames.end()) return false;
+  return !unknown;
 }
 
 Snapshot Store::snapshot() const {
   auto impl = std::make_unique<Snapshot::Impl>();
   impl->environment = impl_->environment;
-  impl->view.emplace(impl_->environment->view());
+  impl->view = impl_->moment;
+  if (!impl->view) impl->view = std::make_shared<Environment::View>(impl_->environment->view());
   return Snapshot(std::move(impl));
 }
+
+Store Store::frozen() const {
+  auto moment = impl_->moment;
+  if (!moment) moment = std::make_shared<Environment::View>(impl_->environment->view());
+  return Store(std::make_unique<Impl>(Impl{impl_->environment, true, std::move(moment)}));
+}
+
+std::optional<std::string> Store::writer() const { return WriterLock::holder(directory()); }
 
 Batch Store::begin() {
   if (impl_->is_read_only)
@@ -467,11 +551,12 @@ Batch Store::begin() {
   auto impl = std::make_unique<Batch::Impl>();
   impl->environment = impl_->environment;
   impl->turn = impl_->environment->wait_for_write_turn();
-  impl->view.emplace(impl_->environment->view());
+  impl->view = std::make_shared<Environment::View>(impl_->environment->view());
   return Batch(std::move(impl));
 }
 
 std::vector<DatabaseSize> Store::sizes() const { return impl_->environment->sizes(); }
+std::uint64_t Store::mapped_bytes() const { return impl_->environment->mapped_bytes(); }
 void Store::release_pages() const { impl_->environment->release_pages(); }
 const std::filesystem::path& Store::directory() const { return impl_->environment->directory(); }
 

@@ -3,7 +3,9 @@
 // Durability: a Batch is all or nothing, and durable once commit() returns. After a crash the
 //     store opens at its last commit; there is no recovery step.
 // Threads: many Snapshots at once, each used by one thread at a time; one Batch at a time.
-// Memory: records are copies and outlive the Snapshot or Batch they came from.
+// Memory: records are copies and outlive the Snapshot or Batch they came from. Besides them:
+//     StoreOptions::memory_bytes for mapped pages; Batch::memory_bytes() and commit_bytes() for
+//     the batch; kStoreThreadBytes for each thread that reads or writes at once; kStoreFixedBytes.
 // Errors: StoreError when LMDB or the disk fails, CorruptRecord (a StoreError) when stored bytes
 //     fail their checksum; it names the record and its leaf. What was never written is not an
 //     error: an empty optional, or an empty list.
@@ -37,12 +39,27 @@ class CorruptRecord : public StoreError {
   MortonKey leaf_;
 };
 
+// Upper bounds, measured (storage/README.md).
+inline constexpr std::uint64_t kStoreFixedBytes = std::uint64_t{4} << 20;   // an open Store
+inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // zstd's contexts
+// Encoding or decoding a record takes this many times its bytes as a struct while it lasts, with
+// the result.
+inline constexpr std::uint64_t kCodecFactor = 4;
+
+// The end of every message about damage.
+inline constexpr const char* kDamageCure =
+    "; it cannot be mended: remove the store, and mesh the surface again, or put back a copy";
+
 struct StoreOptions {
   bool create = false;  // make the directory and an empty store if there is none
   bool read_only = false;
   bool is_durable = true;  // false only in tests and benchmarks that measure what durability costs
   // Address space to begin with, not memory; doubled when full, halved if there is not so much.
   std::uint64_t map_bytes = std::uint64_t{64} << 30;
+  // Bound on the pages of the map that are in memory (Store::mapped_bytes()): beyond it, all are
+  // given back to the system, which costs less than what was read to get there. A directory that
+  // is open already in this process keeps its bound.
+  std::uint64_t memory_bytes = std::uint64_t{8} << 20;
 };
 
 // Bytes on disk and entries of one named database; a record of points, cells, surface or unresolved
@@ -53,17 +70,29 @@ struct DatabaseSize {
   std::uint64_t num_entries = 0;
 };
 
+// Where an entry of the queue lies, in the order of the queue.
+struct QueuePlace {
+  QueuePosition position;
+  MortonKey leaf;
+  friend auto operator<=>(const QueuePlace&, const QueuePlace&) = default;
+};
+
 // What both a Snapshot and a Batch can read.
 class Reader {
  public:
   virtual ~Reader();
   std::optional<RunRecord> run() const;
+  std::optional<MemoryRecord> memory() const;
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
+  // The first `max` leaves, or places in the queue, from `from` on, in order. Decodes no record, so
+  // a damaged one is listed like any other; a damaged key may be no valid one.
+  std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
+  std::vector<QueuePlace> queue_places(const QueuePlace& from, std::size_t max) const;
   // Every leaf with its info, in Morton order; stops when `visit` returns false.
   void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
   // Queue entries in queue order; stops when `visit` returns false.
@@ -97,6 +126,7 @@ class Batch : public Reader {
   ~Batch() override;
 
   void put_run(const RunRecord& run);
+  void put_memory(const MemoryRecord& memory);
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);
@@ -106,7 +136,11 @@ class Batch : public Reader {
   void put_queue_entry(const QueueEntry& entry);
   void erase_queue_entry(QueuePosition position, MortonKey leaf);
   std::uint64_t bytes_written() const;  // compressed, since the batch began
-  void commit();                        // durable on return; the batch is over
+  std::uint64_t memory_bytes() const;   // what the batch holds until it is over
+  // What commit() takes besides, at most: LMDB's copies of the pages that change. LMDB keeps what
+  // the largest commit took for the next ones.
+  std::uint64_t commit_bytes() const;
+  void commit();  // durable on return; the batch is over
 
  private:
   friend class Store;
@@ -123,11 +157,22 @@ class Store {
   ~Store();
 
   Snapshot snapshot() const;
+  // The store as it is now, for reading: all its snapshots are of this one moment. Short-lived, as
+  // a Snapshot is, and for one thread at a time.
+  Store frozen() const;
+  // The id of the process that has the store open for writing, if there is one.
+  std::optional<std::string> writer() const;
   Batch begin();  // waits while another thread has a Batch
   std::vector<DatabaseSize> sizes() const;
-  void release_pages() const;  // gives mapped pages back to the system (madvise), to keep the cap
+  std::uint64_t mapped_bytes() const;  // pages of the map in memory, at most; costs nothing to ask
+  void release_pages() const;          // gives them back ahead of StoreOptions::memory_bytes
   const std::filesystem::path& directory() const;
+  // False too for what is left of a creation that was cut short: nothing was committed. Throws
+  // StoreError when it cannot tell.
   static bool exists(const std::filesystem::path& directory);
+  // A directory with a store in it, or with what is left of the creation of one, which may be
+  // nothing; and with no other file.
+  static bool owns(const std::filesystem::path& directory);
 
  private:
   struct Impl;

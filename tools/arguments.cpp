@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "engine/memory_budget.h"
 #include "tools/generate.h"
 
 namespace locvol {
@@ -64,6 +65,34 @@ std::uint64_t parse_count(const std::string& text) {
   return static_cast<std::uint64_t>(value);
 }
 
+std::uint64_t parse_memory(const std::string& text) {
+  std::string_view digits = text;
+  double factor = 1;
+  if (digits.ends_with('%')) {
+    digits.remove_suffix(1);
+    factor = static_cast<double>(free_memory()) / 100;
+  } else {
+    if (digits.ends_with("iB")) digits.remove_suffix(2);
+    constexpr std::string_view kUnits = "KMGT";
+    const char unit = digits.empty() ? '\0' : digits.back();
+    const std::size_t power = kUnits.find(unit == 'k' ? 'K' : unit);
+    if (power != kUnits.npos) {
+      digits.remove_suffix(1);
+      factor = std::pow(1024.0, static_cast<double>(power + 1));
+    } else if (digits.size() != text.size()) {
+      digits = {};  // "iB" of nothing
+    }
+  }
+  const double bytes = parse_number<double>(digits).value_or(0) * factor;
+  if (!(bytes >= 1) || bytes >= 0x1p53 || (text.ends_with('%') && bytes > 100 * factor)) {
+    throw std::invalid_argument(fmt::format(
+        "'{}' is no amount of memory: give one such as 512M or 2G, or a percentage of what is free "
+        "(25%)",
+        text));
+  }
+  return static_cast<std::uint64_t>(bytes);
+}
+
 double parse_fraction(const std::string& text) {
   const auto value = parse_number<double>(text);
   if (!value || !(*value > 0 && *value < 1)) {
@@ -109,11 +138,30 @@ MortonKey parse_key(const std::string& text) {
   return MortonKey::from_bits(*bits);
 }
 
+LeafSpec parse_leaf(const std::string& text) {
+  if (text.find(',') == std::string::npos) return parse_key(text);
+  std::string numbers = text;
+  std::erase_if(numbers, [](char c) { return c == ' ' || c == '(' || c == ')'; });
+  Point point;
+  std::string_view rest = numbers;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::size_t end = axis < 2 ? rest.find(',') : rest.size();
+    const auto value = parse_number<double>(rest.substr(0, end));
+    if (end == std::string_view::npos || !value || !std::isfinite(*value)) {
+      throw std::invalid_argument(
+          fmt::format("'{}' is no point: give three numbers, x,y,z, or a leaf's key", text));
+    }
+    point[axis] = *value;
+    if (axis < 2) rest.remove_prefix(end + 1);
+  }
+  return point;
+}
+
 std::string key_text(MortonKey key) { return fmt::format("{:016x}", key.bits()); }
 
 std::filesystem::path parse_output(const std::string& text,
                                    const std::vector<std::string_view>& extensions) {
-  const std::filesystem::path path(text);
+  std::filesystem::path path(text);
   if (std::ranges::find(extensions, path.extension().string()) == extensions.end()) {
     throw std::invalid_argument(fmt::format("'{}' names no known format: it must end in {}", text,
                                             fmt::join(extensions, " or ")));

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "engine/engine.h"
@@ -18,6 +19,9 @@ namespace locvol {
 SizeSpec parse_size(const std::string& text);
 // "50000", "50k", "1.5M", "2G" (powers of 1000). A whole number, at least 1 and below 2^53.
 std::uint64_t parse_count(const std::string& text);
+// "512M", "2G", "1.5GiB" (K, M, G and T are powers of 1024), or "25%" of the memory that is free.
+// In bytes.
+std::uint64_t parse_memory(const std::string& text);
 // Above 0 and below 1.
 double parse_fraction(const std::string& text);
 // A whole number from 0 to 2^64 - 1.
@@ -27,6 +31,9 @@ std::string parse_shape(const std::string& text);    // a name from shapes()
 // Morton bits in hexadecimal, as key_text() prints them; "0x" may precede.
 MortonKey parse_key(const std::string& text);
 std::string key_text(MortonKey key);
+// A leaf by its key, or by a point in it: "x,y,z", or as point_text() prints it.
+using LeafSpec = std::variant<MortonKey, Point>;
+LeafSpec parse_leaf(const std::string& text);
 
 // `text` as a path, if its extension is one of `extensions` (".vtu").
 std::filesystem::path parse_output(const std::string& text,

@@ -25,13 +25,9 @@ constexpr std::size_t kMaxListedSites = 20;  // on stderr; `inspect` lists all
 constexpr double kCellsPerCubicSize =
     2.4;  // of volume over λ³: a BCC mesh has 2.24, a boundary more
 
-std::filesystem::path default_store(const std::filesystem::path& output) {
-  return output.string() + ".locvol";
-}
-
 // Only what this command may remove when it is done with it.
 bool is_absent_or_store(const std::filesystem::path& directory) {
-  return !std::filesystem::exists(directory) || Store::exists(directory);
+  return !std::filesystem::exists(directory) || Store::owns(directory);
 }
 
 void remove_store(const std::filesystem::path& directory) {
@@ -48,12 +44,14 @@ struct TimedRun {
   double seconds = 0;
 };
 
-TimedRun run_with_progress(bool is_quiet, const std::function<RunSummary(const RunControl&)>& run) {
+TimedRun run_with_progress(bool is_quiet, std::uint64_t memory_bytes,
+                           const std::function<RunSummary(const RunControl&)>& run) {
   ProgressLine line(is_quiet);
   const RunControl control{
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
+      .memory_bytes = memory_bytes,
   };
   RunSummary summary = run(control);
   return {std::move(summary), line.seconds()};
@@ -97,7 +95,7 @@ void print_unresolved(const Store& store) {
     fmt::print(stderr, "  {}\n", site_text(sites[i]));
   }
   if (sites.size() > kMaxListedSites) {
-    fmt::print(stderr, "  and {} more: `locvol inspect {}` lists all\n",
+    fmt::print(stderr, "  and {} more: `locvol inspect {} --unresolved` lists all\n",
                sites.size() - kMaxListedSites, store.directory().string());
   }
 }
@@ -140,17 +138,23 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
 
 }  // namespace
 
+std::filesystem::path store_of(const MeshCommand& command) {
+  const std::filesystem::path& named = command.options.store;
+  if (!named.empty()) return named;
+  return command.output.string() + ".locvol";
+}
+
 int run_mesh(const MeshCommand& command) {
   require_writable(command.output);
   MeshOptions options = command.options;
-  const bool is_default = options.store.empty();
-  if (is_default) options.store = default_store(command.output);
+  options.store = store_of(command);
   const bool is_removable =
-      is_default && !command.is_store_kept && is_absent_or_store(options.store);
+      command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
   const StopSignal stop_signal;
-  const TimedRun run = run_with_progress(
-      command.is_quiet, [&](const RunControl& control) { return mesh(options, control); });
+  const TimedRun run =
+      run_with_progress(command.is_quiet, command.memory_bytes,
+                        [&](const RunControl& control) { return mesh(options, control); });
   const int code = finish(run, options.store, command.output, command.is_json);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
@@ -159,8 +163,9 @@ int run_mesh(const MeshCommand& command) {
 int run_resume(const ResumeCommand& command) {
   if (!command.output.empty()) require_writable(command.output);
   const StopSignal stop_signal;
-  const TimedRun run = run_with_progress(
-      command.is_quiet, [&](const RunControl& control) { return resume(command.store, control); });
+  const TimedRun run =
+      run_with_progress(command.is_quiet, command.memory_bytes,
+                        [&](const RunControl& control) { return resume(command.store, control); });
   return finish(run, command.store, command.output, command.is_json);
 }
 

@@ -8,7 +8,8 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "octree/morton_key.h"
+#include "tools/arguments.h"
+#include "tools/leaf_filter.h"
 
 namespace locvol {
 
@@ -24,23 +25,40 @@ enum ExitCode : int {
 struct MeshCommand {
   MeshOptions options;  // store: empty for the default, OUTPUT.locvol
   std::filesystem::path output;
-  bool is_store_kept = false;  // a store that the user names is kept in any case
+  std::uint64_t memory_bytes = 0;  // 0: the default
+  bool is_store_kept = false;      // a store that the user names is kept in any case
   bool is_quiet = false;
   bool is_json = false;
 };
 
 struct ResumeCommand {
   std::filesystem::path store;
-  std::filesystem::path output;  // empty: none is written
+  std::filesystem::path output;    // empty: none is written
+  std::uint64_t memory_bytes = 0;  // 0: the default
   bool is_quiet = false;
   bool is_json = false;
 };
 
 struct InspectCommand {
   std::filesystem::path store;
+  // At most one: what to show instead of the summary.
   bool lists_leaves = false;
   bool lists_queue = false;
-  std::optional<MortonKey> leaf;
+  bool lists_unresolved = false;
+  std::optional<LeafSpec> leaf;
+  LeafListing listing;        // of leaves; its limit, of anything that is listed
+  bool reads_all = false;     // every record, to find damage
+  std::filesystem::path vtu;  // not empty: written instead, the leaf's cells or the leaves' boxes
+  bool is_json = false;
+};
+
+struct ReplayCommand {
+  std::filesystem::path store;
+  std::optional<LeafSpec> leaf;        // with `store`
+  std::filesystem::path from;          // or a file that `dump` has written
+  std::filesystem::path dump;          // not empty: the visit is written there
+  std::optional<std::uint64_t> limit;  // of the steps that are listed
+  std::filesystem::path vtu;           // not empty: the resulting cells are written there
   bool is_json = false;
 };
 
@@ -68,9 +86,12 @@ struct GenerateCommand {
   bool is_json = false;
 };
 
+// Where `mesh` keeps its run: the directory that the user names, or OUTPUT.locvol.
+std::filesystem::path store_of(const MeshCommand& command);
 int run_mesh(const MeshCommand& command);
 int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);
+int run_replay(const ReplayCommand& command);
 int run_export(const ExportCommand& command);
 int run_audit(const AuditCommand& command);
 int run_info(const InfoCommand& command);

@@ -566,8 +566,9 @@ class Marcher {
   }
 
   static std::size_t sample_index(GridCoordinates g) {  // the parity, then cells in order
-    constexpr int n = kBlock + 1;
-    return static_cast<std::size_t>((((g.x & 1) * n + g.z / 2) * n + g.y / 2) * n + g.x / 2);
+    constexpr int kCells = kBlock + 1;
+    const int cell = (g.z / 2 * kCells + g.y / 2) * kCells + g.x / 2;
+    return static_cast<std::size_t>((g.x & 1) * kCells * kCells * kCells + cell);
   }
   const Sample& sample(GridCoordinates g) const { return samples_[sample_index(g)]; }
   bool is_inside(GridCoordinates g) const { return sample(g).value < 0; }

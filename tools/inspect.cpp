@@ -1,247 +1,231 @@
-// `locvol inspect`: what is in a store, as a whole or leaf by leaf.
+// `locvol inspect`: what is in a store, as a whole, list by list or leaf by leaf. The run may go on
+// meanwhile: nothing is printed while a snapshot is held. Damage is shown in its place.
 #include <fmt/format.h>
 
-#include <map>
-#include <stdexcept>
+#include <algorithm>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
-#include "tools/arguments.h"
+#include "engine/leaf_queue.h"
+#include "engine/leaf_report.h"
+#include "engine/leaf_scan.h"
 #include "tools/commands.h"
-#include "tools/progress.h"
+#include "tools/inspect_leaf.h"
+#include "tools/inspect_summary.h"
 #include "tools/report.h"
 #include "tools/stored_run.h"
 
 namespace locvol {
 namespace {
 
-struct LeafCounts {
-  std::uint64_t num_clean = 0, num_queued = 0;
-};
+// -- Lists
 
-using CountsByLevel = std::map<int, LeafCounts>;
-
-CountsByLevel counts_by_level(const Reader& reader) {
-  CountsByLevel levels;
-  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
-    LeafCounts& counts = levels[key.level()];
-    ++(info.queued ? counts.num_queued : counts.num_clean);
-    return true;
-  });
-  return levels;
-}
-
-struct Summary {
-  RunSummary run;
-  CountsByLevel levels;
-  std::vector<LeafSite> unresolved;
-  std::vector<DatabaseSize> databases;
-
-  std::uint64_t bytes() const {
-    std::uint64_t sum = 0;
-    for (const DatabaseSize& database : databases) sum += database.bytes;
-    return sum;
-  }
-  std::optional<double> bytes_per_cell() const {
-    if (run.num_cells == 0) return std::nullopt;
-    return static_cast<double>(bytes()) / static_cast<double>(run.num_cells);
-  }
-};
-
-Summary summary_of(const Store& store) {
-  const Snapshot snapshot = store.snapshot();
-  return {summarize(snapshot), counts_by_level(snapshot), unresolved_sites(snapshot),
-          store.sizes()};
-}
-
-Json to_json(const Summary& summary) {
-  Json json = to_json(summary.run);
-  json["epoch"] = summary.run.run.epoch;
-  for (const auto& [level, counts] : summary.levels) {
-    json["leaves"].push_back(
-        {{"level", level}, {"num_clean", counts.num_clean}, {"num_queued", counts.num_queued}});
-  }
-  json["bytes"] = summary.bytes();
-  if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
-  json["databases"] = Json::array();
-  for (const auto& database : summary.databases) json["databases"].push_back(to_json(database));
-  json["unresolved"] = Json::array();
-  for (const auto& site : summary.unresolved) json["unresolved"].push_back(to_json(site));
+Json to_json(const LeafRow& row) {
+  Json json = {
+      {"leaf", key_text(row.key)}, {"level", row.key.level()}, {"state", state_name(row.state())}};
+  if (row.info) json.update(to_json(*row.info));
+  if (!row.faults.empty()) json["faults"] = to_json(row.faults);
   return json;
 }
 
-void print_levels(const CountsByLevel& levels) {
-  fmt::print("\n{:>7} {:>12} {:>12}\n", "level", "clean", "queued");
-  for (const auto& [level, counts] : levels) {
-    fmt::print("{:>7} {:>12} {:>12}\n", level, counts.num_clean, counts.num_queued);
-  }
-}
-
-void print_databases(const Summary& summary) {
-  fmt::print("\n{:<12} {:>12} {:>12}\n", "database", "on disk", "entries");
-  for (const DatabaseSize& database : summary.databases) {
-    fmt::print("{:<12} {:>12} {:>12}\n", database.name, bytes_text(database.bytes),
-               database.num_entries);
-  }
-  fmt::print("{:<12} {:>12}", "all", bytes_text(summary.bytes()));
-  if (const auto bytes = summary.bytes_per_cell()) fmt::print(", {:.1f} bytes per cell", *bytes);
+void print_leaf_head() {
+  fmt::print("{:<16} {:<9}", "leaf", "state");
+  for (const LeafField& field : leaf_fields()) fmt::print(" {:>10}", field.name);
   fmt::print("\n");
 }
 
-void print(const Summary& summary) {
-  const RunRecord& run = summary.run.run;
-  fmt::print("{}{}{}", facts_text(run.surface), parameters_text(run.parameters),
-             summary_text(summary.run));
-  fmt::print("{:<16} {}\n", "epoch", run.epoch);
-  print_levels(summary.levels);
-  print_databases(summary);
-  if (!summary.unresolved.empty()) fmt::print("\nunresolved sites\n");
-  for (const LeafSite& site : summary.unresolved) fmt::print("  {}\n", site_text(site));
-}
-
-Json leaves_json(const Reader& reader) {
-  Json leaves = Json::array();
-  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
-    Json leaf = {{"leaf", key_text(key)}, {"level", key.level()}};
-    leaf.update(to_json(info));
-    leaves.push_back(std::move(leaf));
-    return true;
-  });
-  return leaves;
-}
-
-void print_leaves(const Reader& reader) {
-  fmt::print("{:<16} {:>5} {:<6} {:>6} {:>9} {:>9} {:>9} {:>10}\n", "leaf", "level", "state",
-             "visits", "points", "cells", "triangles", "unresolved");
-  reader.for_each_leaf([](MortonKey key, const LeafInfo& info) {
-    fmt::print("{:<16} {:>5} {:<6} {:>6} {:>9} {:>9} {:>9} {:>10}\n", key_text(key), key.level(),
-               info.queued ? "queued" : "clean", info.num_visits, info.num_points, info.num_cells,
-               info.num_triangles, info.num_unresolved);
-    return true;
-  });
-}
-
-Json queue_json(const Reader& reader) {
-  Json queue = Json::array();
-  reader.for_each_queued([&](const QueueEntry& entry) {
-    queue.push_back(to_json(entry));
-    return true;
-  });
-  return queue;
-}
-
-void print_queue(const Reader& reader) {
-  fmt::print("{:>6} {:>6} {:<16} dirty\n", "epoch", "color", "leaf");
-  reader.for_each_queued([](const QueueEntry& entry) {
-    fmt::print("{:>6} {:>6} {:<16} {}\n", entry.position.epoch, entry.position.color,
-               key_text(entry.leaf), box_text(entry.dirty));
-    return true;
-  });
-}
-
-struct LeafContents {
-  MortonKey key;
-  Box box;
-  LeafInfo info;
-  LeafPoints points;
-  LeafCells cells;
-  LeafUnresolved unresolved;
-  std::optional<QueueEntry> queued;
-};
-
-LeafContents contents_of(const Store& store, MortonKey key) {
-  const RunRecord run = run_of(store);
-  const Snapshot snapshot = store.snapshot();
-  const auto info = snapshot.leaf(key);
-  if (!info) {
-    throw std::runtime_error(
-        fmt::format("the store {} has no leaf {}; `locvol inspect {} --leaves` "
-                    "lists all",
-                    store.directory().string(), key_text(key), store.directory().string()));
+void print(const LeafRow& row) {
+  fmt::print("{} {:<9}", key_text(row.key), state_name(row.state()));
+  for (const LeafField& field : leaf_fields()) {
+    if (row.info) fmt::print(" {:>10}", field.value(row.key, *row.info));
   }
-  std::optional<QueueEntry> queued;
-  if (info->queued) queued = snapshot.queue_entry(*info->queued, key);
-  return {key,
-          run.frame.box(key),
-          *info,
-          snapshot.points(key),
-          snapshot.cells(key),
-          snapshot.unresolved(key),
-          queued};
+  fmt::print("\n");
+  for (const Fault& fault : row.faults) fmt::print("  {}\n", fault_text(fault));
 }
 
-// The cell as mesh-wide vertex ids, in the order that is stored (positively oriented).
-std::array<std::uint64_t, 4> vertices_of(const LeafCells& cells, std::size_t i) {
-  std::array<std::uint64_t, 4> ids;
-  for (std::size_t k = 0; k < ids.size(); ++k) ids[k] = cells.vertices.at(cells.cells[i][k]);
-  return ids;
-}
-
-Json to_json(const LeafContents& leaf) {
-  Json json = {
-      {"leaf", key_text(leaf.key)}, {"level", leaf.key.level()}, {"box", to_json(leaf.box)}};
-  json.update(to_json(leaf.info));
-  json["points"] = Json::array();
-  for (const MeshPoint& point : leaf.points.points) {
-    json["points"].push_back(
-        {{"id", point.id}, {"kind", kind_name(point.kind)}, {"position", to_json(point.position)}});
-  }
-  json["cells"] = Json::array();
-  for (std::size_t i = 0; i < leaf.cells.cells.size(); ++i) {
-    json["cells"].push_back(vertices_of(leaf.cells, i));
-  }
-  json["unresolved"] = Json::array();
-  for (const auto& site : leaf.unresolved.sites) {
-    json["unresolved"].push_back(to_json(LeafSite{leaf.key, site}));
-  }
-  if (leaf.queued) json["queue_entry"] = to_json(*leaf.queued);
+Json to_json(const QueueRow& row) {
+  Json json = to_json(row.place.position);
+  json["leaf"] = key_text(row.place.leaf);
+  json["dirty"] = nullptr;
+  if (row.dirty) json["dirty"] = to_json(*row.dirty);
+  if (!row.faults.empty()) json["faults"] = to_json(row.faults);
   return json;
 }
 
-void print(const LeafContents& leaf) {
-  const LeafInfo& info = leaf.info;
-  fmt::print("leaf {}, level {}\nbox {}\n", key_text(leaf.key), leaf.key.level(),
-             box_text(leaf.box));
-  fmt::print("{} visits; {} points, {} cells, {} triangles; center {}\n", info.num_visits,
-             info.num_points, info.num_cells, info.num_triangles,
-             info.is_center_inside ? "inside" : "outside");
-  fmt::print("insertions {}; {} deletions\n", insertions_text(info.num_insertions),
-             info.num_deletions);
-  if (leaf.queued) {
-    fmt::print("queued for epoch {}, color {}, dirty {}\n", leaf.queued->position.epoch,
-               leaf.queued->position.color, box_text(leaf.queued->dirty));
+void print_queue_head() { fmt::print("{:>6} {:>6} {:<16} dirty\n", "epoch", "color", "leaf"); }
+
+void print(const QueueRow& row) {
+  const auto& [epoch, color] = row.place.position;
+  fmt::print("{:>6} {:>6} {:<16} {}\n", epoch, color == kNoColor ? "-" : fmt::to_string(color),
+             key_text(row.place.leaf), row.dirty ? box_text(*row.dirty) : "");
+  for (const Fault& fault : row.faults) fmt::print("  {}\n", fault_text(fault));
+}
+
+void print(const LeafSite& site) { fmt::print("{}\n", site_text(site)); }
+
+// Faults of no row come last.
+void print(const Fault& fault) { fmt::print("{}\n", fault_text(fault)); }
+
+// Prints rows as they come, up to a limit, as text or as elements of a JSON array.
+class ListPrinter {
+ public:
+  explicit ListPrinter(const InspectCommand& command) : limit_(command.listing.limit) {
+    if (command.is_json) json_.emplace();
   }
-  fmt::print("points\n");
-  for (const MeshPoint& point : leaf.points.points) {
-    fmt::print("  {} {} {}\n", point.id, kind_name(point.kind), point_text(point.position));
+  void head(void (*print_head)()) const {
+    if (!json_) print_head();
   }
-  fmt::print("cells\n");
-  for (std::size_t i = 0; i < leaf.cells.cells.size(); ++i) {
-    fmt::print("  {}\n", fmt::join(vertices_of(leaf.cells, i), " "));
+  // False if no more is wanted.
+  template <class Row>
+  bool add(const Row& row) {
+    if (limit_ && num_printed_ == *limit_) return false;
+    ++num_printed_;
+    put(row);
+    return true;
   }
-  fmt::print("unresolved sites\n");
-  for (const auto& site : leaf.unresolved.sites) {
-    fmt::print("  {}\n", site_text({leaf.key, site}));
+  template <class Row>
+  void put(const Row& row) {
+    if (json_)
+      json_->add(to_json(row));
+    else
+      print(row);
   }
+
+ private:
+  std::optional<std::uint64_t> limit_;
+  std::uint64_t num_printed_ = 0;
+  std::optional<JsonArrayPrinter> json_;
+};
+
+// Every leaf that the listing shows, in its order. Counts faults of all leaves, shown or not.
+std::uint64_t for_each_listed(const Store& store, const InspectCommand& command,
+                              const std::function<bool(const LeafRow&)>& visit,
+                              std::vector<Fault>& faults) {
+  std::uint64_t num_faults = 0;
+  const LeafListing& listing = command.listing;
+  SortedLeaves sorted(listing);
+  bool is_wanted = true;
+  const auto take = [&](const LeafRow& row) {
+    num_faults += row.faults.size();
+    if (!listing.shows(row)) return true;
+    if (!listing.is_streamed())
+      sorted.add(row);
+    else
+      is_wanted = visit(row);
+    return is_wanted;
+  };
+  scan_leaves(store, take, faults, {.reads_all = command.reads_all});
+  for (const LeafRow& row : sorted.take())
+    if (!visit(row)) break;
+  return num_faults;
+}
+
+// Each returns how many faults it met.
+
+std::uint64_t list_leaves(const Store& store, const InspectCommand& command) {
+  std::vector<Fault> faults;
+  ListPrinter out(command);
+  out.head(print_leaf_head);
+  const std::uint64_t num_faults = for_each_listed(
+      store, command, [&](const LeafRow& row) { return out.add(row); }, faults);
+  for (const Fault& fault : faults) out.put(fault);
+  return num_faults + faults.size();
+}
+
+std::uint64_t list_queue(const Store& store, const InspectCommand& command) {
+  std::vector<Fault> faults;
+  std::uint64_t num_faults = 0;
+  ListPrinter out(command);
+  out.head(print_queue_head);
+  const auto take = [&](const QueueRow& row) {
+    num_faults += row.faults.size();
+    return out.add(row);
+  };
+  scan_queue(store, take, faults);
+  for (const Fault& fault : faults) out.put(fault);
+  return num_faults + faults.size();
+}
+
+std::uint64_t list_unresolved(const Store& store, const InspectCommand& command) {
+  std::vector<Fault> faults;
+  std::uint64_t num_faults = 0;
+  ListPrinter out(command);
+  const auto take = [&](const LeafRow& row) {
+    num_faults += row.faults.size();
+    for (const Fault& fault : row.faults) out.put(fault);
+    for (const UnresolvedSite& site : row.unresolved.sites)
+      if (!out.add(LeafSite{row.key, site})) return false;
+    return true;
+  };
+  scan_leaves(store, take, faults, {.reads_unresolved = true});
+  for (const Fault& fault : faults) out.put(fault);
+  return num_faults + faults.size();
+}
+
+// -- Files to look at
+
+void print_written(const InspectCommand& command, std::string_view what, std::uint64_t num,
+                   std::uint64_t bytes, const std::vector<Fault>& faults) {
+  const std::string file = command.vtu.string();
+  if (command.is_json) {
+    print_json({{"file", file},
+                {fmt::format("num_{}", what), num},
+                {"bytes", bytes},
+                {"faults", to_json(faults)}});
+    return;
+  }
+  fmt::print("{}: {} {}, {}\n", file, num, what, bytes_text(bytes));
+  for (const Fault& fault : faults) fmt::print("{}\n", fault_text(fault));
+}
+
+std::uint64_t write_cells(const Store& store, const InspectCommand& command) {
+  const auto [num_cells, bytes, faults] = write_leaf(store, *command.leaf, command.vtu);
+  print_written(command, "cells", num_cells, bytes, faults);
+  return faults.size();
+}
+
+std::uint64_t write_boxes(const Store& store, const InspectCommand& command) {
+  const Frame frame = run_of(store).frame;
+  std::vector<LeafRow> rows;
+  std::vector<Fault> faults;
+  const auto take = [&](const LeafRow& row) {
+    if (command.listing.limit && rows.size() == *command.listing.limit) return false;
+    rows.push_back(row);
+    return true;
+  };
+  for_each_listed(store, command, take, faults);
+  for (const LeafRow& row : rows) faults.insert(faults.end(), row.faults.begin(), row.faults.end());
+  const std::uint64_t bytes = write_leaves_vtu(rows, frame, command.vtu);
+  print_written(command, "leaves", rows.size(), bytes, faults);
+  return faults.size();
+}
+
+std::uint64_t inspect(const Store& store, const InspectCommand& command) {
+  if (!command.vtu.empty())
+    return command.leaf ? write_cells(store, command) : write_boxes(store, command);
+  if (command.leaf)
+    return inspect_leaf(store, *command.leaf, command.listing.limit, command.is_json);
+  if (command.lists_leaves) return list_leaves(store, command);
+  if (command.lists_queue) return list_queue(store, command);
+  if (command.lists_unresolved) return list_unresolved(store, command);
+  return inspect_summary(store, command.reads_all, command.is_json);
 }
 
 }  // namespace
 
 int run_inspect(const InspectCommand& command) {
+  if (!command.vtu.empty()) require_writable(command.vtu);
   const Store store = open_to_read(command.store);
-  run_of(store);  // refuses a store without a run
-  if (command.leaf) {
-    const LeafContents leaf = contents_of(store, *command.leaf);
-    command.is_json ? print_json(to_json(leaf)) : print(leaf);
-  } else if (command.lists_leaves) {
-    const Snapshot snapshot = store.snapshot();
-    command.is_json ? print_json(leaves_json(snapshot)) : print_leaves(snapshot);
-  } else if (command.lists_queue) {
-    const Snapshot snapshot = store.snapshot();
-    command.is_json ? print_json(queue_json(snapshot)) : print_queue(snapshot);
-  } else {
-    const Summary summary = summary_of(store);
-    command.is_json ? print_json(to_json(summary)) : print(summary);
-  }
-  return kExitDone;
+  std::vector<Fault> faults;
+  read_around(faults, [&] { return run_of(store); });  // refuses a store without a run
+  for (const Fault& fault : faults) fmt::print(stderr, "locvol: error: {}\n", fault.message);
+  const std::uint64_t num_faults = std::max<std::uint64_t>(faults.size(), inspect(store, command));
+  if (num_faults == 0) return kExitDone;
+  fmt::print(stderr, "locvol: error: the store {} is damaged in {} place{}\n",
+             store.directory().string(), num_faults, num_faults == 1 ? "" : "s");
+  return kExitError;
 }
 
 }  // namespace locvol

@@ -2,13 +2,16 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <functional>
 #include <new>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -30,6 +33,13 @@ constexpr const char* kSizeHelp =
     "side of the bounding box (2%)";
 
 using Subcommand = std::pair<CLI::App*, std::function<int()>>;
+
+// The store of the command, for the message when no memory is left to make one.
+std::array<char, 4096> store_name{};
+
+void note_store(const std::filesystem::path& store) {
+  std::snprintf(store_name.data(), store_name.size(), "%s", store.c_str());
+}
 
 // An option whose text `parse` makes into a value; its std::invalid_argument is a usage error.
 template <typename Parse>
@@ -63,6 +73,13 @@ void add_json(CLI::App& app, bool& is_json) {
   app.add_flag("--json", is_json, "Print the result as JSON");
 }
 
+void add_memory(CLI::App& app, std::uint64_t& memory_bytes) {
+  add_parsed(app, "-m,--memory", parse_memory, memory_bytes,
+             "Cap on the memory of the process (512M, 2G, 25% of what is free; default: 50%); the "
+             "mesh is the same under any")
+      ->type_name("SIZE");
+}
+
 void add_quiet(CLI::App& app, bool& is_quiet) {
   app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
 }
@@ -77,6 +94,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   add_parsed(*mesh, "-s,--size", parse_size, options.size, kSizeHelp)
       ->type_name("SIZE")
       ->required();
+  add_memory(*mesh, command.memory_bytes);
   mesh->add_option("--store", options.store,
                    "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
                    "when the run is done with exit code 0)")
@@ -105,22 +123,102 @@ CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
   CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
   add_store(*resume, command.store);
   add_output(*resume, command.output, {".vtu"});
+  add_memory(*resume, command.memory_bytes);
   add_quiet(*resume, command.is_quiet);
   add_json(*resume, command.is_json);
   return resume;
 }
 
+CLI::Option* add_leaf(CLI::App& app, auto& leaf, const std::string& description) {
+  return add_parsed(app, "--leaf", parse_leaf, leaf,
+                    description + ", by its key or a point in it (x,y,z)")
+      ->type_name("KEY");
+}
+
+CLI::Option* add_vtu(CLI::App& app, std::filesystem::path& file, const std::string& description) {
+  const auto parse = [](const std::string& text) { return parse_output(text, {".vtu"}); };
+  return add_parsed(app, "--vtu", parse, file, description)->type_name("FILE");
+}
+
+CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
+                       const std::string& description) {
+  return add_parsed(app, "--limit", parse_count, limit, description)->type_name("N");
+}
+
 CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
-  CLI::App* inspect = app.add_subcommand("inspect", "Look into a store");
+  CLI::App* inspect = app.add_subcommand(
+      "inspect", "Look into a store, also while its run goes on; exit code 1 if it is damaged");
   add_store(*inspect, command.store);
   CLI::App* view = inspect->add_option_group("View", "Instead of the summary");
-  view->add_flag("--leaves", command.lists_leaves, "List all leaves with state and counts");
+  view->add_flag("--leaves", command.lists_leaves, "List the leaves with state and counts");
   view->add_flag("--queue", command.lists_queue, "List the queue, in its order");
-  add_parsed(*view, "--leaf", parse_key, command.leaf, "One leaf in full, by its key")
-      ->type_name("KEY");
+  view->add_flag("--unresolved", command.lists_unresolved, "List the unresolved sites");
+  add_leaf(*view, command.leaf, "One leaf in full");
   view->require_option(0, 1);
+
+  LeafListing& listing = command.listing;
+  CLI::App* which = inspect->add_option_group("Leaves", "For --leaves, and --vtu without --leaf");
+  const auto add_condition = [&listing](const std::vector<std::string>& texts) {
+    try {
+      for (const std::string& text : texts) listing.conditions.push_back(parse_condition(text));
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError("--where", error.what());
+    }
+  };
+  which
+      ->add_option_function<std::vector<std::string>>(
+          "--where", add_condition, "Only leaves with, say, 'visits>2'; may be repeated")
+      ->type_name("CONDITION")
+      ->allow_extra_args(false);
+  add_parsed(*which, "--state", parse_state, listing.state, "Only leaves of this state")
+      ->type_name("clean|waiting|unvisited|empty|damaged");
+  add_parsed(*which, "--sort", parse_sort, listing.sort,
+             "By key (ascending), or by level, visits, points, cells, triangles, insertions, "
+             "deletions or unresolved (descending)")
+      ->type_name("FIELD");
+  which->add_flag("--reverse", listing.is_reversed, "In reverse order");
+  add_limit(*inspect, listing.limit, "List at most so many");
+  inspect->add_flag("--check", command.reads_all,
+                    "Read every record, to find damage (summary, --leaves)");
+  add_vtu(*inspect, command.vtu,
+          "Write a file to look at instead: the leaves' boxes, or with --leaf its cells");
   add_json(*inspect, command.is_json);
+  inspect->final_callback([&command, which] {
+    const bool is_of_leaves = command.lists_leaves || (!command.vtu.empty() && !command.leaf);
+    if (which->count_all() > 0 && !is_of_leaves) {
+      throw CLI::ValidationError(
+          "--where, --state, --sort and --reverse go with --leaves, or with "
+          "--vtu");
+    }
+    if (!command.vtu.empty() && (command.lists_queue || command.lists_unresolved))
+      throw CLI::ValidationError("--vtu goes with --leaf, with --leaves or alone");
+  });
   return inspect;
+}
+
+CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
+  CLI::App* replay = app.add_subcommand(
+      "replay",
+      "Repeat one leaf's visit step by step, changing nothing; exit code 1 if the leaf is clean "
+      "and comes out otherwise");
+  CLI::Option* store = replay->add_option("DIR", command.store, "Store of a run")->type_name("");
+  CLI::Option* leaf = add_leaf(*replay, command.leaf, "The leaf");
+  replay->add_option("--from", command.from, "Instead: a visit that --dump has written")
+      ->type_name("FILE")
+      ->excludes(store)
+      ->excludes(leaf);
+  add_parsed(
+      *replay, "--dump", [](const std::string& text) { return parse_output(text, {".json"}); },
+      command.dump, "Write all that the visit depends on to this file, to repeat it elsewhere")
+      ->type_name("FILE");
+  add_limit(*replay, command.limit, "List at most so many steps");
+  add_vtu(*replay, command.vtu, "Write the resulting cells to this file, too");
+  add_json(*replay, command.is_json);
+  replay->final_callback([&command] {
+    if (command.from.empty() && (command.store.empty() || !command.leaf))
+      throw CLI::RequiredError("DIR and --leaf, or --from,");
+  });
+  return replay;
 }
 
 CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
@@ -192,6 +290,7 @@ int run(int argc, char** argv) {
   MeshCommand mesh;
   ResumeCommand resume;
   InspectCommand inspect;
+  ReplayCommand replay;
   ExportCommand export_command;
   AuditCommand audit;
   InfoCommand info;
@@ -200,6 +299,7 @@ int run(int argc, char** argv) {
       {declare_mesh(app, mesh), [&] { return run_mesh(mesh); }},
       {declare_resume(app, resume), [&] { return run_resume(resume); }},
       {declare_inspect(app, inspect), [&] { return run_inspect(inspect); }},
+      {declare_replay(app, replay), [&] { return run_replay(replay); }},
       {declare_export(app, export_command), [&] { return run_export(export_command); }},
       {declare_audit(app, audit), [&] { return run_audit(audit); }},
       {declare_info(app, info), [&] { return run_info(info); }},
@@ -210,6 +310,8 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report_usage(app, error);
   }
+  if (subcommands[0].first->parsed()) note_store(store_of(mesh));
+  if (subcommands[1].first->parsed()) note_store(resume.store);
   for (const auto& [subcommand, run_subcommand] : subcommands) {
     if (subcommand->parsed()) return run_subcommand();
   }
@@ -224,7 +326,19 @@ void flush_output() {
 }
 
 int fail(const char* message) {
-  fmt::print(stderr, "locvol: error: {}\n", message);
+  for (const char* text : {"locvol: error: ", message, "\n"}) std::fputs(text, stderr);
+  return kExitError;
+}
+
+// The system refused memory or a file, for now: nothing is lost. Allocates nothing.
+int fail_resumably(const char* message, const char* cure) {
+  const auto print = [](std::initializer_list<const char*> texts) {
+    for (const char* text : texts) std::fputs(text, stderr);
+  };
+  print({"locvol: error: ", message, "; "});
+  if (store_name[0] != '\0')
+    print({"the store ", store_name.data(), " keeps what was committed: "});
+  print({cure, ", and give the same command again\n"});
   return kExitError;
 }
 
@@ -237,7 +351,9 @@ int main(int argc, char** argv) {
     locvol::flush_output();
     return code;
   } catch (const std::bad_alloc&) {
-    return locvol::fail("out of memory");
+    return locvol::fail_resumably("out of memory", "free some memory");
+  } catch (const std::system_error& error) {
+    return locvol::fail_resumably(error.what(), "mend that");
   } catch (const std::exception& error) {
     return locvol::fail(error.what());
   } catch (...) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "engine/leaf_queue.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 
@@ -19,6 +20,11 @@ std::string row(std::string_view name, fmt::format_string<Values...> format, Val
 
 std::string mesh_and_input(std::string_view name, const auto& mesh, const auto& input) {
   return fmt::format("{:<28} {:>14} {:>14}\n", name, mesh, input);
+}
+
+// A file name need not be UTF-8; JSON must be.
+std::string dump(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
 }
 
 // One violation count of an audit, its name in JSON and in text.
@@ -99,6 +105,26 @@ std::string insertions_text(const std::array<std::uint64_t, kNumConditions>& num
     text += fmt::format("{}C{} {}", i == 0 ? "" : ", ", i + 1, num_insertions[i]);
   }
   return text;
+}
+
+std::string fault_text(const Fault& fault) { return fmt::format("DAMAGED: {}", fault.message); }
+
+std::string position_text(const QueuePosition& position) {
+  return position.color == kNoColor
+             ? fmt::format("epoch {}", position.epoch)
+             : fmt::format("epoch {}, color {}", position.epoch, position.color);
+}
+
+std::string quality_text(const CellQuality& quality, double size) {
+  return fmt::format(
+      "circumradius {:.4g} λ, radius-edge ratio {:.4g}, dihedral angles {:.4g} to "
+      "{:.4g} degrees",
+      quality.circumradius / size, quality.radius_edge_ratio, quality.min_dihedral_degrees,
+      quality.max_dihedral_degrees);
+}
+
+std::string line_text(std::string_view name, std::string_view value) {
+  return row(name, "{}", value);
 }
 
 std::string facts_text(const SurfaceFacts& facts) {
@@ -188,8 +214,7 @@ Json to_json(const RunParameters& parameters) {
 }
 
 Json to_json(const LeafInfo& info) {
-  Json json = {{"state", info.queued ? "queued" : "clean"},
-               {"num_visits", info.num_visits},
+  Json json = {{"num_visits", info.num_visits},
                {"num_points", info.num_points},
                {"num_cells", info.num_cells},
                {"num_triangles", info.num_triangles},
@@ -197,16 +222,14 @@ Json to_json(const LeafInfo& info) {
                {"num_deletions", info.num_deletions},
                {"num_unresolved", info.num_unresolved},
                {"is_center_inside", info.is_center_inside}};
-  if (info.queued) json["epoch"] = info.queued->epoch;
-  if (info.queued) json["color"] = info.queued->color;
+  if (info.queued) json["queued"] = to_json(*info.queued);
   return json;
 }
 
-Json to_json(const QueueEntry& entry) {
-  return {{"epoch", entry.position.epoch},
-          {"color", entry.position.color},
-          {"leaf", key_text(entry.leaf)},
-          {"dirty", to_json(entry.dirty)}};
+Json to_json(const QueuePosition& position) {
+  Json json = {{"epoch", position.epoch}, {"color", nullptr}};
+  if (position.color != kNoColor) json["color"] = position.color;
+  return json;
 }
 
 Json to_json(const LeafSite& site) {
@@ -214,6 +237,25 @@ Json to_json(const LeafSite& site) {
           {"condition", fmt::format("C{}", site.site.condition)},
           {"position", to_json(site.site.position)},
           {"radius", site.site.radius}};
+}
+
+Json to_json(const Fault& fault) {
+  Json json = {{"leaf", nullptr}, {"message", fault.message}};
+  if (fault.leaf.is_valid()) json["leaf"] = key_text(fault.leaf);
+  return json;
+}
+
+Json to_json(const std::vector<Fault>& faults) {
+  Json json = Json::array();
+  for (const Fault& fault : faults) json.push_back(to_json(fault));
+  return json;
+}
+
+Json to_json(const CellQuality& quality, double size) {
+  return {{"max_circumradius_over_size", quality.circumradius / size},
+          {"max_radius_edge_ratio", quality.radius_edge_ratio},
+          {"min_dihedral_degrees", quality.min_dihedral_degrees},
+          {"max_dihedral_degrees", quality.max_dihedral_degrees}};
 }
 
 Json to_json(const DatabaseSize& size) {
@@ -276,9 +318,14 @@ Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insert
   return json;
 }
 
-void print_json(const Json& json) {
-  // A file name need not be UTF-8; JSON must be.
-  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+void print_json(const Json& json) { fmt::print("{}\n", dump(json, 2)); }
+
+JsonArrayPrinter::JsonArrayPrinter() { fmt::print("["); }
+JsonArrayPrinter::~JsonArrayPrinter() { fmt::print("{}]\n", is_empty_ ? "" : "\n"); }
+
+void JsonArrayPrinter::add(const Json& element) {
+  fmt::print("{}\n  {}", is_empty_ ? "" : ",", dump(element, -1));
+  is_empty_ = false;
 }
 
 }  // namespace locvol

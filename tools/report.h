@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "engine/audit.h"
+#include "engine/cell_mesh.h"
 #include "engine/engine.h"
+#include "engine/leaf_scan.h"
 #include "engine/writer.h"
 #include "storage/records.h"
 #include "storage/store.h"
@@ -27,8 +29,11 @@ Json to_json(const Box& box);
 Json to_json(const SurfaceFacts& facts);
 Json to_json(const RunParameters& parameters);
 Json to_json(const LeafInfo& info);
-Json to_json(const QueueEntry& entry);
+Json to_json(const QueuePosition& position);  // color: null until the epoch opens
 Json to_json(const LeafSite& site);
+Json to_json(const Fault& fault);
+Json to_json(const std::vector<Fault>& faults);
+Json to_json(const CellQuality& quality, double size);
 Json to_json(const DatabaseSize& size);
 Json to_json(const RunSummary& summary);
 Json to_json(const WriteSummary& summary);
@@ -41,9 +46,13 @@ std::string bytes_text(std::uint64_t bytes);  // "999 B", "1.2 MB": powers of 10
 std::string point_text(const Point& point);   // round-trips
 std::string box_text(const Box& box);
 std::string site_text(const LeafSite& site);
+std::string fault_text(const Fault& fault);
+std::string position_text(const QueuePosition& position);
+std::string quality_text(const CellQuality& quality, double size);
 std::string insertions_text(const std::array<std::uint64_t, kNumConditions>& num_insertions);
 
 // Each ends its lines itself.
+std::string line_text(std::string_view name, std::string_view value);  // of a table
 std::string facts_text(const SurfaceFacts& facts);
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
@@ -53,5 +62,18 @@ std::string audit_text(const AuditReport& report);
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);
 
 void print_json(const Json& json);
+
+// Prints a JSON array element by element, so that a long one is never in memory as a whole.
+class JsonArrayPrinter {
+ public:
+  JsonArrayPrinter();
+  ~JsonArrayPrinter();  // prints the end
+  JsonArrayPrinter(const JsonArrayPrinter&) = delete;
+  JsonArrayPrinter& operator=(const JsonArrayPrinter&) = delete;
+  void add(const Json& element);
+
+ private:
+  bool is_empty_ = true;
+};
 
 }  // namespace locvol

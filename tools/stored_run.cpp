@@ -4,22 +4,39 @@
 
 #include <stdexcept>
 
+#include "engine/leaf_scan.h"
 #include "tools/progress.h"
 
 namespace locvol {
+namespace {
+
+// What is in the place of a node that is no leaf: the run may have split it meanwhile.
+std::string place_text(const Reader& reader, const RunRecord& run, MortonKey node) {
+  const auto below = reader.leaf_keys(node.range_min(), 1);
+  if (!below.empty() && below[0] <= node.range_max()) {
+    return fmt::format("it has been split, the first leaf in it is {}", key_text(below[0]));
+  }
+  if (const auto above = leaf_holding(reader, run.frame, run.frame.box(node).min)) {
+    return fmt::format("it lies in the leaf {}", key_text(*above));
+  }
+  return "nor any in its place";
+}
+
+}  // namespace
 
 Store open_to_read(const std::filesystem::path& directory) {
   return Store::open(directory, {.read_only = true});
 }
 
-RunRecord run_of(const Store& store) {
-  auto run = store.snapshot().run();
+RunRecord run_of(const Reader& reader, const std::filesystem::path& directory) {
+  auto run = reader.run();
   if (!run) {
-    throw std::runtime_error(
-        fmt::format("no run has begun in the store {}", store.directory().string()));
+    throw std::runtime_error(fmt::format("no run has begun in the store {}", directory.string()));
   }
   return *std::move(run);
 }
+
+RunRecord run_of(const Store& store) { return run_of(store.snapshot(), store.directory()); }
 
 void require_done(const Store& store) {
   const Phase phase = run_of(store).phase;
@@ -28,6 +45,24 @@ void require_done(const Store& store) {
   throw std::runtime_error(
       fmt::format("the run in {} is not done (phase: {}); `locvol resume {}` goes on with it",
                   directory, phase_name(phase), directory));
+}
+
+MortonKey find_leaf(const Reader& reader, const RunRecord& run, const LeafSpec& spec,
+                    const std::filesystem::path& directory) {
+  std::string what;
+  if (const Point* point = std::get_if<Point>(&spec)) {
+    if (const auto leaf = leaf_holding(reader, run.frame, *point)) return *leaf;
+    what = fmt::format("no leaf around {}: the octree spans {}", point_text(*point),
+                       box_text(run.frame.root_box()));
+  } else {
+    const MortonKey key = std::get<MortonKey>(spec);
+    const auto first = reader.leaf_keys(key, 1);
+    if (!first.empty() && first[0] == key) return key;
+    what = fmt::format("no leaf {}: {}", key_text(key), place_text(reader, run, key));
+  }
+  throw std::runtime_error(
+      fmt::format("the store {} has {}; `locvol inspect {} --leaves` lists all", directory.string(),
+                  what, directory.string()));
 }
 
 std::vector<LeafSite> unresolved_sites(const Reader& reader) {

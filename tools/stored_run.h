@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "storage/store.h"
+#include "tools/arguments.h"
 #include "tools/report.h"
 
 namespace locvol {
@@ -12,8 +13,13 @@ namespace locvol {
 Store open_to_read(const std::filesystem::path& directory);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);
+RunRecord run_of(const Reader& reader, const std::filesystem::path& directory);
 // Throws std::runtime_error if the run in this store is not done.
 void require_done(const Store& store);
+// The leaf that is meant. Throws std::runtime_error if there is none; the message says which
+// leaves are there instead.
+MortonKey find_leaf(const Reader& reader, const RunRecord& run, const LeafSpec& spec,
+                    const std::filesystem::path& directory);
 std::vector<LeafSite> unresolved_sites(const Reader& reader);  // leaf by leaf, in Morton order
 
 }  // namespace locvol

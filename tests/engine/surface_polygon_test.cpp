@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -45,6 +46,19 @@ TEST(PolygonTriangulation, CutsNonconvexPolygonsWithStraightCorners) {
                        {3, 1, 0},
                        {1, 1, 0}},
                       up);
+}
+
+// A band folded to and fro: its convex corners are many, and all but a few have a corner in the
+// way.
+TEST(PolygonTriangulation, CutsTenThousandCornersWithFewEarsInSeconds) {
+  std::vector<Point> band;
+  constexpr int kHalf = kMaxPolygonCorners / 2;
+  for (int i = 0; i < kHalf; ++i) band.push_back({double(i), i % 2 == 0 ? 0.0 : 10.0, 0});
+  for (int i = kHalf - 1; i >= 0; --i) band.push_back({double(i), i % 2 == 0 ? 0.5 : 10.5, 0});
+  const auto start = std::chrono::steady_clock::now();
+  expect_triangulated(band, {0, 0, 1});
+  // Less than a second; minutes if every search for an ear begins anew.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(60));
 }
 
 TEST(PolygonTriangulation, CutsStarsInAnyPlane) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -311,6 +312,72 @@ TEST(RefineLeaf, CountsWhatItDoes) {
   EXPECT_GE(result.delta.stats.cells_made, result.delta.cells.size());
 }
 
+// ---- The trace
+
+using Action = RefineStep::Action;
+
+std::vector<RefineStep> traced(LeafInput input, LeafDelta& delta) {
+  std::vector<RefineStep> steps;
+  input.on_step = [&](const RefineStep& step) { steps.push_back(step); };
+  delta = refine_leaf(input);
+  return steps;
+}
+
+std::uint64_t count(const std::vector<RefineStep>& steps, Action action) {
+  return static_cast<std::uint64_t>(std::ranges::count(steps, action, &RefineStep::action));
+}
+
+TEST(RefineLeafTrace, TellsEachInsertionAndDeletionInOrder) {
+  const World world{shapes::torus(1, 0.42, 48, 24), 0.4};
+  std::uint64_t num_deleted = 0;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const LeafInput input = world.leaf(random_surface_points(world, 25, seed));
+    LeafDelta delta;
+    const auto steps = traced(input, delta);
+    EXPECT_EQ(delta.cells, refine_leaf(input).cells);
+    std::array<std::uint64_t, 6> insertions{};
+    std::size_t next = 0;
+    for (const RefineStep& step : steps) {
+      ASSERT_TRUE(1 <= step.condition && step.condition <= 6);
+      if (step.action == Action::kDelete) {
+        ++num_deleted;
+        EXPECT_EQ(step.kind, PointKind::kVolume);
+        if (step.point & kNewPoint)
+          EXPECT_EQ(step.position, delta.inserted.at(step.point & ~kNewPoint).position);
+        continue;
+      }
+      ASSERT_EQ(step.action, Action::kInsert);
+      ASSERT_EQ(step.point, kNewPoint | next);
+      EXPECT_EQ(step.position, delta.inserted.at(next).position);
+      EXPECT_EQ(step.kind, delta.inserted.at(next).kind);
+      EXPECT_TRUE(step.condition > 1 || step.radius >= world.size);
+      ++insertions[static_cast<std::size_t>(step.condition - 1)];
+      ++next;
+    }
+    EXPECT_EQ(next, delta.inserted.size());
+    EXPECT_EQ(insertions, delta.stats.insertions);
+    EXPECT_EQ(count(steps, Action::kDelete), delta.stats.deletions);
+  }
+  EXPECT_GT(num_deleted, 0u);
+}
+
+TEST(RefineLeafTrace, TellsWhatTheFloorForbids) {
+  const World world = sphere(0.3);
+  auto points = covering_points(world, true);
+  append(points, {0.1, 0.2, 0.1}, PointKind::kLattice);
+  append(points, {0.1 + 0.05 * world.size, 0.2, 0.1}, PointKind::kLattice);
+  LeafInput input = world.leaf(points);
+  input.criteria.spacing_floor = 0.7 * world.size;
+  LeafDelta delta;
+  const auto steps = traced(input, delta);
+  EXPECT_FALSE(delta.unresolved.empty());
+  for (const Violation& site : delta.unresolved)
+    EXPECT_TRUE(std::ranges::any_of(steps, [&](const RefineStep& step) {
+      return step.action == Action::kBlocked && step.condition == site.condition &&
+             step.position == site.position && step.radius == site.radius;
+    }));
+}
+
 // ---- Guards
 
 double least_distance_of_inserted(const Refined& result) {
@@ -600,6 +667,13 @@ TEST(RefineLeafWithIndex, TakesInWhatIsThereInsteadOfInserting) {
   EXPECT_EQ(result.num_insertions(), 0u);
   EXPECT_GT(result.delta.stats.points_added, 0u);
   EXPECT_LE(result.delta.stats.points_added, leaf.unloaded.size());
+  LeafDelta delta;
+  const auto steps = traced(leaf.input, delta);
+  EXPECT_EQ(count(steps, Action::kTakeIn), result.delta.stats.points_added);
+  for (const RefineStep& step : steps) {
+    const auto taken = std::ranges::find(leaf.unloaded, step.point, &MeshPoint::id);
+    EXPECT_TRUE(taken != leaf.unloaded.end() && taken->position == step.position);
+  }
   const bool is_any_used = std::ranges::any_of(result.delta.cells, [&](const auto& cell) {
     return std::ranges::any_of(cell, [&](VertexRef ref) {
       return std::ranges::find(leaf.unloaded, ref, &MeshPoint::id) != leaf.unloaded.end();

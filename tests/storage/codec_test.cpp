@@ -100,9 +100,11 @@ void expect_damage_is_noticed(const Record& record, MortonKey leaf) {
 TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   Generator random(1);
   expect_damage_is_noticed(sample_run(), MortonKey());
+  expect_damage_is_noticed(sample_memory(), MortonKey());
   expect_damage_is_noticed(sample_info(), sample_leaf());
   expect_damage_is_noticed(sample_queue_entry(), sample_leaf());
   expect_damage_is_noticed(StoreFormat(), MortonKey());
+  expect_damage_is_noticed(KeySums{{1, 2, 3, 4, 5, 6, 7}}, MortonKey());
   expect_damage_is_noticed(random.points(100), sample_leaf());
   expect_damage_is_noticed(random.cells(300), sample_leaf());
   expect_damage_is_noticed(random.surface(100), sample_leaf());
@@ -171,6 +173,16 @@ TEST(Codec, RefusesLiesAboutTheSizeOfTheFrame) {
   expect_error_about<LeafPoints>(frame, "believable");
 }
 
+TEST(Codec, RefusesLiesAboutTheSizeOfALargeFrame) {
+  Generator random(2);
+  std::string frame = encode(random.points(100'000), sample_leaf());
+  // Descriptor, window, and then the size, in four bytes.
+  ASSERT_EQ(static_cast<unsigned char>(frame[4]) & 0xe0, 0x80);
+  ASSERT_EQ(frame[9], 0);
+  frame[9] = 0x7f;  // 2 GB, which so long a frame can hold, but not with the blocks of this one
+  expect_error_about<LeafPoints>(frame, "believable");
+}
+
 TEST(Codec, RefusesFramesWithoutAChecksum) {
   const std::string content = content_of(encode(sample_points(), sample_leaf()));
   EXPECT_TRUE(decode<LeafPoints>(frame_of(content), sample_leaf()) == sample_points());
@@ -187,6 +199,14 @@ TEST(Codec, RefusesValuesOutOfRange) {
   std::string surface = content_of(encode(sample_surface(), sample_leaf()));
   surface.back() = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
+  std::string unresolved = content_of(encode(sample_unresolved(), sample_leaf()));
+  for (const char condition : {char{0}, char{7}}) {
+    unresolved[kFieldsAt + sizeof(std::uint64_t)] = condition;
+    expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
+  }
+  std::string info = content_of(encode(sample_info(), sample_leaf()));
+  info[info.size() - sizeof(QueuePosition) - 1] = 0;  // not queued, but at a place in the queue
+  expect_error_about<LeafInfo>(frame_of(info), "not queued");
 }
 
 // -- Golden bytes: what was ever written still opens
@@ -218,6 +238,8 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("surface.v1", sample_surface(), sample_leaf());
   expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());
   expect_golden("queue.v1", sample_queue_entry(), sample_leaf());
+  expect_golden("memory.v1", sample_memory(), MortonKey());
+  expect_golden("keys.v1", KeySums{{1, 0, ~std::uint64_t{0}}}, MortonKey());
 }
 
 }  // namespace

@@ -208,9 +208,64 @@ TEST_F(Damage, CorruptRecordNamesTheLeaf) {
   }
 }
 
-// Anywhere, LMDB's own pages included. A flipped key may hide a record, since LMDB has no
-// checksums; what is found is right.
-TEST_F(Damage, FlippedBytesAnywhereNeverCrashNorGiveOtherContent) {
+// The pages of the data file with these flags, those no longer in use included.
+std::vector<std::size_t> pages_with_flags(const std::string& bytes, std::uint16_t wanted) {
+  std::vector<std::size_t> pages;
+  for (std::size_t page = 0; page < bytes.size(); page += 4096) {
+    std::uint16_t flags;
+    std::memcpy(&flags, bytes.data() + page + 10, sizeof flags);
+    if (flags == wanted) pages.push_back(page);
+  }
+  return pages;
+}
+
+// LMDB frees as many pages as the header says, from the one on that it says: 2^24 of them took
+// 128 MB, and a wrong one made pages free that were in use.
+TEST_F(Damage, DamagedHeadersOfOverflowPagesAreNeverFreed) {
+  int num_refused = 0;
+  for (const std::size_t page : pages_with_flags(bytes_, 0x04)) {
+    for (const std::size_t at : {page + 1, page + 15}) {  // the page's number, the count of pages
+      std::string damaged = bytes_;
+      damaged[at] = static_cast<char>(damaged[at] ^ 1);
+      write_bytes(data_, damaged);
+      try {
+        Store store = Store::open(path_);
+        Batch batch = store.begin();
+        for (int i = 0; i < kNumLeaves; ++i) batch.erase_leaf(leaf_number(i));
+        batch.commit();
+      } catch (const StoreError& error) {
+        EXPECT_NE(std::string(error.what()).find("damaged overflow page"), std::string::npos)
+            << error.what();
+        ++num_refused;
+      }
+    }
+  }
+  EXPECT_GT(num_refused, 2 * kNumLeaves);
+}
+
+// To remove a node, LMDB moves the others by its length: one too long moved bytes beyond the page.
+TEST_F(Damage, NodesThatOverlapAreRefused) {
+  int num_refused = 0;
+  for (const std::size_t page : pages_with_flags(bytes_, 0x02)) {
+    std::uint16_t node, flags;
+    std::memcpy(&node, bytes_.data() + page + 16, sizeof node);
+    std::memcpy(&flags, bytes_.data() + page + node + 4, sizeof flags);
+    if (flags == 0x01) continue;  // its value is on other pages
+    std::string damaged = bytes_;
+    damaged[page + node] =
+        static_cast<char>(damaged[page + node] + 16);  // of the size of the value
+    write_bytes(data_, damaged);
+    try {
+      EXPECT_EQ(read_store(path_).num_same, kNumRecords);  // in a free page
+    } catch (const StoreError&) {
+      ++num_refused;
+    }
+  }
+  EXPECT_GT(num_refused, 5);
+}
+
+// Anywhere, LMDB's own pages included, whose keys have no checksum but the sum of all.
+TEST_F(Damage, FlippedBytesAnywhereNeverCrashNorHideNorGiveOtherContent) {
   const std::uint64_t seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 random(seed);
@@ -223,7 +278,8 @@ TEST_F(Damage, FlippedBytesAnywhereNeverCrashNorGiveOtherContent) {
   for (const std::size_t at : places) {
     const auto reading = read_with(at, static_cast<char>(bytes_[at] ^ (1 << random() % 8)));
     num_refused += !reading;
-    EXPECT_EQ(reading.value_or(Reading()).num_other, 0) << "byte " << at;
+    const Reading read = reading.value_or(Reading());
+    EXPECT_EQ(read.num_other + read.num_missing, 0) << "byte " << at;
   }
   EXPECT_GT(num_refused, 100);
 }
@@ -283,9 +339,9 @@ class ForeignFile : public testing::Test {
 };
 
 TEST_F(ForeignFile, NewerFormatIsRefused) {
-  put("meta", "format", encode(StoreFormat{2}, MortonKey()));
+  put("meta", "format", encode(StoreFormat{3}, MortonKey()));
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "format 2, written by a newer locvol");
+  expect_error([&] { Store::open(dir_.path()); }, "format 3, written by a newer locvol");
 }
 
 TEST_F(ForeignFile, DamagedFormatIsRefused) {
@@ -304,15 +360,44 @@ TEST_F(ForeignFile, AnotherProgramsDatabaseIsRefused) {
 // What is left of a creation that was killed halfway.
 TEST_F(ForeignFile, AnEmptyEnvironmentBecomesAStore) {
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "not a locvol store");
+  EXPECT_FALSE(Store::exists(dir_.path()));
+  EXPECT_TRUE(Store::owns(dir_.path()));
+  expect_error([&] { Store::open(dir_.path()); }, "there is no store here");
+  expect_error([&] { Store::open(dir_.path(), kReadOnly); }, "there is no store here");
   EXPECT_TRUE(Store::open(dir_.path(), {.create = true}).snapshot().leaf_keys().empty());
+}
+
+// And within the first write, at any length.
+TEST(Creation, GoesOnWhereItWasCutShort) {
+  const TempDir dir;
+  Store::open(dir / "s", {.create = true});
+  const std::string whole = bytes_of(dir / "s" / "data.mdb").substr(0, 8192);
+  for (std::size_t length = 0; length < whole.size(); length += 512) {
+    const TempDir cut;
+    write_bytes(cut / "data.mdb", whole.substr(0, length));
+    write_bytes(cut / "writer.lock", "1");
+    EXPECT_FALSE(Store::exists(cut.path())) << length;
+    EXPECT_TRUE(Store::owns(cut.path())) << length;
+    EXPECT_TRUE(Store::open(cut.path(), {.create = true}).snapshot().leaf_keys().empty()) << length;
+    EXPECT_TRUE(Store::exists(cut.path())) << length;
+  }
+}
+
+TEST(Creation, OwnsNothingElse) {
+  const TempDir dir;
+  EXPECT_FALSE(Store::owns(dir / "none"));
+  EXPECT_TRUE(Store::owns(dir.path()));  // a creation may be killed after its first step
+  Store::open(dir.path(), {.create = true});
+  EXPECT_TRUE(Store::owns(dir.path()));
+  write_bytes(dir / "notes.txt", "mine");
+  EXPECT_FALSE(Store::owns(dir.path()));
 }
 
 // Keys and chunks that no Batch writes.
 class ForeignRecords : public ForeignFile {
  protected:
   ForeignRecords() {
-    put("meta", "format", encode(StoreFormat(), MortonKey()));
+    put("meta", "format", encode(StoreFormat{1}, MortonKey()));  // without sums of the keys
     for (const char* name : {"leaves", "points", "cells", "surface", "queue", "unresolved"}) {
       MDB_dbi handle = 0;
       EXPECT_EQ(mdb_dbi_open(transaction_, name, MDB_CREATE, &handle), 0);

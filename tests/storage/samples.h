@@ -69,6 +69,10 @@ inline LeafUnresolved sample_unresolved() {
   return {{{3, {1, 2, 3}, 0.5}, {6, {-1, 0.1, 3}, 1e-9}}};
 }
 
+inline MemoryRecord sample_memory() {
+  return {512 << 20, 20 << 20, 100000, 64 << 20, 90 << 20, 300 << 20, 480 << 20};
+}
+
 inline QueueEntry sample_queue_entry() { return {{3, 5}, sample_leaf(), {{0, 0, 0}, {1, 2, 3}}}; }
 
 // Random records; a Generator gives the same ones for the same seed.

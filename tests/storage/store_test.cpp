@@ -1,6 +1,7 @@
 #include "storage/store.h"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -79,6 +80,12 @@ void expect_same_lists(const Reader& reader, const Model& model) {
   EXPECT_EQ(keys.size(), model.infos.size());
   EXPECT_TRUE(std::ranges::is_sorted(keys));
   EXPECT_EQ(reader.leaf_keys(), keys);
+  const std::size_t middle = keys.size() / 2;
+  const MortonKey from = keys.empty() ? MortonKey() : keys[middle];
+  EXPECT_EQ(reader.leaf_keys(from, keys.size() + 1),
+            std::vector(keys.begin() + static_cast<std::ptrdiff_t>(middle), keys.end()));
+  EXPECT_EQ(reader.leaf_keys(MortonKey(), middle),
+            std::vector(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(middle)));
   std::vector<QueueEntry> queue, expected;
   reader.for_each_queued([&](const QueueEntry& entry) {
     queue.push_back(entry);
@@ -86,6 +93,12 @@ void expect_same_lists(const Reader& reader, const Model& model) {
   });
   for (const auto& [place, entry] : model.queue) expected.push_back(entry);
   EXPECT_EQ(queue, expected);
+  std::vector<QueuePlace> places;
+  for (const auto& [place, entry] : model.queue) places.push_back({place.first, place.second});
+  EXPECT_EQ(reader.queue_places({}, places.size() + 1), places);
+  if (places.empty()) return;
+  EXPECT_EQ(reader.queue_places(places.back(), 9), std::vector(1, places.back()));
+  EXPECT_EQ(reader.queue_places(places[0], 1), std::vector(1, places[0]));
 }
 
 void expect_same(const Reader& reader, const Model& model, const std::vector<MortonKey>& keys) {
@@ -401,6 +414,46 @@ TEST(Store, SecondProcessIsRefusedByName) {
   EXPECT_NO_THROW(Store::open(dir / "s"));
 }
 
+TEST(Store, TellsWhoWrites) {
+  const TempDir dir;
+  const auto path = dir / "store";
+  Store::open(path, kCreate);
+  EXPECT_EQ(Store::open(path, kReadOnly).writer(), std::nullopt);
+  Signal opened, seen;
+  Child child([&] {
+    const Store store = Store::open(path);
+    opened.raise();
+    seen.await();
+    return 0;
+  });
+  opened.await();
+  const auto writer = Store::open(path, kReadOnly).writer();
+  EXPECT_EQ(writer, std::to_string(child.id()));
+  seen.raise();
+  EXPECT_EQ(child.exit_code(), 0);
+  EXPECT_EQ(Store::open(path, kReadOnly).writer(), std::nullopt);
+}
+
+TEST(Store, FrozenStaysAsItWas) {
+  const TempDir dir;
+  Store store = Store::open(dir / "store", kCreate);
+  const auto put = [&](int leaf) {
+    Batch batch = store.begin();
+    batch.put_leaf(leaf_number(leaf), {});
+    batch.commit();
+  };
+  put(1);
+  {
+    const Store frozen = store.frozen();
+    put(2);
+    EXPECT_EQ(frozen.snapshot().leaf_keys(), std::vector{leaf_number(1)});
+    EXPECT_EQ(store.snapshot().leaf_keys().size(), 2U);
+    EXPECT_EQ(frozen.frozen().snapshot().leaf_keys().size(), 1U);
+  }
+  Store frozen = store.frozen();
+  EXPECT_THROW(frozen.begin(), StoreError);
+}
+
 TEST(Store, OneEnvironmentPerProcess) {
   const TempDir dir;
   {
@@ -496,22 +549,98 @@ std::uint64_t mapped_file_bytes() {
   return kilobytes << 10;
 }
 
-TEST(Store, ReleasesMappedPages) {
-  constexpr int kNumLeaves = 200;
-  const TempDir dir;
-  Store store = Store::open(dir / "s", {.create = true, .is_durable = false});
-  Batch batch = store.begin();
-  for (int i = 0; i < kNumLeaves; ++i) batch.put_points(leaf_number(i), Generator(1).points(5000));
-  batch.commit();
-  const auto read_all = [&] {
-    for (int i = 0; i < kNumLeaves; ++i)
-      EXPECT_EQ(store.snapshot().points(leaf_number(i)).points.size(), 5000u);
-  };
-  read_all();
-  const std::uint64_t before = mapped_file_bytes();
+class StoreMemory : public testing::Test {
+ protected:
+  static constexpr int kNumLeaves = 300;  // of some 33 MB
+  static constexpr std::uint64_t kBound = std::uint64_t{2} << 20;
+  // Branch pages of the trees are not accounted for, nor is what the test itself loads.
+  static constexpr std::uint64_t kSlack = std::uint64_t{1} << 20;
+
+  StoreMemory() {
+    Store store = Store::open(dir_ / "s", {.create = true, .is_durable = false});
+    Batch batch = store.begin();
+    for (int i = 0; i < kNumLeaves; ++i) put(batch, i);
+    batch.commit();
+  }
+  static void put(Batch& batch, int i) {
+    batch.put_points(leaf_number(i), Generator(1).points(5000));
+  }
+  static void read(const Reader& reader, int i) {
+    EXPECT_EQ(reader.points(leaf_number(i)).points.size(), 5000u);
+  }
+
+  const TempDir dir_;
+};
+
+TEST_F(StoreMemory, MappedPagesStayBelowTheirBound) {
+  Store store = Store::open(dir_ / "s", {.is_durable = false, .memory_bytes = kBound});
+  read(store.snapshot(), 0);
   store.release_pages();
-  EXPECT_LT(mapped_file_bytes() + (15u << 20), before);  // the leaves have some 22 MB
-  read_all();
+  const std::uint64_t before = mapped_file_bytes();
+  const auto expect_bounded = [&](const char* after) {
+    EXPECT_LE(mapped_file_bytes(), before + kBound + kSlack) << after;
+    EXPECT_LE(store.mapped_bytes(), kBound) << after;
+  };
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  Generator random(seed);
+  const Snapshot snapshot = store.snapshot();
+  for (int i = 0; i < kNumLeaves; ++i) {
+    read(snapshot, static_cast<int>(random.integer(kNumLeaves)));
+    expect_bounded("reading");
+  }
+  Batch batch = store.begin();
+  for (int i = 0; i < kNumLeaves; i += 2) put(batch, i);
+  for (int i = 1; i < kNumLeaves; i += 4) batch.erase_leaf(leaf_number(i));
+  expect_bounded("writing");
+  batch.commit();
+  expect_bounded("the commit");
+  read(store.snapshot(), 0);
+  EXPECT_GT(store.mapped_bytes(), 0u);
+  store.release_pages();
+  EXPECT_EQ(store.mapped_bytes(), 0u);
+}
+
+TEST_F(StoreMemory, MappedPagesAreFoundAgainAfterGrowth) {
+  Store store =
+      Store::open(dir_ / "s", {.is_durable = false, .map_bytes = 1, .memory_bytes = kBound});
+  const std::uint64_t before = mapped_file_bytes();
+  for (int i = kNumLeaves; i < 2 * kNumLeaves; ++i) {
+    Batch batch = store.begin();
+    put(batch, i);
+    batch.commit();
+    read(store.snapshot(), i);
+    EXPECT_LE(mapped_file_bytes(), before + kBound + kSlack) << i;
+  }
+}
+
+// In use on the heap.
+std::uint64_t heap_bytes() {
+  const struct mallinfo2 info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+TEST_F(StoreMemory, ABatchSaysWhatItTakes) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the heap of a sanitizer does not tell its size";
+#endif
+  Store store = Store::open(dir_ / "s", {.is_durable = false});
+  encode(Generator(1).points(5000), sample_leaf());  // now this thread has its zstd contexts
+  const std::uint64_t before = heap_bytes();
+  Batch batch = store.begin();
+  EXPECT_LT(batch.memory_bytes(), 1000u);
+  for (int round = 0; round < 2; ++round)  // what is written twice counts once
+    for (int i = 0; i < kNumLeaves; ++i) put(batch, i);
+  for (int i = 0; i < 3000; ++i) batch.put_leaf(leaf_number(7 * i), sample_info());
+  const std::uint64_t held = heap_bytes() - before;
+  EXPECT_LE(held, batch.memory_bytes() * 11 / 10);
+  EXPECT_GE(held, batch.memory_bytes() * 7 / 10);
+  EXPECT_GT(held, std::uint64_t{20} << 20);
+  const std::uint64_t commit_bytes = batch.commit_bytes();
+  batch.commit();
+  const std::uint64_t kept = heap_bytes() - before - held;  // LMDB's copies; the batch still lives
+  EXPECT_LE(kept, commit_bytes);
+  EXPECT_GE(kept, commit_bytes / 4);
 }
 
 // -- Disk

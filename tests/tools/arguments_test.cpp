@@ -44,6 +44,28 @@ INSTANTIATE_TEST_SUITE_P(ParseCount, BadCount,
                          testing::Values("", "k", "0", "-5", "1.5", "0.0001k", "nan", "inf", "10kk",
                                          "1e300", "9007199254740992"));
 
+TEST(ParseMemory, TakesPowersOf1024) {
+  EXPECT_EQ(parse_memory("1"), 1u);
+  EXPECT_EQ(parse_memory("64K"), 65'536u);
+  EXPECT_EQ(parse_memory("512M"), 536'870'912u);
+  EXPECT_EQ(parse_memory("512MiB"), 536'870'912u);
+  EXPECT_EQ(parse_memory("1.5G"), 1'610'612'736u);
+  EXPECT_EQ(parse_memory("1T"), std::uint64_t{1} << 40);
+}
+
+TEST(ParseMemory, TakesAPercentageOfWhatIsFree) {
+  const auto all = static_cast<double>(parse_memory("100%"));
+  EXPECT_NEAR(static_cast<double>(parse_memory("25%")), all / 4, all / 10);
+}
+
+class BadMemory : public testing::TestWithParam<const char*> {};
+
+TEST_P(BadMemory, IsRefused) { EXPECT_THROW(parse_memory(GetParam()), std::invalid_argument); }
+
+INSTANTIATE_TEST_SUITE_P(ParseMemory, BadMemory,
+                         testing::Values("", "M", "iB", "512iB", "0", "-1G", "101%", "0%", "nanM",
+                                         "1X", "1MM", "1e30", "512 M"));
+
 TEST(ParseFraction, LiesBetweenZeroAndOne) {
   EXPECT_EQ(parse_fraction("0.02"), 0.02);
   for (const char* text : {"", "0", "1", "-0.1", "2", "nan", "2%"}) {
@@ -83,6 +105,16 @@ TEST(ParseKey, RefusesWhatNamesNoNode) {
   for (const char* text : {"", "0x", "0", "2", "xyz", "10000000000000000", "-8", "8 "}) {
     EXPECT_THROW(parse_key(text), std::invalid_argument) << text;
   }
+}
+
+TEST(ParseLeaf, TakesAKeyOrAPoint) {
+  const MortonKey key = MortonKey::root().child(3);
+  EXPECT_EQ(std::get<MortonKey>(parse_leaf(key_text(key))), key);
+  const Point point{0.5, -1e-3, 2};
+  for (const char* text : {"0.5,-1e-3,2", "(0.5, -0.001, 2)", " 0.5 ,-0.001,2.0"})
+    EXPECT_EQ(std::get<Point>(parse_leaf(text)), point) << text;
+  for (const char* text : {"", "1,2", "1,2,3,4", "1,,3", "a,b,c", "1,2,nan", ",,"})
+    EXPECT_THROW(parse_leaf(text), std::invalid_argument) << text;
 }
 
 TEST(ParseOutput, KnowsFormatsByExtension) {

@@ -3,8 +3,10 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 
+#include <cerrno>
 #include <fstream>
 #include <iterator>
 #include <system_error>
@@ -13,7 +15,7 @@ extern char** environ;
 
 namespace locvol {
 
-Process::Process(const std::vector<std::string>& arguments) {
+Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes) {
   std::string command = LOCVOL_COMMAND;
   std::vector<std::string> copies = arguments;
   std::vector<char*> argv = {command.data()};
@@ -27,6 +29,11 @@ Process::Process(const std::vector<std::string>& arguments) {
   posix_spawn_file_actions_addopen(&files, 2, (output_ / "err").c_str(), O_WRONLY | O_CREAT, 0600);
   const int error = posix_spawn(&pid_, command.c_str(), &files, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&files);
+  if (error == 0 && data_bytes > 0) {
+    const rlimit limit{data_bytes, data_bytes};  // while the process is still being linked
+    if (prlimit(pid_, RLIMIT_DATA, &limit, nullptr) != 0)
+      throw std::system_error(errno, std::generic_category(), "prlimit");
+  }
   if (error != 0) throw std::system_error(error, std::generic_category(), command);
 }
 
@@ -48,16 +55,18 @@ std::string Process::err() const { return read_file(output_ / "err"); }
 
 ProcessResult Process::wait() {
   int status = 0;
-  waitpid(pid_, &status, 0);
+  rusage usage = {};
+  wait4(pid_, &status, 0, &usage);
   pid_ = 0;
   return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
           .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0,
+          .peak_bytes = 1024 * static_cast<std::uint64_t>(usage.ru_maxrss),
           .out = read_file(output_ / "out"),
           .err = err()};
 }
 
-ProcessResult run_locvol(const std::vector<std::string>& arguments) {
-  return Process(arguments).wait();
+ProcessResult run_locvol(const std::vector<std::string>& arguments, std::uint64_t data_bytes) {
+  return Process(arguments, data_bytes).wait();
 }
 
 std::string read_file(const std::filesystem::path& file) {

@@ -3,6 +3,7 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -12,18 +13,21 @@
 namespace locvol {
 
 struct ProcessResult {
-  int exit_code = -1;  // -1: a signal ended the process
-  int signal = 0;      // that signal
+  int exit_code = -1;            // -1: a signal ended the process
+  int signal = 0;                // that signal
+  std::uint64_t peak_bytes = 0;  // of resident memory
   std::string out, err;
 };
 
 class Process {
  public:
-  explicit Process(const std::vector<std::string>& arguments);
+  // `data_bytes`: limit on the process's private memory (RLIMIT_DATA), or 0.
+  explicit Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes = 0);
   ~Process();  // kills it, if it still runs
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
+  pid_t id() const { return pid_; }
   void send(int signal);
   bool has_ended() const;
   std::string err() const;  // so far
@@ -34,7 +38,7 @@ class Process {
   pid_t pid_ = 0;  // 0: waited for
 };
 
-ProcessResult run_locvol(const std::vector<std::string>& arguments);
+ProcessResult run_locvol(const std::vector<std::string>& arguments, std::uint64_t data_bytes = 0);
 
 std::string read_file(const std::filesystem::path& file);
 

@@ -1,0 +1,57 @@
+// Writes small unstructured grids as VTU files, for looking at: arrays by name, given as functions.
+#pragma once
+
+#include <array>
+#include <concepts>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "engine/partial_file.h"
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// An array of a VTU file. Its values are asked for when the file is written.
+struct VtuArray {
+  std::string name;
+  std::string type;  // VTK's name of it: "Float64"
+  std::uint64_t num_components = 1;
+  std::uint64_t bytes = 0;
+  std::function<void(FileSection&)> write;
+};
+
+template <class T>
+constexpr const char* vtk_type_name() {
+  if constexpr (std::same_as<T, double>) return "Float64";
+  if constexpr (std::same_as<T, std::int64_t>) return "Int64";
+  if constexpr (std::same_as<T, std::uint64_t>) return "UInt64";
+  if constexpr (std::same_as<T, std::uint8_t>) return "UInt8";
+}
+
+// One number for each i < num: value(i).
+template <class Value>
+VtuArray vtu_array(std::string name, std::size_t num, Value value) {
+  using T = std::invoke_result_t<Value, std::size_t>;
+  return {std::move(name), vtk_type_name<T>(), 1, num * sizeof(T), [num, value](FileSection& out) {
+            for (std::size_t i = 0; i < num; ++i) out.append_value(value(i));
+          }};
+}
+
+// Cells of one type, all with the same number of vertices.
+struct VtuGrid {
+  std::uint64_t num_points = 0, num_cells = 0;
+  std::function<Point(std::size_t)> point;
+  std::uint8_t cell_type = 0;  // VTK's number: 10 a tetrahedron, 12 a hexahedron
+  std::uint64_t vertices_per_cell = 0;
+  std::function<std::int64_t(std::size_t cell, std::size_t i)> vertex;
+  std::vector<VtuArray> point_data, cell_data;
+};
+
+// Returns the file's size. Errors as PartialFile; the file appears only when it is whole.
+std::uint64_t write_vtu_grid(const VtuGrid& grid, const std::filesystem::path& file);
+
+}  // namespace locvol

@@ -1,0 +1,159 @@
+// What visits reserve against what they take: every allocation of this program is counted.
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <limits>
+#include <new>
+
+#include "engine/apply_visit.h"
+#include "engine/engine.h"
+#include "engine/leaf_loader.h"
+#include "engine/run_state.h"
+#include "refine/cover_leaf.h"
+#include "refine/refine_leaf.h"
+#include "tests/temp_dir.h"
+#include "tools/generate.h"
+
+namespace {
+
+// One thread allocates.
+std::size_t bytes_in_use = 0, most_bytes_in_use = 0;
+
+}  // namespace
+
+void* operator new(std::size_t size) {
+  void* const block = std::malloc(size);
+  if (block == nullptr) throw std::bad_alloc();
+  bytes_in_use += malloc_usable_size(block) + 8;
+  most_bytes_in_use = std::max(most_bytes_in_use, bytes_in_use);
+  return block;
+}
+void operator delete(void* block, std::size_t) noexcept {
+  if (block != nullptr) bytes_in_use -= malloc_usable_size(block) + 8;
+  std::free(block);
+}
+void operator delete(void* block) noexcept { operator delete (block, std::size_t{0}); }
+
+namespace locvol {
+namespace {
+
+struct Case {
+  const char* shape;
+  std::uint64_t num_triangles;
+  double percent;
+  std::uint64_t leaf_capacity;
+};
+
+// For the failure messages of a parameterized test.
+void PrintTo(const Case& c, std::ostream* out) { *out << c.shape << ' ' << c.percent << '%'; }
+
+// What a visit takes from where it has reserved its memory.
+class VisitMemory : public testing::TestWithParam<Case> {
+ protected:
+  // The engine's loop, with the loader's reservation at hand.
+  void run(Store& store) {
+    MemoryBudget budget(std::numeric_limits<std::uint64_t>::max() / 4);
+    RunState state(store);
+    LeafLoader loader(state, budget);
+    while (state.run.phase != Phase::kDone) {
+      if (state.open_epoch()) state.commit();
+      if (state.queue.is_empty()) end_phase(state);
+      if (state.run.phase == Phase::kDone || state.queue.is_empty()) continue;
+      for (const MortonKey leaf : state.queue.front_leaves()) {
+        if (state.run.phase == Phase::kInitialize)
+          cover(state, loader, budget, leaf);
+        else
+          refine(state, loader, budget, leaf);
+        state.note_visit();
+        if (state.is_commit_due()) state.commit();
+      }
+    }
+  }
+
+  void end_phase(RunState& state) {
+    if (state.run.phase == Phase::kInitialize) {
+      for (const MortonKey leaf : state.octree.leaves())
+        if (state.leaves.info(leaf).num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+      state.run.phase = Phase::kRefine;
+    } else {
+      state.run.phase = Phase::kDone;
+    }
+    state.commit();
+  }
+
+  void cover(RunState& state, LeafLoader& loader, MemoryBudget& budget, MortonKey leaf) {
+    for (const MortonKey near : state.octree.leaves_within(state.run.frame, state.box(leaf), 0))
+      state.leaves.surface(near), state.leaves.points(near);  // so that the visit need not
+    const std::size_t before = begin_measuring();
+    CoverPoints points;
+    {
+      const LoadedCover loaded = loader.load_cover(leaf);
+      points = cover_leaf(loaded.input);
+      compare(budget, before);
+    }
+    state.dequeue(leaf);
+    for (const Point& p : points.samples) state.add_point(p, PointKind::kSurface);
+    for (const Point& p : points.lattice) state.add_point(p, PointKind::kLattice);
+  }
+
+  void refine(RunState& state, LeafLoader& loader, MemoryBudget& budget, MortonKey leaf) {
+    for (const MortonKey near :
+         state.octree.leaves_within(state.run.frame, state.box(leaf), kReach * state.size()))
+      state.leaves.surface(near), state.leaves.points(near);
+    const std::size_t before = begin_measuring();
+    LeafDelta delta;
+    {
+      const LoadedLeaf loaded = loader.load(leaf);
+      delta = refine_leaf(loaded.input);
+      compare(budget, before);
+    }
+    apply_visit(state, loader, leaf, delta);
+  }
+
+  static std::size_t begin_measuring() { return most_bytes_in_use = bytes_in_use; }
+
+  void compare(const MemoryBudget& budget, std::size_t before) {
+    const std::uint64_t reserved = budget.total() - budget.free_bytes();
+    const std::uint64_t taken = most_bytes_in_use - before;
+    EXPECT_LE(taken, reserved);
+    reserved_ += reserved;
+    taken_ += taken;
+    worst_ = std::max(worst_, static_cast<double>(taken) / static_cast<double>(reserved));
+  }
+
+  std::uint64_t reserved_ = 0, taken_ = 0;
+  double worst_ = 0;
+};
+
+TEST_P(VisitMemory, StaysWithinItsReservation) {
+  const TempDir dir;
+  const Case& c = GetParam();
+  generate(c.shape, c.num_triangles, dir / "surface.stl");
+  MeshOptions options;
+  options.input = dir / "surface.stl";
+  options.store = dir / "store";
+  options.size = {c.percent, true};
+  options.leaf_capacity = c.leaf_capacity;
+  RunControl stop_at_once;
+  stop_at_once.is_stopped = [] { return true; };
+  mesh(options, stop_at_once);
+  Store store = Store::open(dir / "store");
+  run(store);
+  EXPECT_LT(worst_, 0.97) << "leave some margin";
+  EXPECT_GT(worst_, 0.3) << "a reservation that large is waste";
+  RecordProperty("worst", std::to_string(worst_));
+  RecordProperty("mean",
+                 std::to_string(static_cast<double>(taken_) / static_cast<double>(reserved_)));
+}
+
+INSTANTIATE_TEST_SUITE_P(Runs, VisitMemory,
+                         testing::Values(Case{"three-holes", 20000, 5, 1000},
+                                         Case{"three-holes", 20000, 4, 20000},
+                                         Case{"three-holes", 400000, 5, 5000},
+                                         Case{"sphere", 5000, 3, 20000},
+                                         Case{"gyroid-ball", 100000, 2, 5000}));
+
+}  // namespace
+}  // namespace locvol

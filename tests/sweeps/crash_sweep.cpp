@@ -1,0 +1,39 @@
+// crash_sweep kill|fault|memory|all [--brief] [--seed N] [--kills N] [--directory DIR]
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <random>
+
+#include "tests/sweeps/sweeps.h"
+#include "tests/temp_dir.h"
+
+int main(int argc, char** argv) {
+  using namespace locvol::sweeps;
+  CLI::App app("Tries to break runs of locvol: kills, full disks, failing devices, no memory");
+  SweepOptions options;
+  options.seed = std::random_device()();
+  std::string what;
+  app.add_option("SWEEP", what, "kill, fault, memory or all")
+      ->required()
+      ->check(CLI::IsMember({"kill", "fault", "memory", "all"}));
+  app.add_flag("--brief", options.is_brief, "A few dozen trials");
+  app.add_option("--seed", options.seed, "Of the random instants (default: another one each time)");
+  app.add_option("--kills", options.num_kills, "At random instants (default: 240)");
+  app.add_option("--directory", options.directory, "Where the runs take place, and stay");
+  CLI11_PARSE(app, argc, argv);
+  const locvol::TempDir temporary;
+  if (options.directory.empty()) options.directory = temporary.path();
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  try {
+    if (what == "kill" || what == "all") sweep_kills(options);
+    if (what == "fault" || what == "all") sweep_faults(options);
+    if (what == "memory" || what == "all") sweep_allocations(options);
+    fmt::print("nothing broke\n");
+    return 0;
+  } catch (const std::exception& failure) {
+    fmt::print(stderr, "crash_sweep: {}\n", failure.what());
+    return 1;
+  }
+}

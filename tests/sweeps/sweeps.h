@@ -1,0 +1,23 @@
+// The sweeps: each tries to break a run in many ways, and throws Failure at the first that works.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+namespace locvol::sweeps {
+
+struct SweepOptions {
+  std::uint64_t seed = 0;
+  bool is_brief = false;  // a few dozen trials, for every build; else all of them
+  int num_kills = 240;    // at random instants, if not brief
+  std::filesystem::path directory;
+};
+
+// kill -9 at random instants, at the steps of a run, and around its calls of the system.
+void sweep_kills(const SweepOptions& options);
+// Each call of the system that can fail fails once, with each error that it can have.
+void sweep_faults(const SweepOptions& options);
+// Each of the first allocations fails, then ever fewer; and all from there on.
+void sweep_allocations(const SweepOptions& options);
+
+}  // namespace locvol::sweeps

@@ -1,0 +1,73 @@
+// The cap on memory, as the user sets it: kept, and without influence on the mesh.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "engine/memory_budget.h"
+#include "tests/temp_dir.h"
+#include "tests/tools/process.h"
+#include "tools/generate.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
+
+// A sanitizer's own memory is many times that of the program.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool is_sanitized = true;
+#else
+constexpr bool is_sanitized = false;
+#endif
+
+class MemoryCap : public testing::Test {
+ protected:
+  void SetUp() override { generate("three-holes", 30000, dir_ / "surface.stl"); }
+
+  // The bytes of the mesh under a cap; "" if it failed.
+  std::string mesh_under(const std::string& cap, std::uint64_t data_bytes = 0) {
+    result_ = run_locvol({"mesh", surface(), "-o", output(), "--size", "7%", "--leaf-capacity",
+                          "1000", "--memory", cap, "--quiet"},
+                         data_bytes);
+    return result_.exit_code == 0 ? read_file(output()) : "";
+  }
+
+  std::string surface() const { return (dir_ / "surface.stl").string(); }
+  std::string output() const { return (dir_ / "mesh.vtu").string(); }
+
+  TempDir dir_;
+  ProcessResult result_;
+};
+
+TEST_F(MemoryCap, HasNoInfluenceOnTheMesh) {
+  const std::string mesh = mesh_under("4G");
+  ASSERT_NE(mesh, "") << result_.err;
+  EXPECT_TRUE(mesh_under("96M") == mesh) << result_.err;
+}
+
+TEST_F(MemoryCap, IsKept) {
+  if (is_sanitized) GTEST_SKIP();
+  ASSERT_NE(mesh_under("96M"), "") << result_.err;
+  EXPECT_LT(result_.peak_bytes, 96 * kMiB);
+  EXPECT_GT(result_.peak_bytes, 10 * kMiB);
+}
+
+TEST_F(MemoryCap, HoldsAgainstTheKernelToo) {
+  if (is_sanitized) GTEST_SKIP();
+  const std::string mesh = mesh_under("96M");
+  EXPECT_TRUE(mesh_under("96M", 96 * kMiB) == mesh) << result_.err;
+  EXPECT_EQ(result_.exit_code, 0);
+}
+
+TEST_F(MemoryCap, TooSmallIsRefusedAtOnceWithOneThatWorks) {
+  EXPECT_EQ(mesh_under("20M"), "");
+  EXPECT_EQ(result_.exit_code, 1);
+  const std::size_t at = result_.err.find("give ");
+  ASSERT_NE(at, std::string::npos) << result_.err;
+  const std::string named = result_.err.substr(at + 5, result_.err.find('M', at) - at - 4);
+  EXPECT_NE(mesh_under(named), "") << named << ": " << result_.err;
+}
+
+}  // namespace
+}  // namespace locvol
