@@ -44,7 +44,7 @@ class BoundedBatches {
 
  private:
   static constexpr int kMaxLeaves = 2000;
-  static constexpr std::uint64_t kMaxBytes = std::uint64_t{8} << 20;
+  static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
 
   Store& store_;
   std::optional<Batch> batch_;
@@ -66,7 +66,7 @@ void erase_all(Store& store) {
 }
 
 // A leaf with more triangles is cut as far as its children remain wide enough.
-constexpr std::uint64_t kMaxLeafTriangles = 100'000;
+constexpr std::uint64_t kMaxLeafTriangles = 50'000;
 
 // Leaves near the surface, in Morton order.
 struct CutLeaves {

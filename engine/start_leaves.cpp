@@ -17,7 +17,7 @@ namespace {
 // Beyond it the leaves' own records outweigh what they hold.
 constexpr std::size_t kMaxStartLeaves = std::size_t{1} << 21;
 
-// Cells of one level, each once. Memory: 8 bytes for each of twice as many as may be wanted.
+// Cells of one level, each once. Memory: 16 bytes for each.
 class CellSet {
  public:
   explicit CellSet(std::size_t max_size) : max_size_(max_size) {}
@@ -26,8 +26,8 @@ class CellSet {
   bool add(MortonKey cell) {
     if (!cells_.empty() && cells_.back() == cell) return true;
     cells_.push_back(cell);
-    if (cells_.size() >= 2 * max_size_) unite();
-    return cells_.size() <= max_size_ || cells_.size() > num_united_;
+    if (cells_.size() > kMinWaiting + 2 * num_united_) unite();
+    return num_united_ <= max_size_;
   }
   std::vector<MortonKey> take() {
     unite();
@@ -41,6 +41,8 @@ class CellSet {
     cells_.erase(repeated.begin(), repeated.end());
     num_united_ = cells_.size();
   }
+
+  static constexpr std::size_t kMinWaiting = std::size_t{1} << 16;
 
   std::size_t max_size_, num_united_ = 0;
   std::vector<MortonKey> cells_;

@@ -70,7 +70,7 @@ struct Box {
   friend bool operator==(const Box&, const Box&) = default;
 };
 
-// A triangle of the input surface; `id` is its place in the repaired input, 0, 1, 2, …
+// A triangle of the input surface; ids are different and in the order of the file.
 struct Triangle {
   std::uint64_t id = 0;
   std::array<Point, 3> corners;

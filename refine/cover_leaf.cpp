@@ -330,15 +330,6 @@ std::vector<Point> sample_surface(const CoverInput& input) {
 
 // ---- Lattice
 
-// The integer i from which on `coordinate(i)` is at least `bound`: exact, however it is rounded.
-template <class Coordinate>
-std::int64_t first_at_least(double bound, std::int64_t guess, Coordinate coordinate) {
-  std::int64_t i = guess;
-  while (coordinate(i) < bound) ++i;
-  while (coordinate(i - 1) >= bound) --i;
-  return i;
-}
-
 std::vector<Point> deep_lattice_points(const CoverInput& input) {
   const BccLattice lattice(input.lattice_origin, kLatticeSpacing * input.size);
   std::vector<Point> points = lattice.points_in(input.box);
@@ -350,28 +341,44 @@ std::vector<Point> deep_lattice_points(const CoverInput& input) {
 
 }  // namespace
 
+namespace {
+
+// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).
+std::uint64_t scrambled(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
+  return x ^ (x >> 31);
+}
+
+}  // namespace
+
 Point BccLattice::position(std::int64_t i, std::int64_t j, std::int64_t k) const {
-  return {origin_.x + half_ * static_cast<double>(i), origin_.y + half_ * static_cast<double>(j),
-          origin_.z + half_ * static_cast<double>(k)};
+  const auto bits = [](std::int64_t v) { return static_cast<std::uint64_t>(v); };
+  const std::uint64_t noise = scrambled(scrambled(scrambled(bits(i)) ^ bits(j)) ^ bits(k));
+  const auto coordinate = [&](double origin, std::int64_t index, int shift) {
+    const auto step = static_cast<double>(noise >> shift & 0xffff) - 0x1p15;  // -2^15 … 2^15 - 1
+    return origin + half_ * (static_cast<double>(index) + kDisplacement * 0x1p-15 * step);
+  };
+  return {coordinate(origin_.x, i, 0), coordinate(origin_.y, j, 16), coordinate(origin_.z, k, 32)};
 }
 
 std::vector<Point> BccLattice::points_in(const Box& box) const {
-  std::array<std::int64_t, 3> low, high;  // half-open ranges of indices
+  std::array<std::int64_t, 3> low, high;  // of indices, ends included, with those just outside
   for (const int axis : {0, 1, 2}) {
-    const auto first = [&](double bound) {
-      const double guess = std::floor((bound - origin_[axis]) / half_);
-      return first_at_least(bound, static_cast<std::int64_t>(guess),
-                            [&](std::int64_t i) { return position(i, i, i)[axis]; });
-    };
-    low[static_cast<std::size_t>(axis)] = first(box.min[axis]);
-    high[static_cast<std::size_t>(axis)] = first(box.max[axis]);
+    const auto a = static_cast<std::size_t>(axis);
+    low[a] = static_cast<std::int64_t>(std::floor((box.min[axis] - origin_[axis]) / half_)) - 1;
+    high[a] = static_cast<std::int64_t>(std::ceil((box.max[axis] - origin_[axis]) / half_)) + 1;
   }
   std::vector<Point> points;
-  for (std::int64_t i = low[0]; i < high[0]; ++i) {
+  for (std::int64_t i = low[0]; i <= high[0]; ++i) {
     const std::int64_t parity = i & 1;
-    for (std::int64_t j = low[1] + ((low[1] & 1) ^ parity); j < high[1]; j += 2) {
-      for (std::int64_t k = low[2] + ((low[2] & 1) ^ parity); k < high[2]; k += 2) {
-        points.push_back(position(i, j, k));
+    for (std::int64_t j = low[1] + ((low[1] & 1) ^ parity); j <= high[1]; j += 2) {
+      for (std::int64_t k = low[2] + ((low[2] & 1) ^ parity); k <= high[2]; k += 2) {
+        const Point p = position(i, j, k);
+        if (box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
+            box.min.z <= p.z && p.z < box.max.z)
+          points.push_back(p);
       }
     }
   }

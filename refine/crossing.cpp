@@ -3,6 +3,11 @@
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Exact_rational.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
 namespace locvol {
 namespace {
 
@@ -13,6 +18,39 @@ K::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
 
 int orientation(const Point& a, const Point& b, const Point& c, const Point& d) {
   return CGAL::orientation(cgal(a), cgal(b), cgal(c), cgal(d));
+}
+
+double max_abs(const Point& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
+
+// The sign of a determinant of three differences of points, with largest coordinates whose product
+// is `extent`; 0 if rounding might have changed it, which takes 34 roundings of `extent` at most.
+int certain_sign(double determinant, double extent) {
+  constexpr double kError = 56 * 0x1p-53;
+  if (!(extent > 1e-200 && extent < 1e200)) return 0;  // else products may underflow or overflow
+  return determinant > kError * extent ? 1 : determinant < -kError * extent ? -1 : 0;
+}
+
+// What doubles can decide of segment_crosses, which is nearly all; else empty. All signs that it
+// takes are those of the exact test.
+std::optional<bool> crosses_for_certain(const Point& p, const Point& q, const Triangle& triangle) {
+  const auto& [a, b, c] = triangle.corners;
+  const Point u = b - a, v = c - a, normal = cross(u, v), ap = p - a, aq = q - a;
+  const double extent = max_abs(u) * max_abs(v);
+  const int side = certain_sign(dot(ap, normal), extent * max_abs(ap));
+  const int other_side = certain_sign(dot(aq, normal), extent * max_abs(aq));
+  if (side == 0 || other_side == 0) return std::nullopt;
+  if (side == other_side) return false;
+  const Point d = q - p;
+  const std::array<Point, 3> corners{a - p, b - p, c - p};
+  const double length = max_abs(d);
+  std::array<int, 3> turns{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Point &from = corners[i], &to = corners[(i + 1) % 3];
+    turns[i] = certain_sign(dot(d, cross(from, to)), length * max_abs(from) * max_abs(to));
+  }
+  if (turns[0] * turns[1] < 0 || turns[1] * turns[2] < 0 || turns[2] * turns[0] < 0) return false;
+  if (turns[0] == 0 || turns[1] == 0 || turns[2] == 0) return std::nullopt;
+  return true;
 }
 
 int sign_of(const Exact& e) { return CGAL::sign(e); }
@@ -49,6 +87,7 @@ int turn(const Point& p, const Point& q, const Point& u, const Point& v) {
 }  // namespace
 
 bool segment_crosses(const Point& p, const Point& q, const Triangle& triangle) {
+  if (const auto crosses = crosses_for_certain(p, q, triangle)) return *crosses;
   const int side = side_of_plane(triangle, p);
   if (side == 0 || side_of_plane(triangle, q) == side) return false;
   const auto& [a, b, c] = triangle.corners;

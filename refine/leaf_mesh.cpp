@@ -9,13 +9,6 @@
 namespace locvol {
 namespace {
 
-LeafMesh::Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
-
-bool is_in_half_open(const Box& box, const Point& p) {
-  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-         box.min.z <= p.z && p.z < box.max.z;
-}
-
 // Half of the reach; where the reach is infinite, a radius at which every center is outside.
 double far_radius_of(const LeafInput& input) {
   if (std::isfinite(input.criteria.reach)) return 0.5 * input.criteria.reach;
@@ -23,29 +16,33 @@ double far_radius_of(const LeafInput& input) {
   return 2 * norm(region.max - region.min);
 }
 
+// A facet's corners, counterclockwise seen from the vertex off the facet.
+constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
+
 }  // namespace
 
-LeafMesh::LeafMesh(const LeafInput& input) : input_(input), far_radius_(far_radius_of(input)) {
-  triangulation_.infinite_vertex()->info() = kInfiniteVertex;
+LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
+    : input_(input), far_radius_(far_radius_of(input)) {
   locals_.reserve(input.own.size() + input.ghosts.size());
-  for (const MeshPoint& p : input.own) add_local(p, p.id);
-  for (const MeshPoint& p : input.ghosts) add_local(p, p.id);
-
-  std::vector<std::pair<Kernel::Point_3, LocalIndex>> points;
+  for (const MeshPoint& p : input.own) add_local(p, p.id, true);
+  for (const MeshPoint& p : input.ghosts)
+    add_local(p, p.id, own == OwnPoints::kInBox && is_in_box(p.position));
+  std::vector<Point> points;
   points.reserve(locals_.size());
-  for (LocalIndex i = 0; i < locals_.size(); ++i)
-    points.emplace_back(cgal(locals_[i].point.position), i);
-  triangulation_.insert(points.begin(), points.end());
-  if (triangulation_.number_of_vertices() != locals_.size())
+  for (const Local& local : locals_) points.push_back(local.point.position);
+  if (!delaunay_.build(points))
     throw RefineError("two points of the mesh have the same coordinates");
-  for (const Vertex v : triangulation_.finite_vertex_handles()) locals_[v->info()].vertex = v;
-  if (!has_cells()) return;
-  for (const Cell c : triangulation_.all_cell_handles()) make_fresh(c);
+  make_all_fresh();
 }
 
-void LeafMesh::add_local(const MeshPoint& p, VertexRef ref) {
-  const bool is_own = is_in_half_open(input_.box, p.position);
-  locals_.push_back({p, ref, Vertex(), is_own, true});
+bool LeafMesh::is_in_box(const Point& p) const {
+  const Box& box = input_.box;  // half-open
+  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
+         box.min.z <= p.z && p.z < box.max.z;
+}
+
+void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own) {
+  locals_.push_back({p, ref, is_own, true});
   num_own_ += is_own;
   if ((ref & kNewPoint) == 0) ids_.insert(ref);
   if (p.kind == PointKind::kVolume)
@@ -53,27 +50,24 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref) {
 }
 
 void LeafMesh::make_fresh(Cell c) {
-  c->info() = CellData{};
-  c->info().stamp = ++stamp_;
-  fresh_.push_back({c, stamp_});
+  if (c >= data_.size()) data_.resize(delaunay_.cell_bound());
+  CellData& data = data_[c];
+  data = CellData{};
+  data.stamp = ++stamp_;
+  for (const LocalIndex v : delaunay_.vertices(c)) data.has_own_vertex |= is_own(v);
+  if (data.has_own_vertex) fresh_.push_back({c, stamp_});
 }
 
-// The order in which CGAL lists new cells, and numbers their vertices, follows their addresses.
-void LeafMesh::make_fresh_in_order() {
-  in_order_.clear();
-  for (const Cell c : new_cells_) {
-    std::array<LocalIndex, 4> vertices{};
-    for (int i = 0; i < 4; ++i) vertices[std::size_t(i)] = c->vertex(i)->info();
-    std::ranges::sort(vertices);
-    in_order_.emplace_back(vertices, c);
-  }
-  std::ranges::sort(in_order_, {}, &std::pair<std::array<LocalIndex, 4>, Cell>::first);
-  for (const auto& [vertices, c] : in_order_) make_fresh(c);
+void LeafMesh::make_all_fresh() {
+  data_.assign(delaunay_.cell_bound(), CellData{});
+  fresh_.clear();
+  for (Cell c = 0; c < delaunay_.cell_bound(); ++c)
+    if (delaunay_.is_cell(c)) make_fresh(c);
 }
 
 void LeafMesh::note_gone(Cell c) {
   if (has_own_vertex(c)) (is_member(c) ? has_gone_member_ : has_gone_other_) = true;
-  c->info().stamp = 0;
+  data_[c].stamp = 0;
 }
 
 // If all cells that went and came are in the mesh, or none is, every facet is as it was.
@@ -82,8 +76,7 @@ bool LeafMesh::is_boundary_changed() const {
   if (!has_member && !has_other) return true;  // only just built
   for (const CellRef& fresh : fresh_) {
     if (has_member && has_other) return true;
-    if (fresh.is_alive() && has_own_vertex(fresh.cell))
-      (is_member(fresh.cell) ? has_member : has_other) = true;
+    if (is_alive(fresh)) (is_member(fresh.cell) ? has_member : has_other) = true;
   }
   return has_member && has_other;
 }
@@ -93,23 +86,17 @@ void LeafMesh::clear_fresh_cells() {
   has_gone_member_ = has_gone_other_ = false;
 }
 
-bool LeafMesh::has_own_vertex(Cell c) const {
-  for (int i = 0; i < 4; ++i)
-    if (is_own(c->vertex(i))) return true;
-  return false;
-}
-
 bool LeafMesh::has_own_vertex(Facet f) const {
   for (int i = 0; i < 4; ++i)
-    if (i != f.index && is_own(f.cell->vertex(i))) return true;
+    if (i != f.index && is_own(delaunay_.vertex(f.cell, i))) return true;
   return false;
 }
 
 Side LeafMesh::side(Cell c) const {
-  CellData& data = c->info();
+  CellData& data = data_[c];
   if (data.side != Side::kUnknown) return data.side;
   data.side = Side::kFar;
-  if (triangulation_.is_infinite(c)) return data.side;
+  if (delaunay_.is_infinite(c)) return data.side;
   const Circumball ball = circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)});
   data.center = ball.center;
   data.squared_radius = ball.squared_radius;
@@ -124,7 +111,7 @@ Side LeafMesh::side(Cell c) const {
 // Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
 // facet is outside the facet's smallest circumball. Sound for flat cells too.
 bool LeafMesh::leads_past(Cell c, int index, const Axis& axis) const {
-  if (!is_finite(c->vertex(index))) return true;
+  if (delaunay_.vertex(c, index) == kInfiniteVertex) return true;
   return squared_distance(point(c, index), axis.center) > axis.squared_radius;
 }
 
@@ -138,22 +125,20 @@ Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
 // the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
 LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   DualCrossings result;
-  const Cell here = f.cell, there = here->neighbor(f.index);
+  const Cell here = f.cell, there = delaunay_.neighbor(here, f.index);
   const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
   std::array<Point, 3> corners;
-  for (int k = 0; k < 3; ++k)
-    corners[std::size_t(k)] = point(here, Triangulation::vertex_triple_index(f.index, k));
-  Point from = here->info().center, to = there->info().center;
+  for (std::size_t k = 0; k < 3; ++k) corners[k] = point(here, kTriple[std::size_t(f.index)][k]);
+  Point from = data_[here].center, to = data_[there].center;
   if (!is_here_near || !is_there_near) {
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
     if (!is_here_near && !is_there_near &&
         !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here, f.index, axis) &&
-          leads_past(there, there->index(here), axis)))
+          leads_past(there, delaunay_.index_of_neighbor(there, here), axis)))
       return result;
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
-    // which side of the facet it points. CGAL's vertex triple is counterclockwise seen from the
-    // vertex off the facet.
+    // which side of the facet it points.
     const bool is_odd =
         (corners[0] > corners[1]) != ((corners[1] > corners[2]) != (corners[0] > corners[2]));
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
@@ -187,84 +172,54 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
 }
 
 void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {
-  const auto p = cgal(q);
-  const auto is_in_conflict = [&](Cell c) {
-    return triangulation_.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
-  };
-  conflict.cells.clear();
-  conflict.border.clear();
-  conflict.nearest = kInfiniteVertex;
-  conflict.squared_distance = std::numeric_limits<double>::infinity();
-  Cell start = hint;
-  if (!is_in_conflict(start)) {
-    Triangulation::Locate_type type;
-    int i = 0, j = 0;
-    start = triangulation_.locate(p, type, i, j, hint);
-    if (type == Triangulation::VERTEX) {
-      conflict.nearest = start->vertex(i)->info();
-      conflict.squared_distance = 0;
-      return;
-    }
-  }
-  triangulation_.find_conflicts(p, start, std::back_inserter(conflict.border),
-                                std::back_inserter(conflict.cells));
+  delaunay_.find_conflict(q, hint, conflict);
+  conflict.nearest = conflict.coincident;
+  conflict.squared_distance = 0;
+  if (conflict.nearest != kInfiniteVertex) return;
   // The nearest point is a Delaunay neighbor of q, so it is a vertex of a cell in conflict.
+  conflict.squared_distance = std::numeric_limits<double>::infinity();
   for (const Cell c : conflict.cells)
-    for (int i = 0; i < 4; ++i) {
-      const Vertex v = c->vertex(i);
-      if (!is_finite(v)) continue;
-      const double d = squared_distance(locals_[v->info()].point.position, q);
+    for (const LocalIndex v : delaunay_.vertices(c)) {
+      if (v == kInfiniteVertex) continue;
+      const double d = squared_distance(delaunay_.point(v), q);
       if (d < conflict.squared_distance) {
         conflict.squared_distance = d;
-        conflict.nearest = v->info();
+        conflict.nearest = v;
       }
     }
 }
 
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
-  const auto index = static_cast<LocalIndex>(locals_.size());
-  add_local(q, ref);
+  add_local(q, ref, is_in_box(q.position));
   for (const Cell c : conflict.cells) note_gone(c);
-  const auto [cell, i] = conflict.border.front();
-  const Vertex v = triangulation_.insert_in_hole(cgal(q.position), conflict.cells.begin(),
-                                                 conflict.cells.end(), cell, i);
-  v->info() = index;
-  locals_[index].vertex = v;
-  new_cells_.clear();
-  triangulation_.incident_cells(v, std::back_inserter(new_cells_));
-  make_fresh_in_order();
+  const LocalIndex index = delaunay_.insert(q.position, conflict);
+  for (const Cell c : delaunay_.new_cells()) make_fresh(c);
   return index;
 }
 
 LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
-  const auto index = static_cast<LocalIndex>(locals_.size());
-  add_local(q, ref);
-  locals_[index].vertex = triangulation_.insert(cgal(q.position));
-  locals_[index].vertex->info() = index;
-  if (has_cells())
-    for (const Cell c : triangulation_.all_cell_handles()) make_fresh(c);
-  return index;
+  add_local(q, ref, is_in_box(q.position));
+  if (!delaunay_.build({&q.position, 1}))
+    throw RefineError("two points of the mesh have the same coordinates");
+  make_all_fresh();
+  return static_cast<LocalIndex>(locals_.size() - 1);
 }
 
 void LeafMesh::remove(LocalIndex i) {
+  delaunay_.cells_around(i, around_);
+  for (const Cell c : around_) note_gone(c);
   Local& gone = locals_[i];
-  new_cells_.clear();
-  triangulation_.incident_cells(gone.vertex, std::back_inserter(new_cells_));
-  for (const Cell c : new_cells_) note_gone(c);
-  new_cells_.clear();
-  triangulation_.remove_and_give_new_cells(gone.vertex, std::back_inserter(new_cells_));
-  gone.vertex = Vertex();
   gone.is_alive = false;
   num_own_ -= gone.is_own;
-  make_fresh_in_order();
+  if (!delaunay_.remove(i)) return make_all_fresh();
+  for (const Cell c : delaunay_.new_cells()) make_fresh(c);
 }
 
 bool LeafMesh::is_in_voronoi_cell(const Point& q, LocalIndex i) const {
-  std::vector<Vertex> neighbors;
-  triangulation_.finite_adjacent_vertices(locals_[i].vertex, std::back_inserter(neighbors));
-  const double distance = squared_distance(q, locals_[i].point.position);
-  return std::ranges::none_of(neighbors, [&](Vertex v) {
-    return squared_distance(q, locals_[v->info()].point.position) <= distance;
+  delaunay_.neighbors_of(i, neighbors_);
+  const double distance = squared_distance(q, delaunay_.point(i));
+  return std::ranges::none_of(neighbors_, [&](LocalIndex v) {
+    return squared_distance(q, delaunay_.point(v)) <= distance;
   });
 }
 
@@ -300,14 +255,11 @@ bool LeafMesh::has_other_point_within(const Point& q, double radius, LocalIndex 
   };
   if (nearest == kInfiniteVertex || !is_within(nearest)) return false;
   std::vector<LocalIndex> seen{nearest};
-  std::vector<Vertex> neighbors;
   for (std::size_t n = 0; n < seen.size(); ++n) {
     if (!std::ranges::binary_search(leaving, seen[n])) return true;
-    neighbors.clear();
-    triangulation_.finite_adjacent_vertices(locals_[seen[n]].vertex, std::back_inserter(neighbors));
-    for (const Vertex v : neighbors)
-      if (is_within(v->info()) && std::ranges::find(seen, v->info()) == seen.end())
-        seen.push_back(v->info());
+    delaunay_.neighbors_of(seen[n], neighbors_);
+    for (const LocalIndex v : neighbors_)
+      if (is_within(v) && std::ranges::find(seen, v) == seen.end()) seen.push_back(v);
   }
   return false;
 }

@@ -1,13 +1,6 @@
 // LeafMesh: the Delaunay triangulation of a leaf's local points, seen against the surface: which
-// cells belong to the mesh, where dual edges cross the surface. Internal to refine/; home of CGAL's
-// triangulation.
+// cells belong to the mesh, where dual edges cross the surface. Internal to refine/.
 #pragma once
-
-#include <CGAL/Delaunay_triangulation_3.h>
-#include <CGAL/Delaunay_triangulation_cell_base_3.h>
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Triangulation_cell_base_with_info_3.h>
-#include <CGAL/Triangulation_vertex_base_with_info_3.h>
 
 #include <array>
 #include <limits>
@@ -19,12 +12,13 @@
 #include <vector>
 
 #include "refine/circumcenter.h"
+#include "refine/delaunay.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
 
-using LocalIndex = std::uint32_t;  // of a local point; not stored anywhere
-inline constexpr LocalIndex kInfiniteVertex = std::numeric_limits<LocalIndex>::max();
+using LocalIndex = Delaunay::Vertex;  // of a local point; not stored anywhere
+inline constexpr LocalIndex kInfiniteVertex = Delaunay::kInfinite;
 
 enum class Side : std::uint8_t {
   kUnknown,  // not asked yet
@@ -40,24 +34,14 @@ struct CellData {
   std::uint32_t stamp = 0;  // one per cell ever made; 0: dead
   Side side = Side::kUnknown;
   std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
+  bool has_own_vertex = false;
 };
 
 class LeafMesh {
  public:
-  using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-  using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<LocalIndex, Kernel>;
-  using CellBase =
-      CGAL::Triangulation_cell_base_with_info_3<CellData, Kernel,
-                                                CGAL::Delaunay_triangulation_cell_base_3<Kernel>>;
-  using Tds = CGAL::Triangulation_data_structure_3<VertexBase, CellBase>;
-  using Triangulation = CGAL::Delaunay_triangulation_3<Kernel, Tds>;
-  using Cell = Triangulation::Cell_handle;
-  using Vertex = Triangulation::Vertex_handle;
-
-  struct Facet {
-    Cell cell;
-    int index = 0;  // of the vertex off the facet
-  };
+  using Cell = Delaunay::Cell;
+  using Facet = Delaunay::Facet;
+  static constexpr Cell kNoCell = Delaunay::kNone;
 
   // How the dual edge of a facet meets the surface.
   struct DualCrossings {
@@ -71,26 +55,29 @@ class LeafMesh {
   struct Local {
     MeshPoint point;
     VertexRef ref = 0;
-    Vertex vertex;
     bool is_own = false;
     bool is_alive = true;
   };
 
-  explicit LeafMesh(const LeafInput& input);
+  enum class OwnPoints {
+    kInBox,   // all in the leaf's box
+    kListed,  // of the input's points, only those that it lists as own
+  };
+  explicit LeafMesh(const LeafInput& input, OwnPoints own = OwnPoints::kInBox);
 
   // ---- What is there
-  const Triangulation& triangulation() const { return triangulation_; }
+  const Delaunay& delaunay() const { return delaunay_; }
   const Local& local(LocalIndex i) const { return locals_[i]; }
   std::size_t num_locals() const { return locals_.size(); }
   std::uint64_t num_own() const { return num_own_; }
   std::uint64_t num_cells_made() const { return stamp_; }
-  bool has_cells() const { return triangulation_.dimension() == 3; }
+  bool has_cells() const { return delaunay_.has_cells(); }
   bool is_known(std::uint64_t id) const { return ids_.contains(id); }
-  const Point& point(Cell c, int i) const { return locals_[c->vertex(i)->info()].point.position; }
-  bool is_finite(Vertex v) const { return v->info() != kInfiniteVertex; }
-  bool is_own(Vertex v) const { return is_finite(v) && locals_[v->info()].is_own; }
-  bool has_own_vertex(Cell c) const;
+  const Point& point(Cell c, int i) const { return delaunay_.point(delaunay_.vertex(c, i)); }
+  bool is_own(LocalIndex v) const { return v != kInfiniteVertex && locals_[v].is_own; }
+  bool has_own_vertex(Cell c) const { return data_[c].has_own_vertex; }
   bool has_own_vertex(Facet f) const;
+  const CellData& data(Cell c) const { return data_[c]; }
 
   // ---- The cells and facets against the surface.
   Side side(Cell c) const;
@@ -98,12 +85,19 @@ class LeafMesh {
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
-  // ---- Change. Every cell that comes up is put on fresh_cells().
+  void note_facet_seen(Facet f) {
+    data_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
+  }
+
+  // ---- Change. Every cell with an own vertex that comes up is put on fresh_cells().
   struct CellRef {
-    Cell cell;
+    Cell cell = kNoCell;
     std::uint32_t stamp = 0;
-    bool is_alive() const { return cell->info().stamp == stamp; }
   };
+  CellRef ref(Cell c) const { return {c, data_[c].stamp}; }
+  bool is_alive(const CellRef& ref) const {
+    return ref.cell < data_.size() && data_[ref.cell].stamp == ref.stamp;
+  }
   const std::vector<CellRef>& fresh_cells() const { return fresh_; }
   // Whether facets at own vertices may have joined or left the mesh's boundary since the fresh
   // cells were cleared last.
@@ -111,9 +105,7 @@ class LeafMesh {
   void clear_fresh_cells();
 
   // The cells whose circumballs contain q, and the hole's border.
-  struct Conflict {
-    std::vector<Cell> cells;
-    std::vector<std::pair<Cell, int>> border;
+  struct Conflict : Delaunay::Conflict {
     LocalIndex nearest = kInfiniteVertex;
     double squared_distance = std::numeric_limits<double>::infinity();
   };
@@ -136,9 +128,10 @@ class LeafMesh {
   using GridCell = std::array<std::int64_t, 3>;  // cubes of side λ
 
   GridCell grid_cell(const Point& p) const;
-  void add_local(const MeshPoint& p, VertexRef ref);
+  void add_local(const MeshPoint& p, VertexRef ref, bool is_own);
+  bool is_in_box(const Point& p) const;
   void make_fresh(Cell c);
-  void make_fresh_in_order();  // new_cells_
+  void make_all_fresh();
   void note_gone(Cell c);
   bool leads_past(Cell c, int index, const Axis& axis) const;
   Point far_end(const Point& axis_center, const Point& direction,
@@ -151,10 +144,11 @@ class LeafMesh {
   std::map<GridCell, std::vector<LocalIndex>> volume_points_;  // and those no longer alive
   std::uint64_t num_own_ = 0;
   std::uint32_t stamp_ = 0;
-  Triangulation triangulation_;
+  Delaunay delaunay_;
+  mutable std::vector<CellData> data_;  // of cells
   std::vector<CellRef> fresh_;
-  std::vector<Cell> new_cells_;
-  std::vector<std::pair<std::array<LocalIndex, 4>, Cell>> in_order_;
+  mutable std::vector<Cell> around_;
+  mutable std::vector<LocalIndex> neighbors_;
   bool has_gone_member_ = false, has_gone_other_ = false;  // with an own vertex
   mutable std::vector<Crossing> crossings_;
 };

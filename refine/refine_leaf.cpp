@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <set>
 #include <variant>
 
 #include "refine/leaf_mesh.h"
+#include "refine/revisit.h"
 
 namespace locvol {
 namespace {
@@ -20,13 +22,13 @@ using Facet = LeafMesh::Facet;
 struct FacetRef {
   CellRef here, there;
   int index = 0;
-  bool is_alive() const { return here.is_alive() && there.is_alive(); }
   Facet facet() const { return {here.cell, index}; }
 };
 
 class Refinement {
  public:
-  explicit Refinement(const LeafInput& input) : input_(input), mesh_(input) {}
+  explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
+      : input_(input), mesh_(input, own) {}
 
   LeafDelta run();
 
@@ -37,8 +39,12 @@ class Refinement {
   using Cure = Outcome (Refinement::*)(const Ref&, int condition);
 
   bool restore_next();
+  bool is_alive(const CellRef& ref) const { return mesh_.is_alive(ref); }
+  bool is_alive(const FacetRef& ref) const { return is_alive(ref.here) && is_alive(ref.there); }
   template <class Ref>
-  bool restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore);
+  std::optional<Ref> pop_alive(std::deque<Ref>& waiting) const;
+  template <class Ref>
+  bool restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore);
   bool restore_next_disk();
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
@@ -83,10 +89,11 @@ class Refinement {
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
-  // What may be violated, by condition. Each list is a stack, so that work stays in one place.
-  std::vector<FacetRef> c1_, c2_, c4_, open_ends_;
+  // What may be violated, by condition: first come, first served. The last come first would stay in
+  // one place and pile up points there: twice as many for C6 between the folds of a rough surface.
+  std::deque<FacetRef> c1_, c2_, c4_, open_ends_;
   std::vector<LocalIndex> c3_;
-  std::vector<CellRef> c5_, c6_;
+  std::deque<CellRef> c5_, c6_;
   std::vector<bool> is_in_c3_;
 
   // Violations whose cure the spacing floor forbade when it was tried.
@@ -105,12 +112,12 @@ class Refinement {
   std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
 };
 
-template <class T>
-std::optional<T> pop_alive(std::vector<T>& stack) {
-  while (!stack.empty()) {
-    const T top = stack.back();
-    stack.pop_back();
-    if (top.is_alive()) return top;
+template <class Ref>
+std::optional<Ref> Refinement::pop_alive(std::deque<Ref>& waiting) const {
+  while (!waiting.empty()) {
+    const Ref next = waiting.front();
+    waiting.pop_front();
+    if (is_alive(next)) return next;
   }
   return std::nullopt;
 }
@@ -142,14 +149,14 @@ bool Refinement::restore_next() {
 
 // What survives its cure (the center of a surface ball was inserted in its place) is tried again.
 template <class Ref>
-bool Refinement::restore_next(std::vector<Ref>& stack, int condition, Cure<Ref> restore) {
-  const auto ref = pop_alive(stack);
+bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore) {
+  const auto ref = pop_alive(waiting);
   if (!ref) return false;
   if ((this->*restore)(*ref, condition) == Outcome::kBlocked) {
     blocked_.push_back({*ref, attempt_});
     tell_blocked();
-  } else if (ref->is_alive()) {
-    stack.push_back(*ref);
+  } else if (is_alive(*ref)) {
+    waiting.push_back(*ref);
   }
   return true;
 }
@@ -166,49 +173,48 @@ bool Refinement::restore_next_disk() {
   return true;
 }
 
-// ---- Looking for violations ---------------------------------------------------------------------
+// ---- Looking for violations
+// ---------------------------------------------------------------------
 
 void Refinement::look_at_fresh_cells() {
   const auto& fresh = mesh_.fresh_cells();
   if (fresh.empty()) return;
   const bool is_boundary_changed = mesh_.is_boundary_changed();
   for (std::size_t n = 0; n < fresh.size(); ++n)
-    if (fresh[n].is_alive() && mesh_.has_own_vertex(fresh[n].cell))
-      look_at(fresh[n].cell, is_boundary_changed);
+    if (is_alive(fresh[n])) look_at(fresh[n].cell, is_boundary_changed);
   mesh_.clear_fresh_cells();
 }
 
 void Refinement::look_at(Cell cell, bool is_boundary_changed) {
-  std::array<int, 4> order{0, 1, 2, 3};  // by local index: CGAL's own depends on addresses
-  std::ranges::sort(order, {}, [&](int i) { return cell->vertex(i)->info(); });
-  for (const int i : order) {
-    const auto v = cell->vertex(i);
-    if (is_boundary_changed && mesh_.is_finite(v)) look_at_vertex(v->info());
-    if ((cell->info().facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
+  for (int i = 0; i < 4; ++i) {
+    const LocalIndex v = mesh_.delaunay().vertex(cell, i);
+    if (is_boundary_changed && v != kInfiniteVertex) look_at_vertex(v);
+    if ((mesh_.data(cell).facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
   if (!mesh_.is_member(cell)) return;
-  const CellRef ref{cell, cell->info().stamp};
+  const CellRef ref = mesh_.ref(cell);
   const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
-  if (cell->info().squared_radius >= size * size)
+  if (mesh_.data(cell).squared_radius >= size * size)
     c5_.push_back(ref);
-  else if (cell->info().squared_radius > ratio * ratio * shortest_edge_squared(cell))
+  else if (mesh_.data(cell).squared_radius > ratio * ratio * shortest_edge_squared(cell))
     c6_.push_back(ref);
 }
 
 void Refinement::look_at(Facet facet) {
-  const Cell here = facet.cell, there = here->neighbor(facet.index);
-  here->info().facets_seen |= static_cast<std::uint8_t>(1u << facet.index);
-  there->info().facets_seen |= static_cast<std::uint8_t>(1u << there->index(here));
-  if (mesh_.triangulation().is_infinite(here, facet.index)) return;
+  const Delaunay& delaunay = mesh_.delaunay();
+  const Cell here = facet.cell, there = delaunay.neighbor(here, facet.index);
+  mesh_.note_facet_seen(facet);
+  mesh_.note_facet_seen({there, delaunay.index_of_neighbor(there, here)});
+  if (delaunay.is_infinite(facet)) return;
   const auto dual = mesh_.dual_crossings(facet);
-  const FacetRef ref{{here, here->info().stamp}, {there, there->info().stamp}, facet.index};
+  const FacetRef ref{mesh_.ref(here), mesh_.ref(there), facet.index};
   if (dual.open_end) open_ends_.push_back(ref);
   if (dual.count == 0) return;
   bool is_on_surface = true;
   for (int i = 0; i < 4; ++i)
     if (i != facet.index)
-      is_on_surface &= mesh_.local(here->vertex(i)->info()).point.kind == PointKind::kSurface;
+      is_on_surface &= mesh_.local(delaunay.vertex(here, i)).point.kind == PointKind::kSurface;
   const double size = input_.criteria.size;
   if (dual.squared_radius >= size * size)
     c1_.push_back(ref);
@@ -237,21 +243,20 @@ double Refinement::shortest_edge_squared(Cell c) const {
 // Whether the boundary facets at v (in `star`) form a disk around it: their edges opposite v make
 // one cycle. True without any: such vertices lie inside or are unused.
 bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
-  const auto vertex = mesh_.local(v).vertex;
+  const Delaunay& delaunay = mesh_.delaunay();
   star.clear();
   link_.clear();
-  around_.clear();
-  mesh_.triangulation().incident_cells(vertex, std::back_inserter(around_));
+  delaunay.cells_around(v, around_);
   for (const Cell c : around_) {
     if (!mesh_.is_member(c)) continue;
-    const int at = c->index(vertex);
+    const int at = delaunay.index_of(c, v);
     for (int i = 0; i < 4; ++i) {
-      if (i == at || mesh_.is_member(c->neighbor(i))) continue;
+      if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
       star.push_back({c, i});
       std::array<LocalIndex, 2> ends{};
       std::size_t n = 0;
       for (int k = 0; k < 4; ++k)
-        if (k != i && k != at) ends[n++] = c->vertex(k)->info();
+        if (k != i && k != at) ends[n++] = delaunay.vertex(c, k);
       link_.emplace_back(ends[0], ends[1]);
       link_.emplace_back(ends[1], ends[0]);
     }
@@ -274,7 +279,8 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
   return 2 * length == n;
 }
 
-// ---- Restoring ----------------------------------------------------------------------------------
+// ---- Restoring
+// ----------------------------------------------------------------------------------
 
 Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
@@ -285,23 +291,24 @@ Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   if (is_disk(v, star_)) return star_.empty() ? restore_lost_part(v) : Outcome::kChanged;
   LeafMesh::DualCrossings largest;
-  Cell hint;
+  Cell hint = LeafMesh::kNoCell;
   for (const Facet& f : star_) {
     const auto dual = mesh_.dual_crossings(f);
-    if (dual.count > 0 && (hint == Cell() || dual.squared_radius > largest.squared_radius)) {
+    if (dual.count > 0 &&
+        (hint == LeafMesh::kNoCell || dual.squared_radius > largest.squared_radius)) {
       largest = dual;
       hint = f.cell;
     }
   }
   attempt_ = {3, mesh_.local(v).point.position, 0};
-  if (hint == Cell()) return Outcome::kBlocked;
+  if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
   attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
   return insert_on_surface(largest.ball_center, 3, hint);
 }
 
-// No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie within
-// v's Voronoi cell as a whole, and would be missing from the mesh: then some of its corners do, and
-// the farthest one starts to unfold it.
+// No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie
+// within v's Voronoi cell as a whole, and would be missing from the mesh: then some of its
+// corners do, and the farthest one starts to unfold it.
 Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const Point p = mesh_.local(v).point.position;
   const double size = input_.criteria.size, floor = input_.criteria.spacing_floor;
@@ -313,7 +320,7 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
     if (squared_distance(p, q) <= floor * floor) break;
     if (!mesh_.is_in_voronoi_cell(q, v)) continue;
     attempt_ = {3, q, std::sqrt(squared_distance(p, q))};
-    const Outcome outcome = insert_on_surface(q, 3, mesh_.local(v).vertex->cell());
+    const Outcome outcome = insert_on_surface(q, 3, mesh_.delaunay().cell_of(v));
     if (outcome == Outcome::kBlocked) return outcome;
     look_at_vertex(v);  // again, and the new one: nothing else might have changed
     look_at_vertex(static_cast<LocalIndex>(mesh_.num_locals() - 1));
@@ -347,8 +354,8 @@ void Refinement::start_from_corners() {
   }
 }
 
-// A dual edge that is still inside where balls are no longer known to be empty: its end is a point
-// of the domain farther than λ from P.
+// A dual edge that is still inside where balls are no longer known to be empty: its end is a
+// point of the domain farther than λ from P.
 Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   if (!dual.open_end) return Outcome::kChanged;
@@ -357,7 +364,7 @@ Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condit
 }
 
 Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) {
-  const CellData& data = ref.cell->info();
+  const CellData& data = mesh_.data(ref.cell);
   attempt_ = {condition, data.center, std::sqrt(data.squared_radius)};
   return insert_in_volume(data.center, condition, ref.cell);
 }
@@ -403,7 +410,8 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 }
 
 // Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
-// in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in one.
+// in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in
+// one.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
   const double size = input_.criteria.size;
   if (input_.surface->distance_bound(q) >= size) return std::nullopt;
@@ -411,8 +419,8 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
     for (int i = 0; i < 4; ++i) {
-      if (mesh_.triangulation().is_infinite(c, i)) continue;
-      const Side here = mesh_.side(c), there = mesh_.side(c->neighbor(i));
+      if (mesh_.delaunay().is_infinite(Facet{c, i})) continue;
+      const Side here = mesh_.side(c), there = mesh_.side(mesh_.delaunay().neighbor(c, i));
       if (here == Side::kBeyond || there == Side::kBeyond) continue;
       if (here == Side::kFar && there == Side::kFar) continue;
       const auto dual = mesh_.dual_crossings({c, i});
@@ -446,7 +454,7 @@ void Refinement::delete_volume_points_near(const Point& q) {
     mesh_.remove(i);
     ++delta_.stats.deletions;
   }
-  mesh_.find_conflict(q, mesh_.triangulation().infinite_cell(), conflict_);
+  if (mesh_.has_cells()) mesh_.find_conflict(q, mesh_.delaunay().newest_cell(), conflict_);
 }
 
 VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
@@ -462,7 +470,10 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  mesh_.insert({ref, q, kind}, ref, conflict_);
+  if (mesh_.has_cells())
+    mesh_.insert({ref, q, kind}, ref, conflict_);
+  else
+    mesh_.insert_first({ref, q, kind}, ref);
 }
 
 std::string Refinement::place() const {
@@ -471,7 +482,8 @@ std::string Refinement::place() const {
   return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
 }
 
-// ---- The result ---------------------------------------------------------------------------------
+// ---- The result
+// ---------------------------------------------------------------------------------
 
 // What was blocked counts only if nothing that was done later restored it.
 void Refinement::list_unresolved() {
@@ -480,24 +492,26 @@ void Refinement::list_unresolved() {
     if (const auto* vertex = std::get_if<LocalIndex>(&b.where)) {
       if (is_disk(*vertex, star_) || !disks.insert(*vertex).second) continue;
     } else if (const auto* facet = std::get_if<FacetRef>(&b.where)) {
-      if (!facet->is_alive()) continue;
-    } else if (!std::get<CellRef>(b.where).is_alive()) {
+      if (!is_alive(*facet)) continue;
+    } else if (!is_alive(std::get<CellRef>(b.where))) {
       continue;
     }
     delta_.unresolved.push_back(b.violation);
   }
 }
 
-// Vertices ascending as far as a positive orientation permits, cells ascending: the same list from
-// the same set of cells.
+// Vertices ascending as far as a positive orientation permits, cells ascending: the same list
+// from the same set of cells.
 void Refinement::list_cells() {
-  for (const Cell c : mesh_.triangulation().finite_cell_handles()) {
+  const Delaunay& delaunay = mesh_.delaunay();
+  for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
+    if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
     int smallest = 0;
     for (int i = 1; i < 4; ++i)
       if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
-    if (!mesh_.is_own(c->vertex(smallest)) || !mesh_.is_member(c)) continue;
+    if (!mesh_.is_own(delaunay.vertex(c, smallest))) continue;
     std::array<VertexRef, 4> refs{};
-    for (int i = 0; i < 4; ++i) refs[std::size_t(i)] = mesh_.local(c->vertex(i)->info()).ref;
+    for (int i = 0; i < 4; ++i) refs[std::size_t(i)] = mesh_.local(delaunay.vertex(c, i)).ref;
     bool is_odd = false;
     for (std::size_t i = 0; i < 4; ++i)
       for (std::size_t j = i + 1; j < 4; ++j) is_odd ^= refs[i] > refs[j];
@@ -510,6 +524,19 @@ void Refinement::list_cells() {
 
 }  // namespace
 
-LeafDelta refine_leaf(const LeafInput& input) { return Refinement(input).run(); }
+LeafDelta refine_leaf(const LeafInput& input) {
+  if (auto revisit = Revisit::of(input)) {
+    std::vector<RefineStep> steps;  // told only if they count
+    if (input.on_step)
+      revisit->part().on_step = [&](const RefineStep& step) { steps.push_back(step); };
+    LeafDelta delta = Refinement(revisit->part(), LeafMesh::OwnPoints::kListed).run();
+    if (revisit->is_complete(delta)) {
+      std::ranges::for_each(steps, [&](const RefineStep& step) { input.on_step(step); });
+      revisit->add_kept_cells(delta);
+      return delta;
+    }
+  }
+  return Refinement(input).run();
+}
 
 }  // namespace locvol

@@ -41,6 +41,13 @@ class PointIndex {
 using VertexRef = std::uint64_t;
 inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 
+// How the last visit of a leaf left it, and what has changed since.
+struct LastVisit {
+  std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
+  std::vector<MeshPoint> deleted;  // since, within `reach` of the box
+  std::vector<std::array<VertexRef, 4>> cells;  // LeafDelta::cells, with ids for all vertices
+};
+
 // One change that a visit makes, or finds forbidden. The points that an insertion deletes come
 // right before it.
 struct RefineStep {
@@ -63,7 +70,11 @@ struct LeafInput {
   const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
   const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
   std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
-  std::uint64_t max_insertions = 0;        // beyond it the visit is taken for a bug; 0: no bound
+  // If given, only what may have changed since is looked at, which is far less work: the same cells
+  // come out, and where points must be inserted, possibly others.
+  // REQUIRES: that visit was not overfull, and left nothing unresolved; a finite reach
+  std::optional<LastVisit> last_visit = std::nullopt;
+  std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
   std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
 };
 

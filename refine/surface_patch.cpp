@@ -208,53 +208,40 @@ void SurfacePatch::Impl::fill_grid() {
   for (const auto& [cell, t] : met) held[next[cell]++] = t;
 }
 
-// Ring by ring: the cells with triangles as a bit each, 64 to a word along x, dilated by one cell
-// in all directions until they fill the grid.
+// Twice over the grid, forth and back: a cell is one ring farther than the nearest of its neighbors
+// that come before it (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968).
 void SurfacePatch::Impl::measure_rings() {
-  const std::size_t words = (std::size_t(num[0]) + 63) / 64;
-  const std::size_t rows = std::size_t(num[1]) * std::size_t(num[2]);
-  const std::size_t line = std::size_t(num[0]), plane = std::size_t(num[1]);
-  std::vector<std::uint64_t> near(words * rows), wider(words * rows);
-  rings.assign(num_cells(), kMaxRings);
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t i = 0; i < line; ++i)
-      if (first[row * line + i] < first[row * line + i + 1]) {
-        near[row * words + i / 64] |= std::uint64_t{1} << i % 64;
-        rings[row * line + i] = 0;
-      }
-  for (std::uint8_t ring = 1; ring < kMaxRings; ++ring) {
-    for (std::size_t row = 0; row < rows; ++row)
-      for (std::size_t w = 0; w < words; ++w) {
-        const std::uint64_t* here = near.data() + row * words;
-        std::uint64_t bits = here[w] | here[w] << 1 | here[w] >> 1;
-        if (w > 0) bits |= here[w - 1] >> 63;
-        if (w + 1 < words) bits |= here[w + 1] << 63;
-        wider[row * words + w] = bits;
-      }
-    const auto dilate = [&](std::size_t stride, std::size_t count) {  // rows `stride` apart
-      near = wider;
-      for (std::size_t row = 0; row < rows; ++row) {
-        const std::size_t place = row / stride % count;
-        for (std::size_t w = 0; w < words; ++w) {
-          if (place > 0) wider[row * words + w] |= near[(row - stride) * words + w];
-          if (place + 1 < count) wider[row * words + w] |= near[(row + stride) * words + w];
+  const std::size_t line = std::size_t(num[0]);
+  rings.resize(num_cells());
+  for (std::size_t cell = 0; cell < num_cells(); ++cell)
+    rings[cell] = first[cell] < first[cell + 1] ? 0 : kMaxRings;
+  std::vector<std::uint8_t> nearest(line + 2, kMaxRings);  // of four rows; ends on both sides
+  for (const int way : {+1, -1}) {
+    const auto row = [&](int j, int k) { return rings.data() + index(0, j, k); };
+    for (int n = 0; n < num[2]; ++n)
+      for (int m = 0; m < num[1]; ++m) {
+        const int k = way > 0 ? n : num[2] - 1 - n, j = way > 0 ? m : num[1] - 1 - m;
+        std::fill(nearest.begin(), nearest.end(), kMaxRings);
+        const auto take_in = [&](int dj, int dk) {
+          if (j + dj < 0 || j + dj >= num[1] || k + dk < 0 || k + dk >= num[2]) return;
+          const std::uint8_t* other = row(j + dj, k + dk);
+          for (std::size_t i = 0; i < line; ++i)
+            nearest[i + 1] = std::min(nearest[i + 1], other[i]);
+        };
+        take_in(-way, 0);
+        for (int dj = -1; dj <= 1; ++dj) take_in(dj, -way);
+        std::uint8_t* here = row(j, k);
+        for (std::size_t i = 0; i < line; ++i) {
+          const int around = std::min({nearest[i], nearest[i + 1], nearest[i + 2]});
+          here[i] = static_cast<std::uint8_t>(std::min<int>(here[i], around + 1));
         }
-      }
-    };
-    dilate(1, plane);
-    dilate(plane, std::size_t(num[2]));
-    bool is_full = true;
-    for (std::size_t row = 0; row < rows; ++row)
-      for (std::size_t i = 0; i < line; ++i) {
-        std::uint8_t& r = rings[row * line + i];
-        if (r < kMaxRings) continue;
-        if (wider[row * words + i / 64] >> i % 64 & 1)
-          r = ring;
+        if (way > 0)
+          for (std::size_t i = 1; i < line; ++i)
+            here[i] = static_cast<std::uint8_t>(std::min<int>(here[i], here[i - 1] + 1));
         else
-          is_full = false;
+          for (std::size_t i = line - 1; i-- > 0;)
+            here[i] = static_cast<std::uint8_t>(std::min<int>(here[i], here[i + 1] + 1));
       }
-    near = wider;
-    if (is_full) break;
   }
 }
 
@@ -288,8 +275,16 @@ void SurfacePatch::Impl::spread_over_plane(int i0, int j0, int k, int from) {
 
 void SurfacePatch::Impl::spread_over_row(int i0, int j, int k, int from) {
   if (from != 0) spread({i0, j + from, k}, {i0, j, k});
-  for (int i = i0 + 1; i < num[0]; ++i) spread({i - 1, j, k}, {i, j, k});
-  for (int i = i0; i-- > 0;) spread({i + 1, j, k}, {i, j, k});
+  const std::size_t row = index(0, j, k);
+  const auto step_to = [&](int i, int before) {
+    const std::size_t here = row + std::size_t(before), there = row + std::size_t(i);
+    if (rings[here] == 0 || rings[there] == 0)
+      spread({before, j, k}, {i, j, k});
+    else
+      is_center_inside[there] = is_center_inside[here];
+  };
+  for (int i = i0 + 1; i < num[0]; ++i) step_to(i, i - 1);
+  for (int i = i0; i-- > 0;) step_to(i, i + 1);
 }
 
 void SurfacePatch::Impl::spread(const std::array<int, 3>& a, const std::array<int, 3>& b) {

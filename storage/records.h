@@ -77,7 +77,7 @@ enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDo
 
 // What the mesh is a function of (promise 4). A store refuses to go on under other ones.
 struct RunParameters {
-  std::string input_digest;  // hexadecimal, of the input's repaired triangles
+  std::string input_digest;  // hexadecimal, of the input file's bytes
   double size = 0;           // λ
   double radius_edge_bound = 2;
   double spacing_floor = 0;         // as a fraction of λ

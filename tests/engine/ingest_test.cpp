@@ -437,10 +437,10 @@ TEST_F(IngestTest, PaperModeStartsWithOneLeaf) {
 TEST_F(IngestTest, LeavesWithTooManyTrianglesAreCut) {
   write(to_polygons(testing_shapes::sphere(1, 400, 500)));  // 400,000 triangles
   const Stored coarse = stored(ingested(options(0.2, 20000), "coarse"));
-  EXPECT_EQ(coarse.leaves.size(), 8u);  // one would be wide enough
+  EXPECT_GE(coarse.leaves.size(), 8u);  // one would be wide enough
   for (const auto& [key, leaf] : coarse.leaves) {
     const bool may_split = coarse.run.frame.side(key.level() + 1) >= kMinLeafSide * 0.2;
-    EXPECT_TRUE(leaf.info.num_triangles <= 110'000 || !may_split) << leaf.info.num_triangles;
+    EXPECT_TRUE(leaf.info.num_triangles <= 55'000 || !may_split) << leaf.info.num_triangles;
   }
 }
 

@@ -14,8 +14,8 @@ targets=("$@")
 tree=build/fuzz
 jobs=${LOCVOL_JOBS:-$(nproc)}
 
-[[ -n ${CXX:-} ]] || tools/setup.sh clang-14 libclang-rt-14-dev
-cmake -S . -B "$tree" -G Ninja -DCMAKE_CXX_COMPILER="${CXX:-clang++-14}" -DLOCVOL_FUZZ=ON \
+[[ -n ${CXX:-} ]] || tools/setup.sh clang-16 libclang-rt-16-dev
+cmake -S . -B "$tree" -G Ninja -DCMAKE_CXX_COMPILER="${CXX:-clang++-16}" -DLOCVOL_FUZZ=ON \
   -DLOCVOL_SANITIZE=address -DCMAKE_CXX_FLAGS_RELEASE="-O1 -gline-tables-only" >/dev/null
 nice ninja -C "$tree" -j "$jobs" "${targets[@]/%/_fuzzer}" >&2
 
@@ -32,7 +32,7 @@ for target in "${targets[@]}"; do
   cat tests/fuzz/dictionaries/"$target"*.dict >"$run.dict"
   nice -n 19 "$tree/tests/fuzz/${target}_fuzzer" \
     -max_total_time=$((60 * minutes)) -max_len="${max_len[$target]}" -dict="$run.dict" \
-    -rss_limit_mb=512 -malloc_limit_mb=256 -timeout=20 -use_value_profile=1 \
+    -rss_limit_mb=512 -malloc_limit_mb=256 -timeout=60 -use_value_profile=1 \
     -artifact_prefix="$run.findings/" -print_final_stats=1 \
     "$run.corpus" "tests/fuzz/seeds/$target" >"$run.log" 2>&1 &
   pid[$target]=$!

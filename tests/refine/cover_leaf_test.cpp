@@ -275,10 +275,16 @@ std::vector<Point> sorted(std::vector<Point> points) {
 
 // ---- The lattice
 
-TEST(BccLattice, CoordinatesAreOriginPlusHalfSpacingTimesIndex) {
+TEST(BccLattice, CoordinatesAreOriginPlusHalfSpacingTimesIndexAndADisplacement) {
   const BccLattice lattice({1, 2, 3}, 0.5);
-  EXPECT_EQ(lattice.position(0, 0, 0), (Point{1, 2, 3}));
-  EXPECT_EQ(lattice.position(-1, 3, 5), (Point{0.75, 2.75, 4.25}));
+  const auto expect_near = [](const Point& p, const Point& expected) {
+    for (const int axis : {0, 1, 2})
+      EXPECT_NEAR(p[axis], expected[axis], 0.25 * BccLattice::kDisplacement);
+    EXPECT_NE(p, expected);
+  };
+  expect_near(lattice.position(0, 0, 0), {1, 2, 3});
+  expect_near(lattice.position(-1, 3, 5), {0.75, 2.75, 4.25});
+  EXPECT_EQ(lattice.position(-1, 3, 5), lattice.position(-1, 3, 5));
 }
 
 TEST(BccLattice, PointsInABoxAreThoseOfBruteForce) {

@@ -1,0 +1,264 @@
+#include "refine/delaunay.h"
+
+#include <CGAL/Delaunay_triangulation_3.h>
+#include <CGAL/Delaunay_triangulation_cell_base_3.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Triangulation_cell_base_with_info_3.h>
+#include <CGAL/Triangulation_vertex_base_with_info_3.h>
+
+#include <algorithm>
+#include <boost/iterator/function_output_iterator.hpp>
+#include <cassert>
+#include <functional>
+#include <utility>
+
+namespace locvol {
+namespace {
+
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<Delaunay::Vertex, Kernel>;
+using CellBase =
+    CGAL::Triangulation_cell_base_with_info_3<Delaunay::Cell, Kernel,
+                                              CGAL::Delaunay_triangulation_cell_base_3<Kernel>>;
+using Triangulation =
+    CGAL::Delaunay_triangulation_3<Kernel,
+                                   CGAL::Triangulation_data_structure_3<VertexBase, CellBase>>;
+using CellHandle = Triangulation::Cell_handle;
+using VertexHandle = Triangulation::Vertex_handle;
+
+Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
+
+// Sorted, and the first two exchanged if that took an odd number of exchanges.
+void bring_into_order(std::array<Delaunay::Vertex, 4>& v) {
+  bool is_odd = false;
+  const auto order = [&](std::size_t a, std::size_t b) {
+    if (v[a] <= v[b]) return;
+    std::swap(v[a], v[b]);
+    is_odd = !is_odd;
+  };
+  order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
+  if (is_odd) std::swap(v[0], v[1]);
+}
+
+}  // namespace
+
+struct Delaunay::Impl {
+  Triangulation triangulation;
+  std::vector<VertexHandle> vertices;  // by number
+  std::vector<CellHandle> cells;       // by number
+  std::vector<CellHandle> new_cells;   // of the change at hand
+};
+
+Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
+  impl_->triangulation.infinite_vertex()->info() = kInfinite;
+}
+Delaunay::~Delaunay() = default;
+
+int Delaunay::index_of(Cell c, Vertex v) const {
+  const auto& all = corners_[c].vertex;
+  return v == all[0] ? 0 : v == all[1] ? 1 : v == all[2] ? 2 : 3;
+}
+
+int Delaunay::index_of_neighbor(Cell c, Cell neighbor) const {
+  const auto& all = corners_[c].neighbor;
+  return neighbor == all[0] ? 0 : neighbor == all[1] ? 1 : neighbor == all[2] ? 2 : 3;
+}
+
+void Delaunay::cells_around(Vertex v, std::vector<Cell>& out) const {
+  out.clear();
+  out.push_back(cell_of_[v]);
+  ++epoch_;
+  mark_[out[0]] = epoch_;
+  for (std::size_t n = 0; n < out.size(); ++n) {
+    const Corners& corners = corners_[out[n]];
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Cell next = corners.neighbor[i];
+      if (corners.vertex[i] == v || mark_[next] == epoch_) continue;
+      mark_[next] = epoch_;
+      out.push_back(next);
+    }
+  }
+}
+
+void Delaunay::neighbors_of(Vertex v, std::vector<Vertex>& out) const {
+  cells_around(v, seen_);
+  out.clear();
+  for (const Cell c : seen_)
+    for (const Vertex w : corners_[c].vertex)
+      if (w != v && w != kInfinite) out.push_back(w);
+  std::ranges::sort(out);
+  const auto repeated = std::ranges::unique(out);
+  out.erase(repeated.begin(), repeated.end());
+}
+
+bool Delaunay::build(std::span<const Point> points) {
+  std::vector<std::pair<Kernel::Point_3, Vertex>> numbered;
+  numbered.reserve(points.size());
+  for (const Point& p : points) {
+    numbered.emplace_back(cgal(p), static_cast<Vertex>(points_.size()));
+    points_.push_back(p);
+  }
+  Triangulation& triangulation = impl_->triangulation;
+  const auto num_before = triangulation.number_of_vertices();
+  if (numbered.size() == 1)
+    triangulation.insert(numbered[0].first)->info() = numbered[0].second;
+  else
+    triangulation.insert(numbered.begin(), numbered.end());
+  if (triangulation.number_of_vertices() != num_before + numbered.size()) return false;
+  impl_->vertices.resize(points_.size());
+  cell_of_.resize(points_.size(), kNone);
+  for (const VertexHandle v : triangulation.finite_vertex_handles()) impl_->vertices[v->info()] = v;
+  number_all();
+  return true;
+}
+
+void Delaunay::number_all() {
+  corners_.clear();
+  mark_.clear();
+  free_.clear();
+  new_cells_.clear();
+  impl_->cells.clear();
+  if (impl_->triangulation.dimension() < 3) return;
+  const auto num_cells = impl_->triangulation.number_of_cells();
+  corners_.reserve(num_cells + num_cells / 4);
+  impl_->cells.reserve(num_cells + num_cells / 4);
+  for (const CellHandle c : impl_->triangulation.all_cell_handles()) {
+    c->info() = static_cast<Cell>(impl_->cells.size());
+    impl_->cells.push_back(c);
+  }
+  corners_.resize(impl_->cells.size());
+  mark_.resize(impl_->cells.size(), 0);
+  for (Cell c = 0; c < cell_bound(); ++c) set_corners(c);
+  for (Cell c = 0; c < cell_bound(); ++c) set_neighbors(c);
+  new_cells_.push_back(cell_bound() - 1);
+}
+
+void Delaunay::set_corners(Cell c) {
+  auto& vertex = corners_[c].vertex;
+  for (int i = 0; i < 4; ++i) vertex[std::size_t(i)] = impl_->cells[c]->vertex(i)->info();
+  bring_into_order(vertex);
+  for (const Vertex v : vertex)
+    if (v != kInfinite) cell_of_[v] = c;
+}
+
+void Delaunay::set_neighbors(Cell c) {
+  const CellHandle here = impl_->cells[c];
+  for (int i = 0; i < 4; ++i) {
+    const auto own = std::size_t(index_of(c, here->vertex(i)->info()));
+    corners_[c].neighbor[own] = here->neighbor(i)->info();
+  }
+}
+
+// Takes the cells in impl_->new_cells in, in an order that does not depend on their addresses.
+void Delaunay::number_new() {
+  using Key = std::pair<std::array<Vertex, 4>, CellHandle>;
+  std::vector<Key> sorted;
+  sorted.reserve(impl_->new_cells.size());
+  for (const CellHandle c : impl_->new_cells) {
+    std::array<Vertex, 4> vertices{};
+    for (int i = 0; i < 4; ++i) vertices[std::size_t(i)] = c->vertex(i)->info();
+    std::ranges::sort(vertices);
+    sorted.emplace_back(vertices, c);
+  }
+  std::ranges::sort(sorted, {}, &Key::first);
+  new_cells_.clear();
+  for (const auto& [vertices, handle] : sorted) {
+    Cell c = cell_bound();
+    if (free_.empty()) {
+      corners_.emplace_back();
+      mark_.push_back(0);
+      impl_->cells.push_back(handle);
+    } else {
+      c = free_.back();
+      free_.pop_back();
+      impl_->cells[c] = handle;
+    }
+    handle->info() = c;
+    new_cells_.push_back(c);
+    set_corners(c);
+  }
+  for (const Cell c : new_cells_) {
+    set_neighbors(c);
+    const CellHandle here = impl_->cells[c];
+    for (int i = 0; i < 4; ++i) {  // and of those around the new ones
+      const CellHandle there = here->neighbor(i);
+      const Vertex opposite = there->vertex(there->index(here))->info();
+      const Cell n = there->info();
+      corners_[n].neighbor[std::size_t(index_of(n, opposite))] = c;
+    }
+  }
+}
+
+void Delaunay::free_cells(std::span<const Cell> cells) {
+  const auto first = static_cast<std::ptrdiff_t>(free_.size());
+  free_.insert(free_.end(), cells.begin(), cells.end());
+  std::sort(free_.begin() + first, free_.end(), std::greater());
+  for (const Cell c : cells) corners_[c].vertex.fill(kNone);
+}
+
+void Delaunay::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {
+  const Triangulation& triangulation = impl_->triangulation;
+  const auto p = cgal(q);
+  conflict.cells.clear();
+  conflict.border.clear();
+  conflict.coincident = kNone;
+  CellHandle start = impl_->cells[hint];
+  if (triangulation.side_of_sphere(start, p, true) != CGAL::ON_BOUNDED_SIDE) {
+    Triangulation::Locate_type type;
+    int i = 0, j = 0;
+    start = triangulation.locate(p, type, i, j, start);
+    if (type == Triangulation::VERTEX) {
+      conflict.coincident = start->vertex(i)->info();
+      return;
+    }
+  }
+  triangulation.find_conflicts(
+      p, start, boost::make_function_output_iterator([&](const Triangulation::Facet& f) {
+        const Cell c = f.first->info();
+        conflict.border.push_back({c, index_of(c, f.first->vertex(f.second)->info())});
+      }),
+      boost::make_function_output_iterator(
+          [&](CellHandle c) { conflict.cells.push_back(c->info()); }));
+}
+
+Delaunay::Vertex Delaunay::insert(const Point& q, const Conflict& conflict) {
+  assert(!conflict.cells.empty());
+  std::vector<CellHandle>& cells = impl_->new_cells;
+  cells.clear();
+  for (const Cell c : conflict.cells) cells.push_back(impl_->cells[c]);
+  const auto [inside, index] = conflict.border.front();
+  const CellHandle begin = impl_->cells[inside];
+  const Vertex off = vertex(inside, index);
+  const int i = begin->index(off == kInfinite ? impl_->triangulation.infinite_vertex()
+                                              : impl_->vertices[off]);
+  const VertexHandle v =
+      impl_->triangulation.insert_in_hole(cgal(q), cells.begin(), cells.end(), begin, i);
+  const auto number = static_cast<Vertex>(points_.size());
+  v->info() = number;
+  points_.push_back(q);
+  cell_of_.push_back(kNone);
+  impl_->vertices.push_back(v);
+  cells.clear();
+  impl_->triangulation.incident_cells(v, std::back_inserter(cells));
+  free_cells(conflict.cells);
+  number_new();
+  return number;
+}
+
+bool Delaunay::remove(Vertex v) {
+  cells_around(v, seen_);
+  impl_->new_cells.clear();
+  impl_->triangulation.remove_and_give_new_cells(impl_->vertices[v],
+                                                 std::back_inserter(impl_->new_cells));
+  cell_of_[v] = kNone;
+  impl_->vertices[v] = VertexHandle();
+  if (impl_->triangulation.dimension() < 3) {
+    number_all();
+    return false;
+  }
+  free_cells(seen_);
+  number_new();
+  return true;
+}
+
+}  // namespace locvol

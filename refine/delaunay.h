@@ -1,0 +1,105 @@
+// Delaunay: CGAL's Delaunay triangulation of points in space, with numbers for its vertices and
+// cells. Internal to refine/.
+//
+// Equal calls give equal numbers: nothing depends on addresses, as CGAL's own lists of cells do
+// after removals. A cell beyond the convex hull has the vertex kInfinite at index 3; every other
+// cell is positively oriented, and of the orders of its vertices that make it so it has the one
+// that ascends but for the first two. Cospherical points are moved apart in thought, by their
+// coordinates alone (Devillers and Teillaud, "Perturbations for Delaunay and weighted Delaunay 3D
+// triangulations", 2011): the same points always have the same cells.
+//
+// Memory: about 150 bytes a cell. Time: about 6 µs a vertex in a build, 6 µs an insertion.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+class Delaunay {
+ public:
+  using Vertex = std::uint32_t;
+  using Cell = std::uint32_t;
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  static constexpr Vertex kInfinite = kNone;
+
+  struct Facet {
+    Cell cell = kNone;
+    int index = 0;  // of the vertex off the facet
+  };
+
+  Delaunay();
+  ~Delaunay();
+  Delaunay(const Delaunay&) = delete;
+  Delaunay& operator=(const Delaunay&) = delete;
+
+  // Adds vertices, numbered on from those there are, and numbers all cells anew. Without four
+  // points in general position there are no cells yet. False if two points coincide.
+  bool build(std::span<const Point> points);
+
+  bool has_cells() const { return !corners_.empty(); }
+  std::size_t num_vertices() const { return points_.size(); }
+  const Point& point(Vertex v) const { return points_[v]; }
+  Cell cell_of(Vertex v) const { return cell_of_[v]; }  // one that has it, or kNone if removed
+
+  // Cells are numbered below cell_bound(), with gaps; numbers of cells that are gone return.
+  Cell cell_bound() const { return static_cast<Cell>(corners_.size()); }
+  bool is_cell(Cell c) const { return corners_[c].vertex[0] != corners_[c].vertex[1]; }
+  bool is_infinite(Cell c) const { return corners_[c].vertex[3] == kInfinite; }
+  bool is_infinite(Facet f) const { return is_infinite(f.cell) && f.index != 3; }
+  const std::array<Vertex, 4>& vertices(Cell c) const { return corners_[c].vertex; }
+  Vertex vertex(Cell c, int i) const { return corners_[c].vertex[std::size_t(i)]; }
+  Cell neighbor(Cell c, int i) const { return corners_[c].neighbor[std::size_t(i)]; }
+  int index_of(Cell c, Vertex v) const;                // REQUIRES: c has v
+  int index_of_neighbor(Cell c, Cell neighbor) const;  // REQUIRES: they are neighbors
+  void cells_around(Vertex v, std::vector<Cell>& out) const;
+  void neighbors_of(Vertex v, std::vector<Vertex>& out) const;  // finite ones
+
+  // What inserting a point would replace.
+  struct Conflict {
+    std::vector<Cell> cells;
+    std::vector<Facet> border;  // of these cells
+    Vertex coincident = kNone;  // a vertex at this place; then the rest is empty
+  };
+  // `hint`: a cell, best one nearby. REQUIRES: has_cells()
+  void find_conflict(const Point& q, Cell hint, Conflict& conflict) const;
+  // The vertex of q, whose `conflict` is given; new_cells() are those around it.
+  Vertex insert(const Point& q, const Conflict& conflict);
+  // The number of v is not used again. False if all cells were numbered anew, and their old numbers
+  // mean nothing.
+  bool remove(Vertex v);
+  const std::vector<Cell>& new_cells() const { return new_cells_; }  // of the last insert or remove
+  Cell newest_cell() const { return new_cells_.back(); }             // REQUIRES: has_cells()
+
+ private:
+  struct Impl;
+  struct Corners {
+    std::array<Vertex, 4> vertex;  // all equal: not a cell
+    std::array<Cell, 4> neighbor;  // opposite the vertex
+  };
+
+  void number_all();
+  void number_new();
+  void set_corners(Cell c);
+  void set_neighbors(Cell c);
+  void free_cells(std::span<const Cell> cells);
+
+  std::unique_ptr<Impl> impl_;
+  std::vector<Point> points_;
+  std::vector<Cell> cell_of_;
+  std::vector<Corners> corners_;
+  std::vector<Cell> free_;
+  std::vector<Cell> new_cells_;
+
+  mutable std::vector<std::uint32_t> mark_;  // of cells; below epoch_: not seen
+  mutable std::uint32_t epoch_ = 1;
+  mutable std::vector<Cell> seen_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,162 @@
+#include "refine/revisit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <string>
+
+namespace locvol {
+namespace {
+
+// How far, over λ, a change matters to stars of which all is known to be within λ of its points: an
+// insertion destroys balls that contain it; where a point goes, new balls may be twice as large.
+constexpr double kInsertionMatters = 2, kDeletionMatters = 4;
+constexpr std::size_t kFilterBits = std::size_t{1} << 16;
+
+}  // namespace
+
+std::optional<Revisit> Revisit::of(const LeafInput& input) {
+  if (!input.last_visit || !std::isfinite(input.criteria.reach)) return std::nullopt;
+  if (input.max_own_points > 0 && input.own.size() > input.max_own_points) return std::nullopt;
+  Revisit revisit(input);
+  revisit.find_active();
+  if (revisit.num_active_ > input.own.size() / 4) return std::nullopt;
+  revisit.gather_part();
+  return revisit;
+}
+
+Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.size()) {
+  const std::size_t num = input.own.size() + input.ghosts.size();
+  cubes_.reserve(num);
+  for (std::size_t i = 0; i < num; ++i)
+    cubes_.push_back({cube_of(point(i).position), static_cast<std::uint32_t>(i)});
+  std::ranges::sort(cubes_, [](const Cube& a, const Cube& b) {
+    return a.place != b.place ? a.place < b.place : a.point < b.point;
+  });
+}
+
+const MeshPoint& Revisit::point(std::size_t i) const {
+  const std::size_t num_own = input_->own.size();
+  return i < num_own ? input_->own[i] : input_->ghosts[i - num_own];
+}
+
+std::array<std::int32_t, 3> Revisit::cube_of(const Point& p) const {
+  const Point c = (1 / input_->criteria.size) * (p - input_->box.min);
+  return {static_cast<std::int32_t>(std::floor(c.x)), static_cast<std::int32_t>(std::floor(c.y)),
+          static_cast<std::int32_t>(std::floor(c.z))};
+}
+
+template <class Visit>
+void Revisit::for_each_near(const Point& q, double distance, Visit visit) const {
+  const Point d{distance, distance, distance};
+  const auto low = cube_of(q - d), high = cube_of(q + d);
+  for (std::int32_t i = low[0]; i <= high[0]; ++i)
+    for (std::int32_t j = low[1]; j <= high[1]; ++j) {
+      auto cube = std::ranges::lower_bound(cubes_, std::array{i, j, low[2]}, {}, &Cube::place);
+      const std::array last{i, j, high[2]};
+      for (; cube != cubes_.end() && cube->place <= last; ++cube)
+        if (squared_distance(point(cube->point).position, q) < distance * distance &&
+            !visit(cube->point))
+          return;
+    }
+}
+
+void Revisit::find_active() {
+  const double size = input_->criteria.size;
+  const auto activate_near = [&](const Point& q, double distance) {
+    for_each_near(q, distance, [&](std::size_t i) {
+      if (i < is_active_.size()) is_active_[i] = true;
+      return true;
+    });
+  };
+  for (const auto* points : {&input_->own, &input_->ghosts})
+    for (const MeshPoint& p : *points)
+      if (p.id >= input_->last_visit->first_new_id)
+        activate_near(p.position, kInsertionMatters * size);
+  for (const MeshPoint& p : input_->last_visit->deleted)
+    activate_near(p.position, kDeletionMatters * size);
+  for (std::size_t i = 0; i < is_active_.size(); ++i)
+    if (is_active_[i]) touched_.push_back(input_->own[i].id);
+  num_active_ = touched_.size();
+  for (const MeshPoint& p : input_->last_visit->deleted) touched_.push_back(p.id);
+  std::ranges::sort(touched_);
+  may_be_touched_.assign(kFilterBits, false);
+  for (const VertexRef id : touched_) may_be_touched_[id % kFilterBits] = true;
+}
+
+bool Revisit::is_deleted(VertexRef id) const {
+  return std::ranges::find(input_->last_visit->deleted, id, &MeshPoint::id) !=
+         input_->last_visit->deleted.end();
+}
+
+void Revisit::gather_part() {
+  part_.criteria = input_->criteria;
+  part_.box = input_->box;
+  part_.surface = input_->surface;
+  part_.max_insertions = input_->max_insertions;
+  if (input_->max_own_points > 0)
+    part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
+  std::vector<bool> is_near(cubes_.size());
+  for (std::size_t i = 0; i < is_active_.size(); ++i)
+    if (is_active_[i])
+      for_each_near(input_->own[i].position, input_->criteria.reach, [&](std::size_t k) {
+        is_near[k] = true;
+        return true;
+      });
+  for (std::size_t i = 0; i < is_near.size(); ++i) {
+    if (!is_near[i]) continue;
+    const bool is_own = i < is_active_.size() && is_active_[i];
+    (is_own ? part_.own : part_.ghosts).push_back(point(i));
+  }
+}
+
+bool Revisit::is_complete(const LeafDelta& delta) const {
+  bool is_complete = true;
+  const auto look_around = [&](const Point& q, double distance) {
+    for_each_near(q, distance * input_->criteria.size, [&](std::size_t i) {
+      is_complete &= i >= is_active_.size() || is_active_[i];
+      return is_complete;
+    });
+  };
+  for (const InsertedPoint& p : delta.inserted) {
+    look_around(p.position, kInsertionMatters);
+    if (p.is_deleted) look_around(p.position, kDeletionMatters);
+  }
+  for (const MeshPoint& p : delta.deleted) look_around(p.position, kDeletionMatters);
+  return is_complete;
+}
+
+const MeshPoint& Revisit::find(VertexRef id) const {
+  for (const auto* points : {&input_->own, &input_->ghosts}) {
+    const auto found = std::ranges::lower_bound(*points, id, {}, &MeshPoint::id);
+    if (found != points->end() && found->id == id) return *found;
+  }
+  throw RefineError("a cell of the last visit has the point " + std::to_string(id) +
+                    ", which is neither loaded nor deleted");
+}
+
+// A cell is of the point that is its smallest vertex.
+bool Revisit::is_kept(const std::array<VertexRef, 4>& cell) const {
+  const auto is_touched = [&](VertexRef id) {
+    return may_be_touched_[id % kFilterBits] && std::ranges::binary_search(touched_, id);
+  };
+  if (std::ranges::none_of(cell, is_touched)) return true;
+  if (std::ranges::any_of(cell, [&](VertexRef id) { return is_deleted(id); })) return false;
+  const auto smallest =
+      std::ranges::min(cell, {}, [&](VertexRef id) -> const Point& { return find(id).position; });
+  return !is_touched(smallest);
+}
+
+void Revisit::add_kept_cells(LeafDelta& delta) const {
+  if (delta.is_overfull) return;
+  std::vector<std::array<VertexRef, 4>> all;
+  std::vector<std::array<VertexRef, 4>> kept;
+  std::ranges::copy_if(input_->last_visit->cells, std::back_inserter(kept),
+                       [&](const auto& cell) { return is_kept(cell); });
+  all.reserve(kept.size() + delta.cells.size());
+  std::ranges::merge(kept, delta.cells, std::back_inserter(all));
+  delta.cells = std::move(all);
+}
+
+}  // namespace locvol

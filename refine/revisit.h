@@ -1,0 +1,58 @@
+// Revisit: what of a leaf must be done again. Internal to refine/.
+//
+// A leaf that was clean after its last visit is visited again because of a few points near its
+// border. Only own points close to those (`active`) can have other stars than then; the others keep
+// their cells. So the visit is one of the active points, with what is within reach of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+
+class Revisit {
+ public:
+  // Empty if all of the leaf must be visited, or nearly all.
+  static std::optional<Revisit> of(const LeafInput& input);
+
+  // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
+  // into the box are own. Valid while the Revisit lives.
+  LeafInput& part() { return part_; }
+  // Whether what the visit of part() changed leaves the stars of all other own points as they were.
+  bool is_complete(const LeafDelta& delta) const;
+  // Completes its cells by those that the leaf keeps.
+  void add_kept_cells(LeafDelta& delta) const;
+
+ private:
+  struct Cube {  // a point by the λ-cube that it lies in
+    std::array<std::int32_t, 3> place;
+    std::uint32_t point;
+  };
+
+  explicit Revisit(const LeafInput& input);
+  const MeshPoint& point(std::size_t i) const;  // own, then ghosts
+  std::array<std::int32_t, 3> cube_of(const Point& p) const;
+  // Calls visit(index) for each point closer to q than `distance`, until it returns false.
+  template <class Visit>
+  void for_each_near(const Point& q, double distance, Visit visit) const;
+  void find_active();
+  void gather_part();
+  bool is_deleted(VertexRef id) const;
+  bool is_kept(const std::array<VertexRef, 4>& cell) const;
+  const MeshPoint& find(VertexRef id) const;
+
+  const LeafInput* input_;
+  std::vector<Cube> cubes_;      // in order of place
+  std::vector<bool> is_active_;  // of own points
+  std::size_t num_active_ = 0;
+  std::vector<VertexRef> touched_;    // ids of active and deleted points, ascending
+  std::vector<bool> may_be_touched_;  // by the lowest bits of an id
+  LeafInput part_;
+};
+
+}  // namespace locvol

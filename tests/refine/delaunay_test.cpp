@@ -1,0 +1,289 @@
+// Delaunay against CGAL's triangulation, which breaks ties in the same way: the same cells from the
+// same points, however they came about.
+#include "refine/delaunay.h"
+
+#include <CGAL/Delaunay_triangulation_3.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tests/refine/brute_force.h"
+#include "tests/refine/shapes.h"
+
+namespace locvol {
+namespace {
+
+using shapes::Random;
+using shapes::uniform;
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Reference = CGAL::Delaunay_triangulation_3<Kernel>;
+using CellPoints = std::array<Point, 4>;  // sorted
+
+Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
+
+std::vector<CellPoints> reference_cells(const std::vector<Point>& points) {
+  Reference reference;
+  for (const Point& p : points) reference.insert(cgal(p));
+  std::vector<CellPoints> cells;
+  for (const auto c : reference.finite_cell_handles()) {
+    CellPoints cell;
+    for (int i = 0; i < 4; ++i) {
+      const auto& p = c->vertex(i)->point();
+      cell[std::size_t(i)] = {p.x(), p.y(), p.z()};
+    }
+    std::ranges::sort(cell);
+    cells.push_back(cell);
+  }
+  std::ranges::sort(cells);
+  return cells;
+}
+
+std::vector<CellPoints> finite_cells(const Delaunay& delaunay) {
+  std::vector<CellPoints> cells;
+  for (Delaunay::Cell c = 0; c < delaunay.cell_bound(); ++c) {
+    if (!delaunay.is_cell(c) || delaunay.is_infinite(c)) continue;
+    CellPoints cell;
+    for (int i = 0; i < 4; ++i) cell[std::size_t(i)] = delaunay.point(delaunay.vertex(c, i));
+    std::ranges::sort(cell);
+    cells.push_back(cell);
+  }
+  std::ranges::sort(cells);
+  return cells;
+}
+
+// Orientation, neighbors, and a cell of each vertex.
+void expect_sound(const Delaunay& delaunay) {
+  for (Delaunay::Cell c = 0; c < delaunay.cell_bound(); ++c) {
+    if (!delaunay.is_cell(c)) continue;
+    const auto& v = delaunay.vertices(c);
+    for (int i = 0; i < 3; ++i) ASSERT_NE(v[std::size_t(i)], Delaunay::kInfinite);
+    if (!delaunay.is_infinite(c)) {
+      ASSERT_EQ(brute_force::orientation(delaunay.point(v[0]), delaunay.point(v[1]),
+                                         delaunay.point(v[2]), delaunay.point(v[3])),
+                1);
+    }
+    for (int i = 0; i < 4; ++i) {
+      const Delaunay::Cell next = delaunay.neighbor(c, i);
+      ASSERT_TRUE(delaunay.is_cell(next));
+      const int back = delaunay.index_of_neighbor(next, c);
+      ASSERT_EQ(delaunay.neighbor(next, back), c);
+      for (int k = 0; k < 4; ++k)
+        ASSERT_TRUE(k == i || std::ranges::count(delaunay.vertices(next), v[std::size_t(k)]) == 1);
+      ASSERT_NE(delaunay.vertex(next, back), v[std::size_t(i)]);
+    }
+  }
+  for (Delaunay::Vertex v = 0; v < delaunay.num_vertices(); ++v) {
+    const Delaunay::Cell c = delaunay.cell_of(v);
+    if (c == Delaunay::kNone) continue;
+    ASSERT_TRUE(delaunay.is_cell(c));
+    ASSERT_EQ(delaunay.vertex(c, delaunay.index_of(c, v)), v);
+  }
+}
+
+struct Cloud {
+  std::string name;
+  std::function<std::vector<Point>(Random&)> points;
+  friend std::ostream& operator<<(std::ostream& out, const Cloud& c) { return out << c.name; }
+};
+
+std::vector<Point> random_points(Random& random, std::size_t num) {
+  std::vector<Point> points;
+  for (std::size_t n = 0; n < num; ++n)
+    points.push_back({uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)});
+  return points;
+}
+
+std::vector<Point> cubic_grid(Random& random, double step) {
+  std::vector<Point> points;
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j)
+      for (int k = 0; k < 6; ++k) points.push_back(step * Point{double(i), double(j), double(k)});
+  std::ranges::shuffle(points, random);
+  return points;
+}
+
+std::vector<Point> bcc(Random& random, double half) {
+  std::vector<Point> points;
+  for (int i = 0; i < 9; ++i)
+    for (int j = i % 2; j < 9; j += 2)
+      for (int k = i % 2; k < 9; k += 2)
+        points.push_back(half * Point{double(i), double(j), double(k)});
+  std::ranges::shuffle(points, random);
+  return points;
+}
+
+std::vector<Point> on_a_sphere(Random& random) {
+  std::vector<Point> points = random_points(random, 300);
+  for (Point& p : points) p = (1 / norm(p)) * p;
+  return points;
+}
+
+// Many in one plane, and on its circles.
+std::vector<Point> on_a_box(Random& random) {
+  std::vector<Point> points;
+  for (int i = 0; i <= 8; ++i)
+    for (int j = 0; j <= 8; ++j)
+      for (const double z : {0.0, 1.0}) points.push_back({i / 8.0, j / 8.0, z});
+  for (int n = 0; n < 60; ++n)
+    points.push_back({uniform(random, 0, 1), 0, uniform(random, 0.1, 0.9)});
+  std::ranges::shuffle(points, random);
+  return points;
+}
+
+// One vertex with hundreds of neighbors.
+std::vector<Point> around_a_center(Random& random) {
+  std::vector<Point> points = on_a_sphere(random);
+  points.push_back({0.01, 0.02, -0.01});
+  return points;
+}
+
+std::vector<Point> scaled(std::vector<Point> points, double factor) {
+  for (Point& p : points) p = factor * p;
+  return points;
+}
+
+const Cloud kClouds[] = {
+    {"Random", [](Random& r) { return random_points(r, 600); }},
+    {"CubicGrid", [](Random& r) { return cubic_grid(r, 0.125); }},
+    {"Bcc", [](Random& r) { return bcc(r, 5 * 0x1p-10); }},
+    {"BccNotOfSteps", [](Random& r) { return bcc(r, 0.1); }},
+    {"Sphere", on_a_sphere},
+    {"Box", on_a_box},
+    {"AroundACenter", around_a_center},
+    {"Tiny", [](Random& r) { return scaled(random_points(r, 100), 1e-55); }},
+    {"Huge", [](Random& r) { return scaled(cubic_grid(r, 1), 1e57); }},
+};
+
+class DelaunayOf : public testing::TestWithParam<Cloud> {
+ protected:
+  static constexpr unsigned kSeed = 71;
+  Random random_{kSeed};
+  std::vector<Point> points_ = GetParam().points(random_);
+};
+
+INSTANTIATE_TEST_SUITE_P(Clouds, DelaunayOf, testing::ValuesIn(kClouds),
+                         [](const auto& cloud) { return cloud.param.name; });
+
+void insert(Delaunay& delaunay, const Point& p, Delaunay::Cell hint) {
+  Delaunay::Conflict conflict;
+  delaunay.find_conflict(p, hint, conflict);
+  ASSERT_EQ(conflict.coincident, Delaunay::kNone);
+  delaunay.insert(p, conflict);
+}
+
+TEST_P(DelaunayOf, BuiltAtOnceIsThatOfCgal) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+}
+
+TEST_P(DelaunayOf, BuiltPointByPointIsThatOfCgal) {
+  Delaunay delaunay;
+  const std::size_t half = points_.size() / 2;
+  ASSERT_TRUE(delaunay.build({points_.data(), half}));
+  for (std::size_t n = half; n < points_.size(); ++n)
+    insert(delaunay, points_[n], delaunay.newest_cell());
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+}
+
+TEST_P(DelaunayOf, WithoutRemovedPointsIsThatOfCgal) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  std::vector<Point> left = points_;
+  for (Delaunay::Vertex v = 0; v < points_.size(); v += 3) {
+    delaunay.remove(v);
+    std::erase(left, points_[v]);
+  }
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(left));
+  for (Delaunay::Vertex v = 0; v < points_.size(); v += 3)
+    insert(delaunay, points_[v], delaunay.newest_cell());
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+}
+
+TEST_P(DelaunayOf, FindsCoincidentPoints) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  for (Delaunay::Vertex v = 0; v < points_.size(); ++v) {
+    Delaunay::Conflict conflict;
+    delaunay.find_conflict(points_[v], delaunay.newest_cell(), conflict);
+    ASSERT_EQ(conflict.coincident, v);
+  }
+  points_.push_back(points_[points_.size() / 2]);
+  EXPECT_FALSE(Delaunay().build(points_));
+}
+
+TEST_P(DelaunayOf, KnowsWhatIsAroundAVertex) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  std::vector<std::vector<Delaunay::Cell>> cells(points_.size());
+  for (Delaunay::Cell c = 0; c < delaunay.cell_bound(); ++c)
+    if (delaunay.is_cell(c))
+      for (const auto v : delaunay.vertices(c))
+        if (v != Delaunay::kInfinite) cells[v].push_back(c);
+  std::vector<Delaunay::Cell> around;
+  std::vector<Delaunay::Vertex> neighbors;
+  for (Delaunay::Vertex v = 0; v < points_.size(); ++v) {
+    delaunay.cells_around(v, around);
+    std::ranges::sort(around);
+    ASSERT_EQ(around, cells[v]);
+    delaunay.neighbors_of(v, neighbors);
+    std::vector<Delaunay::Vertex> expected;
+    for (const auto c : cells[v])
+      for (const auto w : delaunay.vertices(c))
+        if (w != v && w != Delaunay::kInfinite) expected.push_back(w);
+    std::ranges::sort(expected);
+    expected.erase(std::ranges::unique(expected).begin(), expected.end());
+    ASSERT_EQ(neighbors, expected);
+  }
+}
+
+TEST(Delaunay, HasNoCellsUntilThePointsSpanSpace) {
+  Delaunay delaunay;
+  EXPECT_TRUE(delaunay.build({}));
+  for (const Point& p :
+       {Point{0, 0, 0}, Point{1, 0, 0}, Point{2, 0, 0}, Point{0, 1, 0}, Point{3, 3, 0}}) {
+    EXPECT_TRUE(delaunay.build({&p, 1}));
+    EXPECT_FALSE(delaunay.has_cells());
+  }
+  const Point top{0, 0, 1};
+  EXPECT_TRUE(delaunay.build({&top, 1}));
+  EXPECT_EQ(finite_cells(delaunay).size(), 3u);
+  expect_sound(delaunay);
+  EXPECT_FALSE(delaunay.remove(5));
+  EXPECT_FALSE(delaunay.has_cells());
+}
+
+TEST(Delaunay, FindsCoincidentPointsInAPlane) {
+  const std::vector<Point> points{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}};
+  EXPECT_FALSE(Delaunay().build(points));
+}
+
+// Equal calls give equal numbers.
+TEST(Delaunay, NumbersAreAFunctionOfTheCalls) {
+  Random random(72);
+  const auto points = random_points(random, 400);
+  const auto make = [&](Delaunay& delaunay) {
+    ASSERT_TRUE(delaunay.build({points.data(), 300}));
+    for (std::size_t n = 300; n < 400; ++n) insert(delaunay, points[n], delaunay.newest_cell());
+    for (Delaunay::Vertex v = 0; v < 400; v += 7) delaunay.remove(v);
+  };
+  Delaunay a, b;
+  make(a);
+  make(b);
+  ASSERT_EQ(a.cell_bound(), b.cell_bound());
+  for (Delaunay::Cell c = 0; c < a.cell_bound(); ++c) ASSERT_EQ(a.vertices(c), b.vertices(c));
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,246 @@
+// What the kernels of refine/ cost on the leaves of a real run, without store and engine.
+//
+//   leaf_benchmark SURFACE SIZE [Google Benchmark's options]
+//
+// SIZE (λ) is a length, or a percentage of the smallest side of the bounding box. The run is one of
+// cover mode over cubes as wide as the engine's, one after another, until all are clean; the visits
+// of the first and of the second round are then timed again and again. Of a large surface, only the
+// first leaves (in lexicographic order) with points are visited.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/surface_reader.h"
+#include "refine/cover_leaf.h"
+#include "refine/delaunay.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+namespace {
+
+constexpr double kReach = 4, kLeafSide = 31;  // over λ
+constexpr std::size_t kMaxLeaves = 12;
+
+struct TriangleList : SurfaceSink {
+  void expect(std::uint64_t, std::uint64_t) override {}
+  void vertex(const Point& position) override { vertices.push_back(position); }
+  void polygon(std::span<const std::uint64_t> corners, const FilePlace&) override {
+    for (std::size_t i = 2; i < corners.size(); ++i)
+      indices.push_back({corners[0], corners[i - 1], corners[i]});
+  }
+  std::vector<Point> vertices;
+  std::vector<std::array<std::uint64_t, 3>> indices;
+};
+
+struct Leaf {
+  Box box;
+  std::vector<Triangle> triangles;  // near it
+  bool is_center_inside = false;
+  std::unique_ptr<SurfacePatch> patch;
+  std::vector<LeafInput> visits;  // with last_visit, from the second on
+  std::optional<LastVisit> last_visit = std::nullopt;
+};
+
+class Run {
+ public:
+  Run(const std::string& file, const std::string& size) {
+    TriangleList list;
+    parse_surface(file, list);
+    for (const auto& [a, b, c] : list.indices)
+      triangles_.push_back(
+          {triangles_.size(), {list.vertices[a], list.vertices[b], list.vertices[c]}});
+    Box box = triangles_.front().box();
+    for (const Triangle& t : triangles_) box = box.joined(t.box());
+    const Point d = box.max - box.min;
+    const bool is_percent = size.ends_with('%');
+    size_ = std::stod(size) * (is_percent ? std::min({d.x, d.y, d.z}) / 100 : 1);
+    whole_ = std::make_unique<SurfacePatch>(triangles_, box.expanded(size_),
+                                            box.min - Point{size_, size_, size_}, false);
+    cut(box.expanded(0.5 * size_));
+    cover();
+    for (int round = 0; round < 10 && visit_all(); ++round) {
+    }
+    std::printf("%zu leaves, %zu points, %zu cells; insertions C5 %zu, in all %zu\n",
+                leaves_.size(), points_.size(), num_cells_, num_c5_, num_insertions_);
+  }
+
+  double size() const { return size_; }
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+  SurfacePatch patch_around(const Leaf& leaf) const {
+    return {leaf.triangles, region(leaf), leaf.box.center(), leaf.is_center_inside, size_};
+  }
+  CoverInput cover_input(const Leaf& leaf) const {
+    return {size_, 0, {0.1 * size_, 0.2 * size_, 0.3 * size_}, leaf.box, leaf.patch.get(), {}};
+  }
+
+ private:
+  Box region(const Leaf& leaf) const { return leaf.box.expanded(1.01 * kReach / 2 * size_); }
+
+  void cut(const Box& box) {
+    const double side = kLeafSide * size_;
+    const Point d = (1 / side) * (box.max - box.min);
+    for (int i = 0; i <= d.x; ++i)
+      for (int j = 0; j <= d.y; ++j)
+        for (int k = 0; k <= d.z; ++k) {
+          const Point corner = box.min + side * Point{double(i), double(j), double(k)};
+          Leaf leaf;
+          leaf.box = {corner, corner + side * Point{1, 1, 1}};
+          for (const Triangle& t : triangles_)
+            if (t.box().overlaps(region(leaf))) leaf.triangles.push_back(t);
+          if (leaf.triangles.empty() || leaves_.size() == kMaxLeaves) continue;
+          leaf.is_center_inside = whole_->is_inside(leaf.box.center());
+          leaf.patch = std::make_unique<SurfacePatch>(patch_around(leaf));
+          leaves_.push_back(std::move(leaf));
+        }
+  }
+
+  void cover() {
+    for (const Leaf& leaf : leaves_) {
+      CoverInput input = cover_input(leaf);
+      for (const MeshPoint& p : points_)
+        if (p.kind == PointKind::kSurface &&
+            std::sqrt(leaf.box.squared_distance(p.position)) <= kSampleRadius * size_)
+          input.nearby_samples.push_back(p.position);
+      const CoverPoints cover = cover_leaf(input);
+      for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
+      for (const Point& p : cover.lattice) points_.push_back({next_id_++, p, PointKind::kLattice});
+    }
+  }
+
+  LeafInput load(const Leaf& leaf) const {
+    LeafInput input;
+    const double reach = kReach * size_;
+    input.criteria = {size_, 2, reach, 0.02 * size_};
+    input.box = leaf.box;
+    input.surface = leaf.patch.get();
+    const auto is_own = [&](const Point& p) {
+      for (int axis = 0; axis < 3; ++axis)
+        if (p[axis] < leaf.box.min[axis] || p[axis] >= leaf.box.max[axis]) return false;
+      return true;
+    };
+    for (const MeshPoint& p : points_)
+      if (is_own(p.position))
+        input.own.push_back(p);
+      else if (leaf.box.squared_distance(p.position) <= reach * reach)
+        input.ghosts.push_back(p);
+    return input;
+  }
+
+  bool visit_all() {
+    bool is_changed = false;
+    num_cells_ = 0;
+    for (Leaf& leaf : leaves_) {
+      leaf.visits.push_back(load(leaf));
+      leaf.visits.back().last_visit = leaf.last_visit;
+      const LeafDelta delta = refine_leaf(leaf.visits.back());
+      is_changed |= !delta.inserted.empty();
+      num_cells_ += delta.cells.size();
+      num_c5_ += delta.stats.insertions[4];
+      num_insertions_ += delta.inserted.size();
+      std::erase_if(points_, [&](const MeshPoint& p) {
+        return std::ranges::find(delta.deleted, p) != delta.deleted.end();
+      });
+      std::vector<std::uint64_t> ids;
+      for (const InsertedPoint& p : delta.inserted) {
+        ids.push_back(next_id_);
+        if (!p.is_deleted) points_.push_back({next_id_++, p.position, p.kind});
+      }
+      for (Leaf& other : leaves_)
+        if (other.last_visit)
+          for (const MeshPoint& p : delta.deleted) other.last_visit->deleted.push_back(p);
+      leaf.last_visit.reset();
+      if (!delta.unresolved.empty()) continue;
+      leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
+      for (auto& cell : leaf.last_visit->cells)
+        for (VertexRef& ref : cell)
+          if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+    }
+    return is_changed;
+  }
+
+  std::vector<Triangle> triangles_;
+  double size_ = 0;
+  std::unique_ptr<SurfacePatch> whole_;
+  std::vector<Leaf> leaves_;
+  std::vector<MeshPoint> points_;
+  std::uint64_t next_id_ = 0;
+  std::size_t num_cells_ = 0, num_c5_ = 0, num_insertions_ = 0;
+};
+
+void patches(benchmark::State& state, const Run& run) {
+  std::size_t num = 0;
+  for (auto _ : state)
+    for (const Leaf& leaf : run.leaves()) {
+      benchmark::DoNotOptimize(run.patch_around(leaf).triangles().size());
+      num += leaf.triangles.size();
+    }
+  state.counters["triangles/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
+}
+
+void covers(benchmark::State& state, const Run& run) {
+  std::size_t num = 0;
+  for (auto _ : state)
+    for (const Leaf& leaf : run.leaves()) num += cover_leaf(run.cover_input(leaf)).samples.size();
+  state.counters["samples/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
+}
+
+void triangulations(benchmark::State& state, const Run& run) {
+  std::vector<std::vector<Point>> points;
+  for (const Leaf& leaf : run.leaves()) {
+    points.emplace_back();
+    for (const auto* some : {&leaf.visits.back().own, &leaf.visits.back().ghosts})
+      for (const MeshPoint& p : *some) points.back().push_back(p.position);
+  }
+  std::size_t num = 0;
+  for (auto _ : state)
+    for (const auto& some : points) {
+      Delaunay delaunay;
+      delaunay.build(some);
+      num += some.size();
+    }
+  state.counters["points/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
+}
+
+void visits(benchmark::State& state, const Run& run, std::size_t round, bool is_whole) {
+  std::vector<LeafInput> inputs;
+  for (const Leaf& leaf : run.leaves()) {
+    if (leaf.visits.size() <= round) continue;
+    inputs.push_back(leaf.visits[round]);
+    if (is_whole) inputs.back().last_visit.reset();
+  }
+  std::size_t num = 0;
+  for (auto _ : state)
+    for (const LeafInput& input : inputs) num += refine_leaf(input).cells.size();
+  state.counters["cells/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
+}
+
+}  // namespace
+}  // namespace locvol
+
+int main(int argc, char** argv) {
+  using namespace locvol;
+  benchmark::Initialize(&argc, argv);
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: leaf_benchmark SURFACE SIZE [--benchmark_…]\n");
+    return 2;
+  }
+  const Run run(argv[1], argv[2]);
+  const auto add = [&](const char* name, auto function, auto... arguments) {
+    benchmark::RegisterBenchmark(name, [=, &run](benchmark::State& state) {
+      function(state, run, arguments...);
+    })->Unit(benchmark::kMillisecond);
+  };
+  add("patches", patches);
+  add("covers", covers);
+  add("triangulations", triangulations);
+  add("first visits", visits, std::size_t{0}, true);
+  add("second visits, whole", visits, std::size_t{1}, true);
+  add("second visits, of what changed", visits, std::size_t{1}, false);
+  benchmark::RunSpecifiedBenchmarks();
+}
