@@ -170,7 +170,7 @@ void Environment::check(int code, const char* what) const {
 // LMDB a short write, which it reports as EIO.
 std::string Environment::advice(int code) const {
   constexpr const char* kAgain = " and give the same command again: what was committed is kept";
-  if (code == ENOMEM) return std::string("; free some memory") + kAgain;
+  if (code == ENOMEM || code == EAGAIN) return std::string("; free some memory") + kAgain;
   if (code == EMFILE || code == ENFILE) return std::string("; close other files") + kAgain;
   if (code == EACCES || code == EROFS || code == EPERM)
     return std::string("; get the right to write to it") + kAgain;
