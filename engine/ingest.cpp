@@ -273,8 +273,8 @@ Store ingest(RawSurface raw, RunRecord run, double free_bytes,
     run.surface.file = file;
     if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
     check_room(run, free_bytes);
-    planned_memory(run, memory_cap(control.memory_bytes));
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
+    planned_memory(run, memory_cap(control.memory_bytes));
 
     store.emplace(open_store());
     put_run(*store, run);

@@ -136,9 +136,13 @@ TEST_P(VisitMemory, StaysWithinItsReservation) {
   options.store = dir / "store";
   options.size = {c.percent, true};
   options.leaf_capacity = c.leaf_capacity;
-  RunControl stop_at_once;
-  stop_at_once.is_stopped = [] { return true; };
-  mesh(options, stop_at_once);
+  RunControl stop_after_ingest;
+  bool is_ingested = false;
+  stop_after_ingest.on_progress = [&](const Progress& p) {
+    is_ingested = p.phase > Phase::kIngest;
+  };
+  stop_after_ingest.is_stopped = [&] { return is_ingested; };
+  mesh(options, stop_after_ingest);
   Store store = Store::open(dir / "store");
   run(store);
   EXPECT_LT(worst_, 0.97) << "leave some margin";

@@ -108,8 +108,11 @@ void decode_stored(std::string_view stored) {
   const std::string again = encode(record, leaf);
   expect(encode(decode<Record>(again, leaf), leaf) == again, "a record survives its encoding");
   // LeafSurface alone may have been written in two ways, one of them longer: with a corner twice.
+  const std::string before = content_of(stored), now = content_of(again);
+  constexpr std::size_t kKindAndVersion = 3;
   if constexpr (!std::is_same_v<Record, LeafSurface>)
-    expect(content_of(stored) == content_of(again), "a record is written in one way");
+    if (before.substr(0, kKindAndVersion) == now.substr(0, kKindAndVersion))
+      expect(before == now, "a record is written in one way");
 }
 
 template <class Record>

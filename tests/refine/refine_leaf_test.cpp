@@ -342,8 +342,9 @@ TEST(RefineLeafTrace, TellsEachInsertionAndDeletionInOrder) {
       if (step.action == Action::kDelete) {
         ++num_deleted;
         EXPECT_EQ(step.kind, PointKind::kVolume);
-        if (step.point & kNewPoint)
+        if (step.point & kNewPoint) {
           EXPECT_EQ(step.position, delta.inserted.at(step.point & ~kNewPoint).position);
+        }
         continue;
       }
       ASSERT_EQ(step.action, Action::kInsert);

@@ -205,7 +205,8 @@ TEST(Codec, RefusesValuesOutOfRange) {
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
   std::string info = content_of(encode(sample_info(), sample_leaf()));
-  info[info.size() - sizeof(QueuePosition) - 1] = 0;  // not queued, but at a place in the queue
+  info[info.size() - sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] =
+      0;  // not queued, but at a place in the queue
   expect_error_about<LeafInfo>(frame_of(info), "not queued");
 }
 
@@ -213,7 +214,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
 // ------------------------------------------------
 
 std::filesystem::path golden_file(const std::string& name) {
-  return std::filesystem::path(__FILE__).parent_path() / "golden" / name;
+  return std::filesystem::path(LOCVOL_TESTS_DIR) / "storage" / "golden" / name;
 }
 
 // To add a file for a new version: raise the version in the name below, keep the old line, and run
