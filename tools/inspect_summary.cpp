@@ -230,11 +230,14 @@ void print_levels(const Summary& summary) {
   print_row("all", summary.all);
 }
 
-// What the cap was shared out to, and what the process took of it.
+// What the cap was shared out to, and what the process took of it; in the unit of --memory.
 void print_memory(const MemoryRecord& memory) {
   fmt::print("\n{:<12} {:>12}\n", "memory", "planned");
-  const auto print_row = [](std::string_view name, std::uint64_t bytes) {
-    fmt::print("{:<12} {:>12}", name, bytes_text(bytes));
+  const auto in_mebibytes = [](std::uint64_t bytes) {
+    return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
+  };
+  const auto print_row = [&](std::string_view name, std::uint64_t bytes) {
+    fmt::print("{:<12} {:>12}", name, in_mebibytes(bytes));
   };
   for (const auto& [name, bytes] : {std::pair("program", memory.program),
                                     {"leaves", memory.leaves},
@@ -245,7 +248,7 @@ void print_memory(const MemoryRecord& memory) {
     fmt::print("\n");
   }
   print_row("cap", memory.cap);
-  fmt::print("; the process has taken {}\n", bytes_text(memory.peak_resident));
+  fmt::print("; the process has taken {}\n", in_mebibytes(memory.peak_resident));
 }
 
 void print_databases(const Summary& summary) {
