@@ -203,7 +203,8 @@ void Delaunay::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
   conflict.border.clear();
   conflict.coincident = kNone;
   CellHandle start = impl_->cells[hint];
-  if (triangulation.side_of_sphere(start, p, true) != CGAL::ON_BOUNDED_SIDE) {
+  // Not perturbed, for p may be a vertex of the cell.
+  if (triangulation.side_of_sphere(start, p) != CGAL::ON_BOUNDED_SIDE) {
     Triangulation::Locate_type type;
     int i = 0, j = 0;
     start = triangulation.locate(p, type, i, j, start);
