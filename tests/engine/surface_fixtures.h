@@ -101,7 +101,7 @@ struct Polygons {
   std::vector<Point> vertices;
   std::vector<std::vector<std::uint32_t>> faces;
 
-  void append(const Polygons& other) {
+  void append(Polygons other) {  // by value: it may be this one
     const auto offset = static_cast<std::uint32_t>(vertices.size());
     vertices.insert(vertices.end(), other.vertices.begin(), other.vertices.end());
     for (auto face : other.faces) {
