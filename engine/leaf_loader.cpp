@@ -37,9 +37,8 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), b
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
   std::vector<Triangle> triangles = triangles_meeting(root);
-  surface_memory_ =
-      reserve(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
-                  .bytes_to_refine());
+  budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
+                   .bytes_to_refine());
   whole_surface_ =
       std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false, state_.size());
   all_points_.emplace(state_.size());
@@ -75,6 +74,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double size = state_.size();
   const double ghost_distance = state_.is_cover() ? kReach * size : kNeighborhood * size;
   const double patch_distance = kSlack * kReach / 2 * size;
+  keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
   std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
   const Box region = state_.box(leaf).expanded(patch_distance);
@@ -101,10 +101,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
 
 void LeafLoader::note_inserted(const MeshPoint& point) {
   if (!all_points_) return;
-  if (++num_points_ > num_points_reserved_) {
-    num_points_reserved_ += kPointsOfReservation;
-    point_memory_.push_back(budget_.reserve(kPointsOfReservation * kGridBytesPerPoint));
-  }
+  ++num_points_;
   all_points_->insert(point);
 }
 
@@ -119,6 +116,14 @@ MemoryBudget::Reservation LeafLoader::reserve(std::uint64_t bytes) {
   state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
   state_.leaves.trim();
   return reservation;
+}
+
+// Before a visit, and not as its points come: what is half applied must not be given up.
+void LeafLoader::keep_memory_of_points() {
+  while (num_points_ > num_points_reserved_) {
+    budget_.keep(kPointsOfReservation * kGridBytesPerPoint);
+    num_points_reserved_ += kPointsOfReservation;
+  }
 }
 
 std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {

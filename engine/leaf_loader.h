@@ -45,6 +45,7 @@ class LeafLoader {
   std::uint64_t max_own_points(MortonKey leaf) const;
   MemoryBudget::Reservation reserve(std::uint64_t bytes);  // the cache of records gives way
   std::optional<LastVisit> last_visit(MortonKey leaf);
+  void keep_memory_of_points();
   double volume_over_size(const Box& box) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance,
@@ -56,9 +57,7 @@ class LeafLoader {
   RunState& state_;
   MemoryBudget& budget_;
   // All below is for paper mode.
-  MemoryBudget::Reservation surface_memory_;
   std::unique_ptr<const SurfacePatch> whole_surface_;
-  std::vector<MemoryBudget::Reservation> point_memory_;
   std::uint64_t num_points_reserved_ = 0, num_points_ = 0;
   std::optional<PointGrid> all_points_;
 };

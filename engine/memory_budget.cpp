@@ -162,16 +162,32 @@ MemoryBudget::Reservation::~Reservation() {
   budget_->given_back_.notify_all();
 }
 
-MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
+void MemoryBudget::take(std::unique_lock<std::mutex>& lock, std::uint64_t bytes) {
   if (bytes > total_)
     throw OverBudget("its visit takes " + memory_text(bytes) + ", and the memory cap leaves " +
                          memory_text(total_),
-                     bytes + kLeastCache);
-  std::unique_lock lock(mutex_);
+                     bytes + kept_ + kLeastCache);
   given_back_.wait(lock, [&] { return free_ >= bytes; });
   free_ -= bytes;
+}
+
+MemoryBudget::Reservation MemoryBudget::reserve(std::uint64_t bytes) {
+  std::unique_lock lock(mutex_);
+  take(lock, bytes);
   largest_ = std::max(largest_, bytes);
   return {this, bytes};
+}
+
+void MemoryBudget::keep(std::uint64_t bytes) {
+  std::unique_lock lock(mutex_);
+  take(lock, bytes);
+  total_ -= bytes;
+  kept_ += bytes;
+}
+
+std::uint64_t MemoryBudget::total() const {
+  const std::lock_guard lock(mutex_);
+  return total_;
 }
 
 std::uint64_t MemoryBudget::free_bytes() const {

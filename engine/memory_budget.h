@@ -102,12 +102,17 @@ class MemoryBudget {
 
   // Waits until others have given back enough. Throws OverBudget if there never will be.
   Reservation reserve(std::uint64_t bytes);
-  std::uint64_t total() const { return total_; }
+  // Takes bytes for good: those who reserve share what is left. Waits and throws as reserve().
+  void keep(std::uint64_t bytes);
+  std::uint64_t total() const;
   std::uint64_t free_bytes() const;
   std::uint64_t largest_reservation() const;
 
  private:
-  const std::uint64_t total_;
+  void take(std::unique_lock<std::mutex>& lock, std::uint64_t bytes);
+
+  std::uint64_t total_;
+  std::uint64_t kept_ = 0;
   mutable std::mutex mutex_;
   std::condition_variable given_back_;
   std::uint64_t free_;

@@ -341,21 +341,9 @@ std::vector<Point> deep_lattice_points(const CoverInput& input) {
 
 }  // namespace
 
-namespace {
-
-// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).
-std::uint64_t scrambled(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
-  return x ^ (x >> 31);
-}
-
-}  // namespace
-
 Point BccLattice::position(std::int64_t i, std::int64_t j, std::int64_t k) const {
   const auto bits = [](std::int64_t v) { return static_cast<std::uint64_t>(v); };
-  const std::uint64_t noise = scrambled(scrambled(scrambled(bits(i)) ^ bits(j)) ^ bits(k));
+  const std::uint64_t noise = mix(mix(mix(bits(i)) ^ bits(j)) ^ bits(k));
   const auto coordinate = [&](double origin, std::int64_t index, int shift) {
     const auto step = static_cast<double>(noise >> shift & 0xffff) - 0x1p15;  // -2^15 … 2^15 - 1
     return origin + half_ * (static_cast<double>(index) + kDisplacement * 0x1p-15 * step);

@@ -73,6 +73,18 @@ TEST(MemoryBudget, GivesBackWhatIsReserved) {
   EXPECT_THROW(budget.reserve(101), OverBudget);
 }
 
+// Who holds some for good and waits for more than the rest would wait for ever.
+TEST(MemoryBudget, RefusesMoreThanIsLeftOfWhatIsKept) {
+  MemoryBudget budget(100);
+  budget.keep(60);
+  EXPECT_EQ(budget.total(), 40u);
+  EXPECT_THROW(budget.reserve(41), OverBudget);
+  EXPECT_THROW(budget.keep(41), OverBudget);
+  EXPECT_EQ(budget.free_bytes(), 40u);
+  { const auto rest = budget.reserve(40); }
+  EXPECT_EQ(budget.free_bytes(), 40u);
+}
+
 TEST(MemoryBudget, IsNeverOverrunByWorkers) {
   MemoryBudget budget(100);
   std::atomic<std::int64_t> in_use{0}, most{0};
