@@ -11,16 +11,17 @@
 #include "engine/leaf_cache.h"
 #include "engine/leaf_queue.h"
 #include "octree/octree.h"
+#include "refine/refine_leaf.h"
 #include "storage/store.h"
 
 namespace locvol {
 
-// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4):
+// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4) lies within
+// kReach of its leaf, and a change matters to leaves within kReach:
 inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
-inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
-inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + kReach < kConflict
-inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
-inline constexpr double kMinChildSide = 2;  // of a leaf after splits
+inline constexpr double kConflict = 2 * kReach + 0.1;  // farther apart, visits are independent
+inline constexpr double kMinLeafSide = 4;              // of a leaf at the start
+inline constexpr double kMinChildSide = 2;             // of a leaf after splits
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;

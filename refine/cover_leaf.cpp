@@ -334,7 +334,7 @@ std::vector<Point> deep_lattice_points(const CoverInput& input) {
   const BccLattice lattice(input.lattice_origin, kLatticeSpacing * input.size);
   std::vector<Point> points = lattice.points_in(input.box);
   std::erase_if(points, [&](const Point& p) {
-    return !input.surface->is_inside(p) || input.surface->is_near(p, input.size);
+    return !input.surface->is_inside(p) || input.surface->is_near(p, kLatticeDepth * input.size);
   });
   return points;
 }

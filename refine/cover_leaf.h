@@ -12,6 +12,7 @@ namespace locvol {
 
 inline constexpr double kSampleRadius = 0.8;     // r_s over λ
 inline constexpr double kLatticeSpacing = 1.75;  // a over λ
+inline constexpr double kLatticeDepth = 0.75;    // of lattice points below the surface, over λ
 
 // The BCC lattice of cubic spacing `a`: the points origin + a/2 (i, j, k) with i, j, k all even or
 // all odd, each moved by up to 2^-18 a along each axis. One expression gives their coordinates, so
@@ -45,7 +46,7 @@ struct CoverInput {
 
 struct CoverPoints {
   std::vector<Point> samples;  // on the surface, in the half-open box, r_s apart
-  std::vector<Point> lattice;  // inside, farther than λ from the surface
+  std::vector<Point> lattice;  // inside, farther than kLatticeDepth λ from the surface
 };
 
 // Afterwards every point of the surface in the box is within r_s (1 + 1e-6) of a sample, own or
