@@ -11,6 +11,10 @@ namespace {
 
 constexpr double kSlack = 1.01;  // on distances whose exact value does not matter
 
+// Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
+// held against it; first points and the few facets of a later visit ask less.
+constexpr GridFineness kFine{1.2, 12}, kCoarse{6, 128};
+
 // Where a fraction of λ keeps the lattice off the planes of the octree and of most models.
 constexpr Point kLatticeOffset{0.1370, 0.2718, 0.3517};
 
@@ -39,8 +43,8 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), b
   std::vector<Triangle> triangles = triangles_meeting(root);
   budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
                    .bytes_to_refine());
-  whole_surface_ =
-      std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false, state_.size());
+  whole_surface_ = std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false,
+                                                  GridFineness{state_.size()});
   all_points_.emplace(state_.size());
   for (const MortonKey leaf : state_.octree.leaves())
     for (const MeshPoint& point : state_.leaves.points(leaf).points) note_inserted(point);
@@ -58,7 +62,7 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
       .num_triangles = triangles.size()};
   LoadedCover loaded;
   loaded.memory = reserve(visit.bytes_to_cover());
-  loaded.patch = patch_around(leaf, kSlack * size, std::move(triangles));
+  loaded.patch = patch_around(leaf, kSlack * size, std::move(triangles), kCoarse);
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
                   .lattice_origin = state_.run.frame.origin() + size * kLatticeOffset,
@@ -85,7 +89,9 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                         .num_triangles = triangles.size()};
   LoadedLeaf loaded;
   loaded.memory = reserve(visit.bytes_to_refine());
-  if (state_.is_cover()) loaded.patch = patch_around(leaf, patch_distance, std::move(triangles));
+  std::optional<LastVisit> last = last_visit(leaf);
+  if (state_.is_cover())
+    loaded.patch = patch_around(leaf, patch_distance, std::move(triangles), last ? kCoarse : kFine);
   loaded.input = {.criteria = criteria(),
                   .box = state_.box(leaf),
                   .own = std::move(own),
@@ -93,7 +99,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
                   .max_own_points = max_own_points(leaf),
-                  .last_visit = last_visit(leaf),
+                  .last_visit = std::move(last),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
                   .on_step = {}};
   return loaded;
@@ -164,10 +170,12 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
 }
 
 std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, double distance,
-                                                             std::vector<Triangle> triangles) {
+                                                             std::vector<Triangle> triangles,
+                                                             GridFineness fineness) {
+  fineness.resolution *= state_.size();
   const Box box = state_.box(leaf);
   return std::make_unique<SurfacePatch>(std::move(triangles), box.expanded(distance), box.center(),
-                                        state_.leaves.info(leaf).is_center_inside, state_.size());
+                                        state_.leaves.info(leaf).is_center_inside, fineness);
 }
 
 // Each once, in order of id; and some more, that only come close.

@@ -49,7 +49,8 @@ class LeafLoader {
   double volume_over_size(const Box& box) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance,
-                                                   std::vector<Triangle> triangles);
+                                                   std::vector<Triangle> triangles,
+                                                   GridFineness fineness);
   std::vector<Triangle> triangles_meeting(const Box& region);
   // Points of other leaves at most `distance` from the leaf's box, in order of id.
   std::vector<MeshPoint> points_around(MortonKey leaf, double distance);

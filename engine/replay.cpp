@@ -138,7 +138,7 @@ Replay replay(const StoredVisit& visit) {
   LeafInput input = visit.input;
   const double size = input.criteria.size;
   const SurfacePatch surface(visit.triangles, visit.region, input.box.center(),
-                             visit.is_center_inside, size);
+                             visit.is_center_inside, GridFineness{size});
   const PointGrid index = index_of(visit.all_points.value_or(std::vector<MeshPoint>()), size);
   input.surface = &surface;
   input.all_points = visit.all_points ? &index : nullptr;

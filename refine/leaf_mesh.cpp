@@ -16,6 +16,11 @@ double far_radius_of(const LeafInput& input) {
   return 2 * norm(region.max - region.min);
 }
 
+// Whether two balls around the ends, without surface in them, cover the segment.
+bool is_clear_between(const Point& a, const Point& b, double sum_of_radii) {
+  return squared_distance(a, b) < sum_of_radii * sum_of_radii;
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -104,8 +109,9 @@ Side LeafMesh::side(Cell c) const {
   const bool is_whole = !std::isfinite(input_.criteria.reach);
   if (!is_whole && !input_.surface->region().contains(ball.center))
     return data.side = Side::kBeyond;
-  data.side = input_.surface->is_inside(ball.center) ? Side::kInside : Side::kOutside;
-  return data.side;
+  const SurfacePatch::Location location = input_.surface->locate(ball.center);
+  data.clearance = location.distance_bound;
+  return data.side = location.is_inside ? Side::kInside : Side::kOutside;
 }
 
 // Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
@@ -127,6 +133,10 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   DualCrossings result;
   const Cell here = f.cell, there = delaunay_.neighbor(here, f.index);
   const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
+  double clear = data_[here].clearance + data_[there].clearance;
+  if (is_here_near && is_there_near &&
+      is_clear_between(data_[here].center, data_[there].center, clear))
+    return result;
   std::array<Point, 3> corners;
   for (std::size_t k = 0; k < 3; ++k) corners[k] = point(here, kTriple[std::size_t(f.index)][k]);
   Point from = data_[here].center, to = data_[there].center;
@@ -144,11 +154,10 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
+    if (!is_here_near) clear += input_.surface->distance_bound(from);
+    if (!is_there_near) clear += input_.surface->distance_bound(to);
   }
-  // Two balls around the ends, without surface in them, that cover the edge.
-  const double clear = input_.surface->distance_bound(from) + input_.surface->distance_bound(to);
-  const bool is_clear = clear > 0 && squared_distance(from, to) < clear * clear;
-  if (is_clear)
+  if (is_clear_between(from, to, clear))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
     input_.surface->crossings(std::min(from, to), std::max(from, to), crossings_);

@@ -31,6 +31,7 @@ enum class Side : std::uint8_t {
 struct CellData {
   Point center;
   double squared_radius = 0;
+  double clearance = 0;     // of the center, known once the side is: no surface closer
   std::uint32_t stamp = 0;  // one per cell ever made; 0: dead
   Side side = Side::kUnknown;
   std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made

@@ -12,9 +12,8 @@ namespace {
 constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
-constexpr std::uint8_t kMaxRings = 16;   // distances beyond it are not told apart
-constexpr double kTrianglesPerCell = 4;  // wanted, in a cell that has some
-constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
+constexpr std::uint8_t kMaxRings = 16;  // distances beyond it are not told apart
+constexpr double kSlack = 1e-13;        // over the largest coordinate; far above rounding errors
 
 double largest_coordinate(const Box& b) {
   double m = 0;
@@ -136,7 +135,11 @@ struct SurfacePatch::Impl {
     return {held.data() + first[cell], held.data() + first[cell + 1]};
   }
 
-  void choose_grid(double resolution);
+  double distance_bound(int rings_around) const {
+    return rings_around <= 1 ? 0 : (rings_around - 1) * std::min({step.x, step.y, step.z}) - slack;
+  }
+
+  void choose_grid(const GridFineness& fineness);
   template <class Visit>
   void for_each_cell_met(Index triangle, Visit visit) const;
   void fill_grid();
@@ -155,7 +158,7 @@ struct SurfacePatch::Impl {
 
 // Cells of half the resolution, or smaller, where those that the surface passes through would hold
 // more than kTrianglesPerCell triangles; but never more than a visit can use.
-void SurfacePatch::Impl::choose_grid(double resolution) {
+void SurfacePatch::Impl::choose_grid(const GridFineness& fineness) {
   double area = 0;
   const double volume_side =
       std::cbrt((region.max.x - region.min.x) * (region.max.y - region.min.y) *
@@ -165,10 +168,10 @@ void SurfacePatch::Impl::choose_grid(double resolution) {
     const auto& [a, b, c] = t.corners;
     area += std::min(0.5 * norm(cross(b - a, c - a)), area_bound);
   }
-  const double usual =
-      resolution > 0 ? 0.5 * resolution : volume_side / std::cbrt(double(kUsualGridCells));
+  const double usual = fineness.resolution > 0 ? 0.5 * fineness.resolution
+                                               : volume_side / std::cbrt(double(kUsualGridCells));
   const double finest = volume_side / std::cbrt(double(kMaxGridCells));
-  const double dense = std::sqrt(kTrianglesPerCell * area / double(triangles.size()));
+  const double dense = std::sqrt(fineness.triangles_per_cell * area / double(triangles.size()));
   const double side =
       triangles.empty() ? volume_side / kMinGridSide : std::max(finest, std::min(usual, dense));
   for (int axis = 0; axis < 3; ++axis) {
@@ -368,7 +371,8 @@ void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) cons
 }
 
 SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
-                           const Point& reference, bool is_reference_inside, double resolution)
+                           const Point& reference, bool is_reference_inside,
+                           const GridFineness& fineness)
     : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(triangles);
   impl_->region = region;
@@ -379,7 +383,7 @@ SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
     all = all.joined(impl_->boxes.back());
   }
   impl_->slack = kSlack * largest_coordinate(all);
-  impl_->choose_grid(resolution);
+  impl_->choose_grid(fineness);
   impl_->fill_grid();
   impl_->measure_rings();
   impl_->spread_sides(reference, is_reference_inside);
@@ -392,13 +396,14 @@ SurfacePatch::~SurfacePatch() = default;
 const Box& SurfacePatch::region() const { return impl_->region; }
 std::span<const Triangle> SurfacePatch::triangles() const { return impl_->triangles; }
 
-bool SurfacePatch::is_inside(const Point& p) const {
-  if (!impl_->region.contains(p)) return false;
+SurfacePatch::Location SurfacePatch::locate(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   const std::size_t cell = impl_->index(i, j, k);
+  const double bound = impl_->distance_bound(impl_->rings[cell]);
+  if (!impl_->region.contains(p)) return {false, bound};
   const bool side = impl_->is_center_inside[cell];
-  if (impl_->rings[cell] > 0) return side;
-  return side != impl_->is_crossed_oddly(p, impl_->center(i, j, k), impl_->held_by(cell));
+  if (impl_->rings[cell] > 0) return {side, bound};
+  return {side != impl_->is_crossed_oddly(p, impl_->center(i, j, k), impl_->held_by(cell)), bound};
 }
 
 void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const {
@@ -421,10 +426,7 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
 
 double SurfacePatch::distance_bound(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
-  const int rings = impl_->rings[impl_->index(i, j, k)];
-  return rings <= 1
-             ? 0
-             : (rings - 1) * std::min({impl_->step.x, impl_->step.y, impl_->step.z}) - impl_->slack;
+  return impl_->distance_bound(impl_->rings[impl_->index(i, j, k)]);
 }
 
 template <class Visit>

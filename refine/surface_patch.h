@@ -29,14 +29,18 @@ struct Crossing {
   std::uint64_t triangle = 0;
 };
 
+// How fine a patch's grid is. Decides no answer but distance_bound's.
+struct GridFineness {
+  double resolution = 0;          // distances to the surface of about this size matter; 0: unknown
+  double triangles_per_cell = 4;  // at most, on average over cells that the surface passes through
+};
+
 class SurfacePatch {
  public:
   // `triangles`: every triangle that meets `region`, each once, others allowed; in order of id.
   // `is_reference_inside`: the side of `reference`, a point of `region`.
-  // `resolution`: distances to the surface of about this size matter to the caller (λ); 0: unknown.
-  // It decides how fine the grid is, never an answer but distance_bound's.
   SurfacePatch(std::vector<Triangle> triangles, const Box& region, const Point& reference,
-               bool is_reference_inside, double resolution = 0);
+               bool is_reference_inside, const GridFineness& fineness = {});
   SurfacePatch(SurfacePatch&&) noexcept;
   SurfacePatch& operator=(SurfacePatch&&) noexcept;
   ~SurfacePatch();
@@ -45,7 +49,12 @@ class SurfacePatch {
   std::span<const Triangle> triangles() const;
 
   // A point outside region() counts as outside: right only for a patch with the whole surface.
-  bool is_inside(const Point& p) const;
+  bool is_inside(const Point& p) const { return locate(p).is_inside; }
+  struct Location {
+    bool is_inside = false;
+    double distance_bound = 0;
+  };
+  Location locate(const Point& p) const;  // both at the price of one
   // All crossings of the segment with the surface, by t, each triangle at most once. The part of
   // the segment outside region() is ignored.
   void crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const;

@@ -240,6 +240,28 @@ TEST_P(SurfacePatchOf, ReferenceMayLieAnywhereWithinTheRegion) {
   }
 }
 
+TEST_P(SurfacePatchOf, FinenessDecidesNoAnswer) {
+  constexpr unsigned kSeed = 29;
+  Random random(kSeed);
+  const std::vector<Point> points = probes(random, 40);
+  std::vector<Crossing> found, expected;
+  for (const GridFineness& fineness :
+       {GridFineness{0.02, 1}, GridFineness{0.3, 12}, GridFineness{2, 200}}) {
+    const SurfacePatch other(mesh_, patch_.region(), patch_.region().min, false, fineness);
+    for (std::size_t n = 0; n < points.size(); ++n) {
+      const Point a = points[n], b = points[(n * 7 + 3) % points.size()];
+      ASSERT_EQ(other.is_inside(a), patch_.is_inside(a)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(other.locate(a).distance_bound, other.distance_bound(a));
+      ASSERT_LE(other.distance_bound(a), brute_force::distance(a, mesh_));
+      ASSERT_EQ(other.is_near(a, 0.1), patch_.is_near(a, 0.1)) << "seed " << kSeed << ", n " << n;
+      other.crossings(a, b, found);
+      patch_.crossings(a, b, expected);
+      ASSERT_TRUE(std::ranges::equal(found, expected, {}, &Crossing::triangle, &Crossing::triangle))
+          << "seed " << kSeed << ", n " << n;
+    }
+  }
+}
+
 TEST_P(SurfacePatchOf, DistanceBoundIsALowerBound) {
   constexpr unsigned kSeed = 28;
   Random random(kSeed);

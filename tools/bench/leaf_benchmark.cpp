@@ -77,7 +77,8 @@ class Run {
   double size() const { return size_; }
   const std::vector<Leaf>& leaves() const { return leaves_; }
   SurfacePatch patch_around(const Leaf& leaf) const {
-    return {leaf.triangles, region(leaf), leaf.box.center(), leaf.is_center_inside, size_};
+    return {leaf.triangles, region(leaf), leaf.box.center(), leaf.is_center_inside,
+            GridFineness{size_}};
   }
   CoverInput cover_input(const Leaf& leaf) const {
     return {size_, 0, {0.1 * size_, 0.2 * size_, 0.3 * size_}, leaf.box, leaf.patch.get(), {}};
