@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/apply_visit.h"
+#include "engine/core_around.h"
 #include "engine/file_digest.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
@@ -104,20 +105,36 @@ class Engine {
 
   void apply_cover(MortonKey leaf, const CoverPoints& points) {
     state_.dequeue(leaf);
-    for (const Point& p : points.samples) add_own(leaf, p, PointKind::kSurface);
-    for (const Point& p : points.lattice) add_own(leaf, p, PointKind::kLattice);
+    for (const LatticeSite& site : points.lattice)
+      require_own(leaf, state_.add_lattice_point(site).position);
+    for (const Point& p : points.samples) {
+      require_own(leaf, p);
+      state_.add_point(p, PointKind::kSurface);
+    }
+    if (points.core.is_empty()) return;
+    const auto num_core_points = num_points(points.core, state_.lattice.sites_in(state_.box(leaf)));
+    state_.leaves.edit_points(leaf).core = points.core;
+    state_.leaves.edit_info(leaf).num_core_points = num_core_points;
+    state_.run.num_points += num_core_points;
   }
 
-  void add_own(MortonKey leaf, const Point& position, PointKind kind) {
+  void require_own(MortonKey leaf, const Point& position) const {
     if (state_.run.frame.key_of(position, leaf.level()) != leaf)
       throw RefineError("its cover has a point outside its box");
-    state_.add_point(position, kind);
   }
 
-  // Epoch 1: every leaf with points.
+  // Epoch 1: every leaf with points of its own to look at. The core's cells are known.
   void begin_refinement() {
-    for (const MortonKey leaf : state_.octree.leaves())
-      if (state_.leaves.info(leaf).num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
+    for (const MortonKey leaf : state_.octree.leaves()) {
+      const LeafInfo& info = state_.leaves.info(leaf);
+      if (info.num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
+      if (info.num_core_points > 0) {
+        const std::uint64_t num_cells = num_core_cells(state_, leaf);
+        state_.leaves.edit_info(leaf).num_core_cells = num_cells;
+        state_.run.num_cells += num_cells;
+      }
+      state_.leaves.trim();
+    }
     end_phase(Phase::kRefine);
   }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/core_around.h"
 #include "engine/memory_budget.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
@@ -18,6 +19,7 @@ namespace locvol {
 struct LoadedLeaf {
   MemoryBudget::Reservation memory;
   std::unique_ptr<const SurfacePatch> patch;
+  std::unique_ptr<const CoreAround> core;
   LeafInput input;
 };
 struct LoadedCover {

@@ -10,6 +10,7 @@
 
 #include "engine/leaf_cache.h"
 #include "engine/leaf_queue.h"
+#include "octree/lattice.h"
 #include "octree/octree.h"
 #include "storage/store.h"
 
@@ -19,8 +20,12 @@ namespace locvol {
 inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
 inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
 inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + kReach < kConflict
+inline constexpr double kCoreReach = 4.1;   // a visit inserts within 2, and reads the core 2 around
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
+
+// The lattice of a run in cover mode: its points' positions are a function of the run alone.
+Lattice lattice_of(const RunRecord& run);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
@@ -46,6 +51,8 @@ struct RunState {
 
   // Appends to the points of the leaf that owns `position`, and gives the next id.
   MeshPoint add_point(const Point& position, PointKind kind);
+  // A point of the lattice has the site's id.
+  MeshPoint add_lattice_point(const LatticeSite& site);
 
   bool is_commit_due() const;
   void note_visit();
@@ -54,11 +61,13 @@ struct RunState {
 
   Store& store;
   RunRecord run;
+  Lattice lattice;  // in paper mode without points
   LinearOctree octree;
   LeafCache leaves;
   LeafQueue queue;
 
  private:
+  void add_to_leaf(const MeshPoint& point);
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
 
   std::size_t max_unwritten_bytes_;
