@@ -137,13 +137,8 @@ void LeafLoader::keep_memory_of_points() {
 std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
   const LeafInfo& info = state_.leaves.info(leaf);
   if (!state_.is_cover() || info.first_new_id == 0) return std::nullopt;
-  LastVisit last;
-  last.first_new_id = info.first_new_id;
-  const LeafCells held = state_.leaves.cells(leaf);
-  last.cells.reserve(held.cells.size());
-  for (const auto& [a, b, c, d] : held.cells)
-    last.cells.push_back({held.vertices[a], held.vertices[b], held.vertices[c], held.vertices[d]});
-  return last;
+  LeafCells held = state_.leaves.cells(leaf);
+  return LastVisit{info.first_new_id, {}, {std::move(held.vertices), std::move(held.cells)}};
 }
 
 double LeafLoader::volume_over_size(const Box& box) const {
