@@ -19,8 +19,11 @@ namespace locvol {
 // Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4):
 inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
 inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
-inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + kReach < kConflict
 inline constexpr double kCoreReach = 4.1;   // a visit inserts within 2, and reads the core 2 around
+// A visit writes within 4: it inserts within 2, and deletes points closer than 1 to what it inserts,
+// or makes core points explicit that are closer than 2. 4 + kCoreReach < kConflict. What it deletes
+// or makes explicit matters to leaves within 7.
+inline constexpr double kConflict = 8.2;
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
 
@@ -49,6 +52,9 @@ struct RunState {
   // That is to be committed before any of them is visited.
   bool open_epoch();
 
+  // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
+  bool are_independent(const QueuePlace& a, const QueuePlace& b) const;
+
   // Appends to the points of the leaf that owns `position`, and gives the next id.
   MeshPoint add_point(const Point& position, PointKind kind);
   // A point of the lattice has the site's id.
@@ -68,6 +74,7 @@ struct RunState {
 
  private:
   void add_to_leaf(const MeshPoint& point);
+  double conflict_distance() const;  // REQUIRES: cover mode
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
 
   std::size_t max_unwritten_bytes_;
