@@ -121,7 +121,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.leaf = leaf;
   visit.is_clean = !state.leaves.info(leaf).queued;
   visit.num_visits = state.leaves.info(leaf).num_visits;
-  const SurfacePatch& surface = *loaded.input.surface;
+  const SurfacePatch& surface = *loaded.complete().surface;
   visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
   visit.region = surface.region();
   visit.is_center_inside = surface.is_inside(loaded.input.box.center());
