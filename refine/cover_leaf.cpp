@@ -336,7 +336,7 @@ void cover_with_lattice(const CoverInput& input, CoverPoints& points) {
     if (!surface.is_inside(p)) return;
     if (surface.distance_bound(p) >= kCoreDepth * input.size)
       add_site(site, points.core);
-    else if (!surface.is_near(p, input.size))
+    else if (!surface.is_near(p, kLatticeDepth * input.size))
       points.lattice.push_back(site);
   });
 }

@@ -459,13 +459,13 @@ TEST_P(CoverOf, DensityIsThatOfSaturatedPoissonDisks) {
   EXPECT_LT(ratio, 1.15);
 }
 
-TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeeperThanSize) {
+TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeepEnough) {
   const World& world = run().world;
   const BccLattice lattice(world.lattice_origin, kLatticeSpacing * world.size);
   std::vector<Point> expected =
       lattice.points_in({world.min, world.min + world.side * Point{1, 1, 1}});
   std::erase_if(expected, [&](const Point& p) {
-    return !is_inside(p, world.mesh) || distance(p, world.mesh) < world.size;
+    return !is_inside(p, world.mesh) || distance(p, world.mesh) < kLatticeDepth * world.size;
   });
   EXPECT_EQ(expected.empty(), GetParam().name == "ThinPlate");
   EXPECT_EQ(sorted(all_lattice(run().leaves)), sorted(expected));
