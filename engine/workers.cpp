@@ -15,6 +15,20 @@
 #include <queue>
 #include <utility>
 
+// TBB's library is built without the thread sanitizer, which so does not see that tasks go from one
+// thread to another by it, unless told. The task object itself is TBB's own affair.
+#ifdef __SANITIZE_THREAD__
+#include <sanitizer/tsan_interface.h>
+extern "C" const char* __tsan_default_suppressions() {
+  return "race_top:tbb::detail::d1::function_task";
+}
+#define LOCVOL_HAND_OVER(object) __tsan_release(object)
+#define LOCVOL_TAKE_OVER(object) __tsan_acquire(object)
+#else
+#define LOCVOL_HAND_OVER(object)
+#define LOCVOL_TAKE_OVER(object)
+#endif
+
 namespace locvol {
 namespace {
 
@@ -32,6 +46,7 @@ class OrderedRun {
   void run() {
     advance();
     group_.wait();
+    LOCVOL_TAKE_OVER(&group_);
     if (error_) std::rethrow_exception(error_);
     if (error_of_next_) std::rethrow_exception(error_of_next_);
   }
@@ -93,7 +108,12 @@ class OrderedRun {
       const std::lock_guard lock(mutex_);
       to_compute_.push(&entry);
     }
-    group_.run([this] { compute(oldest_to_compute()); });
+    LOCVOL_HAND_OVER(this);
+    group_.run([this] {
+      LOCVOL_TAKE_OVER(this);
+      compute(oldest_to_compute());
+      LOCVOL_HAND_OVER(&group_);
+    });
   }
 
   // First come, first served, where a task group would take the last first: the others wait to be
