@@ -91,29 +91,17 @@ class Visit {
     }
   }
 
-  void store_cells(const std::vector<std::array<VertexRef, 4>>& refs) {
-    LeafCells cells = resolved(refs);
+  // The ids of new points ascend in order of insertion, and are larger than all others: the list of
+  // vertices stays in order.
+  void store_cells(const CellList& list) {
+    LeafCells cells;
+    cells.vertices.reserve(list.vertices.size());
+    for (const VertexRef ref : list.vertices) cells.vertices.push_back(id_of(ref));
+    cells.cells = list.cells;
     LeafInfo& info = state_.leaves.edit_info(leaf_);
     state_.run.num_cells += cells.cells.size() - info.num_cells;  // modulo 2^64, as it should be
     info.num_cells = cells.cells.size();
     state_.leaves.put_cells(leaf_, std::move(cells));
-  }
-
-  LeafCells resolved(const std::vector<std::array<VertexRef, 4>>& refs) const {
-    LeafCells cells;
-    for (const auto& cell : refs)
-      for (const VertexRef ref : cell) cells.vertices.push_back(id_of(ref));
-    std::ranges::sort(cells.vertices);
-    const auto repeated = std::ranges::unique(cells.vertices);
-    cells.vertices.erase(repeated.begin(), repeated.end());
-    const auto index_of = [&](VertexRef ref) {
-      const auto place = std::ranges::lower_bound(cells.vertices, id_of(ref));
-      return static_cast<std::uint32_t>(place - cells.vertices.begin());
-    };
-    cells.cells.reserve(refs.size());
-    for (const auto& [a, b, c, d] : refs)
-      cells.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
-    return cells;
   }
 
   std::uint64_t id_of(VertexRef ref) const {

@@ -33,6 +33,20 @@ std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_cap
 
 }  // namespace
 
+template <class Input>
+const Input& Loaded<Input>::complete() {
+  if (surface) {
+    patch = std::make_unique<SurfacePatch>(std::move(surface->triangles), surface->region,
+                                           surface->reference, surface->is_reference_inside,
+                                           surface->resolution);
+    surface.reset();
+    input.surface = patch.get();
+  }
+  return input;
+}
+template struct Loaded<LeafInput>;
+template struct Loaded<CoverInput>;
+
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), budget_(budget) {
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
@@ -57,13 +71,13 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
       .num_points = around.size() + most_lattice_points(box, size) + most_samples(triangles, size),
       .num_triangles = triangles.size()};
   LoadedCover loaded;
-  loaded.memory = reserve(visit.bytes_to_cover());
-  loaded.patch = patch_around(leaf, kSlack * size, std::move(triangles));
+  loaded.bytes = visit.bytes_to_cover();
+  loaded.surface = surface_around(leaf, kSlack * size, std::move(triangles));
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
                   .lattice_origin = state_.run.frame.origin() + size * kLatticeOffset,
                   .box = box,
-                  .surface = loaded.patch.get(),
+                  .surface = nullptr,
                   .nearby_samples = {}};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
@@ -84,13 +98,14 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                         .num_points = most_points_of_visit(own.size(), ghosts.size()),
                         .num_triangles = triangles.size()};
   LoadedLeaf loaded;
-  loaded.memory = reserve(visit.bytes_to_refine());
-  if (state_.is_cover()) loaded.patch = patch_around(leaf, patch_distance, std::move(triangles));
+  loaded.bytes = visit.bytes_to_refine();
+  if (state_.is_cover())
+    loaded.surface = surface_around(leaf, patch_distance, std::move(triangles));
   loaded.input = {.criteria = criteria(),
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
+                  .surface = whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
                   .max_own_points = max_own_points(leaf),
                   .last_visit = last_visit(leaf),
@@ -111,13 +126,6 @@ void LeafLoader::note_deleted(const MeshPoint& point) {
   all_points_->erase(point);
 }
 
-MemoryBudget::Reservation LeafLoader::reserve(std::uint64_t bytes) {
-  MemoryBudget::Reservation reservation = budget_.reserve(bytes);
-  state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
-  state_.leaves.trim();
-  return reservation;
-}
-
 // Before a visit, and not as its points come: what is half applied must not be given up.
 void LeafLoader::keep_memory_of_points() {
   while (num_points_ > num_points_reserved_) {
@@ -129,13 +137,8 @@ void LeafLoader::keep_memory_of_points() {
 std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
   const LeafInfo& info = state_.leaves.info(leaf);
   if (!state_.is_cover() || info.first_new_id == 0) return std::nullopt;
-  LastVisit last;
-  last.first_new_id = info.first_new_id;
-  const LeafCells held = state_.leaves.cells(leaf);
-  last.cells.reserve(held.cells.size());
-  for (const auto& [a, b, c, d] : held.cells)
-    last.cells.push_back({held.vertices[a], held.vertices[b], held.vertices[c], held.vertices[d]});
-  return last;
+  LeafCells held = state_.leaves.cells(leaf);
+  return LastVisit{info.first_new_id, {}, {std::move(held.vertices), std::move(held.cells)}};
 }
 
 double LeafLoader::volume_over_size(const Box& box) const {
@@ -168,11 +171,14 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
   return may_split ? state_.run.parameters.leaf_capacity : 0;
 }
 
-std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, double distance,
-                                                             std::vector<Triangle> triangles) {
+SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
+                                        std::vector<Triangle> triangles) {
   const Box box = state_.box(leaf);
-  return std::make_unique<SurfacePatch>(std::move(triangles), box.expanded(distance), box.center(),
-                                        state_.leaves.info(leaf).is_center_inside, state_.size());
+  return {.triangles = std::move(triangles),
+          .region = box.expanded(distance),
+          .reference = box.center(),
+          .is_reference_inside = state_.leaves.info(leaf).is_center_inside,
+          .resolution = state_.size()};
 }
 
 // Each once, in order of id; and some more, that only come close.

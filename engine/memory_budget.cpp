@@ -27,8 +27,6 @@ constexpr std::uint64_t kBytesPerLeaf = 256;
 constexpr std::uint64_t kCommitFactor = 2;
 // Free blocks between used ones; pages that malloc keeps.
 constexpr double kHeapSlack = 1.2;
-// For the records around a leaf, and for the writer's windows, which take as much.
-constexpr std::uint64_t kLeastCache = 24 * kMiB;
 constexpr std::uint64_t kLeastUnwritten = 4 * kMiB, kMostUnwritten = 32 * kMiB;
 
 std::uint64_t with_slack(std::uint64_t bytes) {
@@ -128,7 +126,7 @@ std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmH
 
 MemoryPlan::MemoryPlan(std::uint64_t cap, std::uint64_t num_leaves, std::uint64_t largest_visit)
     : cap_(cap), leaves_(num_leaves * kBytesPerLeaf) {
-  const std::uint64_t least_heap = largest_visit + kLeastCache;
+  const std::uint64_t least_heap = largest_visit + kLeastCacheBytes;
   const std::int64_t heap = heap_under(cap, leaves_);
   if (heap < static_cast<std::int64_t>(with_slack(least_heap)))
     throw OverBudget("a memory cap of " + memory_text(cap) + " is too small for this run: give " +
@@ -166,7 +164,7 @@ void MemoryBudget::take(std::unique_lock<std::mutex>& lock, std::uint64_t bytes)
   if (bytes > total_)
     throw OverBudget("its visit takes " + memory_text(bytes) + ", and the memory cap leaves " +
                          memory_text(total_),
-                     bytes + kept_ + kLeastCache);
+                     bytes + kept_ + kLeastCacheBytes);
   given_back_.wait(lock, [&] { return free_ >= bytes; });
   free_ -= bytes;
 }

@@ -34,6 +34,8 @@ std::uint64_t peak_resident_memory();
 
 // Of decoded records, however large the cap: more has not made any run faster.
 inline constexpr std::uint64_t kMostCacheBytes = std::uint64_t{256} << 20;
+// For the records around a leaf, and for the writer's windows, which take as much.
+inline constexpr std::uint64_t kLeastCacheBytes = std::uint64_t{24} << 20;
 
 // What a visit has to deal with; it gives the memory that the visit takes at its peak, for its
 // input, triangulation, tables and result. Calibrated on whole runs with counted allocations

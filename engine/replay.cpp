@@ -33,15 +33,17 @@ RunState state_of(Store& store) try {
                    " is damaged, its leaves are no octree: " + e.what());
 }
 
-Cells stored_cells(const Store& store, MortonKey leaf) {
-  const LeafCells stored = store.snapshot().cells(leaf);
+Cells sorted(const CellList& list) {
   Cells cells;
-  cells.reserve(stored.cells.size());
-  for (const auto& [a, b, c, d] : stored.cells)
-    cells.push_back(
-        {stored.vertices[a], stored.vertices[b], stored.vertices[c], stored.vertices[d]});
+  cells.reserve(list.size());
+  for (std::size_t i = 0; i < list.size(); ++i) cells.push_back(list.refs(i));
   std::ranges::sort(cells);
   return cells;
+}
+
+Cells stored_cells(const Store& store, MortonKey leaf) {
+  LeafCells stored = store.snapshot().cells(leaf);
+  return sorted({std::move(stored.vertices), std::move(stored.cells)});
 }
 
 // How many of `some` are not in `others`; both sorted.
@@ -119,7 +121,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.leaf = leaf;
   visit.is_clean = !state.leaves.info(leaf).queued;
   visit.num_visits = state.leaves.info(leaf).num_visits;
-  const SurfacePatch& surface = *loaded.input.surface;
+  const SurfacePatch& surface = *loaded.complete().surface;
   visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
   visit.region = surface.region();
   visit.is_center_inside = surface.is_inside(loaded.input.box.center());
@@ -146,7 +148,7 @@ Replay replay(const StoredVisit& visit) {
   } catch (const RefineError& e) {
     replay.error = e.what();
   }
-  const Cells found = std::exchange(replay.delta.cells, {});
+  const Cells found = sorted(std::exchange(replay.delta.cells, {}));
   replay.num_cells_gone = num_missing(visit.cells, found);
   replay.num_cells_new = num_missing(found, visit.cells);
   replay.mesh = VertexTable(replay, input).mesh_of(found);

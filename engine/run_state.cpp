@@ -62,14 +62,22 @@ bool RunState::open_epoch() {
 }
 
 std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& epoch) const {
-  if (is_cover()) {
-    const double conflict = run.phase == Phase::kInitialize ? kCoverConflict : kConflict;
-    return color_leaves(octree, run.frame, epoch, conflict * size());
-  }
+  if (is_cover()) return color_leaves(octree, run.frame, epoch, conflict_distance());
   std::vector<std::uint32_t> colors(
       epoch.size());  // any leaf may write into the reach of any other
   std::iota(colors.begin(), colors.end(), 0U);
   return colors;
+}
+
+double RunState::conflict_distance() const {
+  return (run.phase == Phase::kInitialize ? kCoverConflict : kConflict) * size();
+}
+
+bool RunState::are_independent(const QueuePlace& a, const QueuePlace& b) const {
+  if (a.position == b.position) return true;
+  if (!is_cover()) return false;
+  const double distance = conflict_distance();
+  return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
 }
 
 MeshPoint RunState::add_point(const Point& position, PointKind kind) {

@@ -44,6 +44,9 @@ struct RunState {
   // That is to be committed before any of them is visited.
   bool open_epoch();
 
+  // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
+  bool are_independent(const QueuePlace& a, const QueuePlace& b) const;
+
   // Appends to the points of the leaf that owns `position`, and gives the next id.
   MeshPoint add_point(const Point& position, PointKind kind);
 
@@ -59,6 +62,7 @@ struct RunState {
   LeafQueue queue;
 
  private:
+  double conflict_distance() const;  // REQUIRES: cover mode
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
 
   std::size_t max_unwritten_bytes_;

@@ -25,6 +25,30 @@ struct FacetRef {
   Facet facet() const { return {here.cell, index}; }
 };
 
+// Vertices ascending as far as the orientation permits, cells ascending: the same list from the
+// same set of cells, whose vertices are below `bound`.
+void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::size_t bound) {
+  std::vector<std::uint32_t> first(bound + 1, 0);  // place of the first cell by smallest vertex
+  for (auto& cell : cells) {
+    bool is_odd = false;
+    const auto order = [&](std::size_t a, std::size_t b) {
+      if (cell[a] <= cell[b]) return;
+      std::swap(cell[a], cell[b]);
+      is_odd = !is_odd;
+    };
+    order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
+    if (is_odd) std::swap(cell[2], cell[3]);
+    ++first[cell[0] + 1];
+  }
+  for (std::size_t v = 0; v < bound; ++v) first[v + 1] += first[v];
+  std::vector<std::array<std::uint32_t, 4>> sorted(cells.size());
+  std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+  for (const auto& cell : cells) sorted[next[cell[0]]++] = cell;
+  for (std::size_t v = 0; v < bound; ++v)
+    std::sort(sorted.begin() + first[v], sorted.begin() + first[v + 1]);
+  cells = std::move(sorted);
+}
+
 class Refinement {
  public:
   explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
@@ -500,26 +524,33 @@ void Refinement::list_unresolved() {
   }
 }
 
-// Vertices ascending as far as a positive orientation permits, cells ascending: the same list
-// from the same set of cells.
 void Refinement::list_cells() {
   const Delaunay& delaunay = mesh_.delaunay();
+  auto& [vertices, cells] = delta_.cells;
   for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
     if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
     int smallest = 0;
     for (int i = 1; i < 4; ++i)
       if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
-    if (!mesh_.is_own(delaunay.vertex(c, smallest))) continue;
-    std::array<VertexRef, 4> refs{};
-    for (int i = 0; i < 4; ++i) refs[std::size_t(i)] = mesh_.local(delaunay.vertex(c, i)).ref;
-    bool is_odd = false;
-    for (std::size_t i = 0; i < 4; ++i)
-      for (std::size_t j = i + 1; j < 4; ++j) is_odd ^= refs[i] > refs[j];
-    std::ranges::sort(refs);
-    if (is_odd) std::swap(refs[2], refs[3]);
-    delta_.cells.push_back(refs);
+    if (mesh_.is_own(delaunay.vertex(c, smallest))) cells.push_back(delaunay.vertices(c));
   }
-  std::ranges::sort(delta_.cells);
+
+  // From local indices to places in the list of vertices.
+  constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> place(mesh_.num_locals(), kUnused);
+  std::vector<std::pair<VertexRef, LocalIndex>> used;
+  for (const auto& cell : cells)
+    for (const LocalIndex v : cell)
+      if (std::exchange(place[v], 0) == kUnused) used.emplace_back(mesh_.local(v).ref, v);
+  std::ranges::sort(used);
+  vertices.reserve(used.size());
+  for (const auto& [ref, v] : used) {
+    place[v] = static_cast<std::uint32_t>(vertices.size());
+    vertices.push_back(ref);
+  }
+  for (auto& cell : cells)
+    for (std::uint32_t& v : cell) v = place[v];
+  bring_into_order(cells, vertices.size());
 }
 
 }  // namespace

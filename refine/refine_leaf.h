@@ -41,11 +41,23 @@ class PointIndex {
 using VertexRef = std::uint64_t;
 inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 
+struct CellList {
+  std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
+  std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, ascending
+
+  std::size_t size() const { return cells.size(); }
+  std::array<VertexRef, 4> refs(std::size_t i) const {
+    const auto& [a, b, c, d] = cells[i];
+    return {vertices[a], vertices[b], vertices[c], vertices[d]};
+  }
+  friend bool operator==(const CellList&, const CellList&) = default;
+};
+
 // How the last visit of a leaf left it, and what has changed since.
 struct LastVisit {
   std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
   std::vector<MeshPoint> deleted;  // since, within `reach` of the box
-  std::vector<std::array<VertexRef, 4>> cells;  // LeafDelta::cells, with ids for all vertices
+  CellList cells;                  // LeafDelta::cells, with ids for all vertices
 };
 
 // One change that a visit makes, or finds forbidden. The points that an insertion deletes come
@@ -98,10 +110,10 @@ struct VisitStats {
 };
 
 struct LeafDelta {
-  std::vector<InsertedPoint> inserted;          // in order of insertion
-  std::vector<MeshPoint> deleted;               // points of the input
-  std::vector<std::array<VertexRef, 4>> cells;  // of the mesh, whose smallest vertex is own and
-                                                // lies in the box; positively oriented
+  std::vector<InsertedPoint> inserted;  // in order of insertion
+  std::vector<MeshPoint> deleted;       // points of the input
+  CellList cells;  // of the mesh, whose smallest vertex is own and lies in the box; positively
+                   // oriented
   std::vector<Violation> unresolved;
   VisitStats stats;
   bool is_overfull =

@@ -12,7 +12,20 @@ namespace {
 // How far, over λ, a change matters to stars of which all is known to be within λ of its points: an
 // insertion destroys balls that contain it; where a point goes, new balls may be twice as large.
 constexpr double kInsertionMatters = 2, kDeletionMatters = 4;
-constexpr std::size_t kFilterBits = std::size_t{1} << 16;
+
+// From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
+// both.
+void rename(std::vector<std::array<std::uint32_t, 4>>& cells,
+            const std::vector<VertexRef>& old_names, const std::vector<VertexRef>& new_names) {
+  std::vector<std::uint32_t> place(old_names.size());
+  std::uint32_t next = 0;
+  for (std::size_t v = 0; v < old_names.size(); ++v) {
+    while (next < new_names.size() && new_names[next] < old_names[v]) ++next;
+    place[v] = next;
+  }
+  for (auto& cell : cells)
+    for (std::uint32_t& v : cell) v = place[v];
+}
 
 }  // namespace
 
@@ -76,18 +89,7 @@ void Revisit::find_active() {
         activate_near(p.position, kInsertionMatters * size);
   for (const MeshPoint& p : input_->last_visit->deleted)
     activate_near(p.position, kDeletionMatters * size);
-  for (std::size_t i = 0; i < is_active_.size(); ++i)
-    if (is_active_[i]) touched_.push_back(input_->own[i].id);
-  num_active_ = touched_.size();
-  for (const MeshPoint& p : input_->last_visit->deleted) touched_.push_back(p.id);
-  std::ranges::sort(touched_);
-  may_be_touched_.assign(kFilterBits, false);
-  for (const VertexRef id : touched_) may_be_touched_[id % kFilterBits] = true;
-}
-
-bool Revisit::is_deleted(VertexRef id) const {
-  return std::ranges::find(input_->last_visit->deleted, id, &MeshPoint::id) !=
-         input_->last_visit->deleted.end();
+  num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
 void Revisit::gather_part() {
@@ -136,26 +138,52 @@ const MeshPoint& Revisit::find(VertexRef id) const {
                     ", which is neither loaded nor deleted");
 }
 
-// A cell is of the point that is its smallest vertex.
-bool Revisit::is_kept(const std::array<VertexRef, 4>& cell) const {
-  const auto is_touched = [&](VertexRef id) {
-    return may_be_touched_[id % kFilterBits] && std::ranges::binary_search(touched_, id);
+std::vector<Revisit::Fate> Revisit::fates() const {
+  const std::vector<VertexRef>& vertices = input_->last_visit->cells.vertices;
+  std::vector<Fate> fates(vertices.size(), Fate::kSettled);
+  const auto note = [&](VertexRef id, Fate fate) {
+    const auto found = std::ranges::lower_bound(vertices, id);
+    if (found != vertices.end() && *found == id)
+      fates[static_cast<std::size_t>(found - vertices.begin())] = fate;
   };
-  if (std::ranges::none_of(cell, is_touched)) return true;
-  if (std::ranges::any_of(cell, [&](VertexRef id) { return is_deleted(id); })) return false;
-  const auto smallest =
-      std::ranges::min(cell, {}, [&](VertexRef id) -> const Point& { return find(id).position; });
-  return !is_touched(smallest);
+  for (std::size_t i = 0; i < is_active_.size(); ++i)
+    if (is_active_[i]) note(input_->own[i].id, Fate::kActive);
+  for (const MeshPoint& p : input_->last_visit->deleted) note(p.id, Fate::kDeleted);
+  return fates;
+}
+
+// A cell is of the point that is its smallest vertex.
+bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
+                      const std::vector<Fate>& fates) const {
+  const auto has = [&](Fate fate) {
+    return std::ranges::any_of(cell, [&](std::uint32_t v) { return fates[v] == fate; });
+  };
+  if (has(Fate::kDeleted)) return false;
+  if (!has(Fate::kActive)) return true;
+  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) -> const Point& {
+    return find(input_->last_visit->cells.vertices[v]).position;
+  });
+  return fates[smallest] != Fate::kActive;
 }
 
 void Revisit::add_kept_cells(LeafDelta& delta) const {
   if (delta.is_overfull) return;
-  std::vector<std::array<VertexRef, 4>> all;
-  std::vector<std::array<VertexRef, 4>> kept;
-  std::ranges::copy_if(input_->last_visit->cells, std::back_inserter(kept),
-                       [&](const auto& cell) { return is_kept(cell); });
-  all.reserve(kept.size() + delta.cells.size());
-  std::ranges::merge(kept, delta.cells, std::back_inserter(all));
+  CellList kept;
+  const CellList& last = input_->last_visit->cells;
+  std::ranges::copy_if(last.cells, std::back_inserter(kept.cells),
+                       [&, fates = fates()](const auto& cell) { return is_kept(cell, fates); });
+  std::vector<bool> is_used(last.vertices.size());
+  for (const auto& cell : kept.cells)
+    for (const std::uint32_t v : cell) is_used[v] = true;
+  for (std::size_t v = 0; v < is_used.size(); ++v)
+    if (is_used[v]) kept.vertices.push_back(last.vertices[v]);
+
+  CellList all;
+  std::ranges::set_union(kept.vertices, delta.cells.vertices, std::back_inserter(all.vertices));
+  rename(kept.cells, last.vertices, all.vertices);
+  rename(delta.cells.cells, delta.cells.vertices, all.vertices);
+  all.cells.reserve(kept.size() + delta.cells.size());
+  std::ranges::merge(kept.cells, delta.cells.cells, std::back_inserter(all.cells));
   delta.cells = std::move(all);
 }
 

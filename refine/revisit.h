@@ -42,16 +42,15 @@ class Revisit {
   void for_each_near(const Point& q, double distance, Visit visit) const;
   void find_active();
   void gather_part();
-  bool is_deleted(VertexRef id) const;
-  bool is_kept(const std::array<VertexRef, 4>& cell) const;
+  enum class Fate : std::uint8_t { kSettled, kActive, kDeleted };  // of a vertex of the last visit
+  std::vector<Fate> fates() const;
+  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<Fate>& fates) const;
   const MeshPoint& find(VertexRef id) const;
 
   const LeafInput* input_;
   std::vector<Cube> cubes_;      // in order of place
   std::vector<bool> is_active_;  // of own points
   std::size_t num_active_ = 0;
-  std::vector<VertexRef> touched_;    // ids of active and deleted points, ascending
-  std::vector<bool> may_be_touched_;  // by the lowest bits of an id
   LeafInput part_;
 };
 

@@ -50,14 +50,16 @@ struct TimedRun {
   Seconds seconds;
 };
 
-TimedRun run_with_progress(bool is_quiet, std::uint64_t memory_bytes,
+// `command`: a MeshCommand or a ResumeCommand.
+TimedRun run_with_progress(const auto& command,
                            const std::function<RunSummary(const RunControl&)>& run) {
-  ProgressLine line(is_quiet);
+  ProgressLine line(command.is_quiet);
   const RunControl control{
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
-      .memory_bytes = memory_bytes,
+      .memory_bytes = command.memory_bytes,
+      .num_threads = command.num_threads,
   };
   TimedRun timed{run(control), {}};
   const auto seconds = line.phases().seconds_by_phase(line.seconds());
@@ -194,8 +196,7 @@ int run_mesh(const MeshCommand& command) {
 
   const StopSignal stop_signal;
   const TimedRun run =
-      run_with_progress(command.is_quiet, command.memory_bytes,
-                        [&](const RunControl& control) { return mesh(options, control); });
+      run_with_progress(command, [&](const RunControl& control) { return mesh(options, control); });
   const int code = finish(run, options.store, command.output, command.is_json);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
@@ -204,9 +205,8 @@ int run_mesh(const MeshCommand& command) {
 int run_resume(const ResumeCommand& command) {
   if (!command.output.empty()) require_writable(command.output);
   const StopSignal stop_signal;
-  const TimedRun run =
-      run_with_progress(command.is_quiet, command.memory_bytes,
-                        [&](const RunControl& control) { return resume(command.store, control); });
+  const TimedRun run = run_with_progress(
+      command, [&](const RunControl& control) { return resume(command.store, control); });
   return finish(run, command.store, command.output, command.is_json);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <random>
 #include <set>
 
 #include "tests/engine/closed_shapes.h"
@@ -248,8 +249,11 @@ TEST_F(EngineTest, GivesTheSameRecordsAgainWithDeletions) {
   };
   EXPECT_GT(mesh(turbine("first")).num_deletions, 0U);
   const Contents first = contents_of(scratch_ / "first");
-  for (const std::string again : {"second", "third", "fourth"}) {
-    mesh(turbine(again));
+  for (const int num_threads : {1, 2, 4}) {
+    const std::string again = std::to_string(num_threads) + " threads";
+    RunControl control;
+    control.num_threads = num_threads;
+    mesh(turbine(again), control);
     EXPECT_TRUE(are_equal(contents_of(scratch_ / again), first)) << again;
   }
 }
@@ -264,6 +268,40 @@ TEST_F(EngineTest, GoesOnAfterInterruptionsToTheSameRecords) {
     EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_visits;
   }
   EXPECT_EQ(mesh(options("undisturbed", 0.2, 60)).num_visits, undisturbed.num_visits);
+}
+
+// Threads, the least memory, and interruptions that find several visits under way.
+TEST_F(EngineTest, GivesTheSameRecordsWithAnyNumberOfThreads) {
+  write(torus(1, 0.4, 32, 16));
+  const unsigned seed = std::random_device()();
+  RecordProperty("seed", std::to_string(seed));
+  std::mt19937 random(seed);
+  const auto with_threads = [](int num_threads) {
+    RunControl control;
+    control.num_threads = num_threads;
+    return control;
+  };
+  mesh(options("one", 0.12, 60), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.run.num_visits, 100U);
+  for (const int num_threads : {2, 3, 8}) {
+    const std::string name = std::to_string(num_threads);
+    RunControl control = with_threads(num_threads);
+    mesh(options(name, 0.12, 60), control);
+    EXPECT_TRUE(are_equal(contents_of(scratch_ / name), expected)) << name << " threads";
+
+    control.memory_bytes = std::uint64_t{100} << 20;
+    control.is_stopped = [&random] { return random() % 20 == 0; };
+    const auto run = options(name + " in pieces", 0.12, 60);
+    int num_pieces = 0;
+    for (auto summary = mesh(run, control); summary.outcome == RunOutcome::kInterrupted;
+         summary = resume(run.store, control)) {
+      ASSERT_LT(++num_pieces, 1000) << "seed " << seed;
+      if (num_pieces % 4 == 0) expect_consistent(contents_of(run.store));
+    }
+    EXPECT_TRUE(are_equal(contents_of(run.store), expected))
+        << name << " threads, seed " << seed << ", " << num_pieces << " pieces";
+  }
 }
 
 TEST_F(EngineTest, SplitsLeavesThatOutgrowTheirCapacity) {

@@ -116,8 +116,15 @@ Refined refined(const LeafInput& input, const std::vector<MeshPoint>& unloaded =
     const InsertedPoint& p = result.delta.inserted[i];
     if (!p.is_deleted) keep(kNewPoint | i, {1000000 + i, p.position, p.kind});
   }
-  for (const auto& [a, b, c, d] : result.delta.cells)
+  const CellList& cells = result.delta.cells;
+  std::set<VertexRef> used;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const auto& [a, b, c, d] = cells.refs(i);
     result.cells.push_back({index.at(a), index.at(b), index.at(c), index.at(d)});
+    used.insert({a, b, c, d});
+  }
+  EXPECT_TRUE(std::ranges::equal(cells.vertices, used)) << "all that are used, in order";
+  EXPECT_TRUE(std::ranges::is_sorted(cells.cells));
   return result;
 }
 
@@ -474,7 +481,7 @@ TEST(RefineLeafGuards, StopsWhenOverfull) {
   input.max_own_points = 50;
   const Refined result = refined(input);
   EXPECT_TRUE(result.delta.is_overfull);
-  EXPECT_TRUE(result.delta.cells.empty());
+  EXPECT_EQ(result.delta.cells, CellList());
   EXPECT_EQ(result.points.size(), 51u) << "stops with the first point too many";
   input.max_own_points = 19;
   const Refined untouched = refined(input);
@@ -524,7 +531,7 @@ TEST(RefineLeafGuards, ThrowsForTwoPointsInOnePlace) {
 
 TEST(RefineLeafGuards, NoPointsGiveNothing) {
   const LeafDelta delta = refine_leaf(sphere(0.3).leaf({}));
-  EXPECT_TRUE(delta.cells.empty());
+  EXPECT_EQ(delta.cells, CellList());
   EXPECT_TRUE(delta.inserted.empty());
 }
 
@@ -557,7 +564,7 @@ TEST(RefineLeafGuards, WithoutOwnPointsNothingIsDone) {
   input.ghosts = random_surface_points(world, 30, 49);
   input.box = {{-0.2, -0.2, -0.2}, {0.2, 0.2, 0.2}};
   const LeafDelta delta = refine_leaf(input);
-  EXPECT_TRUE(delta.cells.empty());
+  EXPECT_EQ(delta.cells, CellList());
   EXPECT_TRUE(delta.inserted.empty());
 }
 
@@ -675,10 +682,8 @@ TEST(RefineLeafWithIndex, TakesInWhatIsThereInsteadOfInserting) {
     const auto taken = std::ranges::find(leaf.unloaded, step.point, &MeshPoint::id);
     EXPECT_TRUE(taken != leaf.unloaded.end() && taken->position == step.position);
   }
-  const bool is_any_used = std::ranges::any_of(result.delta.cells, [&](const auto& cell) {
-    return std::ranges::any_of(cell, [&](VertexRef ref) {
-      return std::ranges::find(leaf.unloaded, ref, &MeshPoint::id) != leaf.unloaded.end();
-    });
+  const bool is_any_used = std::ranges::any_of(result.delta.cells.vertices, [&](VertexRef ref) {
+    return std::ranges::find(leaf.unloaded, ref, &MeshPoint::id) != leaf.unloaded.end();
   });
   EXPECT_TRUE(is_any_used);
 }

@@ -179,14 +179,14 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
     return;
   }
   leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
-  for (auto& cell : leaf.last_visit->cells)
-    for (VertexRef& ref : cell)
-      if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+  for (VertexRef& ref : leaf.last_visit->cells.vertices)
+    if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
 }
 
 // Of a visit without insertions.
 void LeafRun::list_cells(const LeafDelta& delta) {
-  for (const auto& refs : delta.cells) {
+  for (std::size_t n = 0; n < delta.cells.size(); ++n) {
+    const auto refs = delta.cells.refs(n);
     IndexedCell cell{};
     for (std::size_t i = 0; i < 4; ++i)
       cell[i] = std::size_t(std::ranges::lower_bound(points_, refs[i], {}, &MeshPoint::id) -

@@ -161,9 +161,8 @@ class Run {
       leaf.last_visit.reset();
       if (!delta.unresolved.empty()) continue;
       leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
-      for (auto& cell : leaf.last_visit->cells)
-        for (VertexRef& ref : cell)
-          if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+      for (VertexRef& ref : leaf.last_visit->cells.vertices)
+        if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
     }
     return is_changed;
   }
