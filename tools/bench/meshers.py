@@ -97,17 +97,12 @@ class Locvol(Mesher):
         self.options = ["--init", init]
         if memory:
             self.options += ["--memory", memory]
-        self.takes_threads = "--threads" in self.child(["mesh", "--help"]).out
 
     def run(self, surface, size, threads):
         output, store = (os.path.join(self.work, name) for name in ("locvol.vtu", "store"))
         remove(output, store)
         command = ["mesh", surface, "-o", output, "--store", store, "--size", "%.17g" % size,
-                   "--json", "--quiet"] + self.options
-        if self.takes_threads:
-            command += ["--threads", str(threads)]
-        elif threads > 1:
-            raise Failed("has no --threads")
+                   "--threads", str(threads), "--json", "--quiet"] + self.options
         try:
             child = self.child(command, good_codes=(0, 3))
             report = parsed(child.out)

@@ -114,6 +114,18 @@ class Driver(unittest.TestCase):
         for row in (tetgen, hxt):
             self.assertAlmostEqual(row["tetrahedra"] / mine["tetrahedra"], 1, delta=0.05)
 
+    def test_compares_as_many_threads(self):
+        self.peer("cgal_mesh3", CGAL)
+        rows, _ = self.run_driver("--sizes", "25%", "--threads", "1,2", "--repetitions", "1",
+                                  "--peers", self.peers, "--tools", "cgal-parallel,cgal",
+                                  "sphere:500")
+        self.assertEqual([(row["mesher"], row["threads"]) for row in rows],
+                         [("locvol", 1), ("cgal-parallel", 1), ("cgal", 1),
+                          ("locvol", 2), ("cgal-parallel", 2)])
+        self.assertEqual(rows[0]["tetrahedra"], rows[3]["tetrahedra"])
+        for mine, peer in ((0, 1), (0, 2), (3, 4)):
+            self.assertAlmostEqual(rows[peer]["ratio"], 37 / rows[mine]["seconds"])
+
     def test_missing_peers_have_rows(self):
         rows, done = self.run_driver("--sizes", "30%", "--repetitions", "1", "--peers",
                                      self.peers, "--tools", "cgal,hxt-fill", "sphere:500")
