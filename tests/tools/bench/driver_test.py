@@ -12,7 +12,7 @@ import unittest
 
 DRIVER, LOCVOL = (os.path.abspath(path) for path in sys.argv[1:3])
 
-# As many tetrahedra as a law of volume and area gives, and four triangles for a boundary.
+# As many tetrahedra as a law of volume and area gives; four triangles for a boundary.
 CGAL = """
 a = dict(zip(sys.argv[2::2], sys.argv[3::2]))
 size = float(a["--lambda"])
@@ -21,7 +21,7 @@ if "--surface-out" in sys.argv:
         file.write("OFF\\n4 4 0\\n0 0 0\\n1 0 0\\n0 1 0\\n0 0 1\\n"
                    "3 0 2 1\\n3 0 1 3\\n3 1 2 3\\n3 2 0 3\\n")
 steps = {"load": 1, "tree": 2, "refine": 30, "optimize": 0, "write": 4}
-print(json.dumps({"n_tets": round(19 / size**3 + 20 / size**2), "wall_s": steps,
+print(json.dumps({"n_tets": round(19 / size**3 + 20 / size**2), "wall_s": steps, "cpu_s": steps,
                   "peak_rss_mb": {step: 7 for step in steps}, "some": float("nan")}))
 """
 TETGEN = """
@@ -84,6 +84,7 @@ class Driver(unittest.TestCase):
             self.assertLess(sum(row["phases"].values()), row["seconds"])
             self.assertEqual(len(row["runs"]), 2)
             self.assertEqual(row["seconds"], max(row["runs"]))
+            self.assertGreater(row["cpu_seconds"], 0)
             self.assertGreater(row["peak_bytes"], 2**20)
             self.assertGreater(row["store_bytes"], row["tetrahedra"])
             self.assertTrue(2 < row["tetrahedra_per_size3"] < 20, row)
@@ -112,6 +113,18 @@ class Driver(unittest.TestCase):
         self.assertEqual((tetgen["seconds"], hxt["seconds"]), (2.5, 1.5))
         for row in (tetgen, hxt):
             self.assertAlmostEqual(row["tetrahedra"] / mine["tetrahedra"], 1, delta=0.05)
+
+    def test_compares_as_many_threads(self):
+        self.peer("cgal_mesh3", CGAL)
+        rows, _ = self.run_driver("--sizes", "25%", "--threads", "1,2", "--repetitions", "1",
+                                  "--peers", self.peers, "--tools", "cgal-parallel,cgal",
+                                  "sphere:500")
+        self.assertEqual([(row["mesher"], row["threads"]) for row in rows],
+                         [("locvol", 1), ("cgal-parallel", 1), ("cgal", 1),
+                          ("locvol", 2), ("cgal-parallel", 2)])
+        self.assertEqual(rows[0]["tetrahedra"], rows[3]["tetrahedra"])
+        for mine, peer in ((0, 1), (0, 2), (3, 4)):
+            self.assertAlmostEqual(rows[peer]["ratio"], 37 / rows[mine]["seconds"])
 
     def test_missing_peers_have_rows(self):
         rows, done = self.run_driver("--sizes", "30%", "--repetitions", "1", "--peers",
