@@ -195,4 +195,36 @@ void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const Leaf
   Visit(state, loader, leaf).apply(delta);
 }
 
+void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
+  const auto require_own = [&](const Point& position) {
+    if (state.run.frame.key_of(position, leaf.level()) != leaf)
+      throw RefineError("its cover has a point outside its box");
+  };
+  state.dequeue(leaf);
+  for (const LatticeSite& site : points.lattice)
+    require_own(state.add_lattice_point(site).position);
+  for (const Point& p : points.samples) {
+    require_own(p);
+    state.add_point(p, PointKind::kSurface);
+  }
+  if (points.core.is_empty()) return;
+  const auto num_core_points = num_points(points.core, state.lattice.sites_in(state.box(leaf)));
+  state.leaves.edit_points(leaf).core = points.core;
+  state.leaves.edit_info(leaf).num_core_points = num_core_points;
+  state.run.num_points += num_core_points;
+}
+
+void enqueue_for_refinement(RunState& state) {
+  for (const MortonKey leaf : state.octree.leaves()) {
+    const LeafInfo& info = state.leaves.info(leaf);
+    if (info.num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+    if (info.num_core_points > 0) {
+      const std::uint64_t num_cells = num_core_cells(state, leaf);
+      state.leaves.edit_info(leaf).num_core_cells = num_cells;
+      state.run.num_cells += num_cells;
+    }
+    state.leaves.trim();
+  }
+}
+
 }  // namespace locvol

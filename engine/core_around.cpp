@@ -59,6 +59,14 @@ std::vector<MeshPoint> CoreAround::neighbors_of(std::span<const MeshPoint> point
   return neighbors;
 }
 
+std::vector<MeshPoint> CoreAround::points() const {
+  std::vector<MeshPoint> points;
+  for_each_site(is_core_.box(), [&](const LatticeSite& site) {
+    if (contains(site)) points.push_back(point_of(lattice_, site));
+  });
+  return points;
+}
+
 void CoreAround::within(const Point& q, double radius, std::vector<MeshPoint>& out) const {
   out.clear();
   std::vector<LatticeSite> sites;

@@ -24,6 +24,7 @@ class CoreAround : public CoreIndex {
   }
   // Those that share a cell with one of the lattice points given, in order of id.
   std::vector<MeshPoint> neighbors_of(std::span<const MeshPoint> points) const;
+  std::vector<MeshPoint> points() const;  // all of them, in order of id
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override;
 
  private:

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "engine/apply_visit.h"
-#include "engine/core_around.h"
 #include "engine/file_digest.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
@@ -66,7 +65,7 @@ class Engine {
           loader_.load_cover(leaf),
           [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },
           [this, leaf](const CoverPoints& points) {
-            apply_cover(leaf, points);
+            apply_cover(state_, leaf, points);
             note_visit();
           });
     };
@@ -114,38 +113,8 @@ class Engine {
     if (state_.is_commit_due()) commit();
   }
 
-  void apply_cover(MortonKey leaf, const CoverPoints& points) {
-    state_.dequeue(leaf);
-    for (const LatticeSite& site : points.lattice)
-      require_own(leaf, state_.add_lattice_point(site).position);
-    for (const Point& p : points.samples) {
-      require_own(leaf, p);
-      state_.add_point(p, PointKind::kSurface);
-    }
-    if (points.core.is_empty()) return;
-    const auto num_core_points = num_points(points.core, state_.lattice.sites_in(state_.box(leaf)));
-    state_.leaves.edit_points(leaf).core = points.core;
-    state_.leaves.edit_info(leaf).num_core_points = num_core_points;
-    state_.run.num_points += num_core_points;
-  }
-
-  void require_own(MortonKey leaf, const Point& position) const {
-    if (state_.run.frame.key_of(position, leaf.level()) != leaf)
-      throw RefineError("its cover has a point outside its box");
-  }
-
-  // Epoch 1: every leaf with points of its own to look at. The core's cells are known.
   void begin_refinement() {
-    for (const MortonKey leaf : state_.octree.leaves()) {
-      const LeafInfo& info = state_.leaves.info(leaf);
-      if (info.num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
-      if (info.num_core_points > 0) {
-        const std::uint64_t num_cells = num_core_cells(state_, leaf);
-        state_.leaves.edit_info(leaf).num_core_cells = num_cells;
-        state_.run.num_cells += num_cells;
-      }
-      state_.leaves.trim();
-    }
+    enqueue_for_refinement(state_);
     end_phase(Phase::kRefine);
   }
 

@@ -527,11 +527,11 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
+  note_met_core(q);  // q may be a cell's circumcenter, gone with it
   if (mesh_.has_cells())
     mesh_.insert({ref, q, kind}, ref, conflict_);
   else
     mesh_.insert_first({ref, q, kind}, ref);
-  note_met_core(q);
 }
 
 std::string Refinement::place() const {
