@@ -9,15 +9,19 @@
 #include "engine/first_points.h"
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
-#include "engine/leaf_name.h"
 #include "engine/memory_budget.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
+#include "engine/visit_pipeline.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
 namespace {
+
+int num_threads(const RunControl& control) {
+  return control.num_threads > 0 ? control.num_threads : num_usable_threads();
+}
 
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
@@ -27,7 +31,8 @@ class Engine {
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
-        loader_(state_, budget_) {}
+        loader_(state_, budget_),
+        visits_(state_, budget_, num_threads(control)) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -36,18 +41,17 @@ class Engine {
   }
 
  private:
-  // Load, compute, commit. The leaves of one round are independent of each other: their deltas do
-  // not depend on the order of their visits, and are applied in Morton order.
+  // Load, compute, commit.
   bool refine() {
-    while (const auto leaves = next_independent()) {
-      for (const MortonKey leaf : *leaves) {
-        if (is_stopped()) return false;
-        visit(leaf, [&] {
-          const LoadedLeaf loaded = loader_.load(leaf);
-          apply_visit(state_, loader_, leaf, refine_leaf(loaded.input));
-        });
-      }
-    }
+    const auto load = [this](MortonKey leaf) {
+      return make_visit(
+          loader_.load(leaf), [](LoadedLeaf& loaded) { return refine_leaf(loaded.complete()); },
+          [this, leaf](const LeafDelta& delta) {
+            apply_visit(state_, loader_, leaf, delta);
+            note_visit();
+          });
+    };
+    if (!visit_all(load)) return false;
     end_phase(Phase::kDone);
     return true;
   }
@@ -56,15 +60,16 @@ class Engine {
 
   // Epoch 0: each leaf that the domain may meet gets its share of a point set that covers it.
   bool cover() {
-    while (const auto leaves = next_independent()) {
-      for (const MortonKey leaf : *leaves) {
-        if (is_stopped()) return false;
-        visit(leaf, [&] {
-          const LoadedCover loaded = loader_.load_cover(leaf);
-          apply_cover(leaf, cover_leaf(loaded.input));
-        });
-      }
-    }
+    const auto load = [this](MortonKey leaf) {
+      return make_visit(
+          loader_.load_cover(leaf),
+          [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },
+          [this, leaf](const CoverPoints& points) {
+            apply_cover(state_, leaf, points);
+            note_visit();
+          });
+    };
+    if (!visit_all(load)) return false;
     begin_refinement();
     return true;
   }
@@ -77,47 +82,39 @@ class Engine {
     return true;
   }
 
-  // The leaves at the front of the queue that can be visited in any order; empty: the queue is.
-  std::optional<std::vector<MortonKey>> next_independent() {
-    if (state_.open_epoch()) commit();
-    if (state_.queue.is_empty()) return std::nullopt;
-    return state_.queue.front_leaves();
+  // Epoch after epoch, until the queue is empty (true) or the user stops it (false).
+  bool visit_all(const VisitPipeline::Load& load) {
+    while (open_epoch()) {
+      if (visit_epoch(load)) continue;
+      commit();
+      return false;
+    }
+    return true;
   }
 
-  // Commits what is due after the visit; its errors get the leaf's name.
-  template <class Action>
-  void visit(MortonKey leaf, const Action& action) {
-    try {
-      action();
-    } catch (const RefineError& e) {
-      throw RefineError(leaf_name(leaf) + ": " + e.what());
-    } catch (const OverBudget& e) {
-      commit();
-      throw OverBudget(leaf_name(leaf) + ": " + e.what() + "; go on with a larger one, at least " +
-                           memory_text(plan_.cap_with_heap(e.bytes())) +
-                           ": nothing that was done is lost",
-                       e.bytes());
-    }
+  // False: no leaves wait.
+  bool open_epoch() {
+    if (state_.open_epoch()) commit();
+    return !state_.queue.is_empty();
+  }
+
+  bool visit_epoch(const VisitPipeline::Load& load) try {
+    return visits_.visit_epoch(load, [this] { return is_stopped(); });
+  } catch (const OverBudget& e) {
+    commit();
+    throw OverBudget(std::string(e.what()) + "; go on with a larger one, at least " +
+                         memory_text(plan_.cap_with_heap(e.bytes())) +
+                         ": nothing that was done is lost",
+                     e.bytes());
+  }
+
+  void note_visit() {
     state_.note_visit();
     if (state_.is_commit_due()) commit();
   }
 
-  void apply_cover(MortonKey leaf, const CoverPoints& points) {
-    state_.dequeue(leaf);
-    for (const Point& p : points.samples) add_own(leaf, p, PointKind::kSurface);
-    for (const Point& p : points.lattice) add_own(leaf, p, PointKind::kLattice);
-  }
-
-  void add_own(MortonKey leaf, const Point& position, PointKind kind) {
-    if (state_.run.frame.key_of(position, leaf.level()) != leaf)
-      throw RefineError("its cover has a point outside its box");
-    state_.add_point(position, kind);
-  }
-
-  // Epoch 1: every leaf with points.
   void begin_refinement() {
-    for (const MortonKey leaf : state_.octree.leaves())
-      if (state_.leaves.info(leaf).num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
+    enqueue_for_refinement(state_);
     end_phase(Phase::kRefine);
   }
 
@@ -126,11 +123,7 @@ class Engine {
     commit();
   }
 
-  bool is_stopped() {
-    if (!control_.is_stopped || !control_.is_stopped()) return false;
-    commit();
-    return true;
-  }
+  bool is_stopped() const { return control_.is_stopped && control_.is_stopped(); }
 
   void commit() {
     state_.commit(memory_use());
@@ -158,6 +151,7 @@ class Engine {
   MemoryBudget budget_;
   RunState state_;
   LeafLoader loader_;
+  VisitPipeline visits_;
 };
 
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {

@@ -46,6 +46,7 @@ struct Progress {
   std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
 };
 
+// The functions are called by one thread at a time, not always the same one.
 struct RunControl {
   // Called after each commit, and now and then while a large surface is ingested; may be empty.
   std::function<void(const Progress&)> on_progress;
@@ -55,6 +56,7 @@ struct RunControl {
   // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
   // no influence on the result.
   std::uint64_t memory_bytes = 0;
+  int num_threads = 0;  // 0: all that the process may use. No influence on the result either
 };
 
 enum class RunOutcome { kDone, kUnresolved, kInterrupted };

@@ -13,10 +13,7 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
-constexpr GridFineness kFine{1.2, 12}, kCoarse{6, 128};
-
-// Where a fraction of λ keeps the lattice off the planes of the octree and of most models.
-constexpr Point kLatticeOffset{0.1370, 0.2718, 0.3517};
+constexpr GridFineness kFine{1.2, 12}, kOfCover{2, 32}, kCoarse{6, 128};
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
@@ -37,6 +34,20 @@ std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_cap
 
 }  // namespace
 
+template <class Input>
+const Input& Loaded<Input>::complete() {
+  if (surface) {
+    patch = std::make_unique<SurfacePatch>(std::move(surface->triangles), surface->region,
+                                           surface->reference, surface->is_reference_inside,
+                                           surface->fineness);
+    surface.reset();
+    input.surface = patch.get();
+  }
+  return input;
+}
+template struct Loaded<LeafInput>;
+template struct Loaded<CoverInput>;
+
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), budget_(budget) {
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
@@ -53,21 +64,24 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), b
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double size = state_.size();
   const Box box = state_.box(leaf);
-  std::vector<MeshPoint> around = points_around(leaf, kSampleRadius * size);
-  const Box region = box.expanded(kSlack * size);
+  std::vector<MeshPoint> around;
+  if (state_.leaves.info(leaf).num_triangles > 0)
+    around = points_around(leaf, kSampleRadius * size);
+  const double patch_distance = kSlack * kCoreDepth * size;
+  const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
   const VisitSize visit{
       .volume = volume_over_size(region),
       .num_points = around.size() + most_lattice_points(box, size) + most_samples(triangles, size),
       .num_triangles = triangles.size()};
   LoadedCover loaded;
-  loaded.memory = reserve(visit.bytes_to_cover());
-  loaded.patch = patch_around(leaf, kSlack * size, std::move(triangles), kCoarse);
+  loaded.bytes = visit.bytes_to_cover();
+  loaded.surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover);
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
-                  .lattice_origin = state_.run.frame.origin() + size * kLatticeOffset,
+                  .lattice = &state_.lattice,
                   .box = box,
-                  .surface = loaded.patch.get(),
+                  .surface = nullptr,
                   .nearby_samples = {}};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
@@ -80,28 +94,37 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double patch_distance = kSlack * kReach / 2 * size;
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
-  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
+  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance), core;
+  std::unique_ptr<const CoreAround> core_around;
+  if (state_.is_cover()) {
+    core_around = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
+    core = core_around->neighbors_of(own);
+  }
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles;
   if (state_.is_cover()) triangles = triangles_meeting(region);
   const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
-                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
+                        .num_points = most_points_of_visit(own.size(), ghosts.size() + core.size()),
                         .num_triangles = triangles.size()};
   LoadedLeaf loaded;
-  loaded.memory = reserve(visit.bytes_to_refine());
+  loaded.bytes = visit.bytes_to_refine();
   std::optional<LastVisit> last = last_visit(leaf);
   if (state_.is_cover())
-    loaded.patch = patch_around(leaf, patch_distance, std::move(triangles), last ? kCoarse : kFine);
+    loaded.surface =
+        surface_around(leaf, patch_distance, std::move(triangles), last ? kCoarse : kFine);
   loaded.input = {.criteria = criteria(),
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .surface = state_.is_cover() ? loaded.patch.get() : whole_surface_.get(),
+                  .core = std::move(core),
+                  .surface = whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
+                  .all_core = core_around && !core_around->is_empty() ? core_around.get() : nullptr,
                   .max_own_points = max_own_points(leaf),
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
                   .on_step = {}};
+  loaded.core = std::move(core_around);
   return loaded;
 }
 
@@ -115,13 +138,6 @@ void LeafLoader::note_deleted(const MeshPoint& point) {
   if (!all_points_) return;
   --num_points_;
   all_points_->erase(point);
-}
-
-MemoryBudget::Reservation LeafLoader::reserve(std::uint64_t bytes) {
-  MemoryBudget::Reservation reservation = budget_.reserve(bytes);
-  state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
-  state_.leaves.trim();
-  return reservation;
 }
 
 // Before a visit, and not as its points come: what is half applied must not be given up.
@@ -169,19 +185,22 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
   return may_split ? state_.run.parameters.leaf_capacity : 0;
 }
 
-std::unique_ptr<const SurfacePatch> LeafLoader::patch_around(MortonKey leaf, double distance,
-                                                             std::vector<Triangle> triangles,
-                                                             GridFineness fineness) {
+SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
+                                        std::vector<Triangle> triangles, GridFineness fineness) {
   fineness.resolution *= state_.size();
   const Box box = state_.box(leaf);
-  return std::make_unique<SurfacePatch>(std::move(triangles), box.expanded(distance), box.center(),
-                                        state_.leaves.info(leaf).is_center_inside, fineness);
+  return {.triangles = std::move(triangles),
+          .region = box.expanded(distance),
+          .reference = box.center(),
+          .is_reference_inside = state_.leaves.info(leaf).is_center_inside,
+          .fineness = fineness};
 }
 
 // Each once, in order of id; and some more, that only come close.
 std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   std::vector<Triangle> triangles;
   for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0)) {
+    if (state_.leaves.info(leaf).num_triangles == 0) continue;
     std::ranges::copy_if(state_.leaves.surface(leaf).triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
     state_.leaves.trim();
@@ -196,7 +215,7 @@ std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance
   const Box box = state_.box(leaf);
   std::vector<MeshPoint> around;
   for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, box, distance)) {
-    if (other == leaf) continue;
+    if (other == leaf || state_.leaves.info(other).num_points == 0) continue;
     std::ranges::copy_if(state_.leaves.points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
                            return box.squared_distance(p.position) <= distance * distance;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/core_around.h"
 #include "engine/memory_budget.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
@@ -14,26 +15,37 @@
 
 namespace locvol {
 
-// `input` points to `patch`, or to what the loader holds. `memory` is reserved for the visit.
-struct LoadedLeaf {
-  MemoryBudget::Reservation memory;
-  std::unique_ptr<const SurfacePatch> patch;
-  LeafInput input;
+// What SurfacePatch is built from.
+struct SurfacePiece {
+  std::vector<Triangle> triangles;
+  Box region;
+  Point reference;
+  bool is_reference_inside = false;
+  GridFineness fineness;
 };
-struct LoadedCover {
-  MemoryBudget::Reservation memory;
+
+// All that a visit reads, copied from the run. To build the patch is a good part of the visit's
+// work, so it is left to whom the visit is computed by, once `bytes` have been reserved for it.
+template <class Input>
+struct Loaded {
+  std::uint64_t bytes = 0;              // that the visit takes at its peak
+  std::optional<SurfacePiece> surface;  // nothing: `input` points to what the loader holds
   std::unique_ptr<const SurfacePatch> patch;
-  CoverInput input;
+  std::unique_ptr<const CoreAround> core;  // null: `input` needs none
+  Input input;
+
+  const Input& complete();  // `input` with its surface
 };
+using LoadedLeaf = Loaded<LeafInput>;
+using LoadedCover = Loaded<CoverInput>;
 
 class LeafLoader {
  public:
   // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget.
   LeafLoader(RunState& state, MemoryBudget& budget);
 
-  // Both wait for memory. Throw OverBudget: the visit takes more than there is.
   LoadedCover load_cover(MortonKey leaf);
-  LoadedLeaf load(MortonKey leaf);
+  LoadedLeaf load(MortonKey leaf);  // in paper mode throws OverBudget: P has outgrown the memory
   // Keeps up with P.
   void note_inserted(const MeshPoint& point);
   void note_deleted(const MeshPoint& point);
@@ -43,14 +55,12 @@ class LeafLoader {
  private:
   Criteria criteria() const;
   std::uint64_t max_own_points(MortonKey leaf) const;
-  MemoryBudget::Reservation reserve(std::uint64_t bytes);  // the cache of records gives way
   std::optional<LastVisit> last_visit(MortonKey leaf);
   void keep_memory_of_points();
   double volume_over_size(const Box& box) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
-  std::unique_ptr<const SurfacePatch> patch_around(MortonKey leaf, double distance,
-                                                   std::vector<Triangle> triangles,
-                                                   GridFineness fineness);
+  SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,
+                              GridFineness fineness);
   std::vector<Triangle> triangles_meeting(const Box& region);
   // Points of other leaves at most `distance` from the leaf's box, in order of id.
   std::vector<MeshPoint> points_around(MortonKey leaf, double distance);

@@ -25,6 +25,15 @@ std::vector<MortonKey> LeafQueue::front_leaves() const {
   return leaves;
 }
 
+std::vector<QueuePlace> LeafQueue::front_epoch() const {
+  std::vector<QueuePlace> places;
+  for (const auto& [place, dirty] : entries_) {
+    if (place.first.epoch != front().epoch) break;
+    places.push_back({place.first, place.second});
+  }
+  return places;
+}
+
 void LeafQueue::put(const QueueEntry& entry) {
   const Place place{entry.position, entry.leaf};
   entries_.insert_or_assign(place, entry.dirty);

@@ -28,6 +28,8 @@ class LeafQueue {
   // The leaves at the front that share its epoch and color, in Morton order: independent of each
   // other, once colored. REQUIRES: !is_empty()
   std::vector<MortonKey> front_leaves() const;
+  // All that wait in the epoch at the front, in queue order. REQUIRES: !is_empty()
+  std::vector<QueuePlace> front_epoch() const;
 
   void put(const QueueEntry& entry);
   void grow(QueuePosition position, MortonKey leaf, const Box& dirty);  // REQUIRES: it waits there

@@ -11,6 +11,8 @@
 #include <optional>
 #include <string_view>
 
+#include "engine/workers.h"
+
 namespace locvol {
 namespace {
 
@@ -20,6 +22,8 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 constexpr std::uint64_t kProgramBytes = 32 * kMiB;
 // To read, check and cut a surface of any size.
 constexpr std::uint64_t kIngestBytes = 64 * kMiB;
+// For a thread that checks a bucket of it, besides the first, and for one that waits to be checked.
+constexpr std::uint64_t kBytesPerIngestThread = 24 * kMiB;
 // In the octree, the queue with its colors, and the writer's tables.
 constexpr std::uint64_t kBytesPerLeaf = 256;
 // What a changed record takes from its change until the commit is over, over its decoded size:
@@ -27,8 +31,6 @@ constexpr std::uint64_t kBytesPerLeaf = 256;
 constexpr std::uint64_t kCommitFactor = 2;
 // Free blocks between used ones; pages that malloc keeps.
 constexpr double kHeapSlack = 1.2;
-// For the records around a leaf, and for the writer's windows, which take as much.
-constexpr std::uint64_t kLeastCache = 24 * kMiB;
 constexpr std::uint64_t kLeastUnwritten = 4 * kMiB, kMostUnwritten = 32 * kMiB;
 
 std::uint64_t with_slack(std::uint64_t bytes) {
@@ -124,11 +126,18 @@ std::uint64_t memory_cap(std::uint64_t asked) {
   return cap;
 }
 
+int num_ingest_threads(int asked, std::uint64_t cap) {
+  const int num_threads = asked > 0 ? asked : num_usable_threads();
+  const std::uint64_t for_others = cap - std::min(cap, kProgramBytes + kIngestBytes);
+  return static_cast<int>(std::min<std::uint64_t>(static_cast<std::uint64_t>(num_threads),
+                                                  1 + for_others / kBytesPerIngestThread));
+}
+
 std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmHWM:").value_or(0); }
 
 MemoryPlan::MemoryPlan(std::uint64_t cap, std::uint64_t num_leaves, std::uint64_t largest_visit)
     : cap_(cap), leaves_(num_leaves * kBytesPerLeaf) {
-  const std::uint64_t least_heap = largest_visit + kLeastCache;
+  const std::uint64_t least_heap = largest_visit + kLeastCacheBytes;
   const std::int64_t heap = heap_under(cap, leaves_);
   if (heap < static_cast<std::int64_t>(with_slack(least_heap)))
     throw OverBudget("a memory cap of " + memory_text(cap) + " is too small for this run: give " +
@@ -166,7 +175,7 @@ void MemoryBudget::take(std::unique_lock<std::mutex>& lock, std::uint64_t bytes)
   if (bytes > total_)
     throw OverBudget("its visit takes " + memory_text(bytes) + ", and the memory cap leaves " +
                          memory_text(total_),
-                     bytes + kept_ + kLeastCache);
+                     bytes + kept_ + kLeastCacheBytes);
   given_back_.wait(lock, [&] { return free_ >= bytes; });
   free_ -= bytes;
 }

@@ -29,11 +29,16 @@ std::uint64_t free_memory();
 // What the user asks for, or half of what is free if that is 0; bytes of the whole process. Throws
 // OverBudget for less than it takes to read and check a surface.
 std::uint64_t memory_cap(std::uint64_t asked);
+// How many threads may check a surface at once under the cap, of those `asked` for; 0: of those
+// that the process may use.
+int num_ingest_threads(int asked, std::uint64_t cap);
 // The most RAM that the process has held so far (VmHWM), in bytes.
 std::uint64_t peak_resident_memory();
 
 // Of decoded records, however large the cap: more has not made any run faster.
 inline constexpr std::uint64_t kMostCacheBytes = std::uint64_t{256} << 20;
+// For the records around a leaf, and for the writer's windows, which take as much.
+inline constexpr std::uint64_t kLeastCacheBytes = std::uint64_t{24} << 20;
 
 // What a visit has to deal with; it gives the memory that the visit takes at its peak, for its
 // input, triangulation, tables and result. Calibrated on whole runs with counted allocations

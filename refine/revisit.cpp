@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <string>
 
 namespace locvol {
@@ -40,7 +41,7 @@ std::optional<Revisit> Revisit::of(const LeafInput& input) {
 }
 
 Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.size()) {
-  const std::size_t num = input.own.size() + input.ghosts.size();
+  const std::size_t num = input.own.size() + input.ghosts.size() + input.core.size();
   cubes_.reserve(num);
   for (std::size_t i = 0; i < num; ++i)
     cubes_.push_back({cube_of(point(i).position), static_cast<std::uint32_t>(i)});
@@ -50,8 +51,11 @@ Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.
 }
 
 const MeshPoint& Revisit::point(std::size_t i) const {
-  const std::size_t num_own = input_->own.size();
-  return i < num_own ? input_->own[i] : input_->ghosts[i - num_own];
+  for (const auto* points : {&input_->own, &input_->ghosts}) {
+    if (i < points->size()) return (*points)[i];
+    i -= points->size();
+  }
+  return input_->core[i];
 }
 
 std::array<std::int32_t, 3> Revisit::cube_of(const Point& p) const {
@@ -96,6 +100,7 @@ void Revisit::gather_part() {
   part_.criteria = input_->criteria;
   part_.box = input_->box;
   part_.surface = input_->surface;
+  part_.all_core = input_->all_core;
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
@@ -109,7 +114,8 @@ void Revisit::gather_part() {
   for (std::size_t i = 0; i < is_near.size(); ++i) {
     if (!is_near[i]) continue;
     const bool is_own = i < is_active_.size() && is_active_[i];
-    (is_own ? part_.own : part_.ghosts).push_back(point(i));
+    const bool is_core = i >= input_->own.size() + input_->ghosts.size();
+    (is_own ? part_.own : is_core ? part_.core : part_.ghosts).push_back(point(i));
   }
 }
 
@@ -129,11 +135,21 @@ bool Revisit::is_complete(const LeafDelta& delta) const {
   return is_complete;
 }
 
-const MeshPoint& Revisit::find(VertexRef id) const {
-  for (const auto* points : {&input_->own, &input_->ghosts}) {
-    const auto found = std::ranges::lower_bound(*points, id, {}, &MeshPoint::id);
-    if (found != points->end() && found->id == id) return *found;
-  }
+namespace {
+
+const MeshPoint* find_in(const std::vector<MeshPoint>& points, VertexRef id) {
+  const auto found = std::ranges::lower_bound(points, id, {}, &MeshPoint::id);
+  return found != points.end() && found->id == id ? &*found : nullptr;
+}
+
+}  // namespace
+
+// The position of a vertex; of a point of the core, which no cell is of, one behind all others.
+Point Revisit::place_among_smallest(VertexRef id) const {
+  for (const auto* points : {&input_->own, &input_->ghosts})
+    if (const MeshPoint* found = find_in(*points, id)) return found->position;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (find_in(input_->core, id)) return {kInfinity, kInfinity, kInfinity};
   throw RefineError("a cell of the last visit has the point " + std::to_string(id) +
                     ", which is neither loaded nor deleted");
 }
@@ -152,7 +168,7 @@ std::vector<Revisit::Fate> Revisit::fates() const {
   return fates;
 }
 
-// A cell is of the point that is its smallest vertex.
+// A cell is of the point that is its smallest vertex, not counting those of the core.
 bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
                       const std::vector<Fate>& fates) const {
   const auto has = [&](Fate fate) {
@@ -160,8 +176,8 @@ bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
   };
   if (has(Fate::kDeleted)) return false;
   if (!has(Fate::kActive)) return true;
-  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) -> const Point& {
-    return find(input_->last_visit->cells.vertices[v]).position;
+  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) {
+    return place_among_smallest(input_->last_visit->cells.vertices[v]);
   });
   return fates[smallest] != Fate::kActive;
 }

@@ -93,6 +93,16 @@ std::uint64_t parse_memory(const std::string& text) {
   return static_cast<std::uint64_t>(bytes);
 }
 
+int parse_threads(const std::string& text) {
+  constexpr int kMost = 1024;
+  const auto value = parse_number<int>(text);
+  if (!value || *value < 1 || *value > kMost) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no number of threads: give a whole number from 1 to {}", text, kMost));
+  }
+  return *value;
+}
+
 double parse_fraction(const std::string& text) {
   const auto value = parse_number<double>(text);
   if (!value || !(*value > 0 && *value < 1)) {

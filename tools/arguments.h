@@ -22,6 +22,8 @@ std::uint64_t parse_count(const std::string& text);
 // "512M", "2G", "1.5GiB" (K, M, G and T are powers of 1024), or "25%" of the memory that is free.
 // In bytes.
 std::uint64_t parse_memory(const std::string& text);
+// A whole number from 1 to 1024.
+int parse_threads(const std::string& text);
 // Above 0 and below 1.
 double parse_fraction(const std::string& text);
 // A whole number from 0 to 2^64 - 1.

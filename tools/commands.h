@@ -26,6 +26,7 @@ struct MeshCommand {
   MeshOptions options;  // store: empty for the default, OUTPUT.locvol
   std::filesystem::path output;
   std::uint64_t memory_bytes = 0;  // 0: the default
+  int num_threads = 0;             // 0: all that the process may use
   bool is_store_kept = false;      // a store that the user names is kept in any case
   bool is_quiet = false;
   bool is_json = false;
@@ -35,6 +36,7 @@ struct ResumeCommand {
   std::filesystem::path store;
   std::filesystem::path output;    // empty: none is written
   std::uint64_t memory_bytes = 0;  // 0: the default
+  int num_threads = 0;             // 0: all that the process may use
   bool is_quiet = false;
   bool is_json = false;
 };

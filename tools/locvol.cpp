@@ -80,6 +80,13 @@ void add_memory(CLI::App& app, std::uint64_t& memory_bytes) {
       ->type_name("SIZE");
 }
 
+void add_threads(CLI::App& app, int& num_threads) {
+  add_parsed(app, "-t,--threads", parse_threads, num_threads,
+             "Threads to work with (default: as many as the process may use); the mesh is the same "
+             "with any number")
+      ->type_name("N");
+}
+
 void add_quiet(CLI::App& app, bool& is_quiet) {
   app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
 }
@@ -95,6 +102,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
       ->type_name("SIZE")
       ->required();
   add_memory(*mesh, command.memory_bytes);
+  add_threads(*mesh, command.num_threads);
   mesh->add_option("--store", options.store,
                    "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
                    "when the run is done with exit code 0)")
@@ -124,6 +132,7 @@ CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
   add_store(*resume, command.store);
   add_output(*resume, command.output, {".vtu"});
   add_memory(*resume, command.memory_bytes);
+  add_threads(*resume, command.num_threads);
   add_quiet(*resume, command.is_quiet);
   add_json(*resume, command.is_json);
   return resume;

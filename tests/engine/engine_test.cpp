@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <map>
+#include <random>
 #include <set>
 
 #include "tests/engine/closed_shapes.h"
+#include "tests/engine/core_brute_force.h"
 
 namespace locvol {
 namespace {
@@ -58,6 +60,28 @@ testing::AssertionResult are_equal(const Contents& a, const Contents& b) {
   return testing::AssertionSuccess();
 }
 
+CoreByBruteForce core_of(const Contents& contents) {
+  std::vector<MortonKey> leaves;
+  for (const auto& [key, leaf] : contents.leaves) leaves.push_back(key);
+  return {contents.run, leaves,
+          [&](MortonKey leaf) { return contents.leaves.at(leaf).points.core; }};
+}
+
+using CellIds = std::array<std::uint64_t, 4>;
+
+// Those of the lattice core too.
+std::vector<CellIds> cells_of(const Contents& contents) {
+  std::vector<CellIds> cells;
+  for (const auto& [key, leaf] : contents.leaves) {
+    const auto& vertices = leaf.cells.vertices;
+    for (const auto& [a, b, c, d] : leaf.cells.cells)
+      cells.push_back({vertices[a], vertices[b], vertices[c], vertices[d]});
+  }
+  for (const auto& [a, b, c, d] : core_of(contents).cells)
+    cells.push_back({site_id(a), site_id(b), site_id(c), site_id(d)});
+  return cells;
+}
+
 using Facet = std::array<std::uint64_t, 3>;
 
 // The boundary of the union of all cells: facets of one cell only.
@@ -70,15 +94,13 @@ struct Boundary {
 
 Boundary boundary_of(const Contents& contents) {
   std::map<Facet, int> cells_of_facet;
-  for (const auto& [key, leaf] : contents.leaves)
-    for (const auto& cell : leaf.cells.cells)
-      for (std::size_t opposite = 0; opposite < 4; ++opposite) {
-        Facet facet{};
-        for (std::size_t i = 0; i < 3; ++i)
-          facet[i] = leaf.cells.vertices[cell[(opposite + 1 + i) % 4]];
-        std::ranges::sort(facet);
-        ++cells_of_facet[facet];
-      }
+  for (const CellIds& cell : cells_of(contents))
+    for (std::size_t opposite = 0; opposite < 4; ++opposite) {
+      Facet facet{};
+      for (std::size_t i = 0; i < 3; ++i) facet[i] = cell[(opposite + 1 + i) % 4];
+      std::ranges::sort(facet);
+      ++cells_of_facet[facet];
+    }
   Boundary boundary;
   std::map<std::pair<std::uint64_t, std::uint64_t>, int> facets_of_edge;
   std::set<std::uint64_t> vertices;
@@ -101,18 +123,20 @@ std::map<std::uint64_t, MeshPoint> points_of(const Contents& contents) {
   std::map<std::uint64_t, MeshPoint> points;
   for (const auto& [key, leaf] : contents.leaves)
     for (const MeshPoint& point : leaf.points.points) points[point.id] = point;
+  const Lattice lattice = lattice_of(contents.run);
+  for (const LatticeSite& site : core_of(contents).sites)
+    points[site_id(site)] = {site_id(site), lattice.position(site), PointKind::kLattice};
   return points;
 }
 
 double volume_of(const Contents& contents) {
   const auto points = points_of(contents);
   double volume = 0;
-  for (const auto& [key, leaf] : contents.leaves)
-    for (const auto& cell : leaf.cells.cells) {
-      std::array<Point, 4> p;
-      for (std::size_t i = 0; i < 4; ++i) p[i] = points.at(leaf.cells.vertices[cell[i]]).position;
-      volume += dot(cross(p[1] - p[0], p[2] - p[0]), p[3] - p[0]) / 6;
-    }
+  for (const CellIds& cell : cells_of(contents)) {
+    std::array<Point, 4> p;
+    for (std::size_t i = 0; i < 4; ++i) p[i] = points.at(cell[i]).position;
+    volume += dot(cross(p[1] - p[0], p[2] - p[0]), p[3] - p[0]) / 6;
+  }
   return volume;
 }
 
@@ -120,6 +144,10 @@ double volume_of(const Contents& contents) {
 void expect_consistent(const Contents& contents) {
   std::uint64_t num_points = 0, num_cells = 0, num_unresolved = 0, num_queued = 0;
   std::set<std::uint64_t> ids;
+  const CoreByBruteForce core = core_of(contents);
+  const Lattice lattice = lattice_of(contents.run);
+  const bool is_cover = contents.run.parameters.init == Initialization::kCover;
+  const bool is_core_counted = contents.run.phase >= Phase::kRefine;
   for (const auto& [key, leaf] : contents.leaves) {
     EXPECT_EQ(leaf.info.num_points, leaf.points.points.size());
     EXPECT_EQ(leaf.info.num_cells, leaf.cells.cells.size());
@@ -130,9 +158,19 @@ void expect_consistent(const Contents& contents) {
       EXPECT_EQ(contents.run.frame.key_of(point.position, key.level()), key);
       EXPECT_TRUE(ids.insert(point.id).second);
       EXPECT_LT(point.id, contents.run.next_point_id);
+      const bool is_site = is_cover && point.id < kFirstOtherId;
+      EXPECT_EQ(is_site, point.kind == PointKind::kLattice);
+      if (!is_site) continue;
+      EXPECT_EQ(point.position, lattice.position(site_of(point.id)));
+      EXPECT_FALSE(core.sites.contains(site_of(point.id)));
     }
-    num_points += leaf.info.num_points;
-    num_cells += leaf.info.num_cells;
+    const auto count = [&](const auto& counts) {
+      return counts.contains(key) ? counts.at(key) : std::uint64_t{0};
+    };
+    EXPECT_EQ(leaf.info.num_core_points, count(core.num_points));
+    EXPECT_EQ(leaf.info.num_core_cells, is_core_counted ? count(core.num_cells) : 0);
+    num_points += leaf.info.num_points + leaf.info.num_core_points;
+    num_cells += leaf.info.num_cells + leaf.info.num_core_cells;
     num_unresolved += leaf.info.num_unresolved;
     num_queued += leaf.info.queued.has_value();
   }
@@ -248,8 +286,11 @@ TEST_F(EngineTest, GivesTheSameRecordsAgainWithDeletions) {
   };
   EXPECT_GT(mesh(turbine("first")).num_deletions, 0U);
   const Contents first = contents_of(scratch_ / "first");
-  for (const std::string again : {"second", "third", "fourth"}) {
-    mesh(turbine(again));
+  for (const int num_threads : {1, 2, 4}) {
+    const std::string again = std::to_string(num_threads) + " threads";
+    RunControl control;
+    control.num_threads = num_threads;
+    mesh(turbine(again), control);
     EXPECT_TRUE(are_equal(contents_of(scratch_ / again), first)) << again;
   }
 }
@@ -264,6 +305,40 @@ TEST_F(EngineTest, GoesOnAfterInterruptionsToTheSameRecords) {
     EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_visits;
   }
   EXPECT_EQ(mesh(options("undisturbed", 0.2, 60)).num_visits, undisturbed.num_visits);
+}
+
+// Threads, the least memory, and interruptions that find several visits under way.
+TEST_F(EngineTest, GivesTheSameRecordsWithAnyNumberOfThreads) {
+  write(torus(1, 0.4, 32, 16));
+  const unsigned seed = std::random_device()();
+  RecordProperty("seed", std::to_string(seed));
+  std::mt19937 random(seed);
+  const auto with_threads = [](int num_threads) {
+    RunControl control;
+    control.num_threads = num_threads;
+    return control;
+  };
+  mesh(options("one", 0.12, 60), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.run.num_visits, 100U);
+  for (const int num_threads : {2, 3, 8}) {
+    const std::string name = std::to_string(num_threads);
+    RunControl control = with_threads(num_threads);
+    mesh(options(name, 0.12, 60), control);
+    EXPECT_TRUE(are_equal(contents_of(scratch_ / name), expected)) << name << " threads";
+
+    control.memory_bytes = std::uint64_t{100} << 20;
+    control.is_stopped = [&random] { return random() % 20 == 0; };
+    const auto run = options(name + " in pieces", 0.12, 60);
+    int num_pieces = 0;
+    for (auto summary = mesh(run, control); summary.outcome == RunOutcome::kInterrupted;
+         summary = resume(run.store, control)) {
+      ASSERT_LT(++num_pieces, 1000) << "seed " << seed;
+      if (num_pieces % 4 == 0) expect_consistent(contents_of(run.store));
+    }
+    EXPECT_TRUE(are_equal(contents_of(run.store), expected))
+        << name << " threads, seed " << seed << ", " << num_pieces << " pieces";
+  }
 }
 
 TEST_F(EngineTest, SplitsLeavesThatOutgrowTheirCapacity) {
@@ -345,6 +420,7 @@ TEST_F(EngineTest, IngestsAgainWhatWasCutShort) {
     RunRecord record;
     record.parameters = expected.run.parameters;
     record.surface = expected.run.surface;
+    record.next_point_id = kFirstOtherId;
     batch.put_run(record);
     batch.commit();
   };

@@ -82,6 +82,35 @@ TEST_F(RunStateTest, OpensAnEpochWithColors) {
   EXPECT_EQ(again.queue.front_leaves(), std::vector{leaf(63)});
 }
 
+// Leaves that wait for each other are those whose colors had to differ.
+TEST_F(RunStateTest, TellsWhichVisitsMayOverlap) {
+  constexpr double kFar = 7.1 * 0.05;  // a leaf is 0.25 wide: its neighbors' neighbors are near
+  for (const bool is_cover : {true, false}) {
+    RunState state(store_, 1 << 20);
+    state.run.parameters.size = 0.05;
+    state.run.parameters.init = is_cover ? Initialization::kCover : Initialization::kPaper;
+    for (const MortonKey leaf : octree_.leaves()) state.enqueue(leaf, kBox);
+    EXPECT_TRUE(state.open_epoch());
+    state.dequeue(leaf(0));
+    state.enqueue(leaf(0), kBox);
+    const std::vector<QueuePlace> epoch = state.queue.front_epoch();
+    ASSERT_EQ(epoch.size(), 63U);  // and none of the next
+    EXPECT_TRUE(std::ranges::is_sorted(epoch));
+    int num_independent = 0;
+    for (const QueuePlace& a : epoch)
+      for (const QueuePlace& b : epoch) {
+        if (a == b) continue;
+        const double squared = state.box(a.leaf).squared_distance(state.box(b.leaf));
+        EXPECT_EQ(state.are_independent(a, b), is_cover && squared > kFar * kFar);
+        EXPECT_EQ(state.are_independent(a, b), state.are_independent(b, a));
+        EXPECT_TRUE(a.position.color != b.position.color || state.are_independent(a, b));
+        num_independent += state.are_independent(a, b);
+      }
+    EXPECT_EQ(num_independent > 0, is_cover);
+    EXPECT_EQ(epoch.back().position.color == 63, !is_cover);
+  }
+}
+
 TEST_F(RunStateTest, AddsPointsToTheLeafThatOwnsThem) {
   RunState state(store_, 1 << 20);
   const MeshPoint a = state.add_point({0.3, 0.3, 0.3}, PointKind::kSurface);

@@ -63,9 +63,9 @@ class VisitMemory : public testing::TestWithParam<Case> {
       if (state.run.phase == Phase::kDone || state.queue.is_empty()) continue;
       for (const MortonKey leaf : state.queue.front_leaves()) {
         if (state.run.phase == Phase::kInitialize)
-          cover(state, loader, budget, leaf);
+          cover(state, loader, leaf);
         else
-          refine(state, loader, budget, leaf);
+          refine(state, loader, leaf);
         state.note_visit();
         if (state.is_commit_due()) state.commit();
       }
@@ -74,8 +74,7 @@ class VisitMemory : public testing::TestWithParam<Case> {
 
   void end_phase(RunState& state) {
     if (state.run.phase == Phase::kInitialize) {
-      for (const MortonKey leaf : state.octree.leaves())
-        if (state.leaves.info(leaf).num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+      enqueue_for_refinement(state);
       state.run.phase = Phase::kRefine;
     } else {
       state.run.phase = Phase::kDone;
@@ -83,39 +82,36 @@ class VisitMemory : public testing::TestWithParam<Case> {
     state.commit();
   }
 
-  void cover(RunState& state, LeafLoader& loader, MemoryBudget& budget, MortonKey leaf) {
+  void cover(RunState& state, LeafLoader& loader, MortonKey leaf) {
     for (const MortonKey near : state.octree.leaves_within(state.run.frame, state.box(leaf), 0))
       state.leaves.surface(near), state.leaves.points(near);  // so that the visit need not
     const std::size_t before = begin_measuring();
     CoverPoints points;
     {
-      const LoadedCover loaded = loader.load_cover(leaf);
-      points = cover_leaf(loaded.input);
-      compare(budget, before);
+      LoadedCover loaded = loader.load_cover(leaf);
+      points = cover_leaf(loaded.complete());
+      compare(loaded.bytes, before);
     }
-    state.dequeue(leaf);
-    for (const Point& p : points.samples) state.add_point(p, PointKind::kSurface);
-    for (const Point& p : points.lattice) state.add_point(p, PointKind::kLattice);
+    apply_cover(state, leaf, points);
   }
 
-  void refine(RunState& state, LeafLoader& loader, MemoryBudget& budget, MortonKey leaf) {
+  void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {
     for (const MortonKey near :
          state.octree.leaves_within(state.run.frame, state.box(leaf), kReach * state.size()))
       state.leaves.surface(near), state.leaves.points(near);
     const std::size_t before = begin_measuring();
     LeafDelta delta;
     {
-      const LoadedLeaf loaded = loader.load(leaf);
-      delta = refine_leaf(loaded.input);
-      compare(budget, before);
+      LoadedLeaf loaded = loader.load(leaf);
+      delta = refine_leaf(loaded.complete());
+      compare(loaded.bytes, before);
     }
     apply_visit(state, loader, leaf, delta);
   }
 
   static std::size_t begin_measuring() { return most_bytes_in_use = bytes_in_use; }
 
-  void compare(const MemoryBudget& budget, std::size_t before) {
-    const std::uint64_t reserved = budget.total() - budget.free_bytes();
+  void compare(std::uint64_t reserved, std::size_t before) {
     const std::uint64_t taken = most_bytes_in_use - before;
     EXPECT_LE(taken, reserved);
     reserved_ += reserved;

@@ -1,0 +1,180 @@
+// Order, concurrency and errors of Workers, with tasks of random length.
+#include "engine/workers.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace locvol {
+namespace {
+
+constexpr int kNumTasks = 300;
+
+// What a run of tasks 0, 1, 2 … has done, and the laws that hold at every step.
+struct Journal {
+  std::vector<int> begun, applied;  // without a lock: by one thread at a time
+  std::atomic<int> num_touching{0}, num_computing{0}, most_computing{0};
+  std::atomic<bool> has_overlapped{false};
+  std::optional<int> fails_to_compute, fails_to_apply;
+  std::vector<int> lengths;  // of the computations, in microseconds
+
+  template <class Action>
+  void touch(const Action& action) {
+    if (++num_touching > 1) has_overlapped = true;
+    action();
+    --num_touching;
+  }
+};
+
+class TestTask : public Task {
+ public:
+  TestTask(Journal& journal, int number) : journal_(journal), number_(number) {}
+  void compute() override {
+    const int now = ++journal_.num_computing;
+    int most = journal_.most_computing;
+    while (most < now && !journal_.most_computing.compare_exchange_weak(most, now)) {
+    }
+    std::this_thread::sleep_for(
+        std::chrono::microseconds(journal_.lengths[static_cast<std::size_t>(number_)]));
+    result_ = 3 * number_;
+    --journal_.num_computing;
+    if (journal_.fails_to_compute == number_) throw std::runtime_error("compute");
+  }
+  void apply() override {
+    journal_.touch([&] {
+      if (journal_.fails_to_apply == number_) throw std::runtime_error("apply");
+      journal_.applied.push_back(result_ / 3);
+    });
+  }
+
+ private:
+  Journal& journal_;
+  int number_, result_ = -1;
+};
+
+class WorkersOf : public testing::TestWithParam<int> {
+ protected:
+  WorkersOf() {
+    const unsigned seed = std::random_device()();
+    RecordProperty("seed", std::to_string(seed));
+    std::mt19937 random(seed);
+    for (int i = 0; i < kNumTasks; ++i)
+      journal_.lengths.push_back(static_cast<int>(random() % 8 == 0 ? random() % 2000 : 0));
+  }
+  std::unique_ptr<Task> next() {
+    std::unique_ptr<Task> task;
+    journal_.touch([&] {
+      const int number = static_cast<int>(journal_.begun.size());
+      if (number == kNumTasks) return;
+      journal_.begun.push_back(number);
+      task = std::make_unique<TestTask>(journal_, number);
+    });
+    return task;
+  }
+  void expect_applied(int num) const {
+    ASSERT_EQ(journal_.applied.size(), static_cast<std::size_t>(num));
+    for (int i = 0; i < num; ++i) EXPECT_EQ(journal_.applied[static_cast<std::size_t>(i)], i);
+    EXPECT_FALSE(journal_.has_overlapped);
+  }
+
+  Journal journal_;
+  Workers workers_{GetParam()};
+};
+
+TEST_P(WorkersOf, ApplyInOrderAndComputeAtOnce) {
+  EXPECT_EQ(workers_.num_threads(), GetParam());
+  workers_.run_in_order([&] { return next(); });
+  expect_applied(kNumTasks);
+  EXPECT_LE(journal_.most_computing, GetParam());
+  EXPECT_GT(journal_.most_computing, GetParam() > 1 ? 1 : 0);
+  workers_.run_in_order([] { return nullptr; });
+}
+
+TEST_P(WorkersOf, AskAgainAfterEachTaskWhenThereIsNoneForNow) {
+  int num_asked = 0;
+  workers_.run_in_order([&]() -> std::unique_ptr<Task> {
+    ++num_asked;
+    const std::size_t under_way = journal_.begun.size() - journal_.applied.size();
+    return under_way >= 2 ? nullptr : next();
+  });
+  expect_applied(kNumTasks);
+  EXPECT_LE(journal_.most_computing, 2);
+  EXPECT_LE(num_asked, 3 * kNumTasks);  // and not over and over
+}
+
+TEST_P(WorkersOf, BeginNoMoreThanTheyNeed) {
+  std::size_t most = 0;
+  workers_.run_in_order([&] {
+    most = std::max(most, journal_.begun.size() - journal_.applied.size());
+    return next();
+  });
+  EXPECT_LT(most, GetParam() == 1 ? 1U : 4U * static_cast<unsigned>(GetParam()));
+}
+
+// The error of a later task, though it may come first, is none: the task has not been reached.
+TEST_P(WorkersOf, ThrowTheFirstErrorInOrderWithAllBeforeItApplied) {
+  journal_.lengths[50] = 5000;
+  journal_.fails_to_compute = 50;
+  journal_.fails_to_apply = 52;
+  try {
+    workers_.run_in_order([&] { return next(); });
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "compute");
+  }
+  expect_applied(50);
+  EXPECT_EQ(journal_.num_computing, 0);
+}
+
+TEST_P(WorkersOf, ThrowWhatApplyingThrows) {
+  journal_.fails_to_compute = 52;
+  journal_.fails_to_apply = 50;
+  try {
+    workers_.run_in_order([&] { return next(); });
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "apply");
+  }
+  EXPECT_EQ(journal_.applied.size(), 50U);
+  journal_.num_touching = 0;
+  workers_.run_in_order([] { return nullptr; });  // and can go on
+}
+
+TEST_P(WorkersOf, ThrowTheErrorOfNextAfterAllBeforeItAreApplied) {
+  const auto run = [&] {
+    workers_.run_in_order([&] {
+      if (journal_.begun.size() == 50) throw std::runtime_error("next");
+      return next();
+    });
+  };
+  EXPECT_THROW(run(), std::runtime_error);
+  expect_applied(50);
+}
+
+INSTANTIATE_TEST_SUITE_P(Threads, WorkersOf, testing::Values(1, 2, 3, 8));
+
+TEST(Workers, OfOneThreadAreTheCaller) {
+  const auto caller = std::this_thread::get_id();
+  struct ByCaller : Task {
+    explicit ByCaller(std::thread::id id) : caller(id) {}
+    void compute() override { EXPECT_EQ(std::this_thread::get_id(), caller); }
+    void apply() override { EXPECT_EQ(std::this_thread::get_id(), caller); }
+    std::thread::id caller;
+  };
+  int num_left = 20;
+  Workers(1).run_in_order([&]() -> std::unique_ptr<Task> {
+    EXPECT_EQ(std::this_thread::get_id(), caller);
+    return num_left-- > 0 ? std::make_unique<ByCaller>(caller) : nullptr;
+  });
+  EXPECT_GE(num_usable_threads(), 1);
+}
+
+}  // namespace
+}  // namespace locvol
