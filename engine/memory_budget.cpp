@@ -22,6 +22,8 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 constexpr std::uint64_t kProgramBytes = 32 * kMiB;
 // To read, check and cut a surface of any size.
 constexpr std::uint64_t kIngestBytes = 64 * kMiB;
+// More threads than visits find memory would only take it from them, for their stacks.
+constexpr std::uint64_t kLeastHeapOfThread = 16 * kMiB;
 // For a thread that checks a bucket of it, besides the first, and for one that waits to be checked.
 constexpr std::uint64_t kBytesPerIngestThread = 24 * kMiB;
 // In the octree, the queue with its colors, and the writer's tables.
@@ -153,6 +155,11 @@ std::uint64_t MemoryPlan::cap_with_heap(std::uint64_t heap) const {
   std::uint64_t cap = kProgramBytes + leaves_;
   while (heap_under(cap, leaves_) < wanted) cap += kMiB;
   return cap;
+}
+
+int MemoryPlan::num_threads(int asked) const {
+  return static_cast<int>(
+      std::min<std::uint64_t>(static_cast<std::uint64_t>(asked), 1 + heap_ / kLeastHeapOfThread));
 }
 
 MemoryRecord MemoryPlan::record() const {

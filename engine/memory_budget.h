@@ -70,6 +70,8 @@ class MemoryPlan {
 
   std::uint64_t cap() const { return cap_; }
   std::uint64_t heap() const { return heap_; }
+  // Of those asked for: as many as have some memory to work in.
+  int num_threads(int asked) const;
   // Of decoded changes, before they have to be committed.
   std::uint64_t max_unwritten() const { return unwritten_; }
   // The least cap with a heap that `bytes` more fit into.
