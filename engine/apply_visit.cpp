@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core_around.h"
 #include "engine/leaf_sides.h"
 #include "refine/surface_patch.h"
 
@@ -26,11 +27,14 @@ class Visit {
     for (const InsertedPoint& point : delta.inserted) insert(point);
     for (const MeshPoint& point : delta.deleted) erase(point);
     count(delta);
-    if (delta.is_overfull) return split();
-    store_cells(delta.cells);
-    store_unresolved(delta.unresolved);
-    state_.leaves.edit_info(leaf_).first_new_id =
-        delta.unresolved.empty() ? state_.run.next_point_id : 0;
+    if (!delta.is_overfull) {
+      store_cells(delta.cells);
+      store_unresolved(delta.unresolved);
+      state_.leaves.edit_info(leaf_).first_new_id =
+          delta.unresolved.empty() ? state_.run.next_point_id : 0;
+    }
+    for (const std::uint64_t id : delta.met_core) make_explicit(state_, site_of(id));
+    if (delta.is_overfull) split();
   }
 
  private:
@@ -125,9 +129,10 @@ class Visit {
   // The leaf's points, triangles and known side go to its children; those with points are enqueued.
   void split() {
     const LeafInfo parent = state_.leaves.info(leaf_);
-    const std::vector<MeshPoint> points = state_.leaves.points(leaf_).points;
+    const auto [points, core] = state_.leaves.points(leaf_);
     const std::vector<Triangle> triangles = state_.leaves.surface(leaf_).triangles;
-    state_.run.num_cells -= parent.num_cells;
+    if (parent.queued) state_.dequeue(leaf_);
+    state_.run.num_cells -= parent.num_cells + parent.num_core_cells;
     state_.run.num_unresolved -= parent.num_unresolved;
     state_.leaves.erase_leaf(leaf_);
     state_.octree.split(leaf_);
@@ -137,6 +142,9 @@ class Visit {
       const MortonKey owner = state_.run.frame.key_of(point.position, leaf_.level() + 1);
       child_points[static_cast<std::size_t>(owner.octant())].points.push_back(point);
     }
+    for (int octant = 0; octant < 8; ++octant)
+      child_points[static_cast<std::size_t>(octant)].core =
+          clipped(core, state_.lattice.sites_in(state_.box(leaf_.child(octant))));
     std::array<LeafSurface, 8> child_surfaces;
     std::array<std::uint8_t, 8> parities{};
     for (int octant = 0; octant < 8; ++octant) {
@@ -152,12 +160,23 @@ class Visit {
       add_child(leaf_.child(octant), sides[i], std::move(child_points[i]),
                 std::move(child_surfaces[i]));
     }
+    count_core_cells(leaf_);
+  }
+
+  void count_core_cells(MortonKey parent) {
+    for (int octant = 0; octant < 8; ++octant) {
+      const std::uint64_t num_cells = num_core_cells(state_, parent.child(octant));
+      if (num_cells == 0) continue;
+      state_.leaves.edit_info(parent.child(octant)).num_core_cells = num_cells;
+      state_.run.num_cells += num_cells;
+    }
   }
 
   void add_child(MortonKey child, bool is_center_inside, LeafPoints points, LeafSurface surface) {
     LeafInfo info;
     info.is_center_inside = is_center_inside;
     info.num_points = points.points.size();
+    info.num_core_points = num_points(points.core, state_.lattice.sites_in(state_.box(child)));
     info.num_triangles = surface.triangles.size();
     state_.leaves.add_leaf(child, info, std::move(points), std::move(surface));
     if (info.num_points > 0) state_.enqueue(child, state_.surroundings(child));
@@ -174,6 +193,38 @@ class Visit {
 
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
   Visit(state, loader, leaf).apply(delta);
+}
+
+void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
+  const auto require_own = [&](const Point& position) {
+    if (state.run.frame.key_of(position, leaf.level()) != leaf)
+      throw RefineError("its cover has a point outside its box");
+  };
+  state.dequeue(leaf);
+  for (const LatticeSite& site : points.lattice)
+    require_own(state.add_lattice_point(site).position);
+  for (const Point& p : points.samples) {
+    require_own(p);
+    state.add_point(p, PointKind::kSurface);
+  }
+  if (points.core.is_empty()) return;
+  const auto num_core_points = num_points(points.core, state.lattice.sites_in(state.box(leaf)));
+  state.leaves.edit_points(leaf).core = points.core;
+  state.leaves.edit_info(leaf).num_core_points = num_core_points;
+  state.run.num_points += num_core_points;
+}
+
+void enqueue_for_refinement(RunState& state) {
+  for (const MortonKey leaf : state.octree.leaves()) {
+    const LeafInfo& info = state.leaves.info(leaf);
+    if (info.num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+    if (info.num_core_points > 0) {
+      const std::uint64_t num_cells = num_core_cells(state, leaf);
+      state.leaves.edit_info(leaf).num_core_cells = num_cells;
+      state.run.num_cells += num_cells;
+    }
+    state.leaves.trim();
+  }
 }
 
 }  // namespace locvol

@@ -3,6 +3,7 @@
 
 #include "engine/leaf_loader.h"
 #include "engine/run_state.h"
+#include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -11,5 +12,11 @@ namespace locvol {
 // neighbors, cells, unresolved sites, counts, the queue; an overfull leaf is split.
 // Throws RefineError if the delta contradicts the run; the state is then not to be committed.
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta);
+
+// The same for the first points of a leaf, in epoch 0 of cover mode.
+void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
+// Epoch 1, once all leaves have their first points: every leaf with points of its own to look at.
+// The core's cells are known, and counted.
+void enqueue_for_refinement(RunState& state);
 
 }  // namespace locvol

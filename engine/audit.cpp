@@ -60,9 +60,10 @@ void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
 }
 
 void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
-                  const AuditBounds& bounds, AuditFindings& findings) {
+                  const RunRecord& run, AuditFindings& findings) {
+  const AuditBounds bounds = bounds_of(run);
   AuditReport& report = findings.report();
-  AuditLoader loader(store, reader, leaves, bounds.size);
+  AuditLoader loader(store, reader, leaves, run);
   BoundaryComponents components;
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
@@ -97,7 +98,7 @@ AuditReport audit(const Store& store) {
   const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
   if (!check_run(run, leaves, snapshot, findings)) return report;
   copy_surface_facts(run->surface, report);
-  check_leaves(store, snapshot, leaves, bounds_of(*run), findings);
+  check_leaves(store, snapshot, leaves, *run, findings);
   return report;
 }
 

@@ -45,10 +45,9 @@ class CellCheck {
       check(*vertices);
       std::ranges::sort(*vertices);
       sorted_cells.push_back(*vertices);
-      if (!leaf_.is_own((*vertices)[0])) {
+      if (const LocalIndex smallest = smallest_of(*vertices); !leaf_.is_own(smallest))
         add(&AuditReport::num_misplaced_cells, "a cell's smallest vertex is not of this leaf",
-            (*vertices)[0]);
-      }
+            smallest);
     }
     check_repeated(sorted_cells);
     report_.volume += volume_;
@@ -63,6 +62,15 @@ class CellCheck {
 
   void add(std::uint64_t AuditReport::*count, std::string_view what, LocalIndex place) {
     findings_.add(count, what, leaf_.key, leaf_.points.position(place));
+  }
+
+  // Not counting those of the core, if there are others; of the core's, the one with the smallest
+  // site.
+  LocalIndex smallest_of(const Vertices& ascending) const {
+    const auto is_listed = [&](LocalIndex i) { return !leaf_.points[i].is_core; };
+    const auto listed = std::ranges::find_if(ascending, is_listed);
+    if (listed != ascending.end()) return *listed;
+    return std::ranges::min(ascending, {}, [&](LocalIndex i) { return leaf_.points[i].id; });
   }
 
   // The cell's vertices, if all are known.

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <stdexcept>
 
 #include "engine/leaf_name.h"
+#include "engine/run_state.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -144,10 +146,11 @@ std::vector<std::array<LocalIndex, 2>> LocalPoints::repetitions() const {
 }
 
 AuditLoader::AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves,
-                         double size)
+                         const RunRecord& run)
     : reader_(&reader),
       leaves_(&leaves),
-      reach_(2 * size * kBoundSlack),
+      lattice_(lattice_of(run)),
+      reach_(2 * run.parameters.size * kBoundSlack),
       pages_(store),
       borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
 
@@ -157,11 +160,16 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   here.key = leaves_->key(leaf);
   here.cells = reader_->cells(here.key);
   const LeafPoints own = reader_->points(here.key);
-  if (own.points.empty() && here.cells.cells.empty()) return std::nullopt;
+  if (own.points.empty() && own.core.is_empty() && here.cells.cells.empty()) return std::nullopt;
   const Box box = leaves_->box(leaf);
   report_misplaced(own, box, here.key, findings);
 
   std::vector<LocalPoint> points;
+  try {
+    points = core_points(leaf, own.core);
+  } catch (const std::invalid_argument& e) {
+    findings.add(&AuditReport::num_misplaced_points, e.what(), here.key, box.center());
+  }
   for (const MeshPoint& p : own.points) {
     if (is_finite(p.position)) points.push_back({p.position, p.id, here.leaf});
   }
@@ -182,7 +190,64 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   for (const auto& border : borders) {
     append_star(border->cells, here.points.find(border->vertices), here);
   }
+  add_core_cells(here);
   return here;
+}
+
+std::vector<LocalPoint> AuditLoader::core_points(std::size_t leaf, const LatticeCore& core) const {
+  std::vector<LocalPoint> points;
+  const auto number = static_cast<std::uint32_t>(leaf);
+  const SiteBox sites = lattice_.sites_in(leaves_->box(leaf));
+  check_core(core, sites);
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) {
+    LatticeSite site = row.first;
+    for (std::uint32_t n = 0; n < row.count; ++n, site.k += 2)
+      points.push_back({lattice_.position(site), site_id(site), number, true});
+  });
+  return points;
+}
+
+// The cells of the lattice are the edges along an axis (of length a), each with two neighboring
+// ones of the four sites around its middle. A cell has two such edges; it is found from the one
+// with its smallest site.
+void AuditLoader::add_core_cells(AuditLeaf& here) const {
+  std::unordered_map<std::uint64_t, LocalIndex> core;  // asked, never listed
+  for (LocalIndex i = 0; i < here.points.size(); ++i)
+    if (here.points[i].is_core) core.emplace(here.points[i].id, i);
+  if (core.empty()) return;
+  const auto find = [&](const LatticeSite& site) {
+    const auto found = core.find(site_id(site));
+    return found == core.end() ? kUnknownPoint : found->second;
+  };
+  const auto first = static_cast<std::uint32_t>(here.cells.vertices.size());
+  for (LocalIndex i = 0; i < here.points.size(); ++i) {
+    here.cells.vertices.push_back(here.points[i].id);
+    here.cell_vertex.push_back(i);
+  }
+  for (LocalIndex i = 0; i < here.points.size(); ++i) {
+    if (!here.points[i].is_core) continue;
+    const LatticeSite site = site_of(here.points[i].id);
+    const auto step = [&](int axis, std::int32_t along, std::int32_t u, std::int32_t v) {
+      return site + (axis == 0   ? LatticeSite{along, u, v}
+                     : axis == 1 ? LatticeSite{v, along, u}
+                                 : LatticeSite{u, v, along});
+    };
+    constexpr std::array<std::array<std::int32_t, 2>, 4> kAround{
+        {{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
+    for (int axis = 0; axis < 3; ++axis)
+      for (std::size_t n = 0; n < 4; ++n) {
+        const auto [u, v] = kAround[n];
+        const auto [w, x] = kAround[(n + 1) % 4];
+        const LatticeSite a = step(axis, 1, u, v), b = step(axis, 1, w, x);
+        if (a < site || b < site) continue;
+        const std::array corners{i, find(step(axis, 2, 0, 0)), find(a), find(b)};
+        if (std::ranges::find(corners, kUnknownPoint) != corners.end()) continue;
+        const std::array cell{first + corners[0], first + corners[1], first + corners[2],
+                              first + corners[3]};
+        if (here.is_own(i)) here.cells.cells.push_back(cell);
+        append_star({&cell, 1}, here.cell_vertex, here);
+      }
+  }
 }
 
 AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
@@ -193,6 +258,12 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   Border border;
   const Box inner = leaves_->box(leaf).expanded(-reach_);  // may be inside out: contains nothing
   std::vector<std::uint64_t> own;
+  try {
+    border.points = core_points(leaf, points.core);
+  } catch (const std::invalid_argument&) {  // reported by its own leaf
+  }
+  for (const LocalPoint& p : border.points) own.push_back(p.id);
+  std::erase_if(border.points, [&](const LocalPoint& p) { return inner.contains(p.position); });
   for (const MeshPoint& p : points.points) {
     own.push_back(p.id);
     if (is_finite(p.position) && !inner.contains(p.position)) {

@@ -61,6 +61,7 @@ struct LocalPoint {
   Point position;
   std::uint64_t id = 0;
   std::uint32_t leaf = 0;
+  bool is_core = false;  // known by its place in the lattice alone
 };
 
 // The points of a leaf and those within 2λ of its box, in lexicographic order.
@@ -98,7 +99,7 @@ struct AuditLeaf {
   std::uint32_t leaf = 0;
   MortonKey key;
   LocalPoints points;
-  LeafCells cells;                      // as stored
+  LeafCells cells;                      // as stored, then those of the core
   std::vector<LocalIndex> cell_vertex;  // index of each of cells.vertices
   std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
 
@@ -108,7 +109,8 @@ struct AuditLeaf {
 // Reads the store; keeps the borders of the leaves near the last one loaded.
 class AuditLoader {
  public:
-  AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves, double size);
+  AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves,
+              const RunRecord& run);
   AuditLoader(const AuditLoader&) = delete;
   AuditLoader& operator=(const AuditLoader&) = delete;
   // Reports misplaced and repeated points on the way. Nothing if the leaf has no points nor cells.
@@ -127,9 +129,12 @@ class AuditLoader {
     }
   };
   Border load_border(std::size_t leaf);
+  std::vector<LocalPoint> core_points(std::size_t leaf, const LatticeCore& core) const;
+  void add_core_cells(AuditLeaf& here) const;
 
   const Reader* reader_;
   const AuditLeaves* leaves_;
+  Lattice lattice_;
   double reach_;
   PageRelease pages_;
   LeafWindow<Border> borders_;

@@ -65,7 +65,7 @@ class Engine {
           loader_.load_cover(leaf),
           [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },
           [this, leaf](const CoverPoints& points) {
-            apply_cover(leaf, points);
+            apply_cover(state_, leaf, points);
             note_visit();
           });
     };
@@ -113,22 +113,8 @@ class Engine {
     if (state_.is_commit_due()) commit();
   }
 
-  void apply_cover(MortonKey leaf, const CoverPoints& points) {
-    state_.dequeue(leaf);
-    for (const Point& p : points.samples) add_own(leaf, p, PointKind::kSurface);
-    for (const Point& p : points.lattice) add_own(leaf, p, PointKind::kLattice);
-  }
-
-  void add_own(MortonKey leaf, const Point& position, PointKind kind) {
-    if (state_.run.frame.key_of(position, leaf.level()) != leaf)
-      throw RefineError("its cover has a point outside its box");
-    state_.add_point(position, kind);
-  }
-
-  // Epoch 1: every leaf with points.
   void begin_refinement() {
-    for (const MortonKey leaf : state_.octree.leaves())
-      if (state_.leaves.info(leaf).num_points > 0) state_.enqueue(leaf, state_.surroundings(leaf));
+    enqueue_for_refinement(state_);
     end_phase(Phase::kRefine);
   }
 

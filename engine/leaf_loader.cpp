@@ -11,9 +11,6 @@ namespace {
 
 constexpr double kSlack = 1.01;  // on distances whose exact value does not matter
 
-// Where a fraction of λ keeps the lattice off the planes of the octree and of most models.
-constexpr Point kLatticeOffset{0.1370, 0.2718, 0.3517};
-
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
 // In a leaf's box, and on its triangles at the density of a maximal sample (at most one in each
@@ -63,8 +60,11 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), b
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double size = state_.size();
   const Box box = state_.box(leaf);
-  std::vector<MeshPoint> around = points_around(leaf, kSampleRadius * size);
-  const Box region = box.expanded(kSlack * size);
+  std::vector<MeshPoint> around;
+  if (state_.leaves.info(leaf).num_triangles > 0)
+    around = points_around(leaf, kSampleRadius * size);
+  const double patch_distance = kSlack * kCoreDepth * size;
+  const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
   const VisitSize visit{
       .volume = volume_over_size(region),
@@ -72,10 +72,10 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
       .num_triangles = triangles.size()};
   LoadedCover loaded;
   loaded.bytes = visit.bytes_to_cover();
-  loaded.surface = surface_around(leaf, kSlack * size, std::move(triangles));
+  loaded.surface = surface_around(leaf, patch_distance, std::move(triangles));
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
-                  .lattice_origin = state_.run.frame.origin() + size * kLatticeOffset,
+                  .lattice = &state_.lattice,
                   .box = box,
                   .surface = nullptr,
                   .nearby_samples = {}};
@@ -90,12 +90,17 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double patch_distance = kSlack * kReach / 2 * size;
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
-  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
+  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance), core;
+  std::unique_ptr<const CoreAround> core_around;
+  if (state_.is_cover()) {
+    core_around = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
+    core = core_around->neighbors_of(own);
+  }
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles;
   if (state_.is_cover()) triangles = triangles_meeting(region);
   const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
-                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
+                        .num_points = most_points_of_visit(own.size(), ghosts.size() + core.size()),
                         .num_triangles = triangles.size()};
   LoadedLeaf loaded;
   loaded.bytes = visit.bytes_to_refine();
@@ -105,12 +110,15 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
+                  .core = std::move(core),
                   .surface = whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
+                  .all_core = core_around && !core_around->is_empty() ? core_around.get() : nullptr,
                   .max_own_points = max_own_points(leaf),
                   .last_visit = last_visit(leaf),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
                   .on_step = {}};
+  loaded.core = std::move(core_around);
   return loaded;
 }
 
@@ -185,6 +193,7 @@ SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
 std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   std::vector<Triangle> triangles;
   for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0)) {
+    if (state_.leaves.info(leaf).num_triangles == 0) continue;
     std::ranges::copy_if(state_.leaves.surface(leaf).triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
     state_.leaves.trim();
@@ -199,7 +208,7 @@ std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance
   const Box box = state_.box(leaf);
   std::vector<MeshPoint> around;
   for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, box, distance)) {
-    if (other == leaf) continue;
+    if (other == leaf || state_.leaves.info(other).num_points == 0) continue;
     std::ranges::copy_if(state_.leaves.points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
                            return box.squared_distance(p.position) <= distance * distance;

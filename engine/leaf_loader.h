@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/core_around.h"
 #include "engine/memory_budget.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
@@ -30,6 +31,7 @@ struct Loaded {
   std::uint64_t bytes = 0;              // that the visit takes at its peak
   std::optional<SurfacePiece> surface;  // nothing: `input` points to what the loader holds
   std::unique_ptr<const SurfacePatch> patch;
+  std::unique_ptr<const CoreAround> core;  // null: `input` needs none
   Input input;
 
   const Input& complete();  // `input` with its surface

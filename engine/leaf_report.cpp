@@ -1,7 +1,10 @@
 #include "engine/leaf_report.h"
 
 #include <algorithm>
+#include <map>
 #include <numeric>
+#include <set>
+#include <stdexcept>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -9,6 +12,7 @@
 #include "engine/leaf_name.h"
 #include "engine/run_state.h"
 #include "engine/vtu_file.h"
+#include "octree/site_block.h"
 
 namespace locvol {
 namespace {
@@ -18,9 +22,13 @@ constexpr std::uint8_t kVtkHexahedron = 12;
 class Reporter {
  public:
   Reporter(const Reader& reader, const RunRecord& run, MortonKey leaf)
-      : reader_(reader), reach_(kReach * run.parameters.size), frame_(run.frame) {
+      : reader_(reader),
+        reach_(kReach * run.parameters.size),
+        frame_(run.frame),
+        lattice_(lattice_of(run)) {
     report_.key = leaf;
     report_.box = frame_.box(leaf);
+    sites_ = lattice_.sites_in(report_.box);
   }
 
   LeafReport report(std::optional<LeafInfo> info) && {
@@ -52,10 +60,13 @@ class Reporter {
 
   void read_surroundings() {
     for (const MeshPoint& p : report_.points.points) note(p, true);
+    note_core(report_.points.core, report_.key);
     for (const MortonKey other : stored_leaves_within(reader_, frame_, report_.box, reach_)) {
       if (other == report_.key) continue;
       if (frame_.box(other).overlaps(report_.box)) report_.neighbors.push_back(other);
-      std::vector<MeshPoint> ghosts = value_of([&] { return reader_.points(other); }).points;
+      const LeafPoints held = value_of([&] { return reader_.points(other); });
+      note_core(held.core, other);
+      std::vector<MeshPoint> ghosts = held.points;
       std::erase_if(ghosts, [&](const MeshPoint& p) {
         return report_.box.squared_distance(p.position) > reach_ * reach_;
       });
@@ -68,6 +79,21 @@ class Reporter {
 
   void note(const MeshPoint& p, bool is_own) {
     vertices_[p.id] = {static_cast<std::int64_t>(p.id), p.position, p.kind, is_own};
+  }
+
+  // The core as far as the leaf's cells go.
+  void note_core(const LatticeCore& core, MortonKey leaf) {
+    const SiteBox box = lattice_.sites_in(frame_.box(leaf));
+    try {
+      check_core(core, box);
+    } catch (const std::invalid_argument& e) {
+      report_.faults.push_back({leaf, leaf_name(leaf) + ": " + e.what()});
+      return;
+    }
+    for_each_core_site(core, box, sites_.expanded(2), [&](const LatticeSite& site, std::uint64_t) {
+      note({site_id(site), lattice_.position(site), PointKind::kLattice}, leaf == report_.key);
+      core_.insert(site);
+    });
   }
 
   void build_mesh() {
@@ -86,6 +112,7 @@ class Reporter {
       else
         ++report_.num_stale_cells;
     }
+    add_core_cells();
     const bool is_waiting = !report_.info || report_.info->queued;
     if (report_.num_stale_cells == 0 || is_waiting || !report_.faults.empty()) return;
     report_.faults.push_back({report_.key, leaf_name(report_.key) + ": " +
@@ -93,10 +120,29 @@ class Reporter {
                                                " cells have a vertex that is in no leaf near it"});
   }
 
+  void add_core_cells() {
+    std::map<LatticeSite, std::uint32_t> index;  // in mesh.vertices
+    const auto vertex = [&](const LatticeSite& site) {
+      const auto next = static_cast<std::uint32_t>(report_.mesh.vertices.size());
+      const auto [place, is_new] = index.try_emplace(site, next);
+      if (is_new) report_.mesh.vertices.push_back(vertices_.at(site_id(site)));
+      return place->second;
+    };
+    for_each_core_cell(
+        sites_, [&](const LatticeSite& site) { return core_.contains(site); },
+        [&](const LatticeSite& site, const LatticeCell& cell) {
+          report_.mesh.cells.push_back({vertex(site), vertex(site + cell[0]),
+                                        vertex(site + cell[1]), vertex(site + cell[2])});
+        });
+  }
+
   const Reader& reader_;
   double reach_;
   Frame frame_;
+  Lattice lattice_;
+  SiteBox sites_;  // of the leaf
   LeafReport report_;
+  std::set<LatticeSite> core_;
   std::unordered_map<std::uint64_t, CellMesh::Vertex> vertices_;  // asked, never listed
 };
 
@@ -151,6 +197,8 @@ std::uint64_t write_leaves_vtu(std::span<const LeafRow> leaves, const Frame& fra
   add_count("visits", [](const LeafInfo& info) { return info.num_visits; });
   add_count("points", [](const LeafInfo& info) { return info.num_points; });
   add_count("cells", [](const LeafInfo& info) { return info.num_cells; });
+  add_count("core_points", [](const LeafInfo& info) { return info.num_core_points; });
+  add_count("core_cells", [](const LeafInfo& info) { return info.num_core_cells; });
   add_count("triangles", [](const LeafInfo& info) { return info.num_triangles; });
   add_count("insertions", [](const LeafInfo& info) {
     return std::reduce(info.num_insertions.begin(), info.num_insertions.end());

@@ -27,7 +27,8 @@ struct LeafReport {
   std::uint64_t num_triangles = 0;
   LeafCells cells;  // as stored
   // The same cells with positions, but for those with a vertex that is gone: another leaf's visit
-  // may delete a point, and this one waits since.
+  // may delete a point, and this one waits since. Then the cells of the core whose smallest vertex
+  // is the leaf's.
   CellMesh mesh;
   std::uint64_t num_stale_cells = 0;  // those
   LeafUnresolved unresolved;
@@ -38,8 +39,9 @@ struct LeafReport {
 // Nothing if there is no such leaf.
 std::optional<LeafReport> report_leaf(const Reader& reader, const RunRecord& run, MortonKey leaf);
 
-// The leaves' boxes with cell data key, level, state (LeafState), visits, points, cells, triangles,
-// insertions, deletions, unresolved, queued, epoch, color; -1 where it is unknown or has none.
+// The leaves' boxes with cell data key, level, state (LeafState), visits, points, cells,
+// core_points, core_cells, triangles, insertions, deletions, unresolved, queued, epoch, color; -1
+// where it is unknown or has none.
 std::uint64_t write_leaves_vtu(std::span<const LeafRow> leaves, const Frame& frame,
                                const std::filesystem::path& file);
 

@@ -1,8 +1,10 @@
 #include "engine/leaf_scan.h"
 
+#include <stdexcept>
 #include <utility>
 
 #include "engine/leaf_name.h"
+#include "engine/run_state.h"
 
 namespace locvol {
 namespace {
@@ -20,8 +22,18 @@ void expect_count(LeafRow& row, const char* what, std::uint64_t found, std::uint
                                      std::to_string(counted)});
 }
 
+void check_core_points(const LatticeCore& core, const RunRecord& run, LeafRow& row) {
+  const SiteBox sites = lattice_of(run).sites_in(run.frame.box(row.key));
+  try {
+    check_core(core, sites);
+    expect_count(row, "core points", num_points(core, sites), row.info->num_core_points);
+  } catch (const std::invalid_argument& e) {
+    row.faults.push_back({row.key, leaf_name(row.key) + ": " + e.what()});
+  }
+}
+
 // Reads every record of the leaf, and compares with what the leaf counts.
-void read_all(const Reader& reader, LeafRow& row) {
+void read_all(const Reader& reader, const std::optional<RunRecord>& run, LeafRow& row) {
   const MortonKey key = row.key;
   const auto points = read_around(row.faults, [&] { return reader.points(key); });
   const auto cells = read_around(row.faults, [&] { return reader.cells(key); });
@@ -29,14 +41,16 @@ void read_all(const Reader& reader, LeafRow& row) {
   if (!row.info) return;
   const LeafInfo& info = *row.info;
   if (points) expect_count(row, "points", points->points.size(), info.num_points);
+  if (points && run) check_core_points(points->core, *run, row);
   if (cells) expect_count(row, "cells", cells->cells.size(), info.num_cells);
   if (surface) expect_count(row, "triangles", surface->triangles.size(), info.num_triangles);
 }
 
-LeafRow read_row(const Reader& reader, MortonKey key, const ScanOptions& options) {
+LeafRow read_row(const Reader& reader, const std::optional<RunRecord>& run, MortonKey key,
+                 const ScanOptions& options) {
   LeafRow row{.key = key, .info = {}, .unresolved = {}, .faults = {}};
   row.info = read_around(row.faults, [&] { return reader.leaf(key); }).value_or(std::nullopt);
-  if (options.reads_all) read_all(reader, row);
+  if (options.reads_all) read_all(reader, run, row);
   if (options.reads_all || options.reads_unresolved) {
     const auto unresolved = read_around(row.faults, [&] { return reader.unresolved(key); });
     if (unresolved) row.unresolved = *unresolved;
@@ -55,6 +69,11 @@ Piece read_piece(const Reader& reader, MortonKey from, std::vector<Fault>& fault
                  const ScanOptions& options) {
   const std::size_t max = options.reads_all ? kFullPieceLeaves : kPieceLeaves;
   const std::vector<MortonKey> keys = reader.leaf_keys(from, max);
+  std::optional<RunRecord> run;  // whoever shows the run reports its damage
+  if (options.reads_all) {
+    std::vector<Fault> ignored;
+    run = read_around(ignored, [&] { return reader.run(); }).value_or(std::nullopt);
+  }
   Piece piece;
   MortonKey next = from;
   for (const MortonKey key : keys) {
@@ -67,7 +86,7 @@ Piece read_piece(const Reader& reader, MortonKey from, std::vector<Fault>& fault
       faults.push_back({MortonKey(), leaf_name(key) + ": this is no key of a leaf"});
       continue;
     }
-    piece.rows.push_back(read_row(reader, key, options));
+    piece.rows.push_back(read_row(reader, run, key, options));
     // What its children are, if it is split before the next piece, has been shown. But a damaged
     // record may have a damaged key.
     if (piece.rows.back().info) next = after(key.range_max());
@@ -107,6 +126,8 @@ std::string_view state_name(LeafState state) {
       return "damaged";
     case LeafState::kEmpty:
       return "empty";
+    case LeafState::kCore:
+      return "core";
     case LeafState::kUnvisited:
       return "unvisited";
     case LeafState::kWaiting:
@@ -119,7 +140,8 @@ std::string_view state_name(LeafState state) {
 
 LeafState LeafRow::state() const {
   if (!info || !faults.empty()) return LeafState::kDamaged;
-  if (info->num_points == 0 && !info->queued) return LeafState::kEmpty;
+  if (info->num_points == 0 && !info->queued)
+    return info->num_core_points == 0 ? LeafState::kEmpty : LeafState::kCore;
   if (info->num_visits == 0) return LeafState::kUnvisited;
   return info->queued ? LeafState::kWaiting : LeafState::kClean;
 }

@@ -31,15 +31,16 @@ auto read_around(std::vector<Fault>& faults, const Read& read) -> std::optional<
   }
 }
 
-// What a listing says of a leaf: the first of these that is true.
+// What a listing says of a leaf. Files have these numbers.
 enum class LeafState {
   kDamaged,    // a record of it cannot be read
-  kEmpty,      // no points, not waiting: outside the domain, or implicit
+  kEmpty,      // no points, not waiting: outside the domain
   kUnvisited,  // has yet to be visited
   kWaiting,    // to be visited again
   kClean,
+  kCore,  // not waiting, and all its points are of the lattice core: never visited
 };
-inline constexpr int kNumLeafStates = 5;
+inline constexpr int kNumLeafStates = 6;
 std::string_view state_name(LeafState state);
 
 struct LeafRow {

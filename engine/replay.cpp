@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <unordered_map>
@@ -57,7 +58,8 @@ class VertexTable {
  public:
   VertexTable(const Replay& replay, const LeafInput& input) {
     for (const MeshPoint& p : input.own) known_[p.id] = vertex(p, true);
-    for (const MeshPoint& p : input.ghosts) known_[p.id] = vertex(p, false);
+    for (const auto* others : {&input.ghosts, &input.core})
+      for (const MeshPoint& p : *others) known_[p.id] = vertex(p, false);
     for (const RefineStep& step : replay.steps)
       if (step.action == RefineStep::Action::kTakeIn)
         known_[step.point] = vertex({step.point, step.position, step.kind}, false);
@@ -87,6 +89,21 @@ class VertexTable {
   }
 
   std::unordered_map<VertexRef, CellMesh::Vertex> known_;  // asked, never listed
+};
+
+// Core points one by one.
+class CoreList : public CoreIndex {
+ public:
+  explicit CoreList(const std::vector<MeshPoint>& points) : points_(points) {}
+  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
+    out.clear();
+    std::ranges::copy_if(points_, std::back_inserter(out), [&](const MeshPoint& p) {
+      return squared_distance(p.position, q) <= radius * radius;
+    });
+  }
+
+ private:
+  const std::vector<MeshPoint>& points_;
 };
 
 std::vector<MeshPoint> all_points(RunState& state) {
@@ -126,10 +143,12 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.region = surface.region();
   visit.is_center_inside = surface.is_inside(loaded.input.box.center());
   if (!state.is_cover()) visit.all_points = all_points(state);
+  if (loaded.core) visit.core = loaded.core->points();
   visit.cells = stored_cells(now, leaf);
   visit.input = std::move(loaded.input);
   visit.input.surface = nullptr;
   visit.input.all_points = nullptr;
+  visit.input.all_core = nullptr;
   return visit;
 }
 
@@ -142,6 +161,8 @@ Replay replay(const StoredVisit& visit) {
   const PointGrid index = index_of(visit.all_points.value_or(std::vector<MeshPoint>()), size);
   input.surface = &surface;
   input.all_points = visit.all_points ? &index : nullptr;
+  const CoreList core(visit.core);
+  input.all_core = visit.core.empty() ? nullptr : &core;
   input.on_step = [&](const RefineStep& step) { replay.steps.push_back(step); };
   try {
     replay.delta = refine_leaf(input);

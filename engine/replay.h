@@ -20,11 +20,12 @@ struct StoredVisit {
   MortonKey leaf;
   bool is_clean = false;
   std::uint32_t num_visits = 0;  // before
-  LeafInput input;               // but for its pointers, which the next four make
+  LeafInput input;               // but for its pointers, which the next five make
   std::vector<Triangle> triangles;
   Box region;  // of the surface patch
   bool is_center_inside = false;
   std::optional<std::vector<MeshPoint>> all_points;  // paper mode
+  std::vector<MeshPoint> core;                       // near the leaf, in order of id
   std::vector<std::array<std::uint64_t, 4>> cells;   // the store's, by vertex ids, sorted
 };
 

@@ -135,6 +135,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .init = options.init,
       .seed = options.seed};
   check_lengths(run.surface, run.parameters.size);
+  // Ids below are those of lattice points.
+  if (options.init == Initialization::kCover) run.next_point_id = kFirstOtherId;
   return run;
 }
 
@@ -142,6 +144,12 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
   const double leaf_side = start_leaf_side(parameters);
   OctreePlan plan{.frame = frame_around(parameters, surface, leaf_side)};
   if (parameters.init == Initialization::kPaper) return plan;
+  const double least_size = plan.frame.side(0) / (kLatticeSpacing * (kMaxSiteIndex - 8));
+  if (parameters.size < least_size)
+    throw InputError("size " + decimal(parameters.size) +
+                     " is too small for this surface: the lattice would have more than 2^20 cells "
+                     "to a side; choose a size of at least " +
+                     rounded(1.01 * least_size));
   plan.level = plan.frame.level_of_side(leaf_side);
   return plan;
 }

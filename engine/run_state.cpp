@@ -1,5 +1,6 @@
 #include "engine/run_state.h"
 
+#include <algorithm>
 #include <cassert>
 #include <numeric>
 #include <string>
@@ -25,9 +26,15 @@ RunRecord read_run(const Store& store) {
 
 }  // namespace
 
+Lattice lattice_of(const RunRecord& run) {
+  const double size = run.parameters.size;
+  return {run.frame, size, kMinChildSide * size};
+}
+
 RunState::RunState(Store& the_store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
     : store(the_store),
       run(read_run(the_store)),
+      lattice(lattice_of(run)),
       octree(the_store.snapshot().leaf_keys()),
       leaves(the_store, cache_bytes),
       queue(the_store.snapshot()),
@@ -81,16 +88,27 @@ bool RunState::are_independent(const QueuePlace& a, const QueuePlace& b) const {
 }
 
 MeshPoint RunState::add_point(const Point& position, PointKind kind) {
-  if (!run.frame.contains(position))
-    throw RefineError("the new point (" + std::to_string(position.x) + ", " +
-                      std::to_string(position.y) + ", " + std::to_string(position.z) +
-                      ") lies outside the octree");
   const MeshPoint point{run.next_point_id++, position, kind};
-  const MortonKey owner = octree.leaf_owning(run.frame, position);
-  leaves.edit_points(owner).points.push_back(point);
+  add_to_leaf(point);
+  return point;
+}
+
+MeshPoint RunState::add_lattice_point(const LatticeSite& site) {
+  const MeshPoint point{site_id(site), lattice.position(site), PointKind::kLattice};
+  add_to_leaf(point);
+  return point;
+}
+
+void RunState::add_to_leaf(const MeshPoint& point) {
+  const Point& p = point.position;
+  if (!run.frame.contains(p))
+    throw RefineError("the new point (" + std::to_string(p.x) + ", " + std::to_string(p.y) + ", " +
+                      std::to_string(p.z) + ") lies outside the octree");
+  const MortonKey owner = octree.leaf_owning(run.frame, p);
+  auto& points = leaves.edit_points(owner).points;
+  points.insert(std::ranges::upper_bound(points, point.id, {}, &MeshPoint::id), point);
   ++leaves.edit_info(owner).num_points;
   ++run.num_points;
-  return point;
 }
 
 void RunState::note_visit() {

@@ -10,17 +10,27 @@
 
 #include "engine/leaf_cache.h"
 #include "engine/leaf_queue.h"
+#include "octree/lattice.h"
 #include "octree/octree.h"
+#include "refine/refine_leaf.h"
 #include "storage/store.h"
 
 namespace locvol {
 
-// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4):
+// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4) lies within
+// kReach of its leaf, and a change matters to leaves within kReach:
 inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
-inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
-inline constexpr double kConflict = 7.1;    // a visit writes within 3, and 3 + kReach < kConflict
+// A visit inserts within this distance of its leaf, and looks for core points 2 around.
+inline constexpr double kInsertion = kReach - 1;
+inline constexpr double kCoreReach = kInsertion + 2.1;
+// It makes points of the core explicit that are closer than kLatticeStar to what it inserts:
+// nothing it writes lies farther away. Leaves farther apart are independent of each other.
+inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
+
+// The lattice of a run in cover mode: its points' positions are a function of the run alone.
+Lattice lattice_of(const RunRecord& run);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
@@ -49,6 +59,8 @@ struct RunState {
 
   // Appends to the points of the leaf that owns `position`, and gives the next id.
   MeshPoint add_point(const Point& position, PointKind kind);
+  // A point of the lattice has the site's id.
+  MeshPoint add_lattice_point(const LatticeSite& site);
 
   bool is_commit_due() const;
   void note_visit();
@@ -57,11 +69,13 @@ struct RunState {
 
   Store& store;
   RunRecord run;
+  Lattice lattice;  // in paper mode without points
   LinearOctree octree;
   LeafCache leaves;
   LeafQueue queue;
 
  private:
+  void add_to_leaf(const MeshPoint& point);
   double conflict_distance() const;  // REQUIRES: cover mode
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
 

@@ -1,14 +1,17 @@
 #include "engine/vertex_numbering.h"
 
 #include <algorithm>
+#include <stdexcept>
 #include <string>
 
 #include "engine/leaf_name.h"
+#include "engine/run_state.h"
 
 namespace locvol {
 namespace {
 
-constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20;
+constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20,
+                      kCoreBytes = std::size_t{12} << 20;
 constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
 
 [[noreturn]] void corrupt(MortonKey leaf, const std::string& what) {
@@ -52,17 +55,27 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
     : reader_(&reader),
       pages_(&pages),
       frame_(run.frame),
+      lattice_(lattice_of(run)),
       reach_(2 * run.parameters.size * kSlack),
       octree_(reader.leaf_keys()),
       ids_file_(OpenFile::temporary(output)),
-      tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }) {
+      tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }),
+      cores_(kCoreBytes, [this](std::size_t leaf) { return load_core(leaf); }) {
   first_vertex_.reserve(octree_.size() + 1);
+  num_core_vertices_.reserve(octree_.size());
+  num_core_cells_.reserve(octree_.size());
+  num_core_before_.reserve(octree_.size() + 1);
   LeafWindow<Names> names(kNamesBytes, [this](std::size_t leaf) { return load_names(leaf); });
   for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
     const Table used = find_used(leaf, names);
-    ids_file_.write_at(num_vertices() * sizeof(std::uint64_t), std::as_bytes(std::span(used.ids)));
-    first_vertex_.push_back(num_vertices() + used.ids.size());
-    num_cells_ += names.get(leaf)->num_cells;
+    const auto here = names.get(leaf);
+    ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t),
+                       std::as_bytes(std::span(used.ids)));
+    first_vertex_.push_back(num_vertices() + used.ids.size() + here->num_core_points);
+    num_core_vertices_.push_back(here->num_core_points);
+    num_core_before_.push_back(num_core_before_.back() + here->num_core_points);
+    num_core_cells_.push_back(here->num_core_cells);
+    num_cells_ += here->num_cells + here->num_core_cells;
   }
 }
 
@@ -75,6 +88,12 @@ VertexNumbering::Names VertexNumbering::load_names(std::size_t leaf) {
 
   Names names;
   names.num_cells = cells.cells.size();
+  if (!points.core.is_empty()) {
+    check_core(leaf, points.core);
+    const LeafInfo info = reader_->leaf(key).value_or(LeafInfo());
+    names.num_core_points = num_points(points.core, sites(leaf));
+    names.num_core_cells = info.num_core_cells;
+  }
   names.own.reserve(points.points.size());
   for (const MeshPoint& point : points.points) names.own.push_back(point.id);
   require_ascending(names.own, key, "the points");
@@ -112,10 +131,42 @@ VertexNumbering::Table VertexNumbering::find_used(std::size_t leaf,
 }
 
 VertexNumbering::Table VertexNumbering::load_table(std::size_t leaf) const {
-  Table table{std::vector<std::uint64_t>(first_vertex_[leaf + 1] - first_vertex_[leaf])};
-  ids_file_.read_at(first_vertex_[leaf] * sizeof(std::uint64_t),
+  Table table{std::vector<std::uint64_t>(first_used(leaf + 1) - first_used(leaf))};
+  ids_file_.read_at(first_used(leaf) * sizeof(std::uint64_t),
                     std::as_writable_bytes(std::span(table.ids)));
   return table;
+}
+
+VertexNumbering::Core VertexNumbering::load_core(std::size_t leaf) const {
+  if (num_core_vertices_[leaf] == 0) return {};
+  return {reader_->points(leaves()[leaf]).core};
+}
+
+void VertexNumbering::check_core(std::size_t leaf, const LatticeCore& core) const {
+  try {
+    locvol::check_core(core, sites(leaf));
+  } catch (const std::invalid_argument& e) {
+    corrupt(leaves()[leaf], e.what());
+  }
+}
+
+const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
+  if (leaf_of_core_numbers_ != leaf) {
+    leaf_of_core_numbers_ = leaf;
+    has_core_numbers_ = false;
+    const SiteBox around = sites(leaf).expanded(2);
+    for (const std::size_t other : neighbors(leaf)) {
+      if (num_core_vertices_[other] == 0) continue;
+      if (!has_core_numbers_) core_numbers_ = {around, -1};
+      has_core_numbers_ = true;
+      const auto first = static_cast<std::int64_t>(first_core_vertex(other));
+      for_each_core_site(cores_.get(other)->core, sites(other), around,
+                         [&](const LatticeSite& site, std::uint64_t num_before) {
+                           core_numbers_[site] = first + static_cast<std::int64_t>(num_before);
+                         });
+    }
+  }
+  return has_core_numbers_ ? &core_numbers_ : nullptr;
 }
 
 std::vector<std::size_t> VertexNumbering::neighbors(std::size_t leaf) const {
@@ -138,6 +189,11 @@ std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
       numbers[static_cast<std::size_t>(id)] = first + rank;
     });
   }
+  if (const auto* core = core_numbers(leaf))
+    for (std::size_t i = 0; i < ids.size() && ids[i] < kFirstOtherId; ++i) {
+      const LatticeSite site = site_of(ids[i]);
+      if (numbers[i] < 0 && core->box().contains(site)) numbers[i] = (*core)[site];
+    }
   return numbers;
 }
 

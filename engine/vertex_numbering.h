@@ -8,15 +8,18 @@
 #include "engine/leaf_window.h"
 #include "engine/partial_file.h"
 #include "octree/octree.h"
+#include "octree/site_block.h"
 #include "storage/store.h"
 
 namespace locvol {
 
-// Used points (named by some cell) are numbered leaf by leaf in Morton order, by id within a leaf.
+// Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
+// those of the lattice core, by site.
 // A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
 // from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
 // of their numbers, in a nameless file of 8 bytes per vertex beside the output.
-// Memory: 16 bytes per leaf, and 24 MB for the ids of leaves near the current one.
+// Memory: 40 bytes per leaf, 24 MB for the ids of leaves near the current one, and 16 MB for their
+// cores.
 // Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
 class VertexNumbering {
  public:
@@ -30,9 +33,23 @@ class VertexNumbering {
   std::span<const MortonKey> leaves() const { return octree_.leaves(); }
   std::uint64_t num_vertices() const { return first_vertex_.back(); }
   std::uint64_t num_cells() const { return num_cells_; }
+  const Lattice& lattice() const { return lattice_; }
+  // The number of a leaf's first point of the core.
+  std::uint64_t first_core_vertex(std::size_t leaf) const {
+    return first_vertex_[leaf + 1] - num_core_vertices_[leaf];
+  }
+  // Numbers of the core's points in the leaf and up to two sites around it, where that has some; -1
+  // elsewhere. Null if the leaf and all around it have none. Valid until the next call of it or of
+  // numbers().
+  const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
+  // As its record counts them.
+  std::uint64_t num_core_cells(std::size_t leaf) const { return num_core_cells_[leaf]; }
+  SiteBox sites(std::size_t leaf) const { return lattice_.sites_in(frame_.box(leaves()[leaf])); }
+
   // Ids of the used points of a leaf, ascending. `leaf`: its place in Morton order
   std::vector<std::uint64_t> used_ids(std::size_t leaf) const { return load_table(leaf).ids; }
-  // The numbers of points within 2λ of the leaf; -1 if unused or unknown. REQUIRES: ids ascend
+  // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
+  // unused or unknown. REQUIRES: ids ascend
   std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
 
  private:
@@ -41,7 +58,7 @@ class VertexNumbering {
     std::vector<std::uint64_t> own;
     std::vector<bool> is_named;
     std::vector<std::uint64_t> foreign;
-    std::uint64_t num_cells = 0;
+    std::uint64_t num_cells = 0, num_core_points = 0, num_core_cells = 0;
 
     std::size_t bytes() const {
       return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8;
@@ -52,20 +69,36 @@ class VertexNumbering {
     std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
   };
 
+  struct Core {
+    LatticeCore core;
+    std::size_t bytes() const { return sizeof *this + sizeof(LatticeRow) * core.rows.capacity(); }
+  };
+
   Names load_names(std::size_t leaf);
   Table find_used(std::size_t leaf, LeafWindow<Names>& names) const;
   Table load_table(std::size_t leaf) const;
+  Core load_core(std::size_t leaf) const;
+  void check_core(std::size_t leaf, const LatticeCore& core) const;
+  std::uint64_t first_used(std::size_t leaf) const {
+    return first_vertex_[leaf] - num_core_before_[leaf];
+  }
   std::vector<std::size_t> neighbors(std::size_t leaf) const;  // with itself, in Morton order
 
   const Reader* reader_;
   PageRelease* pages_;
   Frame frame_;
+  Lattice lattice_;
   double reach_;  // a cell's vertices lie this close to its smallest one
   LinearOctree octree_;
   OpenFile ids_file_;
   std::vector<std::uint64_t> first_vertex_{0};  // of each leaf, and the end
+  std::vector<std::uint64_t> num_core_vertices_, num_core_cells_, num_core_before_{0};
   std::uint64_t num_cells_ = 0;
   LeafWindow<Table> tables_;
+  LeafWindow<Core> cores_;
+  SiteBlock<std::int64_t> core_numbers_;
+  std::size_t leaf_of_core_numbers_ = ~std::size_t{0};
+  bool has_core_numbers_ = false;
 };
 
 }  // namespace locvol

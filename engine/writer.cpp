@@ -86,14 +86,40 @@ RunRecord finished_run(const Store& store, const Reader& reader) {
 
 void write_points(const Reader& reader, const VertexNumbering& numbering, std::size_t leaf,
                   FileSection& out) {
+  const auto append = [&](const Point& p) { out.append_value(std::array{p.x, p.y, p.z}); };
   const std::vector<std::uint64_t> used = numbering.used_ids(leaf);
-  if (used.empty()) return;
+  const LeafPoints held = reader.points(numbering.leaves()[leaf]);
   auto next = used.begin();
-  for (const MeshPoint& point : reader.points(numbering.leaves()[leaf]).points) {
+  for (const MeshPoint& point : held.points) {
     if (next == used.end() || point.id != *next) continue;
-    out.append_value(std::array{point.position.x, point.position.y, point.position.z});
+    append(point.position);
     ++next;
   }
+  const SiteBox sites = numbering.sites(leaf);
+  for_each_core_site(held.core, sites, sites, [&](const LatticeSite& site, std::uint64_t) {
+    append(numbering.lattice().position(site));
+  });
+}
+
+// The cells of the leaf's core, by formula. Returns how many there are.
+std::uint64_t write_core_connectivity(VertexNumbering& numbering, std::size_t leaf,
+                                      FileSection& out) {
+  const SiteBlock<std::int64_t>* numbers = numbering.core_numbers(leaf);
+  if (numbers == nullptr) return 0;
+  std::uint64_t num_cells = 0;
+  for_each_site(numbering.sites(leaf), [&](const LatticeSite& site) {
+    const std::int64_t here = (*numbers)[site];
+    if (here < 0) return;
+    std::array<std::int64_t, kLargerNeighbors.size()> others{};
+    for (std::size_t n = 0; n < others.size(); ++n)
+      others[n] = (*numbers)[site + kLargerNeighbors[n]];
+    for (const auto& [a, b, c] : kCellsOfLargerNeighbors) {
+      if (others[a] < 0 || others[b] < 0 || others[c] < 0) continue;
+      out.append_value(std::array{here, others[a], others[b], others[c]});
+      ++num_cells;
+    }
+  });
+  return num_cells;
 }
 
 // Returns how many cells the leaf has.
@@ -114,7 +140,10 @@ std::uint64_t write_connectivity(const Reader& reader, VertexNumbering& numberin
     }
     out.append_value(named);
   }
-  return cells.cells.size();
+  const std::uint64_t num_core_cells = write_core_connectivity(numbering, leaf, out);
+  if (num_core_cells != numbering.num_core_cells(leaf))
+    throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
+  return cells.cells.size() + num_core_cells;
 }
 
 void write_offsets(std::uint64_t num_cells, FileSection& out) {

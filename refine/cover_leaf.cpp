@@ -8,6 +8,8 @@
 #include <span>
 #include <utility>
 
+#include "octree/mix.h"
+
 namespace locvol {
 namespace {
 
@@ -20,14 +22,6 @@ Box closed(const Box& box) {
 }
 
 // ---- Fragments: pieces of the surface, halved until each lies within one sample's ball
-
-// The finalizer of SplitMix64 (Steele, Lea, Flood, 2014): a bijection that looks random.
-std::uint64_t mix(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
-  return x ^ (x >> 31);
-}
 
 // A triangular piece of an input triangle, inside the closed leaf box; it may have no area.
 // `key` is a hash of (seed, triangle, path of splits): its priority and its source of randomness.
@@ -330,53 +324,32 @@ std::vector<Point> sample_surface(const CoverInput& input) {
 
 // ---- Lattice
 
-std::vector<Point> deep_lattice_points(const CoverInput& input) {
-  const BccLattice lattice(input.lattice_origin, kLatticeSpacing * input.size);
-  std::vector<Point> points = lattice.points_in(input.box);
-  std::erase_if(points, [&](const Point& p) {
-    return !input.surface->is_inside(p) || input.surface->is_near(p, input.size);
+void cover_with_lattice(const CoverInput& input, CoverPoints& points) {
+  const SiteBox sites = input.lattice->sites_in(input.box);
+  const SurfacePatch& surface = *input.surface;
+  if (surface.triangles().empty()) {
+    points.core.is_whole = surface.is_inside(input.box.center());
+    return;
+  }
+  for_each_site(sites, [&](const LatticeSite& site) {
+    const Point p = input.lattice->position(site);
+    if (!surface.is_inside(p)) return;
+    if (!surface.is_near(p, kCoreDepth * input.size))
+      add_site(site, points.core);
+    else if (!surface.is_near(p, kLatticeDepth * input.size))
+      points.lattice.push_back(site);
   });
-  return points;
 }
 
 }  // namespace
 
-Point BccLattice::position(std::int64_t i, std::int64_t j, std::int64_t k) const {
-  const auto bits = [](std::int64_t v) { return static_cast<std::uint64_t>(v); };
-  const std::uint64_t noise = mix(mix(mix(bits(i)) ^ bits(j)) ^ bits(k));
-  const auto coordinate = [&](double origin, std::int64_t index, int shift) {
-    const auto step = static_cast<double>(noise >> shift & 0xffff) - 0x1p15;  // -2^15 … 2^15 - 1
-    return origin + half_ * (static_cast<double>(index) + kDisplacement * 0x1p-15 * step);
-  };
-  return {coordinate(origin_.x, i, 0), coordinate(origin_.y, j, 16), coordinate(origin_.z, k, 32)};
-}
-
-std::vector<Point> BccLattice::points_in(const Box& box) const {
-  std::array<std::int64_t, 3> low, high;  // of indices, ends included, with those just outside
-  for (const int axis : {0, 1, 2}) {
-    const auto a = static_cast<std::size_t>(axis);
-    low[a] = static_cast<std::int64_t>(std::floor((box.min[axis] - origin_[axis]) / half_)) - 1;
-    high[a] = static_cast<std::int64_t>(std::ceil((box.max[axis] - origin_[axis]) / half_)) + 1;
-  }
-  std::vector<Point> points;
-  for (std::int64_t i = low[0]; i <= high[0]; ++i) {
-    const std::int64_t parity = i & 1;
-    for (std::int64_t j = low[1] + ((low[1] & 1) ^ parity); j <= high[1]; j += 2) {
-      for (std::int64_t k = low[2] + ((low[2] & 1) ^ parity); k <= high[2]; k += 2) {
-        const Point p = position(i, j, k);
-        if (box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-            box.min.z <= p.z && p.z < box.max.z)
-          points.push_back(p);
-      }
-    }
-  }
-  return points;
-}
-
 CoverPoints cover_leaf(const CoverInput& input) {
   assert(input.size > 0 && "λ is a length");
+  assert(input.lattice && "all leaves share one");
   assert(input.surface && "a leaf without surface has an empty patch");
-  return {sample_surface(input), deep_lattice_points(input)};
+  CoverPoints points{.samples = sample_surface(input), .lattice = {}, .core = {}};
+  cover_with_lattice(input, points);
+  return points;
 }
 
 }  // namespace locvol

@@ -23,10 +23,11 @@ constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3
 
 LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     : input_(input), far_radius_(far_radius_of(input)) {
-  locals_.reserve(input.own.size() + input.ghosts.size());
+  locals_.reserve(input.own.size() + input.ghosts.size() + input.core.size());
   for (const MeshPoint& p : input.own) add_local(p, p.id, true);
   for (const MeshPoint& p : input.ghosts)
     add_local(p, p.id, own == OwnPoints::kInBox && is_in_box(p.position));
+  for (const MeshPoint& p : input.core) add_local(p, p.id, false, true);
   std::vector<Point> points;
   points.reserve(locals_.size());
   for (const Local& local : locals_) points.push_back(local.point.position);
@@ -41,8 +42,8 @@ bool LeafMesh::is_in_box(const Point& p) const {
          box.min.z <= p.z && p.z < box.max.z;
 }
 
-void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own) {
-  locals_.push_back({p, ref, is_own, true});
+void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
+  locals_.push_back({p, ref, is_own, is_core});
   num_own_ += is_own;
   if ((ref & kNewPoint) == 0) ids_.insert(ref);
   if (p.kind == PointKind::kVolume)
@@ -191,8 +192,17 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
 
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
   add_local(q, ref, is_in_box(q.position));
+  return insert_last_local(conflict);
+}
+
+LocalIndex LeafMesh::insert_core(const MeshPoint& q, const Conflict& conflict) {
+  add_local(q, q.id, false, true);
+  return insert_last_local(conflict);
+}
+
+LocalIndex LeafMesh::insert_last_local(const Conflict& conflict) {
   for (const Cell c : conflict.cells) note_gone(c);
-  const LocalIndex index = delaunay_.insert(q.position, conflict);
+  const LocalIndex index = delaunay_.insert(locals_.back().point.position, conflict);
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
   return index;
 }

@@ -56,6 +56,7 @@ class LeafMesh {
     MeshPoint point;
     VertexRef ref = 0;
     bool is_own = false;
+    bool is_core = false;
     bool is_alive = true;
   };
 
@@ -112,6 +113,7 @@ class LeafMesh {
   void find_conflict(const Point& q, Cell hint, Conflict& conflict) const;
   // `conflict` is that of q.
   LocalIndex insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict);
+  LocalIndex insert_core(const MeshPoint& q, const Conflict& conflict);
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(LocalIndex i);
@@ -128,7 +130,8 @@ class LeafMesh {
   using GridCell = std::array<std::int64_t, 3>;  // cubes of side λ
 
   GridCell grid_cell(const Point& p) const;
-  void add_local(const MeshPoint& p, VertexRef ref, bool is_own);
+  void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
+  LocalIndex insert_last_local(const Conflict& conflict);
   bool is_in_box(const Point& p) const;
   void make_fresh(Cell c);
   void make_all_fresh();

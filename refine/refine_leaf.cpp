@@ -8,6 +8,7 @@
 #include <set>
 #include <variant>
 
+#include "octree/lattice.h"
 #include "refine/leaf_mesh.h"
 #include "refine/revisit.h"
 
@@ -86,6 +87,8 @@ class Refinement {
   Outcome insert_on_surface(const Point& q, int condition, Cell hint);
   Outcome insert_in_volume(const Point& q, int condition, Cell hint);
   bool take_in_unloaded(const Point& q, Cell hint);
+  bool take_in_core(const Point& q, Cell hint);
+  void note_met_core(const Point& q);
   std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
   VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
@@ -133,6 +136,7 @@ class Refinement {
   mutable std::vector<std::pair<LocalIndex, LocalIndex>> link_;
   mutable std::vector<Cell> around_;
   std::vector<Point> corners_;
+  std::vector<MeshPoint> core_near_;
   std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
 };
 
@@ -152,6 +156,9 @@ LeafDelta Refinement::run() {
     while (!is_overfull() && restore_next()) {
     }
   delta_.is_overfull = is_overfull();
+  std::ranges::sort(delta_.met_core);
+  const auto repeated = std::ranges::unique(delta_.met_core);
+  delta_.met_core.erase(repeated.begin(), repeated.end());
   delta_.stats.cells_made = mesh_.num_cells_made();
   if (!delta_.is_overfull && mesh_.has_cells()) {
     list_unresolved();
@@ -161,12 +168,14 @@ LeafDelta Refinement::run() {
 }
 
 // The conditions in priority order: the first one broken names the next point. False if none is.
+// Where the domain has no points, cells are far and in no mesh, so that its boundary looks torn:
+// these holes are filled before disks are judged.
 bool Refinement::restore_next() {
   look_at_fresh_cells();
   return restore_next(c1_, 1, &Refinement::restore_facet) ||
-         restore_next(c2_, 2, &Refinement::restore_facet) || restore_next_disk() ||
+         restore_next(c2_, 2, &Refinement::restore_facet) ||
+         restore_next(open_ends_, 5, &Refinement::restore_open_end) || restore_next_disk() ||
          restore_next(c4_, 4, &Refinement::restore_facet) ||
-         restore_next(open_ends_, 5, &Refinement::restore_open_end) ||
          restore_next(c5_, 5, &Refinement::restore_cell) ||
          restore_next(c6_, 6, &Refinement::restore_cell);
 }
@@ -410,8 +419,30 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
   return true;
 }
 
+// The same for the lattice core. All cells at q that belong to the mesh have vertices within 2λ.
+bool Refinement::take_in_core(const Point& q, Cell hint) {
+  if (input_.all_core == nullptr) return false;
+  input_.all_core->within(q, 2 * input_.criteria.size, core_near_);
+  bool is_any = false;
+  for (const MeshPoint& p : core_near_) {
+    if (mesh_.is_known(p.id)) continue;
+    mesh_.find_conflict(p.position, is_any ? mesh_.delaunay().newest_cell() : hint, conflict_);
+    mesh_.insert_core(p, conflict_);
+    ++delta_.stats.points_added;
+    tell(RefineStep::Action::kTakeIn, attempt_.condition, p.id, p);
+    is_any = true;
+  }
+  return is_any;
+}
+
+void Refinement::note_met_core(const Point& q) {
+  if (input_.all_core == nullptr) return;
+  input_.all_core->within(q, kLatticeStar * input_.criteria.size, core_near_);
+  for (const MeshPoint& p : core_near_) delta_.met_core.push_back(p.id);
+}
+
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
-  if (take_in_unloaded(q, hint)) return Outcome::kChanged;
+  if (take_in_unloaded(q, hint) || take_in_core(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   mesh_.volume_points_near(q, leaving_);
   if (is_blocked(q)) return Outcome::kBlocked;
@@ -421,7 +452,7 @@ Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition,
 }
 
 Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, Cell hint) {
-  if (take_in_unloaded(q, hint)) return Outcome::kChanged;
+  if (take_in_unloaded(q, hint) || take_in_core(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   if (const auto ball = encroached_ball(q)) {
     attempt_.position = ball->first;
@@ -435,9 +466,10 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 
 // Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
 // in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in
-// one.
+// one. Balls around which not all within λ is loaded are left to other leaves: their volume points
+// would have to go.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
-  const double size = input_.criteria.size;
+  const double size = input_.criteria.size, margin = input_.criteria.reach - size;
   if (input_.surface->distance_bound(q) >= size) return std::nullopt;
   std::optional<std::pair<Point, Cell>> largest;
   double squared_radius = 0;
@@ -450,7 +482,8 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
           dual.squared_radius >= size * size ||
-          squared_distance(dual.ball_center, q) >= dual.squared_radius)
+          squared_distance(dual.ball_center, q) >= dual.squared_radius ||
+          input_.box.squared_distance(dual.ball_center) > margin * margin)
         continue;
       squared_radius = dual.squared_radius;
       largest.emplace(dual.ball_center, c);
@@ -494,6 +527,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
+  note_met_core(q);  // q may be a cell's circumcenter, gone with it
   if (mesh_.has_cells())
     mesh_.insert({ref, q, kind}, ref, conflict_);
   else
@@ -529,9 +563,11 @@ void Refinement::list_cells() {
   auto& [vertices, cells] = delta_.cells;
   for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
     if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
-    int smallest = 0;
-    for (int i = 1; i < 4; ++i)
-      if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
+    int smallest = -1;
+    for (int i = 0; i < 4; ++i)
+      if (!mesh_.local(delaunay.vertex(c, i)).is_core &&
+          (smallest < 0 || mesh_.point(c, i) < mesh_.point(c, smallest)))
+        smallest = i;
     if (mesh_.is_own(delaunay.vertex(c, smallest))) cells.push_back(delaunay.vertices(c));
   }
 

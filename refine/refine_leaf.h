@@ -16,6 +16,10 @@
 
 namespace locvol {
 
+// The reach (below) that cover mode gives a visit, over λ. More than 2 is needed: balls of radius λ
+// must be known to be empty. Measured: 2.2 makes some surface points more, 4 a third more ghosts.
+inline constexpr double kReach = 2.5;
+
 struct Criteria {
   double size = 0;  // λ, in the units of the coordinates
   double radius_edge_bound = 2;
@@ -35,6 +39,16 @@ class PointIndex {
   virtual std::optional<MeshPoint> nearest(
       const Point& q, double radius,
       const std::function<bool(std::uint64_t)>& is_deleted) const = 0;
+};
+
+// Looks up points of the lattice core (DESIGN 6): points of P that a visit need not load, unless it
+// inserts near them.
+class CoreIndex {
+ public:
+  virtual ~CoreIndex() = default;
+  // All of them at most `radius` from q, in order of id. REQUIRES: radius <= 2λ, and q within the
+  // distance that a visit inserts at
+  virtual void within(const Point& q, double radius, std::vector<MeshPoint>& out) const = 0;
 };
 
 // Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
@@ -79,8 +93,12 @@ struct LeafInput {
   // In order of id: where points get inserted, the result depends on the order.
   std::vector<MeshPoint> own;     // P_v
   std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
+  // Core points that share a cell with an own one, in order of id. All cells at a core point are
+  // the lattice's: no other point is within kLatticeStar λ of it, and its neighbors are of P.
+  std::vector<MeshPoint> core;
   const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
   const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
+  const CoreIndex* all_core = nullptr;     // null if there is none near
   std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
   // If given, only what may have changed since is looked at, which is far less work: the same cells
   // come out, and where points must be inserted, possibly others.
@@ -105,15 +123,19 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
 struct VisitStats {
   std::array<std::uint64_t, 6> insertions{};  // by condition
   std::uint64_t deletions = 0;
-  std::uint64_t points_added = 0;  // points of P found by all_points and taken in
+  std::uint64_t points_added = 0;  // points of P found by all_points or all_core, and taken in
   std::uint64_t cells_made = 0;    // by the triangulation, in all
 };
 
 struct LeafDelta {
   std::vector<InsertedPoint> inserted;  // in order of insertion
   std::vector<MeshPoint> deleted;       // points of the input
-  CellList cells;  // of the mesh, whose smallest vertex is own and lies in the box; positively
-                   // oriented
+  // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
+  // positively oriented.
+  CellList cells;
+  // Ids of core points within kLatticeStar λ of an inserted one, ascending: all cells at them are
+  // no longer the lattice's.
+  std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
   VisitStats stats;
   bool is_overfull =

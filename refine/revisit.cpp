@@ -4,14 +4,15 @@
 #include <array>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <string>
 
 namespace locvol {
 namespace {
 
-// How far, over λ, a change matters to stars of which all is known to be within λ of its points: an
-// insertion destroys balls that contain it; where a point goes, new balls may be twice as large.
-constexpr double kInsertionMatters = 2, kDeletionMatters = 4;
+// How far, over λ, an insertion matters to stars whose balls are smaller than λ: it destroys those
+// that contain it. A deletion matters within the reach, for it can make balls as large as count.
+constexpr double kInsertionMatters = 2;
 
 // From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
 // both.
@@ -40,7 +41,7 @@ std::optional<Revisit> Revisit::of(const LeafInput& input) {
 }
 
 Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.size()) {
-  const std::size_t num = input.own.size() + input.ghosts.size();
+  const std::size_t num = input.own.size() + input.ghosts.size() + input.core.size();
   cubes_.reserve(num);
   for (std::size_t i = 0; i < num; ++i)
     cubes_.push_back({cube_of(point(i).position), static_cast<std::uint32_t>(i)});
@@ -50,8 +51,11 @@ Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.
 }
 
 const MeshPoint& Revisit::point(std::size_t i) const {
-  const std::size_t num_own = input_->own.size();
-  return i < num_own ? input_->own[i] : input_->ghosts[i - num_own];
+  for (const auto* points : {&input_->own, &input_->ghosts}) {
+    if (i < points->size()) return (*points)[i];
+    i -= points->size();
+  }
+  return input_->core[i];
 }
 
 std::array<std::int32_t, 3> Revisit::cube_of(const Point& p) const {
@@ -88,7 +92,7 @@ void Revisit::find_active() {
       if (p.id >= input_->last_visit->first_new_id)
         activate_near(p.position, kInsertionMatters * size);
   for (const MeshPoint& p : input_->last_visit->deleted)
-    activate_near(p.position, kDeletionMatters * size);
+    activate_near(p.position, input_->criteria.reach);
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
@@ -96,6 +100,7 @@ void Revisit::gather_part() {
   part_.criteria = input_->criteria;
   part_.box = input_->box;
   part_.surface = input_->surface;
+  part_.all_core = input_->all_core;
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
@@ -109,31 +114,42 @@ void Revisit::gather_part() {
   for (std::size_t i = 0; i < is_near.size(); ++i) {
     if (!is_near[i]) continue;
     const bool is_own = i < is_active_.size() && is_active_[i];
-    (is_own ? part_.own : part_.ghosts).push_back(point(i));
+    const bool is_core = i >= input_->own.size() + input_->ghosts.size();
+    (is_own ? part_.own : is_core ? part_.core : part_.ghosts).push_back(point(i));
   }
 }
 
 bool Revisit::is_complete(const LeafDelta& delta) const {
   bool is_complete = true;
   const auto look_around = [&](const Point& q, double distance) {
-    for_each_near(q, distance * input_->criteria.size, [&](std::size_t i) {
+    for_each_near(q, distance, [&](std::size_t i) {
       is_complete &= i >= is_active_.size() || is_active_[i];
       return is_complete;
     });
   };
   for (const InsertedPoint& p : delta.inserted) {
-    look_around(p.position, kInsertionMatters);
-    if (p.is_deleted) look_around(p.position, kDeletionMatters);
+    look_around(p.position, kInsertionMatters * input_->criteria.size);
+    if (p.is_deleted) look_around(p.position, input_->criteria.reach);
   }
-  for (const MeshPoint& p : delta.deleted) look_around(p.position, kDeletionMatters);
+  for (const MeshPoint& p : delta.deleted) look_around(p.position, input_->criteria.reach);
   return is_complete;
 }
 
-const MeshPoint& Revisit::find(VertexRef id) const {
-  for (const auto* points : {&input_->own, &input_->ghosts}) {
-    const auto found = std::ranges::lower_bound(*points, id, {}, &MeshPoint::id);
-    if (found != points->end() && found->id == id) return *found;
-  }
+namespace {
+
+const MeshPoint* find_in(const std::vector<MeshPoint>& points, VertexRef id) {
+  const auto found = std::ranges::lower_bound(points, id, {}, &MeshPoint::id);
+  return found != points.end() && found->id == id ? &*found : nullptr;
+}
+
+}  // namespace
+
+// The position of a vertex; of a point of the core, which no cell is of, one behind all others.
+Point Revisit::place_among_smallest(VertexRef id) const {
+  for (const auto* points : {&input_->own, &input_->ghosts})
+    if (const MeshPoint* found = find_in(*points, id)) return found->position;
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (find_in(input_->core, id)) return {kInfinity, kInfinity, kInfinity};
   throw RefineError("a cell of the last visit has the point " + std::to_string(id) +
                     ", which is neither loaded nor deleted");
 }
@@ -152,7 +168,7 @@ std::vector<Revisit::Fate> Revisit::fates() const {
   return fates;
 }
 
-// A cell is of the point that is its smallest vertex.
+// A cell is of the point that is its smallest vertex, not counting those of the core.
 bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
                       const std::vector<Fate>& fates) const {
   const auto has = [&](Fate fate) {
@@ -160,8 +176,8 @@ bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
   };
   if (has(Fate::kDeleted)) return false;
   if (!has(Fate::kActive)) return true;
-  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) -> const Point& {
-    return find(input_->last_visit->cells.vertices[v]).position;
+  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) {
+    return place_among_smallest(input_->last_visit->cells.vertices[v]);
   });
   return fates[smallest] != Fate::kActive;
 }

@@ -35,7 +35,7 @@ class Revisit {
   };
 
   explicit Revisit(const LeafInput& input);
-  const MeshPoint& point(std::size_t i) const;  // own, then ghosts
+  const MeshPoint& point(std::size_t i) const;  // own, ghosts, core
   std::array<std::int32_t, 3> cube_of(const Point& p) const;
   // Calls visit(index) for each point closer to q than `distance`, until it returns false.
   template <class Visit>
@@ -45,7 +45,7 @@ class Revisit {
   enum class Fate : std::uint8_t { kSettled, kActive, kDeleted };  // of a vertex of the last visit
   std::vector<Fate> fates() const;
   bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<Fate>& fates) const;
-  const MeshPoint& find(VertexRef id) const;
+  Point place_among_smallest(VertexRef id) const;
 
   const LeafInput* input_;
   std::vector<Cube> cubes_;      // in order of place

@@ -12,7 +12,7 @@ namespace {
 constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
-constexpr std::uint8_t kMaxRings = 16;   // distances beyond it are not told apart
+constexpr std::uint8_t kMaxRings = 254;  // distances beyond it are not told apart
 constexpr double kTrianglesPerCell = 4;  // wanted, in a cell that has some
 constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
 

@@ -32,14 +32,17 @@
 //
 //   | count u64 | byte 0 of every value | byte 1 of every value | ... |
 //
-// Fields, version 1 of every kind but leaf, which has version 2 (columns in brackets; "steps" are
+// Fields, version 1 of every kind but leaf, which has version 3, and points, which have version 2
+// (columns in brackets; "steps" are
 // differences to the value before, "changed bits" the exclusive or with it, both from 0):
 //
 //   0 format      version u32
 //   1 run         parameters, surface facts, frame, progress: in the order of fields() below
 //   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
-//                 first_new_id from version 2 on
-//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]
+//                 first_new_id from version 2 on, the core's counts from version 3 on
+//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]; from version 2 on the
+//   core:
+//                 whole u8, [i] [j] [k of the rows' first sites, steps u32] [counts u32]
 //   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32] [third -
 //   first]
 //                 [fourth - first]
@@ -74,9 +77,9 @@ inline constexpr Kind kKind<StoreFormat>{0, 1};
 template <>
 inline constexpr Kind kKind<RunRecord>{1, 1};
 template <>
-inline constexpr Kind kKind<LeafInfo>{2, 2};
+inline constexpr Kind kKind<LeafInfo>{2, 3};
 template <>
-inline constexpr Kind kKind<LeafPoints>{3, 1};
+inline constexpr Kind kKind<LeafPoints>{3, 2};
 template <>
 inline constexpr Kind kKind<LeafCells>{4, 1};
 template <>
@@ -325,19 +328,31 @@ void fields_of_version_1(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
           leaf.is_queued, leaf.position);
 }
 
-void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+void fields_of_version_2(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
   fields_of_version_1(archive, leaf);
   archive(leaf.info.first_new_id);
+}
+
+void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+  fields_of_version_2(archive, leaf);
+  archive(leaf.info.num_core_points, leaf.info.num_core_cells);
 }
 
 struct PositionColumns {
   std::vector<std::uint64_t> x, y, z;  // changed bits
 };
 
+struct CoreColumns {
+  bool is_whole = false;
+  std::vector<std::uint32_t> i, j, k;  // steps
+  std::vector<std::uint32_t> counts;
+};
+
 struct PointColumns {
   std::vector<std::uint64_t> ids;  // steps
   PositionColumns positions;
   std::vector<std::uint8_t> kinds;
+  CoreColumns core;
 };
 
 struct CellColumns {
@@ -358,7 +373,16 @@ struct SiteColumns {
 };
 
 void fields(auto& archive, Maybe<PositionColumns> auto& c) { archive(c.x, c.y, c.z); }
-void fields(auto& archive, Maybe<PointColumns> auto& c) { archive(c.ids, c.positions, c.kinds); }
+void fields(auto& archive, Maybe<CoreColumns> auto& c) {
+  archive(c.is_whole, c.i, c.j, c.k, c.counts);
+}
+void fields_of_version_1(auto& archive, Maybe<PointColumns> auto& c) {
+  archive(c.ids, c.positions, c.kinds);
+}
+void fields(auto& archive, Maybe<PointColumns> auto& c) {
+  fields_of_version_1(archive, c);
+  archive(c.core);
+}
 void fields(auto& archive, Maybe<CellColumns> auto& c) { archive(c.vertices, c.corners); }
 void fields(auto& archive, Maybe<TriangleColumns> auto& c) {
   archive(c.ids, c.corners, c.references);
@@ -422,8 +446,37 @@ std::vector<Point> positions_of(const PositionColumns& columns) {
   return positions;
 }
 
+CoreColumns columns_of(const LatticeCore& core) {
+  CoreColumns columns;
+  columns.is_whole = core.is_whole;
+  Steps<std::uint32_t> i, j, k;
+  for (const auto& [first, count] : core.rows) {
+    columns.i.push_back(i.to_step(static_cast<std::uint32_t>(first.i)));
+    columns.j.push_back(j.to_step(static_cast<std::uint32_t>(first.j)));
+    columns.k.push_back(k.to_step(static_cast<std::uint32_t>(first.k)));
+    columns.counts.push_back(count);
+  }
+  return columns;
+}
+
+LatticeCore core_of(const CoreColumns& columns) {
+  for (const auto* column : {&columns.j, &columns.k, &columns.counts})
+    check_length(column->size(), columns.i.size());
+  LatticeCore core{.is_whole = columns.is_whole, .rows = {}};
+  if (core.is_whole && !columns.i.empty()) throw DecodeError("rows of a core that is whole");
+  core.rows.reserve(columns.i.size());
+  Steps<std::uint32_t> i, j, k;
+  for (std::size_t n = 0; n < columns.i.size(); ++n)
+    core.rows.push_back({{static_cast<std::int32_t>(i.to_value(columns.i[n])),
+                          static_cast<std::int32_t>(j.to_value(columns.j[n])),
+                          static_cast<std::int32_t>(k.to_value(columns.k[n]))},
+                         columns.counts[n]});
+  return core;
+}
+
 PointColumns stored_form(const LeafPoints& record) {
   PointColumns columns;
+  columns.core = columns_of(record.core);
   Steps<std::uint64_t> ids;
   PositionWriter positions(columns.positions);
   for (const MeshPoint& point : record.points) {
@@ -440,6 +493,7 @@ LeafPoints record_of(const PointColumns& columns) {
   check_length(columns.ids.size(), positions.size());
   check_length(columns.kinds.size(), positions.size());
   LeafPoints record;
+  record.core = core_of(columns.core);
   record.points.reserve(positions.size());
   Steps<std::uint64_t> ids;
   for (std::size_t i = 0; i < positions.size(); ++i) {
@@ -722,6 +776,21 @@ Content decompress(std::string_view frame) {
   return content;
 }
 
+// Fields of an older version, if it is known; what is newer stays as it is made.
+bool read_older(ContentReader& in, std::uint16_t version, StoredLeafInfo& leaf) {
+  if (version == 1) fields_of_version_1(in, leaf);
+  if (version == 2) fields_of_version_2(in, leaf);
+  return version == 1 || version == 2;
+}
+bool read_older(ContentReader& in, std::uint16_t version, PointColumns& points) {
+  if (version == 1) fields_of_version_1(in, points);
+  return version == 1;
+}
+template <class Stored>
+bool read_older(ContentReader&, std::uint16_t, Stored&) {
+  return false;
+}
+
 }  // namespace
 
 template <class Record>
@@ -742,14 +811,11 @@ Record decode(std::string_view bytes, MortonKey leaf) try {
   if (kind != kKind<Record>.number) throw DecodeError("a record of another kind");
   if (stored_leaf != leaf) throw DecodeError("a record of another leaf");
   std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
-  if (version == kKind<Record>.version) {
+  if (version == kKind<Record>.version)
     in(stored);
-  } else if (std::same_as<Record, LeafInfo> && version == 1) {
-    if constexpr (std::same_as<Record, LeafInfo>) fields_of_version_1(in, stored);
-  } else {
+  else if (!read_older(in, version, stored))
     throw DecodeError("record version " + std::to_string(version) +
                       ", which this program does not know");
-  }
   if (!in.is_at_end()) throw DecodeError("bytes left over");
   return record_of(std::move(stored));
 } catch (const boost::archive::archive_exception&) {

@@ -9,6 +9,7 @@
 
 #include "octree/frame.h"
 #include "octree/geometry.h"
+#include "octree/lattice.h"
 #include "octree/morton_key.h"
 
 namespace locvol {
@@ -35,15 +36,20 @@ struct LeafInfo {
   // Points from this id on came after the last visit. 0: there was none that a later one may build
   // on, for it left something unresolved, or points near the leaf have been deleted since.
   std::uint64_t first_new_id = 0;
+  // Of LatticeCore; num_points and num_cells are of what is stored one by one.
+  std::uint64_t num_core_points = 0;
+  std::uint64_t num_core_cells = 0;  // of core points alone, and whose smallest one is the leaf's
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
 struct LeafPoints {
   std::vector<MeshPoint> points;  // in order of id
+  LatticeCore core;               // besides, known by their places in the lattice alone
   friend bool operator==(const LeafPoints&, const LeafPoints&) = default;
 };
 
-// The cells whose smallest vertex (lexicographically) is an own point of the leaf.
+// The cells whose smallest vertex (lexicographically) that is not of the core is an own point of
+// the leaf. Cells of core points alone are not stored.
 struct LeafCells {
   std::vector<std::uint64_t> vertices;              // ids, ascending
   std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, positively oriented
@@ -112,7 +118,7 @@ struct RunRecord {
   std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
   std::uint64_t num_visits = 0;
-  // Totals of the run so far; they outlive the leaves that were split.
+  // Totals of the run so far, with the core's; they outlive the leaves that were split.
   std::uint64_t num_points = 0;
   std::uint64_t num_cells = 0;
   std::uint64_t num_unresolved = 0;

@@ -224,8 +224,8 @@ struct Reader::Impl {
   std::optional<std::string> find_blob(Database database, MortonKey leaf) const;
   template <class Record>
   Record list(Database database, MortonKey leaf) const;
-  template <class Record, class List>
-  void put_list(Database database, MortonKey leaf, const Record& record, const List& list);
+  template <class Record>
+  void put_list(Database database, MortonKey leaf, const Record& record);
   static constexpr std::size_t kStride = 64;
   void for_each(Database database, const Visit& visit, std::string from = {},
                 std::size_t stride = kStride) const;
@@ -274,10 +274,10 @@ Record Reader::Impl::list(Database database, MortonKey leaf) const {
   return bytes ? decode_in<Record>(environment->directory(), database, *bytes, leaf) : Record();
 }
 
-template <class Record, class List>
-void Reader::Impl::put_list(Database database, MortonKey leaf, const Record& record,
-                            const List& list) {
-  put(database, leaf_key(leaf), list.empty() ? std::nullopt : std::optional(encode(record, leaf)));
+template <class Record>
+void Reader::Impl::put_list(Database database, MortonKey leaf, const Record& record) {
+  const bool is_empty = record == Record();
+  put(database, leaf_key(leaf), is_empty ? std::nullopt : std::optional(encode(record, leaf)));
 }
 
 // Visits some entries at a time, with no call into LMDB under way meanwhile: the visitor may read,
@@ -448,20 +448,20 @@ void Batch::put_leaf(MortonKey key, const LeafInfo& info) {
 }
 
 void Batch::put_points(MortonKey key, const LeafPoints& points) {
-  impl_->put_list(Database::kPoints, key, points, points.points);
+  impl_->put_list(Database::kPoints, key, points);
 }
 
 void Batch::put_cells(MortonKey key, const LeafCells& cells) {
   assert(!cells.cells.empty() || cells.vertices.empty());
-  impl_->put_list(Database::kCells, key, cells, cells.cells);
+  impl_->put_list(Database::kCells, key, cells);
 }
 
 void Batch::put_surface(MortonKey key, const LeafSurface& surface) {
-  impl_->put_list(Database::kSurface, key, surface, surface.triangles);
+  impl_->put_list(Database::kSurface, key, surface);
 }
 
 void Batch::put_unresolved(MortonKey key, const LeafUnresolved& unresolved) {
-  impl_->put_list(Database::kUnresolved, key, unresolved, unresolved.sites);
+  impl_->put_list(Database::kUnresolved, key, unresolved);
 }
 
 void Batch::erase_leaf(MortonKey key) {

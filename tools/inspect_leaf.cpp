@@ -117,6 +117,10 @@ void print_head(const LeafReport& leaf, double size) {
                                                     ? "; the box's center is inside"
                                                     : "; the box's center is outside")),
              line_text("cells", cells_text(leaf, size)));
+  if (leaf.info && leaf.info->num_core_points > 0)
+    fmt::print("{}", line_text("lattice core",
+                               fmt::format("{} points, {} cells", leaf.info->num_core_points,
+                                           leaf.info->num_core_cells)));
   std::string neighbors = fmt::format("{}:", leaf.neighbors.size());
   for (const MortonKey key : leaf.neighbors) neighbors += fmt::format(" {}", key_text(key));
   fmt::print("{}", line_text("neighbors", neighbors));

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kMaxListedSites = 10;
 constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
-                                LeafState::kEmpty, LeafState::kDamaged};
+                                LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
 
 struct LevelCounts {
   std::map<LeafState, std::uint64_t> by_state;

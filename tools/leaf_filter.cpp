@@ -19,6 +19,8 @@ constexpr std::array kFields = {
               [](MortonKey, const LeafInfo& info) -> std::uint64_t { return info.num_visits; }},
     LeafField{"points", [](MortonKey, const LeafInfo& info) { return info.num_points; }},
     LeafField{"cells", [](MortonKey, const LeafInfo& info) { return info.num_cells; }},
+    LeafField{"core_points", [](MortonKey, const LeafInfo& info) { return info.num_core_points; }},
+    LeafField{"core_cells", [](MortonKey, const LeafInfo& info) { return info.num_core_cells; }},
     LeafField{"triangles", [](MortonKey, const LeafInfo& info) { return info.num_triangles; }},
     LeafField{"insertions",
               [](MortonKey, const LeafInfo& info) {
@@ -29,7 +31,7 @@ constexpr std::array kFields = {
 };
 
 constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
-                                LeafState::kEmpty, LeafState::kDamaged};
+                                LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
 
 std::string field_names() {
   std::string names;

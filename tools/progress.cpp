@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -60,6 +61,20 @@ std::optional<double> Pace::seconds_left(const Progress& progress, double second
          static_cast<double>(progress.num_queued);
 }
 
+void PhaseClock::note(Phase phase, double seconds) {
+  const Phase working = std::min(phase, Phase::kRefine);
+  if (working == phase_) return;
+  seconds_ = seconds_by_phase(seconds);
+  phase_ = working;
+  last_seconds_ = seconds;
+}
+
+std::array<double, PhaseClock::kNumPhases> PhaseClock::seconds_by_phase(double seconds) const {
+  auto all = seconds_;
+  all[static_cast<std::size_t>(phase_)] += seconds - last_seconds_;
+  return all;
+}
+
 ProgressLine::ProgressLine(bool is_quiet)
     : is_quiet_(is_quiet),
       is_terminal_(isatty(STDERR_FILENO) == 1),
@@ -73,6 +88,7 @@ double ProgressLine::seconds() const {
 
 void ProgressLine::update(const Progress& progress) {
   const double now = seconds();
+  phases_.note(progress.phase, now);
   const auto left = pace_.seconds_left(progress, now);
   const double interval = is_terminal_ ? kTerminalInterval : kLogInterval;
   const bool is_due = progress.phase != last_phase_ || now - last_seconds_ >= interval;

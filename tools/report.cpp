@@ -217,6 +217,8 @@ Json to_json(const LeafInfo& info) {
   Json json = {{"num_visits", info.num_visits},
                {"num_points", info.num_points},
                {"num_cells", info.num_cells},
+               {"num_core_points", info.num_core_points},
+               {"num_core_cells", info.num_core_cells},
                {"num_triangles", info.num_triangles},
                {"insertions", insertions_json(info.num_insertions)},
                {"num_deletions", info.num_deletions},

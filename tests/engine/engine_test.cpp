@@ -8,6 +8,7 @@
 #include <set>
 
 #include "tests/engine/closed_shapes.h"
+#include "tests/engine/core_brute_force.h"
 
 namespace locvol {
 namespace {
@@ -59,6 +60,28 @@ testing::AssertionResult are_equal(const Contents& a, const Contents& b) {
   return testing::AssertionSuccess();
 }
 
+CoreByBruteForce core_of(const Contents& contents) {
+  std::vector<MortonKey> leaves;
+  for (const auto& [key, leaf] : contents.leaves) leaves.push_back(key);
+  return {contents.run, leaves,
+          [&](MortonKey leaf) { return contents.leaves.at(leaf).points.core; }};
+}
+
+using CellIds = std::array<std::uint64_t, 4>;
+
+// Those of the lattice core too.
+std::vector<CellIds> cells_of(const Contents& contents) {
+  std::vector<CellIds> cells;
+  for (const auto& [key, leaf] : contents.leaves) {
+    const auto& vertices = leaf.cells.vertices;
+    for (const auto& [a, b, c, d] : leaf.cells.cells)
+      cells.push_back({vertices[a], vertices[b], vertices[c], vertices[d]});
+  }
+  for (const auto& [a, b, c, d] : core_of(contents).cells)
+    cells.push_back({site_id(a), site_id(b), site_id(c), site_id(d)});
+  return cells;
+}
+
 using Facet = std::array<std::uint64_t, 3>;
 
 // The boundary of the union of all cells: facets of one cell only.
@@ -71,15 +94,13 @@ struct Boundary {
 
 Boundary boundary_of(const Contents& contents) {
   std::map<Facet, int> cells_of_facet;
-  for (const auto& [key, leaf] : contents.leaves)
-    for (const auto& cell : leaf.cells.cells)
-      for (std::size_t opposite = 0; opposite < 4; ++opposite) {
-        Facet facet{};
-        for (std::size_t i = 0; i < 3; ++i)
-          facet[i] = leaf.cells.vertices[cell[(opposite + 1 + i) % 4]];
-        std::ranges::sort(facet);
-        ++cells_of_facet[facet];
-      }
+  for (const CellIds& cell : cells_of(contents))
+    for (std::size_t opposite = 0; opposite < 4; ++opposite) {
+      Facet facet{};
+      for (std::size_t i = 0; i < 3; ++i) facet[i] = cell[(opposite + 1 + i) % 4];
+      std::ranges::sort(facet);
+      ++cells_of_facet[facet];
+    }
   Boundary boundary;
   std::map<std::pair<std::uint64_t, std::uint64_t>, int> facets_of_edge;
   std::set<std::uint64_t> vertices;
@@ -102,18 +123,20 @@ std::map<std::uint64_t, MeshPoint> points_of(const Contents& contents) {
   std::map<std::uint64_t, MeshPoint> points;
   for (const auto& [key, leaf] : contents.leaves)
     for (const MeshPoint& point : leaf.points.points) points[point.id] = point;
+  const Lattice lattice = lattice_of(contents.run);
+  for (const LatticeSite& site : core_of(contents).sites)
+    points[site_id(site)] = {site_id(site), lattice.position(site), PointKind::kLattice};
   return points;
 }
 
 double volume_of(const Contents& contents) {
   const auto points = points_of(contents);
   double volume = 0;
-  for (const auto& [key, leaf] : contents.leaves)
-    for (const auto& cell : leaf.cells.cells) {
-      std::array<Point, 4> p;
-      for (std::size_t i = 0; i < 4; ++i) p[i] = points.at(leaf.cells.vertices[cell[i]]).position;
-      volume += dot(cross(p[1] - p[0], p[2] - p[0]), p[3] - p[0]) / 6;
-    }
+  for (const CellIds& cell : cells_of(contents)) {
+    std::array<Point, 4> p;
+    for (std::size_t i = 0; i < 4; ++i) p[i] = points.at(cell[i]).position;
+    volume += dot(cross(p[1] - p[0], p[2] - p[0]), p[3] - p[0]) / 6;
+  }
   return volume;
 }
 
@@ -121,6 +144,10 @@ double volume_of(const Contents& contents) {
 void expect_consistent(const Contents& contents) {
   std::uint64_t num_points = 0, num_cells = 0, num_unresolved = 0, num_queued = 0;
   std::set<std::uint64_t> ids;
+  const CoreByBruteForce core = core_of(contents);
+  const Lattice lattice = lattice_of(contents.run);
+  const bool is_cover = contents.run.parameters.init == Initialization::kCover;
+  const bool is_core_counted = contents.run.phase >= Phase::kRefine;
   for (const auto& [key, leaf] : contents.leaves) {
     EXPECT_EQ(leaf.info.num_points, leaf.points.points.size());
     EXPECT_EQ(leaf.info.num_cells, leaf.cells.cells.size());
@@ -131,9 +158,19 @@ void expect_consistent(const Contents& contents) {
       EXPECT_EQ(contents.run.frame.key_of(point.position, key.level()), key);
       EXPECT_TRUE(ids.insert(point.id).second);
       EXPECT_LT(point.id, contents.run.next_point_id);
+      const bool is_site = is_cover && point.id < kFirstOtherId;
+      EXPECT_EQ(is_site, point.kind == PointKind::kLattice);
+      if (!is_site) continue;
+      EXPECT_EQ(point.position, lattice.position(site_of(point.id)));
+      EXPECT_FALSE(core.sites.contains(site_of(point.id)));
     }
-    num_points += leaf.info.num_points;
-    num_cells += leaf.info.num_cells;
+    const auto count = [&](const auto& counts) {
+      return counts.contains(key) ? counts.at(key) : std::uint64_t{0};
+    };
+    EXPECT_EQ(leaf.info.num_core_points, count(core.num_points));
+    EXPECT_EQ(leaf.info.num_core_cells, is_core_counted ? count(core.num_cells) : 0);
+    num_points += leaf.info.num_points + leaf.info.num_core_points;
+    num_cells += leaf.info.num_cells + leaf.info.num_core_cells;
     num_unresolved += leaf.info.num_unresolved;
     num_queued += leaf.info.queued.has_value();
   }
@@ -383,6 +420,7 @@ TEST_F(EngineTest, IngestsAgainWhatWasCutShort) {
     RunRecord record;
     record.parameters = expected.run.parameters;
     record.surface = expected.run.surface;
+    record.next_point_id = kFirstOtherId;
     batch.put_run(record);
     batch.commit();
   };

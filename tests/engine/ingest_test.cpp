@@ -127,12 +127,37 @@ void add_flat_triangle(Polygons& s, std::size_t face) {
   s.faces.push_back({a, b, m});
 }
 
+struct Judgement {
+  std::string refusal;
+  SurfaceFacts facts;
+  std::vector<Triangle> triangles;
+  friend bool operator==(const Judgement&, const Judgement&) = default;
+};
+
+Judgement judge(const std::filesystem::path& file, std::uint64_t capacity) {
+  try {
+    const InputSurface s = read_whole_surface(file, capacity);
+    return {{}, s.facts, s.pieces};
+  } catch (const InputError& error) {
+    return {error.what(), {}, {}};
+  }
+}
+
+// A walk may touch itself, and most do: drawn until one does not.
+Polygons manifold_voxels(Random& random, const SurfaceFiles& files) {
+  for (;;) {
+    Polygons solid = random_voxels(random, 40, 3);
+    const auto file = files.write("solid.off", to_off(solid));
+    if (judge(file, 1'000'000).refusal.empty()) return solid;
+  }
+}
+
 struct Sample {
   std::string name;
   Polygons surface;
 };
 
-std::vector<Sample> random_samples(Random& random) {
+std::vector<Sample> random_samples(Random& random, const SurfaceFiles& files) {
   std::vector<Sample> samples;
   const auto add = [&](const std::string& name, Polygons s) -> Polygons& {
     shuffle(s, random);
@@ -142,7 +167,7 @@ std::vector<Sample> random_samples(Random& random) {
   add("balls", random_balls(random));
   add("voxels", random_voxels(random, 60, 3));
   add("thin voxels", random_voxels(random, 40, 1));
-  const auto solid = [&] { return random_voxels(random, 40, 3); };
+  const auto solid = [&] { return manifold_voxels(random, files); };
   {
     Polygons& s = add("flat triangles", solid());
     for (int i = 0; i < 20; ++i) add_flat_triangle(s, below(random, s.faces.size()));
@@ -195,22 +220,6 @@ std::vector<Sample> random_samples(Random& random) {
 
 // ---- Judged in one bucket and in many ----
 
-struct Judgement {
-  std::string refusal;
-  SurfaceFacts facts;
-  std::vector<Triangle> triangles;
-  friend bool operator==(const Judgement&, const Judgement&) = default;
-};
-
-Judgement judge(const std::filesystem::path& file, std::uint64_t capacity) {
-  try {
-    const InputSurface s = read_whole_surface(file, capacity);
-    return {{}, s.facts, s.pieces};
-  } catch (const InputError& error) {
-    return {error.what(), {}, {}};
-  }
-}
-
 TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
@@ -218,7 +227,7 @@ TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
   const SurfaceFiles files;
   int num_refused = 0, num_accepted = 0;
   for (int round = 0; round < 3; ++round)
-    for (const auto& [name, surface] : random_samples(random)) {
+    for (const auto& [name, surface] : random_samples(random, files)) {
       SCOPED_TRACE(name);
       const auto file = files.write("surface.off", to_off(surface));
       const Judgement whole = judge(file, 1'000'000);
@@ -232,8 +241,24 @@ TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
         EXPECT_TRUE(pieces == whole) << capacity;
       }
     }
-  EXPECT_GT(num_accepted, 6);
+  EXPECT_GT(num_accepted, 9);
   EXPECT_GT(num_refused, 9);
+}
+
+// With these seeds all voxels touched themselves once: no surface was repaired and accepted.
+TEST(IngestBuckets, SamplesAreOftenGoodWithAnySeed) {
+  const SurfaceFiles files;
+  for (const unsigned seed : {10u, 28u, 37u}) {
+    Random random(seed);
+    int num_repaired = 0;
+    for (const auto& [name, surface] : random_samples(random, files)) {
+      const bool needs_repair = name.starts_with("flat") || name.starts_with("copies");
+      if (needs_repair &&
+          judge(files.write("surface.off", to_off(surface)), 1'000'000).refusal.empty())
+        ++num_repaired;
+    }
+    EXPECT_GE(num_repaired, 2) << seed;
+  }
 }
 
 // A Klein bottle that crosses itself, which is for a later check to find.

@@ -141,6 +141,9 @@ TEST_F(LeafScan, ReadingAllFindsWhatIsMissing) {
 TEST(LeafRow, HasTheStateOfItsRecord) {
   LeafRow row{.key = MortonKey::root(), .info = LeafInfo(), .unresolved = {}, .faults = {}};
   EXPECT_EQ(row.state(), LeafState::kEmpty);
+  row.info->num_core_points = 7;
+  EXPECT_EQ(row.state(), LeafState::kCore);
+  row.info->num_core_points = 0;
   row.info->queued = QueuePosition{0, 0};  // to be covered
   EXPECT_EQ(row.state(), LeafState::kUnvisited);
   row.info->num_points = 3;

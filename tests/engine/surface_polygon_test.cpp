@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <random>
 #include <vector>
 
@@ -55,10 +55,10 @@ TEST(PolygonTriangulation, CutsTenThousandCornersWithFewEarsInSeconds) {
   constexpr int kHalf = kMaxPolygonCorners / 2;
   for (int i = 0; i < kHalf; ++i) band.push_back({double(i), i % 2 == 0 ? 0.0 : 10.0, 0});
   for (int i = kHalf - 1; i >= 0; --i) band.push_back({double(i), i % 2 == 0 ? 0.5 : 10.5, 0});
-  const auto start = std::chrono::steady_clock::now();
+  const auto started = std::clock();  // counts no time of other processes
   expect_triangulated(band, {0, 0, 1});
   // Less than a second; minutes if every search for an ear begins anew.
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(60));
+  EXPECT_LT(static_cast<double>(std::clock() - started) / CLOCKS_PER_SEC, 20);
 }
 
 TEST(PolygonTriangulation, CutsStarsInAnyPlane) {

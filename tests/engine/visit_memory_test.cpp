@@ -74,8 +74,7 @@ class VisitMemory : public testing::TestWithParam<Case> {
 
   void end_phase(RunState& state) {
     if (state.run.phase == Phase::kInitialize) {
-      for (const MortonKey leaf : state.octree.leaves())
-        if (state.leaves.info(leaf).num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+      enqueue_for_refinement(state);
       state.run.phase = Phase::kRefine;
     } else {
       state.run.phase = Phase::kDone;
@@ -93,9 +92,7 @@ class VisitMemory : public testing::TestWithParam<Case> {
       points = cover_leaf(loaded.complete());
       compare(loaded.bytes, before);
     }
-    state.dequeue(leaf);
-    for (const Point& p : points.samples) state.add_point(p, PointKind::kSurface);
-    for (const Point& p : points.lattice) state.add_point(p, PointKind::kLattice);
+    apply_cover(state, leaf, points);
   }
 
   void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {

@@ -6,7 +6,8 @@
 //
 // The kind of record is the first byte's low 3 bits. The next 2 say at which stage the bytes stand
 // in for the true ones, for neither a checksum nor a leaf's key is hit by chance:
-//   0  as they are stored;   1  before compression;   2, 3  fields only, behind the right header.
+//   0  as they are stored;   1  before compression;   2  fields only, behind the header of version
+//   1; 3  behind that of the newest version.
 
 #include <zstd.h>
 
@@ -23,7 +24,7 @@
 namespace locvol {
 namespace {
 
-enum Stage { kStored = 0, kContent = 1 };  // fields: all others
+enum Stage { kStored = 0, kContent = 1, kFieldsOfVersion1 = 2, kFields = 3 };
 
 constexpr MortonKey kLeaf = MortonKey::from_bits(0x0123456789abc000);
 
@@ -54,8 +55,11 @@ std::string content_of(std::string_view frame) {
   return content;
 }
 
-std::string header_of(std::uint8_t kind, MortonKey leaf) {
-  std::string header = {static_cast<char>(kind), 1, 0};
+template <class Record>
+std::string header_of(std::uint8_t kind, bool is_newest) {
+  constexpr MortonKey leaf = leaf_of<Record>();
+  const char newest = content_of(encode(Record(), leaf))[1];
+  std::string header = {static_cast<char>(kind), is_newest ? newest : char{1}, 0};
   for (int shift = 0; shift < 64; shift += 8) header += static_cast<char>(leaf.bits() >> shift);
   return header;
 }
@@ -122,7 +126,7 @@ void decode_at(int stage, std::uint8_t kind, std::string_view bytes) {
   else if (stage == kContent)
     decode_stored<Record>(frame_of(bytes));
   else
-    decode_stored<Record>(frame_of(header_of(kind, leaf_of<Record>()).append(bytes)));
+    decode_stored<Record>(frame_of(header_of<Record>(kind, stage == kFields).append(bytes)));
 }
 
 void decode_any(std::uint8_t selector, std::string_view bytes) {

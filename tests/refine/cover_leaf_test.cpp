@@ -10,9 +10,12 @@
 #include <numbers>
 #include <ostream>
 #include <random>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "tests/refine/lattice_points.h"
 
 namespace locvol {
 namespace {
@@ -195,9 +198,11 @@ struct World {
   double side = 0;     // of the root's cube
   int num_leaves = 1;  // on each axis; a power of two
   std::uint64_t seed = 1;
-  Point lattice_origin{0.0123, -0.0456, 0.0789};
 
   double radius() const { return kSampleRadius * size; }
+
+  Frame frame() const { return {min, std::ldexp(side, -MortonKey::kMaxLevel)}; }
+  Lattice lattice() const { return {frame(), size, side / num_leaves}; }
 
   Box leaf(int i, int j, int k) const {
     const auto corner = [&](int a, int b, int c) {
@@ -208,15 +213,16 @@ struct World {
   }
 
   SurfacePatch patch(const Box& box, bool is_whole = false) const {
-    const Box region = box.expanded(size);
+    const Box region = box.expanded(kCoreDepth * size);
     Mesh near = mesh;
     if (!is_whole) std::erase_if(near, [&](const Triangle& t) { return !meets(t, region); });
-    return {near, region, box.center(), is_inside(box.center(), mesh)};
+    return {near, region, box.center(), is_inside(box.center(), mesh), size};
   }
 
   CoverPoints cover(const Box& box, const std::vector<Point>& nearby, bool is_whole = false) const {
     const SurfacePatch surface = patch(box, is_whole);
-    return cover_leaf({size, seed, lattice_origin, box, &surface, nearby});
+    const Lattice points = lattice();
+    return cover_leaf({size, seed, &points, box, &surface, nearby});
   }
 };
 
@@ -255,10 +261,14 @@ std::vector<Point> all_samples(const std::vector<LeafCover>& leaves) {
   return all;
 }
 
-std::vector<Point> all_lattice(const std::vector<LeafCover>& leaves) {
-  std::vector<Point> all;
+// Of all leaves, those that `select` gives of a leaf; each once.
+template <class Select>
+std::set<LatticeSite> all_sites(const Lattice& lattice, const std::vector<LeafCover>& leaves,
+                                Select select) {
+  std::set<LatticeSite> all;
   for (const LeafCover& leaf : leaves)
-    all.insert(all.end(), leaf.points.lattice.begin(), leaf.points.lattice.end());
+    for (const LatticeSite& site : select(leaf.points, lattice.sites_in(leaf.box)))
+      EXPECT_TRUE(all.insert(site).second) << "a site of two leaves";
   return all;
 }
 
@@ -271,62 +281,6 @@ bool owns(const Box& box, const Point& p) {
 std::vector<Point> sorted(std::vector<Point> points) {
   std::sort(points.begin(), points.end());
   return points;
-}
-
-// ---- The lattice
-
-TEST(BccLattice, CoordinatesAreOriginPlusHalfSpacingTimesIndexAndADisplacement) {
-  const BccLattice lattice({1, 2, 3}, 0.5);
-  const auto expect_near = [](const Point& p, const Point& expected) {
-    for (const int axis : {0, 1, 2})
-      EXPECT_NEAR(p[axis], expected[axis], 0.25 * BccLattice::kDisplacement);
-    EXPECT_NE(p, expected);
-  };
-  expect_near(lattice.position(0, 0, 0), {1, 2, 3});
-  expect_near(lattice.position(-1, 3, 5), {0.75, 2.75, 4.25});
-  EXPECT_EQ(lattice.position(-1, 3, 5), lattice.position(-1, 3, 5));
-}
-
-TEST(BccLattice, PointsInABoxAreThoseOfBruteForce) {
-  const std::uint64_t seed = 20240611;
-  SCOPED_TRACE(seed);
-  Random random(seed);
-  std::size_t num_points = 0;
-  for (int trial = 0; trial < 100; ++trial) {
-    const Point origin{uniform(random, -3, 3), uniform(random, -3, 3), uniform(random, -3, 3)};
-    const BccLattice lattice(origin, uniform(random, 0.3, 2));
-    Box box = Box::around({uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)});
-    box.max = box.min + uniform(random, 0, 2) * Point{1, 1, 1};
-    // Half of the boxes begin and end exactly on lattice coordinates.
-    if (trial % 2) box = {lattice.position(-3, -2, 1), lattice.position(2, 5, 4)};
-    std::vector<Point> expected;
-    for (int i = -60; i <= 60; ++i)
-      for (int j = -60; j <= 60; ++j)
-        for (int k = -60; k <= 60; ++k) {
-          if ((i - j) % 2 || (i - k) % 2) continue;
-          const Point p = lattice.position(i, j, k);
-          if (owns(box, p)) expected.push_back(p);
-        }
-    ASSERT_EQ(lattice.points_in(box), expected) << "trial " << trial;
-    num_points += expected.size();
-  }
-  EXPECT_GT(num_points, 1000u);
-}
-
-TEST(BccLattice, OverlappingBoxesGiveTheSameBits) {
-  const BccLattice lattice({1e3 + 0.1, -7.7, 0.3}, 1.75 * 0.037);
-  const Box a{{1000, -8, 0}, {1001, -7, 1}}, b{{1000.4, -7.7, 0.2}, {1001.3, -6.7, 1.1}};
-  std::vector<Point> in_a = lattice.points_in(a), in_b = lattice.points_in(b);
-  std::erase_if(in_a, [&](const Point& p) { return !owns(b, p); });
-  std::erase_if(in_b, [&](const Point& p) { return !owns(a, p); });
-  EXPECT_GT(in_a.size(), 1000u);
-  EXPECT_EQ(in_a, in_b);
-}
-
-TEST(BccLattice, HasNoPointInAnEmptyBox) {
-  const BccLattice lattice({0, 0, 0}, 1);
-  EXPECT_TRUE(lattice.points_in({{0, 0, 0}, {0, 0, 0}}).empty());
-  EXPECT_TRUE(lattice.points_in({{0.1, 0.1, 0.1}, {0.4, 0.4, 0.4}}).empty());
 }
 
 // ---- The promises of cover_leaf on whole surfaces
@@ -361,7 +315,6 @@ World far_world() {
   const Point far{1e6, -3e6, 2e6};
   World world = usual_world(sphere(far, 1.3, 4), 0.2, 2);
   world.min = far + world.min;
-  world.lattice_origin = far + world.lattice_origin;
   return world;
 }
 
@@ -459,16 +412,51 @@ TEST_P(CoverOf, DensityIsThatOfSaturatedPoissonDisks) {
   EXPECT_LT(ratio, 1.15);
 }
 
-TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeeperThanSize) {
+TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeepEnough) {
   const World& world = run().world;
-  const BccLattice lattice(world.lattice_origin, kLatticeSpacing * world.size);
-  std::vector<Point> expected =
-      lattice.points_in({world.min, world.min + world.side * Point{1, 1, 1}});
-  std::erase_if(expected, [&](const Point& p) {
-    return !is_inside(p, world.mesh) || distance(p, world.mesh) < world.size;
+  const Lattice lattice = world.lattice();
+  std::set<LatticeSite> expected;
+  for_each_site(lattice.sites_in(world.frame().root_box()), [&](const LatticeSite& site) {
+    const Point p = lattice.position(site);
+    if (is_inside(p, world.mesh) && distance(p, world.mesh) >= kLatticeDepth * world.size)
+      expected.insert(site);
   });
   EXPECT_EQ(expected.empty(), GetParam().name == "ThinPlate");
-  EXPECT_EQ(sorted(all_lattice(run().leaves)), sorted(expected));
+  EXPECT_EQ(all_sites(lattice, run().leaves, lattice_sites), expected);
+}
+
+// How much of it is implicit beyond the depth where all might be, is a matter of speed.
+TEST_P(CoverOf, CoreIsDeep) {
+  const World& world = run().world;
+  const Lattice lattice = world.lattice();
+  const auto core =
+      all_sites(lattice, run().leaves, [](const CoverPoints& points, const SiteBox& sites) {
+        return core_sites(points.core, sites);
+      });
+  for (const LatticeSite& site : core)
+    EXPECT_GE(distance(lattice.position(site), world.mesh), kCoreDepth * world.size);
+  std::size_t num_deep = 0;
+  for_each_site(lattice.sites_in(world.frame().root_box()), [&](const LatticeSite& site) {
+    const Point p = lattice.position(site);
+    if (!is_inside(p, world.mesh) || distance(p, world.mesh) < 1.5 * kCoreDepth * world.size)
+      return;
+    ++num_deep;
+    EXPECT_TRUE(core.contains(site));
+  });
+  RecordProperty("core", std::to_string(core.size()));
+  RecordProperty("deep", std::to_string(num_deep));
+}
+
+// So that all cells at it are the lattice's (DESIGN 6).
+TEST_P(CoverOf, AllNeighborsOfACorePointArePointsOfTheLattice) {
+  const World& world = run().world;
+  const Lattice lattice = world.lattice();
+  const auto all = all_sites(lattice, run().leaves, lattice_sites);
+  for (const LeafCover& leaf : run().leaves)
+    for (const LatticeSite& site : core_sites(leaf.points.core, lattice.sites_in(leaf.box))) {
+      for (const LatticeSite& step : kLatticeNeighbors) EXPECT_TRUE(all.contains(site + step));
+      EXPECT_GT(nearest(lattice.position(site), run().samples), kLatticeStar * world.size);
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, CoverOf, testing::ValuesIn(kModels),
@@ -489,11 +477,14 @@ class OneLeaf : public testing::Test {
       {{world_.leaf(1, 2, 2), world_.cover(world_.leaf(1, 2, 2), {})}}, box_, world_.radius());
   CoverPoints points_ = world_.cover(box_, nearby_);
 
+  // Which lattice points are of the core depends on the patch; all together do not.
   void expect_same(const CoverPoints& other) const {
     ASSERT_GT(nearby_.size(), 3u);
     ASSERT_GT(points_.samples.size(), 10u);
     EXPECT_EQ(other.samples, points_.samples);
-    EXPECT_EQ(other.lattice, points_.lattice);
+    const SiteBox sites = world_.lattice().sites_in(box_);
+    ASSERT_FALSE(points_.core.is_empty());
+    EXPECT_EQ(lattice_sites(other, sites), lattice_sites(points_, sites));
   }
 };
 
@@ -505,8 +496,12 @@ TEST_F(OneLeaf, DoesNotDependOnTheOrderOfTriangles) {
   const SurfacePatch patch = world_.patch(box_);
   const std::vector<Triangle> reversed(patch.triangles().rbegin(), patch.triangles().rend());
   const SurfacePatch other(reversed, patch.region(), box_.center(),
-                           is_inside(box_.center(), world_.mesh));
-  expect_same(cover_leaf({world_.size, world_.seed, world_.lattice_origin, box_, &other, nearby_}));
+                           is_inside(box_.center(), world_.mesh), world_.size);
+  const Lattice lattice = world_.lattice();
+  const CoverPoints points =
+      cover_leaf({world_.size, world_.seed, &lattice, box_, &other, nearby_});
+  expect_same(points);
+  EXPECT_EQ(points.core, points_.core);
 }
 
 TEST_F(OneLeaf, DoesNotDependOnOrderOrNumberOfFarSamples) {
@@ -529,27 +524,31 @@ TEST_F(OneLeaf, DoubledSurfaceAndSizeGiveTheDoubledPoints) {
   };
   World twice = world_;
   twice.size *= 2;
-  twice.lattice_origin = 2 * twice.lattice_origin;
+  twice.min = 2 * twice.min;
+  twice.side *= 2;
   for (Triangle& t : twice.mesh)
     for (Point& p : t.corners) p = 2 * p;
   const CoverPoints points = twice.cover({2 * box_.min, 2 * box_.max}, doubled(nearby_));
   EXPECT_EQ(points.samples, doubled(points_.samples));
-  EXPECT_EQ(points.lattice, doubled(points_.lattice));
+  EXPECT_EQ(points.lattice, points_.lattice);
+  EXPECT_EQ(points.core, points_.core);
+  const LatticeSite site = points_.lattice.at(0);
+  EXPECT_EQ(twice.lattice().position(site), 2 * world_.lattice().position(site));
 }
 
 // ---- Leaves without surface
 
-TEST(LeafWithoutSurface, HasTheWholeLatticeInsideAndNothingOutside) {
-  const Box box{{0, 0, 0}, {1, 1, 1}};
+TEST(LeafWithoutSurface, IsCoreAllOverInsideAndHasNothingOutside) {
+  const Frame frame({0, 0, 0}, 0x1p-21);
+  const Lattice lattice(frame, 0.1, 1);
+  const Box box = frame.root_box();
   for (const bool is_inside : {true, false}) {
     const SurfacePatch nothing({}, box.expanded(0.1), box.center(), is_inside);
-    const CoverPoints points = cover_leaf({0.1, 1, {0, 0, 0}, box, &nothing, {{1.01, 0.5, 0.5}}});
+    const CoverPoints points = cover_leaf({0.1, 1, &lattice, box, &nothing, {{1.01, 0.5, 0.5}}});
     EXPECT_TRUE(points.samples.empty());
-    if (is_inside) {
-      EXPECT_EQ(points.lattice, BccLattice({0, 0, 0}, kLatticeSpacing * 0.1).points_in(box));
-    } else {
-      EXPECT_TRUE(points.lattice.empty());
-    }
+    EXPECT_TRUE(points.lattice.empty());
+    EXPECT_EQ(points.core.is_whole, is_inside);
+    EXPECT_TRUE(points.core.rows.empty());
   }
 }
 
@@ -558,8 +557,9 @@ TEST(LeafOfOneCoveredPiece, NeedsNoSample) {
   const Mesh mesh = box_surface({{0.1, 0.1, 0.1}, {0.3, 0.3, 0.3}});
   const Box box{{0, 0, 0}, {1, 1, 1}};
   const SurfacePatch patch(mesh, box.expanded(size), {0.5, 0.5, 0.5}, false);
-  EXPECT_TRUE(cover_leaf({size, 1, {}, box, &patch, {{-0.05, 0.2, 0.2}}}).samples.empty());
-  EXPECT_EQ(cover_leaf({size, 1, {}, box, &patch, {}}).samples.size(), 1u);
+  const Lattice lattice(Frame({0, 0, 0}, 0x1p-21), size, 1);
+  EXPECT_TRUE(cover_leaf({size, 1, &lattice, box, &patch, {{-0.05, 0.2, 0.2}}}).samples.empty());
+  EXPECT_EQ(cover_leaf({size, 1, &lattice, box, &patch, {}}).samples.size(), 1u);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 
 #include "refine/cover_leaf.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/lattice_points.h"
 #include "tests/refine/mesh_checker.h"
 #include "tests/refine/shapes.h"
 
@@ -71,12 +72,14 @@ std::vector<MeshPoint> random_surface_points(const World& world, std::size_t num
 
 // The surface, and on request the interior, as cover mode fills them.
 std::vector<MeshPoint> covering_points(const World& world, bool with_lattice) {
-  const Point lattice_origin{0.0123, -0.0456, 0.0789};
-  const CoverPoints cover =
-      cover_leaf({world.size, 7, lattice_origin, world.patch.region(), &world.patch, {}});
+  const Box& region = world.patch.region();
+  const Lattice lattice = lattice_around(region, world.size);
+  const CoverPoints cover = cover_leaf({world.size, 7, &lattice, region, &world.patch, {}});
   std::vector<MeshPoint> points;
   append(points, cover.samples, PointKind::kSurface);
-  if (with_lattice) append(points, cover.lattice, PointKind::kLattice);
+  if (with_lattice)
+    append(points, positions(lattice, lattice_sites(cover, lattice.sites_in(region))),
+           PointKind::kLattice);
   return points;
 }
 

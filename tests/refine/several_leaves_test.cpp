@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -17,6 +18,7 @@
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/lattice_points.h"
 #include "tests/refine/mesh_checker.h"
 #include "tests/refine/shapes.h"
 
@@ -24,8 +26,6 @@ namespace locvol {
 namespace {
 
 using shapes::Mesh;
-
-constexpr double kReach = 4;  // over λ
 
 struct Scene {
   std::string name;
@@ -43,15 +43,54 @@ enum class Visits {
   kPartialAndWhole,  // partial, and compared with what a whole visit gives
 };
 
+// As many lattice points as can be are known by their sites alone, or none are.
+enum class Core { kExplicit, kImplicit };
+
+using Cell = std::array<std::uint64_t, 4>;  // ids
+
+class CoreSites : public CoreIndex {
+ public:
+  explicit CoreSites(const Lattice& lattice) : lattice_(lattice) {}
+
+  std::set<LatticeSite> sites;
+
+  MeshPoint point(const LatticeSite& site) const {
+    return {site_id(site), lattice_.position(site), PointKind::kLattice};
+  }
+  std::vector<MeshPoint> neighbors_of(const std::vector<MeshPoint>& points) const {
+    std::set<LatticeSite> found;
+    for (const MeshPoint& p : points)
+      if (p.id < kFirstOtherId)
+        for (const LatticeSite& step : kLatticeNeighbors)
+          if (sites.contains(site_of(p.id) + step)) found.insert(site_of(p.id) + step);
+    std::vector<MeshPoint> neighbors;
+    for (const LatticeSite& site : found) neighbors.push_back(point(site));
+    return neighbors;
+  }
+  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
+    out.clear();
+    for (const LatticeSite& site : sites)
+      if (squared_distance(lattice_.position(site), q) <= radius * radius)
+        out.push_back(point(site));
+  }
+
+ private:
+  const Lattice& lattice_;
+};
+
 class LeafRun {
  public:
-  LeafRun(const Scene& scene, Visits visits);
+  LeafRun(const Scene& scene, Visits visits, Core core = Core::kExplicit);
 
   // Visits all leaves in turn until a full round changes nothing.
   void refine();
 
-  const std::vector<MeshPoint>& points() const { return points_; }
-  const std::vector<IndexedCell>& cells() const { return cells_; }
+  // P, and the cells as indices into it; with those of the core.
+  std::vector<MeshPoint> points() const;
+  std::vector<IndexedCell> cells() const;
+  std::size_t num_core() const { return core_.sites.size(); }
+  std::uint64_t num_met() const { return num_met_; }  // core points that were made explicit
+  std::uint64_t num_taken_in() const { return num_taken_in_; }  // by visits
   int num_rounds() const { return num_rounds_; }
   // By partial visits that were compared, and by the whole ones.
   std::pair<std::uint64_t, std::uint64_t> num_cells_made() const { return num_cells_made_; }
@@ -67,6 +106,8 @@ class LeafRun {
 
   void disturb();
   void cut_into_leaves();
+  void make_core();
+  void make_explicit(const LatticeSite& site);
   bool visit(Leaf& leaf);
   LeafInput load(const Leaf& leaf) const;
   void commit(Leaf& leaf, const LeafDelta& delta);
@@ -75,13 +116,15 @@ class LeafRun {
   const Scene& scene_;
   Visits visits_;
   SurfacePatch whole_;
+  Lattice lattice_;
+  CoreSites core_{lattice_};
   std::vector<Leaf> leaves_;
-  std::vector<MeshPoint> points_;  // ids ascend
-  std::uint64_t next_id_ = 0;
-  std::vector<IndexedCell> cells_;  // indices into points_
+  std::vector<MeshPoint> points_;  // ids ascend; without the core
+  std::uint64_t next_id_ = kFirstOtherId;
+  std::vector<Cell> cells_;
   int num_rounds_ = 0;
   std::pair<std::uint64_t, std::uint64_t> num_cells_made_;
-  std::uint64_t num_insertions_ = 0, num_deletions_ = 0;
+  std::uint64_t num_insertions_ = 0, num_deletions_ = 0, num_met_ = 0, num_taken_in_ = 0;
 };
 
 SurfacePatch whole_patch(const Mesh& mesh, double margin) {
@@ -89,14 +132,83 @@ SurfacePatch whole_patch(const Mesh& mesh, double margin) {
   return {mesh, region, region.min, false};
 }
 
-LeafRun::LeafRun(const Scene& scene, Visits visits)
-    : scene_(scene), visits_(visits), whole_(whole_patch(scene.mesh, 3 * scene.size)) {
-  const CoverPoints cover =
-      cover_leaf({scene.size, 1, {0.0123, -0.0456, 0.0789}, whole_.region(), &whole_, {}});
+LeafRun::LeafRun(const Scene& scene, Visits visits, Core core)
+    : scene_(scene),
+      visits_(visits),
+      whole_(whole_patch(scene.mesh, 3 * scene.size)),
+      lattice_(lattice_around(whole_.region(), scene.size)) {
+  const CoverPoints cover = cover_leaf({scene.size, 1, &lattice_, whole_.region(), &whole_, {}});
+  for (const LatticeSite& site : lattice_sites(cover, lattice_.sites_in(whole_.region())))
+    points_.push_back(core_.point(site));
   for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
-  for (const Point& p : cover.lattice) points_.push_back({next_id_++, p, PointKind::kLattice});
   disturb();
+  if (core == Core::kImplicit) make_core();
   cut_into_leaves();
+}
+
+// All lattice points that may be: their neighbors are of P, and no other point is near.
+void LeafRun::make_core() {
+  std::set<LatticeSite> sites;
+  std::vector<Point> others;
+  for (const MeshPoint& p : points_)
+    if (p.id < kFirstOtherId)
+      sites.insert(site_of(p.id));
+    else
+      others.push_back(p.position);
+  for (const LatticeSite& site : sites) {
+    const Point p = lattice_.position(site);
+    const double star = kLatticeStar * scene_.size;
+    if (std::ranges::all_of(kLatticeNeighbors,
+                            [&](const LatticeSite& d) { return sites.contains(site + d); }) &&
+        std::ranges::none_of(others,
+                             [&](const Point& q) { return squared_distance(p, q) <= star * star; }))
+      core_.sites.insert(site);
+  }
+  std::erase_if(points_, [&](const MeshPoint& p) {
+    return p.id < kFirstOtherId && core_.sites.contains(site_of(p.id));
+  });
+}
+
+void LeafRun::make_explicit(const LatticeSite& site) {
+  ASSERT_EQ(core_.sites.erase(site), 1u);
+  ++num_met_;
+  const MeshPoint p = core_.point(site);
+  points_.insert(std::ranges::lower_bound(points_, p.id, {}, &MeshPoint::id), p);
+  for (Leaf& leaf : leaves_)
+    if (leaf.box.squared_distance(p.position) <= std::pow(2 * scene_.size, 2))
+      leaf.last_visit.reset();
+}
+
+std::vector<MeshPoint> LeafRun::points() const {
+  std::vector<MeshPoint> all = points_;
+  for (const LatticeSite& site : core_.sites) all.push_back(core_.point(site));
+  std::ranges::sort(all, {}, &MeshPoint::id);
+  return all;
+}
+
+std::vector<IndexedCell> LeafRun::cells() const {
+  std::vector<Cell> cells = cells_;
+  for (const LatticeSite& site : core_.sites)
+    for (const LatticeCell& cell : kLatticeCells) {
+      const std::array sites{site, site + cell[0], site + cell[1], site + cell[2]};
+      if (std::ranges::all_of(sites, [&](const LatticeSite& s) { return core_.sites.contains(s); }))
+        cells.push_back(
+            {site_id(sites[0]), site_id(sites[1]), site_id(sites[2]), site_id(sites[3])});
+    }
+  const std::vector<MeshPoint> all = points();
+  std::vector<IndexedCell> indexed;
+  for (const Cell& cell : cells) {
+    auto& indices = indexed.emplace_back();
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto found = std::ranges::lower_bound(all, cell[i], {}, &MeshPoint::id);
+      if (found == all.end() || found->id != cell[i]) {
+        ADD_FAILURE() << "a cell has a vertex that is not in P";
+        return {};
+      }
+      indices[i] = static_cast<std::size_t>(found - all.begin());
+    }
+  }
+  return indexed;
 }
 
 // Volume points close beneath the surface (C2, and deletions) and pairs of points much too close
@@ -155,6 +267,8 @@ LeafInput LeafRun::load(const Leaf& leaf) const {
       input.own.push_back(p);
     else if (leaf.box.squared_distance(p.position) <= reach * reach)
       input.ghosts.push_back(p);
+  input.core = core_.neighbors_of(input.own);
+  if (!core_.sites.empty()) input.all_core = &core_;
   return input;
 }
 
@@ -176,23 +290,17 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
   }
   if (visits_ == Visits::kWhole || !delta.unresolved.empty()) {
     leaf.last_visit.reset();
-    return;
+  } else {
+    leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
+    for (VertexRef& ref : leaf.last_visit->cells.vertices)
+      if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
   }
-  leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
-  for (VertexRef& ref : leaf.last_visit->cells.vertices)
-    if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+  for (const std::uint64_t id : delta.met_core) make_explicit(site_of(id));
 }
 
 // Of a visit without insertions.
 void LeafRun::list_cells(const LeafDelta& delta) {
-  for (std::size_t n = 0; n < delta.cells.size(); ++n) {
-    const auto refs = delta.cells.refs(n);
-    IndexedCell cell{};
-    for (std::size_t i = 0; i < 4; ++i)
-      cell[i] = std::size_t(std::ranges::lower_bound(points_, refs[i], {}, &MeshPoint::id) -
-                            points_.begin());
-    cells_.push_back(cell);
-  }
+  for (std::size_t n = 0; n < delta.cells.size(); ++n) cells_.push_back(delta.cells.refs(n));
 }
 
 bool LeafRun::visit(Leaf& leaf) {
@@ -210,9 +318,13 @@ bool LeafRun::visit(Leaf& leaf) {
     }
   }
   EXPECT_TRUE(delta.unresolved.empty());
+  num_taken_in_ += delta.stats.points_added;
   for (const InsertedPoint& p : delta.inserted)
-    EXPECT_LT(leaf.box.squared_distance(p.position), std::pow(3 * scene_.size, 2))
-        << "DESIGN 3.4: writes only within 3 λ";
+    EXPECT_LE(leaf.box.squared_distance(p.position), std::pow((kReach - 1) * scene_.size, 2))
+        << "all volume points that it might have to delete are loaded";
+  if (scene_.num_disturbances == 0) {
+    EXPECT_EQ(delta.stats.insertions[2], 0u) << "holes in P were taken for a torn boundary";
+  }
   commit(leaf, delta);
   if (!delta.inserted.empty() || !delta.deleted.empty()) return true;
   list_cells(delta);
@@ -249,9 +361,10 @@ void expect_one_mesh(const Scene& scene, const LeafRun& run) {
     EXPECT_GT(run.num_insertions(), 0u);
     EXPECT_GT(run.num_deletions(), 0u);
   }
-  const auto& points = run.points();
+  const std::vector<MeshPoint> points = run.points();
+  const std::vector<IndexedCell> cells = run.cells();
   std::vector<CellKey> keys;
-  for (const auto& [a, b, c, d] : run.cells()) {
+  for (const auto& [a, b, c, d] : cells) {
     keys.push_back(
         key_of({points[a].position, points[b].position, points[c].position, points[d].position}));
     ASSERT_EQ(brute_force::orientation(points[a].position, points[b].position, points[c].position,
@@ -268,8 +381,8 @@ void expect_one_mesh(const Scene& scene, const LeafRun& run) {
   for (const auto& [condition, position, radius] : checker.broken_conditions(scene.size, 2))
     ADD_FAILURE() << "C" << condition << " at " << position.x << ' ' << position.y << ' '
                   << position.z << ", radius " << radius;
-  EXPECT_EQ(manifold_fault(run.cells(), points), "");
-  EXPECT_EQ(boundary_euler_characteristic(run.cells()), scene.euler_characteristic);
+  EXPECT_EQ(manifold_fault(cells, points), "");
+  EXPECT_EQ(boundary_euler_characteristic(cells), scene.euler_characteristic);
   EXPECT_LE(run.num_rounds(), 5) << "DESIGN 3.5: leaves need 2 visits, rarely 3";
 }
 
@@ -287,6 +400,33 @@ TEST_P(SeveralLeaves, DeriveOneMeshVisitingWhatChanged) {
 
 TEST_P(SeveralLeaves, PartialVisitsFindWhatWholeOnesDo) {
   LeafRun run(GetParam(), Visits::kPartialAndWhole);
+  run.refine();
+  const auto [partial, whole] = run.num_cells_made();
+  EXPECT_LT(partial, whole) << "or nothing was compared";
+}
+
+// ---- With a lattice core as large as can be, so that much is inserted near it
+
+// The mesh is that of all points, as if each were listed.
+TEST_P(SeveralLeaves, DeriveOneMeshAroundACore) {
+  for (const Visits visits : {Visits::kWhole, Visits::kPartial}) {
+    LeafRun run(GetParam(), visits, Core::kImplicit);
+    const std::size_t num_core = run.num_core();
+    run.refine();
+    expect_one_mesh(GetParam(), run);
+    EXPECT_EQ(run.num_core() + run.num_met(), num_core);
+    RecordProperty("core", std::to_string(num_core));
+    RecordProperty("met", std::to_string(run.num_met()));
+    RecordProperty("taken_in", std::to_string(run.num_taken_in()));
+    if (GetParam().name != "DisturbedSphereIn8") continue;
+    EXPECT_GT(run.num_core(), 0u);
+    EXPECT_GT(run.num_met(), 0u);
+    EXPECT_GT(run.num_taken_in(), 0u);
+  }
+}
+
+TEST_P(SeveralLeaves, PartialVisitsAroundACoreFindWhatWholeOnesDo) {
+  LeafRun run(GetParam(), Visits::kPartialAndWhole, Core::kImplicit);
   run.refine();
   const auto [partial, whole] = run.num_cells_made();
   EXPECT_LT(partial, whole) << "or nothing was compared";

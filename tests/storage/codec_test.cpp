@@ -148,9 +148,11 @@ constexpr std::size_t kVersionAt = 1, kFieldsAt = 11;  // in the content, see co
 
 TEST(Codec, RefusesOtherVersions) {
   std::string content = content_of(encode(sample_points(), sample_leaf()));
-  EXPECT_EQ(content[kVersionAt], 1);
-  content[kVersionAt] = 2;
-  expect_error_about<LeafPoints>(frame_of(content), "version 2");
+  EXPECT_EQ(content[kVersionAt], 2);
+  content[kVersionAt] = 3;
+  expect_error_about<LeafPoints>(frame_of(content), "version 3");
+  content[kVersionAt] = 1;  // which had no core
+  expect_error_about<LeafPoints>(frame_of(content), "left over");
 }
 
 TEST(Codec, RefusesLiesAboutLengthsBeforeItAllocates) {
@@ -190,8 +192,11 @@ TEST(Codec, RefusesFramesWithoutAChecksum) {
 }
 
 TEST(Codec, RefusesValuesOutOfRange) {
-  std::string points = content_of(encode(sample_points(), sample_leaf()));
-  points.back() = 3;  // the kind of the last point
+  LeafPoints without_core = sample_points();
+  without_core.core = {};
+  std::string points = content_of(encode(without_core, sample_leaf()));
+  constexpr std::size_t kBytesOfEmptyCore = 1 + 4 * sizeof(std::uint64_t);
+  points[points.size() - kBytesOfEmptyCore - 1] = 3;  // the kind of the last point
   expect_error_about<LeafPoints>(frame_of(points), "kind");
   std::string cells = content_of(encode(sample_cells(), sample_leaf()));
   cells.back() = 1;  // the highest byte of the last corner
@@ -205,9 +210,24 @@ TEST(Codec, RefusesValuesOutOfRange) {
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
   std::string info = content_of(encode(sample_info(), sample_leaf()));
-  info[info.size() - sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] =
-      0;  // not queued, but at a place in the queue
+  // Not queued, but at a place in the queue.
+  info[info.size() - 3 * sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] = 0;
   expect_error_about<LeafInfo>(frame_of(info), "not queued");
+}
+
+TEST(Codec, RefusesACoreThatContradictsItself) {
+  constexpr std::size_t kCoreAt = 4 * (8 + 3 * 8) + 8 + 3;  // after ids, x, y, z and kinds of three
+  const std::string content = content_of(encode(sample_points(), sample_leaf()));
+  EXPECT_TRUE(decode<LeafPoints>(frame_of(content), sample_leaf()) == sample_points());
+  std::string whole = content;
+  ASSERT_EQ(whole[kFieldsAt + kCoreAt], 0);
+  whole[kFieldsAt + kCoreAt] = 1;
+  expect_error_about<LeafPoints>(frame_of(whole), "whole");
+  // Of three rows, the counts of two.
+  std::string shorter = content.substr(0, content.size() - 8 - 3 * 4);
+  const std::uint64_t two = 2;
+  shorter.append(reinterpret_cast<const char*>(&two), sizeof two).append(2 * 4, '\0');
+  EXPECT_THROW(decode<LeafPoints>(frame_of(shorter), sample_leaf()), DecodeError);
 }
 
 // -- Golden bytes: what was ever written still opens
@@ -233,11 +253,17 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v1", StoreFormat{1}, MortonKey());
   expect_golden("run.v1", sample_run(), MortonKey());
-  LeafInfo info_of_version_1 = sample_info();
+  LeafInfo info_of_version_2 = sample_info();
+  info_of_version_2.num_core_points = info_of_version_2.num_core_cells = 0;
+  LeafInfo info_of_version_1 = info_of_version_2;
   info_of_version_1.first_new_id = 0;
+  LeafPoints points_of_version_1 = sample_points();
+  points_of_version_1.core = {};
   expect_golden("leaf.v1", info_of_version_1, sample_leaf());
-  expect_golden("leaf.v2", sample_info(), sample_leaf());
-  expect_golden("points.v1", sample_points(), sample_leaf());
+  expect_golden("leaf.v2", info_of_version_2, sample_leaf());
+  expect_golden("leaf.v3", sample_info(), sample_leaf());
+  expect_golden("points.v1", points_of_version_1, sample_leaf());
+  expect_golden("points.v2", sample_points(), sample_leaf());
   expect_golden("cells.v1", sample_cells(), sample_leaf());
   expect_golden("surface.v1", sample_surface(), sample_leaf());
   expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());

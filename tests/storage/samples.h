@@ -48,13 +48,16 @@ inline LeafInfo sample_info() {
   info.num_unresolved = 1;
   info.queued = QueuePosition{3, 5};
   info.first_new_id = 4711;
+  info.num_core_points = 120;
+  info.num_core_cells = 512;
   return info;
 }
 
 inline LeafPoints sample_points() {
   return {{{5, {0.1, -0.0, 1e300}, PointKind::kSurface},
            {6, {0.1, 5e-324, -1}, PointKind::kVolume},
-           {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice}}};
+           {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice}},
+          {.is_whole = false, .rows = {{{-3, 5, -7}, 4}, {{-3, 5, 9}, 1}, {{0, -2, 0}, 300}}}};
 }
 
 inline LeafCells sample_cells() {
@@ -113,6 +116,9 @@ class Generator {
     info.num_deletions = bits();
     info.num_unresolved = bits();
     if (integer(2) != 0) info.queued = position();
+    info.first_new_id = bits();
+    info.num_core_points = bits();
+    info.num_core_cells = bits();
     return info;
   }
 
@@ -133,7 +139,18 @@ class Generator {
     std::uint64_t id = 0;
     for (std::size_t i = 0; i < count; ++i)
       record.points.push_back({id += 1 + integer(3), point(), static_cast<PointKind>(integer(3))});
+    record.core = core(integer(count + 1));
     return record;
+  }
+
+  // What a codec may meet: the rows need not be those of any leaf.
+  LatticeCore core(std::size_t num_rows) {
+    if (integer(8) == 0) return {.is_whole = true, .rows = {}};
+    LatticeCore core;
+    const auto index = [this] { return static_cast<std::int32_t>(bits()); };
+    for (std::size_t n = 0; n < num_rows; ++n)
+      core.rows.push_back({{index(), index(), index()}, static_cast<std::uint32_t>(bits())});
+    return core;
   }
 
   LeafCells cells(std::size_t count) {

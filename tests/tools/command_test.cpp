@@ -142,6 +142,27 @@ TEST(Command, MeshLeavesOnlyItsOutput) {
   EXPECT_EQ(names_in(dir), (Names{"cube.off", "cube.vtu"}));
 }
 
+TEST(Command, MeshTellsTheTimeOfEachPhase) {
+  const TempDir dir;
+  const std::vector<std::string> command = {
+      "mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "20%"};
+  auto with_json = command;
+  with_json.push_back("--json");
+  const Json json = Json::parse(run_locvol(with_json).out);
+  double sum = 0;
+  Names phases;
+  for (const auto& [phase, seconds] : json["seconds_by_phase"].items()) {
+    EXPECT_GT(seconds.get<double>(), 0) << phase;
+    sum += seconds.get<double>();
+    phases.push_back(phase);
+  }
+  EXPECT_EQ(phases, (Names{"ingest", "initialize", "refine", "write"}));
+  EXPECT_NEAR(sum, json["seconds"].get<double>(), 1e-9 * sum);
+  const std::string text = run_locvol(command).out;
+  EXPECT_NE(text.find("\ntime             0:0"), std::string::npos) << text;
+  EXPECT_NE(text.find(" s, initialize 0."), std::string::npos) << text;
+}
+
 TEST(Command, QuietMeshSaysNothingOnStderr) {
   const TempDir dir;
   const ProcessResult result = run_locvol(

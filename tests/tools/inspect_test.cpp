@@ -185,6 +185,31 @@ TEST_F(InspectTest, LeafInFullByItsKeyOrAPoint) {
             std::string::npos);
 }
 
+// Counts of what is implicit, by leaf and in all; the lists are of what is stored one by one.
+TEST_F(InspectTest, CountsTheLatticeCore) {
+  const RunSummary summary = finish();
+  std::uint64_t num_points = 0, num_cells = 0, num_core_cells = 0;
+  std::string leaf_with_core;
+  for (const Json& leaf : inspect({"--leaves"})) {
+    num_points +=
+        leaf["num_points"].get<std::uint64_t>() + leaf["num_core_points"].get<std::uint64_t>();
+    num_cells += leaf["num_cells"].get<std::uint64_t>();
+    num_core_cells += leaf["num_core_cells"].get<std::uint64_t>();
+    if (leaf["num_core_cells"] > 0) leaf_with_core = leaf["leaf"];
+  }
+  EXPECT_GT(num_core_cells, 0U);
+  EXPECT_EQ(num_points, summary.num_points);
+  EXPECT_EQ(num_cells + num_core_cells, summary.num_cells);
+  ASSERT_FALSE(leaf_with_core.empty());
+  const Json leaf = inspect({"--leaf", leaf_with_core});
+  EXPECT_EQ(leaf["faults"], Json::array());
+  EXPECT_EQ(leaf["num_stale_cells"], 0);
+  const std::string line =
+      leaf["num_core_points"].dump() + " points, " + leaf["num_core_cells"].dump() + " cells\n";
+  EXPECT_NE(run({"inspect", "--leaf", leaf_with_core}).find(line), std::string::npos) << line;
+  EXPECT_EQ(inspect({"--check"})["faults"], Json::array());
+}
+
 TEST_F(InspectTest, SaysWhereALeafIsThatIsNone) {
   finish();
   const auto error_of = [&](const std::string& leaf) {
@@ -205,16 +230,20 @@ TEST_F(InspectTest, WritesBoxesAndCells) {
   EXPECT_EQ(tree.num_cells(), summary.num_leaves);
   std::int64_t num_cells = 0;
   for (const std::int64_t num : tree.array<std::int64_t>("Int64", "cells")) num_cells += num;
+  const auto core_cells = tree.array<std::int64_t>("Int64", "core_cells");
+  EXPECT_GT(std::ranges::max(core_cells), 0);
+  for (const std::int64_t num : core_cells) num_cells += num;
   EXPECT_EQ(static_cast<std::uint64_t>(num_cells), summary.num_cells);
 
   const Json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
   const Json few = inspect({"--vtu", boxes, "--where", "cells>=" + largest["num_cells"].dump()});
   EXPECT_EQ(few["num_leaves"], VtuArrays(boxes).num_cells());
   EXPECT_LT(few["num_leaves"], summary.num_leaves);
-  EXPECT_EQ(inspect({"--vtu", cells, "--leaf", largest["leaf"]})["num_cells"],
-            largest["num_cells"]);
+  const std::uint64_t num_in_leaf =
+      largest["num_cells"].get<std::uint64_t>() + largest["num_core_cells"].get<std::uint64_t>();
+  EXPECT_EQ(inspect({"--vtu", cells, "--leaf", largest["leaf"]})["num_cells"], num_in_leaf);
   const VtuArrays leaf(cells);
-  EXPECT_EQ(leaf.num_cells(), largest["num_cells"]);
+  EXPECT_EQ(leaf.num_cells(), num_in_leaf);
   for (const double ratio : leaf.array<double>("Float64", "circumradius")) EXPECT_LT(ratio, 1);
 }
 
@@ -286,7 +315,7 @@ TEST_F(InspectTest, DumpedVisitIsTheSame) {
   EXPECT_EQ(Json::parse(result.out), visit);
   EXPECT_TRUE(read_file(again) == read_file(cells));
 
-  std::ofstream(dump) << "{\"format\":\"locvol visit\",\"version\":1}";
+  std::ofstream(dump) << "{\"format\":\"locvol visit\",\"version\":2}";
   const ProcessResult damaged = run_locvol({"replay", "--from", dump});
   EXPECT_EQ(damaged.exit_code, 1);
   EXPECT_NE(damaged.err.find("visit.json is no visit"), std::string::npos) << damaged.err;

@@ -51,5 +51,26 @@ TEST(Pace, KnowsNothingBeforeRefinement) {
             16);
 }
 
+using Seconds = std::array<double, PhaseClock::kNumPhases>;
+
+TEST(PhaseClock, CountsWhatPassesBeforeAPhaseIsSeenToTheOneBefore) {
+  PhaseClock clock;
+  EXPECT_EQ(clock.seconds_by_phase(2), (Seconds{2, 0, 0}));
+  clock.note(Phase::kIngest, 3);
+  clock.note(Phase::kInitialize, 5);
+  clock.note(Phase::kInitialize, 6);
+  EXPECT_EQ(clock.seconds_by_phase(8), (Seconds{5, 3, 0}));
+  clock.note(Phase::kRefine, 9);
+  clock.note(Phase::kRefine, 10);
+  clock.note(Phase::kDone, 20);
+  EXPECT_EQ(clock.seconds_by_phase(21), (Seconds{5, 4, 12}));
+}
+
+TEST(PhaseClock, OfAResumedRunBeginsWithOpeningTheStore) {
+  PhaseClock clock;
+  clock.note(Phase::kRefine, 1);
+  EXPECT_EQ(clock.seconds_by_phase(4), (Seconds{1, 0, 3}));
+}
+
 }  // namespace
 }  // namespace locvol

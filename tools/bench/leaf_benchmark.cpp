@@ -13,10 +13,13 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "engine/surface_reader.h"
+#include "octree/octree.h"
+#include "octree/site_block.h"
 #include "refine/cover_leaf.h"
 #include "refine/delaunay.h"
 #include "refine/refine_leaf.h"
@@ -24,7 +27,7 @@
 namespace locvol {
 namespace {
 
-constexpr double kReach = 4, kLeafSide = 31;  // over λ
+constexpr double kLeafSide = 31;  // over λ
 constexpr std::size_t kMaxLeaves = 12;
 
 struct PolygonList : SurfaceSink {
@@ -51,6 +54,41 @@ struct Leaf {
   std::optional<LastVisit> last_visit = std::nullopt;
 };
 
+// The lattice core: a set of sites.
+class Core : public CoreIndex {
+ public:
+  explicit Core(const Lattice& lattice) : lattice_(lattice) {}
+  void add(const LatticeCore& core, const SiteBox& sites) {
+    for_each_core_site(core, sites, sites,
+                       [&](const LatticeSite& site, std::uint64_t) { sites_.insert(site); });
+  }
+  void erase(const LatticeSite& site) { sites_.erase(site); }
+  MeshPoint point(const LatticeSite& site) const {
+    return {site_id(site), lattice_.position(site), PointKind::kLattice};
+  }
+  std::vector<MeshPoint> neighbors_of(const std::vector<MeshPoint>& points) const {
+    std::set<LatticeSite> found;
+    for (const MeshPoint& p : points)
+      if (p.kind == PointKind::kLattice)
+        for (const LatticeSite& step : kLatticeNeighbors)
+          if (sites_.contains(site_of(p.id) + step)) found.insert(site_of(p.id) + step);
+    std::vector<MeshPoint> neighbors;
+    for (const LatticeSite& site : found) neighbors.push_back(point(site));
+    return neighbors;
+  }
+  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
+    out.clear();
+    std::vector<LatticeSite> near;
+    lattice_.sites_within(q, radius, near);
+    for (const LatticeSite& site : near)
+      if (sites_.contains(site)) out.push_back(point(site));
+  }
+
+ private:
+  const Lattice& lattice_;
+  std::set<LatticeSite> sites_;
+};
+
 class Run {
  public:
   Run(const std::string& file, const std::string& size) {
@@ -66,6 +104,9 @@ class Run {
     size_ = std::stod(size) * (is_percent ? std::min({d.x, d.y, d.z}) / 100 : 1);
     whole_ = std::make_unique<SurfacePatch>(triangles_, box.expanded(size_),
                                             box.min - Point{size_, size_, size_}, false);
+    frame_ = Frame::around(box, 0.5 * size_, kLeafSide * size_);
+    lattice_ = std::make_unique<Lattice>(frame_, size_, kLeafSide * size_);
+    core_ = std::make_unique<Core>(*lattice_);
     cut(box.expanded(0.5 * size_));
     cover();
     for (int round = 0; round < 10 && visit_all(); ++round) {
@@ -80,28 +121,25 @@ class Run {
     return {leaf.triangles, region(leaf), leaf.box.center(), leaf.is_center_inside, size_};
   }
   CoverInput cover_input(const Leaf& leaf) const {
-    return {size_, 0, {0.1 * size_, 0.2 * size_, 0.3 * size_}, leaf.box, leaf.patch.get(), {}};
+    return {size_, 0, lattice_.get(), leaf.box, leaf.patch.get(), {}};
   }
 
  private:
-  Box region(const Leaf& leaf) const { return leaf.box.expanded(1.01 * kReach / 2 * size_); }
+  Box region(const Leaf& leaf) const { return leaf.box.expanded(1.01 * kCoreDepth * size_); }
 
   void cut(const Box& box) {
-    const double side = kLeafSide * size_;
-    const Point d = (1 / side) * (box.max - box.min);
-    for (int i = 0; i <= d.x; ++i)
-      for (int j = 0; j <= d.y; ++j)
-        for (int k = 0; k <= d.z; ++k) {
-          const Point corner = box.min + side * Point{double(i), double(j), double(k)};
-          Leaf leaf;
-          leaf.box = {corner, corner + side * Point{1, 1, 1}};
-          for (const Triangle& t : triangles_)
-            if (t.box().overlaps(region(leaf))) leaf.triangles.push_back(t);
-          if (leaf.triangles.empty() || leaves_.size() == kMaxLeaves) continue;
-          leaf.is_center_inside = whole_->is_inside(leaf.box.center());
-          leaf.patch = std::make_unique<SurfacePatch>(patch_around(leaf));
-          leaves_.push_back(std::move(leaf));
-        }
+    const int level = frame_.level_of_side(kLeafSide * size_);
+    for (const MortonKey key : LinearOctree::uniform(level).leaves()) {
+      Leaf leaf;
+      leaf.box = frame_.box(key);
+      if (!leaf.box.overlaps(box) || leaves_.size() == kMaxLeaves) continue;
+      for (const Triangle& t : triangles_)
+        if (t.box().overlaps(region(leaf))) leaf.triangles.push_back(t);
+      if (leaf.triangles.empty()) continue;
+      leaf.is_center_inside = whole_->is_inside(leaf.box.center());
+      leaf.patch = std::make_unique<SurfacePatch>(patch_around(leaf));
+      leaves_.push_back(std::move(leaf));
+    }
   }
 
   void cover() {
@@ -113,8 +151,14 @@ class Run {
           input.nearby_samples.push_back(p.position);
       const CoverPoints cover = cover_leaf(input);
       for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
-      for (const Point& p : cover.lattice) points_.push_back({next_id_++, p, PointKind::kLattice});
+      for (const LatticeSite& site : cover.lattice) add(site);
+      core_->add(cover.core, lattice_->sites_in(leaf.box));
     }
+  }
+
+  void add(const LatticeSite& site) {
+    const MeshPoint point = core_->point(site);
+    points_.insert(std::ranges::lower_bound(points_, point.id, {}, &MeshPoint::id), point);
   }
 
   LeafInput load(const Leaf& leaf) const {
@@ -133,6 +177,8 @@ class Run {
         input.own.push_back(p);
       else if (leaf.box.squared_distance(p.position) <= reach * reach)
         input.ghosts.push_back(p);
+    input.core = core_->neighbors_of(input.own);
+    input.all_core = core_.get();
     return input;
   }
 
@@ -159,7 +205,13 @@ class Run {
         if (other.last_visit)
           for (const MeshPoint& p : delta.deleted) other.last_visit->deleted.push_back(p);
       leaf.last_visit.reset();
-      if (!delta.unresolved.empty()) continue;
+      for (const std::uint64_t id : delta.met_core) {
+        core_->erase(site_of(id));
+        add(site_of(id));
+        for (Leaf& other : leaves_) other.last_visit.reset();
+        is_changed = true;
+      }
+      if (!delta.unresolved.empty() || !delta.met_core.empty()) continue;
       leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
       for (VertexRef& ref : leaf.last_visit->cells.vertices)
         if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
@@ -171,8 +223,11 @@ class Run {
   double size_ = 0;
   std::unique_ptr<SurfacePatch> whole_;
   std::vector<Leaf> leaves_;
-  std::vector<MeshPoint> points_;
-  std::uint64_t next_id_ = 0;
+  Frame frame_;
+  std::unique_ptr<const Lattice> lattice_;
+  std::unique_ptr<Core> core_;
+  std::vector<MeshPoint> points_;  // ids ascend
+  std::uint64_t next_id_ = kFirstOtherId;
   std::size_t num_cells_ = 0, num_c5_ = 0, num_insertions_ = 0;
 };
 
@@ -197,7 +252,8 @@ void triangulations(benchmark::State& state, const Run& run) {
   std::vector<std::vector<Point>> points;
   for (const Leaf& leaf : run.leaves()) {
     points.emplace_back();
-    for (const auto* some : {&leaf.visits.back().own, &leaf.visits.back().ghosts})
+    for (const auto* some :
+         {&leaf.visits.back().own, &leaf.visits.back().ghosts, &leaf.visits.back().core})
       for (const MeshPoint& p : *some) points.back().push_back(p.position);
   }
   std::size_t num = 0;

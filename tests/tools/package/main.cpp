@@ -8,8 +8,16 @@
 
 int main() {
   const bool has_leaves = locvol::LinearOctree::uniform(1).size() == 8;
-  const bool has_lattice =
-      !locvol::BccLattice({0, 0, 0}, 1).points_in({{0, 0, 0}, {1, 1, 1}}).empty();
+  const locvol::Frame frame({0, 0, 0}, 1);
+  const locvol::Lattice lattice(frame, 0.1 * frame.side(0), 0.5 * frame.side(0));
+  const locvol::SurfacePatch nothing({}, frame.root_box(), frame.root_box().center(), true);
+  const bool has_lattice = locvol::cover_leaf({.size = 0.1 * frame.side(0),
+                                               .seed = 1,
+                                               .lattice = &lattice,
+                                               .box = frame.root_box(),
+                                               .surface = &nothing,
+                                               .nearby_samples = {}})
+                               .core.is_whole;
   const bool has_store = locvol::Store::exists("no-such-store");
   bool is_refused = false;
   try {

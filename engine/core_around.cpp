@@ -1,0 +1,130 @@
+#include "engine/core_around.h"
+
+#include <algorithm>
+
+namespace locvol {
+namespace {
+
+MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
+  return state.octree.leaf_owning(state.run.frame, state.lattice.undisplaced(site));
+}
+
+SiteBox sites_of(const RunState& state, MortonKey leaf) {
+  return state.lattice.sites_in(state.box(leaf));
+}
+
+MeshPoint point_of(const Lattice& lattice, const LatticeSite& site) {
+  return {site_id(site), lattice.position(site), PointKind::kLattice};
+}
+
+bool is_whole_all_around(RunState& state, MortonKey leaf) {
+  const double star = kLatticeStar * state.size();
+  return std::ranges::all_of(
+      state.octree.leaves_within(state.run.frame, state.box(leaf), star),
+      [&](MortonKey other) { return state.leaves.points(other).core.is_whole; });
+}
+
+LatticeSite negated(const LatticeSite& s) { return {-s.i, -s.j, -s.k}; }
+
+}  // namespace
+
+CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance) : lattice_(state.lattice) {
+  const Box box = state.box(leaf);
+  const SiteBox around = lattice_.sites_in(box.expanded(distance));
+  for (const MortonKey other : state.octree.leaves_within(state.run.frame, box, distance)) {
+    const LatticeCore& core = state.leaves.points(other).core;
+    if (core.is_empty()) continue;
+    if (is_empty_) is_core_ = {around, 0};
+    is_empty_ = false;
+    for_each_core_site(core, sites_of(state, other), around,
+                       [&](const LatticeSite& site, std::uint64_t) { is_core_[site] = 1; });
+  }
+}
+
+std::vector<MeshPoint> CoreAround::neighbors_of(std::span<const MeshPoint> points) const {
+  std::vector<MeshPoint> neighbors;
+  if (is_empty_) return neighbors;
+  std::vector<LatticeSite> sites;
+  for (const MeshPoint& p : points) {
+    if (p.kind != PointKind::kLattice) continue;
+    const LatticeSite site = site_of(p.id);
+    for (const LatticeSite& step : kLatticeNeighbors)
+      if (contains(site + step)) sites.push_back(site + step);
+  }
+  std::ranges::sort(sites);
+  const auto repeated = std::ranges::unique(sites);
+  sites.erase(repeated.begin(), repeated.end());
+  neighbors.reserve(sites.size());
+  for (const LatticeSite& site : sites) neighbors.push_back(point_of(lattice_, site));
+  return neighbors;
+}
+
+std::vector<MeshPoint> CoreAround::points() const {
+  std::vector<MeshPoint> points;
+  for_each_site(is_core_.box(), [&](const LatticeSite& site) {
+    if (contains(site)) points.push_back(point_of(lattice_, site));
+  });
+  return points;
+}
+
+void CoreAround::within(const Point& q, double radius, std::vector<MeshPoint>& out) const {
+  out.clear();
+  std::vector<LatticeSite> sites;
+  lattice_.sites_within(q, radius, sites);
+  for (const LatticeSite& site : sites)
+    if (contains(site)) out.push_back(point_of(lattice_, site));
+}
+
+std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
+  const std::uint64_t num_points = state.leaves.info(leaf).num_core_points;
+  if (num_points == 0) return 0;
+  if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
+  const CoreAround around(state, leaf, kLatticeStar * state.size());
+  std::uint64_t num_cells = 0;
+  for_each_core_cell(
+      sites_of(state, leaf), [&](const LatticeSite& site) { return around.contains(site); },
+      [&](const LatticeSite&, const LatticeCell&) { ++num_cells; });
+  return num_cells;
+}
+
+bool is_core(RunState& state, const LatticeSite& site) {
+  if (!state.run.frame.contains(state.lattice.undisplaced(site))) return false;
+  const MortonKey leaf = leaf_of(state, site);
+  bool is_found = false;
+  for_each_core_site(state.leaves.points(leaf).core, sites_of(state, leaf),
+                     {site, site + LatticeSite{1, 1, 1}},
+                     [&](const LatticeSite&, std::uint64_t) { is_found = true; });
+  return is_found;
+}
+
+void make_explicit(RunState& state, const LatticeSite& site) {
+  // Its cells of the core's points are to be listed from now on. Each is one of six, seen from one
+  // of its four vertices.
+  for (const LatticeCell& cell : kLatticeCells) {
+    const std::array<LatticeSite, 4> corners{LatticeSite{}, cell[0], cell[1], cell[2]};
+    for (const LatticeSite& corner : corners) {
+      const LatticeSite smallest = site + negated(corner);
+      if (!std::ranges::all_of(corners,
+                               [&](const LatticeSite& s) { return is_core(state, smallest + s); }))
+        continue;
+      --state.leaves.edit_info(leaf_of(state, smallest)).num_core_cells;
+      --state.run.num_cells;
+    }
+  }
+  const MortonKey leaf = leaf_of(state, site);
+  LatticeCore& core = state.leaves.edit_points(leaf).core;
+  core = without(core, sites_of(state, leaf), site);
+  --state.leaves.edit_info(leaf).num_core_points;
+  --state.run.num_points;
+  state.add_lattice_point(site);
+
+  const Box dirty = Box::around(state.lattice.position(site));
+  for (const MortonKey other :
+       state.octree.leaves_within(state.run.frame, dirty, kNeighborhood * state.size())) {
+    if (state.leaves.info(other).num_points == 0) continue;
+    state.enqueue(other, dirty);
+    state.leaves.edit_info(other).first_new_id = 0;
+  }
+}
+
+}  // namespace locvol

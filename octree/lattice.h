@@ -1,0 +1,177 @@
+// The global BCC lattice of cover mode (DESIGN 3.4): its points by integer indices, their ids, and
+// its cells.
+#pragma once
+
+#include <array>
+#include <compare>
+#include <cstdint>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/geometry.h"
+
+namespace locvol {
+
+inline constexpr double kLatticeSpacing = 1.75;  // a over λ
+
+// Lengths over λ, with room for rounding and for the displacement of lattice points.
+inline constexpr double kLatticeCircumradius = 0.979;             // of every cell: (√5/4) a
+inline constexpr double kLatticeStar = 2 * kLatticeCircumradius;  // no other point this close to a
+                                                                  // site: its star is the lattice's
+
+// The point origin + a/2 (i, j, k); i, j, k are all even or all odd.
+struct LatticeSite {
+  std::int32_t i = 0, j = 0, k = 0;
+  friend auto operator<=>(const LatticeSite&, const LatticeSite&) = default;
+  friend LatticeSite operator+(const LatticeSite& a, const LatticeSite& b) {
+    return {a.i + b.i, a.j + b.j, a.k + b.k};
+  }
+};
+
+// The 14 neighbors of a site in the Delaunay triangulation of the lattice, as steps, ascending.
+inline constexpr std::array<LatticeSite, 14> kLatticeNeighbors{{{-2, 0, 0},
+                                                                {-1, -1, -1},
+                                                                {-1, -1, 1},
+                                                                {-1, 1, -1},
+                                                                {-1, 1, 1},
+                                                                {0, -2, 0},
+                                                                {0, 0, -2},
+                                                                {0, 0, 2},
+                                                                {0, 2, 0},
+                                                                {1, -1, -1},
+                                                                {1, -1, 1},
+                                                                {1, 1, -1},
+                                                                {1, 1, 1},
+                                                                {2, 0, 0}}};
+
+// The six cells whose smallest site is the origin: their other sites. A cell has two edges of
+// length a in different directions, each halfway around the other. Positively oriented.
+using LatticeCell = std::array<LatticeSite, 3>;
+inline constexpr std::array<LatticeCell, 6> kLatticeCells{{
+    {{{2, 0, 0}, {1, 1, -1}, {1, 1, 1}}},
+    {{{2, 0, 0}, {1, 1, 1}, {1, -1, 1}}},
+    {{{2, 0, 0}, {1, -1, 1}, {1, -1, -1}}},
+    {{{2, 0, 0}, {1, -1, -1}, {1, 1, -1}}},
+    {{{0, 2, 0}, {1, 1, 1}, {1, 1, -1}}},
+    {{{0, 0, 2}, {1, -1, 1}, {1, 1, 1}}},
+}};
+
+// Of kLatticeCells, all other sites, ascending; and each cell's as places among them.
+inline constexpr std::array<LatticeSite, 7> kLargerNeighbors{
+    {{0, 0, 2}, {0, 2, 0}, {1, -1, -1}, {1, -1, 1}, {1, 1, -1}, {1, 1, 1}, {2, 0, 0}}};
+inline constexpr std::array<std::array<std::uint8_t, 3>, 6> kCellsOfLargerNeighbors{
+    {{6, 4, 5}, {6, 5, 3}, {6, 3, 2}, {6, 2, 4}, {1, 5, 4}, {0, 3, 5}}};
+
+// A box of sites: low <= index < high on each axis; may be empty.
+struct SiteBox {
+  LatticeSite low, high;
+  bool contains(const LatticeSite& s) const {
+    return low.i <= s.i && s.i < high.i && low.j <= s.j && s.j < high.j && low.k <= s.k &&
+           s.k < high.k;
+  }
+  SiteBox expanded(std::int32_t n) const {
+    return {{low.i - n, low.j - n, low.k - n}, {high.i + n, high.j + n, high.k + n}};
+  }
+  friend bool operator==(const SiteBox&, const SiteBox&) = default;
+};
+
+// The first index from `low` on that is even or odd as `parity` is.
+inline std::int32_t first_of_parity(std::int32_t low, std::int32_t parity) {
+  return low + ((low ^ parity) & 1);
+}
+
+// Calls visit(site) for each site of the box, in lexicographic order.
+template <class Visit>
+void for_each_site(const SiteBox& box, Visit visit) {
+  for (std::int32_t i = box.low.i; i < box.high.i; ++i)
+    for (std::int32_t j = first_of_parity(box.low.j, i); j < box.high.j; j += 2)
+      for (std::int32_t k = first_of_parity(box.low.k, i); k < box.high.k; k += 2)
+        visit(LatticeSite{i, j, k});
+}
+
+// The sites (i, j, k + 2 m), 0 <= m < count.
+struct LatticeRow {
+  LatticeSite first;
+  std::uint32_t count = 0;
+  friend bool operator==(const LatticeRow&, const LatticeRow&) = default;
+};
+
+// Points of a leaf that are known by their places in the lattice alone (DESIGN 6).
+struct LatticeCore {
+  bool is_whole = false;         // all sites in the leaf's box; then there are no rows
+  std::vector<LatticeRow> rows;  // in lexicographic order, as few as can be
+  bool is_empty() const { return !is_whole && rows.empty(); }
+  friend bool operator==(const LatticeCore&, const LatticeCore&) = default;
+};
+
+// REQUIRES: sites come in lexicographic order
+void add_site(const LatticeSite& site, LatticeCore& core);
+// What is not of the leaf's box is damage: throws std::invalid_argument. So is a row that does not
+// come after the one before it. `sites`: of the leaf's box
+void check_core(const LatticeCore& core, const SiteBox& sites);
+std::uint64_t num_sites(const SiteBox& box);
+// The part of the core in a box that lies in the leaf's.
+LatticeCore clipped(const LatticeCore& core, const SiteBox& box);
+// Without one site, which must be of it; `sites`: of the leaf's box
+LatticeCore without(const LatticeCore& core, const SiteBox& sites, const LatticeSite& site);
+std::uint64_t num_points(const LatticeCore& core, const SiteBox& sites);
+
+// Calls visit(row, number of points in the rows before) for each row, in order. A core that is
+// whole has a row for each (i, j). `sites`: of the leaf's box
+template <class Visit>
+void for_each_row(const LatticeCore& core, const SiteBox& sites, Visit visit) {
+  std::uint64_t num_before = 0;
+  const auto pass = [&](const LatticeRow& row) {
+    visit(row, num_before);
+    num_before += row.count;
+  };
+  if (!core.is_whole) {
+    for (const LatticeRow& row : core.rows) pass(row);
+    return;
+  }
+  for (std::int32_t i = sites.low.i; i < sites.high.i; ++i)
+    for (std::int32_t j = first_of_parity(sites.low.j, i); j < sites.high.j; j += 2) {
+      const std::int32_t k = first_of_parity(sites.low.k, i);
+      if (k < sites.high.k) pass({{i, j, k}, static_cast<std::uint32_t>(sites.high.k - k + 1) / 2});
+    }
+}
+
+// Coordinates come from the indices by one expression, so that all leaves get the same bits.
+//
+// Each point is moved by up to 2^-18 a along each axis, a function of (i, j, k): on the exact
+// lattice, common planes and spheres send predicates to exact arithmetic, and a triangulation takes
+// 2.5 times as long. It is too little to change the lattice's cells: the circumball of each has no
+// other lattice point within 1.6 times its radius. Coordinates close to a plane between leaves stay
+// where they are, so that a leaf's points are those of a box of indices.
+class Lattice {
+ public:
+  static constexpr double kDisplacement = 0x1p-17;  // at most, over a/2
+
+  // `size`: λ. REQUIRES: leaves have sides of at least min_leaf_side
+  Lattice(const Frame& frame, double size, double min_leaf_side);
+
+  Point position(const LatticeSite& site) const;
+  // The sites with box.min <= position < box.max on each axis. REQUIRES: an octree leaf's box; for
+  // any other, sites within the displacement of its faces may be on the wrong side.
+  SiteBox sites_in(const Box& box) const;
+  // Those within `radius` of q, lexicographically.
+  void sites_within(const Point& q, double radius, std::vector<LatticeSite>& out) const;
+  // On which side of planes between leaves the site lies.
+  Point undisplaced(const LatticeSite& site) const;
+  double spacing() const { return 2 * half_; }
+
+ private:
+  double coordinate(int axis, std::int32_t index, std::uint64_t noise) const;
+  std::int32_t first_index_from(int axis, double bound) const;
+
+  Point origin_, grid_origin_;
+  double half_, grid_side_;
+};
+
+// Sites as ids of points: in their order, and below those of all other points.
+inline constexpr std::uint64_t kFirstOtherId = std::uint64_t{1} << 61;
+inline constexpr std::int32_t kMaxSiteIndex = (1 << 20) - 1;  // and at least minus it
+std::uint64_t site_id(const LatticeSite& site);
+LatticeSite site_of(std::uint64_t id);  // REQUIRES: id < kFirstOtherId
+
+}  // namespace locvol
