@@ -56,9 +56,9 @@ TEST(MemoryPlan, LetsNoMoreThreadsWorkThanFindMemory) {
   EXPECT_GE(small.num_threads(1000), 2);
   EXPECT_LT(small.num_threads(1000), 8);
   EXPECT_EQ(large.num_threads(1000), 1000);
-  EXPECT_EQ(num_ingest_threads(8, 96 * kMiB), 1);
-  EXPECT_EQ(num_ingest_threads(2, 1024 * kMiB), 2);
-  EXPECT_GE(num_ingest_threads(0, 1024 * kMiB), 1);
+  EXPECT_EQ(num_streaming_threads(8, 96 * kMiB), 1);
+  EXPECT_EQ(num_streaming_threads(2, 1024 * kMiB), 2);
+  EXPECT_GE(num_streaming_threads(0, 1024 * kMiB), 1);
 }
 
 TEST(MemoryPlan, NamesACapForALargerHeap) {
