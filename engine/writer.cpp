@@ -3,6 +3,7 @@
 #include <array>
 #include <bit>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -205,13 +206,14 @@ class ArrayFile {
   }
   void write_piece(const Piece& piece) {
     const std::uint64_t num_cells = piece.connectivity.size();
-    write_values(layout_.points, piece.first_vertex, std::span(piece.points));
-    write_values(layout_.connectivity, piece.first_cell, std::span(piece.connectivity));
-    write_values(layout_.leaf, piece.first_cell, std::span(piece.leaf_of_cell));
     std::vector<std::uint64_t> offsets(num_cells);
     for (std::uint64_t i = 0; i < num_cells; ++i) offsets[i] = 4 * (piece.first_cell + i + 1);
-    write_values(layout_.offsets, piece.first_cell, std::span(offsets));
     const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
+    const std::lock_guard lock(mutex_);
+    write_values(layout_.points, piece.first_vertex, std::span(piece.points));
+    write_values(layout_.connectivity, piece.first_cell, std::span(piece.connectivity));
+    write_values(layout_.offsets, piece.first_cell, std::span(offsets));
+    write_values(layout_.leaf, piece.first_cell, std::span(piece.leaf_of_cell));
     write_values(layout_.types, piece.first_cell, std::span(types));
   }
   void write_footer() { file_.write_at(data_ + layout_.end, std::as_bytes(std::span(kFooter))); }
@@ -229,6 +231,7 @@ class ArrayFile {
   PartialFile& file_;
   std::uint64_t data_;
   Layout layout_;
+  std::mutex mutex_;  // the kernel lets one thread at a time write to a file: others would spin
 };
 
 class PieceTask : public Task {
