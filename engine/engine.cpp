@@ -32,7 +32,7 @@ class Engine {
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
         loader_(state_, budget_),
-        visits_(state_, budget_, num_threads(control)) {}
+        visits_(state_, budget_, plan.num_threads(num_threads(control))) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
