@@ -265,10 +265,11 @@ Store ingest(RawSurface raw, RunRecord run, double free_bytes,
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
   IngestWatch watch = watch_of(control);
+  Workers workers(num_ingest_threads(control.num_threads, memory_cap(control.memory_bytes)));
   std::optional<Store> store;
   try {
     const CheckedSurface surface =
-        check_surface(std::move(raw), plan.frame, watch, bucket_capacity);
+        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);

@@ -11,6 +11,8 @@
 #include <optional>
 #include <string_view>
 
+#include "engine/workers.h"
+
 namespace locvol {
 namespace {
 
@@ -20,6 +22,8 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 constexpr std::uint64_t kProgramBytes = 32 * kMiB;
 // To read, check and cut a surface of any size.
 constexpr std::uint64_t kIngestBytes = 64 * kMiB;
+// For a thread that checks a bucket of it, besides the first, and for one that waits to be checked.
+constexpr std::uint64_t kBytesPerIngestThread = 24 * kMiB;
 // In the octree, the queue with its colors, and the writer's tables.
 constexpr std::uint64_t kBytesPerLeaf = 256;
 // What a changed record takes from its change until the commit is over, over its decoded size:
@@ -120,6 +124,13 @@ std::uint64_t memory_cap(std::uint64_t asked) {
                          memory_text(kLeast) + " or more",
                      kLeast);
   return cap;
+}
+
+int num_ingest_threads(int asked, std::uint64_t cap) {
+  const int num_threads = asked > 0 ? asked : num_usable_threads();
+  const std::uint64_t for_others = cap - std::min(cap, kProgramBytes + kIngestBytes);
+  return static_cast<int>(std::min<std::uint64_t>(static_cast<std::uint64_t>(num_threads),
+                                                  1 + for_others / kBytesPerIngestThread));
 }
 
 std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmHWM:").value_or(0); }

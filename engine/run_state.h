@@ -12,18 +12,20 @@
 #include "engine/leaf_queue.h"
 #include "octree/lattice.h"
 #include "octree/octree.h"
+#include "refine/refine_leaf.h"
 #include "storage/store.h"
 
 namespace locvol {
 
-// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4):
+// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4) lies within
+// kReach of its leaf, and a change matters to leaves within kReach:
 inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
-inline constexpr double kReach = 4;         // a visit reads, and a deletion matters, this far
-inline constexpr double kCoreReach = 4.1;   // a visit inserts within 2, and reads the core 2 around
-// A visit writes within 4: it inserts within 2, and deletes points closer than 1 to what it inserts,
-// or makes core points explicit that are closer than 2. 4 + kCoreReach < kConflict. What it deletes
-// or makes explicit matters to leaves within 7.
-inline constexpr double kConflict = 8.2;
+// A visit inserts within this distance of its leaf, and looks for core points 2 around.
+inline constexpr double kInsertion = kReach - 1;
+inline constexpr double kCoreReach = kInsertion + 2.1;
+// It makes points of the core explicit that are closer than kLatticeStar to what it inserts:
+// nothing it writes lies farther away. Leaves farther apart are independent of each other.
+inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <span>
-#include <tuple>
+#include <utility>
 
 #include "engine/surface_topology.h"
 #include "engine/triangle_soup.h"
@@ -15,29 +15,54 @@
 namespace locvol {
 namespace {
 
+void note_pair(std::optional<TrianglePair>& smallest, const TrianglePair& pair) {
+  const auto ids = [](const TrianglePair& p) { return std::pair(p.first.id, p.second.id); };
+  if (!smallest || ids(pair) < ids(*smallest)) smallest = pair;
+}
+
+// What a cell has of a component.
+struct ComponentPart {
+  SurfaceComponent sum;
+  bool is_whole = true;  // no other cell has part of it
+};
+// A triangle that other cells may have, too.
+struct SharedTriangle {
+  std::uint64_t id = 0;
+  Point from, to;          // its first edge
+  std::uint32_t part = 0;  // of the cell
+  bool is_turned = false;  // against the part's orientation
+  bool is_last = false;    // no later cell has it
+};
+
 // What one cell has to say.
+struct CellReport {
+  SurfaceFindings findings;  // without components
+  std::vector<ComponentPart> parts;
+  std::vector<SharedTriangle> shared;
+};
+
 class CellCheck {
  public:
   CellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-            double middle_z, SurfaceFindings& findings, ComponentJoiner& joiner)
+            double middle_z)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
         middle_z_(middle_z),
-        findings_(findings),
-        joiner_(joiner),
         soup_(soup_of(triangles_)),
         mates_(3 * triangles_.size(), kNoHalfEdge),
         is_copy_(triangles_.size()) {}
 
-  void run(CheckScope scope) {
+  CellReport run(CheckScope scope) && {
     pair_edges();
     count_owned();
     find_components();
-    if (scope == CheckScope::kNeighbors) return;
-    check_fans();
-    find_intersection();
+    if (scope == CheckScope::kAll) {
+      check_fans();
+      find_intersection();
+    }
+    return std::move(report_);
   }
 
  private:
@@ -60,7 +85,7 @@ class CellCheck {
       return;
     }
     const bool is_ours = owner_of_edge(uses[0]);
-    if (is_ours) count_flaw(findings_.edges, uses.size(), uses[0]);
+    if (is_ours) count_flaw(report_.findings.edges, uses.size(), uses[0]);
     distinct_.clear();
     for (const std::uint32_t h : uses) {
       const auto same =
@@ -72,8 +97,9 @@ class CellCheck {
         note_copy(*same / 3, h / 3);
     }
     if (is_ours) {
-      count_flaw(findings_.edges_without_copies, distinct_.size(), distinct_[0]);
-      if (distinct_.size() < uses.size() && distinct_.size() != 2) findings_.is_copy_needed = true;
+      count_flaw(report_.findings.edges_without_copies, distinct_.size(), distinct_[0]);
+      if (distinct_.size() < uses.size() && distinct_.size() != 2)
+        report_.findings.is_copy_needed = true;
     }
     if (distinct_.size() == 2) pair(distinct_[0], distinct_[1]);
   }
@@ -103,30 +129,23 @@ class CellCheck {
     if (is_copy_[copy]) return;  // known by another of its edges
     is_copy_[copy] = true;
     has_copies_ = true;
-    note_pair(findings_.first_copy, triangles_[first], triangles_[copy]);
-  }
-
-  static void note_pair(std::optional<TrianglePair>& smallest, const Triangle& first,
-                        const Triangle& second) {
-    if (!smallest ||
-        std::tie(first.id, second.id) < std::tie(smallest->first.id, smallest->second.id))
-      smallest = {first, second};
+    note_pair(report_.findings.first_copy, {triangles_[first], triangles_[copy]});
   }
 
   // ---- What is counted where it is owned ----
 
   void count_owned() {
-    findings_.num_vertices +=
+    report_.findings.num_vertices +=
         static_cast<std::uint64_t>(std::ranges::count(is_owned_, std::uint8_t{1}));
     for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
       if (!owns(t)) continue;
       if (is_copy_[t]) {
-        ++findings_.num_copies;
+        ++report_.findings.num_copies;
         continue;
       }
-      ++findings_.num_triangles;
+      ++report_.findings.num_triangles;
       const auto& [a, b, c] = triangles_[t].corners;
-      findings_.area.add(0.5 * norm(cross(b - a, c - a)));
+      report_.findings.area.add(0.5 * norm(cross(b - a, c - a)));
     }
   }
 
@@ -142,28 +161,21 @@ class CellCheck {
 
   void find_components() {
     const Components components = locvol::find_components(soup_.triangles, mates_);
-    if (components.conflict != kNoHalfEdge) add_flaw(findings_.conflicts, components.conflict);
-    std::vector<SurfaceComponent> sums(components.count);
-    std::vector<std::uint32_t> parts(components.count, kWhole);
+    if (components.conflict != kNoHalfEdge)
+      add_flaw(report_.findings.conflicts, components.conflict);
+    report_.parts.resize(components.count);
     for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
       if (is_copy_[t]) continue;
-      SurfaceComponent& sum = sums[components.of_triangle[t]];
-      add_to(sum, t, components.is_turned[t]);
-      if (reaches_out(t)) parts[components.of_triangle[t]] = kPart;
-    }
-    for (std::size_t c = 0; c < sums.size(); ++c) {
-      if (std::isinf(sums[c].top.z)) continue;  // a copy
-      if (parts[c] == kWhole)
-        joiner_.add_whole(sums[c]);
-      else
-        parts[c] = joiner_.add_part(sums[c]);
-    }
-    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-      if (is_copy_[t] || !reaches_out(t)) continue;
-      const bool is_last = buckets_.last_met_by(triangles_[t]) == cell_;
-      if (!joiner_.join(triangles_[t].id, parts[components.of_triangle[t]], components.is_turned[t],
-                        is_last))
-        add_flaw(findings_.conflicts, 3 * t);
+      ComponentPart& part = report_.parts[components.of_triangle[t]];
+      add_to(part.sum, t, components.is_turned[t]);
+      if (!reaches_out(t)) continue;
+      part.is_whole = false;
+      report_.shared.push_back({.id = triangles_[t].id,
+                                .from = triangles_[t].corners[0],
+                                .to = triangles_[t].corners[1],
+                                .part = components.of_triangle[t],
+                                .is_turned = components.is_turned[t],
+                                .is_last = buckets_.last_met_by(triangles_[t]) == cell_});
     }
   }
 
@@ -206,8 +218,8 @@ class CellCheck {
       if (!is_owned(v)) continue;
       const std::uint32_t fan = fan_around(soup_.triangles, mates_, outgoing[v]);
       if (fan == 0 || fan == num_triangles[v]) continue;
-      if (findings_.num_pinched++ == 0 || position(v) < findings_.first_pinched)
-        findings_.first_pinched = position(v);
+      if (report_.findings.num_pinched++ == 0 || position(v) < report_.findings.first_pinched)
+        report_.findings.first_pinched = position(v);
     }
   }
 
@@ -222,24 +234,22 @@ class CellCheck {
       soup_.triangles.resize(kept);
     }
     const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, box_);
-    if (pair) note_pair(findings_.intersection, triangles_[pair->first], triangles_[pair->second]);
+    if (pair)
+      note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
   }
-
-  static constexpr std::uint32_t kWhole = 0xffffffff, kPart = 0xfffffffe;
 
   std::vector<Triangle> triangles_;
   MortonKey cell_;
   Box box_;
   const TriangleBuckets& buckets_;
   double middle_z_;
-  SurfaceFindings& findings_;
-  ComponentJoiner& joiner_;
   TriangleSoup soup_;
   Mates mates_;  // without copies
   std::vector<bool> is_copy_;
   bool has_copies_ = false;
   std::vector<std::uint8_t> is_owned_;  // by vertex
   std::vector<std::uint32_t> distinct_;
+  CellReport report_;
 };
 
 }  // namespace
@@ -252,17 +262,78 @@ void EdgeFlaws::add(std::uint64_t number, const Point& origin, const Point& targ
   to = target;
 }
 
-SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, CheckScope scope, IngestWatch& watch) {
+void EdgeFlaws::add(const EdgeFlaws& others) {
+  if (others.half_edge < half_edge) {
+    half_edge = others.half_edge;
+    from = others.from;
+    to = others.to;
+  }
+  count += others.count;
+}
+
+void EdgeCounts::add(const EdgeCounts& others) {
+  border.add(others.border);
+  overused.add(others.overused);
+}
+
+void SurfaceFindings::add(const SurfaceFindings& others) {
+  edges.add(others.edges);
+  edges_without_copies.add(others.edges_without_copies);
+  num_copies += others.num_copies;
+  if (others.first_copy) note_pair(first_copy, *others.first_copy);
+  is_copy_needed |= others.is_copy_needed;
+  conflicts.add(others.conflicts);
+  if (others.num_pinched > 0 && (num_pinched == 0 || others.first_pinched < first_pinched))
+    first_pinched = others.first_pinched;
+  num_pinched += others.num_pinched;
+  if (others.intersection) note_pair(intersection, *others.intersection);
+  num_vertices += others.num_vertices;
+  num_triangles += others.num_triangles;
+  area.add(others.area);
+}
+
+namespace {
+
+// All that is known of the surface, cell after cell.
+struct SurfaceSummary {
   SurfaceFindings findings;
   ComponentJoiner joiner;
-  for (const TriangleBucket& bucket : buckets.all()) {
-    CellCheck(spill.load(bucket.triangles), bucket.cell, buckets, box.center().z, findings, joiner)
-        .run(scope);
-    watch.advance(bucket.triangles.count);
+
+  void add(const CellReport& cell) {
+    findings.add(cell.findings);
+    std::vector<std::uint32_t> numbers(cell.parts.size());
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      const auto& [sum, is_whole] = cell.parts[i];
+      if (std::isinf(sum.top.z)) continue;  // a copy
+      if (is_whole)
+        joiner.add_whole(sum);
+      else
+        numbers[i] = joiner.add_part(sum);
+    }
+    for (const SharedTriangle& t : cell.shared)
+      if (!joiner.join(t.id, numbers[t.part], t.is_turned, t.is_last))
+        findings.conflicts.add(3 * t.id, t.from, t.to);
   }
-  findings.components = joiner.take_components();
-  return findings;
+};
+
+}  // namespace
+
+SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
+                            const Box& box, CheckScope scope, IngestWatch& watch,
+                            Workers& workers) {
+  SurfaceSummary surface;
+  for_each_in_order(
+      workers, buckets.all(),
+      [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
+      [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
+        return CellCheck(std::move(triangles), bucket.cell, buckets, box.center().z).run(scope);
+      },
+      [&](const TriangleBucket& bucket, const CellReport& report) {
+        surface.add(report);
+        watch.advance(bucket.triangles.count);
+      });
+  surface.findings.components = surface.joiner.take_components();
+  return std::move(surface.findings);
 }
 
 void drop_copies(std::vector<Triangle>& triangles) {

@@ -15,6 +15,7 @@
 #include "engine/surface_components.h"
 #include "engine/triangle_buckets.h"
 #include "engine/triangle_spill.h"
+#include "engine/workers.h"
 
 namespace locvol {
 
@@ -25,11 +26,14 @@ struct EdgeFlaws {
   Point from, to;
 
   void add(std::uint64_t number, const Point& origin, const Point& target);
+  void add(const EdgeFlaws& others);
 };
 
 struct EdgeCounts {
   EdgeFlaws border;    // in one triangle
   EdgeFlaws overused;  // in three or more
+
+  void add(const EdgeCounts& others);
 };
 
 using TrianglePair = std::pair<Triangle, Triangle>;  // the first has the smaller id
@@ -49,6 +53,8 @@ struct SurfaceFindings {
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
   std::vector<SurfaceComponent> components;
+
+  void add(const SurfaceFindings& others);  // but for their components
 };
 
 enum class CheckScope {
@@ -56,9 +62,10 @@ enum class CheckScope {
   kAll,
 };
 
-// `box` is around the surface. Memory: see check_surface(). Throws as TriangleSpill, IngestStopped.
+// `box` is around the surface. Each thread is at a cell of its own.
+// Memory: see check_surface(). Throws as TriangleSpill, IngestStopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, CheckScope scope, IngestWatch& watch);
+                            const Box& box, CheckScope scope, IngestWatch& watch, Workers& workers);
 
 // Of triangles with the same vertices, all but the first. REQUIRES: they are in order of id
 void drop_copies(std::vector<Triangle>& triangles);

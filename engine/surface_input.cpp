@@ -40,9 +40,9 @@ std::string counted(std::uint64_t count, std::string_view one, std::string_view 
 // order in which each check may rely on those before it.
 class SurfacePreparation {
  public:
-  SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch,
+  SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
                      std::uint64_t bucket_capacity)
-      : raw_(std::move(raw)), watch_(watch), buckets_(frame, bucket_capacity) {}
+      : raw_(std::move(raw)), watch_(watch), workers_(workers), buckets_(frame, bucket_capacity) {}
 
   CheckedSurface run() {
     const bool has_area = raw_.collinear.empty();
@@ -69,7 +69,7 @@ class SurfacePreparation {
   }
 
   void check(CheckScope scope) {
-    findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_);
+    findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_, workers_);
     // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
     // each; elsewhere they stay, for they are part of what is wrong.
     drops_copies_ =
@@ -289,6 +289,7 @@ class SurfacePreparation {
 
   RawSurface raw_;
   IngestWatch& watch_;
+  Workers& workers_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;
@@ -305,8 +306,8 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
 }
 
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
-                             std::uint64_t bucket_capacity) {
-  return SurfacePreparation(std::move(raw), frame, watch, bucket_capacity).run();
+                             Workers& workers, std::uint64_t bucket_capacity) {
+  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity).run();
 }
 
 Frame frame_of(const Box& surface) {

@@ -16,6 +16,7 @@
 #include "engine/input_error.h"
 #include "engine/triangle_buckets.h"
 #include "engine/triangle_spill.h"
+#include "engine/workers.h"
 #include "octree/frame.h"
 #include "octree/geometry.h"
 #include "storage/records.h"
@@ -64,11 +65,11 @@ struct CheckedSurface {
 inline constexpr std::uint64_t kBucketCapacity = 50'000;
 
 // REQUIRES: the frame contains the surface
-// Memory: some 300 bytes a triangle of one bucket, 16 MB while triangles are distributed, and 60
-// bytes a component. A bucket outgrows its capacity where more triangles than that meet in a point.
-// Throws InputError, std::system_error, IngestStopped.
+// Memory: some 300 bytes a triangle of one bucket for each thread, 16 MB while triangles are
+// distributed, and 60 bytes a component. A bucket outgrows its capacity where more triangles than
+// that meet in a point. Throws InputError, std::system_error, IngestStopped.
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
-                             std::uint64_t bucket_capacity = kBucketCapacity);
+                             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity);
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);

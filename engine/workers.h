@@ -3,6 +3,10 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
+#include <span>
+#include <type_traits>
+#include <utility>
 
 namespace locvol {
 
@@ -39,5 +43,31 @@ class Workers {
 
 // Hardware threads that this process may use.
 int num_usable_threads();
+
+// Does apply(item, compute(item, load(item))) for each item. Loading and applying are done by one
+// thread at a time, and in order.
+template <class Item, class Load, class Compute, class Apply>
+void for_each_in_order(Workers& workers, std::span<const Item> items, const Load& load,
+                       const Compute& compute, const Apply& apply) {
+  using Loaded = std::invoke_result_t<Load, const Item&>;
+  using Result = std::invoke_result_t<Compute, const Item&, Loaded>;
+  struct ItemTask : Task {
+    ItemTask(const Item& the_item, const Load& load, const Compute& compute, const Apply& apply)
+        : item(the_item), compute_(compute), apply_(apply), loaded(load(item)) {}
+    void compute() override { result = compute_(item, *std::exchange(loaded, std::nullopt)); }
+    void apply() override { apply_(item, *result); }
+
+    const Item& item;
+    const Compute& compute_;
+    const Apply& apply_;
+    std::optional<Loaded> loaded;
+    std::optional<Result> result;
+  };
+  auto item = items.begin();
+  workers.run_in_order([&]() -> std::unique_ptr<Task> {
+    if (item == items.end()) return nullptr;
+    return std::make_unique<ItemTask>(*item++, load, compute, apply);
+  });
+}
 
 }  // namespace locvol

@@ -334,9 +334,9 @@ void cover_with_lattice(const CoverInput& input, CoverPoints& points) {
   for_each_site(sites, [&](const LatticeSite& site) {
     const Point p = input.lattice->position(site);
     if (!surface.is_inside(p)) return;
-    if (surface.distance_bound(p) >= kCoreDepth * input.size)
+    if (!surface.is_near(p, kCoreDepth * input.size))
       add_site(site, points.core);
-    else if (!surface.is_near(p, input.size))
+    else if (!surface.is_near(p, kLatticeDepth * input.size))
       points.lattice.push_back(site);
   });
 }

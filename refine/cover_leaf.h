@@ -11,9 +11,10 @@
 
 namespace locvol {
 
-inline constexpr double kSampleRadius = 0.8;  // r_s over λ
+inline constexpr double kSampleRadius = 0.8;   // r_s over λ
+inline constexpr double kLatticeDepth = 0.75;  // of lattice points below the surface, over λ
 // Lattice points this far from the surface or farther, over λ, are of the core. All neighbors of
-// such a point are lattice points inside, for they are farther than λ from the surface; and what is
+// such a point are lattice points inside, for they are deeper than kLatticeDepth; and what is
 // inserted near the surface seldom comes within kLatticeStar of it.
 inline constexpr double kCoreDepth = 3.5;
 
@@ -28,7 +29,7 @@ struct CoverInput {
 
 struct CoverPoints {
   std::vector<Point> samples;        // on the surface, in the half-open box, r_s apart
-  std::vector<LatticeSite> lattice;  // inside, farther than λ from the surface, but not of the core
+  std::vector<LatticeSite> lattice;  // inside, deeper than kLatticeDepth λ, but not of the core
   LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther
 };
 

@@ -168,12 +168,14 @@ LeafDelta Refinement::run() {
 }
 
 // The conditions in priority order: the first one broken names the next point. False if none is.
+// Where the domain has no points, cells are far and in no mesh, so that its boundary looks torn:
+// these holes are filled before disks are judged.
 bool Refinement::restore_next() {
   look_at_fresh_cells();
   return restore_next(c1_, 1, &Refinement::restore_facet) ||
-         restore_next(c2_, 2, &Refinement::restore_facet) || restore_next_disk() ||
+         restore_next(c2_, 2, &Refinement::restore_facet) ||
+         restore_next(open_ends_, 5, &Refinement::restore_open_end) || restore_next_disk() ||
          restore_next(c4_, 4, &Refinement::restore_facet) ||
-         restore_next(open_ends_, 5, &Refinement::restore_open_end) ||
          restore_next(c5_, 5, &Refinement::restore_cell) ||
          restore_next(c6_, 6, &Refinement::restore_cell);
 }
@@ -464,9 +466,10 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 
 // Inserting q destroys the surface balls that contain it, so their facets are facets of the cells
 // in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in
-// one.
+// one. Balls around which not all within λ is loaded are left to other leaves: their volume points
+// would have to go.
 std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
-  const double size = input_.criteria.size;
+  const double size = input_.criteria.size, margin = input_.criteria.reach - size;
   if (input_.surface->distance_bound(q) >= size) return std::nullopt;
   std::optional<std::pair<Point, Cell>> largest;
   double squared_radius = 0;
@@ -479,7 +482,8 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
           dual.squared_radius >= size * size ||
-          squared_distance(dual.ball_center, q) >= dual.squared_radius)
+          squared_distance(dual.ball_center, q) >= dual.squared_radius ||
+          input_.box.squared_distance(dual.ball_center) > margin * margin)
         continue;
       squared_radius = dual.squared_radius;
       largest.emplace(dual.ball_center, c);

@@ -10,9 +10,9 @@
 namespace locvol {
 namespace {
 
-// How far, over λ, a change matters to stars of which all is known to be within λ of its points: an
-// insertion destroys balls that contain it; where a point goes, new balls may be twice as large.
-constexpr double kInsertionMatters = 2, kDeletionMatters = 4;
+// How far, over λ, an insertion matters to stars whose balls are smaller than λ: it destroys those
+// that contain it. A deletion matters within the reach, for it can make balls as large as count.
+constexpr double kInsertionMatters = 2;
 
 // From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
 // both.
@@ -92,7 +92,7 @@ void Revisit::find_active() {
       if (p.id >= input_->last_visit->first_new_id)
         activate_near(p.position, kInsertionMatters * size);
   for (const MeshPoint& p : input_->last_visit->deleted)
-    activate_near(p.position, kDeletionMatters * size);
+    activate_near(p.position, input_->criteria.reach);
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
@@ -122,16 +122,16 @@ void Revisit::gather_part() {
 bool Revisit::is_complete(const LeafDelta& delta) const {
   bool is_complete = true;
   const auto look_around = [&](const Point& q, double distance) {
-    for_each_near(q, distance * input_->criteria.size, [&](std::size_t i) {
+    for_each_near(q, distance, [&](std::size_t i) {
       is_complete &= i >= is_active_.size() || is_active_[i];
       return is_complete;
     });
   };
   for (const InsertedPoint& p : delta.inserted) {
-    look_around(p.position, kInsertionMatters);
-    if (p.is_deleted) look_around(p.position, kDeletionMatters);
+    look_around(p.position, kInsertionMatters * input_->criteria.size);
+    if (p.is_deleted) look_around(p.position, input_->criteria.reach);
   }
-  for (const MeshPoint& p : delta.deleted) look_around(p.position, kDeletionMatters);
+  for (const MeshPoint& p : delta.deleted) look_around(p.position, input_->criteria.reach);
   return is_complete;
 }
 

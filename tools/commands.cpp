@@ -153,26 +153,27 @@ Json written_json(const std::filesystem::path& output, const WriteSummary& writt
 
 // What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
 // code.
-int finish(TimedRun run, const std::filesystem::path& directory,
+int finish(const TimedRun& run, const std::filesystem::path& directory,
            const std::filesystem::path& output, bool is_json) {
   std::optional<WriteSummary> written;
+  Seconds seconds = run.seconds;
   const RunOutcome outcome = run.summary.outcome;
   if (outcome == RunOutcome::kInterrupted) {
     print_how_to_resume(directory, output);
   } else {
     const Store store = open_to_read(directory);
-    if (!output.empty()) written = write_timed(store, output, run.seconds);
+    if (!output.empty()) written = write_timed(store, output, seconds);
     if (outcome == RunOutcome::kUnresolved) print_unresolved(store);
   }
   if (is_json) {
     Json json = {{"outcome", outcome_name(outcome)},
-                 {"seconds", total(run.seconds)},
-                 {"seconds_by_phase", by_phase_json(run.seconds)}};
+                 {"seconds", total(seconds)},
+                 {"seconds_by_phase", by_phase_json(seconds)}};
     json.update(to_json(run.summary));
     if (written) json["written"] = written_json(output, *written);
     print_json(json);
   } else {
-    fmt::print("{}{:<16} {}\n", summary_text(run.summary), "time", time_text(run.seconds));
+    fmt::print("{}{:<16} {}\n", summary_text(run.summary), "time", time_text(seconds));
     if (written) fmt::print("{}", written_text(output, *written));
   }
   return exit_code(outcome);
@@ -194,9 +195,9 @@ int run_mesh(const MeshCommand& command) {
       command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
   const StopSignal stop_signal;
-  TimedRun run =
+  const TimedRun run =
       run_with_progress(command, [&](const RunControl& control) { return mesh(options, control); });
-  const int code = finish(std::move(run), options.store, command.output, command.is_json);
+  const int code = finish(run, options.store, command.output, command.is_json);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
 }
@@ -204,9 +205,9 @@ int run_mesh(const MeshCommand& command) {
 int run_resume(const ResumeCommand& command) {
   if (!command.output.empty()) require_writable(command.output);
   const StopSignal stop_signal;
-  TimedRun run = run_with_progress(
+  const TimedRun run = run_with_progress(
       command, [&](const RunControl& control) { return resume(command.store, control); });
-  return finish(std::move(run), command.store, command.output, command.is_json);
+  return finish(run, command.store, command.output, command.is_json);
 }
 
 int run_export(const ExportCommand& command) {

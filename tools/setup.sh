@@ -9,7 +9,7 @@ packages=(
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
   libfmt-dev libssl-dev libtbb-dev        # engine/
   libcli11-dev nlohmann-json3-dev         # tools/
-  libgtest-dev libbenchmark-dev           # tests/
+  libgtest-dev libbenchmark-dev python3   # tests/
   "$@"
 )
 

@@ -317,9 +317,10 @@ TEST(IngestBuckets, HaveEveryTriangleThatMeetsTheirCells) {
   const auto file = files.write("surface.off", to_off(random_balls(random)));
   const InputSurface all = read_whole_surface(file);
   IngestWatch watch;
+  Workers workers(2);
   RawSurface raw = read_surface(file, files.directory(), watch);
   const Frame frame = frame_of(raw.box);
-  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, 100);
+  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, workers, 100);
   ASSERT_GT(checked.buckets.all().size(), 20u);
   for (const TriangleBucket& bucket : checked.buckets.all()) {
     std::vector<Triangle> expected;
@@ -486,10 +487,11 @@ TEST_F(IngestTest, RefusesTooManyLeavesAndNamesASizeThatWorks) {
     const double least = std::stod(message.substr(place + words.size()));
     EXPECT_LT(least, 0.02);
 
+    Workers workers(2);
     RawSurface raw = read_surface(input_, scratch_ / ".", watch);
     const RunParameters works = planned_run(options(least, 50), raw.digest, raw.box).parameters;
     const Frame frame = frame_of(raw.box);
-    const CheckedSurface surface = check_surface(std::move(raw), frame, watch);
+    const CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers);
     EXPECT_GT(cells_near_surface(surface, works, watch).size(), 10'000u);
   }
 }

@@ -39,11 +39,13 @@ struct InputSurface {
 inline InputSurface read_whole_surface(const std::filesystem::path& file,
                                        std::uint64_t bucket_capacity = kBucketCapacity) {
   IngestWatch watch;
+  Workers workers(3);
   InputSurface surface;
   RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
   surface.digest = raw.digest;
   const Frame frame = frame_of(raw.box);
-  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, bucket_capacity);
+  const CheckedSurface checked =
+      check_surface(std::move(raw), frame, watch, workers, bucket_capacity);
   surface.facts = checked.facts;
   for (const TriangleBucket& bucket : checked.buckets.all())
     for (const Triangle& t : checked.load(bucket)) surface.pieces.push_back(t);

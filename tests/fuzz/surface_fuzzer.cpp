@@ -214,9 +214,10 @@ std::optional<SurfaceFacts> check(const fs::path& path, const fs::path& director
   if (!surface) return std::nullopt;
   const Frame frame = frame_of(surface->box);
   IngestWatch watch;
+  Workers workers(1);
   try {
     const SurfaceFacts facts =
-        check_surface(std::move(*surface), frame, watch, bucket_capacity).facts;
+        check_surface(std::move(*surface), frame, watch, workers, bucket_capacity).facts;
     expect_sound(facts);
     return facts;
   } catch (const InputError& error) {

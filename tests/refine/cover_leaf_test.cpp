@@ -412,13 +412,14 @@ TEST_P(CoverOf, DensityIsThatOfSaturatedPoissonDisks) {
   EXPECT_LT(ratio, 1.15);
 }
 
-TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeeperThanSize) {
+TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeepEnough) {
   const World& world = run().world;
   const Lattice lattice = world.lattice();
   std::set<LatticeSite> expected;
   for_each_site(lattice.sites_in(world.frame().root_box()), [&](const LatticeSite& site) {
     const Point p = lattice.position(site);
-    if (is_inside(p, world.mesh) && distance(p, world.mesh) >= world.size) expected.insert(site);
+    if (is_inside(p, world.mesh) && distance(p, world.mesh) >= kLatticeDepth * world.size)
+      expected.insert(site);
   });
   EXPECT_EQ(expected.empty(), GetParam().name == "ThinPlate");
   EXPECT_EQ(all_sites(lattice, run().leaves, lattice_sites), expected);

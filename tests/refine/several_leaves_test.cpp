@@ -27,8 +27,6 @@ namespace {
 
 using shapes::Mesh;
 
-constexpr double kReach = 4;  // over λ
-
 struct Scene {
   std::string name;
   Mesh mesh;
@@ -322,8 +320,11 @@ bool LeafRun::visit(Leaf& leaf) {
   EXPECT_TRUE(delta.unresolved.empty());
   num_taken_in_ += delta.stats.points_added;
   for (const InsertedPoint& p : delta.inserted)
-    EXPECT_LT(leaf.box.squared_distance(p.position), std::pow(3 * scene_.size, 2))
-        << "DESIGN 3.4: writes only within 3 λ";
+    EXPECT_LE(leaf.box.squared_distance(p.position), std::pow((kReach - 1) * scene_.size, 2))
+        << "all volume points that it might have to delete are loaded";
+  if (scene_.num_disturbances == 0) {
+    EXPECT_EQ(delta.stats.insertions[2], 0u) << "holes in P were taken for a torn boundary";
+  }
   commit(leaf, delta);
   if (!delta.inserted.empty() || !delta.deleted.empty()) return true;
   list_cells(delta);

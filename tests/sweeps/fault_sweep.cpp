@@ -79,7 +79,7 @@ bool try_fault(Trial& trial, const std::string& fault, bool must_name_file, Tall
     claim(says_what_to_do(ending), "the message does not say what to do");
     const std::uint64_t committed = trial.store_state().num_visits;
     const auto performed = static_cast<std::uint64_t>(std::ranges::count(ending.steps, 'r'));
-    claim(committed + 64 >= performed, "more is lost than the visits in hand");
+    claim(committed + kMaxVisitsInHand >= performed, "more is lost than the visits in hand");
     const Ending again = trial.require_same_bytes("fault " + what);
     const auto repeated = static_cast<std::uint64_t>(std::ranges::count(again.steps, 'r'));
     claim(trial.store_state().phase || committed + repeated == trial.num_steps('r'),

@@ -15,7 +15,6 @@ namespace locvol::sweeps {
 namespace {
 
 // What a commit takes at most (engine/README.md): these visits may have to be made again.
-constexpr std::uint64_t kMaxVisitsInHand = 64;
 
 const std::array<Model, 3> kModels = {{{"three-holes", "2k", "10%", "150"},
                                        {"octahandles", "40k", "6%", "60"},

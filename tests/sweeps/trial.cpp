@@ -141,7 +141,8 @@ void Trial::start_anew() {
 
 Ending Trial::run(const Disturbance& disturbance) {
   return spawn({"mesh", (directory_ / "surface.stl").string(), "-o", output().string(), "--size",
-                model_.size, "--leaf-capacity", model_.leaf_capacity, "--quiet"},
+                model_.size, "--leaf-capacity", model_.leaf_capacity, "--threads",
+                std::to_string(kNumThreads), "--quiet"},
                disturbance);
 }
 

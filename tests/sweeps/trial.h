@@ -21,6 +21,10 @@ class Failure : public std::runtime_error {
 };
 void require(bool holds, const std::string& otherwise);
 
+inline constexpr int kNumThreads = 2;  // of each run
+// Between two commits, and under way.
+inline constexpr std::uint64_t kMaxVisitsInHand = 64 + 4 * kNumThreads;
+
 struct Model {
   std::string shape;
   std::string num_triangles;

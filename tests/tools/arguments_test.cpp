@@ -87,6 +87,13 @@ TEST(ParseInit, KnowsTwo) {
   EXPECT_THROW(parse_init("Cover"), std::invalid_argument);
 }
 
+TEST(ParseThreads, TakesAWholeNumberThatCanBeMeant) {
+  EXPECT_EQ(parse_threads("1"), 1);
+  EXPECT_EQ(parse_threads("1024"), 1024);
+  for (const char* text : {"", "0", "-1", "1025", "1.5", "2k", "two", "99999999999"})
+    EXPECT_THROW(parse_threads(text), std::invalid_argument) << text;
+}
+
 TEST(ParseKey, ReadsWhatKeyTextPrints) {
   constexpr unsigned kSeed = 7;
   SCOPED_TRACE(kSeed);

@@ -26,9 +26,10 @@ class MemoryCap : public testing::Test {
   void SetUp() override { generate("three-holes", 30000, dir_ / "surface.stl"); }
 
   // The bytes of the mesh under a cap; "" if it failed.
-  std::string mesh_under(const std::string& cap, std::uint64_t data_bytes = 0) {
+  std::string mesh_under(const std::string& cap, std::uint64_t data_bytes = 0,
+                         const std::string& num_threads = "2") {
     result_ = run_locvol({"mesh", surface(), "-o", output(), "--size", "7%", "--leaf-capacity",
-                          "1000", "--memory", cap, "--quiet"},
+                          "1000", "--memory", cap, "--threads", num_threads, "--quiet"},
                          data_bytes);
     return result_.exit_code == 0 ? read_file(output()) : "";
   }
@@ -51,6 +52,18 @@ TEST_F(MemoryCap, IsKept) {
   ASSERT_NE(mesh_under("96M"), "") << result_.err;
   EXPECT_LT(result_.peak_bytes, 96 * kMiB);
   EXPECT_GT(result_.peak_bytes, 10 * kMiB);
+}
+
+// Heaps and stacks of threads have to fit in as well.
+TEST_F(MemoryCap, IsKeptByManyThreads) {
+  const std::string mesh = mesh_under("96M", 0, "1");
+  ASSERT_NE(mesh, "") << result_.err;
+  for (const std::string num_threads : {"8", "100"}) {
+    EXPECT_TRUE(mesh_under("96M", 0, num_threads) == mesh) << num_threads << result_.err;
+    EXPECT_TRUE(is_sanitized || result_.peak_bytes < 96 * kMiB) << num_threads;
+  }
+  if (is_sanitized) return;
+  EXPECT_TRUE(mesh_under("96M", 96 * kMiB, "8") == mesh) << result_.err;
 }
 
 TEST_F(MemoryCap, HoldsAgainstTheKernelToo) {

@@ -27,7 +27,7 @@
 namespace locvol {
 namespace {
 
-constexpr double kReach = 4, kLeafSide = 31;  // over λ
+constexpr double kLeafSide = 31;  // over λ
 constexpr std::size_t kMaxLeaves = 12;
 
 struct PolygonList : SurfaceSink {
