@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/audit.h"
+#include "engine/memory_budget.h"
 #include "engine/surface_input.h"
 #include "engine/writer.h"
 #include "tools/arguments.h"
@@ -240,7 +241,8 @@ int run_info(const InfoCommand& command) {
   RawSurface raw = read_surface(command.surface, std::filesystem::temp_directory_path(), watch);
   const std::string digest = raw.digest;
   const Frame frame = frame_of(raw.box);
-  const SurfaceFacts facts = check_surface(std::move(raw), frame, watch).facts;
+  Workers workers(num_ingest_threads(0, memory_cap(0)));
+  const SurfaceFacts facts = check_surface(std::move(raw), frame, watch, workers).facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);
   if (command.size) {
