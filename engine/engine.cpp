@@ -32,7 +32,7 @@ class Engine {
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
         loader_(state_, budget_),
-        visits_(state_, budget_, num_threads(control)) {}
+        visits_(state_, budget_, plan.num_threads(num_threads(control))) {}
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -174,8 +174,19 @@ Store ingested(const std::filesystem::path& file, const std::filesystem::path& d
   return ingest(std::move(raw), run, free_bytes_at(directory), open_store, control);
 }
 
+// A run without first points yet whose lattice points would have numbers of their own, as they had
+// before the core was kept apart.
+bool is_outdated(const RunRecord& run) {
+  return run.phase == Phase::kInitialize && run.parameters.init == Initialization::kCover &&
+         run.next_point_id < kFirstOtherId;
+}
+
 RunSummary finish(Store& store, const RunControl& control) {
-  if (store.snapshot().run()->phase == Phase::kIngest) return summarize(store.snapshot());
+  const RunRecord run = store.snapshot().run().value();
+  if (run.phase == Phase::kIngest) return summarize(store.snapshot());
+  if (is_outdated(run))
+    throw StoreError("the store " + store.directory().string() +
+                     " was begun by an earlier version of locvol: force a new run over it");
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   const bool is_done = Engine(store, plan, control).run();
   RunSummary summary = summarize(store.snapshot());
@@ -194,7 +205,7 @@ RunSummary mesh(const MeshOptions& options, const RunControl& control) {
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
         planned_run(options, digest_of_file(options.input), held->surface.box).parameters;
-    if (held->parameters == asked || !options.is_forced) {
+    if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
       return finish(store, control);

@@ -265,7 +265,7 @@ Store ingest(RawSurface raw, RunRecord run, double free_bytes,
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
   IngestWatch watch = watch_of(control);
-  Workers workers(num_ingest_threads(control.num_threads, memory_cap(control.memory_bytes)));
+  Workers workers(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes)));
   std::optional<Store> store;
   try {
     const CheckedSurface surface =

@@ -22,8 +22,11 @@ constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
 constexpr std::uint64_t kProgramBytes = 32 * kMiB;
 // To read, check and cut a surface of any size.
 constexpr std::uint64_t kIngestBytes = 64 * kMiB;
-// For a thread that checks a bucket of it, besides the first, and for one that waits to be checked.
-constexpr std::uint64_t kBytesPerIngestThread = 24 * kMiB;
+// More threads than visits find memory would only take it from them, for their stacks.
+constexpr std::uint64_t kLeastHeapOfThread = 16 * kMiB;
+// For each thread besides the first that checks a bucket of the surface, or writes a piece of the
+// output, and for one that waits.
+constexpr std::uint64_t kBytesPerStreamingThread = 24 * kMiB;
 // In the octree, the queue with its colors, and the writer's tables.
 constexpr std::uint64_t kBytesPerLeaf = 256;
 // What a changed record takes from its change until the commit is over, over its decoded size:
@@ -126,11 +129,11 @@ std::uint64_t memory_cap(std::uint64_t asked) {
   return cap;
 }
 
-int num_ingest_threads(int asked, std::uint64_t cap) {
+int num_streaming_threads(int asked, std::uint64_t cap) {
   const int num_threads = asked > 0 ? asked : num_usable_threads();
   const std::uint64_t for_others = cap - std::min(cap, kProgramBytes + kIngestBytes);
   return static_cast<int>(std::min<std::uint64_t>(static_cast<std::uint64_t>(num_threads),
-                                                  1 + for_others / kBytesPerIngestThread));
+                                                  1 + for_others / kBytesPerStreamingThread));
 }
 
 std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmHWM:").value_or(0); }
@@ -153,6 +156,11 @@ std::uint64_t MemoryPlan::cap_with_heap(std::uint64_t heap) const {
   std::uint64_t cap = kProgramBytes + leaves_;
   while (heap_under(cap, leaves_) < wanted) cap += kMiB;
   return cap;
+}
+
+int MemoryPlan::num_threads(int asked) const {
+  return static_cast<int>(
+      std::min<std::uint64_t>(static_cast<std::uint64_t>(asked), 1 + heap_ / kLeastHeapOfThread));
 }
 
 MemoryRecord MemoryPlan::record() const {

@@ -29,9 +29,9 @@ std::uint64_t free_memory();
 // What the user asks for, or half of what is free if that is 0; bytes of the whole process. Throws
 // OverBudget for less than it takes to read and check a surface.
 std::uint64_t memory_cap(std::uint64_t asked);
-// How many threads may check a surface at once under the cap, of those `asked` for; 0: of those
-// that the process may use.
-int num_ingest_threads(int asked, std::uint64_t cap);
+// How many threads may each have a bucket of the surface, or a piece of the output, under the cap,
+// of those `asked` for; 0: of those that the process may use.
+int num_streaming_threads(int asked, std::uint64_t cap);
 // The most RAM that the process has held so far (VmHWM), in bytes.
 std::uint64_t peak_resident_memory();
 
@@ -70,6 +70,8 @@ class MemoryPlan {
 
   std::uint64_t cap() const { return cap_; }
   std::uint64_t heap() const { return heap_; }
+  // Of those asked for: as many as have some memory to work in.
+  int num_threads(int asked) const;
   // Of decoded changes, before they have to be committed.
   std::uint64_t max_unwritten() const { return unwritten_; }
   // The least cap with a heap that `bytes` more fit into.

@@ -1,52 +1,109 @@
 #include "engine/workers.h"
 
 #include <malloc.h>
-#include <oneapi/tbb/global_control.h>
-#include <oneapi/tbb/info.h>
-#include <oneapi/tbb/task_arena.h>
-#include <oneapi/tbb/task_group.h>
+#include <pthread.h>
+#include <sched.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cassert>
+#include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <exception>
 #include <mutex>
-#include <queue>
 #include <utility>
-
-// TBB's library is built without the thread sanitizer, which so does not see that tasks go from one
-// thread to another by it, unless told. The task object itself is TBB's own affair.
-#ifdef __SANITIZE_THREAD__
-#include <sanitizer/tsan_interface.h>
-extern "C" const char* __tsan_default_suppressions() {
-  return "race_top:tbb::detail::d1::function_task";
-}
-#define LOCVOL_HAND_OVER(object) __tsan_release(object)
-#define LOCVOL_TAKE_OVER(object) __tsan_acquire(object)
-#else
-#define LOCVOL_HAND_OVER(object)
-#define LOCVOL_TAKE_OVER(object)
-#endif
+#include <vector>
 
 namespace locvol {
 namespace {
 
 using NextTask = std::function<std::unique_ptr<Task>()>;
 
+// Does what is posted, first come, first served.
+class ThreadPool {
+ public:
+  // As many as the system gives: fewer threads are slower, and no error.
+  explicit ThreadPool(int num_threads) {
+    pthread_attr_t attributes;
+    pthread_attr_init(&attributes);
+    pthread_attr_setstacksize(&attributes, kStackBytes);
+    threads_.reserve(static_cast<std::size_t>(num_threads));
+    for (pthread_t thread{}; num_threads > 0; --num_threads) {
+      if (pthread_create(&thread, &attributes, &ThreadPool::run_thread, this) != 0) break;
+      threads_.push_back(thread);
+    }
+    pthread_attr_destroy(&attributes);
+  }
+  ~ThreadPool() {
+    {
+      const std::lock_guard lock(mutex_);
+      is_ending_ = true;
+    }
+    changed_.notify_all();
+    for (const pthread_t thread : threads_) pthread_join(thread, nullptr);
+  }
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  // A job throws nothing.
+  void post(std::function<void()> job) {
+    {
+      const std::lock_guard lock(mutex_);
+      jobs_.push_back(std::move(job));
+      ++num_unfinished_;
+    }
+    changed_.notify_one();
+  }
+  // Does its share, and returns when all that was posted is done.
+  void help() {
+    work([this] { return num_unfinished_ == 0; });
+  }
+
+ private:
+  static constexpr std::size_t kStackBytes = std::size_t{2} << 20;
+
+  static void* run_thread(void* pool) {
+    auto* const self = static_cast<ThreadPool*>(pool);
+    self->work([self] { return self->is_ending_; });
+    return nullptr;
+  }
+
+  void work(const auto& is_over) {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      changed_.wait(lock, [&] { return is_over() || !jobs_.empty(); });
+      if (is_over()) return;
+      const auto job = std::move(jobs_.front());
+      jobs_.pop_front();
+      lock.unlock();
+      job();
+      lock.lock();
+      if (--num_unfinished_ == 0) changed_.notify_all();
+    }
+  }
+
+  std::vector<pthread_t> threads_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> jobs_;
+  std::size_t num_unfinished_ = 0;  // waiting or being done
+  bool is_ending_ = false;
+};
+
 // One call of run_in_order. No thread waits for another: one that has computed a task applies what
 // is due and begins the next, or leaves both to the thread that is at it.
 class OrderedRun {
  public:
-  OrderedRun(int num_threads, const NextTask& next)
-      : next_(next),
+  OrderedRun(ThreadPool& pool, int num_threads, const NextTask& next)
+      : pool_(pool),
+        next_(next),
         max_uncomputed_(num_threads == 1 ? 1 : num_threads + 1),
         max_under_way_(num_threads == 1 ? 1 : 4 * static_cast<std::size_t>(num_threads)) {}
 
   void run() {
     advance();
-    group_.wait();
-    LOCVOL_TAKE_OVER(&group_);
+    pool_.help();
     if (error_) std::rethrow_exception(error_);
     if (error_of_next_) std::rethrow_exception(error_of_next_);
   }
@@ -104,25 +161,7 @@ class OrderedRun {
     if (is_none_for_now_) return;
     Entry& entry = under_way_.emplace_back(std::move(task));
     ++num_uncomputed_;
-    {
-      const std::lock_guard lock(mutex_);
-      to_compute_.push(&entry);
-    }
-    LOCVOL_HAND_OVER(this);
-    group_.run([this] {
-      LOCVOL_TAKE_OVER(this);
-      compute(oldest_to_compute());
-      LOCVOL_HAND_OVER(&group_);
-    });
-  }
-
-  // First come, first served, where a task group would take the last first: the others wait to be
-  // applied for the oldest.
-  Entry& oldest_to_compute() {
-    const std::lock_guard lock(mutex_);
-    Entry& entry = *to_compute_.front();
-    to_compute_.pop();
-    return entry;
+    pool_.post([this, &entry] { compute(entry); });
   }
 
   void compute(Entry& entry) {
@@ -136,19 +175,17 @@ class OrderedRun {
     advance();
   }
 
+  ThreadPool& pool_;
   const NextTask& next_;
   const int max_uncomputed_;
   const std::size_t max_under_way_;
   std::atomic<int> num_callers_ = 0;  // of advance(), now
   std::atomic<int> num_uncomputed_ = 0;
   std::atomic<bool> is_failed_ = false;
-  std::mutex mutex_;
-  std::queue<Entry*> to_compute_;  // under the mutex
   // All below belongs to the thread in advance().
   std::deque<Entry> under_way_;
   bool is_none_for_now_ = false;
   std::exception_ptr error_, error_of_next_;  // of a task, which comes first; of next()
-  tbb::task_group group_;
 };
 
 // A heap of its own for each thread would keep what its largest visit took, whatever the others
@@ -159,30 +196,29 @@ void share_one_heap() { mallopt(M_ARENA_MAX, 1); }
 }  // namespace
 
 struct Workers::Impl {
-  explicit Impl(int num_threads)
-      : parallelism(tbb::global_control::max_allowed_parallelism,
-                    static_cast<std::size_t>(num_threads)),
-        stacks(tbb::global_control::thread_stack_size, kStackBytes),
-        arena(num_threads) {
-    if (num_threads > 1) share_one_heap();
-  }
+  explicit Impl(int the_num_threads) : num_threads(the_num_threads), pool(the_num_threads - 1) {}
 
-  static constexpr std::size_t kStackBytes = std::size_t{2} << 20;
-  tbb::global_control parallelism, stacks;
-  tbb::task_arena arena;
+  int num_threads;
+  ThreadPool pool;
 };
 
-Workers::Workers(int num_threads) : impl_(std::make_unique<Impl>(num_threads)) {
+Workers::Workers(int num_threads) {
   assert(num_threads >= 1);
+  if (num_threads > 1) share_one_heap();
+  impl_ = std::make_unique<Impl>(num_threads);
 }
 Workers::~Workers() = default;
 
-int Workers::num_threads() const { return impl_->arena.max_concurrency(); }
+int Workers::num_threads() const { return impl_->num_threads; }
 
 void Workers::run_in_order(const NextTask& next) {
-  impl_->arena.execute([&] { OrderedRun(num_threads(), next).run(); });
+  OrderedRun(impl_->pool, num_threads(), next).run();
 }
 
-int num_usable_threads() { return tbb::info::default_concurrency(); }
+int num_usable_threads() {
+  cpu_set_t usable;
+  if (sched_getaffinity(0, sizeof(usable), &usable) != 0) return 1;
+  return std::max(CPU_COUNT(&usable), 1);
+}
 
 }  // namespace locvol

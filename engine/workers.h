@@ -1,4 +1,7 @@
 // Workers: threads that share out work whose result must not depend on them.
+//
+// They are plain threads, not oneTBB's: that ends the process when the system refuses a thread, and
+// takes a mebibyte and more before any work is done.
 #pragma once
 
 #include <functional>
@@ -18,10 +21,11 @@ class Task {
   virtual void apply() = 0;    // alone, and in the order of the tasks
 };
 
-// Threads: from one at a time; what it is given is called from any thread.
+// Threads: used by one at a time, and not from within a task; what it is given is called from any.
 class Workers {
  public:
-  explicit Workers(int num_threads);  // with the caller's; 1 starts none
+  // With the caller's, so that 1 starts none; works with fewer if the system refuses some.
+  explicit Workers(int num_threads);
   ~Workers();
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;

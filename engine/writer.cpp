@@ -2,14 +2,20 @@
 
 #include <array>
 #include <bit>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "engine/leaf_name.h"
 #include "engine/leaf_window.h"
 #include "engine/partial_file.h"
 #include "engine/vertex_numbering.h"
+#include "engine/workers.h"
 
 namespace locvol {
 namespace {
@@ -68,13 +74,6 @@ std::string header(std::uint64_t num_vertices, std::uint64_t num_cells, const La
   return result + '_';
 }
 
-// One array of the appended data: its byte count, then values as they come.
-FileSection begin_array(PartialFile& file, std::uint64_t offset, std::uint64_t bytes) {
-  FileSection section(file, offset);
-  section.append_value(bytes);
-  return section;
-}
-
 RunRecord finished_run(const Store& store, const Reader& reader) {
   const auto run = reader.run();
   const std::string name = "the store " + store.directory().string();
@@ -84,9 +83,29 @@ RunRecord finished_run(const Store& store, const Reader& reader) {
   return *run;
 }
 
-void write_points(const Reader& reader, const VertexNumbering& numbering, std::size_t leaf,
-                  FileSection& out) {
-  const auto append = [&](const Point& p) { out.append_value(std::array{p.x, p.y, p.z}); };
+// The share of some leaves, one after another in Morton order, in each of the arrays. It is encoded
+// here, and written to its places in the file by any thread.
+struct Piece {
+  using Vertex = std::array<double, 3>;
+  using Cell = std::array<std::int64_t, 4>;
+
+  std::uint64_t first_vertex = 0, first_cell = 0;
+  std::vector<Vertex> points;
+  std::vector<Cell> connectivity;
+  std::vector<std::uint32_t> leaf_of_cell;
+
+  bool is_full() const { return bytes() >= kFullBytes; }
+  std::uint64_t bytes() const {
+    return sizeof(Vertex) * points.size() + sizeof(Cell) * connectivity.size();
+  }
+
+ private:
+  static constexpr std::uint64_t kFullBytes = std::uint64_t{1} << 20;
+};
+
+void add_points(const Reader& reader, const VertexNumbering& numbering, std::size_t leaf,
+                Piece& piece) {
+  const auto append = [&](const Point& p) { piece.points.push_back({p.x, p.y, p.z}); };
   const std::vector<std::uint64_t> used = numbering.used_ids(leaf);
   const LeafPoints held = reader.points(numbering.leaves()[leaf]);
   auto next = used.begin();
@@ -102,11 +121,10 @@ void write_points(const Reader& reader, const VertexNumbering& numbering, std::s
 }
 
 // The cells of the leaf's core, by formula. Returns how many there are.
-std::uint64_t write_core_connectivity(VertexNumbering& numbering, std::size_t leaf,
-                                      FileSection& out) {
+std::uint64_t add_core_cells(VertexNumbering& numbering, std::size_t leaf, Piece& piece) {
   const SiteBlock<std::int64_t>* numbers = numbering.core_numbers(leaf);
   if (numbers == nullptr) return 0;
-  std::uint64_t num_cells = 0;
+  const std::size_t num_before = piece.connectivity.size();
   for_each_site(numbering.sites(leaf), [&](const LatticeSite& site) {
     const std::int64_t here = (*numbers)[site];
     if (here < 0) return;
@@ -115,22 +133,19 @@ std::uint64_t write_core_connectivity(VertexNumbering& numbering, std::size_t le
       others[n] = (*numbers)[site + kLargerNeighbors[n]];
     for (const auto& [a, b, c] : kCellsOfLargerNeighbors) {
       if (others[a] < 0 || others[b] < 0 || others[c] < 0) continue;
-      out.append_value(std::array{here, others[a], others[b], others[c]});
-      ++num_cells;
+      piece.connectivity.push_back({here, others[a], others[b], others[c]});
     }
   });
-  return num_cells;
+  return piece.connectivity.size() - num_before;
 }
 
-// Returns how many cells the leaf has.
-std::uint64_t write_connectivity(const Reader& reader, VertexNumbering& numbering, std::size_t leaf,
-                                 FileSection& out) {
+void add_cells(const Reader& reader, VertexNumbering& numbering, std::size_t leaf, Piece& piece) {
   const MortonKey key = numbering.leaves()[leaf];
   const LeafCells cells = reader.cells(key);
   const std::vector<std::int64_t> numbers = numbering.numbers(leaf, cells.vertices);
   for (const auto& cell : cells.cells) {
-    const std::array<std::int64_t, 4> named = {numbers[cell[0]], numbers[cell[1]], numbers[cell[2]],
-                                               numbers[cell[3]]};
+    const Piece::Cell named = {numbers[cell[0]], numbers[cell[1]], numbers[cell[2]],
+                               numbers[cell[3]]};
     for (std::size_t i = 0; i < 4; ++i) {
       if (named[i] >= 0) continue;
       throw CorruptRecord(leaf_name(key) + ": a cell names point " +
@@ -138,53 +153,104 @@ std::uint64_t write_connectivity(const Reader& reader, VertexNumbering& numberin
                               ", which is in no leaf near it",
                           key);
     }
-    out.append_value(named);
+    piece.connectivity.push_back(named);
   }
-  const std::uint64_t num_core_cells = write_core_connectivity(numbering, leaf, out);
-  if (num_core_cells != numbering.num_core_cells(leaf))
+  if (add_core_cells(numbering, leaf, piece) != numbering.num_core_cells(leaf))
     throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
-  return cells.cells.size() + num_core_cells;
+  piece.leaf_of_cell.resize(piece.connectivity.size(), static_cast<std::uint32_t>(leaf));
 }
 
-void write_offsets(std::uint64_t num_cells, FileSection& out) {
-  for (std::uint64_t cell = 1; cell <= num_cells; ++cell) out.append_value(4 * cell);
-}
+// Takes piece after piece off the store.
+class PieceReader {
+ public:
+  PieceReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages)
+      : reader_(reader), numbering_(numbering), pages_(pages) {}
 
-void write_types(std::uint64_t num_cells, FileSection& out) {
-  for (std::uint64_t cell = 0; cell < num_cells; ++cell) out.append_value(kVtkTetra);
-}
-
-void write_leaves(const Reader& reader, VertexNumbering& numbering, PartialFile& file,
-                  std::uint64_t data, const Layout& layout, PageRelease& pages) {
-  const std::uint64_t num_cells = numbering.num_cells();
-  FileSection points = begin_array(file, data + layout.points, 24 * numbering.num_vertices());
-  FileSection connectivity = begin_array(file, data + layout.connectivity, 32 * num_cells);
-  FileSection leaf_of_cell = begin_array(file, data + layout.leaf, 4 * num_cells);
-  for (std::size_t leaf = 0; leaf < numbering.leaves().size(); ++leaf) {
-    write_points(reader, numbering, leaf, points);
-    const std::uint64_t cells_here = write_connectivity(reader, numbering, leaf, connectivity);
-    for (std::uint64_t i = 0; i < cells_here; ++i) {
-      leaf_of_cell.append_value(static_cast<std::uint32_t>(leaf));
+  // Nothing: that was all.
+  std::optional<Piece> next() {
+    if (leaf_ == numbering_.leaves().size()) return std::nullopt;
+    Piece piece;
+    piece.first_vertex = num_vertices_;
+    piece.first_cell = num_cells_;
+    for (; leaf_ < numbering_.leaves().size() && !piece.is_full(); ++leaf_) {
+      add_points(reader_, numbering_, leaf_, piece);
+      add_cells(reader_, numbering_, leaf_, piece);
     }
-    pages.count(32 * cells_here);
+    num_vertices_ += piece.points.size();
+    num_cells_ += piece.connectivity.size();
+    pages_.count(piece.bytes());
+    return piece;
   }
-  for (FileSection* section : {&points, &connectivity, &leaf_of_cell}) section->flush();
-}
 
-void write_constant_arrays(std::uint64_t num_cells, PartialFile& file, std::uint64_t data,
-                           const Layout& layout) {
-  FileSection offsets = begin_array(file, data + layout.offsets, 8 * num_cells);
-  write_offsets(num_cells, offsets);
-  offsets.flush();
-  FileSection types = begin_array(file, data + layout.types, num_cells);
-  write_types(num_cells, types);
-  types.append(std::as_bytes(std::span(kFooter)));
-  types.flush();
-}
+ private:
+  const Reader& reader_;
+  VertexNumbering& numbering_;
+  PageRelease& pages_;
+  std::size_t leaf_ = 0;
+  std::uint64_t num_vertices_ = 0, num_cells_ = 0;  // of the pieces so far
+};
+
+// Where the arrays lie in the file.
+class ArrayFile {
+ public:
+  ArrayFile(PartialFile& file, std::uint64_t data, const Layout& layout)
+      : file_(file), data_(data), layout_(layout) {}
+
+  // The count of bytes that each array begins with.
+  void write_counts(std::uint64_t num_vertices, std::uint64_t num_cells) {
+    write(layout_.points, 24 * num_vertices);
+    write(layout_.connectivity, 32 * num_cells);
+    write(layout_.offsets, 8 * num_cells);
+    write(layout_.leaf, 4 * num_cells);
+    write(layout_.types, num_cells);
+  }
+  void write_piece(const Piece& piece) {
+    const std::uint64_t num_cells = piece.connectivity.size();
+    std::vector<std::uint64_t> offsets(num_cells);
+    for (std::uint64_t i = 0; i < num_cells; ++i) offsets[i] = 4 * (piece.first_cell + i + 1);
+    const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
+    const std::lock_guard lock(mutex_);
+    write_values(layout_.points, piece.first_vertex, std::span(piece.points));
+    write_values(layout_.connectivity, piece.first_cell, std::span(piece.connectivity));
+    write_values(layout_.offsets, piece.first_cell, std::span(offsets));
+    write_values(layout_.leaf, piece.first_cell, std::span(piece.leaf_of_cell));
+    write_values(layout_.types, piece.first_cell, std::span(types));
+  }
+  void write_footer() { file_.write_at(data_ + layout_.end, std::as_bytes(std::span(kFooter))); }
+
+ private:
+  void write(std::uint64_t array, std::uint64_t value) {
+    file_.write_at(data_ + array, std::as_bytes(std::span(&value, 1)));
+  }
+  template <class T>
+  void write_values(std::uint64_t array, std::uint64_t first, std::span<T> values) {
+    constexpr std::uint64_t kCountBytes = 8;
+    file_.write_at(data_ + array + kCountBytes + first * sizeof(T), std::as_bytes(values));
+  }
+
+  PartialFile& file_;
+  std::uint64_t data_;
+  Layout layout_;
+  std::mutex mutex_;  // the kernel lets one thread at a time write to a file: others would spin
+};
+
+class PieceTask : public Task {
+ public:
+  PieceTask(Piece piece, ArrayFile& out) : piece_(std::move(piece)), out_(out) {}
+  void compute() override {
+    out_.write_piece(piece_);
+    piece_ = {};
+  }
+  void apply() override {}
+
+ private:
+  Piece piece_;
+  ArrayFile& out_;
+};
 
 }  // namespace
 
-WriteSummary write_vtu(const Store& store, const std::filesystem::path& file) {
+WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   PageRelease pages(store);
@@ -197,8 +263,14 @@ WriteSummary write_vtu(const Store& store, const std::filesystem::path& file) {
   const std::uint64_t bytes = head.size() + layout.end + kFooter.size();
   out.reserve(bytes);
   out.write_at(0, std::as_bytes(std::span(head)));
-  write_leaves(snapshot, numbering, out, head.size(), layout, pages);
-  write_constant_arrays(num_cells, out, head.size(), layout);
+  ArrayFile arrays(out, head.size(), layout);
+  arrays.write_counts(num_vertices, num_cells);
+  PieceReader pieces(snapshot, numbering, pages);
+  Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
+    auto piece = pieces.next();
+    return piece ? std::make_unique<PieceTask>(*std::move(piece), arrays) : nullptr;
+  });
+  arrays.write_footer();
   out.publish();
   return {num_vertices, num_cells, bytes};
 }

@@ -15,8 +15,8 @@ struct WriteSummary {
 // Writes VTU (XML, appended raw binary, UInt64 headers, 64-bit ids): used vertices, numbered leaf
 // by leaf in Morton order; tetrahedra in the same order, positively oriented; cell data `leaf` (the
 // leaf's place in Morton order). The file appears under its name only when it is whole.
-// Memory: one leaf and the id tables of its neighbors.
-// Throws StoreError; std::runtime_error with the file's name when it cannot be written.
-WriteSummary write_vtu(const Store& store, const std::filesystem::path& file);
+// Memory: one leaf and the id tables of its neighbors, and for each thread a mebibyte or a leaf
+// more. Throws StoreError; std::runtime_error with the file's name when it cannot be written.
+WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1);
 
 }  // namespace locvol

@@ -478,7 +478,8 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
       if (mesh_.delaunay().is_infinite(Facet{c, i})) continue;
       const Side here = mesh_.side(c), there = mesh_.side(mesh_.delaunay().neighbor(c, i));
       if (here == Side::kBeyond || there == Side::kBeyond) continue;
-      if (here == Side::kFar && there == Side::kFar) continue;
+      // A dual edge that crosses the surface twice is C4's: there is none left here.
+      if ((here == Side::kInside) == (there == Side::kInside)) continue;
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
           dual.squared_radius >= size * size ||

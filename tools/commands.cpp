@@ -49,7 +49,12 @@ using Seconds = std::vector<std::pair<std::string_view, double>>;  // by phase
 struct TimedRun {
   RunSummary summary;
   Seconds seconds;
+  int num_writers = 1;  // threads for the output
 };
+
+int num_writers(int num_threads, std::uint64_t memory_bytes) {
+  return num_streaming_threads(num_threads, memory_bytes > 0 ? memory_bytes : free_memory() / 2);
+}
 
 // `command`: a MeshCommand or a ResumeCommand.
 TimedRun run_with_progress(const auto& command,
@@ -62,17 +67,17 @@ TimedRun run_with_progress(const auto& command,
       .memory_bytes = command.memory_bytes,
       .num_threads = command.num_threads,
   };
-  TimedRun timed{run(control), {}};
+  TimedRun timed{run(control), {}, num_writers(command.num_threads, command.memory_bytes)};
   const auto seconds = line.phases().seconds_by_phase(line.seconds());
   for (std::size_t i = 0; i < seconds.size(); ++i)
     timed.seconds.emplace_back(phase_name(static_cast<Phase>(i)), seconds[i]);
   return timed;
 }
 
-WriteSummary write_timed(const Store& store, const std::filesystem::path& output,
+WriteSummary write_timed(const Store& store, const std::filesystem::path& output, int num_threads,
                          Seconds& seconds) {
   const auto start = std::chrono::steady_clock::now();
-  const WriteSummary written = write_vtu(store, output);
+  const WriteSummary written = write_vtu(store, output, num_threads);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds.emplace_back("write", taken.count());
   return written;
@@ -163,7 +168,7 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
     print_how_to_resume(directory, output);
   } else {
     const Store store = open_to_read(directory);
-    if (!output.empty()) written = write_timed(store, output, seconds);
+    if (!output.empty()) written = write_timed(store, output, run.num_writers, seconds);
     if (outcome == RunOutcome::kUnresolved) print_unresolved(store);
   }
   if (is_json) {
@@ -215,7 +220,7 @@ int run_export(const ExportCommand& command) {
   require_writable(command.output);
   const Store store = open_to_read(command.store);
   require_done(store);
-  const WriteSummary written = write_vtu(store, command.output);
+  const WriteSummary written = write_vtu(store, command.output, num_writers(0, 0));
   if (command.is_json) {
     print_json(written_json(command.output, written));
   } else {
@@ -241,7 +246,7 @@ int run_info(const InfoCommand& command) {
   RawSurface raw = read_surface(command.surface, std::filesystem::temp_directory_path(), watch);
   const std::string digest = raw.digest;
   const Frame frame = frame_of(raw.box);
-  Workers workers(num_ingest_threads(0, memory_cap(0)));
+  Workers workers(num_streaming_threads(0, memory_cap(0)));
   const SurfaceFacts facts = check_surface(std::move(raw), frame, watch, workers).facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);

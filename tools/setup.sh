@@ -7,7 +7,7 @@ packages=(
   g++ cmake ninja-build
   libcgal-dev                             # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
-  libfmt-dev libssl-dev libtbb-dev        # engine/
+  libfmt-dev libssl-dev                   # engine/
   libcli11-dev nlohmann-json3-dev         # tools/
   libgtest-dev libbenchmark-dev python3   # tests/
   "$@"

@@ -435,6 +435,26 @@ TEST_F(EngineTest, IngestsAgainWhatWasCutShort) {
   EXPECT_THROW(resume(run.store), StoreMismatch);
 }
 
+// Lattice points once had ids like all others: those of new ones could not be told from them.
+TEST_F(EngineTest, RefusesACoverBegunWithOtherIds) {
+  write(sphere(1, 15, 32));
+  const auto run = options("store", 0.3, 60);
+  mesh(run);
+  {
+    Store store = Store::open(run.store);
+    RunRecord record = store.snapshot().run().value();
+    record.phase = Phase::kInitialize;
+    record.next_point_id = 17;
+    Batch batch = store.begin();
+    batch.put_run(record);
+    batch.commit();
+  }
+  EXPECT_THROW(resume(run.store), StoreError);
+  auto anew = run;
+  anew.is_forced = true;
+  EXPECT_EQ(mesh(anew).outcome, RunOutcome::kDone);
+}
+
 TEST_F(EngineTest, LeavesNoStoreBehindWhenItRefuses) {
   write(sphere(1, 15, 32));
   EXPECT_THROW(mesh(options("store", 1e-7, 1000000)), InputError);

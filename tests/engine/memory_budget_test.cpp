@@ -50,6 +50,17 @@ TEST(MemoryPlan, RefusesACapThatIsTooSmallAndNamesTheLeastThatIsNot) {
   }
 }
 
+TEST(MemoryPlan, LetsNoMoreThreadsWorkThanFindMemory) {
+  const MemoryPlan small(96 * kMiB, 100, kMiB), large(64 * 1024 * kMiB, 100, kMiB);
+  EXPECT_EQ(small.num_threads(1), 1);
+  EXPECT_GE(small.num_threads(1000), 2);
+  EXPECT_LT(small.num_threads(1000), 8);
+  EXPECT_EQ(large.num_threads(1000), 1000);
+  EXPECT_EQ(num_streaming_threads(8, 96 * kMiB), 1);
+  EXPECT_EQ(num_streaming_threads(2, 1024 * kMiB), 2);
+  EXPECT_GE(num_streaming_threads(0, 1024 * kMiB), 1);
+}
+
 TEST(MemoryPlan, NamesACapForALargerHeap) {
   const MemoryPlan plan(128 * kMiB, 100, kMiB);
   for (const std::uint64_t heap : {kMiB, 100 * kMiB, 5000 * kMiB}) {

@@ -2,6 +2,7 @@
 #include "engine/workers.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <atomic>
 #include <chrono>
@@ -159,6 +160,30 @@ TEST_P(WorkersOf, ThrowTheErrorOfNextAfterAllBeforeItAreApplied) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Threads, WorkersOf, testing::Values(1, 2, 3, 8));
+
+// A limit on the memory of the process, or on its threads, may leave none for others.
+TEST(Workers, DoWithoutThreadsThatTheSystemRefuses) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer needs memory for itself";
+#endif
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_DATA, &before), 0);
+  { const std::vector<char> freed(1 << 16); }  // some heap to make them in
+  const rlimit none{1 << 20, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_DATA, &none), 0);
+  auto workers = std::make_unique<Workers>(50);
+  ASSERT_EQ(setrlimit(RLIMIT_DATA, &before), 0);
+  Journal journal;
+  journal.lengths.assign(kNumTasks, 0);
+  workers->run_in_order([&]() -> std::unique_ptr<Task> {
+    const int number = static_cast<int>(journal.begun.size());
+    if (number == kNumTasks) return nullptr;
+    journal.begun.push_back(number);
+    return std::make_unique<TestTask>(journal, number);
+  });
+  EXPECT_EQ(journal.applied, journal.begun);
+  EXPECT_EQ(journal.most_computing, 1) << "threads were made after all";
+}
 
 TEST(Workers, OfOneThreadAreTheCaller) {
   const auto caller = std::this_thread::get_id();

@@ -9,6 +9,8 @@
 #include <iterator>
 #include <string>
 
+#include "engine/engine.h"
+#include "tests/engine/closed_shapes.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/temp_dir.h"
 
@@ -185,6 +187,34 @@ TEST(Writer, TheSameStoreGivesTheSameBytes) {
   write_vtu(store, dir / "once.vtu");
   write_vtu(store, dir / "twice.vtu");
   EXPECT_EQ(bytes_of(dir / "once.vtu"), bytes_of(dir / "twice.vtu"));
+}
+
+// Large enough to be written in several pieces.
+TEST(Writer, AnyNumberOfThreadsGivesTheSameBytes) {
+  const TempDir dir;
+  testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), dir / "sphere.off");
+  MeshOptions options;
+  options.input = dir / "sphere.off";
+  options.store = dir / "store";
+  options.size = {0.05, false};
+  options.leaf_capacity = 500;
+  const RunSummary run = mesh(options);
+  ASSERT_GT(run.num_cells, 80'000U);
+  const Store store = Store::open(dir / "store", {.read_only = true});
+  write_vtu(store, dir / "mesh.vtu");
+  const Vtu vtu(dir / "mesh.vtu");
+  ASSERT_EQ(vtu.cells.size(), run.num_cells);
+  EXPECT_TRUE(std::ranges::is_sorted(vtu.leaves));
+  for (std::size_t i = 0; i < vtu.cells.size(); ++i) {
+    ASSERT_EQ(vtu.types[i], 10);
+    ASSERT_EQ(vtu.offsets[i], static_cast<std::int64_t>(4 * (i + 1)));
+    for (const std::int64_t v : vtu.cells[i])
+      ASSERT_LT(static_cast<std::size_t>(v), vtu.points.size());
+  }
+  for (const int num_threads : {2, 3, 8}) {
+    write_vtu(store, dir / "again.vtu", num_threads);
+    EXPECT_TRUE(bytes_of(dir / "again.vtu") == bytes_of(dir / "mesh.vtu")) << num_threads;
+  }
 }
 
 TEST(Writer, AMeshWithoutCellsIsAnEmptyFile) {

@@ -349,6 +349,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Scene{"SphereInOne", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 1, 2},
                     Scene{"SphereIn8", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 2, 2},
                     Scene{"SphereIn27", shapes::icosphere({0, 0, 0}, 1, 4), 0.1, 3, 2},
+                    Scene{"DisturbedSphereIn27", shapes::icosphere({0, 0, 0}, 1, 4), 0.1, 3, 2, 10},
                     Scene{"TorusIn8", shapes::torus(1, 0.4, 96, 40), 0.15, 2, 0},
                     Scene{"TorusIn27", shapes::torus(1, 0.25, 96, 32), 0.15, 3, 0},
                     Scene{"DisturbedSphereIn8", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 2, 2, 25},
@@ -418,7 +419,7 @@ TEST_P(SeveralLeaves, DeriveOneMeshAroundACore) {
     RecordProperty("core", std::to_string(num_core));
     RecordProperty("met", std::to_string(run.num_met()));
     RecordProperty("taken_in", std::to_string(run.num_taken_in()));
-    if (GetParam().name != "DisturbedSphereIn8") continue;
+    if (!GetParam().name.ends_with("SphereIn27")) continue;
     EXPECT_GT(run.num_core(), 0u);
     EXPECT_GT(run.num_met(), 0u);
     EXPECT_GT(run.num_taken_in(), 0u);
@@ -429,7 +430,10 @@ TEST_P(SeveralLeaves, PartialVisitsAroundACoreFindWhatWholeOnesDo) {
   LeafRun run(GetParam(), Visits::kPartialAndWhole, Core::kImplicit);
   run.refine();
   const auto [partial, whole] = run.num_cells_made();
-  EXPECT_LT(partial, whole) << "or nothing was compared";
+  EXPECT_LE(partial, whole);
+  if (GetParam().num_disturbances > 0) {
+    EXPECT_LT(partial, whole) << "or nothing was compared";
+  }
 }
 
 }  // namespace
