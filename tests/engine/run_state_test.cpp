@@ -84,7 +84,7 @@ TEST_F(RunStateTest, OpensAnEpochWithColors) {
 
 // Leaves that wait for each other are those whose colors had to differ.
 TEST_F(RunStateTest, TellsWhichVisitsMayOverlap) {
-  constexpr double kFar = 7.1 * 0.05;  // a leaf is 0.25 wide: its neighbors' neighbors are near
+  constexpr double kFar = kConflict * 0.05;
   for (const bool is_cover : {true, false}) {
     RunState state(store_, 1 << 20);
     state.run.parameters.size = 0.05;

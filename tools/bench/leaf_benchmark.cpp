@@ -111,8 +111,10 @@ class Run {
     cover();
     for (int round = 0; round < 10 && visit_all(); ++round) {
     }
-    std::printf("%zu leaves, %zu points, %zu cells; insertions C5 %zu, in all %zu\n",
-                leaves_.size(), points_.size(), num_cells_, num_c5_, num_insertions_);
+    std::printf(
+        "%zu leaves, %zu points, %zu cells; insertions C5 %zu, in all %zu; %zu core points "
+        "met\n",
+        leaves_.size(), points_.size(), num_cells_, num_c5_, num_insertions_, num_met_);
   }
 
   double size() const { return size_; }
@@ -130,7 +132,8 @@ class Run {
 
   void cut(const Box& box) {
     const int level = frame_.level_of_side(kLeafSide * size_);
-    for (const MortonKey key : LinearOctree::uniform(level).leaves()) {
+    const LinearOctree octree = LinearOctree::uniform(level);
+    for (const MortonKey key : octree.leaves()) {
       Leaf leaf;
       leaf.box = frame_.box(key);
       if (!leaf.box.overlaps(box) || leaves_.size() == kMaxLeaves) continue;
@@ -209,7 +212,10 @@ class Run {
       for (const std::uint64_t id : delta.met_core) {
         core_->erase(site_of(id));
         add(site_of(id));
-        for (Leaf& other : leaves_) other.last_visit.reset();
+        const Point p = lattice_->position(site_of(id));
+        for (Leaf& other : leaves_)
+          if (other.box.squared_distance(p) <= 4 * size_ * size_) other.last_visit.reset();
+        ++num_met_;
         is_changed = true;
       }
       if (!delta.unresolved.empty() || !delta.met_core.empty()) continue;
@@ -229,7 +235,7 @@ class Run {
   std::unique_ptr<Core> core_;
   std::vector<MeshPoint> points_;  // ids ascend
   std::uint64_t next_id_ = kFirstOtherId;
-  std::size_t num_cells_ = 0, num_c5_ = 0, num_insertions_ = 0;
+  std::size_t num_cells_ = 0, num_c5_ = 0, num_insertions_ = 0, num_met_ = 0;
 };
 
 void patches(benchmark::State& state, const Run& run) {
