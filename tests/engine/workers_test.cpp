@@ -24,6 +24,7 @@ struct Journal {
   std::atomic<int> num_touching{0}, num_computing{0}, most_computing{0};
   std::atomic<bool> has_overlapped{false};
   std::optional<int> fails_to_compute, fails_to_apply;
+  std::optional<int> waits_for_company;  // until another task is computed beside it, if ever
   std::vector<int> lengths;  // of the computations, in microseconds
 
   template <class Action>
@@ -42,6 +43,7 @@ class TestTask : public Task {
     int most = journal_.most_computing;
     while (most < now && !journal_.most_computing.compare_exchange_weak(most, now)) {
     }
+    if (journal_.waits_for_company == number_) wait_for_company();
     std::this_thread::sleep_for(
         std::chrono::microseconds(journal_.lengths[static_cast<std::size_t>(number_)]));
     result_ = 3 * number_;
@@ -56,6 +58,12 @@ class TestTask : public Task {
   }
 
  private:
+  void wait_for_company() const {
+    const auto given_up = std::chrono::steady_clock::now() + std::chrono::minutes(2);
+    while (journal_.most_computing < 2 && std::chrono::steady_clock::now() < given_up)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+
   Journal& journal_;
   int number_, result_ = -1;
 };
@@ -91,6 +99,7 @@ class WorkersOf : public testing::TestWithParam<int> {
 
 TEST_P(WorkersOf, ApplyInOrderAndComputeAtOnce) {
   EXPECT_EQ(workers_.num_threads(), GetParam());
+  if (GetParam() > 1) journal_.waits_for_company = 0;
   workers_.run_in_order([&] { return next(); });
   expect_applied(kNumTasks);
   EXPECT_LE(journal_.most_computing, GetParam());
