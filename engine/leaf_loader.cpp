@@ -175,7 +175,9 @@ Criteria LeafLoader::criteria() const {
   return {.size = size,
           .radius_edge_bound = state_.run.parameters.radius_edge_bound,
           .reach = state_.is_cover() ? kReach * size : std::numeric_limits<double>::infinity(),
-          .spacing_floor = state_.run.parameters.spacing_floor * size};
+          .spacing_floor = state_.run.parameters.spacing_floor * size,
+          .cover_radius = state_.is_cover() ? kSlack * kSampleRadius * size
+                                            : std::numeric_limits<double>::infinity()};
 }
 
 // κ, or no bound where the children would be too small.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
 
 #include "octree/mix.h"
@@ -14,6 +15,16 @@ namespace {
 constexpr Point kOffset{0.1370, 0.2718, 0.3517};
 
 }  // namespace
+
+// The centers of these balls are the corners of the site's Voronoi cell, a truncated octahedron:
+// all permutations of a (±1/2, ±1/4, 0). By symmetry one of them is the nearest.
+bool changes_star(const Point& offset, double spacing) {
+  std::array<double, 3> v{std::abs(offset.x), std::abs(offset.y), std::abs(offset.z)};
+  std::ranges::sort(v, std::ranges::greater());
+  const Point from_corner{v[0] - 0.5 * spacing, v[1] - 0.25 * spacing, v[2]};
+  const double radius = kLatticeCircumradius / kLatticeSpacing * spacing;
+  return dot(from_corner, from_corner) < radius * radius;
+}
 
 void add_site(const LatticeSite& site, LatticeCore& core) {
   if (!core.rows.empty()) {

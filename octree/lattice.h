@@ -28,6 +28,10 @@ struct LatticeSite {
   }
 };
 
+// Whether a point so far from a site (`offset`) lies in the circumball of one of the lattice's
+// cells at the site, and so changes them; with room for rounding and for the displacement.
+bool changes_star(const Point& offset, double spacing);
+
 // The 14 neighbors of a site in the Delaunay triangulation of the lattice, as steps, ascending.
 inline constexpr std::array<LatticeSite, 14> kLatticeNeighbors{{{-2, 0, 0},
                                                                 {-1, -1, -1},

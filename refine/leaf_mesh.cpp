@@ -128,6 +128,19 @@ Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
   return axis_center + t * direction;
 }
 
+// Whether the dual edge from `from` to `to` cannot meet the surface: around each of its points
+// there is an empty ball that touches `corner`, and none around a point of the surface is that
+// large. Where a part of the domain may end, or the mesh, the surface is asked all the same.
+bool LeafMesh::is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
+                              const Point& corner) const {
+  if (is_member(here) != is_member(there)) return false;
+  const Point edge = to - from, offset = corner - from;
+  const double length = dot(edge, edge);
+  const double t = length > 0 ? std::clamp(dot(offset, edge) / length, 0.0, 1.0) : 0.0;
+  const double radius = input_.criteria.cover_radius;
+  return squared_distance(corner, from + t * edge) > radius * radius;
+}
+
 // The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
 // the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
 LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
@@ -158,7 +171,7 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     if (!is_here_near) clear += input_.surface->distance_bound(from);
     if (!is_there_near) clear += input_.surface->distance_bound(to);
   }
-  if (is_clear_between(from, to, clear))
+  if (is_clear_between(from, to, clear) || is_off_surface(here, there, from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
     input_.surface->crossings(std::min(from, to), std::max(from, to), crossings_);

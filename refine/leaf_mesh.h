@@ -137,6 +137,8 @@ class LeafMesh {
   void make_fresh(Cell c);
   void make_all_fresh();
   void note_gone(Cell c);
+  bool is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
+                      const Point& corner) const;
   bool leads_past(Cell c, int index, const Axis& axis) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;

@@ -438,7 +438,9 @@ bool Refinement::take_in_core(const Point& q, Cell hint) {
 void Refinement::note_met_core(const Point& q) {
   if (input_.all_core == nullptr) return;
   input_.all_core->within(q, kLatticeStar * input_.criteria.size, core_near_);
-  for (const MeshPoint& p : core_near_) delta_.met_core.push_back(p.id);
+  for (const MeshPoint& p : core_near_)
+    if (changes_star(q - p.position, kLatticeSpacing * input_.criteria.size))
+      delta_.met_core.push_back(p.id);
 }
 
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -28,6 +29,9 @@ struct Criteria {
   // an artifact of points that were not loaded (DESIGN 3.4), and ends of dual edges are cut there.
   double reach = 0;
   double spacing_floor = 0;  // no insertion closer than this to a point of P, same units
+  // Every point of the surface is this close to a point of P, or closer. Spares questions of the
+  // surface farther from P; infinite: none.
+  double cover_radius = std::numeric_limits<double>::infinity();
 };
 
 // Looks up points of P that the leaf has not loaded (paper mode).
@@ -94,7 +98,8 @@ struct LeafInput {
   std::vector<MeshPoint> own;     // P_v
   std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
   // Core points that share a cell with an own one, in order of id. All cells at a core point are
-  // the lattice's: no other point is within kLatticeStar λ of it, and its neighbors are of P.
+  // the lattice's: no other point lies in their circumballs, which reach kLatticeStar λ, and its
+  // neighbors are of P.
   std::vector<MeshPoint> core;
   const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
   const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
@@ -133,7 +138,7 @@ struct LeafDelta {
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
   // positively oriented.
   CellList cells;
-  // Ids of core points within kLatticeStar λ of an inserted one, ascending: all cells at them are
+  // Ids of core points at which an inserted one changes cells, ascending: all cells at them are
   // no longer the lattice's.
   std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
