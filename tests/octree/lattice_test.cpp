@@ -365,6 +365,38 @@ TEST(LatticeCells, HaveCircumballsEmptyOfOtherSites) {
   }
 }
 
+// A point changes the cells at a site exactly if it lies in the circumball of one of all 24.
+TEST_F(LatticeTest, PointsInACircumballChangeAStar) {
+  constexpr double kSpacing = 0.7;
+  const double radius = kLatticeCircumradius / kLatticeSpacing * kSpacing;
+  std::vector<Point> centers;  // seen from the site
+  for (const LatticeCell& cell : kLatticeCells) {
+    const LatticeSite twice = twice_center(cell);
+    for (const LatticeSite& corner : {LatticeSite{}, cell[0], cell[1], cell[2]}) {
+      const auto along = [&](std::int32_t two, std::int32_t one) {
+        return 0.25 * kSpacing * (two - 2 * one);
+      };
+      centers.push_back(
+          {along(twice.i, corner.i), along(twice.j, corner.j), along(twice.k, corner.k)});
+    }
+  }
+  ASSERT_EQ(centers.size(), 24u);
+  int num_changing = 0, num_not = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const double reach = 1.1 * kLatticeStar / kLatticeSpacing * kSpacing;
+    const Point offset{uniform(random_, -reach, reach), uniform(random_, -reach, reach),
+                       uniform(random_, -reach, reach)};
+    double nearest = 2 * reach;
+    for (const Point& c : centers) nearest = std::min(nearest, norm(offset - c));
+    if (std::abs(nearest - radius) < 1e-12) continue;
+    ASSERT_EQ(changes_star(offset, kSpacing), nearest < radius);
+    (nearest < radius ? num_changing : num_not)++;
+    EXPECT_TRUE(nearest >= radius || norm(offset) < kLatticeStar / kLatticeSpacing * kSpacing);
+  }
+  EXPECT_GT(num_changing, 1000);
+  EXPECT_GT(num_not, 1000);
+}
+
 // Of all cells at the origin: as many as fill the space around it, and each neighbor in some.
 TEST(LatticeCells, ASiteHas24CellsAnd14Neighbors) {
   Sites neighbors;

@@ -478,6 +478,22 @@ TEST(RefineLeafFloor, LeavesC3AndC4UnresolvedOnAThinTorus) {
   EXPECT_GT(num_unresolved[4], 0);
 }
 
+// Where no surface can be, none is missed.
+TEST(RefineLeaf, KnowingHowTheSurfaceIsCoveredChangesNothing) {
+  for (const double size : {0.3, 0.2, 0.12}) {
+    const World world = sphere(size);
+    LeafInput input = world.leaf(covering_points(world, true));
+    const LeafDelta asked_everywhere = refine_leaf(input);
+    input.criteria.cover_radius = 1.01 * kSampleRadius * size;
+    const LeafDelta spared = refine_leaf(input);
+    EXPECT_GT(spared.inserted.size(), 0u);
+    EXPECT_EQ(spared.cells, asked_everywhere.cells);
+    ASSERT_EQ(spared.inserted.size(), asked_everywhere.inserted.size());
+    for (std::size_t i = 0; i < spared.inserted.size(); ++i)
+      EXPECT_EQ(spared.inserted[i].position, asked_everywhere.inserted[i].position);
+  }
+}
+
 TEST(RefineLeafGuards, StopsWhenOverfull) {
   const World world = sphere(0.3);
   LeafInput input = world.leaf(random_surface_points(world, 20, 45));
