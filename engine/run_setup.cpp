@@ -86,10 +86,20 @@ Frame frame_around(const RunParameters& parameters, const Box& surface, double l
   }
 }
 
+// The cells of the lattice core take next to nothing. The others, between the surface and a depth
+// of some 4 λ, are about 16 to λ², where they do not meet those of another sheet.
+double store_bytes(const RunRecord& run) {
+  const double size = run.parameters.size;
+  const double num_cells = estimated_num_cells(run.surface, size);
+  if (run.parameters.init == Initialization::kPaper) return kBytesPerCell * num_cells;
+  return kBytesPerCell * std::min(num_cells, 16 * run.surface.area / (size * size));
+}
+
 // The least size, within a tenth, whose mesh fits.
-double least_size_that_fits(const SurfaceFacts& surface, double size, double free_bytes) {
-  while (estimated_num_cells(surface, size) * kBytesPerCell > free_bytes) size *= 1.1;
-  return size;
+double least_size_that_fits(const RunRecord& run, double free_bytes) {
+  RunRecord larger = run;
+  while (store_bytes(larger) > free_bytes) larger.parameters.size *= 1.1;
+  return larger.parameters.size;
 }
 
 // Of a box with the given side, grown by `distance` on all sides.
@@ -162,14 +172,13 @@ double estimated_num_cells(const SurfaceFacts& surface, double size) {
 
 void check_room(const RunRecord& run, double free_bytes) {
   const double num_cells = estimated_num_cells(run.surface, run.parameters.size);
-  if (num_cells * kBytesPerCell <= free_bytes) return;
-  throw InputError("size " + decimal(run.parameters.size) + " would make about " +
-                   rounded(num_cells) + " tetrahedra of " + run.surface.file +
-                   ", and their store would take about " +
-                   rounded(num_cells * kBytesPerCell / 1e9) + " GB where " +
-                   rounded(free_bytes / 1e9) + " GB are free: choose a size of at least " +
-                   rounded(least_size_that_fits(run.surface, run.parameters.size, free_bytes)) +
-                   ", or a store on a larger disk");
+  if (store_bytes(run) <= free_bytes) return;
+  throw InputError(
+      "size " + decimal(run.parameters.size) + " would make about " + rounded(num_cells) +
+      " tetrahedra of " + run.surface.file + ", and their store would take about " +
+      rounded(store_bytes(run) / 1e9) + " GB where " + rounded(free_bytes / 1e9) +
+      " GB are free: choose a size of at least " + rounded(least_size_that_fits(run, free_bytes)) +
+      ", or a store on a larger disk");
 }
 
 std::filesystem::path existing_directory(const std::filesystem::path& directory) {

@@ -106,6 +106,17 @@ TEST(CheckRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
   EXPECT_NE(message.find("choose a size of at least"), std::string::npos) << message;
 }
 
+// Nearly all cells are of the lattice core, which is not stored one by one.
+TEST(CheckRoom, TakesABillionCellsOfACubeInTenGigabytes) {
+  RunRecord run = planned_in_box(options_with({0.134, true}), {1, 1, 1});
+  run.surface.volume = 1;
+  run.surface.area = 6;
+  EXPECT_GT(estimated_num_cells(run.surface, run.parameters.size), 1e9);
+  EXPECT_NO_THROW(check_room(run, 1e10));
+  run.parameters.init = Initialization::kPaper;
+  EXPECT_THROW(check_room(run, 1e10), InputError);
+}
+
 TEST(CheckRoom, NamesASizeThatFits) {
   const RunRecord run = planned_in_box(options_with({0.1, true}), {1, 1, 1});
   const auto message = message_of<InputError>([&] { check_room(run, 1e9); });
