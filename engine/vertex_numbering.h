@@ -39,9 +39,10 @@ class VertexNumbering {
     return first_vertex_[leaf + 1] - num_core_vertices_[leaf];
   }
   // Numbers of the core's points in the leaf and up to two sites around it, where that has some; -1
-  // elsewhere. Null if the leaf and all around it have none. Valid until the next call of it or of
-  // numbers().
+  // elsewhere. Takes 8 bytes a site of the leaf's box. Null if the leaf and all around it have
+  // none. Valid until the next call of it or of numbers().
   const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
+  std::uint64_t num_core_vertices(std::size_t leaf) const { return num_core_vertices_[leaf]; }
   // As its record counts them.
   std::uint64_t num_core_cells(std::size_t leaf) const { return num_core_cells_[leaf]; }
   SiteBox sites(std::size_t leaf) const { return lattice_.sites_in(frame_.box(leaves()[leaf])); }

@@ -122,8 +122,9 @@ void add_points(const Reader& reader, const VertexNumbering& numbering, std::siz
 
 // The cells of the leaf's core, by formula. Returns how many there are.
 std::uint64_t add_core_cells(VertexNumbering& numbering, std::size_t leaf, Piece& piece) {
+  // Not asked for leaves outside, which may be a thousand λ wide.
+  if (numbering.num_core_vertices(leaf) == 0) return 0;
   const SiteBlock<std::int64_t>* numbers = numbering.core_numbers(leaf);
-  if (numbers == nullptr) return 0;
   const std::size_t num_before = piece.connectivity.size();
   for_each_site(numbering.sites(leaf), [&](const LatticeSite& site) {
     const std::int64_t here = (*numbers)[site];

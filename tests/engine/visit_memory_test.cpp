@@ -11,8 +11,10 @@
 #include "engine/engine.h"
 #include "engine/leaf_loader.h"
 #include "engine/run_state.h"
+#include "engine/writer.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
+#include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 #include "tools/generate.h"
 
@@ -146,6 +148,27 @@ TEST_P(VisitMemory, StaysWithinItsReservation) {
   RecordProperty("worst", std::to_string(worst_));
   RecordProperty("mean",
                  std::to_string(static_cast<double>(taken_) / static_cast<double>(reserved_)));
+}
+
+// A leaf outside may be a thousand λ wide, and touch one with a core.
+TEST(WriterMemory, DoesNotGrowWithTheLeavesOutside) {
+  const TempDir dir;
+  using namespace testing_shapes;
+  const auto ball = sphere(12, 15, 32);
+  // The ball in the middle touches the root's center plane, and beyond is nothing for long.
+  write_off(together(together(ball, translated(ball, {2000, 0, 0})), translated(ball, {980, 0, 0})),
+            dir / "surface.off");
+  MeshOptions options;
+  options.input = dir / "surface.off";
+  options.store = dir / "store";
+  options.size = {1, false};
+  RunControl control;
+  control.num_threads = 1;
+  EXPECT_EQ(mesh(options, control).outcome, RunOutcome::kDone);
+  const Store store = Store::open(dir / "store");
+  const std::size_t before = most_bytes_in_use = bytes_in_use;
+  write_vtu(store, dir / "mesh.vtu", 1);
+  EXPECT_LT(most_bytes_in_use - before, std::size_t{48} << 20);
 }
 
 INSTANTIATE_TEST_SUITE_P(Runs, VisitMemory,
