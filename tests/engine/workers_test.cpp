@@ -25,7 +25,7 @@ struct Journal {
   std::atomic<bool> has_overlapped{false};
   std::optional<int> fails_to_compute, fails_to_apply;
   std::optional<int> waits_for_company;  // until another task is computed beside it, if ever
-  std::vector<int> lengths;  // of the computations, in microseconds
+  std::vector<int> lengths;              // of the computations, in microseconds
 
   template <class Action>
   void touch(const Action& action) {
