@@ -144,7 +144,7 @@ class Visit {
     }
     for (int octant = 0; octant < 8; ++octant)
       child_points[static_cast<std::size_t>(octant)].core =
-          clipped(core, state_.lattice.sites_in(state_.box(leaf_.child(octant))));
+          clipped(core, state_.sites(leaf_.child(octant)));
     std::array<LeafSurface, 8> child_surfaces;
     std::array<std::uint8_t, 8> parities{};
     for (int octant = 0; octant < 8; ++octant) {
@@ -160,23 +160,14 @@ class Visit {
       add_child(leaf_.child(octant), sides[i], std::move(child_points[i]),
                 std::move(child_surfaces[i]));
     }
-    count_core_cells(leaf_);
-  }
-
-  void count_core_cells(MortonKey parent) {
-    for (int octant = 0; octant < 8; ++octant) {
-      const std::uint64_t num_cells = num_core_cells(state_, parent.child(octant));
-      if (num_cells == 0) continue;
-      state_.leaves.edit_info(parent.child(octant)).num_core_cells = num_cells;
-      state_.run.num_cells += num_cells;
-    }
+    for (int octant = 0; octant < 8; ++octant) count_core_cells(state_, leaf_.child(octant));
   }
 
   void add_child(MortonKey child, bool is_center_inside, LeafPoints points, LeafSurface surface) {
     LeafInfo info;
     info.is_center_inside = is_center_inside;
     info.num_points = points.points.size();
-    info.num_core_points = num_points(points.core, state_.lattice.sites_in(state_.box(child)));
+    info.num_core_points = num_points(points.core, state_.sites(child));
     info.num_triangles = surface.triangles.size();
     state_.leaves.add_leaf(child, info, std::move(points), std::move(surface));
     if (info.num_points > 0) state_.enqueue(child, state_.surroundings(child));
@@ -208,7 +199,7 @@ void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
     state.add_point(p, PointKind::kSurface);
   }
   if (points.core.is_empty()) return;
-  const auto num_core_points = num_points(points.core, state.lattice.sites_in(state.box(leaf)));
+  const auto num_core_points = num_points(points.core, state.sites(leaf));
   state.leaves.edit_points(leaf).core = points.core;
   state.leaves.edit_info(leaf).num_core_points = num_core_points;
   state.run.num_points += num_core_points;
@@ -218,11 +209,7 @@ void enqueue_for_refinement(RunState& state) {
   for (const MortonKey leaf : state.octree.leaves()) {
     const LeafInfo& info = state.leaves.info(leaf);
     if (info.num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
-    if (info.num_core_points > 0) {
-      const std::uint64_t num_cells = num_core_cells(state, leaf);
-      state.leaves.edit_info(leaf).num_core_cells = num_cells;
-      state.run.num_cells += num_cells;
-    }
+    count_core_cells(state, leaf);
     state.leaves.trim();
   }
 }

@@ -9,10 +9,6 @@ MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
   return state.octree.leaf_owning(state.run.frame, state.lattice.undisplaced(site));
 }
 
-SiteBox sites_of(const RunState& state, MortonKey leaf) {
-  return state.lattice.sites_in(state.box(leaf));
-}
-
 MeshPoint point_of(const Lattice& lattice, const LatticeSite& site) {
   return {site_id(site), lattice.position(site), PointKind::kLattice};
 }
@@ -36,7 +32,7 @@ CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance) : latti
     if (core.is_empty()) continue;
     if (is_empty_) is_core_ = {around, 0};
     is_empty_ = false;
-    for_each_core_site(core, sites_of(state, other), around,
+    for_each_core_site(core, state.sites(other), around,
                        [&](const LatticeSite& site, std::uint64_t) { is_core_[site] = 1; });
   }
 }
@@ -82,16 +78,23 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   const CoreAround around(state, leaf, kLatticeStar * state.size());
   std::uint64_t num_cells = 0;
   for_each_core_cell(
-      sites_of(state, leaf), [&](const LatticeSite& site) { return around.contains(site); },
+      state.sites(leaf), [&](const LatticeSite& site) { return around.contains(site); },
       [&](const LatticeSite&, const LatticeCell&) { ++num_cells; });
   return num_cells;
+}
+
+void count_core_cells(RunState& state, MortonKey leaf) {
+  if (state.leaves.info(leaf).num_core_points == 0) return;
+  const std::uint64_t num_cells = num_core_cells(state, leaf);
+  state.leaves.edit_info(leaf).num_core_cells = num_cells;
+  state.run.num_cells += num_cells;
 }
 
 bool is_core(RunState& state, const LatticeSite& site) {
   if (!state.run.frame.contains(state.lattice.undisplaced(site))) return false;
   const MortonKey leaf = leaf_of(state, site);
   bool is_found = false;
-  for_each_core_site(state.leaves.points(leaf).core, sites_of(state, leaf),
+  for_each_core_site(state.leaves.points(leaf).core, state.sites(leaf),
                      {site, site + LatticeSite{1, 1, 1}},
                      [&](const LatticeSite&, std::uint64_t) { is_found = true; });
   return is_found;
@@ -113,7 +116,7 @@ void make_explicit(RunState& state, const LatticeSite& site) {
   }
   const MortonKey leaf = leaf_of(state, site);
   LatticeCore& core = state.leaves.edit_points(leaf).core;
-  core = without(core, sites_of(state, leaf), site);
+  core = without(core, state.sites(leaf), site);
   --state.leaves.edit_info(leaf).num_core_points;
   --state.run.num_points;
   state.add_lattice_point(site);

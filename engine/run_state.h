@@ -44,6 +44,7 @@ struct RunState {
   double size() const { return run.parameters.size; }  // λ
   bool is_cover() const { return run.parameters.init == Initialization::kCover; }
   Box box(MortonKey leaf) const { return run.frame.box(leaf); }
+  SiteBox sites(MortonKey leaf) const { return lattice.sites_in(box(leaf)); }
   // All that a leaf never visited depends on.
   Box surroundings(MortonKey leaf) const { return box(leaf).expanded(kReach * size()); }
 
