@@ -1,16 +1,34 @@
-// What writer and audit share to stream over the leaves of a finished store in bounded memory.
+// What writer, statistics and audit share to stream over the leaves of a finished store in bounded
+// memory.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <list>
 #include <memory>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
 #include "storage/store.h"
 
 namespace locvol {
+
+// Calls visit(i, j) for each ids[i] == table[j]. Both ascend; ids are clustered by leaf, so the
+// common range is cut out first.
+template <class Visit>
+void for_each_common(std::span<const std::uint64_t> ids, std::span<const std::uint64_t> table,
+                     Visit visit) {
+  if (ids.empty() || table.empty()) return;
+  auto id = std::ranges::lower_bound(ids, table.front());
+  const auto last = std::upper_bound(id, ids.end(), table.back());
+  auto place = table.begin();
+  for (; id != last; ++id) {
+    place = std::lower_bound(place, table.end(), *id);
+    if (*place == *id) visit(id - ids.begin(), place - table.begin());
+  }
+}
 
 // Keeps the values last asked for, by the leaf's place in Morton order, up to a number of bytes;
 // the others are made again when they are needed. In Morton order, a few dozen leaves are nearly

@@ -33,21 +33,6 @@ std::vector<bool> named_vertices(const LeafCells& cells) {
   return is_named;
 }
 
-// Calls visit(i, j) for each ids[i] == table[j]. Both ascend; ids are clustered by leaf, so the
-// common range is cut out first.
-template <class Visit>
-void for_each_common(std::span<const std::uint64_t> ids, std::span<const std::uint64_t> table,
-                     Visit visit) {
-  if (ids.empty() || table.empty()) return;
-  auto id = std::ranges::lower_bound(ids, table.front());
-  const auto last = std::upper_bound(id, ids.end(), table.back());
-  auto place = table.begin();
-  for (; id != last; ++id) {
-    place = std::lower_bound(place, table.end(), *id);
-    if (*place == *id) visit(id - ids.begin(), place - table.begin());
-  }
-}
-
 }  // namespace
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,

@@ -14,6 +14,7 @@
 
 #include "engine/audit.h"
 #include "engine/memory_budget.h"
+#include "engine/mesh_statistics.h"
 #include "engine/surface_input.h"
 #include "engine/writer.h"
 #include "tools/arguments.h"
@@ -74,6 +75,14 @@ TimedRun run_with_progress(const auto& command,
   return timed;
 }
 
+MeshStatistics measure_timed(const Store& store, int num_threads, Seconds& seconds) {
+  const auto start = std::chrono::steady_clock::now();
+  MeshStatistics statistics = mesh_statistics(store, num_threads);
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  seconds.emplace_back("measure", taken.count());
+  return statistics;
+}
+
 WriteSummary write_timed(const Store& store, const std::filesystem::path& output, int num_threads,
                          Seconds& seconds) {
   const auto start = std::chrono::steady_clock::now();
@@ -101,6 +110,12 @@ std::string time_text(const Seconds& seconds) {
   for (const auto& [phase, value] : seconds)
     phases.push_back(fmt::format("{} {:.{}f} s", phase, value, value < 10 ? 1 : 0));
   return fmt::format("{}: {}", duration_text(total(seconds)), fmt::join(phases, ", "));
+}
+
+// "63 MiB at most, under a cap of 256 MiB"
+std::string peak_text(const MemoryRecord& memory) {
+  return fmt::format("{} at most, under a cap of {}", in_mebibytes(peak_resident_memory()),
+                     in_mebibytes(memory.cap));
 }
 
 std::string_view outcome_name(RunOutcome outcome) {
@@ -162,12 +177,16 @@ Json written_json(const std::filesystem::path& output, const WriteSummary& writt
 int finish(const TimedRun& run, const std::filesystem::path& directory,
            const std::filesystem::path& output, bool is_json) {
   std::optional<WriteSummary> written;
+  std::optional<MeshStatistics> statistics;
+  std::optional<MemoryRecord> memory;
   Seconds seconds = run.seconds;
   const RunOutcome outcome = run.summary.outcome;
   if (outcome == RunOutcome::kInterrupted) {
     print_how_to_resume(directory, output);
   } else {
     const Store store = open_to_read(directory);
+    memory = store.snapshot().memory();
+    statistics = measure_timed(store, run.num_writers, seconds);
     if (!output.empty()) written = write_timed(store, output, run.num_writers, seconds);
     if (outcome == RunOutcome::kUnresolved) print_unresolved(store);
   }
@@ -176,11 +195,16 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
                  {"seconds", total(seconds)},
                  {"seconds_by_phase", by_phase_json(seconds)}};
     json.update(to_json(run.summary));
+    json["peak_resident_bytes"] = peak_resident_memory();
+    if (memory) json["memory_cap_bytes"] = memory->cap;
+    if (statistics) json["statistics"] = to_json(*statistics);
     if (written) json["written"] = written_json(output, *written);
     print_json(json);
   } else {
-    fmt::print("{}{:<16} {}\n", summary_text(run.summary), "time", time_text(seconds));
+    fmt::print("{}{}", summary_text(run.summary), line_text("time", time_text(seconds)));
+    if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
     if (written) fmt::print("{}", written_text(output, *written));
+    if (statistics) fmt::print("{}", statistics_text(*statistics, run.summary.run.surface));
   }
   return exit_code(outcome);
 }

@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "engine/leaf_scan.h"
+#include "engine/memory_budget.h"
+#include "engine/mesh_statistics.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 #include "tools/report.h"
@@ -50,6 +52,7 @@ struct Summary {
   std::vector<LeafSite> first_sites;
   std::vector<DatabaseSize> databases;
   std::uint64_t file_bytes = 0;
+  std::optional<MeshStatistics> statistics;  // of a finished run
   std::vector<Fault> faults;
 
   std::uint64_t bytes() const {
@@ -139,6 +142,10 @@ Summary summary_of(const Store& store, bool reads_all) {
     summary.has_gone_on = now != *run;
   }
   if (reads_all) check_queue(store, summary);
+  if (summary.run && summary.run->run.phase == Phase::kDone && summary.faults.empty())
+    summary.statistics = read_around(summary.faults, [&] {
+      return mesh_statistics(store, num_streaming_threads(0, free_memory() / 2));
+    });
   return summary;
 }
 
@@ -196,6 +203,7 @@ Json to_json(const Summary& summary) {
   if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
   json["databases"] = Json::array();
   for (const auto& database : summary.databases) json["databases"].push_back(to_json(database));
+  if (summary.statistics) json["statistics"] = to_json(*summary.statistics);
   json["faults"] = to_json(summary.faults);
   return json;
 }
@@ -233,9 +241,6 @@ void print_levels(const Summary& summary) {
 // What the cap was shared out to, and what the process took of it; in the unit of --memory.
 void print_memory(const MemoryRecord& memory) {
   fmt::print("\n{:<12} {:>12}\n", "memory", "planned");
-  const auto in_mebibytes = [](std::uint64_t bytes) {
-    return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
-  };
   const auto print_row = [&](std::string_view name, std::uint64_t bytes) {
     fmt::print("{:<12} {:>12}", name, in_mebibytes(bytes));
   };
@@ -289,6 +294,8 @@ void print(const Summary& summary) {
   print_levels(summary);
   if (summary.memory) print_memory(*summary.memory);
   print_databases(summary);
+  if (summary.statistics)
+    fmt::print("\n{}", statistics_text(*summary.statistics, summary.run->run.surface));
   print_sites(summary);
   if (!summary.faults.empty()) fmt::print("\n");
   for (const Fault& fault : summary.faults) fmt::print("{}\n", fault_text(fault));

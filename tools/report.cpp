@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
 #include "engine/leaf_queue.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
@@ -20,6 +24,71 @@ std::string row(std::string_view name, fmt::format_string<Values...> format, Val
 
 std::string mesh_and_input(std::string_view name, const auto& mesh, const auto& input) {
   return fmt::format("{:<28} {:>14} {:>14}\n", name, mesh, input);
+}
+
+// Of some bins of a histogram, taken together.
+struct Bar {
+  std::string name;
+  std::uint64_t count = 0;
+};
+
+// One for each group of bins whose edges are `edges`; the last one takes what lies above, too.
+// REQUIRES: each is an edge of the histogram
+std::vector<Bar> bars_of(const Histogram& histogram, const std::vector<double>& edges,
+                         const std::function<std::string(double low, double high)>& name) {
+  std::vector<Bar> bars;
+  for (std::size_t i = 0; i + 1 < edges.size(); ++i)
+    bars.push_back({name(edges[i], edges[i + 1]), 0});
+  for (std::size_t bin = 0, bar = 0; bin < histogram.counts.size(); ++bin) {
+    if (bar + 1 < bars.size() && histogram.edges[bin] >= edges[bar + 1]) ++bar;
+    bars[bar].count += histogram.counts[bin];
+  }
+  return bars;
+}
+
+std::string bar_text(const Bar& bar, std::uint64_t total, std::uint64_t largest) {
+  constexpr int kLength = 16;
+  if (bar.count == 0) return fmt::format("{:>7}", bar.name);
+  const auto count = static_cast<double>(bar.count);
+  const double percent = 100 * count / static_cast<double>(total);
+  const auto length =
+      static_cast<std::size_t>(std::round(kLength * count / static_cast<double>(largest)));
+  return fmt::format("{:>7} {:>6} {}", bar.name,
+                     percent < 0.05 ? "< 0.1%" : fmt::format("{:.1f}%", percent),
+                     length > 0 ? std::string(length, '#') : ".");
+}
+
+std::vector<std::string> lines_of(const std::vector<Bar>& bars) {
+  std::uint64_t total = 0, largest = 1;
+  for (const Bar& bar : bars) {
+    total += bar.count;
+    largest = std::max(largest, bar.count);
+  }
+  std::vector<std::string> lines;
+  for (const Bar& bar : bars) lines.push_back(bar_text(bar, total, largest));
+  return lines;
+}
+
+std::vector<std::string> angle_lines(const Histogram& angles) {
+  std::vector<double> edges = {0};
+  for (int edge = 5; edge < 180; edge += 10) edges.push_back(edge);
+  edges.push_back(180);
+  return lines_of(bars_of(angles, edges, [](double low, double high) {
+    return fmt::format("{:.0f}-{:.0f}", low, high);
+  }));
+}
+
+std::vector<std::string> ratio_lines(const Histogram& ratios) {
+  std::vector<double> edges;
+  for (std::size_t i = 0; i < ratios.edges.size(); i += 2) edges.push_back(ratios.edges[i]);
+  edges.push_back(ratios.edges.back());
+  return lines_of(bars_of(ratios, edges, [](double low, double high) {
+    return low < 1.99 ? fmt::format("{:.1f}-{:.1f}", low, high) : std::string("2.0-");
+  }));
+}
+
+Json to_json(const Histogram& histogram) {
+  return {{"edges", histogram.edges}, {"counts", histogram.counts}};
 }
 
 // A file name need not be UTF-8; JSON must be.
@@ -84,6 +153,10 @@ std::string bytes_text(std::uint64_t bytes) {
     ++unit;
   }
   return fmt::format("{:.3g} {}", value, kUnits[unit]);
+}
+
+std::string in_mebibytes(std::uint64_t bytes) {
+  return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
 std::string point_text(const Point& point) {
@@ -186,6 +259,28 @@ std::string audit_text(const AuditReport& report) {
   return text + (report.is_valid() ? "valid\n" : "NOT VALID\n");
 }
 
+std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input) {
+  std::string text =
+      row("volume", "{:.6g}, {:+.2g}% of the input's {:.6g}", statistics.volume,
+          100 * (statistics.volume - input.volume) / input.volume, input.volume) +
+      row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
+          statistics.num_core_cells, statistics.max_circumradius) +
+      fmt::format(
+          "\n{:<33} {}\n",
+          fmt::format("dihedral angles {:.2f}° to {:.2f}°", statistics.min_dihedral_degrees,
+                      statistics.max_dihedral_degrees),
+          fmt::format("radius-edge ratios, at most {:.4g}", statistics.max_radius_edge_ratio));
+  const auto angles = angle_lines(statistics.dihedral_angles);
+  const auto ratios = ratio_lines(statistics.radius_edge_ratios);
+  for (std::size_t i = 0; i < std::max(angles.size(), ratios.size()); ++i) {
+    std::string line = fmt::format("{:<34}{}", i < angles.size() ? angles[i] : "",
+                                   i < ratios.size() ? ratios[i] : "");
+    line.erase(line.find_last_not_of(' ') + 1);
+    text += line + "\n";
+  }
+  return text;
+}
+
 Json to_json(const Point& point) { return {point.x, point.y, point.z}; }
 
 Json to_json(const Box& box) { return {{"min", to_json(box.min)}, {"max", to_json(box.max)}}; }
@@ -282,6 +377,19 @@ Json to_json(const WriteSummary& summary) {
   return {{"num_vertices", summary.num_vertices},
           {"num_cells", summary.num_cells},
           {"bytes", summary.bytes}};
+}
+
+Json to_json(const MeshStatistics& statistics) {
+  return {{"num_cells", statistics.num_cells},
+          {"num_core_cells", statistics.num_core_cells},
+          {"volume", statistics.volume},
+          {"min_dihedral_degrees", statistics.min_dihedral_degrees},
+          {"max_dihedral_degrees", statistics.max_dihedral_degrees},
+          {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
+          {"max_circumradius_over_size", statistics.max_circumradius},
+          {"dihedral_angles", to_json(statistics.dihedral_angles)},
+          {"min_dihedral_angles", to_json(statistics.min_dihedral_angles)},
+          {"radius_edge_ratios", to_json(statistics.radius_edge_ratios)}};
 }
 
 Json to_json(const AuditReport& report) {

@@ -11,6 +11,7 @@
 #include "engine/cell_mesh.h"
 #include "engine/engine.h"
 #include "engine/leaf_scan.h"
+#include "engine/mesh_statistics.h"
 #include "engine/writer.h"
 #include "storage/records.h"
 #include "storage/store.h"
@@ -38,12 +39,14 @@ Json to_json(const DatabaseSize& size);
 Json to_json(const RunSummary& summary);
 Json to_json(const WriteSummary& summary);
 Json to_json(const AuditReport& report);
+Json to_json(const MeshStatistics& statistics);
 Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions);
 
 std::string_view init_name(Initialization init);
 std::string_view kind_name(PointKind kind);
-std::string bytes_text(std::uint64_t bytes);  // "999 B", "1.2 MB": powers of 1000
-std::string point_text(const Point& point);   // round-trips
+std::string bytes_text(std::uint64_t bytes);    // "999 B", "1.2 MB": powers of 1000
+std::string in_mebibytes(std::uint64_t bytes);  // "1.5 MiB": the unit of --memory
+std::string point_text(const Point& point);     // round-trips
 std::string box_text(const Box& box);
 std::string site_text(const LeafSite& site);
 std::string fault_text(const Fault& fault);
@@ -57,6 +60,7 @@ std::string facts_text(const SurfaceFacts& facts);
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
 std::string audit_text(const AuditReport& report);
+std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);
 
 // Handles' count of a closed surface: the sum over its components.
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);

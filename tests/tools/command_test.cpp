@@ -142,6 +142,34 @@ TEST(Command, MeshLeavesOnlyItsOutput) {
   EXPECT_EQ(names_in(dir), (Names{"cube.off", "cube.vtu"}));
 }
 
+TEST(Command, MeshEndsWithWhatItsCellsAreLike) {
+  const TempDir dir;
+  const std::vector<std::string> command = {
+      "mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "20%", "--keep-store"};
+  const ProcessResult text = run_locvol(command);
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  for (const char* part : {"\nvolume           0.9", "% of the input's 1\n", "\ndihedral angles ",
+                           "\n  55-65 ", " 0.6-0.7 ", " under a cap of "})
+    EXPECT_NE(text.out.find(part), std::string::npos) << part << " in\n" << text.out;
+  auto again = command;  // goes on with the store, which is done
+  again.push_back("--json");
+  const Json json = Json::parse(run_locvol(again).out);
+  const Json& statistics = json["statistics"];
+  EXPECT_EQ(statistics["num_cells"], json["num_cells"]);
+  EXPECT_NEAR(statistics["volume"].get<double>(), 1, 0.1);
+  std::uint64_t num_angles = 0;
+  for (const Json& count : statistics["dihedral_angles"]["counts"])
+    num_angles += count.get<std::uint64_t>();
+  EXPECT_EQ(num_angles, 6 * json["num_cells"].get<std::uint64_t>());
+  EXPECT_EQ(statistics["dihedral_angles"]["edges"].size(),
+            statistics["dihedral_angles"]["counts"].size() + 1);
+  EXPECT_GT(json["peak_resident_bytes"], 1 << 20);
+  EXPECT_GE(json["memory_cap_bytes"], json["peak_resident_bytes"]);
+  const ProcessResult inspected =
+      run_locvol({"inspect", (dir / "cube.vtu.locvol").string(), "--json"});
+  EXPECT_EQ(Json::parse(inspected.out)["statistics"], statistics);
+}
+
 TEST(Command, MeshTellsTheTimeOfEachPhase) {
   const TempDir dir;
   const std::vector<std::string> command = {
@@ -156,7 +184,7 @@ TEST(Command, MeshTellsTheTimeOfEachPhase) {
     sum += seconds.get<double>();
     phases.push_back(phase);
   }
-  EXPECT_EQ(phases, (Names{"ingest", "initialize", "refine", "write"}));
+  EXPECT_EQ(phases, (Names{"ingest", "initialize", "measure", "refine", "write"}));
   EXPECT_NEAR(sum, json["seconds"].get<double>(), 1e-9 * sum);
   const std::string text = run_locvol(command).out;
   EXPECT_NE(text.find("\ntime             0:0"), std::string::npos) << text;

@@ -58,6 +58,26 @@ TEST(AuditText, NamesEveryViolation) {
   EXPECT_TRUE(text.ends_with("\nNOT VALID\n")) << text;
 }
 
+TEST(StatisticsText, DrawsBarsOfItsHistograms) {
+  MeshStatistics statistics;
+  statistics.num_cells = 1000;
+  statistics.volume = 0.99;
+  statistics.dihedral_angles.counts[30] = 4000;   // 59 to 61
+  statistics.dihedral_angles.counts[45] = 1999;   // 89 to 91
+  statistics.dihedral_angles.counts[90] = 1;      // 179 and more
+  statistics.radius_edge_ratios.counts[0] = 998;  // 0.6 to 0.65
+  statistics.radius_edge_ratios.counts[28] = 2;   // 2 and more
+  SurfaceFacts input;
+  input.volume = 1;
+  const std::string text = statistics_text(statistics, input);
+  for (const char* line : {"volume           0.99, -1% of the input's 1\n",
+                           "  55-65  66.7% ################   1.2-1.3\n",
+                           "  85-95  33.3% ########           1.5-1.6\n",
+                           "    0-5                           0.6-0.7  99.8% ################\n",
+                           "175-180 < 0.1% .\n", " 2.0-   0.2% .\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << " in\n" << text;
+}
+
 TEST(AuditJson, AgreesWithTheReport) {
   AuditReport report = valid_report();
   report.num_repeated_cells = 4;
