@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "engine/apply_visit.h"
-#include "engine/file_digest.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
@@ -160,8 +159,8 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   return held.snapshot().run();
 }
 
-// Takes in `file` for a run that `planned` makes of its digest and bounding box.
-Store ingested(const std::filesystem::path& file, const std::filesystem::path& directory,
+// Takes in the surface for a run that `planned` makes of its digest and bounding box.
+Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
                const std::function<Store()>& open_store, const RunControl& control) {
   memory_cap(control.memory_bytes);
@@ -169,7 +168,7 @@ Store ingested(const std::filesystem::path& file, const std::filesystem::path& d
   RunControl unstoppable = control;
   unstoppable.is_stopped = nullptr;
   IngestWatch watch = watch_of(unstoppable);
-  RawSurface raw = read_surface(file, existing_directory(directory), watch);
+  RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
   return ingest(std::move(raw), run, free_bytes_at(directory), open_store, control);
 }
@@ -201,10 +200,15 @@ RunSummary finish(Store& store, const RunControl& control) {
 }  // namespace
 
 RunSummary mesh(const MeshOptions& options, const RunControl& control) {
+  return mesh(surface_in_file(options.input), options, control);
+}
+
+RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
+                const RunControl& control) {
   const auto held = held_run(options.store);
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
-        planned_run(options, digest_of_file(options.input), held->surface.box).parameters;
+        planned_run(options, surface.digest(), held->surface.box).parameters;
     if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
@@ -212,7 +216,7 @@ RunSummary mesh(const MeshOptions& options, const RunControl& control) {
     }
   }
   Store store = ingested(
-      options.input, options.store,
+      surface, options.store,
       [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
       [&] { return Store::open(options.store, {.create = true}); }, control);
   return finish(store, control);
@@ -223,8 +227,12 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
   const auto held = store.snapshot().run();
   if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
   if (held->phase == Phase::kIngest) {
+    if (held->surface.file == kInMemory)
+      throw StoreError("the store " + directory.string() +
+                       " was to take in a surface that is in no file: give it again to the program "
+                       "that began the run");
     store = ingested(
-        held->surface.file, directory,
+        surface_in_file(held->surface.file), directory,
         [&](const std::string& digest, const Box&) {
           if (digest != held->parameters.input_digest)
             throw StoreMismatch("the store " + directory.string() + " was to take in " +

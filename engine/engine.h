@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/input_error.h"
+#include "engine/surface_source.h"
 #include "storage/records.h"
 #include "storage/store.h"
 
@@ -27,7 +28,7 @@ struct SizeSpec {
 double absolute_size(const SizeSpec& size, const Box& box);
 
 struct MeshOptions {
-  std::filesystem::path input;
+  std::filesystem::path input;  // empty: the surface is in no file
   std::filesystem::path store;
   SizeSpec size;
   std::uint64_t leaf_capacity = 0;  // κ; 0: the default
@@ -78,7 +79,11 @@ class StoreMismatch : public std::runtime_error {
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
 // StoreMismatch, OverBudget, RefineError.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
-// Goes on with the run in `store`; needs neither the input nor the parameters.
+// Of any surface. REQUIRES: options.input is empty unless it is that file
+RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
+                const RunControl& control = {});
+// Goes on with the run in `store`; needs neither the input nor the parameters, but for an input
+// that was in no file if it had not been taken in.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});
 RunSummary summarize(const Reader& reader);
 

@@ -87,10 +87,10 @@ class DeferredPolygons {
 
 class RawSurfaceBuilder : public SurfaceSink {
  public:
-  RawSurfaceBuilder(const std::filesystem::path& file, const std::filesystem::path& directory,
+  RawSurfaceBuilder(const std::string& name, const std::filesystem::path& directory,
                     IngestWatch& watch)
       : watch_(watch), surface_(directory), vertices_(directory), deferred_(directory) {
-    surface_.file = file.string();
+    surface_.file = name;
   }
 
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
@@ -235,10 +235,15 @@ void RawSurfaceBuilder::check_extent() const {
 
 }  // namespace
 
+RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                        IngestWatch& watch) {
+  RawSurfaceBuilder builder(source.name, directory, watch);
+  return builder.finish(source.parse(builder));
+}
+
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
                         IngestWatch& watch) {
-  RawSurfaceBuilder builder(file, directory, watch);
-  return builder.finish(parse_surface(file, builder));
+  return read_surface(surface_in_file(file), directory, watch);
 }
 
 }  // namespace locvol

@@ -134,7 +134,8 @@ double absolute_size(const SizeSpec& spec, const Box& box) {
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface) {
   check_options(options);
   RunRecord run;
-  run.surface.file = std::filesystem::absolute(options.input).string();
+  run.surface.file =
+      options.input.empty() ? kInMemory : std::filesystem::absolute(options.input).string();
   run.surface.box = surface;
   run.parameters = {
       .input_digest = digest,

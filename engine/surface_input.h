@@ -1,7 +1,7 @@
-// Reads a surface of any size from a file, repairs what is unambiguous, and refuses what bounds no
+// Reads a surface of any size, repairs what is unambiguous, and refuses what bounds no
 // volume.
 //
-//   file ──read_surface()──> RawSurface ──check_surface()──> CheckedSurface
+//   source ──read_surface()──> RawSurface ──check_surface()──> CheckedSurface
 //
 // Both hold their triangles in temporary files. Vertices are what their coordinates are: corners at
 // one place are one vertex.
@@ -14,6 +14,7 @@
 
 #include "engine/ingest_watch.h"
 #include "engine/input_error.h"
+#include "engine/surface_source.h"
 #include "engine/triangle_buckets.h"
 #include "engine/triangle_spill.h"
 #include "engine/workers.h"
@@ -23,13 +24,13 @@
 
 namespace locvol {
 
-// What a file holds: polygons are cut into triangles, those with two equal corners are left out,
-// and no coordinate is -0.0. Ids count in the order of the file.
+// What a source gives: polygons are cut into triangles, those with two equal corners are left out,
+// and no coordinate is -0.0. Ids count in its order.
 struct RawSurface {
   explicit RawSurface(const std::filesystem::path& directory) : spill(directory) {}
 
-  std::string file;
-  std::string digest;  // SHA-256 of the file's bytes, hexadecimal
+  std::string file;    // SurfaceSource::name
+  std::string digest;  // of SurfaceSource
   Box box;
   TriangleSpill spill;
   TriangleList triangles;
@@ -38,11 +39,13 @@ struct RawSurface {
   std::vector<Triangle> collinear;          // those without area, in order of id
 };
 
-// STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content first, then
-// by extension. Temporary files are made in `directory`, which must exist.
+// Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
+// first, then by extension. Temporary files are made in `directory`, which must exist.
 // Memory: 25 MB for the vertices of files that number them; 16 MB for triangles without area.
 // Throws InputError, also for what is empty or cannot be told apart in double arithmetic;
 // std::system_error where the disk fails; IngestStopped.
+RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                        IngestWatch& watch);
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
                         IngestWatch& watch);
 
