@@ -135,6 +135,11 @@ void VertexNumbering::check_core(std::size_t leaf, const LatticeCore& core) cons
   }
 }
 
+std::size_t VertexNumbering::leaf_of(std::uint64_t vertex) const {
+  const auto next = std::ranges::upper_bound(first_vertex_, vertex);
+  return static_cast<std::size_t>(next - first_vertex_.begin()) - 1;
+}
+
 const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
   if (leaf_of_core_numbers_ != leaf) {
     leaf_of_core_numbers_ = leaf;

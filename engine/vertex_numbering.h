@@ -34,6 +34,9 @@ class VertexNumbering {
   std::uint64_t num_vertices() const { return first_vertex_.back(); }
   std::uint64_t num_cells() const { return num_cells_; }
   const Lattice& lattice() const { return lattice_; }
+  std::uint64_t first_vertex(std::size_t leaf) const { return first_vertex_[leaf]; }
+  // The leaf whose point has this number.
+  std::size_t leaf_of(std::uint64_t vertex) const;
   // The number of a leaf's first point of the core.
   std::uint64_t first_core_vertex(std::size_t leaf) const {
     return first_vertex_[leaf + 1] - num_core_vertices_[leaf];

@@ -1,0 +1,355 @@
+#include "engine/locvol.h"
+
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <cerrno>
+#include <exception>
+#include <new>
+#include <optional>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+
+#include "engine/engine.h"
+#include "engine/memory_budget.h"
+#include "engine/mesh_chunks.h"
+#include "engine/writer.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+
+// What a callback of the program has thrown, on its way through the library.
+struct Thrown {
+  std::exception_ptr exception;
+};
+
+struct SurfaceAccess {
+  static SurfaceSource source(const Surface& surface, Thrown& thrown);
+  static const std::filesystem::path& file(const Surface& surface) { return surface.file_; }
+};
+
+namespace {
+
+[[noreturn]] void rethrow_as_error() try { throw; } catch (const Error&) {
+  throw;
+} catch (const InputError& e) {
+  throw Error(ErrorCode::kInput, e.what());
+} catch (const StoreMismatch& e) {
+  throw Error(ErrorCode::kMismatch, e.what());
+} catch (const OverBudget& e) {
+  throw Error(ErrorCode::kMemory, e.what());
+} catch (const std::bad_alloc&) {
+  throw Error(ErrorCode::kMemory, "the system gives no more memory");
+} catch (const StoreError& e) {
+  throw Error(ErrorCode::kStore, e.what());
+} catch (const std::system_error& e) {
+  throw Error(ErrorCode::kSystem, e.what());
+} catch (const std::exception& e) {
+  throw Error(ErrorCode::kInternal, e.what());
+}
+
+// Does the action; what it throws comes out as an Error, or as the callback has thrown it.
+template <class Action>
+auto translated(const Thrown& thrown, const Action& action) -> decltype(action()) try {
+  return action();
+} catch (...) {
+  if (thrown.exception) std::rethrow_exception(thrown.exception);
+  rethrow_as_error();
+}
+
+// The callback, which leaves what it throws in `thrown`, too. Empty if it is.
+template <class Result, class... Arguments>
+std::function<Result(Arguments...)> watched(std::function<Result(Arguments...)> callback,
+                                            Thrown& thrown) {
+  if (!callback) return nullptr;
+  return [callback = std::move(callback), &thrown](Arguments... arguments) -> Result {
+    try {
+      return callback(std::forward<Arguments>(arguments)...);
+    } catch (...) {
+      thrown.exception = std::current_exception();
+      throw;
+    }
+  };
+}
+
+Coordinates coordinates(const Point& p) { return {p.x, p.y, p.z}; }
+Point point(const Coordinates& c) { return {c[0], c[1], c[2]}; }
+
+// The program's source in the engine's terms. The visitor's errors are the engine's, though they
+// pass through the program, which cannot hold them back.
+TriangleSource triangle_source(const Surface::Source& source, Thrown& thrown) {
+  return [source, &thrown](const TriangleVisitor& visit) {
+    std::exception_ptr refused;
+    const auto pass = [&](const std::array<Coordinates, 3>& corners) {
+      try {
+        visit({point(corners[0]), point(corners[1]), point(corners[2])});
+      } catch (...) {
+        refused = std::current_exception();
+        throw;
+      }
+    };
+    try {
+      source(pass);
+    } catch (...) {
+      if (!refused) {
+        thrown.exception = std::current_exception();
+        throw;
+      }
+    }
+    if (refused) std::rethrow_exception(refused);
+  };
+}
+
+// A directory of its own, removed at the end.
+class ScratchDirectory {
+ public:
+  explicit ScratchDirectory(const std::filesystem::path& parent) {
+    std::string path = (parent / "locvol-XXXXXX").string();
+    if (mkdtemp(path.data()) == nullptr)
+      throw std::system_error(errno, std::generic_category(),
+                              "cannot make a directory for the run in " + parent.string());
+    path_ = path;
+  }
+  ScratchDirectory(const ScratchDirectory&) = delete;
+  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
+  ~ScratchDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+Stage stage_of(Phase phase) {
+  switch (phase) {
+    case Phase::kIngest:
+      return Stage::kIngest;
+    case Phase::kInitialize:
+      return Stage::kInitialize;
+    case Phase::kRefine:
+      return Stage::kRefine;
+    case Phase::kDone:
+      return Stage::kDone;
+  }
+  return Stage::kDone;
+}
+
+Status status_of(const Progress& progress) {
+  return {.stage = stage_of(progress.phase),
+          .num_triangles = progress.num_triangles,
+          .num_leaves = progress.num_leaves,
+          .num_waiting = progress.num_queued,
+          .num_visits = progress.num_visits,
+          .num_points = progress.num_points,
+          .num_cells = progress.num_cells};
+}
+
+RunControl run_control(const Control& control, Thrown& thrown) {
+  RunControl run;
+  if (control.on_progress)
+    run.on_progress = [tell = watched(control.on_progress, thrown)](const Progress& progress) {
+      tell(status_of(progress));
+    };
+  run.is_stopped = watched(control.is_canceled, thrown);
+  run.on_note = watched(control.on_note, thrown);
+  run.memory_bytes = control.memory_bytes;
+  run.num_threads = control.num_threads;
+  return run;
+}
+
+MeshOptions mesh_options(const Surface& surface, const Options& options,
+                         const std::filesystem::path& store) {
+  return {.input = SurfaceAccess::file(surface),
+          .store = store,
+          .size = {options.size.value, options.size.is_percent},
+          .leaf_capacity = options.leaf_capacity,
+          .seed = options.seed,
+          .spacing_floor = options.spacing_floor,
+          .is_forced = options.is_forced};
+}
+
+Summary summary_of(const RunSummary& run) {
+  const SurfaceFacts& surface = run.run.surface;
+  return {.size = run.run.parameters.size,
+          .num_cells = run.num_cells,
+          .num_points = run.num_points,
+          .num_leaves = run.num_leaves,
+          .num_visits = run.num_visits,
+          .num_unresolved = run.num_unresolved,
+          .num_surface_triangles = surface.num_triangles,
+          .num_surface_vertices = surface.num_vertices,
+          .num_surface_components = surface.num_components,
+          .surface_euler_characteristic = surface.euler_characteristic,
+          .surface_area = surface.area,
+          .surface_volume = surface.volume};
+}
+
+}  // namespace
+
+Surface Surface::file(std::filesystem::path path) {
+  Surface surface;
+  surface.file_ = std::move(path);
+  return surface;
+}
+
+Surface Surface::triangles(Source source) {
+  Surface surface;
+  surface.source_ = std::move(source);
+  return surface;
+}
+
+Surface Surface::arrays(std::span<const Coordinates> vertices,
+                        std::span<const TriangleIndices> triangles) {
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (const std::uint32_t v : triangles[t])
+      if (v >= vertices.size())
+        throw Error(ErrorCode::kInput,
+                    fmt::format("{}: triangle {} names vertex {} (both counted from 0), but there "
+                                "are only {}",
+                                kInMemory, t, v, vertices.size()));
+  return Surface::triangles([vertices, triangles](const Visitor& visit) {
+    for (const auto& [a, b, c] : triangles) visit({vertices[a], vertices[b], vertices[c]});
+  });
+}
+
+SurfaceSource SurfaceAccess::source(const Surface& surface, Thrown& thrown) {
+  if (!surface.source_) return surface_in_file(surface.file_);
+  return surface_in_memory(triangle_source(surface.source_, thrown));
+}
+
+struct Mesh::Impl {
+  Impl(std::unique_ptr<ScratchDirectory> the_scratch, std::filesystem::path the_store,
+       const RunSummary& run, const Control& control)
+      : scratch(std::move(the_scratch)),
+        store(std::move(the_store)),
+        summary(summary_of(run)),
+        is_complete(run.outcome != RunOutcome::kInterrupted),
+        num_threads(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes))) {}
+
+  void require_complete() const {
+    if (!is_complete)
+      throw Error(ErrorCode::kStore,
+                  "the store " + store.string() + " holds an unfinished run: resume it first");
+  }
+  // Not open between calls: a process can open a store once only, and resume_run() may want it.
+  Store open() const { return Store::open(store, {.read_only = true}); }
+  // Calls use(numbering, reader, run, pages).
+  template <class Use>
+  void numbered(const Use& use) const {
+    require_complete();
+    const Store opened = open();
+    const Snapshot snapshot = opened.snapshot();
+    const RunRecord run = snapshot.run().value();
+    PageRelease pages(opened);
+    VertexNumbering numbering(snapshot, run, store, pages);
+    num_vertices = numbering.num_vertices();
+    use(numbering, snapshot, run, pages);
+  }
+
+  std::unique_ptr<ScratchDirectory> scratch;  // of a store without a name
+  std::filesystem::path store;
+  Summary summary;
+  bool is_complete;
+  int num_threads;
+  mutable std::optional<std::uint64_t> num_vertices;  // once they have been counted
+};
+
+struct MeshAccess {
+  static Mesh of(std::unique_ptr<ScratchDirectory> scratch, std::filesystem::path store,
+                 const RunSummary& run, const Control& control) {
+    return Mesh(std::make_unique<Mesh::Impl>(std::move(scratch), std::move(store), run, control));
+  }
+};
+
+Mesh::Mesh(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Mesh::Mesh(Mesh&&) noexcept = default;
+Mesh& Mesh::operator=(Mesh&&) noexcept = default;
+Mesh::~Mesh() = default;
+
+bool Mesh::is_complete() const { return impl_->is_complete; }
+const Summary& Mesh::summary() const { return impl_->summary; }
+const std::filesystem::path& Mesh::store() const { return impl_->store; }
+
+std::vector<UnresolvedPlace> Mesh::unresolved(std::uint64_t max) const {
+  return translated({}, [&] {
+    std::vector<UnresolvedPlace> places;
+    const Store opened = impl_->open();
+    const Snapshot snapshot = opened.snapshot();
+    snapshot.for_each_leaf([&](MortonKey leaf, const LeafInfo& info) {
+      if (info.num_unresolved == 0) return true;
+      for (const UnresolvedSite& site : snapshot.unresolved(leaf).sites) {
+        if (places.size() == max) return false;
+        places.push_back({site.condition, coordinates(site.position), site.radius});
+      }
+      return true;
+    });
+    return places;
+  });
+}
+
+std::uint64_t Mesh::num_vertices() const {
+  return translated({}, [&] {
+    if (!impl_->num_vertices)
+      impl_->numbered([](auto&, const Reader&, const RunRecord&, PageRelease&) {});
+    return impl_->num_vertices.value();
+  });
+}
+
+void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const {
+  Thrown thrown;
+  const auto pass = watched(visit, thrown);
+  translated(thrown, [&] {
+    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, const RunRecord& run,
+                        PageRelease& pages) {
+      ChunkReader(reader, run, numbering, pages).for_each([&](const MeshChunk& chunk) {
+        pass({.first_cell = chunk.first_cell,
+              .first_vertex = chunk.first_vertex,
+              .num_own = chunk.num_own,
+              .vertices = chunk.vertices,
+              .vertex_numbers = chunk.numbers,
+              .cells = chunk.cells});
+      });
+    });
+  });
+}
+
+std::uint64_t Mesh::write(const std::filesystem::path& file) const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    const WriteSummary written = write_vtu(impl_->open(), file, impl_->num_threads);
+    impl_->num_vertices = written.num_vertices;
+    return written.bytes;
+  });
+}
+
+Mesh mesh_surface(const Surface& surface, const Options& options, const Control& control) {
+  Thrown thrown;
+  return translated(thrown, [&] {
+    std::unique_ptr<ScratchDirectory> scratch;
+    std::filesystem::path store = options.store;
+    if (store.empty()) {
+      scratch = std::make_unique<ScratchDirectory>(
+          options.scratch.empty() ? std::filesystem::temp_directory_path() : options.scratch);
+      store = scratch->path() / "store";
+    }
+    const RunSummary run =
+        mesh(SurfaceAccess::source(surface, thrown), mesh_options(surface, options, store),
+             run_control(control, thrown));
+    return MeshAccess::of(std::move(scratch), std::move(store), run, control);
+  });
+}
+
+Mesh resume_run(const std::filesystem::path& store, const Control& control) {
+  Thrown thrown;
+  return translated(thrown, [&] {
+    const RunSummary run = resume(store, run_control(control, thrown));
+    return MeshAccess::of(nullptr, store, run, control);
+  });
+}
+
+const char* version() { return LOCVOL_VERSION; }
+
+}  // namespace locvol

@@ -1,0 +1,235 @@
+/// \file
+/// The library's face: fill a closed surface with tetrahedra, out of core.
+///
+/// This header is all that a program includes; it needs the standard library alone. With CMake,
+/// `find_package(locvol REQUIRED)` and `target_link_libraries(... locvol::locvol)`.
+///
+/// \code
+/// const locvol::Mesh mesh =
+///     locvol::mesh_surface(locvol::Surface::file("bunny.stl"), {.size =
+///     locvol::Size::percent(2)});
+/// mesh.for_each_chunk([](const locvol::Chunk& chunk) { use(chunk.vertices, chunk.cells); });
+/// mesh.write("bunny.vtu");
+/// \endcode
+///
+/// A run keeps its state in a store, a directory on a local disk. If Options::store names it, an
+/// interrupted run goes on where it stopped: call mesh_surface() as before, or resume_run().
+/// The mesh is a function of the surface and of Options: not of Control, and not of interruptions.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace locvol {
+
+/// Why something failed, for programs; Error::what() says it to people, with the cure.
+enum class ErrorCode {
+  kInput,     ///< The surface, or an option: not closed, intersects itself, size out of range ...
+  kMismatch,  ///< The store holds a run of another surface or under other options.
+  kMemory,    ///< Control::memory_bytes is too small (the message has the least that would do), or
+              ///< the system gives no more. What was committed is kept.
+  kStore,     ///< The store: not there, in use by another process, damaged, of another version.
+  kSystem,    ///< The disk is full, a file cannot be written ... What was committed is kept.
+  kInternal,  ///< A bug of locvol.
+};
+
+/// All that this library throws. What a callback throws comes out as it is.
+class Error : public std::runtime_error {
+ public:
+  /// An error of that kind, with its message.
+  Error(ErrorCode code, const std::string& what) : std::runtime_error(what), code_(code) {}
+  /// What kind it is.
+  ErrorCode code() const { return code_; }
+
+ private:
+  ErrorCode code_;
+};
+
+/// x, y and z.
+using Coordinates = std::array<double, 3>;
+/// Three indices into a list of vertices.
+using TriangleIndices = std::array<std::uint32_t, 3>;
+
+/// A closed surface: triangles that do not intersect each other, each edge in two of them. They may
+/// come in any order and orientation, and several components may lie within each other. Corners
+/// with the same coordinates are one vertex.
+///
+/// The surface is read while it is meshed, and a store knows it by a digest. Nothing of it stays in
+/// memory, so it may be larger than that.
+class Surface {
+ public:
+  /// Takes the corners of one triangle.
+  using Visitor = std::function<void(const std::array<Coordinates, 3>& corners)>;
+  /// Calls the visitor for each triangle: the same ones in the same order whenever it is called,
+  /// which is once or twice a run.
+  using Source = std::function<void(const Visitor& visit)>;
+
+  /// STL, OBJ, OFF or PLY. What the file holds decides, not its name.
+  static Surface file(std::filesystem::path path);
+  /// Triangles in memory, which must stay where they are while they are meshed. Throws
+  /// Error (kInput) for an index that is out of range.
+  static Surface arrays(std::span<const Coordinates> vertices,
+                        std::span<const TriangleIndices> triangles);
+  /// Triangles that a function gives one by one.
+  static Surface triangles(Source source);
+
+ private:
+  friend struct SurfaceAccess;
+  std::filesystem::path file_;
+  Source source_;  // empty: it is in the file
+};
+
+/// λ, the bound on the circumradii of the cells and on the surface's balls. Half of it makes about
+/// eight times the cells.
+struct Size {
+  double value = 0;         ///< A length in the units of the coordinates, or a percentage.
+  bool is_percent = false;  ///< Whether it is one: of the smallest side of the bounding box.
+
+  /// A length in the units of the coordinates.
+  static Size length(double value) { return {value, false}; }
+  /// A percentage of the smallest side of the surface's bounding box.
+  static Size percent(double value) { return {value, true}; }
+};
+
+/// What the mesh depends on, besides the surface; and where its run is kept.
+struct Options {
+  Size size = {};  ///< Must be given.
+  /// Directory of the run's store, made if it is not there, and kept. Empty: a directory of its own
+  /// in `scratch`, which goes with the Mesh.
+  std::filesystem::path store = {};
+  /// Where a store without a name is made. Empty: the system's directory for temporary files, which
+  /// may lie in memory.
+  std::filesystem::path scratch = {};
+  bool is_forced = false;           ///< Start anew over the store of another run.
+  std::uint64_t leaf_capacity = 0;  ///< κ: a leaf with more points is split. 0: the default.
+  std::uint64_t seed = 0;           ///< Of the sample of the surface.
+  double spacing_floor = 0.02;      ///< No point comes closer than this to another; over λ.
+};
+
+/// What a run is doing.
+enum class Stage {
+  kIngest,      ///< Reads, checks and cuts the surface.
+  kInitialize,  ///< Puts the first points on the surface and inside.
+  kRefine,      ///< Restores what is violated, leaf by leaf.
+  kDone,        ///< The mesh is whole.
+};
+
+/// How far a run is.
+struct Status {
+  Stage stage = Stage::kIngest;     ///< What it is doing.
+  std::uint64_t num_triangles = 0;  ///< Read, checked and cut, one after another; of kIngest.
+  std::uint64_t num_leaves = 0;     ///< Of the octree.
+  std::uint64_t num_waiting = 0;    ///< Leaves that have yet to be visited.
+  std::uint64_t num_visits = 0;     ///< Made so far.
+  std::uint64_t num_points = 0;     ///< So far.
+  std::uint64_t num_cells = 0;      ///< So far.
+};
+
+/// How a run is carried out; no influence on the mesh. The functions may be empty. They are called
+/// by one thread at a time, not always the same one, and must not call back into the run; what
+/// they throw ends the run, which keeps what was committed.
+struct Control {
+  /// What the library may take, heap and mapped pages, besides what the program has by itself. 0:
+  /// half of what is free.
+  std::uint64_t memory_bytes = 0;
+  int num_threads = 0;  ///< 0: as many as the process may use.
+  /// Called after each commit, and now and then while the surface is read.
+  std::function<void(const Status&)> on_progress = {};
+  /// Asked between visits, and now and then while the surface is read: true ends the run after a
+  /// commit.
+  std::function<bool()> is_canceled = {};
+  /// Told what was repaired in the surface.
+  std::function<void(const std::string&)> on_note = {};
+};
+
+/// What is known of a run and its mesh.
+struct Summary {
+  double size = 0;                           ///< λ as a length.
+  std::uint64_t num_cells = 0;               ///< Tetrahedra.
+  std::uint64_t num_points = 0;              ///< Of the triangulation; a few may be in no cell.
+  std::uint64_t num_leaves = 0;              ///< Of the octree.
+  std::uint64_t num_visits = 0;              ///< Of leaves.
+  std::uint64_t num_unresolved = 0;          ///< See Mesh::unresolved().
+  std::uint64_t num_surface_triangles = 0;   ///< Of the input, repaired.
+  std::uint64_t num_surface_vertices = 0;    ///< Of the input.
+  std::uint64_t num_surface_components = 0;  ///< Of the input.
+  std::int64_t surface_euler_characteristic = 0;  ///< Of the input: vertices - edges + triangles.
+  double surface_area = 0;                        ///< Of the input.
+  double surface_volume = 0;                      ///< Of what the input bounds.
+};
+
+/// A place where the surface is not smooth enough at the scale λ: the promise is not kept there.
+struct UnresolvedPlace {
+  int condition = 0;          ///< 1 to 6: which of the conditions C1 to C6 could not be met.
+  Coordinates position = {};  ///< Where.
+  double radius = 0;          ///< Of the ball in question.
+};
+
+/// Some cells with all their vertices. Spans are valid until the next chunk.
+///
+/// Vertices have numbers from 0 in the whole mesh, in the order in which chunks bring them. Most of
+/// a chunk's are its own; the others are of chunks before or after it, and are repeated here so
+/// that a chunk can be dealt with alone.
+struct Chunk {
+  std::uint64_t first_cell = 0;    ///< The number of cells[0] in the whole mesh.
+  std::uint64_t first_vertex = 0;  ///< The number of vertices[0] in the whole mesh.
+  std::uint32_t num_own = 0;       ///< So many vertices come first: numbers from first_vertex on.
+  std::span<const Coordinates> vertices = {};          ///< Own ones, then the others.
+  std::span<const std::uint64_t> vertex_numbers = {};  ///< The number of each, in the whole mesh.
+  /// Four indices into `vertices`, positively oriented: (b - a) × (c - a) · (d - a) > 0.
+  std::span<const std::array<std::uint32_t, 4>> cells = {};
+};
+
+/// A run's result. It reads from the store, and holds no part of the mesh in memory.
+/// Threads: used by one at a time, and not from within for_each_chunk().
+class Mesh {
+ public:
+  Mesh(Mesh&&) noexcept;             ///< Leaves nothing to be used behind.
+  Mesh& operator=(Mesh&&) noexcept;  ///< Leaves nothing to be used behind.
+  ~Mesh();                           ///< Removes the store if it has no name.
+
+  /// False: the run was canceled. resume_run(store()) goes on with it.
+  bool is_complete() const;
+  /// Counts and measures; of a canceled run, so far.
+  const Summary& summary() const;
+  /// Where the run is kept.
+  const std::filesystem::path& store() const;
+  /// At most `max` of the places that are counted by Summary::num_unresolved.
+  std::vector<UnresolvedPlace> unresolved(std::uint64_t max = 1000) const;
+
+  /// How many vertices have numbers: those in some cell. The first call reads all cells once.
+  std::uint64_t num_vertices() const;
+  /// Hands out the whole mesh, leaf by leaf along the octree: always the same chunks in the same
+  /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
+  /// a temporary file beside the store. REQUIRES: is_complete()
+  void for_each_chunk(const std::function<void(const Chunk&)>& visit) const;
+  /// Writes the mesh as a VTU file, which appears under its name only when it is whole. Returns its
+  /// bytes. REQUIRES: is_complete()
+  std::uint64_t write(const std::filesystem::path& file) const;
+
+ private:
+  friend struct MeshAccess;
+  struct Impl;
+  explicit Mesh(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Meshes the volume inside the surface: starts a run, or goes on with the one that the store holds
+/// if it is of the same surface and options. Throws Error.
+Mesh mesh_surface(const Surface& surface, const Options& options, const Control& control = {});
+
+/// Goes on with the run in a store; if it is done, only opens it. Needs neither the surface nor the
+/// options, but for a surface that was in no file and had not been read to its end. Throws Error.
+Mesh resume_run(const std::filesystem::path& store, const Control& control = {});
+
+/// "0.1.0".
+const char* version();
+
+}  // namespace locvol

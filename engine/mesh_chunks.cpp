@@ -1,0 +1,160 @@
+#include "engine/mesh_chunks.h"
+
+#include <algorithm>
+#include <string>
+
+#include "engine/leaf_name.h"
+#include "octree/lattice.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kPointsBytes = std::size_t{8} << 20;
+constexpr std::size_t kFullBytes = std::size_t{1} << 20;  // of a chunk
+
+}  // namespace
+
+ChunkReader::ChunkReader(const Reader& reader, const RunRecord& run, VertexNumbering& numbering,
+                         PageRelease& pages)
+    : reader_(reader),
+      numbering_(numbering),
+      pages_(pages),
+      has_site_ids_(run.parameters.init == Initialization::kCover &&
+                    run.next_point_id >= kFirstOtherId),  // not in stores of old
+      points_(kPointsBytes, [this](std::size_t leaf) { return load_points(leaf); }) {}
+
+void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
+  std::uint64_t num_cells = 0;
+  const std::size_t num_leaves = numbering_.leaves().size();
+  for (std::size_t leaf = 0; leaf < num_leaves;) {
+    MeshChunk chunk;
+    chunk.first_vertex = numbering_.first_vertex(leaf);
+    chunk.first_cell = num_cells;
+    NumberedCells numbered;
+    const auto bytes = [&] {
+      return chunk.vertices.size() * sizeof chunk.vertices[0] +
+             numbered.cells.size() * sizeof numbered.cells[0];
+    };
+    for (; leaf < num_leaves && bytes() < kFullBytes; ++leaf) {
+      add_own(leaf, chunk);
+      add_stored_cells(leaf, numbered);
+      add_core_cells(leaf, numbered);
+    }
+    pages_.count(bytes());
+    complete(std::move(numbered), chunk);
+    num_cells += chunk.cells.size();
+    if (!chunk.vertices.empty()) visit(chunk);
+  }
+}
+
+void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
+  const auto append = [&](const Point& p) {
+    chunk.numbers.push_back(chunk.first_vertex + chunk.vertices.size());
+    chunk.vertices.push_back({p.x, p.y, p.z});
+  };
+  const std::vector<std::uint64_t> used = numbering_.used_ids(leaf);
+  const LeafPoints held = reader_.points(numbering_.leaves()[leaf]);
+  auto next = used.begin();
+  for (const MeshPoint& point : held.points) {
+    if (next == used.end() || point.id != *next) continue;
+    append(point.position);
+    ++next;
+  }
+  const SiteBox sites = numbering_.sites(leaf);
+  for_each_core_site(held.core, sites, sites, [&](const LatticeSite& site, std::uint64_t) {
+    append(numbering_.lattice().position(site));
+  });
+  chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
+}
+
+void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
+  const MortonKey key = numbering_.leaves()[leaf];
+  const LeafCells cells = reader_.cells(key);
+  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells.vertices);
+  std::vector<bool> is_placed(numbers.size());
+  for (const auto& cell : cells.cells) {
+    auto& numbered = out.cells.emplace_back();
+    for (std::size_t i = 0; i < 4; ++i) {
+      const std::uint32_t v = cell[i];
+      if (numbers[v] < 0)
+        throw CorruptRecord(leaf_name(key) + ": a cell names point " +
+                                std::to_string(cells.vertices[v]) + ", which is in no leaf near it",
+                            key);
+      numbered[i] = static_cast<std::uint64_t>(numbers[v]);
+      if (is_placed[v]) continue;
+      is_placed[v] = true;
+      const std::size_t owner = numbering_.leaf_of(numbered[i]);
+      if (owner != leaf)
+        out.foreign.push_back({numbered[i], position_of(cells.vertices[v], owner)});
+    }
+  }
+}
+
+void ChunkReader::add_core_cells(std::size_t leaf, NumberedCells& out) {
+  const std::size_t num_before = out.cells.size();
+  const auto check_count = [&] {
+    if (out.cells.size() - num_before == numbering_.num_core_cells(leaf)) return;
+    const MortonKey key = numbering_.leaves()[leaf];
+    throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
+  };
+  // Not asked for leaves outside, which may be a thousand λ wide.
+  if (numbering_.num_core_vertices(leaf) == 0) return check_count();
+  const SiteBlock<std::int64_t>& numbers = *numbering_.core_numbers(leaf);
+  const SiteBox sites = numbering_.sites(leaf);
+  const auto number = [&](const LatticeSite& site) {
+    const auto vertex = static_cast<std::uint64_t>(numbers[site]);
+    if (!sites.contains(site)) out.foreign.push_back({vertex, numbering_.lattice().position(site)});
+    return vertex;
+  };
+  for_each_core_cell(
+      sites, [&](const LatticeSite& site) { return numbers[site] >= 0; },
+      [&](const LatticeSite& site, const LatticeCell& cell) {
+        out.cells.push_back(
+            {number(site), number(site + cell[0]), number(site + cell[1]), number(site + cell[2])});
+      });
+}
+
+// `owner`: the leaf that has the point
+Point ChunkReader::position_of(std::uint64_t id, std::size_t owner) {
+  if (has_site_ids_ && id < kFirstOtherId) return numbering_.lattice().position(site_of(id));
+  const auto table = points_.get(owner);
+  const auto place = std::ranges::lower_bound(table->ids, id);
+  return table->positions[static_cast<std::size_t>(place - table->ids.begin())];
+}
+
+ChunkReader::PointTable ChunkReader::load_points(std::size_t leaf) const {
+  PointTable table;
+  for (const MeshPoint& point : reader_.points(numbering_.leaves()[leaf]).points) {
+    table.ids.push_back(point.id);
+    table.positions.push_back(point.position);
+  }
+  return table;
+}
+
+// Appends the foreign vertices, once each, and gives the cells their indices.
+void ChunkReader::complete(NumberedCells numbered, MeshChunk& chunk) {
+  std::vector<Numbered>& foreign = numbered.foreign;
+  const std::uint64_t first = chunk.first_vertex;
+  const auto is_own = [&](std::uint64_t number) {
+    return number >= first && number - first < chunk.num_own;
+  };
+  std::erase_if(foreign, [&](const Numbered& v) { return is_own(v.number); });
+  std::ranges::sort(foreign, {}, &Numbered::number);
+  const auto again = std::ranges::unique(foreign, {}, &Numbered::number);
+  foreign.erase(again.begin(), again.end());
+  for (const auto& [number, p] : foreign) {
+    chunk.numbers.push_back(number);
+    chunk.vertices.push_back({p.x, p.y, p.z});
+  }
+  const auto foreign_numbers = std::span(chunk.numbers).subspan(chunk.num_own);
+  const auto index_of = [&](std::uint64_t number) {
+    if (is_own(number)) return static_cast<std::uint32_t>(number - first);
+    const auto place = std::ranges::lower_bound(foreign_numbers, number);
+    return static_cast<std::uint32_t>(chunk.num_own + (place - foreign_numbers.begin()));
+  };
+  chunk.cells.reserve(numbered.cells.size());
+  for (const auto& [a, b, c, d] : numbered.cells)
+    chunk.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
+}
+
+}  // namespace locvol

@@ -1,0 +1,310 @@
+// The library as its users see it, beside the engine under it.
+#include "engine/locvol.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
+#include "tests/vtu_arrays.h"
+
+namespace locvol {
+namespace {
+
+using testing_shapes::Shape;
+
+struct Arrays {
+  explicit Arrays(const Shape& shape) : triangles(shape.triangles) {
+    for (const Point& p : shape.vertices) vertices.push_back({p.x, p.y, p.z});
+  }
+  Surface surface() const { return Surface::arrays(vertices, triangles); }
+
+  std::vector<Coordinates> vertices;
+  std::vector<TriangleIndices> triangles;
+};
+
+// A torus of many leaves, some of which hold part of the lattice core.
+Arrays torus() { return Arrays(testing_shapes::torus(1, 0.45, 48, 24)); }
+Options torus_options(const TempDir& dir) {
+  return {.size = Size::length(0.1), .scratch = dir.path(), .leaf_capacity = 300};
+}
+
+// A wedge whose two large faces meet at two degrees.
+Arrays wedge() {
+  const double h = std::tan(std::numbers::pi / 180);
+  return Arrays(
+      {{{0, 0, 0}, {1, 0, h}, {1, 0, -h}, {0, 1, 0}, {1, 1, h}, {1, 1, -h}},
+       {{0, 2, 1}, {3, 4, 5}, {0, 1, 4}, {0, 4, 3}, {0, 3, 5}, {0, 5, 2}, {1, 2, 5}, {1, 5, 4}}});
+}
+
+std::string bytes_of(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+bool is_empty(const TempDir& dir) { return std::filesystem::is_empty(dir.path()); }
+
+// The code of the Error that the action throws.
+template <class Action>
+ErrorCode code_of(const Action& action, const std::string& expected_in_message) {
+  try {
+    action();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(expected_in_message), std::string::npos)
+        << error.what();
+    return error.code();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return ErrorCode::kInternal;
+}
+
+TEST(Library, MeshesAnArrayOfTrianglesAsTheSameSurfaceInAFile) {
+  const TempDir dir;
+  const Shape shape = testing_shapes::torus(1, 0.45, 48, 24);
+  write_off(shape, dir / "torus.off");
+  const Arrays arrays(shape);
+  const Options options = torus_options(dir);
+
+  const Mesh from_file = mesh_surface(Surface::file(dir / "torus.off"), options);
+  const Mesh from_arrays = mesh_surface(arrays.surface(), options);
+  const Mesh from_triangles =
+      mesh_surface(Surface::triangles([&](const Surface::Visitor& visit) {
+                     for (const auto& [a, b, c] : arrays.triangles)
+                       visit({arrays.vertices[a], arrays.vertices[b], arrays.vertices[c]});
+                   }),
+                   options, {.num_threads = 1});
+  const std::uint64_t num_bytes = from_arrays.write(dir / "arrays.vtu");
+  EXPECT_EQ(num_bytes, std::filesystem::file_size(dir / "arrays.vtu"));
+  from_file.write(dir / "file.vtu");
+  from_triangles.write(dir / "triangles.vtu");
+  EXPECT_EQ(bytes_of(dir / "arrays.vtu"), bytes_of(dir / "file.vtu"));
+  EXPECT_EQ(bytes_of(dir / "arrays.vtu"), bytes_of(dir / "triangles.vtu"));
+}
+
+TEST(Library, SaysWhatTheSurfaceAndTheMeshAre) {
+  const TempDir dir;
+  std::vector<Stage> stages;
+  std::uint64_t last_cells = 0;
+  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir),
+                                 {.on_progress = [&](const Status& status) {
+                                   if (stages.empty() || stages.back() != status.stage)
+                                     stages.push_back(status.stage);
+                                   last_cells = status.num_cells;
+                                 }});
+  EXPECT_TRUE(mesh.is_complete());
+  const Summary& summary = mesh.summary();
+  EXPECT_EQ(summary.size, 0.1);
+  EXPECT_EQ(summary.num_surface_triangles, 2u * 48 * 24);
+  EXPECT_EQ(summary.num_surface_vertices, 48u * 24);
+  EXPECT_EQ(summary.num_surface_components, 1u);
+  EXPECT_EQ(summary.surface_euler_characteristic, 0);
+  EXPECT_NEAR(summary.surface_volume, 2 * std::pow(std::numbers::pi * 0.45, 2), 0.1);
+  EXPECT_EQ(summary.num_unresolved, 0u);
+  EXPECT_TRUE(mesh.unresolved().empty());
+  EXPECT_EQ(last_cells, summary.num_cells);
+  EXPECT_LE(mesh.num_vertices(), summary.num_points);
+  EXPECT_EQ(stages, (std::vector{Stage::kInitialize, Stage::kRefine, Stage::kDone}));
+}
+
+// Every chunk by itself, and all of them put together, are the mesh that write() writes.
+TEST(Library, HandsOutTheMeshInChunks) {
+  const TempDir dir;
+  Options options = torus_options(dir);
+  options.size = Size::length(0.06);
+  const Mesh mesh = mesh_surface(torus().surface(), options);
+  mesh.write(dir / "torus.vtu");
+  const VtuArrays vtu(dir / "torus.vtu");
+  const auto positions = vtu.array<Coordinates>("Float64", "Points");
+  const auto connectivity = vtu.array<std::array<std::uint64_t, 4>>("Int64", "connectivity");
+
+  std::uint64_t num_vertices = 0, num_chunks = 0, num_foreign = 0;
+  std::vector<std::array<std::uint64_t, 4>> cells;
+  double volume = 0;
+  mesh.for_each_chunk([&](const Chunk& chunk) {
+    ++num_chunks;
+    EXPECT_EQ(chunk.first_vertex, num_vertices);
+    EXPECT_EQ(chunk.first_cell, cells.size());
+    ASSERT_EQ(chunk.vertices.size(), chunk.vertex_numbers.size());
+    ASSERT_LE(chunk.num_own, chunk.vertices.size());
+    num_vertices += chunk.num_own;
+    num_foreign += chunk.vertices.size() - chunk.num_own;
+    std::vector<std::uint64_t> numbers(chunk.vertex_numbers.begin(), chunk.vertex_numbers.end());
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      if (i < chunk.num_own) {
+        EXPECT_EQ(numbers[i], chunk.first_vertex + i);
+      }
+      EXPECT_EQ(chunk.vertices[i], positions.at(numbers[i]));
+    }
+    std::ranges::sort(numbers);
+    EXPECT_EQ(std::ranges::adjacent_find(numbers), numbers.end()) << "a vertex came twice";
+    for (const auto& [a, b, c, d] : chunk.cells) {
+      cells.push_back({chunk.vertex_numbers[a], chunk.vertex_numbers[b], chunk.vertex_numbers[c],
+                       chunk.vertex_numbers[d]});
+      const auto corner = [&](std::uint32_t i) {
+        return Point{chunk.vertices[i][0], chunk.vertices[i][1], chunk.vertices[i][2]};
+      };
+      const double six_volumes =
+          dot(cross(corner(b) - corner(a), corner(c) - corner(a)), corner(d) - corner(a));
+      EXPECT_GT(six_volumes, 0);
+      volume += six_volumes / 6;
+    }
+  });
+  EXPECT_GE(num_chunks, 3u);
+  EXPECT_GT(num_foreign, 0u);
+  EXPECT_EQ(num_vertices, positions.size());
+  EXPECT_EQ(mesh.num_vertices(), positions.size());
+  EXPECT_EQ(mesh.summary().num_cells, cells.size());
+  EXPECT_NEAR(volume, mesh.summary().surface_volume, 0.02 * volume);
+  EXPECT_EQ(cells, connectivity);
+}
+
+TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
+  const TempDir dir, scratch;
+  const Arrays arrays = torus();
+  Options options = torus_options(scratch);
+  mesh_surface(arrays.surface(), options).write(dir / "undisturbed.vtu");
+
+  options.store = dir / "run";
+  int num_asked = 0;
+  const Control canceling{.num_threads = 1, .is_canceled = [&] { return ++num_asked > 40; }};
+  const Mesh canceled = mesh_surface(arrays.surface(), options, canceling);
+  EXPECT_FALSE(canceled.is_complete());
+  EXPECT_EQ(canceled.store(), dir / "run");
+  EXPECT_EQ(code_of([&] { canceled.write(dir / "canceled.vtu"); }, "unfinished"),
+            ErrorCode::kStore);
+  EXPECT_EQ(code_of([&] { canceled.for_each_chunk([](const Chunk&) {}); }, "unfinished"),
+            ErrorCode::kStore);
+  const Mesh resumed = resume_run(dir / "run");
+  EXPECT_TRUE(resumed.is_complete());
+  resumed.write(dir / "resumed.vtu");
+  EXPECT_EQ(bytes_of(dir / "resumed.vtu"), bytes_of(dir / "undisturbed.vtu"));
+
+  // The finished run is not made again, and is kept.
+  const Mesh again = mesh_surface(arrays.surface(), options);
+  EXPECT_EQ(again.summary().num_visits, resumed.summary().num_visits);
+  options.size = Size::length(0.07);
+  EXPECT_EQ(code_of([&] { mesh_surface(arrays.surface(), options); }, "size"),
+            ErrorCode::kMismatch);
+  Arrays moved = arrays;
+  for (Coordinates& v : moved.vertices) v[0] += 1;
+  options.size = Size::length(0.1);
+  EXPECT_EQ(code_of([&] { mesh_surface(moved.surface(), options); }, "digest"),
+            ErrorCode::kMismatch);
+  options.is_forced = true;
+  EXPECT_TRUE(mesh_surface(moved.surface(), options).is_complete());
+}
+
+TEST(Library, RemovesAStoreWithoutAName) {
+  const TempDir scratch;
+  {
+    const Mesh mesh = mesh_surface(torus().surface(), torus_options(scratch));
+    EXPECT_TRUE(std::filesystem::exists(mesh.store()));
+    EXPECT_FALSE(is_empty(scratch));
+  }
+  EXPECT_TRUE(is_empty(scratch));
+  Options options = torus_options(scratch);
+  options.size = Size::length(100);
+  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "no cell fits"),
+            ErrorCode::kInput);
+  EXPECT_TRUE(is_empty(scratch));
+}
+
+TEST(Library, RefusesWhatIsNoSurface) {
+  const TempDir dir;
+  const Options options = torus_options(dir);
+  const auto refuses = [&](const Arrays& arrays, const std::string& why) {
+    EXPECT_EQ(code_of([&] { mesh_surface(arrays.surface(), options); }, why), ErrorCode::kInput);
+  };
+  Arrays open = torus();
+  open.triangles.pop_back();
+  refuses(open, "surface in memory: is not closed");
+  Arrays infinite = torus();
+  infinite.vertices[7][1] = std::numeric_limits<double>::infinity();
+  refuses(infinite, "not finite");
+  Arrays dangling = torus();
+  dangling.triangles[3][2] = 5000;
+  refuses(dangling, "triangle 3 names vertex 5000");
+  Arrays empty = torus();
+  empty.triangles.clear();
+  refuses(empty, "no vertices and no faces");
+  EXPECT_EQ(code_of([&] { mesh_surface(Surface::file(dir / "none.stl"), options); }, "none.stl"),
+            ErrorCode::kInput);
+  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), {.scratch = dir.path()}); }, "size 0"),
+            ErrorCode::kInput);
+  EXPECT_TRUE(is_empty(dir));
+}
+
+TEST(Library, TellsErrorsApart) {
+  const TempDir dir;
+  const Options options = torus_options(dir);
+  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options, {.memory_bytes = 1 << 20}); },
+                    "give 96M or more"),
+            ErrorCode::kMemory);
+  EXPECT_EQ(code_of([&] { resume_run(dir / "none"); }, "none"), ErrorCode::kStore);
+  const Mesh mesh = mesh_surface(torus().surface(), options);
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "none/a.vtu"); }, "none/a.vtu"), ErrorCode::kSystem);
+}
+
+// Such as a program throws from its callbacks.
+struct Outcry {};
+
+TEST(Library, LetsThroughWhatACallbackThrows) {
+  const TempDir dir;
+  const Options options = torus_options(dir);
+  const Arrays arrays = torus();
+  const Control progress{.on_progress = [](const Status&) { throw Outcry(); }};
+  EXPECT_THROW(mesh_surface(arrays.surface(), options, progress), Outcry);
+  const Control cancel{.is_canceled = []() -> bool { throw Outcry(); }};
+  EXPECT_THROW(mesh_surface(arrays.surface(), options, cancel), Outcry);
+  const auto source = [&](const Surface::Visitor& visit) {
+    visit({arrays.vertices[0], arrays.vertices[1], arrays.vertices[2]});
+    throw Outcry();
+  };
+  EXPECT_THROW(mesh_surface(Surface::triangles(source), options), Outcry);
+  EXPECT_TRUE(is_empty(dir));
+  const Mesh mesh = mesh_surface(arrays.surface(), options);
+  EXPECT_THROW(mesh.for_each_chunk([](const Chunk&) { throw Outcry(); }), Outcry);
+}
+
+// A refusal passes through the program's own function; it cannot be caught for good there.
+TEST(Library, RefusesASourceThatHoldsErrorsBack) {
+  const TempDir dir;
+  const Arrays arrays = torus();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto source = [&](const Surface::Visitor& visit) {
+    for (const auto& [a, b, c] : arrays.triangles)
+      visit({arrays.vertices[a], arrays.vertices[b], arrays.vertices[c]});
+    try {
+      visit({Coordinates{nan, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+    } catch (...) {
+    }
+  };
+  EXPECT_EQ(
+      code_of([&] { mesh_surface(Surface::triangles(source), torus_options(dir)); }, "not finite"),
+      ErrorCode::kInput);
+}
+
+TEST(Library, ListsPlacesWhereThePromiseIsNotKept) {
+  const TempDir dir;
+  const Mesh mesh = mesh_surface(
+      wedge().surface(), {.size = Size::length(0.1), .scratch = dir.path(), .spacing_floor = 0.5});
+  ASSERT_GT(mesh.summary().num_unresolved, 1u);
+  const std::vector<UnresolvedPlace> places = mesh.unresolved();
+  EXPECT_EQ(places.size(), mesh.summary().num_unresolved);
+  EXPECT_EQ(mesh.unresolved(1).size(), 1u);
+  for (const UnresolvedPlace& place : places) {
+    EXPECT_TRUE(place.condition >= 1 && place.condition <= 6) << place.condition;
+    EXPECT_GT(place.radius, 0);
+    EXPECT_GT(place.position[0], -0.2);
+  }
+}
+
+}  // namespace
+}  // namespace locvol
