@@ -99,8 +99,8 @@ const LeafField* parse_sort(const std::string& text) {
 LeafState parse_state(const std::string& text) {
   const auto state = std::ranges::find(kStates, text, state_name);
   if (state != kStates.end()) return *state;
-  throw std::invalid_argument(
-      fmt::format("'{}' is no state: give clean, waiting, unvisited, empty or damaged", text));
+  throw std::invalid_argument(fmt::format(
+      "'{}' is no state: give clean, waiting, unvisited, core, empty or damaged", text));
 }
 
 bool LeafListing::shows(const LeafRow& row) const {

@@ -18,6 +18,7 @@
 #include "tools/arguments.h"
 #include "tools/commands.h"
 #include "tools/generate.h"
+#include "tools/reference.h"
 
 namespace locvol {
 namespace {
@@ -180,7 +181,7 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
       ->type_name("CONDITION")
       ->allow_extra_args(false);
   add_parsed(*which, "--state", parse_state, listing.state, "Only leaves of this state")
-      ->type_name("clean|waiting|unvisited|empty|damaged");
+      ->type_name("clean|waiting|unvisited|core|empty|damaged");
   add_parsed(*which, "--sort", parse_sort, listing.sort,
              "By key (ascending), or by level, visits, points, cells, triangles, insertions, "
              "deletions or unresolved (descending)")
@@ -283,6 +284,25 @@ CLI::App* declare_generate(CLI::App& app, GenerateCommand& command) {
   return generate;
 }
 
+CLI::App* declare_reference(CLI::App& app, std::string& form) {
+  CLI::App* command =
+      app.add_subcommand("reference", "Print the manual page, or the completion script of a shell");
+  const auto parse = [](const std::string& text) {
+    if (!is_reference_form(text))
+      throw std::invalid_argument(fmt::format("'{}' is none of man, bash, zsh, fish", text));
+    return text;
+  };
+  add_parsed(*command, "FORM", parse, form, "What to print")
+      ->type_name("man|bash|zsh|fish")
+      ->required();
+  return command;
+}
+
+int print_reference(const CLI::App& app, const std::string& form) {
+  fmt::print("{}", reference(app, form));
+  return kExitDone;
+}
+
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
   fmt::print(stderr,
@@ -304,6 +324,7 @@ int run(int argc, char** argv) {
   AuditCommand audit;
   InfoCommand info;
   GenerateCommand generate;
+  std::string reference_form;
   const std::vector<Subcommand> subcommands = {
       {declare_mesh(app, mesh), [&] { return run_mesh(mesh); }},
       {declare_resume(app, resume), [&] { return run_resume(resume); }},
@@ -313,6 +334,8 @@ int run(int argc, char** argv) {
       {declare_audit(app, audit), [&] { return run_audit(audit); }},
       {declare_info(app, info), [&] { return run_info(info); }},
       {declare_generate(app, generate), [&] { return run_generate(generate); }},
+      {declare_reference(app, reference_form),
+       [&] { return print_reference(app, reference_form); }},
   };
   try {
     app.parse(argc, argv);

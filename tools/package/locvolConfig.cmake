@@ -1,6 +1,5 @@
 include(CMakeFindDependencyMacro)
 find_dependency(Boost COMPONENTS serialization)
-find_dependency(CGAL)
 find_dependency(fmt)
 find_dependency(OpenSSL COMPONENTS Crypto)
 find_dependency(Threads)

@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# Makes the Debian packages and looks into them. lintian judges them if it is there.
+# Usage: deb_test.sh CPACK BUILD_DIRECTORY OUTPUT_DIRECTORY
+set -euo pipefail
+cpack=$1 build=$2 out=$3
+
+fail() { echo "deb_test: $*" >&2; exit 1; }
+
+rm -rf "$out"
+(cd "$build" && "$cpack" -B "$out" >"$build/cpack.log" 2>&1) || { cat "$build/cpack.log"; exit 1; }
+command=$(echo "$out"/locvol_*.deb) development=$(echo "$out"/liblocvol-dev_*.deb)
+
+has_path() {
+  local contents
+  contents=$(dpkg-deb -c "$1")
+  grep -q " \./usr/$2\$" <<<"$contents" || fail "$1 has no /usr/$2"
+}
+for path in bin/locvol share/man/man1/locvol.1.gz share/bash-completion/completions/locvol \
+    share/zsh/vendor-completions/_locvol share/fish/vendor_completions.d/locvol.fish \
+    share/doc/locvol/copyright share/doc/locvol/changelog.gz; do
+  has_path "$command" "$path"
+done
+for path in include/locvol/locvol.h lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
+  has_path "$development" "$path"
+done
+headers=$(dpkg-deb -c "$development" | grep -c '\.h$')
+[[ $headers == 1 ]] || fail "$development has $headers headers: only locvol.h is for users"
+
+depends=$(dpkg-deb -f "$command" Depends)
+for library in libc6 libboost-serialization libfmt liblmdb0 libssl3 libzstd1; do
+  [[ $depends == *"$library"* ]] || fail "$command does not depend on $library: $depends"
+done
+[[ $depends != *-dev* ]] || fail "$command depends on what only its build needs: $depends"
+
+dpkg-deb -x "$command" "$out/root"
+[[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
+  fail "the packaged command has another version"
+
+if command -v lintian >/dev/null; then
+  lintian --fail-on error,warning "$command" "$development"
+fi
