@@ -11,6 +11,7 @@
 #include "engine/memory_budget.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
+#include "engine/run_timeline.h"
 #include "engine/visit_pipeline.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
@@ -25,13 +26,18 @@ int num_threads(const RunControl& control) {
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
-  Engine(Store& store, const MemoryPlan& plan, const RunControl& control)
+  Engine(Store& store, const MemoryPlan& plan, const RunControl& control, const WorkClock& clock)
       : control_(control),
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
         loader_(state_, budget_),
-        visits_(state_, budget_, plan.num_threads(num_threads(control))) {}
+        num_threads_(plan.num_threads(num_threads(control))),
+        visits_(state_, budget_, num_threads_),
+        clock_(clock),
+        timeline_(store.snapshot().timeline(), clock.started()) {
+    note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run.phase);
+  }
 
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
@@ -118,6 +124,7 @@ class Engine {
   }
 
   void end_phase(Phase next) {
+    note_sample(state_.run.phase);
     state_.run.phase = next;
     commit();
   }
@@ -125,7 +132,8 @@ class Engine {
   bool is_stopped() const { return control_.is_stopped && control_.is_stopped(); }
 
   void commit() {
-    state_.commit(memory_use());
+    note_sample(state_.run.phase);
+    state_.commit(memory_use(), &timeline_.record());
     if (!control_.on_progress) return;
     const RunRecord& run = state_.run;
     control_.on_progress({.phase = run.phase,
@@ -135,6 +143,25 @@ class Engine {
                           .num_points = run.num_points,
                           .num_cells = run.num_cells,
                           .epoch = run.epoch});
+  }
+
+  // `phase`: what took the time since the last sample.
+  void note_sample(Phase phase) {
+    const RunRecord& run = state_.run;
+    timeline_.add({.num_threads = static_cast<std::uint64_t>(num_threads_),
+                   .memory_cap = plan_.cap(),
+                   .resident = resident_memory(),
+                   .phase = phase,
+                   .epoch = run.epoch,
+                   .num_leaves = state_.octree.size(),
+                   .num_queued = state_.queue.size(),
+                   .num_visits = run.num_visits,
+                   .num_points = run.num_points,
+                   .num_cells = run.num_cells,
+                   .num_unresolved = run.num_unresolved,
+                   .num_insertions = run.num_insertions,
+                   .num_deletions = run.num_deletions},
+                  clock_.milliseconds());
   }
 
   MemoryRecord memory_use() const {
@@ -150,7 +177,10 @@ class Engine {
   MemoryBudget budget_;
   RunState state_;
   LeafLoader loader_;
+  int num_threads_;
   VisitPipeline visits_;
+  WorkClock clock_;
+  RunTimeline timeline_;
 };
 
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
@@ -180,14 +210,14 @@ bool is_outdated(const RunRecord& run) {
          run.next_point_id < kFirstOtherId;
 }
 
-RunSummary finish(Store& store, const RunControl& control) {
+RunSummary finish(Store& store, const RunControl& control, const WorkClock& clock) {
   const RunRecord run = store.snapshot().run().value();
   if (run.phase == Phase::kIngest) return summarize(store.snapshot());
   if (is_outdated(run))
     throw StoreError("the store " + store.directory().string() +
                      " was begun by an earlier version of locvol: force a new run over it");
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
-  const bool is_done = Engine(store, plan, control).run();
+  const bool is_done = Engine(store, plan, control, clock).run();
   RunSummary summary = summarize(store.snapshot());
   if (!is_done)
     summary.outcome = RunOutcome::kInterrupted;
@@ -205,6 +235,7 @@ RunSummary mesh(const MeshOptions& options, const RunControl& control) {
 
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
                 const RunControl& control) {
+  const WorkClock clock;
   const auto held = held_run(options.store);
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
@@ -212,17 +243,18 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
     if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
-      return finish(store, control);
+      return finish(store, control, clock);
     }
   }
   Store store = ingested(
       surface, options.store,
       [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
       [&] { return Store::open(options.store, {.create = true}); }, control);
-  return finish(store, control);
+  return finish(store, control, clock);
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control) {
+  const WorkClock clock;
   Store store = Store::open(directory);
   const auto held = store.snapshot().run();
   if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
@@ -242,7 +274,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
         },
         [&] { return std::move(store); }, control);
   }
-  return finish(store, control);
+  return finish(store, control, clock);
 }
 
 RunSummary summarize(const Reader& reader) {

@@ -250,9 +250,11 @@ void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatche
   }
 }
 
+// Of a run that begins.
 void put_run(Store& store, const RunRecord& run) {
   Batch batch = store.begin();
   batch.put_run(run);
+  batch.put_timeline({});
   batch.commit();
 }
 

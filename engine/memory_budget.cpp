@@ -138,6 +138,8 @@ int num_streaming_threads(int asked, std::uint64_t cap) {
 
 std::uint64_t peak_resident_memory() { return bytes_in("/proc/self/status", "VmHWM:").value_or(0); }
 
+std::uint64_t resident_memory() { return bytes_in("/proc/self/status", "VmRSS:").value_or(0); }
+
 MemoryPlan::MemoryPlan(std::uint64_t cap, std::uint64_t num_leaves, std::uint64_t largest_visit)
     : cap_(cap), leaves_(num_leaves * kBytesPerLeaf) {
   const std::uint64_t least_heap = largest_visit + kLeastCacheBytes;

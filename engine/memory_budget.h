@@ -32,8 +32,9 @@ std::uint64_t memory_cap(std::uint64_t asked);
 // How many threads may each have a bucket of the surface, or a piece of the output, under the cap,
 // of those `asked` for; 0: of those that the process may use.
 int num_streaming_threads(int asked, std::uint64_t cap);
-// The most RAM that the process has held so far (VmHWM), in bytes.
+// The most RAM that the process has held so far (VmHWM), in bytes; and what it holds now.
 std::uint64_t peak_resident_memory();
+std::uint64_t resident_memory();
 
 // Of decoded records, however large the cap: more has not made any run faster.
 inline constexpr std::uint64_t kMostCacheBytes = std::uint64_t{256} << 20;

@@ -121,12 +121,13 @@ bool RunState::is_commit_due() const {
          leaves.unwritten_bytes() > max_unwritten_bytes_;
 }
 
-void RunState::commit(const std::optional<MemoryRecord>& memory) {
+void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
   Batch batch = store.begin();
   leaves.write_to(batch);
   queue.write_to(batch);
   batch.put_run(run);
   if (memory) batch.put_memory(*memory);
+  if (timeline) batch.put_timeline(*timeline);
   batch.commit();
   num_unwritten_visits_ = 0;
   leaves.trim();

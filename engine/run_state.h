@@ -66,7 +66,8 @@ struct RunState {
   bool is_commit_due() const;
   void note_visit();
   // One batch with all changes; durable on return.
-  void commit(const std::optional<MemoryRecord>& memory = std::nullopt);
+  void commit(const std::optional<MemoryRecord>& memory = std::nullopt,
+              const TimelineRecord* timeline = nullptr);
 
   Store& store;
   RunRecord run;

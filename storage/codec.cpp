@@ -54,6 +54,7 @@
 //   7 queue       position, leaf, dirty box
 //   8 memory      the fields of MemoryRecord in order
 //   9 keys        [sums u64]
+//  10 timeline    [each number of a TimelineSample in order, steps u64], and last [phase u8]
 //
 // A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
 // (tests/storage/golden).
@@ -92,6 +93,8 @@ template <>
 inline constexpr Kind kKind<MemoryRecord>{8, 1};
 template <>
 inline constexpr Kind kKind<KeySums>{9, 1};
+template <>
+inline constexpr Kind kKind<TimelineRecord>{10, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
@@ -372,6 +375,26 @@ struct SiteColumns {
   std::vector<std::uint64_t> radii;  // changed bits
 };
 
+// The numbers of a sample, in the order in which they are stored.
+constexpr std::size_t kNumSampleNumbers = 14 + kNumConditions;
+auto numbers_of(Maybe<TimelineSample> auto& s) {
+  using Number = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(s)>>,
+                                    const std::uint64_t, std::uint64_t>;
+  std::array<Number*, kNumSampleNumbers> numbers{
+      &s.milliseconds, &s.sitting,   &s.started,        &s.num_threads,  &s.memory_cap,
+      &s.resident,     &s.epoch,     &s.num_leaves,     &s.num_queued,   &s.num_visits,
+      &s.num_points,   &s.num_cells, &s.num_unresolved, &s.num_deletions};
+  for (std::size_t c = 0; c < kNumConditions; ++c)
+    numbers[kNumSampleNumbers - kNumConditions + c] = &s.num_insertions[c];
+  return numbers;
+}
+
+struct SampleColumns {
+  std::array<std::vector<std::uint64_t>, kNumSampleNumbers> numbers;  // steps
+  std::vector<std::uint8_t> phases;
+};
+void fields(auto& archive, Maybe<SampleColumns> auto& c) { archive(c.numbers, c.phases); }
+
 void fields(auto& archive, Maybe<PositionColumns> auto& c) { archive(c.x, c.y, c.z); }
 void fields(auto& archive, Maybe<CoreColumns> auto& c) {
   archive(c.is_whole, c.i, c.j, c.k, c.counts);
@@ -613,6 +636,34 @@ LeafUnresolved record_of(const SiteColumns& columns) {
   return record;
 }
 
+SampleColumns stored_form(const TimelineRecord& record) {
+  SampleColumns columns;
+  std::array<Steps<std::uint64_t>, kNumSampleNumbers> steps;
+  for (const TimelineSample& sample : record.samples) {
+    const auto numbers = numbers_of(sample);
+    for (std::size_t n = 0; n < kNumSampleNumbers; ++n)
+      columns.numbers[n].push_back(steps[n].to_step(*numbers[n]));
+    columns.phases.push_back(static_cast<std::uint8_t>(sample.phase));
+  }
+  return columns;
+}
+
+TimelineRecord record_of(const SampleColumns& columns) {
+  for (const auto& column : columns.numbers) check_length(column.size(), columns.phases.size());
+  TimelineRecord record;
+  record.samples.resize(columns.phases.size());
+  std::array<Steps<std::uint64_t>, kNumSampleNumbers> steps;
+  for (std::size_t i = 0; i < record.samples.size(); ++i) {
+    TimelineSample& sample = record.samples[i];
+    const auto numbers = numbers_of(sample);
+    for (std::size_t n = 0; n < kNumSampleNumbers; ++n)
+      *numbers[n] = steps[n].to_value(columns.numbers[n][i]);
+    sample.phase = static_cast<Phase>(columns.phases[i]);
+    if (sample.phase > last_of(sample.phase)) throw DecodeError("a phase that there is not");
+  }
+  return record;
+}
+
 StoredLeafInfo stored_form(const LeafInfo& info) {
   return {info, info.queued.has_value(), info.queued.value_or(QueuePosition())};
 }
@@ -832,6 +883,7 @@ template std::string encode(const LeafUnresolved&, MortonKey);
 template std::string encode(const QueueEntry&, MortonKey);
 template std::string encode(const MemoryRecord&, MortonKey);
 template std::string encode(const KeySums&, MortonKey);
+template std::string encode(const TimelineRecord&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -842,5 +894,6 @@ template LeafUnresolved decode(std::string_view, MortonKey);
 template QueueEntry decode(std::string_view, MortonKey);
 template MemoryRecord decode(std::string_view, MortonKey);
 template KeySums decode(std::string_view, MortonKey);
+template TimelineRecord decode(std::string_view, MortonKey);
 
 }  // namespace locvol

@@ -140,4 +140,28 @@ struct MemoryRecord {
   friend bool operator==(const MemoryRecord&, const MemoryRecord&) = default;
 };
 
+// Where a run stood at one moment of its work. Counts are totals so far, of all sittings.
+struct TimelineSample {
+  std::uint64_t milliseconds = 0;  // of work, over all sittings
+  std::uint64_t sitting = 0;       // which of the processes that worked on the run, from 0 on
+  std::uint64_t started = 0;       // when that process began: seconds since 1970
+  std::uint64_t num_threads = 0;   // of that process
+  std::uint64_t memory_cap = 0;    // of that process, in bytes
+  std::uint64_t resident = 0;      // bytes that it held at this moment
+  Phase phase = Phase::kIngest;    // that took the time since the sample before
+  std::uint64_t epoch = 0;
+  std::uint64_t num_leaves = 0, num_queued = 0;
+  std::uint64_t num_visits = 0, num_points = 0, num_cells = 0, num_unresolved = 0;
+  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
+  std::uint64_t num_deletions = 0;
+  friend bool operator==(const TimelineSample&, const TimelineSample&) = default;
+};
+
+// How the run went, at moments in ascending order: to be looked at. Like MemoryRecord it says
+// nothing of the result, and is another one for each run.
+struct TimelineRecord {
+  std::vector<TimelineSample> samples;
+  friend bool operator==(const TimelineRecord&, const TimelineRecord&) = default;
+};
+
 }  // namespace locvol

@@ -17,7 +17,8 @@
 // ================================
 // Numbers in keys are big-endian, so that LMDB's order of bytes is their order.
 //
-//   meta                             "format" | "keys" | "run"      -> record
+//   meta                             "format" | "keys" | "run" |
+//                                    "memory" | "timeline"          -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
@@ -35,7 +36,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run", kMemoryKey = "memory";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey = "timeline";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -334,6 +335,13 @@ std::optional<MemoryRecord> Reader::memory() const {
                                  MortonKey());
 }
 
+TimelineRecord Reader::timeline() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kTimelineKey));
+  if (!bytes) return {};
+  return decode_in<TimelineRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                                   MortonKey());
+}
+
 std::optional<LeafInfo> Reader::leaf(MortonKey key) const {
   const auto bytes = impl_->find(Database::kLeaves, leaf_key(key));
   if (!bytes) return std::nullopt;
@@ -440,6 +448,10 @@ void Batch::put_run(const RunRecord& run) {
 
 void Batch::put_memory(const MemoryRecord& memory) {
   impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
+}
+
+void Batch::put_timeline(const TimelineRecord& timeline) {
+  impl_->put(Database::kMeta, std::string(kTimelineKey), encode(timeline, MortonKey()));
 }
 
 void Batch::put_leaf(MortonKey key, const LeafInfo& info) {

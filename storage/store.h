@@ -83,6 +83,7 @@ class Reader {
   virtual ~Reader();
   std::optional<RunRecord> run() const;
   std::optional<MemoryRecord> memory() const;
+  TimelineRecord timeline() const;
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
@@ -127,6 +128,7 @@ class Batch : public Reader {
 
   void put_run(const RunRecord& run);
   void put_memory(const MemoryRecord& memory);
+  void put_timeline(const TimelineRecord& timeline);
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);

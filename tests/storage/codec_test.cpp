@@ -42,6 +42,7 @@ TEST(Codec, RandomRecordsComeBack) {
     expect_round_trip(random.unresolved(size), leaf);
     expect_round_trip(random.info(), leaf);
     expect_round_trip(random.run(), MortonKey());
+    expect_round_trip(random.timeline(size), MortonKey());
     const QueueEntry entry = random.queue_entry();
     expect_round_trip(entry, entry.leaf);
   }
@@ -101,6 +102,7 @@ TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   Generator random(1);
   expect_damage_is_noticed(sample_run(), MortonKey());
   expect_damage_is_noticed(sample_memory(), MortonKey());
+  expect_damage_is_noticed(random.timeline(10), MortonKey());
   expect_damage_is_noticed(sample_info(), sample_leaf());
   expect_damage_is_noticed(sample_queue_entry(), sample_leaf());
   expect_damage_is_noticed(StoreFormat(), MortonKey());
@@ -209,6 +211,9 @@ TEST(Codec, RefusesValuesOutOfRange) {
     unresolved[kFieldsAt + sizeof(std::uint64_t)] = condition;
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
+  std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
+  timeline.back() = 4;  // the last sample's phase
+  EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
   std::string info = content_of(encode(sample_info(), sample_leaf()));
   // Not queued, but at a place in the queue.
   info[info.size() - 3 * sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] = 0;
@@ -269,6 +274,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("unresolved.v1", sample_unresolved(), sample_leaf());
   expect_golden("queue.v1", sample_queue_entry(), sample_leaf());
   expect_golden("memory.v1", sample_memory(), MortonKey());
+  expect_golden("timeline.v1", sample_timeline(), MortonKey());
   expect_golden("keys.v1", KeySums{{1, 0, ~std::uint64_t{0}}}, MortonKey());
 }
 

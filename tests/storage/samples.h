@@ -77,6 +77,31 @@ inline MemoryRecord sample_memory() {
   return {512 << 20, 20 << 20, 100000, 64 << 20, 90 << 20, 300 << 20, 480 << 20};
 }
 
+inline TimelineRecord sample_timeline() {
+  TimelineSample first{.milliseconds = 1200,
+                       .started = 1700000000,
+                       .num_threads = 2,
+                       .memory_cap = 512 << 20,
+                       .resident = 40 << 20,
+                       .phase = Phase::kInitialize,
+                       .num_leaves = 64,
+                       .num_queued = 30,
+                       .num_visits = 5,
+                       .num_points = 1000,
+                       .num_insertions = {},
+                       .num_deletions = 3};
+  TimelineSample last = first;
+  last.milliseconds = 65000;
+  last.sitting = 1;
+  last.phase = Phase::kDone;
+  last.resident = 30 << 20;
+  last.epoch = 2;
+  last.num_cells = 123456;
+  last.num_unresolved = 1;
+  last.num_insertions = {1, 2, 3, 4, 5, 6};
+  return {{first, last}};
+}
+
 inline QueueEntry sample_queue_entry() { return {{3, 5}, sample_leaf(), {{0, 0, 0}, {1, 2, 3}}}; }
 
 // Random records; a Generator gives the same ones for the same seed.
@@ -132,6 +157,31 @@ class Generator {
     run.surface.euler_characteristic = -static_cast<std::int64_t>(integer(1000));
     run.phase = static_cast<Phase>(integer(4));
     return run;
+  }
+
+  TimelineRecord timeline(std::size_t count) {
+    TimelineRecord record;
+    for (std::size_t i = 0; i < count; ++i) {
+      TimelineSample sample{.milliseconds = bits(),
+                            .sitting = bits(),
+                            .started = bits(),
+                            .num_threads = bits(),
+                            .memory_cap = bits(),
+                            .resident = bits(),
+                            .phase = static_cast<Phase>(integer(4)),
+                            .epoch = bits(),
+                            .num_leaves = bits(),
+                            .num_queued = bits(),
+                            .num_visits = bits(),
+                            .num_points = bits(),
+                            .num_cells = bits(),
+                            .num_unresolved = bits(),
+                            .num_insertions = {},
+                            .num_deletions = bits()};
+      for (auto& number : sample.num_insertions) number = bits();
+      record.samples.push_back(sample);
+    }
+    return record;
   }
 
   LeafPoints points(std::size_t count) {
