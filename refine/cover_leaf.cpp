@@ -44,8 +44,6 @@ Point combination(const Fragment& f, double u, double v) {
   return clamped(a + u * (b - a) + v * (c - a), f.box());
 }
 
-Point center(const Fragment& f) { return combination(f, 1.0 / 3, 1.0 / 3); }
-
 // Uniform over the fragment.
 Point random_point(const Fragment& f) {
   const std::uint64_t bits = mix(~f.key);
@@ -128,33 +126,34 @@ std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> tri
   return fragments;
 }
 
-// In order of key, the priority.
-std::vector<const Fragment*> by_priority(std::span<const Fragment> fragments) {
-  std::vector<std::pair<std::uint64_t, const Fragment*>> keyed;  // sorts faster than by pointer
-  keyed.reserve(fragments.size());
-  for (const Fragment& fragment : fragments) keyed.emplace_back(fragment.key, &fragment);
+// Halved until none is longer than `length`, and then in order of key, the priority.
+std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length) {
+  for (std::size_t i = 0; i < fragments.size(); ++i)
+    while (longest_edge(fragments[i]).second > length * length) {
+      const auto [here, there] = halves(fragments[i]);
+      fragments[i] = here;
+      fragments.push_back(there);
+    }
   // Equal keys (by chance, one leaf in 10⁹) keep the order of the array.
-  std::sort(keyed.begin(), keyed.end());
-  std::vector<const Fragment*> sorted;
-  sorted.reserve(keyed.size());
-  for (const auto& [key, fragment] : keyed) sorted.push_back(fragment);
-  return sorted;
+  std::ranges::stable_sort(fragments, {}, &Fragment::key);
+  return fragments;
 }
 
 // ---- Samples
 
-// SampleGrid finds the samples within `radius` of a point of a box. Each cell lists all samples
-// that are near enough to any of its points, so a query reads one cell; there are far more queries
-// than samples.
+// SampleGrid finds the samples near a point of a box. Each cell lists all samples that are within
+// `radius` of any of its points, so a query reads one cell; there are far more queries than
+// samples.
 class SampleGrid {
  public:
   SampleGrid(const Box& box, double radius);
 
   void add(const Point& sample);
 
-  // Is no sample closer to p than the radius? REQUIRES: p lies in the closed box
-  bool is_free(const Point& p) const {
-    return !any_around(p, [&](const Point& s) { return squared_distance(p, s) < radius2_; });
+  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box; spacing <= radius
+  bool is_free(const Point& p, double spacing) const {
+    return !any_around(p,
+                       [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
   }
   // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
   bool covers(const Fragment& f) const {
@@ -167,9 +166,10 @@ class SampleGrid {
 
  private:
   using Cell = std::array<std::int64_t, 3>;
-  struct Entry {  // of a cell's linked list
-    std::uint32_t sample;
-    std::uint32_t next;
+  struct Block {  // of a cell's list of samples
+    static constexpr std::uint32_t kSize = 8;
+    std::uint32_t num = 0, next = kNone;
+    std::array<Point, kSize> samples;
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -187,9 +187,8 @@ class SampleGrid {
   double margin_;  // the radius, and a little for rounding
   double side_;    // of a cell
   Cell shape_;     // cells on each axis
-  std::vector<Point> samples_;
-  std::vector<Entry> entries_;
-  std::vector<std::uint32_t> first_;  // entry of a cell, or kNone
+  std::vector<Block> blocks_;
+  std::vector<std::uint32_t> first_;  // block of a cell, the one that is not full; or kNone
 };
 
 SampleGrid::SampleGrid(const Box& box, double radius)
@@ -218,8 +217,6 @@ Box SampleGrid::cell_box(const Cell& c) const {
 
 void SampleGrid::add(const Point& sample) {
   const Box ball_box = Box::around(sample).expanded(margin_);
-  const auto number = static_cast<std::uint32_t>(samples_.size());
-  samples_.push_back(sample);
   Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
   for (const std::size_t axis : {0, 1, 2}) {
     low[axis] = std::max<std::int64_t>(low[axis], 0);
@@ -230,8 +227,12 @@ void SampleGrid::add(const Point& sample) {
       for (std::int64_t i = low[0]; i <= high[0]; ++i) {
         if (cell_box({i, j, k}).squared_distance(sample) > margin_ * margin_) continue;
         std::uint32_t& first = first_[index({i, j, k})];
-        entries_.push_back({number, first});
-        first = static_cast<std::uint32_t>(entries_.size() - 1);
+        if (first == kNone || blocks_[first].num == Block::kSize) {
+          blocks_.push_back({0, first, {}});
+          first = static_cast<std::uint32_t>(blocks_.size() - 1);
+        }
+        Block& block = blocks_[first];
+        block.samples[block.num++] = sample;
       }
     }
   }
@@ -239,54 +240,44 @@ void SampleGrid::add(const Point& sample) {
 
 template <class Test>
 bool SampleGrid::any_around(const Point& p, Test test) const {
-  for (std::uint32_t e = first_[index(cell_of(p))]; e != kNone; e = entries_[e].next) {
-    if (test(samples_[entries_[e].sample])) return true;
-  }
+  for (std::uint32_t b = first_[index(cell_of(p))]; b != kNone; b = blocks_[b].next)
+    for (std::uint32_t i = 0; i < blocks_[b].num; ++i)
+      if (test(blocks_[b].samples[i])) return true;
   return false;
 }
 
-// Fragments no longer than this are points: their centers decide. Relative to the radius, but never
-// so small that rounding could keep a fragment from shrinking.
-double point_size(const Box& box, double radius) {
-  constexpr double kPointSize = 1e-6;
-  double magnitude = 0;
-  for (const int axis : {0, 1, 2}) {
-    magnitude = std::max({magnitude, std::abs(box.min[axis]), std::abs(box.max[axis])});
-  }
-  return std::max(kPointSize * radius, 8 * std::numeric_limits<double>::epsilon() * magnitude);
-}
-
-// A maximal Poisson-disk sample, by dart throwing at the uncovered fragments, which halve from
-// round to round (after Ebeida and others, "A simple algorithm for maximal Poisson-disk sampling",
-// 2012).
+// A Poisson-disk sample that is maximal but for kSampleSpacing < kSampleRadius, by dart throwing at
+// the uncovered fragments, which halve from round to round (after Ebeida and others, "A simple
+// algorithm for maximal Poisson-disk sampling", 2012). A fragment as small as the difference is
+// covered once its dart fails, for a sample is that close to the dart.
 class SurfaceSampler {
  public:
   explicit SurfaceSampler(const CoverInput& input)
       : owned_(closed(input.box)),
-        point_size_(point_size(input.box, kSampleRadius * input.size)),
+        spacing_(kSampleSpacing * input.size),
         grid_(input.box, kSampleRadius * input.size) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
-    while (!fragments.empty()) fragments = uncovered_halves(throw_darts(fragments));
+    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_); !fragments.empty();
+         fragments = uncovered_halves(throw_darts(fragments))) {
+    }
     return std::move(samples_);
   }
 
  private:
-  bool is_point(const Fragment& f) const {
-    return longest_edge(f).second <= point_size_ * point_size_;
-  }
+  // The longer the fewer rounds, and the more darts that could have known better.
+  static constexpr double kFirstLength = 1;
+
   // Where rounding puts it on a face that belongs to the next leaf, it moves back by one rounding
   // error: else nobody would own the points of a sheet that leans towards the face that little.
-  Point aim(const Fragment& f) const {
-    return clamped(is_point(f) ? center(f) : random_point(f), owned_);
-  }
+  Point aim(const Fragment& f) const { return clamped(random_point(f), owned_); }
   std::vector<const Fragment*> throw_darts(std::span<const Fragment> fragments);
   std::vector<Fragment> uncovered_halves(std::span<const Fragment* const> fragments) const;
 
   const Box owned_;
-  const double point_size_;
+  const double spacing_;
   SampleGrid grid_;  // all samples, nearby ones as well
   std::vector<Point> samples_;
 };
@@ -294,11 +285,11 @@ class SurfaceSampler {
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
 std::vector<const Fragment*> SurfaceSampler::throw_darts(std::span<const Fragment> fragments) {
   std::vector<const Fragment*> targets;
-  for (const Fragment* fragment : by_priority(fragments)) {
-    if (grid_.covers(*fragment)) continue;
-    targets.push_back(fragment);
-    const Point dart = aim(*fragment);
-    if (!grid_.is_free(dart)) continue;
+  for (const Fragment& fragment : fragments) {
+    if (grid_.covers(fragment)) continue;
+    targets.push_back(&fragment);
+    const Point dart = aim(fragment);
+    if (!grid_.is_free(dart, spacing_)) continue;
     samples_.push_back(dart);
     grid_.add(dart);
   }
@@ -309,7 +300,7 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(
     std::span<const Fragment* const> fragments) const {
   std::vector<Fragment> result;
   for (const Fragment* fragment : fragments) {
-    if (is_point(*fragment) || grid_.covers(*fragment)) continue;
+    if (grid_.covers(*fragment)) continue;
     const std::array<Fragment, 2> both = halves(*fragment);
     result.insert(result.end(), both.begin(), both.end());
   }

@@ -11,7 +11,10 @@
 
 namespace locvol {
 
-inline constexpr double kSampleRadius = 0.8;   // r_s over λ
+// Over λ. Every point of the surface has a sample within kSampleRadius, r_s, and samples are at
+// least kSampleSpacing apart: if the two were one, half of the work would go to slits between
+// discs.
+inline constexpr double kSampleRadius = 0.86, kSampleSpacing = 0.78;
 inline constexpr double kLatticeDepth = 0.75;  // of lattice points below the surface, over λ
 // Lattice points this far from the surface or farther, over λ, are of the core. All neighbors of
 // such a point are lattice points inside, for they are deeper than kLatticeDepth; and what is
@@ -28,13 +31,13 @@ struct CoverInput {
 };
 
 struct CoverPoints {
-  std::vector<Point> samples;        // on the surface, in the half-open box, r_s apart
+  std::vector<Point> samples;        // on the surface, in the half-open box
   std::vector<LatticeSite> lattice;  // inside, deeper than kLatticeDepth λ, but not of the core
   LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther
 };
 
-// Afterwards every point of the surface in the box is within r_s (1 + 1e-6) of a sample, own or
-// nearby, and own samples are at least r_s from one another and from the nearby ones.
+// Afterwards every point of the surface in the box is within kSampleRadius λ of a sample, own or
+// nearby, and own samples are at least kSampleSpacing λ from one another and from the nearby ones.
 // A function of the geometry, ids, λ and seed: not of what else is loaded, or of any order.
 // Time: about 5 µs a sample, and 0.2 µs a triangle that meets the box.
 // REQUIRES: size > 0, lattice and surface are not null

@@ -441,14 +441,30 @@ void SurfacePatch::Impl::for_each_near(const Point& p, double distance, Visit vi
           if (boxes[t].squared_distance(p) < bound && !visit(triangles[t])) return;
 }
 
+// Shell after shell of grid cells around that of p, from the first that holds triangles: most
+// points that are near the surface are so by far.
 bool SurfacePatch::is_near(const Point& p, double distance) const {
   if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
-  bool is_found = false;
-  impl_->for_each_near(p, distance, [&](const Triangle& t) {
-    is_found = squared_distance_to_triangle(p, t) < distance * distance;
-    return !is_found;
-  });
-  return is_found;
+  const Point d{distance, distance, distance};
+  const auto low = impl_->cell_of(p - d), high = impl_->cell_of(p + d), at = impl_->cell_of(p);
+  const auto holds_near = [&](int i, int j, int k) {
+    return std::ranges::any_of(impl_->held_by(impl_->index(i, j, k)), [&](Impl::Index t) {
+      return impl_->boxes[t].squared_distance(p) < distance * distance &&
+             squared_distance_to_triangle(p, impl_->triangles[t]) < distance * distance;
+    });
+  };
+  int last = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    last = std::max({last, at[axis] - low[axis], high[axis] - at[axis]});
+  for (int ring = impl_->rings[impl_->index(at[0], at[1], at[2])]; ring <= last; ++ring)
+    for (int k = std::max(low[2], at[2] - ring); k <= std::min(high[2], at[2] + ring); ++k)
+      for (int j = std::max(low[1], at[1] - ring); j <= std::min(high[1], at[1] + ring); ++j) {
+        const bool is_end = std::abs(k - at[2]) == ring || std::abs(j - at[1]) == ring;
+        const int step = is_end || ring == 0 ? 1 : 2 * ring;
+        for (int i = at[0] - ring; i <= at[0] + ring; i += step)
+          if (low[0] <= i && i <= high[0] && holds_near(i, j, k)) return true;
+      }
+  return false;
 }
 
 void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {

@@ -39,7 +39,8 @@ TEST_P(MeshedModel, PassesTheAudit) {
   EXPECT_EQ(report.num_unresolved, summary.num_unresolved);
   EXPECT_GT(report.num_cells, 1000u);
   EXPECT_NEAR(report.volume / report.surface_volume, 1, 0.05);
-  EXPECT_LE(summary.max_visits_of_a_leaf, 4u);
+  // An acute fold across a border is worked at from both sides in turn (dragon: 2 to 10 by seed).
+  EXPECT_LE(summary.max_visits_of_a_leaf, GetParam().is_smooth ? 4u : 20u);
   if (!GetParam().is_smooth) return;
   EXPECT_EQ(summary.outcome, RunOutcome::kDone);
   EXPECT_TRUE(report.is_valid());

@@ -376,6 +376,7 @@ class CoverOf : public testing::TestWithParam<Model> {
                                : runs.emplace(model.name, CoverRun(model.world())).first->second;
   }
   static double radius() { return run().world.radius(); }
+  static double spacing() { return kSampleSpacing * run().world.size; }
 };
 
 TEST_P(CoverOf, SamplesLieInTheirLeafAndOnTheSurface) {
@@ -386,11 +387,11 @@ TEST_P(CoverOf, SamplesLieInTheirLeafAndOnTheSurface) {
     EXPECT_LE(distance(p, run().world.mesh), 2e-15 * run().scale);
 }
 
-TEST_P(CoverOf, SamplesAreARadiusApart) {
+TEST_P(CoverOf, SamplesAreApart) {
   const std::vector<Point>& samples = run().samples;
   for (std::size_t i = 0; i < samples.size(); ++i)
     for (std::size_t j = i + 1; j < samples.size(); ++j)
-      ASSERT_GE(squared_distance(samples[i], samples[j]), radius() * radius());
+      ASSERT_GE(squared_distance(samples[i], samples[j]), spacing() * spacing());
 }
 
 TEST_P(CoverOf, NoPointOfTheSurfaceIsFartherThanARadius) {
@@ -399,13 +400,14 @@ TEST_P(CoverOf, NoPointOfTheSurfaceIsFartherThanARadius) {
   double farthest = 0;
   for (const Point& p : probes(run().world.mesh, 50'000, random))
     farthest = std::max(farthest, nearest(p, run().samples));
-  EXPECT_LE(farthest, radius() * (1 + 1e-6) + 4e-15 * run().scale) << "seed " << seed;
+  EXPECT_LE(farthest, radius() + 4e-15 * run().scale) << "seed " << seed;
   EXPECT_GE(farthest, 0.9 * radius());  // else there are far more samples than needed
 }
 
-// Random sequential disks of diameter r fill 0.547 of the plane: 0.6965 per r².
+// Random sequential disks of diameter r fill 0.547 of the plane: 0.6965 per r². Without the last
+// of them, for which there is little room, some less.
 TEST_P(CoverOf, DensityIsThatOfSaturatedPoissonDisks) {
-  double expected = 0.6965 * area(run().world.mesh) / (radius() * radius());
+  double expected = 0.68 * area(run().world.mesh) / (spacing() * spacing());
   if (GetParam().name == "ThinPlate") expected /= 2;  // one sheet's samples cover the other
   const double ratio = static_cast<double>(run().samples.size()) / expected;
   EXPECT_GT(ratio, 0.85);
