@@ -155,6 +155,15 @@ class SampleGrid {
     return !any_around(p,
                        [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
   }
+  // Is one sample closer to all of the fragment than p, which is not farther from its first corner
+  // than the radius? REQUIRES: it lies in the closed box
+  bool is_nearer_than(const Point& p, const Fragment& f) const {
+    return any_around(f.corners[0], [&](const Point& s) {
+      return std::ranges::all_of(f.corners, [&](const Point& c) {
+        return squared_distance(c, s) < squared_distance(c, p);
+      });
+    });
+  }
   // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
   bool covers(const Fragment& f) const {
     return any_around(f.corners[0], [&](const Point& s) {
@@ -255,7 +264,8 @@ class SurfaceSampler {
   explicit SurfaceSampler(const CoverInput& input)
       : owned_(closed(input.box)),
         spacing_(kSampleSpacing * input.size),
-        grid_(input.box, kSampleRadius * input.size) {
+        radius_(kSampleRadius * input.size),
+        grid_(input.box.expanded(radius_), radius_) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
   }
 
@@ -265,6 +275,10 @@ class SurfaceSampler {
     }
     return std::move(samples_);
   }
+
+  // Is each point of the surface closer to a sample than to p, as far as samples are known? May say
+  // no where it is so by little. REQUIRES: p lies in the leaf
+  bool is_shielded(const Point& p, const SurfacePatch& surface) const;
 
  private:
   // The longer the fewer rounds, and the more darts that could have known better.
@@ -276,9 +290,11 @@ class SurfaceSampler {
   std::vector<const Fragment*> throw_darts(std::span<const Fragment> fragments);
   std::vector<Fragment> uncovered_halves(std::span<const Fragment* const> fragments) const;
 
+  bool is_shielded(const Point& p, const Fragment& f) const;
+
   const Box owned_;
-  const double spacing_;
-  SampleGrid grid_;  // all samples, nearby ones as well
+  const double spacing_, radius_;
+  SampleGrid grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
 };
 
@@ -307,27 +323,43 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(
   return result;
 }
 
-std::vector<Point> sample_surface(const CoverInput& input) {
-  std::vector<Fragment> fragments = fragments_in(input.box, input.surface->triangles(), input.seed);
-  if (fragments.empty()) return {};
-  return SurfaceSampler(input).sample(std::move(fragments));
+bool SurfaceSampler::is_shielded(const Point& p, const SurfacePatch& surface) const {
+  const Box around = Box::around(p).expanded(radius_);  // all others are shielded by the cover
+  std::vector<Triangle> near;
+  surface.triangles_near(p, radius_, near);
+  return std::ranges::all_of(near, [&](const Triangle& triangle) {
+    const Box bounds = triangle.box();
+    if (around.contains(bounds.min) && around.contains(bounds.max))
+      return is_shielded(p, Fragment{triangle.corners});
+    const std::vector<Point> polygon = clipped(triangle, around);
+    for (std::size_t i = 2; i < polygon.size(); ++i)
+      if (!is_shielded(p, Fragment{{polygon[0], polygon[i - 1], polygon[i]}})) return false;
+    return true;
+  });
+}
+
+// A fragment lies on a sample's side of the plane between that and p if its corners do.
+bool SurfaceSampler::is_shielded(const Point& p, const Fragment& f) const {
+  constexpr double kLeastLength = 0.1;
+  if (f.box().squared_distance(p) >= radius_ * radius_ || grid_.is_nearer_than(p, f)) return true;
+  if (longest_edge(f).second < kLeastLength * kLeastLength * spacing_ * spacing_) return false;
+  const std::array<Fragment, 2> both = halves(f);
+  return is_shielded(p, both[0]) && is_shielded(p, both[1]);
 }
 
 // ---- Lattice
 
-void cover_with_lattice(const CoverInput& input, CoverPoints& points) {
-  const SiteBox sites = input.lattice->sites_in(input.box);
+void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
+                        CoverPoints& points) {
   const SurfacePatch& surface = *input.surface;
-  if (surface.triangles().empty()) {
-    points.core.is_whole = surface.is_inside(input.box.center());
-    return;
-  }
-  for_each_site(sites, [&](const LatticeSite& site) {
+  for_each_site(input.lattice->sites_in(input.box), [&](const LatticeSite& site) {
     const Point p = input.lattice->position(site);
     if (!surface.is_inside(p)) return;
     if (!surface.is_near(p, kCoreDepth * input.size))
       add_site(site, points.core);
-    else if (!surface.is_near(p, kLatticeDepth * input.size))
+    else if (!surface.is_near(p, kLatticeDepth * input.size) ||
+             (!surface.is_near(p, kLeastLatticeDepth * input.size) &&
+              sampler.is_shielded(p, surface)))
       points.lattice.push_back(site);
   });
 }
@@ -338,8 +370,14 @@ CoverPoints cover_leaf(const CoverInput& input) {
   assert(input.size > 0 && "λ is a length");
   assert(input.lattice && "all leaves share one");
   assert(input.surface && "a leaf without surface has an empty patch");
-  CoverPoints points{.samples = sample_surface(input), .lattice = {}, .core = {}};
-  cover_with_lattice(input, points);
+  CoverPoints points;
+  if (input.surface->triangles().empty()) {
+    points.core.is_whole = input.surface->is_inside(input.box.center());
+    return points;
+  }
+  SurfaceSampler sampler(input);
+  points.samples = sampler.sample(fragments_in(input.box, input.surface->triangles(), input.seed));
+  cover_with_lattice(input, sampler, points);
   return points;
 }
 

@@ -104,15 +104,15 @@ void Revisit::gather_part() {
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
-  std::vector<bool> is_near(cubes_.size());
+  is_in_part_.resize(cubes_.size());
   for (std::size_t i = 0; i < is_active_.size(); ++i)
     if (is_active_[i])
       for_each_near(input_->own[i].position, input_->criteria.reach, [&](std::size_t k) {
-        is_near[k] = true;
+        is_in_part_[k] = true;
         return true;
       });
-  for (std::size_t i = 0; i < is_near.size(); ++i) {
-    if (!is_near[i]) continue;
+  for (std::size_t i = 0; i < is_in_part_.size(); ++i) {
+    if (!is_in_part_[i]) continue;
     const bool is_own = i < is_active_.size() && is_active_[i];
     const bool is_core = i >= input_->own.size() + input_->ghosts.size();
     (is_own ? part_.own : is_core ? part_.core : part_.ghosts).push_back(point(i));
@@ -121,17 +121,21 @@ void Revisit::gather_part() {
 
 bool Revisit::is_complete(const LeafDelta& delta) const {
   bool is_complete = true;
-  const auto look_around = [&](const Point& q, double distance) {
+  const double reach = input_->criteria.reach;
+  const auto require_active = [&](const Point& q, double distance) {
     for_each_near(q, distance, [&](std::size_t i) {
       is_complete &= i >= is_active_.size() || is_active_[i];
       return is_complete;
     });
   };
   for (const InsertedPoint& p : delta.inserted) {
-    look_around(p.position, kInsertionMatters * input_->criteria.size);
-    if (p.is_deleted) look_around(p.position, input_->criteria.reach);
+    require_active(p.position, p.is_deleted ? reach : kInsertionMatters * input_->criteria.size);
+    for_each_near(p.position, reach, [&](std::size_t i) {
+      is_complete &= is_in_part_[i];
+      return is_complete;
+    });
   }
-  for (const MeshPoint& p : delta.deleted) look_around(p.position, input_->criteria.reach);
+  for (const MeshPoint& p : delta.deleted) require_active(p.position, reach);
   return is_complete;
 }
 

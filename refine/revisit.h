@@ -23,7 +23,8 @@ class Revisit {
   // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
   // into the box are own. Valid while the Revisit lives.
   LeafInput& part() { return part_; }
-  // Whether what the visit of part() changed leaves the stars of all other own points as they were.
+  // Whether what the visit of part() changed leaves the stars of all other own points as they were,
+  // and all points around what it inserted were there.
   bool is_complete(const LeafDelta& delta) const;
   // Completes its cells by those that the leaf keeps.
   void add_kept_cells(LeafDelta& delta) const;
@@ -51,6 +52,7 @@ class Revisit {
   std::vector<Cube> cubes_;      // in order of place
   std::vector<bool> is_active_;  // of own points
   std::size_t num_active_ = 0;
+  std::vector<bool> is_in_part_;  // of all points
   LeafInput part_;
 };
 

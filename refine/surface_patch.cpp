@@ -467,6 +467,18 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
   return false;
 }
 
+void SurfacePatch::triangles_near(const Point& p, double distance,
+                                  std::vector<Triangle>& out) const {
+  out.clear();
+  impl_->for_each_near(p, distance, [&](const Triangle& t) {
+    out.push_back(t);
+    return true;
+  });
+  std::ranges::sort(out, {}, &Triangle::id);
+  const auto repeated = std::ranges::unique(out, {}, &Triangle::id);
+  out.erase(repeated.begin(), repeated.end());
+}
+
 void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
   out.clear();
   impl_->for_each_near(p, distance, [&](const Triangle& t) {

@@ -18,7 +18,7 @@ namespace {
 
 const std::array<Model, 3> kModels = {{{"three-holes", "2k", "10%", "150"},
                                        {"octahandles", "40k", "6%", "60"},
-                                       {"torus", "500", "14%", "50"}}};
+                                       {"torus", "500", "16%", "40"}}};
 
 std::uint64_t num_visits_of(const Ending& ending) {
   return static_cast<std::uint64_t>(std::ranges::count(ending.steps, 'r'));
