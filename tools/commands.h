@@ -70,6 +70,13 @@ struct ExportCommand {
   bool is_json = false;
 };
 
+struct ReportCommand {
+  std::filesystem::path store;
+  std::filesystem::path output;
+  std::optional<std::uint64_t> max_cells;  // on the page
+  bool is_json = false;
+};
+
 struct AuditCommand {
   std::filesystem::path store;
   bool is_json = false;
@@ -95,6 +102,7 @@ int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);
 int run_replay(const ReplayCommand& command);
 int run_export(const ExportCommand& command);
+int run_report(const ReportCommand& command);
 int run_audit(const AuditCommand& command);
 int run_info(const InfoCommand& command);
 int run_generate(const GenerateCommand& command);

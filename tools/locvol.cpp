@@ -239,6 +239,19 @@ CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
   return export_app;
 }
 
+CLI::App* declare_report(CLI::App& app, ReportCommand& command) {
+  CLI::App* report = app.add_subcommand(
+      "report", "Write a page about a run, for any browser: a view of the mesh, figures, facts");
+  add_store(*report, command.store);
+  add_output(*report, command.output, {".html"})->required();
+  add_parsed(*report, "--cells", parse_count, command.max_cells,
+             "Put at most so many cells on the page: all of the mesh, or those at some planes "
+             "(default: 2M)")
+      ->type_name("N");
+  add_json(*report, command.is_json);
+  return report;
+}
+
 CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
   CLI::App* audit = app.add_subcommand(
       "audit",
@@ -321,6 +334,7 @@ int run(int argc, char** argv) {
   InspectCommand inspect;
   ReplayCommand replay;
   ExportCommand export_command;
+  ReportCommand report;
   AuditCommand audit;
   InfoCommand info;
   GenerateCommand generate;
@@ -331,6 +345,7 @@ int run(int argc, char** argv) {
       {declare_inspect(app, inspect), [&] { return run_inspect(inspect); }},
       {declare_replay(app, replay), [&] { return run_replay(replay); }},
       {declare_export(app, export_command), [&] { return run_export(export_command); }},
+      {declare_report(app, report), [&] { return run_report(report); }},
       {declare_audit(app, audit), [&] { return run_audit(audit); }},
       {declare_info(app, info), [&] { return run_info(info); }},
       {declare_generate(app, generate), [&] { return run_generate(generate); }},

@@ -8,7 +8,7 @@ packages=(
   libcgal-dev                             # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
   libfmt-dev libssl-dev                   # engine/
-  libcli11-dev nlohmann-json3-dev         # tools/
+  libcli11-dev nlohmann-json3-dev zlib1g-dev libjs-three  # tools/
   libgtest-dev libbenchmark-dev python3   # tests/
   "$@"
 )

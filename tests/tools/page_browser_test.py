@@ -1,0 +1,147 @@
+"""The page of `locvol report` in a real browser: headless Chromium, from file://, with WebGL in
+software. Usage: page_browser_test.py LOCVOL. Exit code 77: there is no browser to test with."""
+
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import browser
+
+LOCVOL = sys.argv.pop(1)
+NO_BROWSER = 77
+
+
+def locvol(*arguments):
+    subprocess.run([LOCVOL, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+class PageTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.dir = pathlib.Path(cls.scratch.name)
+        surface, store = cls.dir / "ball.stl", cls.dir / "store"
+        locvol("generate", "sphere", "-o", surface, "--triangles", "3k")
+        locvol("mesh", surface, "-o", cls.dir / "ball.vtu", "--size", "4%", "--leaf-capacity",
+               "800", "--store", store, "--quiet")
+        locvol("report", store, "-o", cls.dir / "whole.html")
+        locvol("report", store, "-o", cls.dir / "planes.html", "--cells", "15000")
+        cls.browser = browser.Browser(1200, 800).__enter__()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.browser.__exit__()
+        cls.scratch.cleanup()
+
+    def open(self, name):
+        self.browser.open((self.dir / name).as_uri())
+        self.assertTrue(self.browser.run("return locvolReport.ready"))
+
+    def picture(self, script=""):
+        return self.browser.run(f"{script}; return locvolReport.picture()")
+
+    def colors(self):
+        """How many colors the canvas shows, in steps of 16."""
+        return self.browser.run("""
+            locvolReport.picture();
+            const from = document.getElementById('canvas'), to = document.createElement('canvas');
+            to.width = to.height = 200;
+            const ink = to.getContext('2d');
+            ink.drawImage(from, 0, 0, 200, 200);
+            const colors = new Set(), data = ink.getImageData(0, 0, 200, 200).data;
+            for (let i = 0; i < data.length; i += 4)
+              colors.add([data[i] >> 4, data[i + 1] >> 4, data[i + 2] >> 4].join());
+            return colors.size""")
+
+    def check_view(self):
+        self.assertGreater(self.colors(), 20)
+        seen = [self.picture()]
+        for script in ("locvolReport.turn(0.7)", "locvolReport.set({offset: 0.2})",
+                       "locvolReport.set({axis: 1})", "locvolReport.set({axis: 3})",
+                       "locvolReport.set({isFlipped: true})",
+                       "locvolReport.set({color: 'level'})", "locvolReport.set({color: 'plain'})",
+                       "locvolReport.set({boxes: true})", "locvolReport.set({isCut: false})"):
+            seen.append(self.picture(script))
+            self.assertNotEqual(seen[-1], seen[-2], script)
+        self.assertEqual(self.picture("locvolReport.reset()"), seen[0])
+
+    def check_quiet(self):
+        """No message in the console, and nothing asked for but the page itself."""
+        self.assertEqual([entry for entry in self.browser.log("browser")
+                          if entry["level"] in ("SEVERE", "WARNING")], [])
+        asked = [entry["message"] for entry in self.browser.log("performance")
+                 if '"Network.requestWillBeSent"' in entry["message"]]
+        self.assertFalse([m for m in asked if "http://" in m or "https://" in m])
+
+    def test_shows_the_whole_mesh(self):
+        self.open("whole.html")
+        self.check_view()
+        counts = self.browser.run("return locvolReport.triangles()")
+        self.assertGreater(counts["shell"], 1000)
+        for mode in ("locvolReport.set({isFlat: false})", "locvolReport.set({isFlat: true})"):
+            self.picture(mode)
+            self.assertGreater(self.browser.run("return locvolReport.triangles().cut"), 300)
+        angle = self.picture("locvolReport.set({color: 'angle'})")
+        self.assertNotEqual(angle, self.picture("locvolReport.set({color: 'ratio'})"))
+        self.assertIn("60°", self.browser.run(
+            "locvolReport.set({color: 'angle'}); return document.getElementById('legend').innerText"))
+        self.check_quiet()
+
+    def test_shows_planes_of_a_large_mesh(self):
+        self.open("planes.html")
+        self.assertGreater(self.browser.run("return locvolReport.triangles().cut"), 100)
+        self.check_view()
+        # Away from the stored planes the section is filled, in the colors of the leaves.
+        self.picture("locvolReport.set({axis: 3, isCut: true})")
+        self.assertEqual(self.browser.run("return locvolReport.triangles().cut"), 0)
+        filled = self.picture("locvolReport.set({color: 'leaf'})")
+        self.assertNotEqual(filled, self.picture("locvolReport.set({color: 'plain'})"))
+        self.assertIn("filled by leaf", self.browser.run(
+            "return document.getElementById('where').textContent"))
+        self.check_quiet()
+
+    def test_obeys_mouse_and_keys(self):
+        self.open("whole.html")
+        before = self.picture()
+        canvas = self.browser.run("""
+            const box = document.getElementById('canvas').getBoundingClientRect();
+            return [box.x + box.width / 2, box.y + box.height / 2]""")
+        x, y = map(int, canvas)
+        move = {"type": "pointerMove", "duration": 50, "origin": "viewport"}
+        self.browser.act([{"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"},
+                           "actions": [{**move, "x": x, "y": y},
+                                       {"type": "pointerDown", "button": 0},
+                                       {**move, "x": x + 120, "y": y + 40},
+                                       {"type": "pointerUp", "button": 0}]}])
+        turned = self.picture()
+        self.assertNotEqual(turned, before)
+
+        def press(key):
+            self.browser.act([{"type": "key", "id": "keys", "actions": [
+                {"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]}])
+            return self.picture()
+        self.browser.act([{"type": "pointer", "id": "mouse", "parameters": {"pointerType": "mouse"},
+                           "actions": [{**move, "x": x, "y": y}, {"type": "pointerDown", "button": 0},
+                                       {"type": "pointerUp", "button": 0}]}])
+        picked = self.browser.run("return document.getElementById('picked').innerText")
+        self.assertRegex(picked, r"leaf [0-9a-f]{16}, level \d: .*\ncell: smallest angle \d+")
+        self.assertNotEqual(press("c"), turned)
+        self.assertNotEqual(press("b"), turned)
+        self.assertEqual(press("r"), before)
+        self.browser.run("""
+            const slider = document.getElementById('offset');
+            slider.value = 0.8;
+            slider.dispatchEvent(new Event('input'))""")
+        self.assertNotEqual(self.picture(), before)
+        self.check_quiet()
+
+
+if __name__ == "__main__":
+    if browser.find() is None:
+        print("skipped: needs chromium and chromedriver (Debian: chromium, chromium-driver)")
+        sys.exit(NO_BROWSER)
+    os.environ.setdefault("HOME", tempfile.gettempdir())
+    unittest.main(verbosity=2)

@@ -1,0 +1,431 @@
+#include "tools/page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/engine.h"
+#include "engine/memory_budget.h"
+#include "engine/mesh_statistics.h"
+#include "engine/partial_file.h"
+#include "engine/run_timeline.h"
+#include "tools/arguments.h"
+#include "tools/commands.h"
+#include "tools/page_charts.h"
+#include "tools/page_data.h"
+#include "tools/page_resources.h"
+#include "tools/progress.h"
+#include "tools/report.h"
+#include "tools/stored_run.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::string_view kThreeNotice =
+    "three.js r111. The MIT License. Copyright © 2010-2019 three.js authors. "
+    "Permission is hereby granted, free of charge, to any person obtaining a copy of this software "
+    "and associated documentation files (the \"Software\"), to deal in the Software without "
+    "restriction, including without limitation the rights to use, copy, modify, merge, publish, "
+    "distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom the "
+    "Software is furnished to do so, subject to the following conditions: The above copyright "
+    "notice and this permission notice shall be included in all copies or substantial portions of "
+    "the Software. THE SOFTWARE IS PROVIDED \"AS IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR "
+    "IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A "
+    "PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE "
+    "LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR "
+    "OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER "
+    "DEALINGS IN THE SOFTWARE.";
+
+// 1234567 as "1,234,567".
+std::string grouped(std::uint64_t number) {
+  std::string text = std::to_string(number);
+  for (std::size_t place = text.size(); place > 3; place -= 3) text.insert(place - 3, 1, ',');
+  return text;
+}
+
+// The text of a script element must not end it.
+std::string script_text(std::string text) {
+  for (std::size_t at = 0; (at = text.find("</", at)) != std::string::npos; at += 3)
+    text.insert(at + 1, 1, '\\');
+  return text;
+}
+
+// Writes to a PartialFile from the front.
+class PageFile {
+ public:
+  explicit PageFile(const std::filesystem::path& file) : file_(file), out_(file_, 0) {}
+  void write(std::string_view text) { out_.append(std::as_bytes(std::span(text))); }
+  std::uint64_t publish() {
+    out_.flush();
+    file_.publish();
+    return out_.offset();
+  }
+
+ private:
+  PartialFile file_;
+  FileSection out_;
+};
+
+struct LeafCounts {
+  std::map<std::uint64_t, std::uint64_t> by_visits, by_level;  // of leaves that are not empty
+  std::uint64_t num_leaves = 0;
+};
+
+LeafCounts count_leaves(const Reader& reader) {
+  LeafCounts counts;
+  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
+    ++counts.num_leaves;
+    const bool is_empty = info.num_points == 0 && info.num_core_points == 0 && !info.queued;
+    if (is_empty) return true;
+    ++counts.by_visits[info.num_visits];
+    ++counts.by_level[static_cast<std::uint64_t>(key.level())];
+    return true;
+  });
+  return counts;
+}
+
+class Page {
+ public:
+  Page(const Store& store, const ViewLimits& limits, int num_threads)
+      : run_(run_of(store)),
+        timeline_(store.snapshot().timeline()),
+        memory_(store.snapshot().memory()),
+        leaves_(count_leaves(store.snapshot())) {
+    if (is_done()) statistics_ = mesh_statistics(store, num_threads);
+    view_ = mesh_view(store, limits);
+  }
+
+  PageSummary write(const std::filesystem::path& file) {
+    PageSummary summary{.num_mesh_cells = run_.num_cells};
+    for (const ViewCells& cells : view_.cells) summary.num_cells += cells.cells.size();
+    PageFile out(file);
+    std::string_view rest = page_template();
+    while (true) {
+      const std::size_t begin = rest.find("{{");
+      out.write(rest.substr(0, begin));
+      if (begin == std::string_view::npos) break;
+      const std::size_t end = rest.find("}}", begin);
+      put_part(rest.substr(begin + 2, end - begin - 2), out);
+      rest.remove_prefix(end + 2);
+    }
+    summary.bytes = out.publish();
+    return summary;
+  }
+
+ private:
+  using Rows = std::vector<std::pair<std::string, std::string>>;
+
+  static RunRecord run_of(const Store& store) {
+    auto run = store.snapshot().run();
+    if (!run || run->phase == Phase::kIngest)
+      throw std::runtime_error(
+          fmt::format("the store {} holds no surface yet: there is nothing to show",
+                      store.directory().string()));
+    return *std::move(run);
+  }
+
+  bool is_done() const { return run_.phase == Phase::kDone; }
+  std::string name() const { return std::filesystem::path(run_.surface.file).filename().string(); }
+
+  void put_part(std::string_view part, PageFile& out) {
+    const std::map<std::string_view, std::function<std::string()>> texts = {
+        {"title", [&] { return html_text(name() + " – locvol"); }},
+        {"name", [&] { return html_text(name()); }},
+        {"style", [] { return std::string(page_style()); }},
+        {"summary", [&] { return summary(); }},
+        {"viewer_class", [] { return std::string(three_library().empty() ? "is-failed" : ""); }},
+        {"failure", [] { return failure(); }},
+        {"num_sites", [&] { return grouped(run_.num_unresolved); }},
+        {"shown", [&] { return shown(); }},
+        {"section_note",
+         [&] {
+           return std::string(
+               run_.num_unresolved > 0
+                   ? "Dots are unresolved sites, wherever they lie along the line of sight."
+                   : "");
+         }},
+        {"sections", [&] { return sections(); }},
+        {"statistics", [&] { return statistics(); }},
+        {"timeline", [&] { return timeline(); }},
+        {"counts", [&] { return counts(); }},
+        {"facts", [&] { return facts(); }},
+        {"footer", [&] { return footer(); }},
+        {"three", [] { return three(); }},
+    };
+    if (part == "data") return put_data(out);
+    out.write(texts.at(part)());
+  }
+
+  std::string summary() const {
+    std::string text =
+        fmt::format("{} tetrahedra, {} vertices, λ = {:.6g}", grouped(run_.num_cells),
+                    grouped(run_.num_points), run_.parameters.size);
+    if (!is_done())
+      text = fmt::format("<strong>not finished</strong> (phase: {}); so far ",
+                         phase_name(run_.phase)) +
+             text;
+    if (run_.num_unresolved > 0)
+      text += fmt::format("; <strong>{} unresolved sites</strong>", grouped(run_.num_unresolved));
+    return text;
+  }
+
+  static std::string failure() {
+    return three_library().empty()
+               ? "This locvol was built without three.js (Debian's libjs-three), so that the page "
+                 "has no interactive view; its still figures follow."
+               : "";
+  }
+
+  // What the view shows, and what it leaves out.
+  std::string shown() const {
+    std::string text;
+    if (view_.has_all_cells()) {
+      text = "The view holds the whole mesh: its boundary, and all cells that the plane meets.";
+    } else {
+      text = view_.surface.grid > 0
+                 ? fmt::format(
+                       "The view shows the input surface, thinned to {} triangles (from {}: "
+                       "vertices within {:.3g} are joined), and what lies inside filled in "
+                       "the color of the leaf.",
+                       grouped(view_.surface.triangles.size()), grouped(run_.surface.num_triangles),
+                       view_.surface.grid)
+                 : "The view shows the input surface, and what lies inside filled in the color of "
+                   "the leaf.";
+      if (!is_done())
+        text += " The run is not finished: no cells are shown.";
+      else if (view_.cells.empty())
+        text += fmt::format(" Even the cells at one plane are too many for a page, of {}.",
+                            grouped(run_.num_cells));
+      else
+        text += fmt::format(
+            " Of the {} cells, the page holds the {} that meet {} planes across "
+            "the axes; the slider catches at them, and ◂ ▸ go from one to the "
+            "next.",
+            grouped(run_.num_cells), grouped(num_shown_cells()), view_.cells.size());
+    }
+    if (view_.sites.size() < run_.num_unresolved)
+      text += fmt::format(" The first {} unresolved sites are marked.", view_.sites.size());
+    return text;
+  }
+
+  std::uint64_t num_shown_cells() const {
+    std::uint64_t num = 0;
+    for (const ViewCells& cells : view_.cells) num += cells.cells.size();
+    return num;
+  }
+
+  std::string sections() const {
+    std::string text;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double at = 0.5 * (run_.surface.box.min[axis] + run_.surface.box.max[axis]);
+      text += fmt::format(
+          "<figure>{}<figcaption>{} = {:.4g}; {} to the right, {} up</figcaption>"
+          "</figure>\n",
+          section_svg(view_, run_, axis), "xyz"[axis], at, "yxx"[axis], "zzy"[axis]);
+    }
+    return text;
+  }
+
+  std::string statistics() const {
+    if (!statistics_) return "";
+    return fmt::format(
+        "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic scale. The "
+        "peaks are the cells of the lattice inside, {:.0f}% of all: angles of 60° and 90°, ratio "
+        "0.645.</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to {:.2f}°</h3>{}"
+        "</figure>\n<figure><h3>Smallest dihedral angle of each cell</h3>{}</figure>\n"
+        "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure></div></section>\n",
+        100 * static_cast<double>(statistics_->num_core_cells) /
+            static_cast<double>(std::max<std::uint64_t>(statistics_->num_cells, 1)),
+        statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
+        histogram_svg(statistics_->dihedral_angles, "°"),
+        histogram_svg(statistics_->min_dihedral_angles, "°"), statistics_->max_radius_edge_ratio,
+        histogram_svg(statistics_->radius_edge_ratios, ""));
+  }
+
+  std::string timeline() const {
+    const std::string figure = timeline_svg(timeline_);
+    if (figure.empty()) return "<p>The store has no timeline of this run.</p>";
+    return fmt::format("<p>Over {} of work{}.</p>\n<div id=\"timeline\">{}</div>\n",
+                       duration_text(seconds()), sittings(), figure);
+  }
+  double seconds() const {
+    return timeline_.samples.empty()
+               ? 0
+               : static_cast<double>(timeline_.samples.back().milliseconds) / 1000;
+  }
+  std::string sittings() const {
+    if (timeline_.samples.empty() || timeline_.samples.back().sitting == 0) return "";
+    return fmt::format(", in {} sittings", timeline_.samples.back().sitting + 1);
+  }
+
+  std::string counts() const {
+    return fmt::format(
+        "<figure><h3>Leaves by visits</h3>{}</figure>\n"
+        "<figure><h3>Leaves by level in the octree</h3>{}</figure>\n",
+        counts_svg(leaves_.by_visits, "visits"), counts_svg(leaves_.by_level, "level"));
+  }
+
+  std::string facts() const {
+    const SurfaceFacts& s = run_.surface;
+    const RunParameters& p = run_.parameters;
+    Rows surface = {
+        {"file", s.file},
+        {"triangles",
+         fmt::format("{}, {} vertices", grouped(s.num_triangles), grouped(s.num_vertices))},
+        {"topology",
+         fmt::format("{} {}, Euler characteristic {}, genus {}", s.num_components,
+                     s.num_components == 1 ? "component" : "components", s.euler_characteristic,
+                     genus(s.num_components, s.euler_characteristic))},
+        {"area, volume", fmt::format("{:.6g}, {:.6g}", s.area, s.volume)},
+        {"bounding box",
+         fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g})", s.box.min.x,
+                     s.box.min.y, s.box.min.z, s.box.max.x, s.box.max.y, s.box.max.z)},
+    };
+    for (const std::string& note : s.notes) surface.emplace_back("repair", note);
+    Rows run = {
+        {"size λ", fmt::format("{}", p.size)},
+        {"leaf capacity κ", grouped(p.leaf_capacity)},
+        {"initialization", fmt::format("{}, seed {}", init_name(p.init), p.seed)},
+        {"bounds", fmt::format("radius-edge ratio {}, spacing floor {} λ", p.radius_edge_bound,
+                               p.spacing_floor)},
+        {"phase", std::string(phase_name(run_.phase))},
+        {"leaves", fmt::format("{}, of which {} are not empty", grouped(leaves_.num_leaves),
+                               grouped(num_nonempty()))},
+        {"visits", fmt::format("{}, in {} epochs", grouped(run_.num_visits), run_.epoch)},
+        {"insertions", insertions_text(run_.num_insertions)},
+        {"deletions", grouped(run_.num_deletions)},
+    };
+    if (!timeline_.samples.empty()) run.emplace_back("time", time_text());
+    if (memory_)
+      run.emplace_back("memory", fmt::format("most {}, cap {}", mebibytes(memory_->peak_resident),
+                                             mebibytes(memory_->cap)));
+    Rows mesh = {{"tetrahedra", grouped(run_.num_cells)},
+                 {"vertices", grouped(run_.num_points)},
+                 {"unresolved", fmt::format("{} sites", grouped(run_.num_unresolved))}};
+    if (statistics_) {
+      const MeshStatistics& m = *statistics_;
+      mesh.emplace_back("of the lattice core",
+                        fmt::format("{} tetrahedra", grouped(m.num_core_cells)));
+      mesh.emplace_back("volume", fmt::format("{:.6g}, {:+.2g}% of the input's", m.volume,
+                                              100 * (m.volume - s.volume) / s.volume));
+      mesh.emplace_back("dihedral angles", fmt::format("{:.3f}° to {:.3f}°", m.min_dihedral_degrees,
+                                                       m.max_dihedral_degrees));
+      mesh.emplace_back("radius-edge ratio",
+                        fmt::format("at most {:.4f}", m.max_radius_edge_ratio));
+      mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
+    }
+    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sites();
+  }
+
+  std::uint64_t num_nonempty() const {
+    std::uint64_t num = 0;
+    for (const auto& [level, count] : leaves_.by_level) num += count;
+    return num;
+  }
+
+  std::string time_text() const {
+    const auto phases = milliseconds_by_phase(timeline_);
+    std::string text = duration_text(seconds()) + sittings() + ":";
+    for (std::size_t i = 0; i < phases.size(); ++i)
+      text += fmt::format("{} {} {:.1f} s", i == 0 ? "" : ",", phase_name(static_cast<Phase>(i)),
+                          static_cast<double>(phases[i]) / 1000);
+    return text;
+  }
+  static std::string mebibytes(std::uint64_t bytes) {
+    return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
+  }
+
+  std::string sites() const {
+    constexpr std::size_t kMaxListed = 20;
+    if (view_.sites.empty()) return "";
+    Rows rows;
+    for (std::size_t i = 0; i < std::min(view_.sites.size(), kMaxListed); ++i) {
+      const UnresolvedSite& site = view_.sites[i].site;
+      rows.emplace_back(
+          fmt::format("C{}", site.condition),
+          fmt::format("({:.6g}, {:.6g}, {:.6g}), radius {:.4g} λ", site.position.x, site.position.y,
+                      site.position.z, site.radius / run_.parameters.size));
+    }
+    if (run_.num_unresolved > rows.size())
+      rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --unresolved",
+                                        grouped(run_.num_unresolved - rows.size())));
+    return table("Unresolved sites", rows);
+  }
+
+  static std::string table(std::string_view caption, const Rows& rows) {
+    std::string text = fmt::format("<table><caption>{}</caption>\n", caption);
+    for (const auto& [name, value] : rows)
+      text += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", html_text(name), html_text(value));
+    return text + "</table>\n";
+  }
+
+  std::string footer() const {
+    return "Written by locvol report from the store of the run alone. C1 to C6 are the conditions "
+           "that a "
+           "visit restores: C1 to C4 of the boundary, C5 of circumradii, C6 of radius-edge ratios.";
+  }
+
+  static std::string three() {
+    if (three_library().empty()) return "";
+    return fmt::format("<!-- {} -->\n<script>{}</script>\n<script>{}</script>\n", kThreeNotice,
+                       three_library(), three_controls());
+  }
+
+  void put_data(PageFile& out) {
+    if (three_library().empty()) return;
+    const Json json =
+        page_view(std::move(view_), run_, [&](const std::string& id, const std::string& text) {
+          out.write(fmt::format("<script type=\"text/plain\" id=\"{}\">", id));
+          out.write(text);
+          out.write("</script>\n");
+        });
+    out.write(fmt::format("<script type=\"application/json\" id=\"view-data\">{}</script>\n",
+                          script_text(json.dump())));
+    out.write(fmt::format("<script>\n{}</script>\n", page_viewer()));
+  }
+
+  RunRecord run_;
+  TimelineRecord timeline_;
+  std::optional<MemoryRecord> memory_;
+  LeafCounts leaves_;
+  std::optional<MeshStatistics> statistics_;
+  MeshView view_;
+};
+
+}  // namespace
+
+PageSummary write_page(const Store& store, const std::filesystem::path& file,
+                       const ViewLimits& limits, int num_threads) {
+  return Page(store, limits, num_threads).write(file);
+}
+
+int run_report(const ReportCommand& command) {
+  require_writable(command.output);
+  const Store store = open_to_read(command.store);
+  ViewLimits limits;
+  if (command.max_cells) limits.max_cells = *command.max_cells;
+  const PageSummary page =
+      write_page(store, command.output, limits, num_streaming_threads(0, free_memory() / 2));
+  if (command.is_json) {
+    print_json({{"file", command.output.string()},
+                {"bytes", page.bytes},
+                {"num_cells", page.num_mesh_cells},
+                {"num_cells_shown", page.num_cells}});
+  } else {
+    fmt::print("{:<16} {}: {} of {} cells, {}\n", "written", command.output.string(),
+               page.num_cells, page.num_mesh_cells, bytes_text(page.bytes));
+  }
+  return kExitDone;
+}
+
+}  // namespace locvol
