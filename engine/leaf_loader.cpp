@@ -13,7 +13,7 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
-constexpr GridFineness kFine{1.2, 12}, kOfCover{2, 32}, kCoarse{6, 128};
+constexpr GridFineness kFine{1.2, 12}, kOfCover{4, 64}, kCoarse{6, 128};
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
