@@ -28,8 +28,10 @@ using VertexHandle = Triangulation::Vertex_handle;
 
 Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
 
-// Sorted, and the first two exchanged if that took an odd number of exchanges.
-void bring_into_order(std::array<Delaunay::Vertex, 4>& v) {
+using Vertices = std::array<Delaunay::Vertex, 4>;
+
+// Sorted; true if that took an odd number of exchanges.
+bool sort_oddly(Vertices& v) {
   bool is_odd = false;
   const auto order = [&](std::size_t a, std::size_t b) {
     if (v[a] <= v[b]) return;
@@ -37,7 +39,11 @@ void bring_into_order(std::array<Delaunay::Vertex, 4>& v) {
     is_odd = !is_odd;
   };
   order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
-  if (is_odd) std::swap(v[0], v[1]);
+  return is_odd;
+}
+
+Vertices vertices_of(CellHandle c) {
+  return {c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
 }
 
 }  // namespace
@@ -47,6 +53,18 @@ struct Delaunay::Impl {
   std::vector<VertexHandle> vertices;  // by number
   std::vector<CellHandle> cells;       // by number
   std::vector<CellHandle> new_cells;   // of the change at hand
+  // Of cells that are being numbered: their vertices in CGAL's order, so that its cells and
+  // vertices, which are all over memory, are read once.
+  struct Fresh {
+    Vertices sorted, original;
+    CellHandle handle;
+    bool is_odd = false;
+
+    explicit Fresh(CellHandle c) : sorted(vertices_of(c)), original(sorted), handle(c) {
+      is_odd = sort_oddly(sorted);
+    }
+  };
+  std::vector<Fresh> fresh;
 };
 
 Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
@@ -128,41 +146,34 @@ void Delaunay::number_all() {
   }
   corners_.resize(impl_->cells.size());
   mark_.resize(impl_->cells.size(), 0);
-  for (Cell c = 0; c < cell_bound(); ++c) set_corners(c);
-  for (Cell c = 0; c < cell_bound(); ++c) set_neighbors(c);
+  std::vector<Impl::Fresh>& fresh = impl_->fresh;
+  fresh.clear();
+  fresh.reserve(impl_->cells.size());
+  for (const CellHandle c : impl_->cells) fresh.emplace_back(c);
+  for (Cell c = 0; c < cell_bound(); ++c) set_corners(c, fresh[c].sorted, fresh[c].is_odd);
+  for (Cell c = 0; c < cell_bound(); ++c)
+    for (int i = 0; i < 4; ++i)
+      corners_[c].neighbor[std::size_t(index_of(c, fresh[c].original[std::size_t(i)]))] =
+          fresh[c].handle->neighbor(i)->info();
+  fresh = {};
   new_cells_.push_back(cell_bound() - 1);
 }
 
-void Delaunay::set_corners(Cell c) {
-  auto& vertex = corners_[c].vertex;
-  for (int i = 0; i < 4; ++i) vertex[std::size_t(i)] = impl_->cells[c]->vertex(i)->info();
-  bring_into_order(vertex);
-  for (const Vertex v : vertex)
+void Delaunay::set_corners(Cell c, const std::array<Vertex, 4>& sorted, bool is_odd) {
+  corners_[c].vertex = sorted;
+  if (is_odd) std::swap(corners_[c].vertex[0], corners_[c].vertex[1]);
+  for (const Vertex v : sorted)
     if (v != kInfinite) cell_of_[v] = c;
-}
-
-void Delaunay::set_neighbors(Cell c) {
-  const CellHandle here = impl_->cells[c];
-  for (int i = 0; i < 4; ++i) {
-    const auto own = std::size_t(index_of(c, here->vertex(i)->info()));
-    corners_[c].neighbor[own] = here->neighbor(i)->info();
-  }
 }
 
 // Takes the cells in impl_->new_cells in, in an order that does not depend on their addresses.
 void Delaunay::number_new() {
-  using Key = std::pair<std::array<Vertex, 4>, CellHandle>;
-  std::vector<Key> sorted;
-  sorted.reserve(impl_->new_cells.size());
-  for (const CellHandle c : impl_->new_cells) {
-    std::array<Vertex, 4> vertices{};
-    for (int i = 0; i < 4; ++i) vertices[std::size_t(i)] = c->vertex(i)->info();
-    std::ranges::sort(vertices);
-    sorted.emplace_back(vertices, c);
-  }
-  std::ranges::sort(sorted, {}, &Key::first);
+  std::vector<Impl::Fresh>& fresh = impl_->fresh;
+  fresh.clear();
+  for (const CellHandle c : impl_->new_cells) fresh.emplace_back(c);
+  std::ranges::sort(fresh, {}, &Impl::Fresh::sorted);
   new_cells_.clear();
-  for (const auto& [vertices, handle] : sorted) {
+  for (const auto& [sorted, original, handle, is_odd] : fresh) {
     Cell c = cell_bound();
     if (free_.empty()) {
       corners_.emplace_back();
@@ -175,16 +186,18 @@ void Delaunay::number_new() {
     }
     handle->info() = c;
     new_cells_.push_back(c);
-    set_corners(c);
+    set_corners(c, sorted, is_odd);
   }
-  for (const Cell c : new_cells_) {
-    set_neighbors(c);
-    const CellHandle here = impl_->cells[c];
-    for (int i = 0; i < 4; ++i) {  // and of those around the new ones
-      const CellHandle there = here->neighbor(i);
-      const Vertex opposite = there->vertex(there->index(here))->info();
-      const Cell n = there->info();
-      corners_[n].neighbor[std::size_t(index_of(n, opposite))] = c;
+  for (std::size_t n = 0; n < fresh.size(); ++n) {
+    const Cell c = new_cells_[n];
+    for (int i = 0; i < 4; ++i) {
+      const Vertex off = fresh[n].original[std::size_t(i)];
+      const Cell other = fresh[n].handle->neighbor(i)->info();
+      corners_[c].neighbor[std::size_t(index_of(c, off))] = other;
+      // And of those around the new ones: opposite the vertex that is not on the facet.
+      for (std::size_t k = 0; k < 4; ++k)
+        if (std::ranges::find(fresh[n].sorted, corners_[other].vertex[k]) == fresh[n].sorted.end())
+          corners_[other].neighbor[k] = c;
     }
   }
 }

@@ -86,8 +86,7 @@ class Delaunay {
 
   void number_all();
   void number_new();
-  void set_corners(Cell c);
-  void set_neighbors(Cell c);
+  void set_corners(Cell c, const std::array<Vertex, 4>& sorted, bool is_odd);
   void free_cells(std::span<const Cell> cells);
 
   std::unique_ptr<Impl> impl_;
