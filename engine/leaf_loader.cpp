@@ -150,7 +150,7 @@ void LeafLoader::keep_memory_of_points() {
 
 std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
   const LeafInfo& info = state_.leaves.info(leaf);
-  if (!state_.is_cover() || info.first_new_id == 0) return std::nullopt;
+  if (info.first_new_id == 0) return std::nullopt;
   LeafCells held = state_.leaves.cells(leaf);
   return LastVisit{info.first_new_id, {}, {std::move(held.vertices), std::move(held.cells)}};
 }

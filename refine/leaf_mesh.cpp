@@ -212,8 +212,9 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
     }
 }
 
+// Own points of P are all there, but for those whose stars are not this visit's to see.
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
-  add_local(q, ref, is_in_box(q.position));
+  add_local(q, ref, (ref & kNewPoint) != 0 && is_in_box(q.position));
   return insert_last_local(conflict);
 }
 

@@ -107,7 +107,7 @@ struct LeafInput {
   std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
   // If given, only what may have changed since is looked at, which is far less work: the same cells
   // come out, and where points must be inserted, possibly others.
-  // REQUIRES: that visit was not overfull, and left nothing unresolved; a finite reach
+  // REQUIRES: that visit was not overfull, and left nothing unresolved
   std::optional<LastVisit> last_visit = std::nullopt;
   std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
   std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty

@@ -11,7 +11,9 @@ namespace locvol {
 namespace {
 
 // How far, over λ, an insertion matters to stars whose balls are smaller than λ: it destroys those
-// that contain it. A deletion matters within the reach, for it can make balls as large as count.
+// that contain it. A deletion matters within the reach, for it can make balls as large as count; if
+// that is infinite, to the stars that it was in, and what else can matter is found when it does
+// (LeafInput::all_points).
 constexpr double kInsertionMatters = 2;
 
 // From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
@@ -31,7 +33,7 @@ void rename(std::vector<std::array<std::uint32_t, 4>>& cells,
 }  // namespace
 
 std::optional<Revisit> Revisit::of(const LeafInput& input) {
-  if (!input.last_visit || !std::isfinite(input.criteria.reach)) return std::nullopt;
+  if (!input.last_visit) return std::nullopt;
   if (input.max_own_points > 0 && input.own.size() > input.max_own_points) return std::nullopt;
   Revisit revisit(input);
   revisit.find_active();
@@ -40,7 +42,12 @@ std::optional<Revisit> Revisit::of(const LeafInput& input) {
   return revisit;
 }
 
-Revisit::Revisit(const LeafInput& input) : input_(&input), is_active_(input.own.size()) {
+Revisit::Revisit(const LeafInput& input)
+    : input_(&input),
+      insertion_matters_(kInsertionMatters * input.criteria.size),
+      deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
+                                                            : insertion_matters_),
+      is_active_(input.own.size()) {
   const std::size_t num = input.own.size() + input.ghosts.size() + input.core.size();
   cubes_.reserve(num);
   for (std::size_t i = 0; i < num; ++i)
@@ -80,7 +87,6 @@ void Revisit::for_each_near(const Point& q, double distance, Visit visit) const 
 }
 
 void Revisit::find_active() {
-  const double size = input_->criteria.size;
   const auto activate_near = [&](const Point& q, double distance) {
     for_each_near(q, distance, [&](std::size_t i) {
       if (i < is_active_.size()) is_active_[i] = true;
@@ -89,10 +95,9 @@ void Revisit::find_active() {
   };
   for (const auto* points : {&input_->own, &input_->ghosts})
     for (const MeshPoint& p : *points)
-      if (p.id >= input_->last_visit->first_new_id)
-        activate_near(p.position, kInsertionMatters * size);
+      if (p.id >= input_->last_visit->first_new_id) activate_near(p.position, insertion_matters_);
   for (const MeshPoint& p : input_->last_visit->deleted)
-    activate_near(p.position, input_->criteria.reach);
+    activate_near(p.position, deletion_matters_);
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
@@ -100,6 +105,7 @@ void Revisit::gather_part() {
   part_.criteria = input_->criteria;
   part_.box = input_->box;
   part_.surface = input_->surface;
+  part_.all_points = input_->all_points;
   part_.all_core = input_->all_core;
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
@@ -107,7 +113,7 @@ void Revisit::gather_part() {
   is_in_part_.resize(cubes_.size());
   for (std::size_t i = 0; i < is_active_.size(); ++i)
     if (is_active_[i])
-      for_each_near(input_->own[i].position, input_->criteria.reach, [&](std::size_t k) {
+      for_each_near(input_->own[i].position, deletion_matters_, [&](std::size_t k) {
         is_in_part_[k] = true;
         return true;
       });
@@ -121,7 +127,6 @@ void Revisit::gather_part() {
 
 bool Revisit::is_complete(const LeafDelta& delta) const {
   bool is_complete = true;
-  const double reach = input_->criteria.reach;
   const auto require_active = [&](const Point& q, double distance) {
     for_each_near(q, distance, [&](std::size_t i) {
       is_complete &= i >= is_active_.size() || is_active_[i];
@@ -129,13 +134,13 @@ bool Revisit::is_complete(const LeafDelta& delta) const {
     });
   };
   for (const InsertedPoint& p : delta.inserted) {
-    require_active(p.position, p.is_deleted ? reach : kInsertionMatters * input_->criteria.size);
-    for_each_near(p.position, reach, [&](std::size_t i) {
+    require_active(p.position, p.is_deleted ? deletion_matters_ : insertion_matters_);
+    for_each_near(p.position, deletion_matters_, [&](std::size_t i) {
       is_complete &= is_in_part_[i];
       return is_complete;
     });
   }
-  for (const MeshPoint& p : delta.deleted) require_active(p.position, reach);
+  for (const MeshPoint& p : delta.deleted) require_active(p.position, deletion_matters_);
   return is_complete;
 }
 

@@ -49,8 +49,9 @@ class Revisit {
   Point place_among_smallest(VertexRef id) const;
 
   const LeafInput* input_;
-  std::vector<Cube> cubes_;      // in order of place
-  std::vector<bool> is_active_;  // of own points
+  double insertion_matters_, deletion_matters_;  // up to these distances
+  std::vector<Cube> cubes_;                      // in order of place
+  std::vector<bool> is_active_;                  // of own points
   std::size_t num_active_ = 0;
   std::vector<bool> is_in_part_;  // of all points
   LeafInput part_;

@@ -7,6 +7,7 @@
 #include <random>
 #include <set>
 
+#include "engine/audit.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 
@@ -387,6 +388,26 @@ TEST_F(EngineTest, MeshesInPaperModeToo) {
   pieces.store = scratch_ / "pieces";
   mesh_in_pieces(pieces, 3);
   EXPECT_TRUE(are_equal(contents_of(pieces.store), contents));
+}
+
+// Second visits, of few points of a leaf, need points across the gaps, which are the same leaf's.
+TEST_F(EngineTest, MeshesCloseStrandsInPaperMode) {
+  Shape strands;
+  for (int i = 0; i < 5; ++i)
+    strands = together(strands, translated(torus(1, 0.12, 80, 16), {0, 0, 0.4 * i}));
+  write(strands);
+  auto run = options("store", 0.07, 1500);
+  run.init = Initialization::kPaper;
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  EXPECT_GT(summary.max_visits_of_a_leaf, 1U);
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  const Boundary boundary = boundary_of(contents);
+  EXPECT_EQ(boundary.num_overused_facets, 0U);
+  EXPECT_EQ(boundary.num_open_edges, 0U);
+  EXPECT_EQ(boundary.euler_characteristic, 0);
+  EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
 }
 
 TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {
