@@ -238,15 +238,21 @@ class Page {
 
   std::string statistics() const {
     if (!statistics_) return "";
+    const double share = static_cast<double>(statistics_->num_core_cells) /
+                         static_cast<double>(std::max<std::uint64_t>(statistics_->num_cells, 1));
+    const std::string core =
+        share < 0.005 ? ""
+                      : fmt::format(
+                            " The peaks are the cells of the lattice inside, {:.0f}% of all: "
+                            "angles of 60° and 90°, ratio 0.645.",
+                            100 * share);
     return fmt::format(
-        "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic scale. The "
-        "peaks are the cells of the lattice inside, {:.0f}% of all: angles of 60° and 90°, ratio "
-        "0.645.</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to {:.2f}°</h3>{}"
+        "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic "
+        "scale.{}</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to "
+        "{:.2f}°</h3>{}"
         "</figure>\n<figure><h3>Smallest dihedral angle of each cell</h3>{}</figure>\n"
         "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure></div></section>\n",
-        100 * static_cast<double>(statistics_->num_core_cells) /
-            static_cast<double>(std::max<std::uint64_t>(statistics_->num_cells, 1)),
-        statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
+        core, statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
         histogram_svg(statistics_->dihedral_angles, "°"),
         histogram_svg(statistics_->min_dihedral_angles, "°"), statistics_->max_radius_edge_ratio,
         histogram_svg(statistics_->radius_edge_ratios, ""));

@@ -330,7 +330,8 @@ class TimelineFigure {
     const double last = y(static_cast<double>(samples_.back().resident) / kMiB);
     add_label(std::min(last + 4, y(0) - 4), kBlue,
               fmt::format("most {:.0f} MiB", static_cast<double>(peak) / kMiB));
-    const std::string cap_text = fmt::format("cap {:.0f} MiB", static_cast<double>(cap) / kMiB);
+    const auto last_cap = static_cast<double>(samples_.back().memory_cap);
+    const std::string cap_text = fmt::format("cap {:.0f} MiB", last_cap / kMiB);
     if (!is_cap_near) return add_label(y(most / kMiB) + 4, "#b3261e", cap_text);
     std::vector<std::array<double, 2>> caps;
     for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -342,23 +343,21 @@ class TimelineFigure {
     add_label(caps.back()[1] + 4, "#b3261e", cap_text);
   }
 
+  // `lines`: in order of their last values.
   void add_lines(std::string_view title, const std::vector<Line>& lines) {
     std::uint64_t most = 0;
     for (const Line& l : lines)
       for (const TimelineSample& sample : samples_) most = std::max(most, l.value(sample));
     const Scale y = begin_panel(title, static_cast<double>(most), short_text);
-    std::vector<double> labels;
+    double above = std::numeric_limits<double>::infinity();  // of the label before
     for (const Line& l : lines) {
       std::vector<std::array<double, 2>> path;
       for (const TimelineSample& sample : samples_)
         path.push_back({x_(seconds(sample)), y(static_cast<double>(l.value(sample)))});
       add_path(path, l.color);
       const auto last = static_cast<double>(l.value(samples_.back()));
-      double at = y(last) + 4;
-      for (const double other : labels)
-        if (std::abs(other - at) < 12) at = other - 12;
-      labels.push_back(at);
-      add_label(at, l.color,
+      above = std::min(y(last) + 4, above - 12);
+      add_label(above, l.color,
                 l.name.empty() ? short_text(last) : fmt::format("{} {}", l.name, short_text(last)));
     }
   }
@@ -370,10 +369,10 @@ class TimelineFigure {
       lines.push_back({kConditionColors[c], fmt::format("C{}", c + 1),
                        [c](const TimelineSample& s) { return s.num_insertions[c]; }});
     }
-    std::ranges::sort(lines, {}, [&](const Line& l) { return l.value(samples_.back()); });
     if (samples_.back().num_deletions > 0)
-      lines.insert(lines.begin(),
-                   {"#6b7280", "deleted", [](const TimelineSample& s) { return s.num_deletions; }});
+      lines.push_back(
+          {"#6b7280", "deleted", [](const TimelineSample& s) { return s.num_deletions; }});
+    std::ranges::sort(lines, {}, [&](const Line& l) { return l.value(samples_.back()); });
     add_lines(lines.empty() ? "points inserted: none" : "points inserted, by condition", lines);
   }
 
