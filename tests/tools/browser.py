@@ -10,6 +10,9 @@ import time
 import urllib.error
 import urllib.request
 
+# The driver is on this machine, whatever proxy there may be.
+OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+
 ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
     # WebGL without a graphics card.
@@ -102,7 +105,7 @@ class Browser:
         request = urllib.request.Request(self._url + path, data, method=method,
                                          headers={"Content-Type": "application/json"})
         try:
-            with urllib.request.urlopen(request, timeout=180) as answer:
+            with OPENER.open(request, timeout=180) as answer:
                 return json.load(answer)["value"]
         except urllib.error.HTTPError as error:
             raise RuntimeError(json.load(error)["value"]["message"]) from None

@@ -139,7 +139,8 @@
   const COLORS = {
     leaf: {title: 'octree leaf', leaf: i => hsl((i * 137.508) % 360, 0.42 + 0.2 * (i % 3) / 2,
              0.6 + 0.14 * ((i >> 1) % 3) / 2),
-           legend: () => note(`One color for each of ${leaves.level.length} leaves` +
+           legend: () => note((leaves.level.length === 1 ? 'There is one leaf' :
+             `One color for each of ${leaves.level.length} leaves`) +
              (view.are_leaves_merged ? ' (the smallest are joined)' : ''))},
     level: {title: 'level of the leaf', ...counted(leaves.level, 'level in the octree')},
     visits: {title: 'visits to the leaf', ...counted(leaves.visits, 'visits')},
@@ -526,8 +527,8 @@
       const color = how.leaf(i), side = view.root_side / 2 ** leaves.level[i];
       const span = [0, 1, 2].map(axis => {
         const first = leaves.place[axis][i] * side / texel - low[axis];
-        return [Math.max(0, Math.round(first)),
-                Math.min(size[axis], Math.max(Math.round(first) + 1, Math.round(first + side / texel)))];
+        const from = Math.round(first), to = Math.max(from + 1, Math.round(first + side / texel));
+        return [Math.max(0, from), Math.min(size[axis], to)];
       });
       for (let z = span[2][0]; z < span[2][1]; ++z)
         for (let y = span[1][0]; y < span[1][1]; ++y)
@@ -653,7 +654,8 @@
   function showWhere({n, d}, num, stored) {
     const world = d * view.step + n.reduce((sum, v, i) => sum + v * view.origin[i], 0);
     const value = Math.abs(world) < 1e-6 * diagonal * view.step ? '0' : world.toPrecision(4);
-    const what = state.axis < 3 ? `${AXES[state.axis]} = ${value}` : `n·p = ${value}, n = (${n.map(v => v.toFixed(2)).join(', ')})`;
+    const what = state.axis < 3 ? `${AXES[state.axis]} = ${value}` :
+      `n·p = ${value}, n = (${n.map(v => v.toFixed(2)).join(', ')})`;
     const cells = whole || stored ? `${number(num)} cells meet the plane` :
       sets.length ? 'filled by leaf: no cells are in the page here' : 'filled by leaf';
     $('where').textContent = state.isCut ? `${what}: ${cells}` : 'not cut';
@@ -670,7 +672,8 @@
   function rayAt(event) {
     const box = renderer.domElement.getBoundingClientRect();
     const far = new THREE.Vector3((event.clientX - box.left) / box.width * 2 - 1,
-                                  1 - (event.clientY - box.top) / box.height * 2, 0.5).unproject(camera);
+                                  1 - (event.clientY - box.top) / box.height * 2, 0.5);
+    far.unproject(camera);
     const from = camera.position.toArray().map((v, i) => v * diagonal + middle[i]);
     return {from, along: minus(far.toArray().map((v, i) => v * diagonal + middle[i]), from)};
   }
@@ -737,7 +740,10 @@
     }
     if (!hits.length) return null;
     const {owner} = shell.userData;
-    if (owner) return {leaf: whole.leaf[owner[hits[0].triangle]], cell: owner[hits[0].triangle], cells: whole};
+    if (owner) {
+      const cell = owner[hits[0].triangle];
+      return {leaf: whole.leaf[cell], cell, cells: whole};
+    }
     return {leaf: leafAround(ray.from.map((f, i) => f + hits[0].distance * ray.along[i]))};
   }
 
@@ -901,7 +907,9 @@
     let down = null;
     renderer.domElement.addEventListener('pointerdown', event => { down = event; });
     renderer.domElement.addEventListener('pointerup', event => {
-      if (down && Math.hypot(event.clientX - down.clientX, event.clientY - down.clientY) < 4) tell(event);
+      if (!down) return;
+      const moved = Math.hypot(event.clientX - down.clientX, event.clientY - down.clientY);
+      if (moved < 4) tell(event);
     });
     new ResizeObserver(resize).observe(renderer.domElement.parentElement);
   }
