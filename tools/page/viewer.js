@@ -790,18 +790,20 @@
     controls.update();
   }
 
-  // Where a camera that looks along -direction sees all corners of the model's box.
+  // Where a camera that looks along -direction sees all of the model, by some thousand vertices.
   function distanceToFit(direction) {
     const side = new THREE.Vector3().crossVectors(camera.up, direction).normalize();
     const above = new THREE.Vector3().crossVectors(direction, side);
     const high = Math.tan(camera.fov * Math.PI / 360), wide = high * camera.aspect;
+    const places = shell.geometry.attributes.position.array, p = new THREE.Vector3();
+    const stride = 4 * Math.ceil(places.length / 4 / 5000);
     let distance = 0;
-    for (let corner = 0; corner < 8; ++corner) {
-      const p = new THREE.Vector3(...middle.map((m, i) => (corner >> i & 1 ? m : -m) / diagonal));
+    for (let at = 0; at < places.length; at += stride) {
+      p.set(...middle.map((m, i) => (places[at + i] - m) / diagonal));
       distance = Math.max(distance, p.dot(direction) + Math.abs(p.dot(side)) / wide,
                           p.dot(direction) + Math.abs(p.dot(above)) / high);
     }
-    return 1.06 * distance;
+    return 1.05 * distance;
   }
 
   function resize() {
