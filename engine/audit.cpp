@@ -60,12 +60,13 @@ void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
 }
 
 void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
-                  const RunRecord& run, AuditFindings& findings) {
+                  const RunRecord& run, AuditFindings& findings, const StepProgress& on_step) {
   const AuditBounds bounds = bounds_of(run);
   AuditReport& report = findings.report();
   AuditLoader loader(store, reader, leaves, run);
   BoundaryComponents components;
   for (std::size_t i = 0; i < leaves.size(); ++i) {
+    if (on_step) on_step(i, leaves.size());
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
@@ -90,7 +91,7 @@ std::uint64_t AuditReport::num_violations() const {
 
 bool AuditReport::is_valid() const { return num_violations() == 0 && num_cells > 0; }
 
-AuditReport audit(const Store& store) {
+AuditReport audit(const Store& store, const StepProgress& on_step) {
   AuditReport report;
   AuditFindings findings(report);
   const Snapshot snapshot = store.snapshot();
@@ -98,7 +99,7 @@ AuditReport audit(const Store& store) {
   const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
   if (!check_run(run, leaves, snapshot, findings)) return report;
   copy_surface_facts(run->surface, report);
-  check_leaves(store, snapshot, leaves, *run, findings);
+  check_leaves(store, snapshot, leaves, *run, findings, on_step);
   return report;
 }
 

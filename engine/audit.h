@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/step_progress.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -47,7 +48,7 @@ struct AuditReport {
 
 // Memory: a leaf with what lies within 2λ of it; 64 MB for the borders of leaves met before; and
 // where the boundary of the mesh crosses from leaves done to leaves to do, some 100 bytes a vertex.
-// Throws StoreError, CorruptRecord.
-AuditReport audit(const Store& store);
+// Steps are leaves. Throws StoreError, CorruptRecord.
+AuditReport audit(const Store& store, const StepProgress& on_step = {});
 
 }  // namespace locvol

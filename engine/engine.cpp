@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/apply_visit.h"
+#include "engine/disk_room.h"
 #include "engine/first_points.h"
 #include "engine/ingest.h"
 #include "engine/leaf_loader.h"
@@ -115,7 +116,10 @@ class Engine {
 
   void note_visit() {
     state_.note_visit();
-    if (state_.is_commit_due()) commit();
+    if (state_.is_commit_due())
+      commit();
+    else
+      tell_progress();
   }
 
   void begin_refinement() {
@@ -134,12 +138,17 @@ class Engine {
   void commit() {
     note_sample(state_.run.phase);
     state_.commit(memory_use(), &timeline_.record());
+    tell_progress();
+  }
+
+  void tell_progress() const {
     if (!control_.on_progress) return;
     const RunRecord& run = state_.run;
     control_.on_progress({.phase = run.phase,
                           .num_leaves = state_.octree.size(),
                           .num_queued = state_.queue.size(),
                           .num_visits = run.num_visits,
+                          .num_in_epoch = state_.queue.num_in_epoch(run.epoch),
                           .num_points = run.num_points,
                           .num_cells = run.num_cells,
                           .epoch = run.epoch});
@@ -200,7 +209,10 @@ Store ingested(const SurfaceSource& surface, const std::filesystem::path& direct
   IngestWatch watch = watch_of(unstoppable);
   RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
-  return ingest(std::move(raw), run, free_bytes_at(directory), open_store, control);
+  return ingest(
+      std::move(raw), run,
+      [&](const RunRecord& known) { require_room(known, directory, control.output); }, open_store,
+      control);
 }
 
 // A run without first points yet whose lattice points would have numbers of their own, as they had
@@ -216,6 +228,7 @@ RunSummary finish(Store& store, const RunControl& control, const WorkClock& cloc
   if (is_outdated(run))
     throw StoreError("the store " + store.directory().string() +
                      " was begun by an earlier version of locvol: force a new run over it");
+  require_room(run, store.directory(), control.output);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   const bool is_done = Engine(store, plan, control, clock).run();
   RunSummary summary = summarize(store.snapshot());
@@ -243,6 +256,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
     if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
+      if (control.on_run) control.on_run(*held);
       return finish(store, control, clock);
     }
   }
@@ -273,6 +287,8 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
           return *held;
         },
         [&] { return std::move(store); }, control);
+  } else if (control.on_run) {
+    control.on_run(*held);
   }
   return finish(store, control, clock);
 }

@@ -42,6 +42,7 @@ struct MeshOptions {
 struct Progress {
   Phase phase = Phase::kIngest;
   std::uint64_t num_leaves = 0, num_queued = 0, num_visits = 0;
+  std::uint64_t num_in_epoch = 0;  // of num_queued: in the open epoch, which nothing joins
   std::uint64_t num_points = 0, num_cells = 0;
   std::uint32_t epoch = 0;
   std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
@@ -49,11 +50,17 @@ struct Progress {
 
 // The functions are called by one thread at a time, not always the same one.
 struct RunControl {
-  // Called after each commit, and now and then while a large surface is ingested; may be empty.
+  // Called after each visit and each commit, and now and then while a large surface is ingested;
+  // may be empty.
   std::function<void(const Progress&)> on_progress;
   // Asked between visits, and now and then while a large surface is ingested; may be empty.
   std::function<bool()> is_stopped;
   std::function<void(const std::string&)> on_note;  // repairs of the input, and such
+  // Called once, with the surface and the parameters of the run that begins or goes on. What it
+  // throws ends the run; one that begins has written nothing by then. May be empty.
+  std::function<void(const RunRecord&)> on_run;
+  // The file that the mesh will be written to, if it will: its disk must have room for it.
+  std::filesystem::path output;
   // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
   // no influence on the result.
   std::uint64_t memory_bytes = 0;

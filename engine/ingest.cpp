@@ -260,7 +260,7 @@ void put_run(Store& store, const RunRecord& run) {
 
 }  // namespace
 
-Store ingest(RawSurface raw, RunRecord run, double free_bytes,
+Store ingest(RawSurface raw, RunRecord run, const std::function<void(const RunRecord&)>& check_run,
              const std::function<Store()>& open_store, const RunControl& control,
              std::uint64_t bucket_capacity) {
   const OctreePlan plan = plan_octree(run.parameters, raw.box);
@@ -275,9 +275,10 @@ Store ingest(RawSurface raw, RunRecord run, double free_bytes,
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
-    check_room(run, free_bytes);
+    check_run(run);
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
     planned_memory(run, memory_cap(control.memory_bytes));
+    if (control.on_run) control.on_run(run);
 
     store.emplace(open_store());
     put_run(*store, run);

@@ -7,8 +7,14 @@ namespace locvol {
 LeafQueue::LeafQueue(const Reader& reader) {
   reader.for_each_queued([&](const QueueEntry& entry) {
     entries_.emplace_hint(entries_.end(), Place{entry.position, entry.leaf}, entry.dirty);
+    ++num_in_epoch_[entry.position.epoch];
     return true;
   });
+}
+
+std::size_t LeafQueue::num_in_epoch(std::uint32_t epoch) const {
+  const auto num = num_in_epoch_.find(epoch);
+  return num == num_in_epoch_.end() ? 0 : num->second;
 }
 
 QueuePosition LeafQueue::front() const {
@@ -36,7 +42,7 @@ std::vector<QueuePlace> LeafQueue::front_epoch() const {
 
 void LeafQueue::put(const QueueEntry& entry) {
   const Place place{entry.position, entry.leaf};
-  entries_.insert_or_assign(place, entry.dirty);
+  if (entries_.insert_or_assign(place, entry.dirty).second) ++num_in_epoch_[entry.position.epoch];
   changed_.insert(place);
 }
 
@@ -61,6 +67,7 @@ void LeafQueue::erase(QueuePosition position, MortonKey leaf) {
   const Place place{position, leaf};
   [[maybe_unused]] const auto num_erased = entries_.erase(place);
   assert(num_erased == 1);
+  if (--num_in_epoch_[position.epoch] == 0) num_in_epoch_.erase(position.epoch);
   changed_.insert(place);
 }
 

@@ -24,6 +24,7 @@ class LeafQueue {
 
   bool is_empty() const { return entries_.empty(); }
   std::size_t size() const { return entries_.size(); }
+  std::size_t num_in_epoch(std::uint32_t epoch) const;
   QueuePosition front() const;  // REQUIRES: !is_empty()
   // The leaves at the front that share its epoch and color, in Morton order: independent of each
   // other, once colored. REQUIRES: !is_empty()
@@ -43,6 +44,7 @@ class LeafQueue {
 
   std::map<Place, Box> entries_;
   std::set<Place> changed_;
+  std::map<std::uint32_t, std::size_t> num_in_epoch_;
 };
 
 }  // namespace locvol

@@ -140,7 +140,7 @@ struct Control {
   /// half of what is free.
   std::uint64_t memory_bytes = 0;
   int num_threads = 0;  ///< 0: as many as the process may use.
-  /// Called after each commit, and now and then while the surface is read.
+  /// Called after each visit and each commit, and now and then while the surface is read.
   std::function<void(const Status&)> on_progress = {};
   /// Asked between visits, and now and then while the surface is read: true ends the run after a
   /// commit.

@@ -119,13 +119,14 @@ std::uint64_t free_memory() {
                    free_within_limit(RLIMIT_AS, "VmSize:")});
 }
 
+const std::uint64_t kLeastMemory = kProgramBytes + kIngestBytes;
+
 std::uint64_t memory_cap(std::uint64_t asked) {
-  constexpr std::uint64_t kLeast = kProgramBytes + kIngestBytes;
   const std::uint64_t cap = asked > 0 ? asked : free_memory() / 2;
-  if (cap < kLeast)
+  if (cap < kLeastMemory)
     throw OverBudget("a memory cap of " + memory_text(cap) + " is too small for any run: give " +
-                         memory_text(kLeast) + " or more",
-                     kLeast);
+                         memory_text(kLeastMemory) + " or more",
+                     kLeastMemory);
   return cap;
 }
 

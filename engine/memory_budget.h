@@ -26,6 +26,8 @@ class OverBudget : public std::runtime_error {
 // RAM that this process may still take without the system having to swap: what the kernel calls
 // available, cut to what is left of the limits on the process and its control group.
 std::uint64_t free_memory();
+// The least cap under which a surface can be read and checked.
+extern const std::uint64_t kLeastMemory;
 // What the user asks for, or half of what is free if that is 0; bytes of the whole process. Throws
 // OverBudget for less than it takes to read and check a surface.
 std::uint64_t memory_cap(std::uint64_t asked);

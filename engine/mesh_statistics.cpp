@@ -184,8 +184,13 @@ struct PointTable {
 class Piece : public Task {
  public:
   Piece(const Store& store, const RunRecord& run, const LinearOctree& octree,
-        std::vector<std::size_t> leaves, Gathered& total)
-      : store_(store), run_(run), octree_(octree), leaves_(std::move(leaves)), total_(total) {}
+        std::vector<std::size_t> leaves, Gathered& total, const std::function<void()>& on_applied)
+      : store_(store),
+        run_(run),
+        octree_(octree),
+        leaves_(std::move(leaves)),
+        total_(total),
+        on_applied_(on_applied) {}
 
   void compute() override {
     const Snapshot snapshot = store_.snapshot();
@@ -194,7 +199,10 @@ class Piece : public Task {
     });
     for (const std::size_t leaf : leaves_) measure(snapshot, leaf, tables);
   }
-  void apply() override { total_.add(gathered_); }
+  void apply() override {
+    total_.add(gathered_);
+    on_applied_();
+  }
 
  private:
   static PointTable table_of(const LeafPoints& points) {
@@ -271,6 +279,7 @@ class Piece : public Task {
   const LinearOctree& octree_;
   std::vector<std::size_t> leaves_;  // places in Morton order
   Gathered& total_;
+  const std::function<void()>& on_applied_;
   Lattice lattice_ = lattice_of(run_);
   Gathered gathered_;
 };
@@ -323,19 +332,23 @@ MeshStatistics::MeshStatistics()
       min_dihedral_angles(angle_histogram()),
       radius_edge_ratios(ratio_histogram()) {}
 
-MeshStatistics mesh_statistics(const Store& store, int num_threads) {
+MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   const LinearOctree octree = octree_of(store, snapshot);
   std::vector<std::uint64_t> num_cells;
   num_cells.reserve(octree.size());
   Gathered all;
-  std::uint64_t num_core_cells = 0;
+  std::uint64_t num_listed_cells = 0, num_core_cells = 0;
   snapshot.for_each_leaf([&](MortonKey, const LeafInfo& info) {
     num_cells.push_back(info.num_cells);
+    num_listed_cells += info.num_cells;
     num_core_cells += info.num_core_cells;
     return true;
   });
+  const std::function<void()> tell = [&] {
+    if (on_step) on_step(all.statistics.num_cells, num_listed_cells);
+  };
   std::size_t leaf = 0;
   Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
     std::vector<std::size_t> leaves;
@@ -344,7 +357,7 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads) {
       num += num_cells[leaf];
     }
     if (leaves.empty()) return nullptr;
-    return std::make_unique<Piece>(store, run, octree, std::move(leaves), all);
+    return std::make_unique<Piece>(store, run, octree, std::move(leaves), all, tell);
   });
   add_core(num_core_cells, all);
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/step_progress.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -34,9 +35,10 @@ struct MeshStatistics {
 
 // Streams over the cells that the store lists. Those of the lattice core are all alike and are
 // taken by formula, without the lattice's displacement of 2^-18 of its spacing. The result is the
-// same for any number of threads.
+// same for any number of threads. Steps are listed cells.
 // Memory: for each thread a leaf, its cells, and 8 MB for the points around it.
 // Throws StoreError unless the store holds a finished run; CorruptRecord.
-MeshStatistics mesh_statistics(const Store& store, int num_threads = 1);
+MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
+                               const StepProgress& on_step = {});
 
 }  // namespace locvol

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "engine/run_estimate.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
 
@@ -15,9 +16,6 @@ namespace {
 // A determinant of the predicates multiplies five lengths: within these bounds it neither overflows
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
-
-// On disk: points, cells and the queue, compressed.
-constexpr double kBytesPerCell = 40;
 
 std::string decimal(double v) {  // the shortest that reads back as v
   std::array<char, 32> text;
@@ -86,22 +84,6 @@ Frame frame_around(const RunParameters& parameters, const Box& surface, double l
   }
 }
 
-// The cells of the lattice core take next to nothing. The others, between the surface and a depth
-// of some 4 λ, are about 16 to λ², where they do not meet those of another sheet.
-double store_bytes(const RunRecord& run) {
-  const double size = run.parameters.size;
-  const double num_cells = estimated_num_cells(run.surface, size);
-  if (run.parameters.init == Initialization::kPaper) return kBytesPerCell * num_cells;
-  return kBytesPerCell * std::min(num_cells, 16 * run.surface.area / (size * size));
-}
-
-// The least size, within a tenth, whose mesh fits.
-double least_size_that_fits(const RunRecord& run, double free_bytes) {
-  RunRecord larger = run;
-  while (store_bytes(larger) > free_bytes) larger.parameters.size *= 1.1;
-  return larger.parameters.size;
-}
-
 // Of a box with the given side, grown by `distance` on all sides.
 double volume_growth(double side, double distance) { return std::pow(1 + 2 * distance / side, 3); }
 
@@ -116,6 +98,27 @@ std::uint64_t expected_visit(const RunParameters& parameters, double side, doubl
       .num_points = static_cast<std::uint64_t>(1.2 * num_points * volume_growth(side, reach)),
       .num_triangles = static_cast<std::uint64_t>(num_triangles * volume_growth(side, reach / 2))};
   return visit.bytes_to_refine();
+}
+
+// Points of the mesh, and of a leaf at the start.
+struct ExpectedPoints {
+  double all, of_leaf;
+};
+ExpectedPoints expected_points(const RunRecord& run) {
+  const double all = estimate_run(run.surface, run.parameters).num_vertices;
+  return {all, std::min(all, 0.5 * static_cast<double>(run.parameters.leaf_capacity))};
+}
+
+std::uint64_t expected_leaves(const RunRecord& run) {
+  const auto [all, of_leaf] = expected_points(run);
+  return static_cast<std::uint64_t>(std::min(all / of_leaf, 1e9));
+}
+
+std::uint64_t expected_largest_visit(const RunRecord& run) {
+  const auto [all, of_leaf] = expected_points(run);
+  const double side = std::min(start_leaf_side(run.parameters), largest_side(run.surface.box));
+  const VisitSize whole{.num_points = static_cast<std::uint64_t>(std::min(all, 1e12))};
+  return std::min(expected_visit(run.parameters, side, of_leaf, 0), whole.bytes_to_refine());
 }
 
 const char* name_of(Initialization init) {
@@ -165,43 +168,16 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
   return plan;
 }
 
-// The lattice has 2.2 cells to λ³, and up to 2.6 were measured of whole meshes less the surface
-// layer, which has about 8 to λ².
-double estimated_num_cells(const SurfaceFacts& surface, double size) {
-  return 2.4 * std::abs(surface.volume) / (size * size * size) + 8 * surface.area / (size * size);
-}
-
-void check_room(const RunRecord& run, double free_bytes) {
-  const double num_cells = estimated_num_cells(run.surface, run.parameters.size);
-  if (store_bytes(run) <= free_bytes) return;
-  throw InputError(
-      "size " + decimal(run.parameters.size) + " would make about " + rounded(num_cells) +
-      " tetrahedra of " + run.surface.file + ", and their store would take about " +
-      rounded(store_bytes(run) / 1e9) + " GB where " + rounded(free_bytes / 1e9) +
-      " GB are free: choose a size of at least " + rounded(least_size_that_fits(run, free_bytes)) +
-      ", or a store on a larger disk");
-}
-
-std::filesystem::path existing_directory(const std::filesystem::path& directory) {
-  std::filesystem::path existing = std::filesystem::absolute(directory);
-  while (!std::filesystem::is_directory(existing) && existing.has_relative_path())
-    existing = existing.parent_path();
-  return existing;
-}
-
-double free_bytes_at(const std::filesystem::path& directory) {
-  return static_cast<double>(std::filesystem::space(existing_directory(directory)).available);
-}
-
 MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {
-  const double all_points = estimated_num_cells(run.surface, run.parameters.size) / 6;
-  const double leaf_points =
-      std::min(all_points, 0.5 * static_cast<double>(run.parameters.leaf_capacity));
-  const double side = std::min(start_leaf_side(run.parameters), largest_side(run.surface.box));
-  const double num_leaves = std::min(all_points / leaf_points, 1e9);
-  const VisitSize all{.num_points = static_cast<std::uint64_t>(std::min(all_points, 1e12))};
-  return {cap, static_cast<std::uint64_t>(num_leaves),
-          std::min(expected_visit(run.parameters, side, leaf_points, 0), all.bytes_to_refine())};
+  return {cap, expected_leaves(run), expected_largest_visit(run)};
+}
+
+std::uint64_t least_memory(const RunRecord& run) {
+  constexpr std::uint64_t kAnyRun = std::uint64_t{1} << 50;
+  const std::uint64_t visit = expected_largest_visit(run);
+  return std::max(
+      kLeastMemory,
+      MemoryPlan(kAnyRun, expected_leaves(run), visit).cap_with_heap(visit + kLeastCacheBytes));
 }
 
 MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {

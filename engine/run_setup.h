@@ -28,21 +28,14 @@ struct OctreePlan {
 // Throws InputError, with the cure, if the surface is too large for leaves that small at all.
 OctreePlan plan_octree(const RunParameters& parameters, const Box& surface);
 
-// About how many cells the mesh will have. May be infinite.
-double estimated_num_cells(const SurfaceFacts& surface, double size);
-
-// Throws InputError, with the least size that would do, unless the mesh will fit into `free_bytes`.
-void check_room(const RunRecord& run, double free_bytes);
-// The directory, or the nearest one above it that exists.
-std::filesystem::path existing_directory(const std::filesystem::path& directory);
-// What is free where a store at `directory`, which need not exist yet, would be written.
-double free_bytes_at(const std::filesystem::path& directory);
-
 // How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
 // parameters tell what its visits will take, and one in a store, leaf by leaf.
 // Throws OverBudget, naming the least cap that would do.
 MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap);
 MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
+
+// The least cap on memory under which a run can be planned that has yet to be ingested.
+std::uint64_t least_memory(const RunRecord& run);
 
 // Throws StoreMismatch, naming each parameter that differs and both its values.
 void require_same_run(const RunParameters& held, const RunParameters& asked,

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <bit>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -237,21 +238,28 @@ class ArrayFile {
 
 class PieceTask : public Task {
  public:
-  PieceTask(Piece piece, ArrayFile& out) : piece_(std::move(piece)), out_(out) {}
+  PieceTask(Piece piece, ArrayFile& out, const std::function<void(std::uint64_t)>& on_written)
+      : piece_(std::move(piece)),
+        num_cells_(piece_.first_cell + piece_.connectivity.size()),
+        out_(out),
+        on_written_(on_written) {}
   void compute() override {
     out_.write_piece(piece_);
     piece_ = {};
   }
-  void apply() override {}
+  void apply() override { on_written_(num_cells_); }
 
  private:
   Piece piece_;
+  std::uint64_t num_cells_;  // up to its last
   ArrayFile& out_;
+  const std::function<void(std::uint64_t num_cells)>& on_written_;
 };
 
 }  // namespace
 
-WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads) {
+WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads,
+                       const StepProgress& on_step) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   PageRelease pages(store);
@@ -267,9 +275,12 @@ WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, in
   ArrayFile arrays(out, head.size(), layout);
   arrays.write_counts(num_vertices, num_cells);
   PieceReader pieces(snapshot, numbering, pages);
+  const std::function<void(std::uint64_t)> tell = [&](std::uint64_t num_written) {
+    if (on_step) on_step(num_written, num_cells);
+  };
   Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
     auto piece = pieces.next();
-    return piece ? std::make_unique<PieceTask>(*std::move(piece), arrays) : nullptr;
+    return piece ? std::make_unique<PieceTask>(*std::move(piece), arrays, tell) : nullptr;
   });
   arrays.write_footer();
   out.publish();

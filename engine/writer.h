@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 
+#include "engine/step_progress.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -16,7 +17,9 @@ struct WriteSummary {
 // by leaf in Morton order; tetrahedra in the same order, positively oriented; cell data `leaf` (the
 // leaf's place in Morton order). The file appears under its name only when it is whole.
 // Memory: one leaf and the id tables of its neighbors, and for each thread a mebibyte or a leaf
-// more. Throws StoreError; std::runtime_error with the file's name when it cannot be written.
-WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1);
+// more. Steps are cells. Throws StoreError; std::runtime_error with the file's name when it cannot
+// be written.
+WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,
+                       const StepProgress& on_step = {});
 
 }  // namespace locvol

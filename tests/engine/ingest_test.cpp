@@ -378,7 +378,7 @@ class IngestTest : public testing::Test {
     RawSurface raw = read_surface(options.input, std::filesystem::temp_directory_path(), watch);
     const RunRecord run = planned_run(options, raw.digest, raw.box);
     return ingest(
-        std::move(raw), run, 1e18,
+        std::move(raw), run, [](const RunRecord&) {},
         [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
         control, capacity);
   }

@@ -3,8 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 
+#include "engine/disk_room.h"
+#include "engine/run_estimate.h"
 #include "engine/run_state.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -100,37 +105,88 @@ TEST(PlanOctree, RefusesLeavesBeyondTheDeepestLevel) {
   EXPECT_THROW(plan_octree(parameters_with(1e-9, 50), {{0, 0, 0}, {1, 1, 1}}), InputError);
 }
 
-TEST(CheckRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
+// All places are on one disk, but for those that begin with "other".
+DiskOf disks(double free_bytes, double other_free_bytes) {
+  return [=](const std::filesystem::path& place) {
+    return place.string().starts_with("other") ? Disk{2, other_free_bytes} : Disk{1, free_bytes};
+  };
+}
+
+std::string refusal(const RunRecord& run, const std::string& output, const DiskOf& disk) {
+  return message_of<InputError>([&] { require_room(run, "no-store", output, disk); });
+}
+
+constexpr double kPlenty = 1e18;
+
+TEST(RequireRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
   const RunRecord run = planned_in_box(options_with({5, true}), {2, 2, 2e-6});
-  const auto message = message_of<InputError>([&] { check_room(run, 1e12); });
+  const auto message = refusal(run, "", disks(1e12, kPlenty));
   EXPECT_NE(message.find("choose a size of at least"), std::string::npos) << message;
 }
 
 // Nearly all cells are of the lattice core, which is not stored one by one.
-TEST(CheckRoom, TakesABillionCellsOfACubeInTenGigabytes) {
+TEST(RequireRoom, TakesABillionCellsOfACubeInTenGigabytesButNotTheirFile) {
   RunRecord run = planned_in_box(options_with({0.134, true}), {1, 1, 1});
-  run.surface.volume = 1;
-  run.surface.area = 6;
-  EXPECT_GT(estimated_num_cells(run.surface, run.parameters.size), 1e9);
-  EXPECT_NO_THROW(check_room(run, 1e10));
+  EXPECT_NEAR(estimated_num_cells(run.surface, run.parameters.size), 0.95e9, 0.05e9);
+  EXPECT_NO_THROW(require_room(run, "no-store", "", disks(1e10, 0)));
+  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", disks(1e10, 6e10)));
+  const auto message = refusal(run, "other/a.vtu", disks(1e10, 4e10));
+  EXPECT_NE(message.find("the mesh other/a.vtu would take about 4"), std::string::npos) << message;
+  EXPECT_NE(message.find(" where 40 GB are free"), std::string::npos) << message;
+  EXPECT_EQ(message.find("store"), std::string::npos) << message;
   run.parameters.init = Initialization::kPaper;
-  EXPECT_THROW(check_room(run, 1e10), InputError);
+  EXPECT_NE(refusal(run, "", disks(1e10, 0)).find("the store no-store"), std::string::npos);
 }
 
-TEST(CheckRoom, NamesASizeThatFits) {
+TEST(RequireRoom, AddsUpWhatOneDiskHasToTake) {
+  const RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});
+  const RunEstimate estimate = estimate_run(run.surface, run.parameters);
+  const double both = estimate.store_bytes + estimate.file_bytes;
+  EXPECT_NO_THROW(require_room(run, "no-store", "a.vtu", disks(1.01 * both, 0)));
+  const auto message = refusal(run, "a.vtu", disks(0.99 * both, kPlenty));
+  EXPECT_NE(message.find("the store no-store would take about"), std::string::npos) << message;
+  EXPECT_NE(message.find(", and the mesh a.vtu would take about"), std::string::npos) << message;
+  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", disks(0.99 * both, kPlenty)));
+}
+
+TEST(RequireRoom, NamesASizeThatFits) {
   const RunRecord run = planned_in_box(options_with({0.1, true}), {1, 1, 1});
-  const auto message = message_of<InputError>([&] { check_room(run, 1e9); });
-  const std::string words = "choose a size of at least ";
-  const auto place = message.find(words);
-  ASSERT_NE(place, std::string::npos) << message;
-  RunRecord larger = run;
-  larger.parameters.size = 1.01 * std::stod(message.substr(place + words.size()));
-  EXPECT_NO_THROW(check_room(larger, 1e9));
-  EXPECT_LT(larger.parameters.size, 0.1);
+  for (const char* output : {"", "a.vtu", "other/a.vtu"}) {
+    const DiskOf disk = disks(1e9, 2e9);
+    const auto message = refusal(run, output, disk);
+    const std::string words = "choose a size of at least ";
+    const auto place = message.find(words);
+    ASSERT_NE(place, std::string::npos) << message;
+    RunRecord larger = run;
+    larger.parameters.size = 1.01 * std::stod(message.substr(place + words.size()));
+    EXPECT_NO_THROW(require_room(larger, "no-store", output, disk));
+    EXPECT_LT(larger.parameters.size, 0.1);
+  }
 }
 
-TEST(FreeBytes, OfADirectoryYetToBeMadeAreItsDisks) {
-  EXPECT_GT(free_bytes_at("no/such/directory"), 0);
+TEST(RequireRoom, OfARunThatGoesOnIsForTheRest) {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "store");
+  RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});
+  const RunEstimate estimate = estimate_run(run.surface, run.parameters);
+  const DiskOf disk = [&](const std::filesystem::path&) {
+    return Disk{1, estimate.file_bytes + 0.2 * estimate.store_bytes};
+  };
+  const auto require = [&] { require_room(run, dir / "store", "a.vtu", disk); };
+  EXPECT_THROW(require(), InputError);
+  std::ofstream(dir / "store" / "data.mdb");
+  std::filesystem::resize_file(dir / "store" / "data.mdb",
+                               static_cast<std::uintmax_t>(0.9 * estimate.store_bytes));
+  EXPECT_NO_THROW(require());
+  std::filesystem::resize_file(dir / "store" / "data.mdb", 0);
+  EXPECT_THROW(require(), InputError);
+  run.phase = Phase::kDone;
+  EXPECT_NO_THROW(require());
+}
+
+TEST(DiskOf, ADirectoryYetToBeMadeIsThatOfItsParent) {
+  EXPECT_GT(disk_of("no/such/directory").free_bytes, 0);
+  EXPECT_EQ(disk_of("no/such/directory").id, disk_of(".").id);
 }
 
 TEST(RequireSameRun, NamesEachDifferenceWithBothValues) {

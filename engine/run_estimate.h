@@ -1,0 +1,45 @@
+// What a run will take, told before it: laws in the volume V and the area A of the surface, and in
+// λ, fitted to whole runs (engine/README.md, "Estimates").
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "storage/records.h"
+
+namespace locvol {
+
+// What takes time, one after another; the first three are the Phases of a run.
+enum class Stage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
+inline constexpr std::size_t kNumStages = 5;  // of a run: no audit
+
+struct RunEstimate {
+  double size = 0;  // λ
+  // The mean thickness, 2 V/A, is below λ: too thin to tell.
+  bool is_thin = false;
+  // These may be infinite.
+  double num_cells = 0, num_vertices = 0;
+  double num_listed_cells = 0;  // not of the lattice core: nearly all the work is in them
+  double store_bytes = 0;       // at the end; it has been larger at no time
+  double file_bytes = 0;        // of a VTU file
+  // Seconds of each stage, on as many cores of 2.6 GHz with a disk that takes 1 GB a second. In
+  // paper mode, of which no law is known, of no more than the ingest.
+  std::array<double, kNumStages> seconds{};
+
+  double total_seconds() const;
+};
+
+// From the estimate over this to the estimate times this: 9 of 10 runs of 31 models. It may be
+// several times as much where the surface is not smooth at the scale λ, or thin.
+inline constexpr double kCellsFactor = 1.15, kBytesFactor = 1.7, kSecondsFactor = 2.5;
+
+RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
+                         int num_threads = 1);
+double estimated_num_cells(const SurfaceFacts& surface, double size);
+
+// λ for a user who gives none: of a mesh with about half a million cells; or of more, up to five
+// million, if that is what it takes to have two or so λ of thickness where the surface is of
+// average thickness, 2 V/A. Rounded to two digits. 0 for a surface without volume.
+double default_size(const SurfaceFacts& surface);
+
+}  // namespace locvol
