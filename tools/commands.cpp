@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -15,7 +14,10 @@
 #include "engine/audit.h"
 #include "engine/memory_budget.h"
 #include "engine/mesh_statistics.h"
+#include "engine/run_estimate.h"
+#include "engine/run_setup.h"
 #include "engine/surface_input.h"
+#include "engine/workers.h"
 #include "engine/writer.h"
 #include "tools/arguments.h"
 #include "tools/generate.h"
@@ -28,9 +30,6 @@ namespace locvol {
 namespace {
 
 constexpr std::size_t kMaxListedSites = 20;  // on stderr; `inspect` lists all
-constexpr double kCellsPerCubicSize =
-    2.4;  // of volume over λ³: a BCC mesh has 2.24, a boundary more
-
 // Only what this command may remove when it is done with it.
 bool is_absent_or_store(const std::filesystem::path& directory) {
   return !std::filesystem::exists(directory) || Store::owns(directory);
@@ -53,43 +52,64 @@ struct TimedRun {
   int num_writers = 1;  // threads for the output
 };
 
-int num_writers(int num_threads, std::uint64_t memory_bytes) {
-  return num_streaming_threads(num_threads, memory_bytes > 0 ? memory_bytes : free_memory() / 2);
+ProgressStyle progress_style(const auto& command) {
+  if (command.is_quiet) return ProgressStyle::kNone;
+  return command.is_json ? ProgressStyle::kJson : ProgressStyle::kText;
+}
+
+int threads_of(const auto& command) {
+  return command.num_threads > 0 ? command.num_threads : num_usable_threads();
+}
+
+// Says which run begins or goes on, and what it will take.
+void tell_run(const RunRecord& run, const auto& command, ProgressLine& line) {
+  const int num_threads = threads_of(command);
+  const RunEstimate estimate = estimate_run(run.surface, run.parameters, num_threads);
+  line.expect(estimate, !command.output.empty());
+  const bool begins = run.phase == Phase::kIngest;
+  line.tell("run",
+            {{"begins", begins},
+             {"phase", phase_name(run.phase)},
+             {"num_threads", num_threads},
+             {"estimate", to_json(estimate)}},
+            begins ? brief_estimate_text(estimate, num_threads)
+                   : fmt::format("goes on with the run in its store, in phase {}",
+                                 phase_name(run.phase)));
 }
 
 // `command`: a MeshCommand or a ResumeCommand.
-TimedRun run_with_progress(const auto& command,
+TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine& line,
                            const std::function<RunSummary(const RunControl&)>& run) {
-  ProgressLine line(command.is_quiet);
   const RunControl control{
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
-      .memory_bytes = command.memory_bytes,
+      .on_run = [&](const RunRecord& record) { tell_run(record, command, line); },
+      .output = command.output,
+      .memory_bytes = cap,
       .num_threads = command.num_threads,
   };
-  TimedRun timed{run(control), {}, num_writers(command.num_threads, command.memory_bytes)};
+  TimedRun timed{run(control), {}, num_streaming_threads(command.num_threads, cap)};
   const auto seconds = line.phases().seconds_by_phase(line.seconds());
   for (std::size_t i = 0; i < seconds.size(); ++i)
     timed.seconds.emplace_back(phase_name(static_cast<Phase>(i)), seconds[i]);
   return timed;
 }
 
-MeshStatistics measure_timed(const Store& store, int num_threads, Seconds& seconds) {
-  const auto start = std::chrono::steady_clock::now();
-  MeshStatistics statistics = mesh_statistics(store, num_threads);
-  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
-  seconds.emplace_back("measure", taken.count());
-  return statistics;
+// The result of `work`, which tells the line of its steps.
+template <class Work>
+auto with_steps(Stage stage, ProgressLine& line, const Work& work) {
+  line.update(stage, 0, 0);  // there may be something to do before the first step
+  return work(
+      [&line, stage](std::uint64_t done, std::uint64_t all) { line.update(stage, done, all); });
 }
 
-WriteSummary write_timed(const Store& store, const std::filesystem::path& output, int num_threads,
-                         Seconds& seconds) {
-  const auto start = std::chrono::steady_clock::now();
-  const WriteSummary written = write_vtu(store, output, num_threads);
-  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
-  seconds.emplace_back("write", taken.count());
-  return written;
+template <class Work>
+auto timed(Stage stage, ProgressLine& line, Seconds& seconds, const Work& work) {
+  const double start = line.seconds();
+  auto result = with_steps(stage, line, work);
+  seconds.emplace_back(stage_name(stage), line.seconds() - start);
+  return result;
 }
 
 double total(const Seconds& seconds) {
@@ -118,6 +138,47 @@ std::string peak_text(const MemoryRecord& memory) {
                      in_mebibytes(memory.cap));
 }
 
+struct CheckedInput {
+  SurfaceFacts facts;
+  std::string digest;
+};
+
+// Throws InputError if it is no surface to be meshed.
+CheckedInput checked_input(const std::filesystem::path& file, std::uint64_t cap) {
+  IngestWatch watch;
+  RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
+  const std::string digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  Workers workers(num_streaming_threads(0, cap));
+  return {check_surface(std::move(raw), frame, watch, workers).facts, digest};
+}
+
+// The run that `mesh` would begin, with all that is known of its surface.
+RunRecord run_of_size(const CheckedInput& input, const std::filesystem::path& file, double size) {
+  MeshOptions options;
+  options.input = file;
+  options.size = {size, false};
+  RunRecord run = planned_run(options, input.digest, input.facts.box);
+  run.surface = input.facts;
+  return run;
+}
+
+// For a user who gives none.
+SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, ProgressLine& line) {
+  const SurfaceFacts facts = checked_input(file, cap).facts;
+  const double size = default_size(facts);
+  if (!(size > 0))
+    throw InputError(file.string() +
+                     ": its volume is 0, so no size can be chosen for it: give --size");
+  const auto cells = [&](double s) { return count_text(estimated_num_cells(facts, s)); };
+  line.tell(
+      "size", {{"size", size}},
+      fmt::format("no --size is given: {} is chosen, for about {} tetrahedra; --size {} makes "
+                  "about {}, --size {} about {}",
+                  size, cells(size), 2 * size, cells(2 * size), size / 2, cells(size / 2)));
+  return {size, false};
+}
+
 std::string_view outcome_name(RunOutcome outcome) {
   switch (outcome) {
     case RunOutcome::kDone:
@@ -142,22 +203,32 @@ int exit_code(RunOutcome outcome) {
   return kExitError;
 }
 
-void print_how_to_resume(const std::filesystem::path& store, const std::filesystem::path& output) {
+void tell_how_to_resume(const std::filesystem::path& store, const std::filesystem::path& output,
+                        bool is_json, ProgressLine& line) {
+  if (is_json) return line.tell("interrupted", {{"store", store.string()}}, "");
   const std::string option = output.empty() ? "" : fmt::format(" -o {}", output.string());
+  line.clear();
   fmt::print(stderr, "locvol: interrupted; `locvol resume {}{}` goes on\n", store.string(), option);
 }
 
-void print_unresolved(const Store& store) {
+void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   const auto sites = unresolved_sites(store.snapshot());
+  const std::size_t num_listed = std::min(sites.size(), kMaxListedSites);
+  if (is_json) {
+    Json json = {{"num_unresolved", sites.size()}, {"sites", Json::array()}};
+    for (std::size_t i = 0; i < num_listed; ++i) json["sites"].push_back(to_json(sites[i]));
+    return line.tell("unresolved", json, "");
+  }
+  line.clear();
   fmt::print(stderr,
              "locvol: {} sites are unresolved: the surface is not smooth there at scale λ\n",
              sites.size());
-  for (std::size_t i = 0; i < std::min(sites.size(), kMaxListedSites); ++i) {
+  for (std::size_t i = 0; i < num_listed; ++i) {
     fmt::print(stderr, "  {}\n", site_text(sites[i]));
   }
-  if (sites.size() > kMaxListedSites) {
+  if (sites.size() > num_listed) {
     fmt::print(stderr, "  and {} more: `locvol inspect {} --unresolved` lists all\n",
-               sites.size() - kMaxListedSites, store.directory().string());
+               sites.size() - num_listed, store.directory().string());
   }
 }
 
@@ -175,21 +246,27 @@ Json written_json(const std::filesystem::path& output, const WriteSummary& writt
 // What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
 // code.
 int finish(const TimedRun& run, const std::filesystem::path& directory,
-           const std::filesystem::path& output, bool is_json) {
+           const std::filesystem::path& output, bool is_json, ProgressLine& line) {
   std::optional<WriteSummary> written;
   std::optional<MeshStatistics> statistics;
   std::optional<MemoryRecord> memory;
   Seconds seconds = run.seconds;
   const RunOutcome outcome = run.summary.outcome;
   if (outcome == RunOutcome::kInterrupted) {
-    print_how_to_resume(directory, output);
+    tell_how_to_resume(directory, output, is_json, line);
   } else {
     const Store store = open_to_read(directory);
     memory = store.snapshot().memory();
-    statistics = measure_timed(store, run.num_writers, seconds);
-    if (!output.empty()) written = write_timed(store, output, run.num_writers, seconds);
-    if (outcome == RunOutcome::kUnresolved) print_unresolved(store);
+    statistics = timed(Stage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
+      return mesh_statistics(store, run.num_writers, on_step);
+    });
+    if (!output.empty())
+      written = timed(Stage::kWrite, line, seconds, [&](const StepProgress& on_step) {
+        return write_vtu(store, output, run.num_writers, on_step);
+      });
+    if (outcome == RunOutcome::kUnresolved) tell_unresolved(store, is_json, line);
   }
+  line.clear();
   if (is_json) {
     Json json = {{"outcome", outcome_name(outcome)},
                  {"seconds", total(seconds)},
@@ -219,15 +296,18 @@ std::filesystem::path store_of(const MeshCommand& command) {
 
 int run_mesh(const MeshCommand& command) {
   require_writable(command.output);
+  const StopSignal stop_signal;
+  const std::uint64_t cap = memory_cap(command.memory_bytes);
+  ProgressLine line(progress_style(command), cap);
   MeshOptions options = command.options;
+  options.size = command.size ? *command.size : chosen_size(options.input, cap, line);
   options.store = store_of(command);
   const bool is_removable =
       command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
-  const StopSignal stop_signal;
-  const TimedRun run =
-      run_with_progress(command, [&](const RunControl& control) { return mesh(options, control); });
-  const int code = finish(run, options.store, command.output, command.is_json);
+  const TimedRun run = run_with_progress(
+      command, cap, line, [&](const RunControl& control) { return mesh(options, control); });
+  const int code = finish(run, options.store, command.output, command.is_json, line);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
 }
@@ -235,16 +315,23 @@ int run_mesh(const MeshCommand& command) {
 int run_resume(const ResumeCommand& command) {
   if (!command.output.empty()) require_writable(command.output);
   const StopSignal stop_signal;
-  const TimedRun run = run_with_progress(
-      command, [&](const RunControl& control) { return resume(command.store, control); });
-  return finish(run, command.store, command.output, command.is_json);
+  const std::uint64_t cap = memory_cap(command.memory_bytes);
+  ProgressLine line(progress_style(command), cap);
+  const TimedRun run = run_with_progress(command, cap, line, [&](const RunControl& control) {
+    return resume(command.store, control);
+  });
+  return finish(run, command.store, command.output, command.is_json, line);
 }
 
 int run_export(const ExportCommand& command) {
   require_writable(command.output);
   const Store store = open_to_read(command.store);
   require_done(store);
-  const WriteSummary written = write_vtu(store, command.output, num_writers(0, 0));
+  ProgressLine line(progress_style(command), 0);
+  const WriteSummary written = with_steps(Stage::kWrite, line, [&](const StepProgress& on_step) {
+    return write_vtu(store, command.output, num_streaming_threads(0, free_memory() / 2), on_step);
+  });
+  line.clear();
   if (command.is_json) {
     print_json(written_json(command.output, written));
   } else {
@@ -256,7 +343,10 @@ int run_export(const ExportCommand& command) {
 int run_audit(const AuditCommand& command) {
   const Store store = open_to_read(command.store);
   require_done(store);
-  const AuditReport report = audit(store);
+  ProgressLine line(progress_style(command), 0);
+  const AuditReport report = with_steps(
+      Stage::kAudit, line, [&](const StepProgress& on_step) { return audit(store, on_step); });
+  line.clear();
   if (command.is_json) {
     print_json(to_json(report));
   } else {
@@ -266,23 +356,27 @@ int run_audit(const AuditCommand& command) {
 }
 
 int run_info(const InfoCommand& command) {
-  IngestWatch watch;
-  RawSurface raw = read_surface(command.surface, std::filesystem::temp_directory_path(), watch);
-  const std::string digest = raw.digest;
-  const Frame frame = frame_of(raw.box);
-  Workers workers(num_streaming_threads(0, memory_cap(0)));
-  const SurfaceFacts facts = check_surface(std::move(raw), frame, watch, workers).facts;
+  const CheckedInput input = checked_input(command.surface, memory_cap(0));
+  const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);
-  if (command.size) {
-    const double size = absolute_size(*command.size, facts.box);
-    const double num_cells = std::round(kCellsPerCubicSize * facts.volume / std::pow(size, 3));
+  const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
+  if (size > 0) {
+    const RunRecord run = run_of_size(input, command.surface, size);
+    const int num_threads = num_usable_threads();
+    const RunEstimate estimate = estimate_run(facts, run.parameters, num_threads);
+    const std::uint64_t memory = least_memory(run);
     json["size"] = size;
-    json["estimated_cells"] = num_cells;
-    text += fmt::format("{:<16} {}\n{:<16} about {:.3g}\n", "size λ", size, "cells", num_cells);
+    json["is_default_size"] = !command.size;
+    json["estimated_cells"] = std::round(estimate.num_cells);
+    json["estimate"] = to_json(estimate);
+    json["estimate"]["num_threads"] = num_threads;
+    json["estimate"]["least_memory_bytes"] = memory;
+    if (!command.size) text += line_text("", "with the size that mesh would choose:");
+    text += estimate_text(estimate, num_threads, memory);
   }
   if (command.is_json) {
-    json["digest"] = digest;
+    json["digest"] = input.digest;
     print_json(json);
   } else {
     fmt::print("{}", text);

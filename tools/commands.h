@@ -23,7 +23,8 @@ enum ExitCode : int {
 };
 
 struct MeshCommand {
-  MeshOptions options;  // store: empty for the default, OUTPUT.locvol
+  MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below
+  std::optional<SizeSpec> size;  // absent: chosen for the surface
   std::filesystem::path output;
   std::uint64_t memory_bytes = 0;  // 0: the default
   int num_threads = 0;             // 0: all that the process may use
@@ -67,6 +68,7 @@ struct ReplayCommand {
 struct ExportCommand {
   std::filesystem::path store;
   std::filesystem::path output;
+  bool is_quiet = false;
   bool is_json = false;
 };
 
@@ -79,6 +81,7 @@ struct ReportCommand {
 
 struct AuditCommand {
   std::filesystem::path store;
+  bool is_quiet = false;
   bool is_json = false;
 };
 

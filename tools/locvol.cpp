@@ -99,9 +99,9 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
       ->type_name("")
       ->required();
   add_output(*mesh, command.output, {".vtu"})->required();
-  add_parsed(*mesh, "-s,--size", parse_size, options.size, kSizeHelp)
-      ->type_name("SIZE")
-      ->required();
+  add_parsed(*mesh, "-s,--size", parse_size, command.size,
+             fmt::format("{}; default: one for about half a million cells", kSizeHelp))
+      ->type_name("SIZE");
   add_memory(*mesh, command.memory_bytes);
   add_threads(*mesh, command.num_threads);
   mesh->add_option("--store", options.store,
@@ -235,6 +235,7 @@ CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
   CLI::App* export_app = app.add_subcommand("export", "Write the mesh of a finished run");
   add_store(*export_app, command.store);
   add_output(*export_app, command.output, {".vtu"})->required();
+  add_quiet(*export_app, command.is_quiet);
   add_json(*export_app, command.is_json);
   return export_app;
 }
@@ -257,17 +258,19 @@ CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
       "audit",
       "Check the mesh of a finished run from its store alone; exit code 1 if it is not valid");
   add_store(*audit, command.store);
+  add_quiet(*audit, command.is_quiet);
   add_json(*audit, command.is_json);
   return audit;
 }
 
 CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
-  CLI::App* info = app.add_subcommand("info", "Read a surface and say what it is");
+  CLI::App* info =
+      app.add_subcommand("info", "Read a surface, say what it is and estimate what its mesh takes");
   info->add_option("SURFACE", command.surface, "Closed surface: STL, OBJ, OFF or PLY")
       ->type_name("")
       ->required();
   add_parsed(*info, "-s,--size", parse_size, command.size,
-             "With λ, as for mesh: also estimate the number of cells")
+             "λ, as for mesh, to estimate what a run takes (default: as mesh chooses it)")
       ->type_name("SIZE");
   add_json(*info, command.is_json);
   return info;

@@ -1,17 +1,34 @@
 #include "tools/progress.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
+#include "engine/memory_budget.h"
+
 namespace locvol {
 namespace {
 
 constexpr double kTerminalInterval = 0.2;  // seconds
-constexpr double kLogInterval = 15;        // seconds
+constexpr double kLogInterval = 15;
+constexpr double kEventInterval = 1;
+constexpr double kLeastOfARate = 0.5;
+
+// Never more than what is done.
+double percent_done(double fraction) { return std::floor(100 * fraction); }
+
+// A longer line would not be redrawn in its place. The text has one byte a column.
+std::string cut_to_terminal(const std::string& text) {
+  winsize size = {};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return text;
+  return text.substr(0, size.ws_col - std::size_t{1});
+}
+
+void print_event(const Json& json) { fmt::print(stderr, "{}\n", json_line(json)); }
 
 }  // namespace
 
@@ -36,29 +53,58 @@ std::string duration_text(double seconds) {
                    : fmt::format("{}:{:02}", minutes, total % 60);
 }
 
-std::string progress_text(const Progress& progress, double seconds,
-                          std::optional<double> seconds_left) {
-  if (progress.phase == Phase::kIngest)
-    return fmt::format("{} ingest: {} triangles read, checked and cut", duration_text(seconds),
-                       progress.num_triangles);
+std::string progress_text(const Standing& standing) {
+  const Progress& progress = standing.progress;
+  const auto count = [](std::uint64_t number) { return count_text(static_cast<double>(number)); };
+  const bool is_run = standing.stage <= Stage::kRefine;
   std::string text =
-      fmt::format("{} {}: {} leaves, {} queued", duration_text(seconds), phase_name(progress.phase),
-                  progress.num_leaves, progress.num_queued);
-  if (progress.phase >= Phase::kRefine) {
-    text += fmt::format(", epoch {}, {} visits", progress.epoch, progress.num_visits);
+      fmt::format("{} {}: ", duration_text(standing.seconds), stage_name(standing.stage));
+  if (standing.stage == Stage::kIngest)
+    text += fmt::format("{} triangles read, checked and cut", progress.num_triangles);
+  else
+    text += fmt::format("{:.0f}%", percent_done(standing.fraction));
+  // First, for a narrow terminal cuts off the end.
+  if (standing.seconds_left)
+    text += fmt::format(", about {} left", duration_text(*standing.seconds_left));
+  if (is_run && standing.stage != Stage::kIngest) {
+    text += fmt::format(", {} cells", count(progress.num_cells));
+    if (standing.cells_per_second.value_or(0) > 0)
+      text += fmt::format(" ({}/s)", count_text(*standing.cells_per_second));
+    text += fmt::format(", {} of {} leaves wait", progress.num_queued, progress.num_leaves);
+    if (standing.stage == Stage::kRefine) text += fmt::format(", epoch {}", progress.epoch);
+  } else if (!is_run && standing.all > 0) {
+    text += fmt::format(", of {} {}", count(standing.all),
+                        standing.stage == Stage::kAudit ? "leaves" : "cells");
   }
-  text += fmt::format(", {} points, {} cells", progress.num_points, progress.num_cells);
-  if (seconds_left) text += fmt::format(", about {} left", duration_text(*seconds_left));
+  constexpr double kMiB = 1 << 20;
+  if (standing.memory_cap > 0)
+    text += fmt::format(", {:.0f}/{:.0f} MiB", static_cast<double>(standing.resident) / kMiB,
+                        static_cast<double>(standing.memory_cap) / kMiB);
   return text;
 }
 
-std::optional<double> Pace::seconds_left(const Progress& progress, double seconds) {
-  if (progress.phase != Phase::kRefine) return std::nullopt;
-  if (!start_) start_ = Start{seconds, progress.num_visits};
-  const std::uint64_t visits = progress.num_visits - start_->num_visits;
-  if (visits == 0) return std::nullopt;
-  return (seconds - start_->seconds) / static_cast<double>(visits) *
-         static_cast<double>(progress.num_queued);
+Json progress_json(const Standing& standing) {
+  const Progress& progress = standing.progress;
+  Json json = {{"event", "progress"},
+               {"seconds", standing.seconds},
+               {"phase", stage_name(standing.stage)},
+               {"fraction", standing.fraction},
+               {"num_triangles", progress.num_triangles},
+               {"num_leaves", progress.num_leaves},
+               {"num_waiting", progress.num_queued},
+               {"num_in_epoch", progress.num_in_epoch},
+               {"epoch", progress.epoch},
+               {"num_visits", progress.num_visits},
+               {"num_points", progress.num_points},
+               {"num_cells", progress.num_cells},
+               {"cells_per_second", nullptr},
+               {"seconds_left", nullptr},
+               {"resident_bytes", standing.resident},
+               {"peak_resident_bytes", standing.peak_resident},
+               {"memory_cap_bytes", standing.memory_cap}};
+  if (standing.cells_per_second) json["cells_per_second"] = *standing.cells_per_second;
+  if (standing.seconds_left) json["seconds_left"] = *standing.seconds_left;
+  return json;
 }
 
 void PhaseClock::note(Phase phase, double seconds) {
@@ -75,10 +121,12 @@ std::array<double, PhaseClock::kNumPhases> PhaseClock::seconds_by_phase(double s
   return all;
 }
 
-ProgressLine::ProgressLine(bool is_quiet)
-    : is_quiet_(is_quiet),
-      is_terminal_(isatty(STDERR_FILENO) == 1),
-      start_(std::chrono::steady_clock::now()) {}
+ProgressLine::ProgressLine(ProgressStyle style, std::uint64_t memory_cap)
+    : style_(style),
+      is_terminal_(style == ProgressStyle::kText && isatty(STDERR_FILENO) == 1),
+      start_(std::chrono::steady_clock::now()) {
+  standing_.memory_cap = memory_cap;
+}
 
 ProgressLine::~ProgressLine() { clear(); }
 
@@ -86,22 +134,69 @@ double ProgressLine::seconds() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
 }
 
+void ProgressLine::expect(const RunEstimate& estimate, bool writes) {
+  forecast_.expect(estimate, writes);
+}
+
 void ProgressLine::update(const Progress& progress) {
   const double now = seconds();
   phases_.note(progress.phase, now);
-  const auto left = pace_.seconds_left(progress, now);
-  const double interval = is_terminal_ ? kTerminalInterval : kLogInterval;
-  const bool is_due = progress.phase != last_phase_ || now - last_seconds_ >= interval;
-  if (is_quiet_ || !is_due) return;
-  last_phase_ = progress.phase;
-  last_seconds_ = now;
-  draw(progress_text(progress, now, left));
+  forecast_.note(progress, now);
+  if (progress.phase == Phase::kDone) return;  // the measures are next
+  const std::uint64_t num_triangles = standing_.progress.num_triangles;
+  standing_.progress = progress;
+  standing_.progress.num_triangles = std::max(progress.num_triangles, num_triangles);
+  if (progress.phase != Phase::kIngest) {
+    if (!run_seen_) num_cells_before_ = progress.num_cells;
+    if (!run_seen_) run_seen_ = now;
+    const auto num_new =
+        static_cast<double>(progress.num_cells) - static_cast<double>(num_cells_before_);
+    if (now - *run_seen_ > kLeastOfARate) standing_.cells_per_second = num_new / (now - *run_seen_);
+  }
+  show(now, false);
 }
 
-void ProgressLine::note(const std::string& text) {
-  if (is_quiet_) return;
-  clear();
-  fmt::print(stderr, "locvol: {}\n", text);
+void ProgressLine::update(Stage stage, std::uint64_t done, std::uint64_t all) {
+  const double now = seconds();
+  forecast_.note(stage, done, all, now);
+  standing_.done = done;
+  standing_.all = all;
+  show(now, stage == Stage::kWrite && done == all && all > 0);
+}
+
+void ProgressLine::show(double now, bool is_last) {
+  if (style_ == ProgressStyle::kNone) return;
+  const double interval = style_ == ProgressStyle::kJson ? kEventInterval
+                          : is_terminal_                 ? kTerminalInterval
+                                                         : kLogInterval;
+  const Stage stage = forecast_.stage();
+  const bool is_event = is_last && style_ == ProgressStyle::kJson;
+  if (stage == last_stage_ && now - last_seconds_ < interval && !is_event) return;
+  last_stage_ = stage;
+  last_seconds_ = now;
+  standing_.stage = stage;
+  standing_.seconds = now;
+  standing_.fraction = forecast_.fraction_done();
+  standing_.seconds_left = forecast_.seconds_left(now);
+  standing_.resident = resident_memory();
+  standing_.peak_resident = peak_resident_memory();
+  if (style_ == ProgressStyle::kJson)
+    print_event(progress_json(standing_));
+  else
+    draw(progress_text(standing_));
+}
+
+void ProgressLine::note(const std::string& text) { tell("note", {{"text", text}}, text); }
+
+void ProgressLine::tell(std::string_view event, const Json& json, const std::string& text) {
+  if (style_ == ProgressStyle::kJson) {
+    Json whole = {{"event", event}, {"seconds", seconds()}};
+    whole.update(json);
+    print_event(whole);
+  } else if (style_ == ProgressStyle::kText) {
+    clear();
+    fmt::print(stderr, "locvol: {}\n", text);
+  }
 }
 
 void ProgressLine::clear() {
@@ -111,7 +206,10 @@ void ProgressLine::clear() {
 
 void ProgressLine::draw(const std::string& text) {
   clear();
-  fmt::print(stderr, "{}{}", text, is_terminal_ ? "" : "\n");
+  if (is_terminal_)
+    fmt::print(stderr, "{}", cut_to_terminal(text));
+  else
+    fmt::print(stderr, "{}\n", text);
   is_line_open_ = is_terminal_;
 }
 

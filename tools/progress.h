@@ -1,4 +1,4 @@
-// Progress on stderr: on a terminal one line, redrawn; in a log a line now and then.
+// Progress on stderr, for people and for programs.
 #pragma once
 
 #include <array>
@@ -8,29 +8,30 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "tools/forecast.h"
+#include "tools/report.h"
 
 namespace locvol {
 
 std::string_view phase_name(Phase phase);
 // "1:02:03", "4:05"; rounded to seconds. REQUIRES: seconds >= 0
 std::string duration_text(double seconds);
-// One line, without its end. `seconds_left` is empty while nothing is known of it.
-std::string progress_text(const Progress& progress, double seconds,
-                          std::optional<double> seconds_left);
-
-// Guesses the time left from the visits so far. A lower bound in spirit: visits may queue more.
-class Pace {
- public:
-  // `seconds`: since any fixed instant, never less than in the call before.
-  std::optional<double> seconds_left(const Progress& progress, double seconds);
-
- private:
-  struct Start {
-    double seconds;
-    std::uint64_t num_visits;
-  };
-  std::optional<Start> start_;  // of refinement, in this process
+// Where a command stands.
+struct Standing {
+  Stage stage = Stage::kIngest;
+  Progress progress;                // of a run
+  std::uint64_t done = 0, all = 0;  // of a stage after it: listed cells to measure, cells to write
+  double fraction = 0;              // done of the stage's work
+  double seconds = 0;               // since the command began
+  std::optional<double> seconds_left;  // until all is done
+  std::optional<double> cells_per_second;
+  std::uint64_t resident = 0, peak_resident = 0, memory_cap = 0;  // bytes
 };
+
+// One line, without its end.
+std::string progress_text(const Standing& standing);
+// One event (tools/README.md).
+Json progress_json(const Standing& standing);
 
 // Seconds spent in each phase, as far as a run's progress tells: what passes before a phase is
 // first seen belongs to the one before it. So opening the store that `resume` goes on with counts
@@ -49,28 +50,41 @@ class PhaseClock {
   std::array<double, kNumPhases> seconds_{};
 };
 
+enum class ProgressStyle { kNone, kText, kJson };
+
+// Text: on a terminal one line, redrawn; in a log a line at each stage, and now and then. JSON: an
+// object a line, at each stage, and each second. Called by one thread at a time.
 class ProgressLine {
  public:
-  explicit ProgressLine(bool is_quiet);
+  ProgressLine(ProgressStyle style, std::uint64_t memory_cap);
   ~ProgressLine();  // leaves stderr at the start of a line
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
+  // The run is known: from now on the time left is told.
+  void expect(const RunEstimate& estimate, bool writes);
   void update(const Progress& progress);
+  void update(Stage stage, std::uint64_t done, std::uint64_t all);
   void note(const std::string& text);
+  // In JSON, as an event of this name; as text, the text.
+  void tell(std::string_view event, const Json& json, const std::string& text);
+  void clear();            // leaves stderr at the start of a line
   double seconds() const;  // since construction
   const PhaseClock& phases() const { return phases_; }
 
  private:
-  void clear();
+  void show(double now, bool is_last);
   void draw(const std::string& text);
 
-  const bool is_quiet_;
+  const ProgressStyle style_;
   const bool is_terminal_;
   const std::chrono::steady_clock::time_point start_;
-  Pace pace_;
+  Forecast forecast_;
   PhaseClock phases_;
-  std::optional<Phase> last_phase_;
+  Standing standing_;
+  std::uint64_t num_cells_before_ = 0;  // of a run that goes on
+  std::optional<double> run_seen_;
+  std::optional<Stage> last_stage_;
   double last_seconds_ = 0;  // of the last line
   bool is_line_open_ = false;
 };

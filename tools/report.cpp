@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "engine/leaf_queue.h"
+#include "engine/memory_budget.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 
@@ -87,6 +88,24 @@ std::vector<std::string> ratio_lines(const Histogram& ratios) {
   }));
 }
 
+std::string disk_text(double bytes) {
+  return bytes < 9e18 ? bytes_text(static_cast<std::uint64_t>(bytes)) : "more than any disk";
+}
+
+std::string rough_duration_text(double seconds) {
+  return seconds < 10     ? fmt::format("{:.2g} s", seconds)
+         : seconds < 60   ? fmt::format("{:.0f} s", seconds)
+         : seconds < 3600 ? fmt::format("{:.0f} min", seconds / 60)
+                          : fmt::format("{:.1f} h", seconds / 3600);
+}
+
+// "about 1.2 s (0.5 s to 3 s)"
+std::string range_text(double value, double factor,
+                       const std::function<std::string(double)>& text) {
+  return fmt::format("about {} ({} to {})", text(value), text(value / factor),
+                     text(value * factor));
+}
+
 Json to_json(const Histogram& histogram) {
   return {{"edges", histogram.edges}, {"counts", histogram.counts}};
 }
@@ -141,6 +160,13 @@ std::string_view kind_name(PointKind kind) {
       return "lattice";
   }
   return "unknown";
+}
+
+std::string count_text(double count) {
+  if (count < 999.5) return fmt::format("{:.0f}", count);
+  for (const auto& [unit, name] : {std::pair(1e3, "thousand"), {1e6, "million"}})
+    if (count < 999.5 * unit) return fmt::format("{:.3g} {}", count / unit, name);
+  return fmt::format("{:.3g} billion", count / 1e9);
 }
 
 std::string bytes_text(std::uint64_t bytes) {
@@ -281,6 +307,36 @@ std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts
   return text;
 }
 
+std::string estimate_text(const RunEstimate& estimate, int num_threads,
+                          std::uint64_t least_memory) {
+  const double seconds = estimate.total_seconds();
+  std::string text =
+      row("size λ", "{}", estimate.size) +
+      row("cells", "{}", range_text(estimate.num_cells, kCellsFactor, count_text)) +
+      row("store", "{}", range_text(estimate.store_bytes, kBytesFactor, disk_text)) +
+      row("mesh file", "{}", range_text(estimate.file_bytes, kCellsFactor, disk_text));
+  if (seconds > 0)
+    text += row("time", "{}, on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
+                plural(static_cast<std::uint64_t>(num_threads), "thread"));
+  text += row("memory", "at least {}; with more, it is faster", memory_text(least_memory));
+  if (estimate.is_thin)
+    text +=
+        row("note", "the surface is thinner than λ on average: it may be several times as much");
+  return text;
+}
+
+std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
+  std::string text =
+      fmt::format("λ = {:.6g}: {} tetrahedra, a file of {}, a store of {}", estimate.size,
+                  range_text(estimate.num_cells, kCellsFactor, count_text),
+                  disk_text(estimate.file_bytes), disk_text(estimate.store_bytes));
+  if (const double seconds = estimate.total_seconds(); seconds > 0)
+    text += fmt::format(", {} on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
+                        plural(static_cast<std::uint64_t>(num_threads), "thread"));
+  if (estimate.is_thin) text += "; or several times as much, for it is thinner than λ on average";
+  return text;
+}
+
 Json to_json(const Point& point) { return {point.x, point.y, point.z}; }
 
 Json to_json(const Box& box) { return {{"min", to_json(box.min)}, {"max", to_json(box.max)}}; }
@@ -392,6 +448,19 @@ Json to_json(const MeshStatistics& statistics) {
           {"radius_edge_ratios", to_json(statistics.radius_edge_ratios)}};
 }
 
+Json to_json(const RunEstimate& estimate) {
+  const auto range = [](double value, double factor) -> Json {
+    return {{"low", value / factor}, {"expected", value}, {"high", value * factor}};
+  };
+  return {{"size", estimate.size},
+          {"is_thin", estimate.is_thin},
+          {"num_cells", range(estimate.num_cells, kCellsFactor)},
+          {"num_vertices", range(estimate.num_vertices, kCellsFactor)},
+          {"store_bytes", range(estimate.store_bytes, kBytesFactor)},
+          {"file_bytes", range(estimate.file_bytes, kCellsFactor)},
+          {"seconds", range(estimate.total_seconds(), kSecondsFactor)}};
+}
+
 Json to_json(const AuditReport& report) {
   Json violations;
   for (const Check& check : kChecks) violations[std::string(check.key)] = report.*check.count;
@@ -427,6 +496,8 @@ Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insert
   }
   return json;
 }
+
+std::string json_line(const Json& json) { return dump(json, -1); }
 
 void print_json(const Json& json) { fmt::print("{}\n", dump(json, 2)); }
 

@@ -12,6 +12,7 @@
 #include "engine/engine.h"
 #include "engine/leaf_scan.h"
 #include "engine/mesh_statistics.h"
+#include "engine/run_estimate.h"
 #include "engine/writer.h"
 #include "storage/records.h"
 #include "storage/store.h"
@@ -40,10 +41,12 @@ Json to_json(const RunSummary& summary);
 Json to_json(const WriteSummary& summary);
 Json to_json(const AuditReport& report);
 Json to_json(const MeshStatistics& statistics);
+Json to_json(const RunEstimate& estimate);
 Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions);
 
 std::string_view init_name(Initialization init);
 std::string_view kind_name(PointKind kind);
+std::string count_text(double count);           // "999", "12.3 thousand", "9.94 million"
 std::string bytes_text(std::uint64_t bytes);    // "999 B", "1.2 MB": powers of 1000
 std::string in_mebibytes(std::uint64_t bytes);  // "1.5 MiB": the unit of --memory
 std::string point_text(const Point& point);     // round-trips
@@ -60,12 +63,17 @@ std::string facts_text(const SurfaceFacts& facts);
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
 std::string audit_text(const AuditReport& report);
+// Of a run on so many threads; `least_memory`: the least cap that would do, in bytes.
+std::string estimate_text(const RunEstimate& estimate, int num_threads, std::uint64_t least_memory);
+// The same in one line, without its end.
+std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);
 
 // Handles' count of a closed surface: the sum over its components.
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);
 
 void print_json(const Json& json);
+std::string json_line(const Json& json);  // without its end
 
 // Prints a JSON array element by element, so that a long one is never in memory as a whole.
 class JsonArrayPrinter {

@@ -1,11 +1,15 @@
 // The locvol command from outside: exit codes, files, what is printed where.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "tests/temp_dir.h"
@@ -52,7 +56,7 @@ TEST_P(UsageError, ExitsWithTwoAndSaysWhy) {
 INSTANTIATE_TEST_SUITE_P(
     Command, UsageError,
     testing::Values(std::vector<std::string>{}, Names{"frobnicate"}, Names{"mesh"},
-                    Names{"mesh", "cube.off"}, Names{"mesh", "cube.off", "-o", "cube.vtu"},
+                    Names{"mesh", "cube.off"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
@@ -106,16 +110,94 @@ TEST(Command, UnwritableOutputIsRefusedBeforeTheRun) {
   EXPECT_EQ(names_in(dir), Names{"cube.off"});
 }
 
-TEST(Command, InfoEstimatesCells) {
+TEST(Command, InfoEstimatesWhatMeshMakes) {
   const TempDir dir;
-  const ProcessResult result = run_locvol({"info", make_cube(dir), "--size", "10%", "--json"});
+  const std::string cube = make_cube(dir);
+  const ProcessResult result = run_locvol({"info", cube, "--size", "10%", "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const Json info = Json::parse(result.out);
   EXPECT_EQ(info["num_triangles"], 12);
   EXPECT_EQ(info["genus"], 0);
   EXPECT_NEAR(info["volume"].get<double>(), 1, 1e-12);
   EXPECT_EQ(info["size"], 0.1);
-  EXPECT_EQ(info["estimated_cells"], 2400);
+  const Json made = Json::parse(
+      run_locvol({"mesh", cube, "-o", (dir / "cube.vtu").string(), "-s", "10%", "--json", "-q"})
+          .out);
+  const auto in_range = [](const Json& range, double value) {
+    return range["low"].get<double>() <= value && value <= range["high"].get<double>();
+  };
+  const Json& estimate = info["estimate"];
+  EXPECT_TRUE(in_range(estimate["num_cells"], made["num_cells"])) << estimate << made["num_cells"];
+  EXPECT_TRUE(in_range(estimate["file_bytes"], made["written"]["bytes"])) << estimate;
+  EXPECT_EQ(info["estimated_cells"], std::round(estimate["num_cells"]["expected"].get<double>()));
+  EXPECT_LE(made["peak_resident_bytes"], estimate["least_memory_bytes"]);
+  const ProcessResult text = run_locvol({"info", cube});
+  for (const char* part :
+       {"size that mesh would choose", "\ncells            about ", "\nstore            about ",
+        "\ntime             about ", "\nmemory           at least "})
+    EXPECT_NE(text.out.find(part), std::string::npos) << part << " in\n" << text.out;
+}
+
+TEST(Command, MeshChoosesASizeAndSaysSo) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), output = (dir / "cube.vtu").string();
+  const double size = Json::parse(run_locvol({"info", cube, "--json"}).out)["size"];
+  Process process({"mesh", cube, "-o", output});
+  const std::string said = fmt::format("no --size is given: {} is chosen, for about ", size);
+  for (int i = 0; i < 6000 && process.err().find(said) == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_NE(process.err().find("tetrahedra; --size " + fmt::format("{}", 2 * size) + " makes"),
+            std::string::npos)
+      << process.err();
+}
+
+// In JSON, what goes to stderr is one object a line.
+TEST(Command, ProgressInJsonIsALineForEachEvent) {
+  const TempDir dir;
+  const ProcessResult result =
+      run_locvol({"mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "5%", "--json",
+                  "--leaf-capacity", "1000"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream lines(result.err);
+  std::map<std::string, int> num_events;
+  std::vector<std::string> phases;
+  Json last = {{"seconds", 0}, {"num_visits", 0}, {"num_leaves", 0}, {"num_triangles", 0}};
+  for (std::string line; std::getline(lines, line);) {
+    const Json event = Json::parse(line);
+    ++num_events[event["event"]];
+    EXPECT_GE(event["seconds"], last["seconds"]);
+    if (event["event"] == "run") {
+      EXPECT_EQ(event["begins"], true);
+      EXPECT_GT(event["estimate"]["num_cells"]["expected"], 1000);
+    }
+    if (event["event"] != "progress") continue;
+    for (const char* field :
+         {"phase", "fraction", "num_triangles", "num_leaves", "num_waiting", "num_in_epoch",
+          "epoch", "num_visits", "num_points", "num_cells", "cells_per_second", "seconds_left",
+          "peak_resident_bytes", "resident_bytes", "memory_cap_bytes"})
+      EXPECT_TRUE(event.contains(field)) << field;
+    for (const char* count : {"num_visits", "num_leaves", "num_triangles"})
+      EXPECT_GE(event[count], last[count]) << count;
+    if (phases.empty() || phases.back() != event["phase"]) phases.push_back(event["phase"]);
+    if (event["phase"] != "ingest") EXPECT_TRUE(event["seconds_left"].is_number()) << line;
+    last = event;
+  }
+  EXPECT_EQ(num_events["run"], 1);
+  EXPECT_EQ(phases, (Names{"initialize", "refine", "measure", "write"}));
+  EXPECT_EQ(last["fraction"], 1);
+  EXPECT_EQ(last["num_cells"], Json::parse(result.out)["num_cells"]);
+}
+
+TEST(Command, AMeshThatNoDiskHoldsIsRefusedBeforeTheRun) {
+  const TempDir dir;
+  const ProcessResult result =
+      run_locvol({"mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "0.0001"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.err.find("the mesh " + (dir / "cube.vtu").string() + " would take about"),
+            std::string::npos)
+      << result.err;
+  EXPECT_NE(result.err.find("choose a size of at least"), std::string::npos) << result.err;
+  EXPECT_EQ(names_in(dir), Names{"cube.off"});
 }
 
 TEST(Command, StoreSubcommandsRefuseWhatIsNoStore) {

@@ -13,42 +13,55 @@ TEST(DurationText, CountsHoursOnlyWhenThereAreAny) {
   EXPECT_EQ(duration_text(360000), "100:00:00");
 }
 
-TEST(ProgressText, ShowsVisitsOnceThereAreAny) {
-  Progress progress{.phase = Phase::kInitialize, .num_leaves = 8, .num_queued = 3};
-  EXPECT_EQ(progress_text(progress, 61, std::nullopt),
-            "1:01 initialize: 8 leaves, 3 queued, 0 points, 0 cells");
-  progress = {.phase = Phase::kRefine,
-              .num_leaves = 8,
-              .num_queued = 3,
-              .num_visits = 5,
-              .num_points = 70,
-              .num_cells = 400,
-              .epoch = 2};
-  EXPECT_EQ(progress_text(progress, 61, 9),
-            "1:01 refine: 8 leaves, 3 queued, epoch 2, 5 visits, 70 points, 400 cells, "
-            "about 0:09 left");
+Standing refining() {
+  Standing standing;
+  standing.stage = Stage::kRefine;
+  standing.seconds = 61;
+  standing.fraction = 0.629;
+  standing.progress = {.phase = Phase::kRefine,
+                       .num_leaves = 800,
+                       .num_queued = 300,
+                       .num_visits = 500,
+                       .num_in_epoch = 290,
+                       .num_points = 70'000,
+                       .num_cells = 8'237'025,
+                       .epoch = 1};
+  return standing;
 }
 
-TEST(Pace, IsTheQueueOverTheRateSinceThisProcessBegan) {
-  Pace pace;
-  // A resumed run: 1,000 visits were made before.
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kRefine, .num_queued = 50, .num_visits = 1000}, 10),
-            std::nullopt);
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kRefine, .num_queued = 30, .num_visits = 1020}, 20),
-            15);
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kRefine, .num_queued = 0, .num_visits = 1050}, 40),
-            0);
+TEST(ProgressText, SaysWhatIsKnown) {
+  Standing standing = refining();
+  EXPECT_EQ(progress_text(standing),
+            "1:01 refine: 62%, 8.24 million cells, 300 of 800 leaves wait, epoch 1");
+  standing.cells_per_second = 135'000;
+  standing.resident = 63 << 20;
+  standing.memory_cap = 256 << 20;
+  standing.seconds_left = 9;
+  EXPECT_EQ(progress_text(standing),
+            "1:01 refine: 62%, about 0:09 left, 8.24 million cells (135 thousand/s), 300 of 800 "
+            "leaves wait, epoch 1, 63/256 MiB");
+  standing.stage = Stage::kWrite;
+  standing.all = 9'943'962;
+  EXPECT_EQ(progress_text(standing),
+            "1:01 write: 62%, about 0:09 left, of 9.94 million cells, 63/256 MiB");
+  standing = {};
+  standing.progress.num_triangles = 512;
+  EXPECT_EQ(progress_text(standing), "0:00 ingest: 512 triangles read, checked and cut");
 }
 
-TEST(Pace, KnowsNothingBeforeRefinement) {
-  Pace pace;
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kIngest, .num_queued = 9, .num_visits = 0}, 1),
-            std::nullopt);
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kRefine, .num_queued = 9, .num_visits = 0}, 101),
-            std::nullopt);
-  // The time before refinement does not count.
-  EXPECT_EQ(pace.seconds_left({.phase = Phase::kRefine, .num_queued = 8, .num_visits = 1}, 103),
-            16);
+TEST(ProgressJson, HasTheDocumentedFields) {
+  Standing standing = refining();
+  Json json = progress_json(standing);
+  EXPECT_EQ(json["event"], "progress");
+  EXPECT_EQ(json["phase"], "refine");
+  EXPECT_EQ(json["num_waiting"], 300);
+  EXPECT_EQ(json["num_cells"], 8'237'025);
+  EXPECT_TRUE(json["seconds_left"].is_null());
+  standing.seconds_left = 2.5;
+  json = progress_json(standing);
+  EXPECT_EQ(json["seconds_left"], 2.5);
+  EXPECT_EQ(json_line(json).find('\n'), std::string::npos);
+  EXPECT_EQ(Json::parse(json_line(json)), json);
 }
 
 using Seconds = std::array<double, PhaseClock::kNumPhases>;

@@ -26,6 +26,35 @@ TEST(BytesText, HasThreeDigits) {
   EXPECT_EQ(bytes_text(5'000'000'000'000'000), "5e+03 TB");
 }
 
+TEST(CountText, HasThreeDigits) {
+  EXPECT_EQ(count_text(0), "0");
+  EXPECT_EQ(count_text(999), "999");
+  EXPECT_EQ(count_text(12345), "12.3 thousand");
+  EXPECT_EQ(count_text(999'600), "1 million");
+  EXPECT_EQ(count_text(9'943'962), "9.94 million");
+  EXPECT_EQ(count_text(1.011e9), "1.01 billion");
+}
+
+TEST(EstimateText, GivesRanges) {
+  RunEstimate estimate;
+  estimate.size = 0.01;
+  estimate.num_cells = 1.15e6;
+  estimate.file_bytes = 1.15e8;
+  estimate.store_bytes = 1.7e7;
+  estimate.seconds = {0, 0, 10, 0, 0};
+  const std::string text = estimate_text(estimate, 2, std::uint64_t{96} << 20);
+  EXPECT_EQ(text,
+            "size λ           0.01\n"
+            "cells            about 1.15 million (1 million to 1.32 million)\n"
+            "store            about 17 MB (10 MB to 28.9 MB)\n"
+            "mesh file        about 115 MB (100 MB to 132 MB)\n"
+            "time             about 10 s (4 s to 25 s), on 2 threads\n"
+            "memory           at least 96M; with more, it is faster\n");
+  estimate.is_thin = true;
+  EXPECT_NE(brief_estimate_text(estimate, 1).find("several times as much"), std::string::npos);
+  EXPECT_EQ(to_json(estimate)["seconds"]["high"], 25);
+}
+
 TEST(PointText, RoundTrips) {
   EXPECT_EQ(point_text({0.1, -0.0, 1.0 / 3}), "(0.1, -0, 0.3333333333333333)");
 }

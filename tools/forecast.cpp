@@ -1,0 +1,136 @@
+#include "tools/forecast.h"
+
+#include <algorithm>
+
+namespace locvol {
+namespace {
+
+// A leaf's later visits are of its borders alone: what one takes of a first one, and how many
+// follow each visit of epoch 1, and each of a later one. Of recorded runs (forecast_test.cpp).
+constexpr double kLaterVisit = 0.2, kSecondVisits = 0.8, kFurtherVisits = 0.05;
+// As a part of a stage's work: what must have been done before its pace weighs as much as the
+// guess.
+constexpr double kTrustInPace = 0.05;
+// As a part of the whole run: what must have been measured before it weighs as much as the law.
+constexpr double kTrustInLaw = 0.02;
+
+std::size_t index(Stage stage) { return static_cast<std::size_t>(stage); }
+
+// Of the leaves that wait, in visits of epoch 1; with those that will yet have to wait.
+double units_left(const Progress& progress) {
+  const auto now = static_cast<double>(progress.num_in_epoch);
+  const auto next = static_cast<double>(progress.num_queued - progress.num_in_epoch);
+  if (progress.epoch <= 1) return now + kLaterVisit * (next + kSecondVisits * now);
+  return kLaterVisit * (now + next + kFurtherVisits * now);
+}
+
+double unit_of(std::uint32_t epoch) { return epoch <= 1 ? 1 : kLaterVisit; }
+
+}  // namespace
+
+std::string_view stage_name(Stage stage) {
+  switch (stage) {
+    case Stage::kIngest:
+      return "ingest";
+    case Stage::kInitialize:
+      return "initialize";
+    case Stage::kRefine:
+      return "refine";
+    case Stage::kMeasure:
+      return "measure";
+    case Stage::kWrite:
+      return "write";
+    case Stage::kAudit:
+      return "audit";
+  }
+  return "unknown";
+}
+
+void Forecast::expect(const RunEstimate& estimate, bool writes) {
+  estimate_ = estimate;
+  writes_ = writes;
+  // The surface has been read and checked, and has yet to be cut.
+  if (stage_ == Stage::kIngest) set_work(0.8, 0.2, began_);
+}
+
+void Forecast::note(const Progress& progress, double seconds) {
+  if (progress.phase == Phase::kDone) return enter(Stage::kMeasure, seconds);
+  enter(static_cast<Stage>(progress.phase), seconds);
+  if (stage_ == Stage::kIngest) return;
+  if (progress.epoch != epoch_ || num_in_epoch_ == 0) {
+    const auto num_visits = static_cast<double>(num_in_epoch_);
+    units_before_ += unit_of(epoch_) * num_visits;
+    epoch_ = progress.epoch;
+    num_in_epoch_ = progress.num_in_epoch;
+  }
+  const auto num_done = static_cast<double>(num_in_epoch_ - progress.num_in_epoch);
+  if (stage_ == Stage::kInitialize)
+    set_work(num_done, static_cast<double>(progress.num_in_epoch), seconds);
+  else
+    set_work(units_before_ + unit_of(epoch_) * num_done, units_left(progress), seconds);
+}
+
+void Forecast::note(Stage stage, std::uint64_t done, std::uint64_t all, double seconds) {
+  enter(stage, seconds);
+  if (all > 0) set_work(static_cast<double>(done), static_cast<double>(all - done), seconds);
+}
+
+void Forecast::enter(Stage stage, double seconds) {
+  if (stage == stage_) return;
+  taken_ += seconds - began_;
+  guessed_ += law(stage_);
+  stage_ = stage;
+  began_ = seconds;
+  done_ = first_done_ = first_seconds_ = units_before_ = 0;
+  left_ = 1;
+  epoch_ = 0;
+  num_in_epoch_ = 0;
+}
+
+void Forecast::set_work(double done, double left, double seconds) {
+  if (done_ == 0 && done > 0) {
+    // What comes before the first steps of the output is not at their pace.
+    const bool is_step = stage_ > Stage::kRefine;
+    first_done_ = is_step ? done : 0;
+    first_seconds_ = is_step ? seconds : began_;
+  }
+  done_ = done;
+  left_ = left;
+}
+
+double Forecast::fraction_done() const { return done_ + left_ > 0 ? done_ / (done_ + left_) : 1; }
+
+double Forecast::law(Stage stage) const {
+  const bool has_law = estimate_ && index(stage) < kNumStages;
+  if (!has_law || (stage == Stage::kWrite && !writes_)) return 0;
+  return estimate_->seconds[index(stage)];
+}
+
+// What the run has taken against the law.
+double Forecast::slowness(double seconds) const {
+  if (!estimate_) return 1;
+  const double trust = kTrustInLaw * estimate_->total_seconds();
+  const double taken = taken_ + (seconds - began_),
+               guessed = guessed_ + fraction_done() * law(stage_);
+  return (taken + trust) / (guessed + trust);
+}
+
+std::optional<double> Forecast::seconds_left(double seconds) const {
+  const bool has_pace = stage_ > Stage::kRefine && done_ > first_done_;
+  if (!estimate_ && !has_pace) return std::nullopt;
+  const double slow = slowness(seconds);
+  double later = 0;
+  for (std::size_t i = index(stage_) + 1; i < kNumStages; ++i)
+    later += slow * law(static_cast<Stage>(i));
+  const double all = done_ + left_;
+  if (!(all > 0)) return later;
+  const bool is_begun = done_ > 0;
+  const double before = is_begun ? first_seconds_ - began_ : 0;
+  const double guess = std::max(0.0, slow * law(stage_) - before) / all;  // for a unit
+  const double trust = guess > 0 || !has_pace ? kTrustInPace * all : 0;
+  const double per_unit =
+      ((is_begun ? seconds - first_seconds_ : 0) + trust * guess) / (done_ - first_done_ + trust);
+  return per_unit * left_ + later;
+}
+
+}  // namespace locvol

@@ -1,0 +1,56 @@
+// Forecast tells how long a run will still take, with what follows refinement: the measures and the
+// output.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "engine/engine.h"
+#include "engine/run_estimate.h"
+
+namespace locvol {
+
+std::string_view stage_name(Stage stage);
+
+// A stage yet to come is guessed from the law of estimate_run(), corrected by what the run has
+// taken so far against that law. Of the stage under way the pace tells, ever more: of the work left
+// at its end, nothing is guessed. The work left in refinement is that of the open epoch and of the
+// next ones, which is known more and more from the leaves that wait for them.
+// Instants are seconds since any fixed one, and never go back.
+class Forecast {
+ public:
+  // What is known of the run, once. `writes`: it ends with an output file.
+  void expect(const RunEstimate& estimate, bool writes);
+  void note(const Progress& progress, double seconds);
+  // Of a stage after refinement; `all`: 0 while it is not known.
+  void note(Stage stage, std::uint64_t done, std::uint64_t all, double seconds);
+
+  Stage stage() const { return stage_; }
+  // Of the stage's work, from 0 to 1, as far as it is known.
+  double fraction_done() const;
+  // Nothing before expect(); of a later stage alone, once there is a pace.
+  std::optional<double> seconds_left(double seconds) const;
+
+ private:
+  void enter(Stage stage, double seconds);
+  void set_work(double done, double left, double seconds);
+  double law(Stage stage) const;  // seconds
+  double slowness(double seconds) const;
+
+  std::optional<RunEstimate> estimate_;
+  bool writes_ = true;
+  Stage stage_ = Stage::kIngest;
+  double began_ = 0;  // the stage
+  // Its work, in a unit of its own; and when some of it was first known to be done.
+  double done_ = 0, left_ = 1;
+  double first_done_ = 0, first_seconds_ = 0;
+  double taken_ = 0, guessed_ = 0;  // seconds of the stages before, and by the law
+
+  // Of refinement: units done in the epochs before, and leaves of this one when it was first seen.
+  std::uint32_t epoch_ = 0;
+  double units_before_ = 0;
+  std::uint64_t num_in_epoch_ = 0;
+};
+
+}  // namespace locvol
