@@ -14,6 +14,7 @@ namespace locvol {
 namespace {
 
 constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
+constexpr std::chrono::seconds kMaxTimeOfCommit{1};
 
 // Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
 constexpr double kCoverConflict = 1.01 * kSampleRadius;
@@ -118,7 +119,8 @@ void RunState::note_visit() {
 
 bool RunState::is_commit_due() const {
   return num_unwritten_visits_ >= kMaxVisitsOfCommit ||
-         leaves.unwritten_bytes() > max_unwritten_bytes_;
+         leaves.unwritten_bytes() > max_unwritten_bytes_ ||
+         std::chrono::steady_clock::now() - last_commit_ > kMaxTimeOfCommit;
 }
 
 void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
@@ -130,6 +132,7 @@ void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineR
   if (timeline) batch.put_timeline(*timeline);
   batch.commit();
   num_unwritten_visits_ = 0;
+  last_commit_ = std::chrono::steady_clock::now();
   leaves.trim();
   store.release_pages();
 }

@@ -3,6 +3,7 @@
 // on from the last commit with the same result.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -83,6 +84,7 @@ struct RunState {
 
   std::size_t max_unwritten_bytes_;
   int num_unwritten_visits_ = 0;
+  std::chrono::steady_clock::time_point last_commit_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace locvol
