@@ -58,9 +58,9 @@ struct RunControl {
   std::function<void(const std::string&)> on_note;  // repairs of the input, and such
   // Called once, with the surface and the parameters of the run that begins or goes on. What it
   // throws ends the run; one that begins has written nothing by then. May be empty.
-  std::function<void(const RunRecord&)> on_run;
+  std::function<void(const RunRecord&)> on_run = {};
   // The file that the mesh will be written to, if it will: its disk must have room for it.
-  std::filesystem::path output;
+  std::filesystem::path output = {};
   // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
   // no influence on the result.
   std::uint64_t memory_bytes = 0;
