@@ -319,7 +319,8 @@ void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const 
 std::uint64_t Mesh::write(const std::filesystem::path& file) const {
   return translated({}, [&] {
     impl_->require_complete();
-    const WriteSummary written = write_vtu(impl_->open(), file, impl_->num_threads);
+    const WriteSummary written =
+        write_mesh(impl_->open(), file, {format_meant_by(file)}, impl_->num_threads);
     impl_->num_vertices = written.num_vertices;
     return written.bytes;
   });

@@ -210,8 +210,11 @@ class Mesh {
   /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
   /// a temporary file beside the store. REQUIRES: is_complete()
   void for_each_chunk(const std::function<void(const Chunk&)>& visit) const;
-  /// Writes the mesh as a VTU file, which appears under its name only when it is whole. Returns its
-  /// bytes. REQUIRES: is_complete()
+  /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
+  /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
+  /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws
+  /// Error (kInput) before a byte is written if the format cannot hold the mesh. REQUIRES:
+  /// is_complete()
   std::uint64_t write(const std::filesystem::path& file) const;
 
  private:

@@ -113,11 +113,25 @@ void PartialFile::reserve(std::uint64_t bytes) {
 }
 
 void PartialFile::publish() {
+  PartialFile* const self = this;
+  publish_all({&self, 1});
+}
+
+void PartialFile::publish_all(std::span<PartialFile* const> files) {
+  for (PartialFile* file : files) file->finish();
+  for (PartialFile* file : files) file->rename();
+  for (PartialFile* file : files) sync_directory(directory_of(file->file_));
+}
+
+void PartialFile::finish() {
   if (::fsync(out_.descriptor()) != 0) fail("write", partial_);
   out_.close();
+  if (std::filesystem::is_directory(file_)) fail("write", file_, EISDIR);
+}
+
+void PartialFile::rename() {
   if (::rename(partial_.c_str(), file_.c_str()) != 0) fail("write", file_);
   is_published_ = true;
-  sync_directory(directory_of(file_));
 }
 
 FileSection::FileSection(PartialFile& out, std::uint64_t offset) : out_(&out), offset_(offset) {

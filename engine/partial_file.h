@@ -41,13 +41,20 @@ class PartialFile {
   PartialFile& operator=(const PartialFile&) = delete;
   ~PartialFile();
 
+  const std::filesystem::path& name() const { return file_; }
+  const std::filesystem::path& partial_name() const { return partial_; }  // while it is written
   void reserve(std::uint64_t bytes);  // so that a disk too full is known before the work is done
   void write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
     out_.write_at(offset, bytes);
   }
   void publish();
+  // All of them or none, but for a crash between two names.
+  static void publish_all(std::span<PartialFile* const> files);
 
  private:
+  void finish();  // makes it durable
+  void rename();
+
   std::filesystem::path file_, partial_;
   OpenFile out_;
   bool is_published_ = false;

@@ -41,12 +41,13 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
       pages_(&pages),
       frame_(run.frame),
       lattice_(lattice_of(run)),
-      reach_(2 * run.parameters.size * kSlack),
+      size_(run.parameters.size),
       octree_(reader.leaf_keys()),
       ids_file_(OpenFile::temporary(output)),
       tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }),
       cores_(kCoreBytes, [this](std::size_t leaf) { return load_core(leaf); }) {
   first_vertex_.reserve(octree_.size() + 1);
+  first_cell_.reserve(octree_.size() + 1);
   num_core_vertices_.reserve(octree_.size());
   num_core_cells_.reserve(octree_.size());
   num_core_before_.reserve(octree_.size() + 1);
@@ -60,7 +61,7 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
     num_core_vertices_.push_back(here->num_core_points);
     num_core_before_.push_back(num_core_before_.back() + here->num_core_points);
     num_core_cells_.push_back(here->num_core_cells);
-    num_cells_ += here->num_cells + here->num_core_cells;
+    first_cell_.push_back(num_cells() + here->num_cells + here->num_core_cells);
   }
 }
 
@@ -140,6 +141,11 @@ std::size_t VertexNumbering::leaf_of(std::uint64_t vertex) const {
   return static_cast<std::size_t>(next - first_vertex_.begin()) - 1;
 }
 
+std::size_t VertexNumbering::leaf_of_cell(std::uint64_t cell) const {
+  const auto next = std::ranges::upper_bound(first_cell_, cell);
+  return static_cast<std::size_t>(next - first_cell_.begin()) - 1;
+}
+
 const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
   if (leaf_of_core_numbers_ != leaf) {
     leaf_of_core_numbers_ = leaf;
@@ -159,10 +165,11 @@ const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
   return has_core_numbers_ ? &core_numbers_ : nullptr;
 }
 
-std::vector<std::size_t> VertexNumbering::neighbors(std::size_t leaf) const {
+std::vector<std::size_t> VertexNumbering::near(std::size_t leaf, double distance) const {
   std::vector<std::size_t> places;
   auto place = leaves().begin();
-  for (const MortonKey key : octree_.leaves_within(frame_, frame_.box(leaves()[leaf]), reach_)) {
+  for (const MortonKey key :
+       octree_.leaves_within(frame_, frame_.box(leaves()[leaf]), distance * size_ * kSlack)) {
     place = std::lower_bound(place, leaves().end(), key);
     places.push_back(static_cast<std::size_t>(place - leaves().begin()));
   }
@@ -184,6 +191,16 @@ std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
       const LatticeSite site = site_of(ids[i]);
       if (numbers[i] < 0 && core->box().contains(site)) numbers[i] = (*core)[site];
     }
+  return numbers;
+}
+
+std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf, const LeafCells& cells) {
+  std::vector<std::int64_t> numbers = this->numbers(leaf, cells.vertices);
+  for (const auto& cell : cells.cells)
+    for (const std::uint32_t v : cell)
+      if (numbers[v] < 0)
+        corrupt(leaves()[leaf], "a cell names point " + std::to_string(cells.vertices[v]) +
+                                    ", which is in no leaf near it");
   return numbers;
 }
 

@@ -13,12 +13,15 @@
 
 namespace locvol {
 
+// A cell's vertices lie this close to its smallest one; over λ.
+inline constexpr double kCellReach = 2;
+
 // Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
 // those of the lattice core, by site.
 // A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
 // from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
 // of their numbers, in a nameless file of 8 bytes per vertex beside the output.
-// Memory: 40 bytes per leaf, 24 MB for the ids of leaves near the current one, and 16 MB for their
+// Memory: 48 bytes per leaf, 24 MB for the ids of leaves near the current one, and 16 MB for their
 // cores.
 // Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
 class VertexNumbering {
@@ -32,11 +35,17 @@ class VertexNumbering {
 
   std::span<const MortonKey> leaves() const { return octree_.leaves(); }
   std::uint64_t num_vertices() const { return first_vertex_.back(); }
-  std::uint64_t num_cells() const { return num_cells_; }
-  const Lattice& lattice() const { return lattice_; }
+  std::uint64_t num_cells() const { return first_cell_.back(); }
+  // Of a leaf; num_leaves: the end.
   std::uint64_t first_vertex(std::size_t leaf) const { return first_vertex_[leaf]; }
-  // The leaf whose point has this number.
+  std::uint64_t first_cell(std::size_t leaf) const { return first_cell_[leaf]; }
+  // The leaf whose point has this number, and the one that has this cell. REQUIRES: there is one
   std::size_t leaf_of(std::uint64_t vertex) const;
+  std::size_t leaf_of_cell(std::uint64_t cell) const;
+  bool is_core(std::uint64_t vertex) const { return vertex >= first_core_vertex(leaf_of(vertex)); }
+  // The leaves within `distance` of a leaf, over λ, with itself, in Morton order.
+  std::vector<std::size_t> near(std::size_t leaf, double distance) const;
+  const Lattice& lattice() const { return lattice_; }
   // The number of a leaf's first point of the core.
   std::uint64_t first_core_vertex(std::size_t leaf) const {
     return first_vertex_[leaf + 1] - num_core_vertices_[leaf];
@@ -55,6 +64,8 @@ class VertexNumbering {
   // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
   // unused or unknown. REQUIRES: ids ascend
   std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
+  // Of the leaf's cells: throws CorruptRecord if one of them names a point without a number.
+  std::vector<std::int64_t> numbers(std::size_t leaf, const LeafCells& cells);
 
  private:
   // Of one leaf: its points, which of them its own cells name, and what else they name.
@@ -86,18 +97,18 @@ class VertexNumbering {
   std::uint64_t first_used(std::size_t leaf) const {
     return first_vertex_[leaf] - num_core_before_[leaf];
   }
-  std::vector<std::size_t> neighbors(std::size_t leaf) const;  // with itself, in Morton order
+  // That hold points which its cells may name.
+  std::vector<std::size_t> neighbors(std::size_t leaf) const { return near(leaf, kCellReach); }
 
   const Reader* reader_;
   PageRelease* pages_;
   Frame frame_;
   Lattice lattice_;
-  double reach_;  // a cell's vertices lie this close to its smallest one
+  double size_;  // λ
   LinearOctree octree_;
   OpenFile ids_file_;
-  std::vector<std::uint64_t> first_vertex_{0};  // of each leaf, and the end
+  std::vector<std::uint64_t> first_vertex_{0}, first_cell_{0};  // of each leaf, and the end
   std::vector<std::uint64_t> num_core_vertices_, num_core_cells_, num_core_before_{0};
-  std::uint64_t num_cells_ = 0;
   LeafWindow<Table> tables_;
   LeafWindow<Core> cores_;
   SiteBlock<std::int64_t> core_numbers_;

@@ -1,9 +1,7 @@
 #include "engine/writer.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
-#include <csignal>
 #include <cstring>
 #include <fstream>
 #include <iterator>
@@ -11,6 +9,7 @@
 
 #include "engine/engine.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/temp_dir.h"
 
@@ -268,24 +267,6 @@ TEST(WriterFailure, TheNameIsADirectory) {
   std::filesystem::create_directories(dir / "mesh.vtu");
   expect_failure(store, dir, dir / "mesh.vtu", "Is a directory");
 }
-
-// Files of this process may not grow beyond so many bytes while the object lives.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
-    getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit limit = {bytes, before_.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, handler_);
-  }
-
- private:
-  void (*handler_)(int);
-  rlimit before_{};
-};
 
 TEST(WriterFailure, NoRoom) {
   const TempDir dir;

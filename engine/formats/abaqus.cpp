@@ -1,0 +1,87 @@
+#include <array>
+#include <charconv>
+
+#include "engine/formats/formats.h"
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+// Abaqus' number of the face across from each vertex.
+constexpr std::array<char, 4> kFace = {'3', '4', '2', '1'};
+constexpr std::uint64_t kLabelsPerLine = 16;  // no more in a set
+
+void add_coordinate(double value, Text& text) {
+  constexpr std::ptrdiff_t kMaxLength = 20;
+  std::array<char, 32> digits;
+  char* const start = digits.data();
+  const char* end = std::to_chars(start, start + digits.size(), value).ptr;
+  for (int precision = 14; end - start > kMaxLength; --precision)
+    end =
+        std::to_chars(start, start + digits.size(), value, std::chars_format::scientific, precision)
+            .ptr;
+  text.add(std::string_view(start, end));
+}
+
+Text nodes_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(64 * piece.points.size());
+  std::uint64_t label = piece.first_vertex;
+  for (const auto& point : piece.points) {
+    text.add(++label);
+    for (const double coordinate : point) {
+      text.add(", ");
+      add_coordinate(coordinate, text);
+    }
+    text.add('\n');
+  }
+  return text;
+}
+
+Text elements_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(48 * piece.cells.size());
+  std::uint64_t label = piece.first_cell;
+  for (const auto& cell : piece.cells) {
+    text.add(++label);
+    for (const std::int64_t v : cell) text.add(", ").add(static_cast<std::uint64_t>(v) + 1);
+    text.add('\n');
+  }
+  return text;
+}
+
+Text faces_of(const BoundarySurface::Facets& some) {
+  Text text;
+  for (const BoundaryFacet& facet : some.facets)
+    text.add(facet.cell + 1).add(", S").add(kFace[facet.across]).add('\n');
+  return text;
+}
+
+Text node_set_of(const BoundarySurface::Vertices& some) {
+  static_assert((std::uint64_t{1} << 14) % kLabelsPerLine == 0, "pieces end with a line");
+  Text text;
+  for (std::size_t i = 0; i < some.vertices.size(); ++i) {
+    const bool ends_line =
+        i % kLabelsPerLine == kLabelsPerLine - 1 || i + 1 == some.vertices.size();
+    text.add(some.vertices[i] + 1).add(ends_line ? "\n" : ", ");
+  }
+  return text;
+}
+
+}  // namespace
+
+std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
+  AppendedFile out(file);
+  const auto append = [&](const Text& text) { out.append(text.text()); };
+  out.append("*HEADING\ntetrahedra by locvol\n*NODE\n");
+  mesh.for_each_piece({.has_points = true}, nodes_of, append);
+  out.append("*ELEMENT, TYPE=C3D4, ELSET=volume\n");
+  mesh.for_each_piece({.has_cells = true}, elements_of, append);
+  out.append("*NSET, NSET=boundary\n");
+  encode_in_order(mesh.workers(), mesh.boundary().vertices(), node_set_of, append);
+  out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
+  encode_in_order(mesh.workers(), mesh.boundary().facets({}), faces_of, append);
+  return out.size();
+}
+
+}  // namespace locvol

@@ -1,0 +1,41 @@
+// One function for each format: it writes the mesh to a file that is empty yet, and returns the
+// file's size. Bytes are the same for any number of threads.
+// Errors: StoreError, std::system_error; FormatLimit before a byte is written.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/formats/mesh_source.h"
+#include "engine/partial_file.h"
+
+namespace locvol {
+
+// Cell data: `leaf` (its place in Morton order) and, with the quality, `radius_edge_ratio` and
+// `min_dihedral_degrees`, in Float32.
+// VTU: XML with raw appended data, UInt64 headers, 64-bit ids.
+std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file);
+std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file);
+// VTKHDF 1.0, one partition; HDF5 opens the file by its name.
+std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file);
+
+// Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1
+// ("boundary").
+std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file);
+std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file);
+// Tetrahedra and boundary triangles, all with the reference 1. Version 4 from 2^31 of them on; the
+// binary one is of version 3 if it is below, but the file beyond 2^31 bytes.
+std::uint64_t write_medit(MeshSource& mesh, PartialFile& file);
+std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version = 2);
+// C3D4 elements in the set `volume`; the boundary's nodes in the set `boundary`, its facets in the
+// surface `boundary`. No number is longer than 20 characters, as Abaqus wants it: coordinates have
+// 13 digits at least.
+std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file);
+// Indices from 1.
+std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements);
+
+// The boundary, outward.
+std::uint64_t write_stl(MeshSource& mesh, PartialFile& file);
+std::uint64_t write_ply(MeshSource& mesh, PartialFile& file);
+std::uint64_t write_obj(MeshSource& mesh, PartialFile& file);
+
+}  // namespace locvol

@@ -1,0 +1,215 @@
+#include <array>
+#include <bit>
+#include <ranges>
+
+#include "engine/formats/formats.h"
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "written as the machine has it");
+
+constexpr std::int32_t kTriangle = 2, kTetrahedron = 4;  // Gmsh's types of elements
+constexpr std::int32_t kSurface = 1, kVolume = 1;        // entities
+constexpr std::int32_t kBoundaryGroup = 1, kVolumeGroup = 2;
+
+constexpr std::string_view kGroups =
+    "$PhysicalNames\n2\n2 1 \"boundary\"\n3 2 \"volume\"\n$EndPhysicalNames\n";
+
+// "4.1 1 8": binary, and the size of a double; 1 as an integer tells the order of bytes.
+void add_format(std::string_view version, Bytes& bytes) {
+  bytes.add_text("$MeshFormat\n").add_text(version).add_text(" 1 8\n");
+  bytes.add(std::int32_t{1}).add_text("\n$EndMeshFormat\n").add_text(kGroups);
+}
+
+void add_box(const Box& box, Bytes& bytes) {
+  bytes.add(box.min.x).add(box.min.y).add(box.min.z).add(box.max.x).add(box.max.y).add(box.max.z);
+}
+
+// ---- 4.1: tags and counts of 64 bits, nodes and elements by entity
+// --------------------------------
+
+struct Msh4Layout {
+  std::uint64_t num_vertices, num_cells, num_facets;
+  std::uint64_t tags, coordinates, cells, facets, end;  // places in the file
+};
+
+// No points, no curves, one surface, and one volume that it bounds.
+void add_entities(const Box& box, Bytes& bytes) {
+  bytes.add_text("$Entities\n");
+  for (const std::uint64_t count : {0, 0, 1, 1}) bytes.add(count);
+  bytes.add(kSurface);
+  add_box(box, bytes);
+  bytes.add(std::uint64_t{1}).add(kBoundaryGroup).add(std::uint64_t{0});
+  bytes.add(kVolume);
+  add_box(box, bytes);
+  bytes.add(std::uint64_t{1}).add(kVolumeGroup).add(std::uint64_t{1}).add(kSurface);
+  bytes.add_text("\n$EndEntities\n");
+}
+
+void add_section_head(std::uint64_t num_blocks, std::uint64_t num_items, Bytes& bytes) {
+  const std::uint64_t first_tag = num_items > 0 ? 1 : 0;
+  bytes.add(num_blocks).add(num_items).add(first_tag).add(num_items);
+}
+
+// The three runs of bytes around the arrays: before the nodes, before and after the elements.
+struct Msh4Frame {
+  Bytes before_nodes, before_cells, before_facets;
+  static constexpr std::string_view kAfter = "\n$EndElements\n";
+};
+
+Msh4Frame frame_of(const Box& box, const Msh4Layout& n) {
+  Msh4Frame frame;
+  Bytes& head = frame.before_nodes;
+  add_format("4.1", head);
+  add_entities(box, head);
+  head.add_text("$Nodes\n");
+  add_section_head(1, n.num_vertices, head);
+  head.add(std::int32_t{3}).add(kVolume).add(std::int32_t{0}).add(n.num_vertices);
+  Bytes& middle = frame.before_cells;
+  middle.add_text("\n$EndNodes\n$Elements\n");
+  add_section_head(2, n.num_cells + n.num_facets, middle);
+  middle.add(std::int32_t{3}).add(kVolume).add(kTetrahedron).add(n.num_cells);
+  frame.before_facets.add(std::int32_t{2}).add(kSurface).add(kTriangle).add(n.num_facets);
+  return frame;
+}
+
+constexpr std::uint64_t kCellBytes4 = 5 * 8, kFacetBytes4 = 4 * 8;
+
+void place_arrays(const Msh4Frame& frame, Msh4Layout& layout) {
+  layout.tags = frame.before_nodes.size();
+  layout.coordinates = layout.tags + 8 * layout.num_vertices;
+  layout.cells = layout.coordinates + 24 * layout.num_vertices + frame.before_cells.size();
+  layout.facets = layout.cells + kCellBytes4 * layout.num_cells + frame.before_facets.size();
+  layout.end = layout.facets + kFacetBytes4 * layout.num_facets;
+}
+
+void write_piece4(const MeshPiece& piece, const Msh4Layout& layout, PlacedFile& out) {
+  std::vector<std::uint64_t> tags(piece.points.size());
+  for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = piece.first_vertex + i + 1;
+  std::vector<std::array<std::uint64_t, 5>> cells(piece.cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    cells[i][0] = piece.first_cell + i + 1;
+    for (std::size_t k = 0; k < 4; ++k)
+      cells[i][k + 1] = static_cast<std::uint64_t>(piece.cells[i][k]) + 1;
+  }
+  const std::array<PlacedFile::Part, 3> parts = {
+      {{layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},
+       {layout.coordinates + 24 * piece.first_vertex, std::as_bytes(std::span(piece.points))},
+       {layout.cells + kCellBytes4 * piece.first_cell, std::as_bytes(std::span(cells))}}};
+  out.write(parts);
+}
+
+// ---- 2.2: all of 32 bits
+// ----------------------------------------------------------------------------
+
+struct Node2 {
+  std::int32_t tag;
+  std::array<double, 3> position;
+} __attribute__((packed));
+
+template <std::size_t num_vertices>
+using Element2 = std::array<std::int32_t, 3 + num_vertices>;  // tag, group, entity, vertices
+
+template <std::size_t num_vertices>
+Element2<num_vertices> element2(std::uint64_t tag, std::int32_t group, std::int32_t entity,
+                                const auto& vertices) {
+  Element2<num_vertices> element = {static_cast<std::int32_t>(tag), group, entity};
+  for (std::size_t k = 0; k < num_vertices; ++k)
+    element[3 + k] = static_cast<std::int32_t>(vertices[k]) + 1;
+  return element;
+}
+
+// Of `count` elements, each with two tags.
+void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
+  if (count > 0) bytes.add(type).add(static_cast<std::int32_t>(count)).add(std::int32_t{2});
+}
+
+}  // namespace
+
+std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
+  BoundarySurface& boundary = mesh.boundary();
+  Msh4Layout layout{mesh.num_vertices(), mesh.num_cells(), boundary.num_facets(), 0, 0, 0, 0, 0};
+  const Msh4Frame frame = frame_of(mesh.run().surface.box, layout);
+  place_arrays(frame, layout);
+  const std::uint64_t bytes = layout.end + Msh4Frame::kAfter.size();
+  file.reserve(bytes);
+  file.write_at(0, frame.before_nodes.bytes());
+  file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
+  file.write_at(layout.facets - frame.before_facets.size(), frame.before_facets.bytes());
+  PlacedFile out(file);
+  mesh.for_each_piece(
+      {.has_points = true, .has_cells = true},
+      [&](const MeshPiece& piece) {
+        write_piece4(piece, layout, out);
+        return true;
+      },
+      [](bool) {});
+  AppendedFile facets(file, layout.facets);
+  encode_in_order(
+      mesh.workers(), boundary.facets({}),
+      [&](const BoundarySurface::Facets& some) {
+        Bytes list;
+        std::uint64_t tag = layout.num_cells + some.first;
+        for (const auto& [a, b, c] : std::views::transform(some.facets, &BoundaryFacet::vertices))
+          list.add(std::array<std::uint64_t, 4>{++tag, a + 1, b + 1, c + 1});
+        return list;
+      },
+      [&](const Bytes& list) { facets.append(list.bytes()); });
+  facets.append(Msh4Frame::kAfter);
+  return bytes;
+}
+
+std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
+  BoundarySurface& boundary = mesh.boundary();
+  const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets();
+  AppendedFile out(file);
+  const auto append = [&](const Bytes& bytes) { out.append(bytes.bytes()); };
+  Bytes head;
+  add_format("2.2", head);
+  append(head);
+  out.append(Text().add("$Nodes\n").add(mesh.num_vertices()).add('\n').text());
+  mesh.for_each_piece(
+      {.has_points = true},
+      [](const MeshPiece& piece) {
+        Bytes nodes;
+        nodes.reserve(sizeof(Node2) * piece.points.size());
+        std::uint64_t tag = piece.first_vertex;
+        for (const auto& point : piece.points)
+          nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
+        return nodes;
+      },
+      append);
+  out.append(Text().add("\n$EndNodes\n$Elements\n").add(num_cells + num_facets).add('\n').text());
+  Bytes cell_head, facet_head;
+  add_element_head2(kTetrahedron, num_cells, cell_head);
+  append(cell_head);
+  mesh.for_each_piece(
+      {.has_cells = true},
+      [](const MeshPiece& piece) {
+        Bytes cells;
+        cells.reserve(sizeof(Element2<4>) * piece.cells.size());
+        std::uint64_t tag = piece.first_cell;
+        for (const auto& cell : piece.cells)
+          cells.add(element2<4>(++tag, kVolumeGroup, kVolume, cell));
+        return cells;
+      },
+      append);
+  add_element_head2(kTriangle, num_facets, facet_head);
+  append(facet_head);
+  encode_in_order(
+      mesh.workers(), boundary.facets({}),
+      [&](const BoundarySurface::Facets& some) {
+        Bytes list;
+        std::uint64_t tag = num_cells + some.first;
+        for (const BoundaryFacet& facet : some.facets)
+          list.add(element2<3>(++tag, kBoundaryGroup, kSurface, facet.vertices));
+        return list;
+      },
+      append);
+  out.append("\n$EndElements\n");
+  return out.size();
+}
+
+}  // namespace locvol

@@ -1,0 +1,176 @@
+#include <array>
+#include <bit>
+
+#include "engine/formats/formats.h"
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "written as the machine has it");
+
+constexpr std::uint64_t kReference = 1;
+constexpr std::uint64_t kMaxInt32 = 0x7fffffff;
+
+bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uint64_t num_facets) {
+  return num_vertices > kMaxInt32 || num_cells > kMaxInt32 || num_facets > kMaxInt32;
+}
+
+// ---- Text
+// -----------------------------------------------------------------------------------------
+
+Text vertices_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(64 * piece.points.size());
+  for (const auto& [x, y, z] : piece.points)
+    text.add(x).add(' ').add(y).add(' ').add(z).add(' ').add(kReference).add('\n');
+  return text;
+}
+
+void add_element(const auto& vertices, Text& text) {
+  for (const auto v : vertices) text.add(static_cast<std::uint64_t>(v) + 1).add(' ');
+  text.add(kReference).add('\n');
+}
+
+Text cells_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(40 * piece.cells.size());
+  for (const auto& cell : piece.cells) add_element(cell, text);
+  return text;
+}
+
+Text facets_of(const BoundarySurface::Facets& some) {
+  Text text;
+  for (const BoundaryFacet& facet : some.facets) add_element(facet.vertices, text);
+  return text;
+}
+
+std::string section(std::string_view name, std::uint64_t count) {
+  return Text().add('\n').add(name).add('\n').add(count).add('\n').text();
+}
+
+// ---- Binary: keyword, place of the next keyword, count, lines -----------------------------------
+
+enum Keyword : std::int32_t {
+  kDimension = 3,
+  kVertices = 4,
+  kTriangles = 6,
+  kTetrahedra = 8,
+  kEnd = 54,
+};
+
+// Sizes by version: 2 has places and integers of 32 bits, 3 places of 64, 4 both of 64.
+struct Widths {
+  int version;
+  std::uint64_t place() const { return version >= 3 ? 8 : 4; }
+  std::uint64_t integer() const { return version >= 4 ? 8 : 4; }
+  std::uint64_t section(std::uint64_t num_lines, std::uint64_t line) const {
+    return 4 + place() + integer() + num_lines * line;
+  }
+  std::uint64_t vertex() const { return 3 * 8 + integer(); }
+  std::uint64_t element(std::uint64_t num_vertices) const { return (num_vertices + 1) * integer(); }
+  std::uint64_t head() const { return 4 + 4 + 4 + place() + 4; }
+
+  void add_place(std::uint64_t value, Bytes& bytes) const {
+    version >= 3 ? bytes.add(value) : bytes.add(static_cast<std::int32_t>(value));
+  }
+  void add_integer(std::uint64_t value, Bytes& bytes) const {
+    version >= 4 ? bytes.add(value) : bytes.add(static_cast<std::int32_t>(value));
+  }
+  void add_element(const auto& vertices, Bytes& bytes) const {
+    for (const auto v : vertices) add_integer(static_cast<std::uint64_t>(v) + 1, bytes);
+    add_integer(kReference, bytes);
+  }
+};
+
+struct Counts {
+  std::uint64_t num_vertices, num_cells, num_facets;
+};
+
+std::uint64_t file_bytes(const Widths& widths, const Counts& n) {
+  return widths.head() + widths.section(n.num_vertices, widths.vertex()) +
+         widths.section(n.num_cells, widths.element(4)) +
+         widths.section(n.num_facets, widths.element(3)) + 4 + widths.place();
+}
+
+Widths widths_for(const Counts& n, int least_version) {
+  Widths widths{least_version};
+  if (widths.version < 3 && file_bytes(widths, n) > kMaxInt32) widths.version = 3;
+  if (needs_64_bits(n.num_vertices, n.num_cells, n.num_facets)) widths.version = 4;
+  return widths;
+}
+
+}  // namespace
+
+std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
+  BoundarySurface& boundary = mesh.boundary();
+  AppendedFile out(file);
+  const auto append = [&](const Text& text) { out.append(text.text()); };
+  const bool is_wide = needs_64_bits(mesh.num_vertices(), mesh.num_cells(), boundary.num_facets());
+  out.append(is_wide ? "MeshVersionFormatted 4\n" : "MeshVersionFormatted 2\n");
+  out.append("\nDimension 3\n");
+  out.append(section("Vertices", mesh.num_vertices()));
+  mesh.for_each_piece({.has_points = true}, vertices_of, append);
+  out.append(section("Tetrahedra", mesh.num_cells()));
+  mesh.for_each_piece({.has_cells = true}, cells_of, append);
+  out.append(section("Triangles", boundary.num_facets()));
+  encode_in_order(mesh.workers(), boundary.facets({}), facets_of, append);
+  out.append("\nEnd\n");
+  return out.size();
+}
+
+std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version) {
+  const Counts n{mesh.num_vertices(), mesh.num_cells(), mesh.boundary().num_facets()};
+  const Widths widths = widths_for(n, least_version);
+  const std::uint64_t bytes = file_bytes(widths, n);
+  file.reserve(bytes);
+  AppendedFile out(file);
+  const auto append = [&](const Bytes& some) { out.append(some.bytes()); };
+  const auto begin_section = [&](Keyword keyword, std::uint64_t count, std::uint64_t line) {
+    Bytes head;
+    head.add(keyword);
+    widths.add_place(out.size() + widths.section(count, line), head);
+    widths.add_integer(count, head);
+    append(head);
+  };
+  Bytes head;
+  head.add(std::int32_t{1}).add(std::int32_t{widths.version}).add(kDimension);
+  widths.add_place(widths.head(), head);
+  append(head.add(std::int32_t{3}));
+
+  begin_section(kVertices, n.num_vertices, widths.vertex());
+  mesh.for_each_piece(
+      {.has_points = true},
+      [&](const MeshPiece& piece) {
+        Bytes some;
+        some.reserve(widths.vertex() * piece.points.size());
+        for (const auto& point : piece.points) widths.add_integer(kReference, some.add(point));
+        return some;
+      },
+      append);
+  begin_section(kTetrahedra, n.num_cells, widths.element(4));
+  mesh.for_each_piece(
+      {.has_cells = true},
+      [&](const MeshPiece& piece) {
+        Bytes some;
+        some.reserve(widths.element(4) * piece.cells.size());
+        for (const auto& cell : piece.cells) widths.add_element(cell, some);
+        return some;
+      },
+      append);
+  begin_section(kTriangles, n.num_facets, widths.element(3));
+  encode_in_order(
+      mesh.workers(), mesh.boundary().facets({}),
+      [&](const BoundarySurface::Facets& some) {
+        Bytes list;
+        for (const BoundaryFacet& facet : some.facets) widths.add_element(facet.vertices, list);
+        return list;
+      },
+      append);
+  Bytes end;
+  widths.add_place(0, end.add(kEnd));
+  append(end);
+  return bytes;
+}
+
+}  // namespace locvol

@@ -1,0 +1,77 @@
+// The arrays that VTK's formats are made of, in blocks of equal size: for compression.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "engine/encode_in_order.h"
+#include "engine/formats/mesh_source.h"
+
+namespace locvol {
+
+enum class ArrayName {
+  kPoints,
+  kConnectivity,
+  kEnds,    // of cells among the vertices of all
+  kStarts,  // the same, from 0 on: one more
+  kRadiusEdge,
+  kDihedral,
+  kLeaf,
+  kTypes,
+};
+
+inline constexpr std::uint8_t kVtkTetra = 10;
+
+struct ArrayInfo {
+  ArrayName array;
+  std::string_view name, vtk_type;
+  std::uint64_t num_components, value_bytes;
+  std::uint64_t num_items;  // of vertices or cells: rows of num_components values
+  bool is_cell_data = false;
+
+  std::uint64_t item_bytes() const { return num_components * value_bytes; }
+  std::uint64_t bytes() const { return num_items * item_bytes(); }
+};
+
+// Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
+// size if the first one does.
+std::vector<ArrayInfo> mesh_arrays(const MeshSource& mesh, bool has_quality);
+
+class ArrayBlocks {
+ public:
+  // With the quality, measures all cells: 8 bytes each, in nameless files beside the output.
+  ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output);
+
+  // Calls take(encode(bytes)) for each block of `block_items` items of the array; the last one may
+  // have fewer. encode on any thread, take in order.
+  template <class Encode, class Take>
+  void for_each_block(const ArrayInfo& info, std::uint64_t block_items, const Encode& encode,
+                      Take take) {
+    const auto encode_block = [&](const Block& block) {
+      return block.bytes.empty() ? encode(std::span<const std::byte>(computed(info.array, block)))
+                                 : encode(std::span<const std::byte>(block.bytes));
+    };
+    encode_in_order(mesh_.workers(), blocks(info, block_items), encode_block, take);
+  }
+
+ private:
+  struct Block {
+    std::uint64_t first = 0, count = 0;  // items
+    std::vector<std::byte> bytes;        // empty: known by formula
+  };
+  using NextBlock = std::function<std::optional<Block>()>;
+
+  NextBlock blocks(const ArrayInfo& info, std::uint64_t block_items);
+  std::vector<std::byte> computed(ArrayName array, const Block& block) const;
+  void measure(const std::filesystem::path& output);
+
+  MeshSource& mesh_;
+  std::optional<OpenFile> ratios_, angles_;
+};
+
+}  // namespace locvol

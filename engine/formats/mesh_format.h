@@ -1,0 +1,66 @@
+// The formats that a mesh is written in, and how much each can hold.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/input_error.h"
+
+namespace locvol {
+
+enum class MeshFormat {
+  kVtu,
+  kVtuZlib,
+  kVtkHdf,
+  kMsh4,
+  kMsh2,
+  kMedit,
+  kMeditBinary,
+  kAbaqus,
+  kTetgen,
+  kStl,
+  kPly,
+  kObj,
+};
+
+struct FormatInfo {
+  MeshFormat format;
+  std::string_view name;                     // as --format takes it
+  std::vector<std::string_view> extensions;  // that mean this format; may be none
+  std::string_view description;
+  bool has_cell_data = false;
+  bool is_surface = false;  // holds the boundary alone
+};
+
+std::span<const FormatInfo> mesh_formats();
+const FormatInfo& info_of(MeshFormat format);
+// By the extension of a file's name, whatever its case.
+std::optional<MeshFormat> format_of(const std::filesystem::path& file);
+std::optional<MeshFormat> format_named(std::string_view name);
+// The same as format_of(); throws InputError, which lists the extensions, if it means none.
+MeshFormat format_meant_by(const std::filesystem::path& file);
+
+// What a mesh has of all that a format numbers.
+struct MeshCounts {
+  std::uint64_t num_vertices = 0, num_cells = 0;
+  std::uint64_t num_boundary_facets = 0, num_boundary_vertices = 0;
+};
+
+// The mesh has more of something than the format can number. The message says what, and names
+// formats that hold it.
+class FormatLimit : public InputError {
+ public:
+  using InputError::InputError;
+};
+// Throws FormatLimit. What is not known yet is 0. `file`: for the message
+void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file);
+
+// The files that an output is made of: TetGen's are two.
+std::vector<std::filesystem::path> files_of(MeshFormat format, const std::filesystem::path& output);
+
+}  // namespace locvol

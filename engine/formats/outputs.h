@@ -1,0 +1,100 @@
+// How the formats put bytes into a file: one after another, or at known places.
+#pragma once
+
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <mutex>
+#include <span>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+#include "engine/partial_file.h"
+
+namespace locvol {
+
+// Bytes as they come. Takes a text, or what a piece was encoded into.
+class AppendedFile {
+ public:
+  explicit AppendedFile(PartialFile& file, std::uint64_t offset = 0)
+      : file_(file), offset_(offset) {}
+  void append(std::span<const std::byte> bytes) {
+    file_.write_at(offset_, bytes);
+    offset_ += bytes.size();
+  }
+  void append(std::string_view text) { append(std::as_bytes(std::span(text))); }
+  std::uint64_t size() const { return offset_; }
+
+ private:
+  PartialFile& file_;
+  std::uint64_t offset_;
+};
+
+// Threads: any may write; one at a time does, for the kernel lets no more, and others would spin.
+class PlacedFile {
+ public:
+  explicit PlacedFile(PartialFile& file) : file_(file) {}
+  struct Part {
+    std::uint64_t offset;
+    std::span<const std::byte> bytes;
+  };
+  void write(std::span<const Part> parts) {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [offset, bytes] : parts) file_.write_at(offset, bytes);
+  }
+
+ private:
+  PartialFile& file_;
+  std::mutex mutex_;
+};
+
+// Little-endian values, one after another.
+class Bytes {
+ public:
+  template <class T>
+  Bytes& add(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
+    return *this;
+  }
+  Bytes& add_text(std::string_view text) {
+    bytes_ += text;
+    return *this;
+  }
+  void reserve(std::size_t num_bytes) { bytes_.reserve(num_bytes); }
+  std::span<const std::byte> bytes() const { return std::as_bytes(std::span(bytes_)); }
+  std::size_t size() const { return bytes_.size(); }
+
+ private:
+  std::string bytes_;
+};
+
+// A line of text from numbers: reals as the shortest that read back the same.
+class Text {
+ public:
+  Text& add(double value) { return convert(value); }
+  Text& add(std::uint64_t value) { return convert(value); }
+  Text& add(char c) {
+    text_ += c;
+    return *this;
+  }
+  Text& add(std::string_view text) {
+    text_ += text;
+    return *this;
+  }
+  void reserve(std::size_t num_bytes) { text_.reserve(num_bytes); }
+  const std::string& text() const { return text_; }
+
+ private:
+  template <class Number>
+  Text& convert(Number value) {
+    std::array<char, 32> digits;
+    const auto [end, error] = std::to_chars(digits.data(), digits.data() + digits.size(), value);
+    text_.append(digits.data(), static_cast<std::size_t>(end - digits.data()));
+    return *this;
+  }
+  std::string text_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,43 @@
+#include "engine/formats/formats.h"
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+Text nodes_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(72 * piece.points.size());
+  std::uint64_t index = piece.first_vertex;
+  for (const auto& [x, y, z] : piece.points)
+    text.add(++index).add(' ').add(x).add(' ').add(y).add(' ').add(z).add('\n');
+  return text;
+}
+
+Text elements_of(const MeshPiece& piece) {
+  Text text;
+  text.reserve(48 * piece.cells.size());
+  std::uint64_t index = piece.first_cell;
+  for (const auto& cell : piece.cells) {
+    text.add(++index);
+    for (const std::int64_t v : cell) text.add(' ').add(static_cast<std::uint64_t>(v) + 1);
+    text.add('\n');
+  }
+  return text;
+}
+
+}  // namespace
+
+std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements) {
+  AppendedFile node_file(nodes), element_file(elements);
+  // Number of points, dimension, attributes, boundary markers.
+  node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
+  mesh.for_each_piece({.has_points = true}, nodes_of,
+                      [&](const Text& text) { node_file.append(text.text()); });
+  // Number of tetrahedra, points of each, attributes.
+  element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
+  mesh.for_each_piece({.has_cells = true}, elements_of,
+                      [&](const Text& text) { element_file.append(text.text()); });
+  return node_file.size() + element_file.size();
+}
+
+}  // namespace locvol

@@ -1,0 +1,179 @@
+#include <bit>
+#include <string>
+
+#include "engine/formats/deflate.h"
+#include "engine/formats/formats.h"
+#include "engine/formats/mesh_arrays.h"
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the header says LittleEndian");
+
+// A file is this, where each array is a head and its bytes:
+//
+//   header, padded | _ | arrays, one after another | footer
+constexpr std::string_view kFooter = "\n  </AppendedData>\n</VTKFile>\n";
+
+// As long whatever the offset.
+void add_array(const ArrayInfo& array, std::uint64_t offset, Text& text) {
+  constexpr std::size_t kOffsetLength = 20;
+  std::string digits = std::to_string(offset) + "\"";
+  digits.resize(kOffsetLength + 1, ' ');
+  text.add("        <DataArray type=\"").add(array.vtk_type).add("\" Name=\"").add(array.name);
+  if (array.array == ArrayName::kPoints) text.add("\" NumberOfComponents=\"3");
+  text.add("\" format=\"appended\" offset=\"").add(digits).add("/>\n");
+}
+
+// Up to and with the mark, which is the last byte before a multiple of eight. `offsets`: of the
+// arrays, after the mark
+std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::uint64_t>& offsets,
+                   const MeshSource& mesh, bool is_compressed) {
+  Text text;
+  const auto add_arrays = [&](auto is_meant) {
+    for (std::size_t i = 0; i < arrays.size(); ++i)
+      if (is_meant(arrays[i])) add_array(arrays[i], offsets[i], text);
+  };
+  text.add(
+      "<?xml version=\"1.0\"?>\n"
+      "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\"");
+  if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
+  text.add(">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"").add(mesh.num_vertices());
+  text.add("\" NumberOfCells=\"").add(mesh.num_cells()).add("\">\n      <Points>\n");
+  add_arrays([](const ArrayInfo& a) { return a.array == ArrayName::kPoints; });
+  text.add("      </Points>\n      <Cells>\n");
+  add_arrays([](const ArrayInfo& a) { return a.array != ArrayName::kPoints && !a.is_cell_data; });
+  text.add("      </Cells>\n      <CellData Scalars=\"leaf\">\n");
+  add_arrays([](const ArrayInfo& a) { return a.is_cell_data; });
+  text.add(
+      "      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n"
+      "  <AppendedData encoding=\"raw\">\n");
+  std::string result = text.text();
+  result.append(7 - result.size() % 8, ' ');
+  return result + '_';
+}
+
+// ---- Raw: the head of an array is the number of its bytes ---------------------------------------
+
+constexpr std::uint64_t kCountBytes = 8;
+
+class RawArrays {
+ public:
+  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file)
+      : mesh_(mesh), arrays_(mesh_arrays(mesh, has_quality)), file_(file), out_(file) {}
+
+  std::uint64_t write() {
+    std::uint64_t end = 0;
+    for (const ArrayInfo& array : arrays_) {
+      offsets_.push_back(end);
+      end += kCountBytes + array.bytes();
+    }
+    const std::string head = header(arrays_, offsets_, mesh_, false);
+    data_ = head.size();
+    const std::uint64_t bytes = data_ + end + kFooter.size();
+    file_.reserve(bytes);
+    file_.write_at(0, std::as_bytes(std::span(head)));
+    for (std::size_t i = 0; i < arrays_.size(); ++i) {
+      const std::uint64_t count = arrays_[i].bytes();
+      file_.write_at(data_ + offsets_[i], std::as_bytes(std::span(&count, 1)));
+    }
+    const bool has_quality = place(ArrayName::kRadiusEdge) < arrays_.size();
+    mesh_.for_each_piece(
+        {.has_points = true, .has_cells = true, .has_corners = has_quality},
+        [&](const MeshPiece& piece) {
+          write_piece(piece, has_quality);
+          return true;
+        },
+        [](bool) {});
+    file_.write_at(data_ + end, std::as_bytes(std::span(kFooter)));
+    return bytes;
+  }
+
+ private:
+  std::size_t place(ArrayName name) const {
+    return static_cast<std::size_t>(std::ranges::find(arrays_, name, &ArrayInfo::array) -
+                                    arrays_.begin());
+  }
+  template <class T>
+  PlacedFile::Part part(ArrayName name, std::uint64_t first, const std::vector<T>& items) const {
+    return {data_ + offsets_[place(name)] + kCountBytes + first * sizeof(T),
+            std::as_bytes(std::span(items))};
+  }
+
+  void write_piece(const MeshPiece& piece, bool has_quality) {
+    const std::uint64_t num_cells = piece.cells.size(), first_cell = piece.first_cell;
+    std::vector<std::uint64_t> offsets(num_cells);
+    for (std::uint64_t i = 0; i < num_cells; ++i) offsets[i] = 4 * (first_cell + i + 1);
+    const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
+    const std::vector<std::uint32_t> leaves = leaves_of(piece);
+    std::vector<float> ratios, angles;
+    std::vector<PlacedFile::Part> parts = {
+        part(ArrayName::kPoints, piece.first_vertex, piece.points),
+        part(ArrayName::kConnectivity, first_cell, piece.cells),
+        part(ArrayName::kEnds, first_cell, offsets), part(ArrayName::kLeaf, first_cell, leaves),
+        part(ArrayName::kTypes, first_cell, types)};
+    if (has_quality) {
+      for (const auto& [ratio, angle] : quality_of(piece)) {
+        ratios.push_back(ratio);
+        angles.push_back(angle);
+      }
+      parts.push_back(part(ArrayName::kRadiusEdge, first_cell, ratios));
+      parts.push_back(part(ArrayName::kDihedral, first_cell, angles));
+    }
+    out_.write(parts);
+  }
+
+  MeshSource& mesh_;
+  std::vector<ArrayInfo> arrays_;
+  std::vector<std::uint64_t> offsets_;
+  std::uint64_t data_ = 0;  // where the arrays begin
+  PartialFile& file_;
+  PlacedFile out_;
+};
+
+// ---- Compressed: the head of an array says how large its blocks are -----------------------------
+
+constexpr std::uint64_t kBlockBytes = std::uint64_t{1} << 20;
+
+// The number of blocks, the bytes of each before compression, those of the last one if it is
+// shorter, and then of each block after compression. Written at `offset`, before the blocks.
+void write_compressed(const ArrayInfo& array, ArrayBlocks& blocks, PartialFile& file,
+                      std::uint64_t& offset) {
+  const std::uint64_t block_items = kBlockBytes / std::bit_ceil(array.item_bytes());
+  const std::uint64_t num_blocks = (array.num_items + block_items - 1) / block_items;
+  std::vector<std::uint64_t> head = {num_blocks, block_items * array.item_bytes(),
+                                     array.num_items % block_items * array.item_bytes()};
+  AppendedFile out(file, offset + 8 * (head.size() + num_blocks));
+  blocks.for_each_block(array, block_items, deflated, [&](const std::vector<std::byte>& block) {
+    head.push_back(block.size());
+    out.append(block);
+  });
+  file.write_at(offset, std::as_bytes(std::span(head)));
+  offset = out.size();
+}
+
+}  // namespace
+
+std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file) {
+  return RawArrays(mesh, has_quality, file).write();
+}
+
+std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file) {
+  const std::vector<ArrayInfo> arrays = mesh_arrays(mesh, has_quality);
+  std::vector<std::uint64_t> offsets(arrays.size());
+  const std::uint64_t data = header(arrays, offsets, mesh, true).size();
+  ArrayBlocks blocks(mesh, has_quality, file.name());
+  std::uint64_t end = data;
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    offsets[i] = end - data;
+    write_compressed(arrays[i], blocks, file, end);
+  }
+  const std::string head = header(arrays, offsets, mesh, true);
+  file.write_at(0, std::as_bytes(std::span(head)));
+  file.write_at(end, std::as_bytes(std::span(kFooter)));
+  return end + kFooter.size();
+}
+
+}  // namespace locvol
