@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <ranges>
 #include <stdexcept>
 #include <system_error>
 
@@ -177,6 +178,18 @@ std::filesystem::path parse_output(const std::string& text,
                                             fmt::join(extensions, " or ")));
   }
   return path;
+}
+
+MeshFormat parse_format(const std::string& text) {
+  if (const auto format = format_named(text)) return *format;
+  const auto names = std::views::transform(mesh_formats(), &FormatInfo::name);
+  throw std::invalid_argument(
+      fmt::format("'{}' is no format: give {}", text, fmt::join(names.begin(), names.end(), ", ")));
+}
+
+bool parse_cell_data(const std::string& text) {
+  if (text == "leaf" || text == "quality") return text == "quality";
+  throw std::invalid_argument(fmt::format("'{}' is no cell data: give leaf or quality", text));
 }
 
 void require_writable(const std::filesystem::path& output) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/formats/mesh_format.h"
 #include "octree/geometry.h"
 #include "octree/morton_key.h"
 
@@ -40,6 +41,11 @@ LeafSpec parse_leaf(const std::string& text);
 // `text` as a path, if its extension is one of `extensions` (".vtu").
 std::filesystem::path parse_output(const std::string& text,
                                    const std::vector<std::string_view>& extensions);
+
+// By its name, such as "msh2".
+MeshFormat parse_format(const std::string& text);
+// "leaf" or "quality": whether the quality is cell data, too.
+bool parse_cell_data(const std::string& text);
 
 // Throws std::runtime_error unless a file could be made under this name: asked before hours of
 // work, so that they end in a file.

@@ -61,6 +61,15 @@ int threads_of(const auto& command) {
   return command.num_threads > 0 ? command.num_threads : num_usable_threads();
 }
 
+// Ends a run before the work if its output could not hold the mesh.
+void check_estimate(const RunRecord& run, const auto& command) {
+  constexpr double kMostError = 2;  // the mesh has more than the estimate over this
+  if (command.output.empty()) return;
+  const double num_cells = estimated_num_cells(run.surface, run.parameters.size) / kMostError;
+  check_limits(command.output_options.format, {0, static_cast<std::uint64_t>(num_cells), 0, 0},
+               command.output);
+}
+
 // Says which run begins or goes on, and what it will take.
 void tell_run(const RunRecord& run, const auto& command, ProgressLine& line) {
   const int num_threads = threads_of(command);
@@ -84,8 +93,13 @@ TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine&
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
-      .on_run = [&](const RunRecord& record) { tell_run(record, command, line); },
-      .output = command.output,
+      .on_run =
+          [&](const RunRecord& record) {
+            check_estimate(record, command);
+            tell_run(record, command, line);
+          },
+      .output = info_of(command.output_options.format).is_surface ? std::filesystem::path()
+                                                                  : command.output,
       .memory_bytes = cap,
       .num_threads = command.num_threads,
   };
@@ -204,11 +218,17 @@ int exit_code(RunOutcome outcome) {
 }
 
 void tell_how_to_resume(const std::filesystem::path& store, const std::filesystem::path& output,
-                        bool is_json, ProgressLine& line) {
+                        const OutputOptions& options, bool is_json, ProgressLine& line) {
   if (is_json) return line.tell("interrupted", {{"store", store.string()}}, "");
-  const std::string option = output.empty() ? "" : fmt::format(" -o {}", output.string());
+  std::string arguments = store.string();
+  if (!output.empty()) {
+    arguments += fmt::format(" -o {}", output.string());
+    if (format_of(output) != options.format)
+      arguments += fmt::format(" --format {}", info_of(options.format).name);
+    if (options.has_quality) arguments += " --cell-data quality";
+  }
   line.clear();
-  fmt::print(stderr, "locvol: interrupted; `locvol resume {}{}` goes on\n", store.string(), option);
+  fmt::print(stderr, "locvol: interrupted; `locvol resume {}` goes on\n", arguments);
 }
 
 void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
@@ -232,28 +252,46 @@ void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   }
 }
 
-std::string written_text(const std::filesystem::path& output, const WriteSummary& written) {
-  return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", output.string(),
-                     written.num_cells, written.num_vertices, bytes_text(written.bytes));
+std::vector<std::string> names_of(const std::filesystem::path& output, MeshFormat format) {
+  std::vector<std::string> names;
+  for (const auto& file : files_of(format, output)) names.push_back(file.string());
+  return names;
 }
 
-Json written_json(const std::filesystem::path& output, const WriteSummary& written) {
+std::string written_text(const std::filesystem::path& output, MeshFormat format,
+                         const WriteSummary& written) {
+  const std::string names = fmt::format("{}", fmt::join(names_of(output, format), ", "));
+  if (info_of(format).is_surface)
+    return fmt::format("{:<16} {}: {} boundary triangles, {}\n", "written", names,
+                       written.num_boundary_facets, bytes_text(written.bytes));
+  return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", names, written.num_cells,
+                     written.num_vertices, bytes_text(written.bytes));
+}
+
+Json written_json(const std::filesystem::path& output, MeshFormat format,
+                  const WriteSummary& written) {
   Json json = to_json(written);
-  json["file"] = output.string();
+  json["file"] = names_of(output, format).front();
+  json["format"] = info_of(format).name;
   return json;
+}
+
+void require_output(const std::filesystem::path& output, MeshFormat format) {
+  for (const auto& file : files_of(format, output)) require_writable(file);
 }
 
 // What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
 // code.
 int finish(const TimedRun& run, const std::filesystem::path& directory,
-           const std::filesystem::path& output, bool is_json, ProgressLine& line) {
+           const std::filesystem::path& output, const OutputOptions& options, bool is_json,
+           ProgressLine& line) {
   std::optional<WriteSummary> written;
   std::optional<MeshStatistics> statistics;
   std::optional<MemoryRecord> memory;
   Seconds seconds = run.seconds;
   const RunOutcome outcome = run.summary.outcome;
   if (outcome == RunOutcome::kInterrupted) {
-    tell_how_to_resume(directory, output, is_json, line);
+    tell_how_to_resume(directory, output, options, is_json, line);
   } else {
     const Store store = open_to_read(directory);
     memory = store.snapshot().memory();
@@ -262,7 +300,7 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
     });
     if (!output.empty())
       written = timed(Stage::kWrite, line, seconds, [&](const StepProgress& on_step) {
-        return write_vtu(store, output, run.num_writers, on_step);
+        return write_mesh(store, output, options, run.num_writers, on_step);
       });
     if (outcome == RunOutcome::kUnresolved) tell_unresolved(store, is_json, line);
   }
@@ -275,12 +313,12 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
     if (statistics) json["statistics"] = to_json(*statistics);
-    if (written) json["written"] = written_json(output, *written);
+    if (written) json["written"] = written_json(output, options.format, *written);
     print_json(json);
   } else {
     fmt::print("{}{}", summary_text(run.summary), line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
-    if (written) fmt::print("{}", written_text(output, *written));
+    if (written) fmt::print("{}", written_text(output, options.format, *written));
     if (statistics) fmt::print("{}", statistics_text(*statistics, run.summary.run.surface));
   }
   return exit_code(outcome);
@@ -295,7 +333,7 @@ std::filesystem::path store_of(const MeshCommand& command) {
 }
 
 int run_mesh(const MeshCommand& command) {
-  require_writable(command.output);
+  require_output(command.output, command.output_options.format);
   const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
@@ -307,35 +345,39 @@ int run_mesh(const MeshCommand& command) {
 
   const TimedRun run = run_with_progress(
       command, cap, line, [&](const RunControl& control) { return mesh(options, control); });
-  const int code = finish(run, options.store, command.output, command.is_json, line);
+  const int code =
+      finish(run, options.store, command.output, command.output_options, command.is_json, line);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
 }
 
 int run_resume(const ResumeCommand& command) {
-  if (!command.output.empty()) require_writable(command.output);
+  if (!command.output.empty()) require_output(command.output, command.output_options.format);
   const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
   const TimedRun run = run_with_progress(command, cap, line, [&](const RunControl& control) {
     return resume(command.store, control);
   });
-  return finish(run, command.store, command.output, command.is_json, line);
+  return finish(run, command.store, command.output, command.output_options, command.is_json, line);
 }
 
 int run_export(const ExportCommand& command) {
-  require_writable(command.output);
+  const MeshFormat format = command.output_options.format;
+  require_output(command.output, format);
   const Store store = open_to_read(command.store);
   require_done(store);
   ProgressLine line(progress_style(command), 0);
   const WriteSummary written = with_steps(Stage::kWrite, line, [&](const StepProgress& on_step) {
-    return write_vtu(store, command.output, num_streaming_threads(0, free_memory() / 2), on_step);
+    return write_mesh(store, command.output, command.output_options,
+                      num_streaming_threads(command.num_threads, memory_cap(command.memory_bytes)),
+                      on_step);
   });
   line.clear();
   if (command.is_json) {
-    print_json(written_json(command.output, written));
+    print_json(written_json(command.output, format, written));
   } else {
-    fmt::print("{}", written_text(command.output, written));
+    fmt::print("{}", written_text(command.output, format, written));
   }
   return kExitDone;
 }

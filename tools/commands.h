@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/writer.h"
 #include "tools/arguments.h"
 #include "tools/leaf_filter.h"
 
@@ -26,6 +27,7 @@ struct MeshCommand {
   MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below
   std::optional<SizeSpec> size;  // absent: chosen for the surface
   std::filesystem::path output;
+  OutputOptions output_options;
   std::uint64_t memory_bytes = 0;  // 0: the default
   int num_threads = 0;             // 0: all that the process may use
   bool is_store_kept = false;      // a store that the user names is kept in any case
@@ -35,7 +37,8 @@ struct MeshCommand {
 
 struct ResumeCommand {
   std::filesystem::path store;
-  std::filesystem::path output;    // empty: none is written
+  std::filesystem::path output;  // empty: none is written
+  OutputOptions output_options;
   std::uint64_t memory_bytes = 0;  // 0: the default
   int num_threads = 0;             // 0: all that the process may use
   bool is_quiet = false;
@@ -68,6 +71,9 @@ struct ReplayCommand {
 struct ExportCommand {
   std::filesystem::path store;
   std::filesystem::path output;
+  OutputOptions output_options;
+  std::uint64_t memory_bytes = 0;  // 0: the default
+  int num_threads = 0;             // 0: all that the process may use
   bool is_quiet = false;
   bool is_json = false;
 };

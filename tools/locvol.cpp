@@ -66,6 +66,42 @@ CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
       ->type_name("FILE");
 }
 
+// The mesh's file; its format, by name or by extension; its cell data.
+CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
+  CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
+  CLI::Option* format =
+      add_parsed(app, "--format", parse_format, options.format,
+                 "Format of the file (default: by its extension); `locvol export --help` lists all")
+          ->type_name("NAME")
+          ->needs(file);
+  add_parsed(app, "--cell-data", parse_cell_data, options.has_quality,
+             "Write with the cells (vtu, vtu-zlib, vtkhdf): leaf, or also their quality: "
+             "radius-edge ratio and least dihedral angle (default: leaf)")
+      ->type_name("leaf|quality")
+      ->needs(file);
+  app.final_callback([&output, &options, format] {
+    if (output.empty()) return;
+    try {
+      if (format->count() == 0) options.format = format_meant_by(output);
+    } catch (const InputError& error) {
+      throw CLI::ValidationError("-o", fmt::format("{}, or --format names one", error.what()));
+    }
+    if (options.has_quality && !info_of(options.format).has_cell_data)
+      throw CLI::ValidationError("--cell-data",
+                                 fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
+                                             info_of(options.format).name));
+  });
+  return file;
+}
+
+std::string format_list() {
+  std::string list = "Formats, by name and by extension:\n";
+  for (const FormatInfo& info : mesh_formats())
+    list += fmt::format("  {:<9} {:<14} {}\n", info.name, fmt::join(info.extensions, " "),
+                        info.description);
+  return list;
+}
+
 void add_store(CLI::App& app, std::filesystem::path& store) {
   app.add_option("DIR", store, "Store of a run")->type_name("")->required();
 }
@@ -98,7 +134,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   mesh->add_option("SURFACE", options.input, "Closed surface: STL, OBJ, OFF or PLY")
       ->type_name("")
       ->required();
-  add_output(*mesh, command.output, {".vtu"})->required();
+  add_mesh_output(*mesh, command.output, command.output_options)->required();
   add_parsed(*mesh, "-s,--size", parse_size, command.size,
              fmt::format("{}; default: one for about half a million cells", kSizeHelp))
       ->type_name("SIZE");
@@ -131,7 +167,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
 CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
   CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
   add_store(*resume, command.store);
-  add_output(*resume, command.output, {".vtu"});
+  add_mesh_output(*resume, command.output, command.output_options);
   add_memory(*resume, command.memory_bytes);
   add_threads(*resume, command.num_threads);
   add_quiet(*resume, command.is_quiet);
@@ -234,7 +270,10 @@ CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
 CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
   CLI::App* export_app = app.add_subcommand("export", "Write the mesh of a finished run");
   add_store(*export_app, command.store);
-  add_output(*export_app, command.output, {".vtu"})->required();
+  add_mesh_output(*export_app, command.output, command.output_options)->required();
+  add_memory(*export_app, command.memory_bytes);
+  add_threads(*export_app, command.num_threads);
+  export_app->footer(format_list());
   add_quiet(*export_app, command.is_quiet);
   add_json(*export_app, command.is_json);
   return export_app;

@@ -12,6 +12,6 @@ models=${LOCVOL_MODELS:-../shared/models}
 sanitize=${LOCVOL_SANITIZE:-}
 tree=${sanitize:-release}
 
-tools/setup.sh
+tools/setup.sh python3-vtk9 python3-gmsh python3-meshio  # readers of the formats
 tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize"
 ctest --test-dir "build/$tree" --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"

@@ -60,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
-                    Names{"mesh", "cube.off", "-o", "cube.msh", "--size", "2%"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtk", "--size", "2%"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity",

@@ -1,0 +1,258 @@
+"""Other programs' readers on one mesh in every format: the same points, cells and boundary.
+
+Usage: readers_test.py LOCVOL     exit code 77: a reader is not installed
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+try:
+    import gmsh
+    import meshio
+    import numpy as np
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+except ImportError as error:
+    print("skipped:", error)
+    sys.exit(77)
+
+LOCVOL = sys.argv.pop(1)
+# Across from each vertex of a positively oriented cell, counterclockwise from outside.
+FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+ABAQUS_FACES = {"S1": 3, "S2": 2, "S3": 0, "S4": 1}  # the vertex that each lies across from
+
+
+def locvol(*arguments):
+    result = subprocess.run([LOCVOL, *arguments], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def canonical(triangles):
+    """Each from its smallest vertex on, the way round kept; sorted."""
+    triangles = np.asarray(triangles, dtype=np.int64)
+    start = np.argmin(triangles, axis=1)[:, None]
+    rolled = np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
+    return rolled[np.lexsort(rolled.T[::-1])]
+
+
+def boundary_of(cells):
+    """The facets in one cell, and (cell, vertex across) of each."""
+    facets = cells[:, FACETS].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(facets, axis=1), axis=0, return_index=True,
+                                return_counts=True)
+    places = np.sort(first[count == 1])
+    return facets[places], np.stack([places // 4, places % 4], axis=1)
+
+
+def volumes(points, cells):
+    a, b, c, d = (points[cells[:, i]] for i in range(4))
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+
+
+def ratio_and_angle(points, cells):
+    """VTK's circumspheres, and angles at edges between the heights of the other two vertices."""
+    corners = points[cells]
+    radius = np.empty(len(cells))
+    for i, (p0, p1, p2, p3) in enumerate(corners):
+        radius[i] = np.sqrt(vtk.vtkTetra.Circumsphere(p0, p1, p2, p3, [0.0] * 3))
+    pairs = [(i, j) for i in range(4) for j in range(i)]
+    lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]
+    angles = []
+    for i, j in pairs:
+        axis = corners[:, j] - corners[:, i]
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        heights = []
+        for k in set(range(4)) - {i, j}:
+            side = corners[:, k] - corners[:, i]
+            height = side - np.einsum("ij,ij->i", side, axis)[:, None] * axis
+            heights.append(height / np.linalg.norm(height, axis=1)[:, None])
+        angles.append(np.degrees(np.arccos(np.einsum("ij,ij->i", *heights))))
+    return radius / np.min(lengths, axis=0), np.min(angles, axis=0)
+
+
+class Mesh:
+    """What a reader made of a file."""
+
+    def __init__(self, points, cells, cell_data=None):
+        self.points = np.asarray(points, dtype=float)
+        self.cells = np.asarray(cells, dtype=np.int64)
+        self.cell_data = cell_data or {}
+
+
+def read_vtk(reader, file):
+    reader.SetFileName(file)
+    reader.Update()
+    grid = reader.GetOutput()
+    types = vtk_to_numpy(grid.GetCellTypesArray())
+    assert (types == vtk.VTK_TETRA).all()
+    cells = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
+    offsets = vtk_to_numpy(grid.GetCells().GetOffsetsArray())
+    assert (offsets == 4 * np.arange(len(cells) + 1)).all()
+    data = grid.GetCellData()
+    arrays = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i))
+              for i in range(data.GetNumberOfArrays())}
+    return Mesh(vtk_to_numpy(grid.GetPoints().GetData()), cells, arrays)
+
+
+def read_vtu(file):
+    return read_vtk(vtk.vtkXMLUnstructuredGridReader(), file)
+
+
+def read_vtkhdf(file):
+    return read_vtk(vtk.vtkHDFReader(), file)
+
+
+def read_surface(reader, file):
+    """Points and triangles; STL's corners are merged where they are equal."""
+    reader.SetFileName(file)
+    reader.Update()
+    data = reader.GetOutput()
+    triangles = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    return vtk_to_numpy(data.GetPoints().GetData()).astype(float), triangles
+
+
+class Readers(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.directory = tempfile.TemporaryDirectory()
+        surface, mesh = cls.path("three.stl"), cls.path("three.vtu")
+        cls.store = cls.path("store")
+        locvol("generate", "three-holes", "-o", surface, "-n", "5k")
+        # Small leaves, so that cells and facets have their vertices in several.
+        locvol("mesh", surface, "-o", mesh, "--size", "8%", "--store", cls.store, "--quiet",
+               "--leaf-capacity", "300")
+        cls.audit = json.loads(locvol("audit", cls.store, "--json"))["mesh"]
+        cls.mesh = read_vtu(mesh)
+        cls.facets, cls.places = boundary_of(cls.mesh.cells)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.directory.cleanup()
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.directory.name, name)
+
+    def export(self, name, *arguments):
+        file = self.path(name)
+        locvol("export", self.store, "-o", file, *arguments)
+        return file
+
+    def expect_same(self, points, cells, tolerance=0):
+        self.assertEqual(np.shape(points), self.mesh.points.shape)
+        error = np.abs(points - self.mesh.points).max()
+        self.assertLessEqual(error, tolerance)
+        np.testing.assert_array_equal(cells, self.mesh.cells)
+
+    def expect_boundary(self, triangles):
+        np.testing.assert_array_equal(canonical(triangles), canonical(self.facets))
+
+    def test_vtu(self):
+        self.assertGreater(len(self.mesh.cells), 5000)
+        self.assertGreater(len(set(self.mesh.cell_data["leaf"])), 8)
+        self.assertGreater(volumes(self.mesh.points, self.mesh.cells).min(), 0)
+        self.assertEqual(len(self.mesh.points), len(np.unique(self.mesh.cells)))
+        self.assertEqual(len(self.facets), self.audit["num_boundary_facets"])
+        for options in (["--format", "vtu-zlib"], ["--threads", "1"]):
+            mesh = read_vtu(self.export("again.vtu", *options))
+            self.expect_same(mesh.points, mesh.cells)
+            np.testing.assert_array_equal(mesh.cell_data["leaf"], self.mesh.cell_data["leaf"])
+
+    def test_vtkhdf(self):
+        mesh = read_vtkhdf(self.export("mesh.vtkhdf"))
+        self.expect_same(mesh.points, mesh.cells)
+        np.testing.assert_array_equal(mesh.cell_data["leaf"], self.mesh.cell_data["leaf"])
+
+    def test_quality(self):
+        ratios, angles = ratio_and_angle(self.mesh.points, self.mesh.cells)
+        for file, options, read in (("q.vtu", [], read_vtu), ("q.vtkhdf", [], read_vtkhdf),
+                                    ("qz.vtu", ["--format", "vtu-zlib"], read_vtu)):
+            data = read(self.export(file, "--cell-data", "quality", *options)).cell_data
+            np.testing.assert_allclose(data["radius_edge_ratio"], ratios, rtol=2e-5)
+            np.testing.assert_allclose(data["min_dihedral_degrees"], angles, rtol=2e-4)
+
+    def test_gmsh(self):
+        for options in ([], ["--format", "msh2"]):
+            gmsh.initialize()
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.open(self.export("mesh.msh", *options))
+            tags, coordinates, _ = gmsh.model.mesh.getNodes()
+            points = np.empty((len(tags), 3))
+            points[tags.astype(np.int64) - 1] = coordinates.reshape(-1, 3)
+            cell_tags, cells = gmsh.model.mesh.getElementsByType(4)
+            facet_tags, facets = gmsh.model.mesh.getElementsByType(2)
+            groups = {gmsh.model.getPhysicalName(*group): group
+                      for group in gmsh.model.getPhysicalGroups()}
+            in_group = {name: gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0]
+                        for name, group in groups.items()}
+            gmsh.finalize()
+            self.expect_same(points, cells.astype(np.int64).reshape(-1, 4) - 1)
+            self.expect_boundary(facets.astype(np.int64).reshape(-1, 3) - 1)
+            all_tags = np.concatenate([cell_tags, facet_tags])
+            self.assertEqual(len(np.unique(all_tags)), len(all_tags))
+            self.assertEqual({name: dimension for name, (dimension, _) in groups.items()},
+                             {"volume": 3, "boundary": 2})
+            self.assertEqual(len(in_group["volume"]), len(self.mesh.points))
+            self.assertEqual(len(in_group["boundary"]), len(np.unique(self.facets)))
+
+    def test_medit(self):
+        for name in ("mesh.mesh", "mesh.meshb"):
+            mesh = meshio.read(self.export(name))
+            self.expect_same(mesh.points, mesh.cells_dict["tetra"])
+            self.expect_boundary(mesh.cells_dict["triangle"])
+
+    def test_abaqus(self):
+        file = self.export("mesh.inp")
+        mesh = meshio.read(file)
+        self.expect_same(mesh.points, mesh.cells_dict["tetra"], tolerance=1e-13)
+        np.testing.assert_array_equal(np.sort(mesh.point_sets["boundary"]),
+                                      np.unique(self.facets))
+        with open(file) as text:
+            lines = text.read().splitlines()
+        start = lines.index("*SURFACE, NAME=boundary, TYPE=ELEMENT") + 1
+        pairs = [line.split(", ") for line in lines[start:]]
+        found = np.array([(int(element) - 1, ABAQUS_FACES[face]) for element, face in pairs])
+        np.testing.assert_array_equal(found, self.places)
+        nodes = lines[lines.index("*NODE") + 1:lines.index("*ELEMENT, TYPE=C3D4, ELSET=volume")]
+        self.assertLessEqual(max(len(item) for line in nodes for item in line.split(", ")), 20)
+
+    def test_tetgen(self):
+        mesh = meshio.read(self.export("mesh.node"))
+        self.expect_same(mesh.points, mesh.cells_dict["tetra"])
+        os.remove(self.path("mesh.node"))
+        os.remove(self.path("mesh.ele"))
+        self.export("mesh.ele")
+        self.assertTrue(os.path.exists(self.path("mesh.node")))
+
+    def test_boundary_surfaces(self):
+        vertices = np.unique(self.facets)
+        for name, reader in (("b.ply", vtk.vtkPLYReader()), ("b.obj", vtk.vtkOBJReader())):
+            points, triangles = read_surface(reader, self.export(name))
+            # VTK keeps float32.
+            np.testing.assert_array_equal(
+                points, self.mesh.points[vertices].astype(np.float32))
+            self.expect_boundary(vertices[triangles])
+            exact = meshio.read(self.path(name))
+            np.testing.assert_array_equal(exact.points, self.mesh.points[vertices])
+        points, triangles = read_surface(vtk.vtkSTLReader(), self.export("b.stl"))
+        place = {tuple(p): v for v, p in
+                 zip(vertices, self.mesh.points[vertices].astype(np.float32).astype(float))}
+        self.expect_boundary([[place[tuple(points[v])] for v in t] for t in triangles])
+
+    # What locvol writes it can read: the boundary is closed, and bounds the mesh's volume.
+    def test_boundary_is_a_volume(self):
+        volume = volumes(self.mesh.points, self.mesh.cells).sum()
+        for name in ("c.stl", "c.ply", "c.obj"):
+            facts = json.loads(locvol("info", self.export(name), "--json"))
+            self.assertAlmostEqual(facts["volume"], volume, delta=1e-6 * volume)
+            self.assertEqual(facts["num_triangles"], len(self.facets))
+            self.assertEqual(facts["euler_characteristic"], self.audit["euler_characteristic"])
+
+
+if __name__ == "__main__":
+    unittest.main()
