@@ -11,6 +11,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "engine/boundary_surface.h"
 #include "engine/engine.h"
 #include "engine/memory_budget.h"
 #include "engine/mesh_chunks.h"
@@ -187,6 +188,20 @@ Summary summary_of(const RunSummary& run) {
           .surface_volume = surface.volume};
 }
 
+void pass_on(const BoundarySurface::Facets& some,
+             const std::function<void(const BoundaryChunk&)>& visit) {
+  std::vector<std::array<std::uint64_t, 3>> facets;
+  std::vector<std::array<Coordinates, 3>> corners;
+  std::vector<std::uint64_t> cells;
+  for (const BoundaryFacet& facet : some.facets) {
+    facets.push_back(facet.vertices);
+    cells.push_back(facet.cell);
+  }
+  for (const auto& [a, b, c] : some.corners)
+    corners.push_back({coordinates(a), coordinates(b), coordinates(c)});
+  visit({.first_facet = some.first, .facets = facets, .corners = corners, .cells = cells});
+}
+
 }  // namespace
 
 Surface Surface::file(std::filesystem::path path) {
@@ -236,7 +251,7 @@ struct Mesh::Impl {
   }
   // Not open between calls: a process can open a store once only, and resume_run() may want it.
   Store open() const { return Store::open(store, {.read_only = true}); }
-  // Calls use(numbering, reader, run, pages).
+  // Calls use(numbering, reader, pages).
   template <class Use>
   void numbered(const Use& use) const {
     require_complete();
@@ -246,7 +261,7 @@ struct Mesh::Impl {
     PageRelease pages(opened);
     VertexNumbering numbering(snapshot, run, store, pages);
     num_vertices = numbering.num_vertices();
-    use(numbering, snapshot, run, pages);
+    use(numbering, snapshot, pages);
   }
 
   std::unique_ptr<ScratchDirectory> scratch;  // of a store without a name
@@ -292,8 +307,7 @@ std::vector<UnresolvedPlace> Mesh::unresolved(std::uint64_t max) const {
 
 std::uint64_t Mesh::num_vertices() const {
   return translated({}, [&] {
-    if (!impl_->num_vertices)
-      impl_->numbered([](auto&, const Reader&, const RunRecord&, PageRelease&) {});
+    if (!impl_->num_vertices) impl_->numbered([](VertexNumbering&, const Reader&, PageRelease&) {});
     return impl_->num_vertices.value();
   });
 }
@@ -302,9 +316,8 @@ void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const 
   Thrown thrown;
   const auto pass = watched(visit, thrown);
   translated(thrown, [&] {
-    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, const RunRecord& run,
-                        PageRelease& pages) {
-      ChunkReader(reader, run, numbering, pages).for_each([&](const MeshChunk& chunk) {
+    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
+      ChunkReader(reader, numbering, pages).for_each([&](const MeshChunk& chunk) {
         pass({.first_cell = chunk.first_cell,
               .first_vertex = chunk.first_vertex,
               .num_own = chunk.num_own,
@@ -312,6 +325,20 @@ void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const 
               .vertex_numbers = chunk.numbers,
               .cells = chunk.cells});
       });
+    });
+  });
+}
+
+void Mesh::for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit) const {
+  Thrown thrown;
+  const auto pass = watched(visit, thrown);
+  translated(thrown, [&] {
+    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
+      VertexPositions positions(reader, numbering);
+      Workers workers(impl_->num_threads);
+      BoundarySurface boundary(reader, numbering, positions, impl_->store, pages, workers);
+      const auto next = boundary.facets({.has_corners = true});
+      for (auto some = next(); some; some = next()) pass_on(*some, pass);
     });
   });
 }

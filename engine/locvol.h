@@ -187,8 +187,18 @@ struct Chunk {
   std::span<const std::array<std::uint32_t, 4>> cells = {};
 };
 
+/// Some facets of the mesh's boundary, each of which is in one cell only. Spans are valid until the
+/// next chunk.
+struct BoundaryChunk {
+  std::uint64_t first_facet = 0;  ///< The number of facets[0] among all.
+  /// Three vertices each, by their numbers in the whole mesh, counterclockwise from outside.
+  std::span<const std::array<std::uint64_t, 3>> facets = {};
+  std::span<const std::array<Coordinates, 3>> corners = {};  ///< Where these vertices lie.
+  std::span<const std::uint64_t> cells = {};                 ///< The number of each facet's cell.
+};
+
 /// A run's result. It reads from the store, and holds no part of the mesh in memory.
-/// Threads: used by one at a time, and not from within for_each_chunk().
+/// Threads: used by one at a time, and not from within a function that it calls.
 class Mesh {
  public:
   Mesh(Mesh&&) noexcept;             ///< Leaves nothing to be used behind.
@@ -210,6 +220,10 @@ class Mesh {
   /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
   /// a temporary file beside the store. REQUIRES: is_complete()
   void for_each_chunk(const std::function<void(const Chunk&)>& visit) const;
+  /// Hands out the boundary of the mesh, a closed surface with its vertices on the input's, in the
+  /// order of its cells. Needs 60 MB besides, and temporary files beside the store.
+  /// REQUIRES: is_complete()
+  void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit) const;
   /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
   /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
   /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws

@@ -9,19 +9,12 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kPointsBytes = std::size_t{8} << 20;
 constexpr std::size_t kFullBytes = std::size_t{1} << 20;  // of a chunk
 
 }  // namespace
 
-ChunkReader::ChunkReader(const Reader& reader, const RunRecord& run, VertexNumbering& numbering,
-                         PageRelease& pages)
-    : reader_(reader),
-      numbering_(numbering),
-      pages_(pages),
-      has_site_ids_(run.parameters.init == Initialization::kCover &&
-                    run.next_point_id >= kFirstOtherId),  // not in stores of old
-      points_(kPointsBytes, [this](std::size_t leaf) { return load_points(leaf); }) {}
+ChunkReader::ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages)
+    : reader_(reader), numbering_(numbering), pages_(pages), positions_(reader, numbering) {}
 
 void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
   std::uint64_t num_cells = 0;
@@ -68,25 +61,19 @@ void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
 }
 
 void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
-  const MortonKey key = numbering_.leaves()[leaf];
-  const LeafCells cells = reader_.cells(key);
-  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells.vertices);
-  std::vector<bool> is_placed(numbers.size());
+  const LeafCells cells = reader_.cells(numbering_.leaves()[leaf]);
+  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells);
   for (const auto& cell : cells.cells) {
     auto& numbered = out.cells.emplace_back();
-    for (std::size_t i = 0; i < 4; ++i) {
-      const std::uint32_t v = cell[i];
-      if (numbers[v] < 0)
-        throw CorruptRecord(leaf_name(key) + ": a cell names point " +
-                                std::to_string(cells.vertices[v]) + ", which is in no leaf near it",
-                            key);
-      numbered[i] = static_cast<std::uint64_t>(numbers[v]);
-      if (is_placed[v]) continue;
-      is_placed[v] = true;
-      const std::size_t owner = numbering_.leaf_of(numbered[i]);
-      if (owner != leaf)
-        out.foreign.push_back({numbered[i], position_of(cells.vertices[v], owner)});
-    }
+    for (std::size_t i = 0; i < 4; ++i) numbered[i] = static_cast<std::uint64_t>(numbers[cell[i]]);
+  }
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers[i] < 0) continue;  // in none of the cells
+    const auto number = static_cast<std::uint64_t>(numbers[i]);
+    if (numbering_.leaf_of(number) == leaf) continue;
+    out.foreign.push_back({number, numbering_.is_core(number)
+                                       ? numbering_.lattice().position(site_of(cells.vertices[i]))
+                                       : positions_.of(number)});
   }
 }
 
@@ -112,23 +99,6 @@ void ChunkReader::add_core_cells(std::size_t leaf, NumberedCells& out) {
         out.cells.push_back(
             {number(site), number(site + cell[0]), number(site + cell[1]), number(site + cell[2])});
       });
-}
-
-// `owner`: the leaf that has the point
-Point ChunkReader::position_of(std::uint64_t id, std::size_t owner) {
-  if (has_site_ids_ && id < kFirstOtherId) return numbering_.lattice().position(site_of(id));
-  const auto table = points_.get(owner);
-  const auto place = std::ranges::lower_bound(table->ids, id);
-  return table->positions[static_cast<std::size_t>(place - table->ids.begin())];
-}
-
-ChunkReader::PointTable ChunkReader::load_points(std::size_t leaf) const {
-  PointTable table;
-  for (const MeshPoint& point : reader_.points(numbering_.leaves()[leaf]).points) {
-    table.ids.push_back(point.id);
-    table.positions.push_back(point.position);
-  }
-  return table;
 }
 
 // Appends the foreign vertices, once each, and gives the cells their indices.

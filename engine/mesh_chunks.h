@@ -8,6 +8,7 @@
 
 #include "engine/leaf_window.h"
 #include "engine/vertex_numbering.h"
+#include "engine/vertex_positions.h"
 
 namespace locvol {
 
@@ -29,8 +30,7 @@ struct MeshChunk {
 class ChunkReader {
  public:
   // All must outlive this object.
-  ChunkReader(const Reader& reader, const RunRecord& run, VertexNumbering& numbering,
-              PageRelease& pages);
+  ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages);
 
   // Calls the visitor with each chunk, in order.
   void for_each(const std::function<void(const MeshChunk&)>& visit);
@@ -41,30 +41,21 @@ class ChunkReader {
     std::uint64_t number = 0;
     Point position;
   };
-  // The listed points of a leaf, to be found by their ids.
-  struct PointTable {
-    std::vector<std::uint64_t> ids;  // ascending
-    std::vector<Point> positions;
-    std::size_t bytes() const { return sizeof *this + 32 * ids.capacity(); }
-  };
   // Cells by the numbers of their vertices, and where those of other leaves lie.
   struct NumberedCells {
     std::vector<std::array<std::uint64_t, 4>> cells;
     std::vector<Numbered> foreign;
   };
 
-  PointTable load_points(std::size_t leaf) const;
   void add_own(std::size_t leaf, MeshChunk& chunk);
   void add_stored_cells(std::size_t leaf, NumberedCells& out);
   void add_core_cells(std::size_t leaf, NumberedCells& out);
-  Point position_of(std::uint64_t id, std::size_t owner);
   static void complete(NumberedCells numbered, MeshChunk& chunk);
 
   const Reader& reader_;
   VertexNumbering& numbering_;
   PageRelease& pages_;
-  bool has_site_ids_;
-  LeafWindow<PointTable> points_;
+  VertexPositions positions_;
 };
 
 }  // namespace locvol

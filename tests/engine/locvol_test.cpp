@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -163,6 +164,53 @@ TEST(Library, HandsOutTheMeshInChunks) {
   EXPECT_EQ(mesh.summary().num_cells, cells.size());
   EXPECT_NEAR(volume, mesh.summary().surface_volume, 0.02 * volume);
   EXPECT_EQ(cells, connectivity);
+}
+
+TEST(Library, HandsOutTheBoundaryInChunks) {
+  const TempDir dir;
+  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir));
+  std::vector<Coordinates> positions(mesh.num_vertices());
+  std::vector<std::array<std::uint64_t, 4>> cells;
+  std::map<std::array<std::uint64_t, 3>, int> cells_of_facet;
+  mesh.for_each_chunk([&](const Chunk& chunk) {
+    for (std::size_t i = 0; i < chunk.vertices.size(); ++i)
+      positions[chunk.vertex_numbers[i]] = chunk.vertices[i];
+    for (const auto& cell : chunk.cells) {
+      auto& numbered = cells.emplace_back();
+      for (std::size_t i = 0; i < 4; ++i) numbered[i] = chunk.vertex_numbers[cell[i]];
+      for (std::size_t across = 0; across < 4; ++across) {
+        std::array<std::uint64_t, 3> facet{};
+        for (std::size_t i = 0; i < 3; ++i) facet[i] = numbered[(across + 1 + i) % 4];
+        std::ranges::sort(facet);
+        ++cells_of_facet[facet];
+      }
+    }
+  });
+
+  std::uint64_t num_facets = 0;
+  double six_volumes = 0;
+  mesh.for_each_boundary_chunk([&](const BoundaryChunk& chunk) {
+    EXPECT_EQ(chunk.first_facet, num_facets);
+    ASSERT_EQ(chunk.corners.size(), chunk.facets.size());
+    ASSERT_EQ(chunk.cells.size(), chunk.facets.size());
+    num_facets += chunk.facets.size();
+    for (std::size_t f = 0; f < chunk.facets.size(); ++f) {
+      std::array<Point, 3> corners;
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(chunk.corners[f][i], positions.at(chunk.facets[f][i]));
+        EXPECT_EQ(std::ranges::count(cells.at(chunk.cells[f]), chunk.facets[f][i]), 1);
+        corners[i] = {chunk.corners[f][i][0], chunk.corners[f][i][1], chunk.corners[f][i][2]};
+      }
+      six_volumes += dot(corners[0], cross(corners[1], corners[2]));
+      auto facet = chunk.facets[f];
+      std::ranges::sort(facet);
+      EXPECT_EQ(cells_of_facet[facet], 1);
+    }
+  });
+  const auto in_one_cell =
+      std::ranges::count_if(cells_of_facet, [](const auto& facet) { return facet.second == 1; });
+  EXPECT_EQ(num_facets, static_cast<std::uint64_t>(in_one_cell));
+  EXPECT_NEAR(six_volumes / 6, mesh.summary().surface_volume, 0.06 * six_volumes / 6) << "outward";
 }
 
 TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
