@@ -1,0 +1,121 @@
+"""The tutorial's way from a surface to a solver's result, on a bar whose answer is known.
+
+Usage: calculix_test.py EXAMPLES LOCVOL   EXAMPLES: tools/examples/calculix; skipped without ccx
+"""
+import math
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+EXAMPLES, LOCVOL = (pathlib.Path(argument) for argument in sys.argv[1:3])
+sys.path.insert(0, str(EXAMPLES))
+from result import Result  # noqa: E402
+
+SKIPPED = 77  # what ctest takes for it
+
+# Of 8 by 1 by 1.
+BAR = """OFF
+8 12 0
+0 0 0
+8 0 0
+8 1 0
+0 1 0
+0 0 1
+8 0 1
+8 1 1
+0 1 1
+3 0 2 1
+3 0 3 2
+3 4 5 6
+3 4 6 7
+3 0 1 5
+3 0 5 4
+3 1 2 6
+3 1 6 5
+3 2 3 7
+3 2 7 6
+3 3 0 4
+3 3 4 7
+"""
+FORCE, YOUNG = 100.0, 1000.0
+
+
+class Bar(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.directory = pathlib.Path(cls.scratch.name)
+        (cls.directory / "bar.off").write_text(BAR, encoding="ascii")
+        cls.run_in(LOCVOL, "mesh", "bar.off", "-o", "bar.inp", "--size", "25%", "--quiet")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    @classmethod
+    def run_in(cls, *arguments):
+        done = subprocess.run(
+            [str(a) for a in arguments], cwd=cls.directory, capture_output=True, text=True, check=False
+        )
+        if done.returncode != 0:
+            raise AssertionError(f"{arguments} failed:\n{done.stdout}{done.stderr}")
+        return done.stdout
+
+    def solve(self, force, *options):
+        """The reaction, the mean displacement of the nodes at the end, and the largest stress."""
+        self.run_in(
+            sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
+            "--hold", "x<0.5", "--load", "x>7.5", "--force", force, "--young", YOUNG, *options,
+        )  # fmt: skip
+        self.run_in("ccx", "case")
+        forces = (self.directory / "case.dat").read_text(encoding="ascii").split()[-3:]
+        text = self.run_in(sys.executable, "-B", EXAMPLES / "result.py", "case.frd", "-o", "case.vtu")
+        with open(self.directory / "case.frd", encoding="ascii") as frd:
+            result = Result(frd)
+        displacements = result.fields["DISP"]
+        largest = max(math.hypot(*displacement[:3]) for displacement in displacements.values())
+        printed, stress = re.findall(r"[-+.e\d]+(?=[,\n])", text)
+        self.assertAlmostEqual(float(printed), largest, delta=1e-5 * largest)
+        at_end = [n for n, place in result.nodes.items() if place[0] > 7.5]
+        mean = [sum(displacements[n][axis] for n in at_end) / len(at_end) for axis in range(3)]
+        return [float(f) for f in forces], mean, float(stress)
+
+    # Held up to x = 0.5, and pulled along the last 0.5: so 7.25 of it stretch. The mesh cuts the
+    # corners of the section, so the bar is a little thinner.
+    def test_pulled_bar_gets_longer_as_hooke_says(self):
+        stretched = FORCE * 7.25 / YOUNG
+        for options in (), ("--quadratic",):
+            with self.subTest(options):
+                reaction, displacement, stress = self.solve(f"{FORCE},0,0", *options)
+                self.assertAlmostEqual(reaction[0], -FORCE, delta=1e-3)
+                self.assertGreater(displacement[0], stretched)
+                self.assertLess(displacement[0], 1.12 * stretched)
+                self.assertGreater(stress, FORCE)
+                self.assertLess(stress, 3 * FORCE)
+
+    # A cantilever of 7.25.
+    def test_bent_bar_is_too_stiff_with_linear_elements(self):
+        bent = -(7.25**3) / 3 / (YOUNG / 12)
+        stiff = self.solve("0,0,-1")[1][2] / bent
+        right = self.solve("0,0,-1", "--quadratic")[1][2] / bent
+        self.assertLess(stiff, 0.9 * right)
+        self.assertGreater(right, 1.0)
+        self.assertLess(right, 1.3)
+
+    def test_empty_region_is_named(self):
+        with self.assertRaisesRegex(AssertionError, "region of --load"):
+            self.run_in(
+                sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
+                "--hold", "x<0.5", "--load", "x>9", "--force", "1,0,0",
+            )  # fmt: skip
+
+
+if __name__ == "__main__":
+    if not shutil.which("ccx"):
+        print("skipped: there is no ccx (package calculix-ccx)")
+        sys.exit(SKIPPED)
+    unittest.main(argv=sys.argv[:1])
