@@ -376,16 +376,21 @@ class Viewer {
   void read_cells() {
     if (run_.num_cells <= limits_.max_cells) {
       view_.cells.emplace_back();
-      return gather_cells({}, true);
+      gather_cells({}, true);
+      return;
     }
-    const auto planes = view_planes(run_.surface.box, limits_.max_cells,
-                                    [&](const ViewPlane& plane) { return num_met(plane); });
-    for (const ViewPlane& plane : planes) {
-      ViewCells& cells = view_.cells.emplace_back();
-      cells.axis = plane.axis;
-      cells.position = plane.position;
+    // Where the model fills its leaves badly, planes meet more cells than was thought.
+    for (std::uint64_t room = limits_.max_cells; room > 0; room /= 2) {
+      const auto planes = view_planes(run_.surface.box, room,
+                                      [&](const ViewPlane& plane) { return num_met(plane); });
+      for (const ViewPlane& plane : planes) {
+        ViewCells& cells = view_.cells.emplace_back();
+        cells.axis = plane.axis;
+        cells.position = plane.position;
+      }
+      if (planes.empty() || gather_cells(planes, false)) return;
+      view_.cells.clear();
     }
-    if (!planes.empty()) gather_cells(planes, false);
   }
 
   double num_met(const ViewPlane& plane) const {
@@ -401,8 +406,8 @@ class Viewer {
     return kEstimateMargin * num;
   }
 
-  // All cells, or those that meet one of the planes.
-  void gather_cells(std::span<const ViewPlane> planes, bool has_all) {
+  // All cells, or those that meet one of the planes. False: these are too many.
+  bool gather_cells(std::span<const ViewPlane> planes, bool has_all) {
     std::vector<CellGatherer> gatherers;
     for (ViewCells& cells : view_.cells) gatherers.emplace_back(cells, has_all);
     LeafMeshReader meshes(reader_, run_, octree_);
@@ -425,11 +430,10 @@ class Viewer {
           ++num_gathered;
         }
       }
-      if (has_all || num_gathered <= limits_.max_cells) continue;
-      view_.cells.clear();  // the estimate was wrong: no plane is better than half of one
-      return;
+      if (!has_all && num_gathered > limits_.max_cells) return false;
     }
     for (CellGatherer& gatherer : gatherers) gatherer.finish();
+    return true;
   }
 
   void read_surface() {
