@@ -64,7 +64,7 @@ TEST(PageData, Base64IsThatOfTheStandard) {  // RFC 4648, section 10
 
 TEST(PageData, DeflatedBytesComeBack) {
   std::string bytes;
-  for (int i = 0; i < 100'000; ++i) bytes += static_cast<char>(i * i % 251);
+  for (unsigned i = 0; i < 100'000; ++i) bytes += static_cast<char>(i * i % 251);
   EXPECT_EQ(inflated(deflated(bytes), bytes.size()), bytes);
   EXPECT_EQ(inflated(deflated(""), 0), "");
 }
