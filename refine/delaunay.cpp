@@ -64,7 +64,7 @@ struct Delaunay::Impl {
       is_odd = sort_oddly(sorted);
     }
   };
-  std::vector<Fresh> fresh;
+  std::vector<Fresh> fresh;  // of number_new()
 };
 
 Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
@@ -146,8 +146,7 @@ void Delaunay::number_all() {
   }
   corners_.resize(impl_->cells.size());
   mark_.resize(impl_->cells.size(), 0);
-  std::vector<Impl::Fresh>& fresh = impl_->fresh;
-  fresh.clear();
+  std::vector<Impl::Fresh> fresh;
   fresh.reserve(impl_->cells.size());
   for (const CellHandle c : impl_->cells) fresh.emplace_back(c);
   for (Cell c = 0; c < cell_bound(); ++c) set_corners(c, fresh[c].sorted, fresh[c].is_odd);
@@ -155,7 +154,6 @@ void Delaunay::number_all() {
     for (int i = 0; i < 4; ++i)
       corners_[c].neighbor[std::size_t(index_of(c, fresh[c].original[std::size_t(i)]))] =
           fresh[c].handle->neighbor(i)->info();
-  fresh = {};
   new_cells_.push_back(cell_bound() - 1);
 }
 
