@@ -13,8 +13,14 @@
 
 #include "engine/boundary_surface.h"
 #include "engine/engine.h"
+#include "engine/ingest.h"
 #include "engine/memory_budget.h"
 #include "engine/mesh_chunks.h"
+#include "engine/mesh_statistics.h"
+#include "engine/run_estimate.h"
+#include "engine/run_setup.h"
+#include "engine/surface_input.h"
+#include "engine/workers.h"
 #include "engine/writer.h"
 #include "refine/refine_leaf.h"
 
@@ -42,6 +48,8 @@ namespace {
   throw Error(ErrorCode::kMemory, e.what());
 } catch (const std::bad_alloc&) {
   throw Error(ErrorCode::kMemory, "the system gives no more memory");
+} catch (const IngestStopped&) {
+  throw Error(ErrorCode::kCanceled, "canceled while the surface was read and checked");
 } catch (const StoreError& e) {
   throw Error(ErrorCode::kStore, e.what());
 } catch (const std::system_error& e) {
@@ -100,6 +108,10 @@ TriangleSource triangle_source(const Surface::Source& source, Thrown& thrown) {
     }
     if (refused) std::rethrow_exception(refused);
   };
+}
+
+std::filesystem::path scratch_directory(const std::filesystem::path& named) {
+  return named.empty() ? std::filesystem::temp_directory_path() : named;
 }
 
 // A directory of its own, removed at the end.
@@ -170,6 +182,64 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .seed = options.seed,
           .spacing_floor = options.spacing_floor,
           .is_forced = options.is_forced};
+}
+
+SurfaceInfo info_of(const SurfaceFacts& surface) {
+  return {.num_triangles = surface.num_triangles,
+          .num_vertices = surface.num_vertices,
+          .num_components = surface.num_components,
+          .euler_characteristic = surface.euler_characteristic,
+          .area = surface.area,
+          .volume = surface.volume,
+          .box_min = coordinates(surface.box.min),
+          .box_max = coordinates(surface.box.max),
+          .default_size = default_size(surface)};
+}
+
+SurfaceFacts facts_of(const SurfaceInfo& surface) {
+  return {.file = kInMemory,
+          .num_vertices = surface.num_vertices,
+          .num_triangles = surface.num_triangles,
+          .num_components = surface.num_components,
+          .euler_characteristic = surface.euler_characteristic,
+          .area = surface.area,
+          .volume = surface.volume,
+          .box = {point(surface.box_min), point(surface.box_max)},
+          .notes = {}};
+}
+
+static_assert(Estimate::kCountFactor == kCellsFactor && Estimate::kBytesFactor == kBytesFactor &&
+              Estimate::kSecondsFactor == kSecondsFactor);
+
+Estimate public_estimate(const RunEstimate& estimate, std::uint64_t memory) {
+  const auto seconds = [&](RunStage stage) {
+    return estimate.seconds[static_cast<std::size_t>(stage)];
+  };
+  return {.size = estimate.size,
+          .num_cells = estimate.num_cells,
+          .num_vertices = estimate.num_vertices,
+          .store_bytes = estimate.store_bytes,
+          .vtu_bytes = estimate.file_bytes,
+          .run_seconds = seconds(RunStage::kIngest) + seconds(RunStage::kInitialize) +
+                         seconds(RunStage::kRefine),
+          .write_seconds = seconds(RunStage::kWrite),
+          .least_memory_bytes = memory,
+          .is_thin = estimate.is_thin};
+}
+
+Distribution distribution(const Histogram& histogram) {
+  return {histogram.edges, histogram.counts};
+}
+
+Statistics statistics_of(const MeshStatistics& mesh, double size) {
+  return {.volume = mesh.volume,
+          .min_dihedral_degrees = mesh.min_dihedral_degrees,
+          .max_dihedral_degrees = mesh.max_dihedral_degrees,
+          .max_radius_edge_ratio = mesh.max_radius_edge_ratio,
+          .max_circumradius = mesh.max_circumradius * size,
+          .dihedral_angles = distribution(mesh.dihedral_angles),
+          .min_dihedral_angles = distribution(mesh.min_dihedral_angles),
+          .radius_edge_ratios = distribution(mesh.radius_edge_ratios)};
 }
 
 Summary summary_of(const RunSummary& run) {
@@ -312,6 +382,13 @@ std::uint64_t Mesh::num_vertices() const {
   });
 }
 
+Statistics Mesh::statistics() const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    return statistics_of(mesh_statistics(impl_->open(), impl_->num_threads), impl_->summary.size);
+  });
+}
+
 void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const {
   Thrown thrown;
   const auto pass = watched(visit, thrown);
@@ -359,8 +436,7 @@ Mesh mesh_surface(const Surface& surface, const Options& options, const Control&
     std::unique_ptr<ScratchDirectory> scratch;
     std::filesystem::path store = options.store;
     if (store.empty()) {
-      scratch = std::make_unique<ScratchDirectory>(
-          options.scratch.empty() ? std::filesystem::temp_directory_path() : options.scratch);
+      scratch = std::make_unique<ScratchDirectory>(scratch_directory(options.scratch));
       store = scratch->path() / "store";
     }
     const RunSummary run =
@@ -375,6 +451,31 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
   return translated(thrown, [&] {
     const RunSummary run = resume(store, run_control(control, thrown));
     return MeshAccess::of(nullptr, store, run, control);
+  });
+}
+
+SurfaceInfo surface_info(const Surface& surface, const Control& control,
+                         const std::filesystem::path& scratch) {
+  Thrown thrown;
+  return translated(thrown, [&] {
+    const RunControl run = run_control(control, thrown);
+    IngestWatch watch = watch_of(run);
+    Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
+    const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, thrown),
+                                              scratch_directory(scratch), watch, workers)
+                                   .facts;
+    if (run.on_note)
+      for (const std::string& note : facts.notes) run.on_note(note);
+    return info_of(facts);
+  });
+}
+
+Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads) {
+  return translated({}, [&] {
+    const RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts_of(surface));
+    if (num_threads <= 0) num_threads = num_usable_threads();
+    return public_estimate(estimate_run(run.surface, run.parameters, num_threads),
+                           least_memory(run));
   });
 }
 

@@ -12,6 +12,9 @@
 /// mesh.write("bunny.vtu");
 /// \endcode
 ///
+/// surface_info() chooses a size for who has none in mind, and estimate_run() tells what a run will
+/// take.
+///
 /// A run keeps its state in a store, a directory on a local disk. If Options::store names it, an
 /// interrupted run goes on where it stopped: call mesh_surface() as before, or resume_run().
 /// The mesh is a function of the surface and of Options: not of Control, and not of interruptions.
@@ -37,6 +40,7 @@ enum class ErrorCode {
               ///< the system gives no more. What was committed is kept.
   kStore,     ///< The store: not there, in use by another process, damaged, of another version.
   kSystem,    ///< The disk is full, a file cannot be written ... What was committed is kept.
+  kCanceled,  ///< Control::is_canceled ended what leaves no run to go on with.
   kInternal,  ///< A bug of locvol.
 };
 
@@ -100,7 +104,7 @@ struct Size {
 
 /// What the mesh depends on, besides the surface; and where its run is kept.
 struct Options {
-  Size size = {};  ///< Must be given.
+  Size size = {};  ///< Must be given; SurfaceInfo::default_size is one.
   /// Directory of the run's store, made if it is not there, and kept. Empty: a directory of its own
   /// in `scratch`, which goes with the Mesh.
   std::filesystem::path store = {};
@@ -149,6 +153,43 @@ struct Control {
   std::function<void(const std::string&)> on_note = {};
 };
 
+/// What is known of a surface without a run.
+struct SurfaceInfo {
+  std::uint64_t num_triangles = 0;        ///< Repaired.
+  std::uint64_t num_vertices = 0;         ///< Different places of corners.
+  std::uint64_t num_components = 0;       ///< Connected parts.
+  std::int64_t euler_characteristic = 0;  ///< Vertices - edges + triangles.
+  double area = 0;                        ///< Of all its triangles.
+  double volume = 0;                      ///< Of what it bounds.
+  Coordinates box_min = {};               ///< The smallest coordinates.
+  Coordinates box_max = {};               ///< The largest coordinates.
+  /// λ for who has none in mind, a length: for about half a million cells, or for more, up to five
+  /// million, where the surface is so thin that it takes them. 0 if there is no volume.
+  double default_size = 0;
+};
+
+/// What a run will take, told before it by laws that were fitted to runs of many models. Where the
+/// surface is not smooth at the scale λ, it may be several times as much.
+struct Estimate {
+  /// 9 of 10 runs lie between an estimate over this and times this: counts of cells and vertices.
+  static constexpr double kCountFactor = 1.15;
+  /// Likewise, the bytes of the store.
+  static constexpr double kBytesFactor = 1.7;
+  /// Likewise, seconds.
+  static constexpr double kSecondsFactor = 2.5;
+
+  double size = 0;           ///< λ as a length.
+  double num_cells = 0;      ///< Tetrahedra.
+  double num_vertices = 0;   ///< Of the mesh.
+  double store_bytes = 0;    ///< Of the run's store at its end; it has been larger at no time.
+  double vtu_bytes = 0;      ///< Of the mesh as a .vtu file.
+  double run_seconds = 0;    ///< Of mesh_surface(), on cores of 2.6 GHz.
+  double write_seconds = 0;  ///< Of Mesh::write() of that file, to a disk of 1 GB a second.
+  std::uint64_t least_memory_bytes =
+      0;                 ///< The least Control::memory_bytes that is expected to do.
+  bool is_thin = false;  ///< The surface is thinner than λ on average: nothing can be told.
+};
+
 /// What is known of a run and its mesh.
 struct Summary {
   double size = 0;                           ///< λ as a length.
@@ -187,6 +228,26 @@ struct Chunk {
   std::span<const std::array<std::uint32_t, 4>> cells = {};
 };
 
+/// How many values lie in each of some ranges.
+struct Distribution {
+  std::vector<double> edges = {};  ///< Ascending, one more than `counts`.
+  /// counts[i]: from edges[i] to below edges[i + 1]. The last one also has all values above.
+  std::vector<std::uint64_t> counts = {};
+};
+
+/// What the cells of a mesh are like. Angles are in degrees. A cell has six dihedral angles; its
+/// radius-edge ratio is its circumradius over its shortest edge, 0.612 if it is regular.
+struct Statistics {
+  double volume = 0;                      ///< Of all cells.
+  double min_dihedral_degrees = 0;        ///< The smallest angle of all.
+  double max_dihedral_degrees = 0;        ///< The largest angle of all.
+  double max_radius_edge_ratio = 0;       ///< At most 2 where no place is unresolved.
+  double max_circumradius = 0;            ///< A length: below λ where no place is unresolved.
+  Distribution dihedral_angles = {};      ///< All angles, six a cell; in steps of two degrees.
+  Distribution min_dihedral_angles = {};  ///< The smallest angle of each cell.
+  Distribution radius_edge_ratios = {};   ///< One a cell, in steps of 0.05.
+};
+
 /// Some facets of the mesh's boundary, each of which is in one cell only. Spans are valid until the
 /// next chunk.
 struct BoundaryChunk {
@@ -216,6 +277,9 @@ class Mesh {
 
   /// How many vertices have numbers: those in some cell. The first call reads all cells once.
   std::uint64_t num_vertices() const;
+  /// Measures all cells, reading those that the store lists. Needs 10 MB besides for each thread of
+  /// Control::num_threads. REQUIRES: is_complete()
+  Statistics statistics() const;
   /// Hands out the whole mesh, leaf by leaf along the octree: always the same chunks in the same
   /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
   /// a temporary file beside the store. REQUIRES: is_complete()
@@ -245,6 +309,16 @@ Mesh mesh_surface(const Surface& surface, const Options& options, const Control&
 /// Goes on with the run in a store; if it is done, only opens it. Needs neither the surface nor the
 /// options, but for a surface that was in no file and had not been read to its end. Throws Error.
 Mesh resume_run(const std::filesystem::path& store, const Control& control = {});
+
+/// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
+/// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
+/// Throws Error.
+SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
+                         const std::filesystem::path& scratch = {});
+
+/// What a run on that surface will take, on so many threads (0: as many as the process may use).
+/// Reads nothing. Throws Error (kInput) for options out of range.
+Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads = 0);
 
 /// "0.1.0".
 const char* version();

@@ -89,17 +89,17 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
       kFileBytesPerVertex * estimate.num_vertices + kFileBytesPerCell * estimate.num_cells;
 
   const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
-  const auto set = [&](Stage stage, double cpu_seconds) {
+  const auto set = [&](RunStage stage, double cpu_seconds) {
     estimate.seconds[static_cast<std::size_t>(stage)] = cpu_seconds / threads;
   };
-  set(Stage::kIngest, kIngestTriangle * num_triangles);
+  set(RunStage::kIngest, kIngestTriangle * num_triangles);
   if (!is_cover) return estimate;
   const double listed = estimate.num_listed_cells;
-  set(Stage::kInitialize, kCoverTriangle * num_triangles + kCoverCell * listed);
-  set(Stage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
-  set(Stage::kMeasure, kMeasureCell * listed);
-  set(Stage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
-  estimate.seconds[static_cast<std::size_t>(Stage::kWrite)] += kFileByte * estimate.file_bytes;
+  set(RunStage::kInitialize, kCoverTriangle * num_triangles + kCoverCell * listed);
+  set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
+  set(RunStage::kMeasure, kMeasureCell * listed);
+  set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
+  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kFileByte * estimate.file_bytes;
   return estimate;
 }
 

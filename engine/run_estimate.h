@@ -10,7 +10,7 @@
 namespace locvol {
 
 // What takes time, one after another; the first three are the Phases of a run.
-enum class Stage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
+enum class RunStage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
 inline constexpr std::size_t kNumStages = 5;  // of a run: no audit
 
 struct RunEstimate {

@@ -154,6 +154,13 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
   return run;
 }
 
+RunRecord planned_run(const MeshOptions& options, const std::string& digest,
+                      const SurfaceFacts& surface) {
+  RunRecord run = planned_run(options, digest, surface.box);
+  run.surface = surface;
+  return run;
+}
+
 OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
   const double leaf_side = start_leaf_side(parameters);
   OctreePlan plan{.frame = frame_around(parameters, surface, leaf_side)};

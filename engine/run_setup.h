@@ -17,6 +17,9 @@ inline constexpr std::uint64_t kDefaultLeafCapacity = 20000;
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
 // double arithmetic cannot handle on this surface.
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface);
+// With all that is known of a surface which was checked before.
+RunRecord planned_run(const MeshOptions& options, const std::string& digest,
+                      const SurfaceFacts& surface);
 
 // Where the run's leaves lie at the start: near the surface and inside they are nodes of `level`.
 struct OctreePlan {

@@ -321,4 +321,12 @@ Frame frame_of(const Box& surface) {
   }
 }
 
+SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                               IngestWatch& watch, Workers& workers) {
+  RawSurface raw = read_surface(source, directory, watch);
+  const std::string digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  return {check_surface(std::move(raw), frame, watch, workers).facts, digest};
+}
+
 }  // namespace locvol

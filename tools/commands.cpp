@@ -112,14 +112,14 @@ TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine&
 
 // The result of `work`, which tells the line of its steps.
 template <class Work>
-auto with_steps(Stage stage, ProgressLine& line, const Work& work) {
+auto with_steps(RunStage stage, ProgressLine& line, const Work& work) {
   line.update(stage, 0, 0);  // there may be something to do before the first step
   return work(
       [&line, stage](std::uint64_t done, std::uint64_t all) { line.update(stage, done, all); });
 }
 
 template <class Work>
-auto timed(Stage stage, ProgressLine& line, Seconds& seconds, const Work& work) {
+auto timed(RunStage stage, ProgressLine& line, Seconds& seconds, const Work& work) {
   const double start = line.seconds();
   auto result = with_steps(stage, line, work);
   seconds.emplace_back(stage_name(stage), line.seconds() - start);
@@ -152,34 +152,26 @@ std::string peak_text(const MemoryRecord& memory) {
                      in_mebibytes(memory.cap));
 }
 
-struct CheckedInput {
-  SurfaceFacts facts;
-  std::string digest;
-};
-
 // Throws InputError if it is no surface to be meshed.
-CheckedInput checked_input(const std::filesystem::path& file, std::uint64_t cap) {
+SurveyedSurface surveyed(const std::filesystem::path& file, std::uint64_t cap) {
   IngestWatch watch;
-  RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
-  const std::string digest = raw.digest;
-  const Frame frame = frame_of(raw.box);
   Workers workers(num_streaming_threads(0, cap));
-  return {check_surface(std::move(raw), frame, watch, workers).facts, digest};
+  return survey_surface(surface_in_file(file), std::filesystem::temp_directory_path(), watch,
+                        workers);
 }
 
-// The run that `mesh` would begin, with all that is known of its surface.
-RunRecord run_of_size(const CheckedInput& input, const std::filesystem::path& file, double size) {
+// The run that `mesh` would begin.
+RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::path& file,
+                      double size) {
   MeshOptions options;
   options.input = file;
   options.size = {size, false};
-  RunRecord run = planned_run(options, input.digest, input.facts.box);
-  run.surface = input.facts;
-  return run;
+  return planned_run(options, surface.digest, surface.facts);
 }
 
 // For a user who gives none.
 SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, ProgressLine& line) {
-  const SurfaceFacts facts = checked_input(file, cap).facts;
+  const SurfaceFacts facts = surveyed(file, cap).facts;
   const double size = default_size(facts);
   if (!(size > 0))
     throw InputError(file.string() +
@@ -295,11 +287,11 @@ int finish(const TimedRun& run, const std::filesystem::path& directory,
   } else {
     const Store store = open_to_read(directory);
     memory = store.snapshot().memory();
-    statistics = timed(Stage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
+    statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
       return mesh_statistics(store, run.num_writers, on_step);
     });
     if (!output.empty())
-      written = timed(Stage::kWrite, line, seconds, [&](const StepProgress& on_step) {
+      written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
         return write_mesh(store, output, options, run.num_writers, on_step);
       });
     if (outcome == RunOutcome::kUnresolved) tell_unresolved(store, is_json, line);
@@ -368,7 +360,7 @@ int run_export(const ExportCommand& command) {
   const Store store = open_to_read(command.store);
   require_done(store);
   ProgressLine line(progress_style(command), 0);
-  const WriteSummary written = with_steps(Stage::kWrite, line, [&](const StepProgress& on_step) {
+  const WriteSummary written = with_steps(RunStage::kWrite, line, [&](const StepProgress& on_step) {
     return write_mesh(store, command.output, command.output_options,
                       num_streaming_threads(command.num_threads, memory_cap(command.memory_bytes)),
                       on_step);
@@ -387,7 +379,7 @@ int run_audit(const AuditCommand& command) {
   require_done(store);
   ProgressLine line(progress_style(command), 0);
   const AuditReport report = with_steps(
-      Stage::kAudit, line, [&](const StepProgress& on_step) { return audit(store, on_step); });
+      RunStage::kAudit, line, [&](const StepProgress& on_step) { return audit(store, on_step); });
   line.clear();
   if (command.is_json) {
     print_json(to_json(report));
@@ -398,7 +390,7 @@ int run_audit(const AuditCommand& command) {
 }
 
 int run_info(const InfoCommand& command) {
-  const CheckedInput input = checked_input(command.surface, memory_cap(0));
+  const SurveyedSurface input = surveyed(command.surface, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);

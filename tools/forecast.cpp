@@ -14,7 +14,7 @@ constexpr double kTrustInPace = 0.05;
 // As a part of the whole run: what must have been measured before it weighs as much as the law.
 constexpr double kTrustInLaw = 0.02;
 
-std::size_t index(Stage stage) { return static_cast<std::size_t>(stage); }
+std::size_t index(RunStage stage) { return static_cast<std::size_t>(stage); }
 
 // Of the leaves that wait, in visits of epoch 1; with those that will yet have to wait.
 double units_left(const Progress& progress) {
@@ -28,19 +28,19 @@ double unit_of(std::uint32_t epoch) { return epoch <= 1 ? 1 : kLaterVisit; }
 
 }  // namespace
 
-std::string_view stage_name(Stage stage) {
+std::string_view stage_name(RunStage stage) {
   switch (stage) {
-    case Stage::kIngest:
+    case RunStage::kIngest:
       return "ingest";
-    case Stage::kInitialize:
+    case RunStage::kInitialize:
       return "initialize";
-    case Stage::kRefine:
+    case RunStage::kRefine:
       return "refine";
-    case Stage::kMeasure:
+    case RunStage::kMeasure:
       return "measure";
-    case Stage::kWrite:
+    case RunStage::kWrite:
       return "write";
-    case Stage::kAudit:
+    case RunStage::kAudit:
       return "audit";
   }
   return "unknown";
@@ -50,13 +50,13 @@ void Forecast::expect(const RunEstimate& estimate, bool writes) {
   estimate_ = estimate;
   writes_ = writes;
   // The surface has been read and checked, and has yet to be cut.
-  if (stage_ == Stage::kIngest) set_work(0.8, 0.2, began_);
+  if (stage_ == RunStage::kIngest) set_work(0.8, 0.2, began_);
 }
 
 void Forecast::note(const Progress& progress, double seconds) {
-  if (progress.phase == Phase::kDone) return enter(Stage::kMeasure, seconds);
-  enter(static_cast<Stage>(progress.phase), seconds);
-  if (stage_ == Stage::kIngest) return;
+  if (progress.phase == Phase::kDone) return enter(RunStage::kMeasure, seconds);
+  enter(static_cast<RunStage>(progress.phase), seconds);
+  if (stage_ == RunStage::kIngest) return;
   if (progress.epoch != epoch_ || num_in_epoch_ == 0) {
     const auto num_visits = static_cast<double>(num_in_epoch_);
     units_before_ += unit_of(epoch_) * num_visits;
@@ -64,18 +64,18 @@ void Forecast::note(const Progress& progress, double seconds) {
     num_in_epoch_ = progress.num_in_epoch;
   }
   const auto num_done = static_cast<double>(num_in_epoch_ - progress.num_in_epoch);
-  if (stage_ == Stage::kInitialize)
+  if (stage_ == RunStage::kInitialize)
     set_work(num_done, static_cast<double>(progress.num_in_epoch), seconds);
   else
     set_work(units_before_ + unit_of(epoch_) * num_done, units_left(progress), seconds);
 }
 
-void Forecast::note(Stage stage, std::uint64_t done, std::uint64_t all, double seconds) {
+void Forecast::note(RunStage stage, std::uint64_t done, std::uint64_t all, double seconds) {
   enter(stage, seconds);
   if (all > 0) set_work(static_cast<double>(done), static_cast<double>(all - done), seconds);
 }
 
-void Forecast::enter(Stage stage, double seconds) {
+void Forecast::enter(RunStage stage, double seconds) {
   if (stage == stage_) return;
   taken_ += seconds - began_;
   guessed_ += law(stage_);
@@ -90,7 +90,7 @@ void Forecast::enter(Stage stage, double seconds) {
 void Forecast::set_work(double done, double left, double seconds) {
   if (done_ == 0 && done > 0) {
     // What comes before the first steps of the output is not at their pace.
-    const bool is_step = stage_ > Stage::kRefine;
+    const bool is_step = stage_ > RunStage::kRefine;
     first_done_ = is_step ? done : 0;
     first_seconds_ = is_step ? seconds : began_;
   }
@@ -100,9 +100,9 @@ void Forecast::set_work(double done, double left, double seconds) {
 
 double Forecast::fraction_done() const { return done_ + left_ > 0 ? done_ / (done_ + left_) : 1; }
 
-double Forecast::law(Stage stage) const {
+double Forecast::law(RunStage stage) const {
   const bool has_law = estimate_ && index(stage) < kNumStages;
-  if (!has_law || (stage == Stage::kWrite && !writes_)) return 0;
+  if (!has_law || (stage == RunStage::kWrite && !writes_)) return 0;
   return estimate_->seconds[index(stage)];
 }
 
@@ -116,12 +116,12 @@ double Forecast::slowness(double seconds) const {
 }
 
 std::optional<double> Forecast::seconds_left(double seconds) const {
-  const bool has_pace = stage_ > Stage::kRefine && done_ > first_done_;
+  const bool has_pace = stage_ > RunStage::kRefine && done_ > first_done_;
   if (!estimate_ && !has_pace) return std::nullopt;
   const double slow = slowness(seconds);
   double later = 0;
   for (std::size_t i = index(stage_) + 1; i < kNumStages; ++i)
-    later += slow * law(static_cast<Stage>(i));
+    later += slow * law(static_cast<RunStage>(i));
   const double all = done_ + left_;
   if (!(all > 0)) return later;
   const bool is_begun = done_ > 0;

@@ -11,7 +11,7 @@
 
 namespace locvol {
 
-std::string_view stage_name(Stage stage);
+std::string_view stage_name(RunStage stage);
 
 // A stage yet to come is guessed from the law of estimate_run(), corrected by what the run has
 // taken so far against that law. Of the stage under way the pace tells, ever more: of the work left
@@ -24,23 +24,23 @@ class Forecast {
   void expect(const RunEstimate& estimate, bool writes);
   void note(const Progress& progress, double seconds);
   // Of a stage after refinement; `all`: 0 while it is not known.
-  void note(Stage stage, std::uint64_t done, std::uint64_t all, double seconds);
+  void note(RunStage stage, std::uint64_t done, std::uint64_t all, double seconds);
 
-  Stage stage() const { return stage_; }
+  RunStage stage() const { return stage_; }
   // Of the stage's work, from 0 to 1, as far as it is known.
   double fraction_done() const;
   // Nothing before expect(); of a later stage alone, once there is a pace.
   std::optional<double> seconds_left(double seconds) const;
 
  private:
-  void enter(Stage stage, double seconds);
+  void enter(RunStage stage, double seconds);
   void set_work(double done, double left, double seconds);
-  double law(Stage stage) const;  // seconds
+  double law(RunStage stage) const;  // seconds
   double slowness(double seconds) const;
 
   std::optional<RunEstimate> estimate_;
   bool writes_ = true;
-  Stage stage_ = Stage::kIngest;
+  RunStage stage_ = RunStage::kIngest;
   double began_ = 0;  // the stage
   // Its work, in a unit of its own; and when some of it was first known to be done.
   double done_ = 0, left_ = 1;

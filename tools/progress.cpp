@@ -56,25 +56,25 @@ std::string duration_text(double seconds) {
 std::string progress_text(const Standing& standing) {
   const Progress& progress = standing.progress;
   const auto count = [](std::uint64_t number) { return count_text(static_cast<double>(number)); };
-  const bool is_run = standing.stage <= Stage::kRefine;
+  const bool is_run = standing.stage <= RunStage::kRefine;
   std::string text =
       fmt::format("{} {}: ", duration_text(standing.seconds), stage_name(standing.stage));
-  if (standing.stage == Stage::kIngest)
+  if (standing.stage == RunStage::kIngest)
     text += fmt::format("{} triangles read, checked and cut", progress.num_triangles);
   else
     text += fmt::format("{:.0f}%", percent_done(standing.fraction));
   // First, for a narrow terminal cuts off the end.
   if (standing.seconds_left)
     text += fmt::format(", about {} left", duration_text(*standing.seconds_left));
-  if (is_run && standing.stage != Stage::kIngest) {
+  if (is_run && standing.stage != RunStage::kIngest) {
     text += fmt::format(", {} cells", count(progress.num_cells));
     if (standing.cells_per_second.value_or(0) > 0)
       text += fmt::format(" ({}/s)", count_text(*standing.cells_per_second));
     text += fmt::format(", {} of {} leaves wait", progress.num_queued, progress.num_leaves);
-    if (standing.stage == Stage::kRefine) text += fmt::format(", epoch {}", progress.epoch);
+    if (standing.stage == RunStage::kRefine) text += fmt::format(", epoch {}", progress.epoch);
   } else if (!is_run && standing.all > 0) {
     text += fmt::format(", of {} {}", count(standing.all),
-                        standing.stage == Stage::kAudit ? "leaves" : "cells");
+                        standing.stage == RunStage::kAudit ? "leaves" : "cells");
   }
   constexpr double kMiB = 1 << 20;
   if (standing.memory_cap > 0)
@@ -156,12 +156,12 @@ void ProgressLine::update(const Progress& progress) {
   show(now, false);
 }
 
-void ProgressLine::update(Stage stage, std::uint64_t done, std::uint64_t all) {
+void ProgressLine::update(RunStage stage, std::uint64_t done, std::uint64_t all) {
   const double now = seconds();
   forecast_.note(stage, done, all, now);
   standing_.done = done;
   standing_.all = all;
-  show(now, stage == Stage::kWrite && done == all && all > 0);
+  show(now, stage == RunStage::kWrite && done == all && all > 0);
 }
 
 void ProgressLine::show(double now, bool is_last) {
@@ -169,7 +169,7 @@ void ProgressLine::show(double now, bool is_last) {
   const double interval = style_ == ProgressStyle::kJson ? kEventInterval
                           : is_terminal_                 ? kTerminalInterval
                                                          : kLogInterval;
-  const Stage stage = forecast_.stage();
+  const RunStage stage = forecast_.stage();
   const bool is_event = is_last && style_ == ProgressStyle::kJson;
   if (stage == last_stage_ && now - last_seconds_ < interval && !is_event) return;
   last_stage_ = stage;

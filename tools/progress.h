@@ -18,7 +18,7 @@ std::string_view phase_name(Phase phase);
 std::string duration_text(double seconds);
 // Where a command stands.
 struct Standing {
-  Stage stage = Stage::kIngest;
+  RunStage stage = RunStage::kIngest;
   Progress progress;                // of a run
   std::uint64_t done = 0, all = 0;  // of a stage after it: listed cells to measure, cells to write
   double fraction = 0;              // done of the stage's work
@@ -64,7 +64,7 @@ class ProgressLine {
   // The run is known: from now on the time left is told.
   void expect(const RunEstimate& estimate, bool writes);
   void update(const Progress& progress);
-  void update(Stage stage, std::uint64_t done, std::uint64_t all);
+  void update(RunStage stage, std::uint64_t done, std::uint64_t all);
   void note(const std::string& text);
   // In JSON, as an event of this name; as text, the text.
   void tell(std::string_view event, const Json& json, const std::string& text);
@@ -84,7 +84,7 @@ class ProgressLine {
   Standing standing_;
   std::uint64_t num_cells_before_ = 0;  // of a run that goes on
   std::optional<double> run_seen_;
-  std::optional<Stage> last_stage_;
+  std::optional<RunStage> last_stage_;
   double last_seconds_ = 0;  // of the last line
   bool is_line_open_ = false;
 };

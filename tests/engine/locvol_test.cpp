@@ -9,9 +9,11 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <string>
 #include <vector>
 
+#include "engine/cell_mesh.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"
@@ -213,6 +215,110 @@ TEST(Library, HandsOutTheBoundaryInChunks) {
   EXPECT_NEAR(six_volumes / 6, mesh.summary().surface_volume, 0.06 * six_volumes / 6) << "outward";
 }
 
+double total(const Distribution& distribution) {
+  EXPECT_EQ(distribution.edges.size(), distribution.counts.size() + 1);
+  EXPECT_TRUE(std::ranges::is_sorted(distribution.edges));
+  double sum = 0;
+  for (const std::uint64_t count : distribution.counts) sum += static_cast<double>(count);
+  return sum;
+}
+
+TEST(Library, MeasuresTheCells) {
+  const TempDir dir;
+  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir));
+  double six_volumes = 0, max_circumradius = 0, max_ratio = 0;
+  mesh.for_each_chunk([&](const Chunk& chunk) {
+    for (const auto& cell : chunk.cells) {
+      std::array<Point, 4> corners;
+      for (std::size_t i = 0; i < 4; ++i) {
+        const Coordinates& c = chunk.vertices[cell[i]];
+        corners[i] = {c[0], c[1], c[2]};
+      }
+      six_volumes +=
+          dot(cross(corners[1] - corners[0], corners[2] - corners[0]), corners[3] - corners[0]);
+      const CellQuality quality = quality_of(corners);
+      max_circumradius = std::max(max_circumradius, quality.circumradius);
+      max_ratio = std::max(max_ratio, quality.radius_edge_ratio);
+    }
+  });
+  const Statistics statistics = mesh.statistics();
+  EXPECT_NEAR(statistics.volume, six_volumes / 6, 1e-7 * statistics.volume);
+  EXPECT_NEAR(statistics.max_circumradius, max_circumradius, 1e-5 * max_circumradius);
+  EXPECT_NEAR(statistics.max_radius_edge_ratio, max_ratio, 1e-4);
+  EXPECT_GT(statistics.min_dihedral_degrees, 0);
+  EXPECT_LT(statistics.min_dihedral_degrees, 60);
+  EXPECT_GT(statistics.max_dihedral_degrees, 90);
+  EXPECT_LT(statistics.max_dihedral_degrees, 180);
+  const auto num_cells = static_cast<double>(mesh.summary().num_cells);
+  EXPECT_EQ(total(statistics.dihedral_angles), 6 * num_cells);
+  EXPECT_EQ(total(statistics.min_dihedral_angles), num_cells);
+  EXPECT_EQ(total(statistics.radius_edge_ratios), num_cells);
+  // The lattice has angles of 90 degrees, but no cell has nothing below.
+  EXPECT_GT(statistics.dihedral_angles.counts[45], num_cells / 4);
+  EXPECT_EQ(statistics.min_dihedral_angles.counts[45], 0u);
+}
+
+TEST(Library, ChoosesASizeAndTellsWhatARunWillTake) {
+  const TempDir dir;
+  const Arrays arrays = torus();
+  const SurfaceInfo info = surface_info(arrays.surface(), {}, dir.path());
+  EXPECT_TRUE(is_empty(dir));
+  EXPECT_EQ(info.num_triangles, 2u * 48 * 24);
+  EXPECT_EQ(info.num_vertices, 48u * 24);
+  EXPECT_EQ(info.num_components, 1u);
+  EXPECT_EQ(info.euler_characteristic, 0);
+  EXPECT_NEAR(info.box_max[0], 1.45, 0.01);
+  EXPECT_NEAR(info.box_min[2], -0.45, 0.01);
+  const Estimate usual = estimate_run(info, {.size = Size::length(info.default_size)});
+  EXPECT_EQ(usual.size, info.default_size);
+  EXPECT_NEAR(usual.num_cells, 5e5, 1e5);
+
+  const Options options = torus_options(dir);
+  const Estimate estimate = estimate_run(info, options, 1);
+  const Mesh mesh = mesh_surface(arrays.surface(), options);
+  EXPECT_EQ(mesh.summary().surface_area, info.area);
+  EXPECT_EQ(mesh.summary().surface_volume, info.volume);
+  const auto num_cells = static_cast<double>(mesh.summary().num_cells);
+  EXPECT_GT(Estimate::kCountFactor * estimate.num_cells, num_cells);
+  EXPECT_LT(estimate.num_cells, Estimate::kCountFactor * num_cells);
+  EXPECT_NEAR(estimate.num_vertices, static_cast<double>(mesh.num_vertices()),
+              0.15 * estimate.num_vertices);
+  const auto vtu_bytes = static_cast<double>(mesh.write(dir / "torus.vtu"));
+  EXPECT_NEAR(estimate.vtu_bytes, vtu_bytes, 0.15 * vtu_bytes);
+  EXPECT_FALSE(estimate.is_thin);
+  EXPECT_TRUE(estimate_run(info, {.size = Size::length(1)}).is_thin);
+  EXPECT_GT(estimate.run_seconds, estimate_run(info, options, 4).run_seconds);
+  EXPECT_GT(estimate.write_seconds, 0);
+
+  // The least cap that is expected to do does, and is the least that is let begin.
+  Options again = options;
+  again.store = dir / "again";
+  EXPECT_EQ(code_of(
+                [&] {
+                  mesh_surface(arrays.surface(), again,
+                               {.memory_bytes = estimate.least_memory_bytes / 2});
+                },
+                "give 96M or more"),
+            ErrorCode::kMemory);
+  EXPECT_TRUE(mesh_surface(arrays.surface(), again, {.memory_bytes = estimate.least_memory_bytes})
+                  .is_complete());
+  EXPECT_EQ(code_of([&] { estimate_run(info, {.size = Size::length(-1)}); }, "size -1"),
+            ErrorCode::kInput);
+}
+
+TEST(Library, RefusesASurfaceBeforeARunAndStopsReadingIt) {
+  const TempDir dir;
+  Arrays open = torus();
+  open.triangles.pop_back();
+  EXPECT_EQ(code_of([&] { surface_info(open.surface()); }, "is not closed"), ErrorCode::kInput);
+  // Enough triangles for the question to be asked.
+  const Arrays fine(testing_shapes::torus(1, 0.45, 400, 400));
+  const Control canceling{.is_canceled = [] { return true; }};
+  EXPECT_EQ(code_of([&] { surface_info(fine.surface(), canceling, dir.path()); }, "canceled"),
+            ErrorCode::kCanceled);
+  EXPECT_TRUE(is_empty(dir));
+}
+
 TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
   const TempDir dir, scratch;
   const Arrays arrays = torus();
@@ -229,6 +335,7 @@ TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
             ErrorCode::kStore);
   EXPECT_EQ(code_of([&] { canceled.for_each_chunk([](const Chunk&) {}); }, "unfinished"),
             ErrorCode::kStore);
+  EXPECT_EQ(code_of([&] { canceled.statistics(); }, "unfinished"), ErrorCode::kStore);
   const Mesh resumed = resume_run(dir / "run");
   EXPECT_TRUE(resumed.is_complete());
   resumed.write(dir / "resumed.vtu");

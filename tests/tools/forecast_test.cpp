@@ -51,17 +51,17 @@ TEST(Forecast, OfARunThatKeepsTheLawIsRightAllAlong) {
     EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.5) << i;
   }
   forecast.note({.phase = Phase::kDone, .epoch = 2}, 13);
-  EXPECT_EQ(forecast.stage(), Stage::kMeasure);
+  EXPECT_EQ(forecast.stage(), RunStage::kMeasure);
   for (std::uint64_t i = 1; i <= 10; ++i) {
-    forecast.note(Stage::kMeasure, i, 10, 13 + 0.1 * static_cast<double>(i));
+    forecast.note(RunStage::kMeasure, i, 10, 13 + 0.1 * static_cast<double>(i));
     EXPECT_NEAR(*forecast.seconds_left(13 + 0.1 * static_cast<double>(i)),
                 5 - 0.1 * static_cast<double>(i), 0.2);
   }
   // The vertices are numbered before the first of them is written.
-  forecast.note(Stage::kWrite, 0, 0, 14);
+  forecast.note(RunStage::kWrite, 0, 0, 14);
   for (std::uint64_t i = 1; i <= 20; ++i) {
     const double now = 14 + 2 + 0.1 * static_cast<double>(i);
-    forecast.note(Stage::kWrite, i, 20, now);
+    forecast.note(RunStage::kWrite, i, 20, now);
     EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.7) << i;
   }
   EXPECT_NEAR(*forecast.seconds_left(18), 0, 1e-9);
@@ -92,10 +92,10 @@ TEST(Forecast, OfARunThatGoesOnIsByItsPace) {
 
 TEST(Forecast, OfAnAuditIsItsPace) {
   Forecast forecast;
-  forecast.note(Stage::kAudit, 0, 100, 1);
+  forecast.note(RunStage::kAudit, 0, 100, 1);
   EXPECT_EQ(forecast.seconds_left(1), std::nullopt);
-  forecast.note(Stage::kAudit, 10, 100, 2);
-  forecast.note(Stage::kAudit, 30, 100, 4);
+  forecast.note(RunStage::kAudit, 10, 100, 2);
+  forecast.note(RunStage::kAudit, 30, 100, 4);
   EXPECT_NEAR(*forecast.seconds_left(4), 7, 0.5);
 }
 
@@ -133,7 +133,7 @@ TEST_P(Recorded, ConvergesOnTheEnd) {
       int stage = 0;
       std::uint64_t done = 0, all = 0;
       text >> stage >> done >> all;
-      forecast.note(static_cast<Stage>(stage), done, all, now);
+      forecast.note(static_cast<RunStage>(stage), done, all, now);
     } else if (kind == 'D') {
       end = now;
     } else {

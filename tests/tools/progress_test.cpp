@@ -15,7 +15,7 @@ TEST(DurationText, CountsHoursOnlyWhenThereAreAny) {
 
 Standing refining() {
   Standing standing;
-  standing.stage = Stage::kRefine;
+  standing.stage = RunStage::kRefine;
   standing.seconds = 61;
   standing.fraction = 0.629;
   standing.progress = {.phase = Phase::kRefine,
@@ -40,7 +40,7 @@ TEST(ProgressText, SaysWhatIsKnown) {
   EXPECT_EQ(progress_text(standing),
             "1:01 refine: 62%, about 0:09 left, 8.24 million cells (135 thousand/s), 300 of 800 "
             "leaves wait, epoch 1, 63/256 MiB");
-  standing.stage = Stage::kWrite;
+  standing.stage = RunStage::kWrite;
   standing.all = 9'943'962;
   EXPECT_EQ(progress_text(standing),
             "1:01 write: 62%, about 0:09 left, of 9.94 million cells, 63/256 MiB");

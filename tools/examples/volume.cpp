@@ -1,6 +1,7 @@
 // Meshes a surface and adds up its cells, one chunk at a time; Ctrl-C stops it.
-// Usage: volume SURFACE PERCENT [STORE]   of a file (STL, OBJ, OFF, PLY), λ = PERCENT of its box
-//        volume                           of an octahedron made here
+// Usage: volume SURFACE [PERCENT [STORE]]   of a file (STL, OBJ, OFF, PLY), λ = PERCENT of its box,
+//                                           or the size that locvol chooses
+//        volume                             of an octahedron made here
 #include <locvol/locvol.h>
 
 #include <array>
@@ -26,7 +27,12 @@ double six_volumes(const std::array<Coordinates, 4>& corners) {
          a[2] * (b[0] * c[1] - b[1] * c[0]);
 }
 
-int run(const locvol::Surface& surface, const locvol::Options& options) {
+int run(const locvol::Surface& surface, locvol::Options options) {
+  const locvol::SurfaceInfo info = locvol::surface_info(surface);
+  if (options.size.value == 0) options.size = locvol::Size::length(info.default_size);
+  const locvol::Estimate estimate = locvol::estimate_run(info, options);
+  std::fprintf(stderr, "about %.0f cells, in %.1f s\n", estimate.num_cells, estimate.run_seconds);
+
   const locvol::Control control{
       .on_progress =
           [](const locvol::Status& status) {
@@ -48,8 +54,11 @@ int run(const locvol::Surface& surface, const locvol::Options& options) {
           six_volumes({chunk.vertices[a], chunk.vertices[b], chunk.vertices[c], chunk.vertices[d]});
   });
   std::printf("%llu cells, volume %g; the surface's %g\n",
-              static_cast<unsigned long long>(mesh.summary().num_cells), sum / 6,
-              mesh.summary().surface_volume);
+              static_cast<unsigned long long>(mesh.summary().num_cells), sum / 6, info.volume);
+  const locvol::Statistics statistics = mesh.statistics();
+  std::printf("dihedral angles from %.1f to %.1f degrees, radius-edge ratios up to %.2f\n",
+              statistics.min_dihedral_degrees, statistics.max_dihedral_degrees,
+              statistics.max_radius_edge_ratio);
   return 0;
 }
 
@@ -57,9 +66,10 @@ int run(const locvol::Surface& surface, const locvol::Options& options) {
 
 int main(int argc, char** argv) try {
   std::signal(SIGINT, [](int) { is_interrupted = 1; });
-  if (argc >= 3)
-    return run(locvol::Surface::file(argv[1]), {.size = locvol::Size::percent(std::atof(argv[2])),
-                                                .store = argc > 3 ? argv[3] : ""});
+  if (argc > 1)
+    return run(locvol::Surface::file(argv[1]),
+               {.size = locvol::Size::percent(argc > 2 ? std::atof(argv[2]) : 0),
+                .store = argc > 3 ? argv[3] : ""});
   const std::vector<Coordinates> vertices = {{1, 0, 0},  {-1, 0, 0}, {0, 1, 0},
                                              {0, -1, 0}, {0, 0, 1},  {0, 0, -1}};
   const std::vector<locvol::TriangleIndices> triangles = {
