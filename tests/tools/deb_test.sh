@@ -17,7 +17,8 @@ has_path() {
 }
 for path in bin/locvol share/man/man1/locvol.1.gz share/bash-completion/completions/locvol \
     share/zsh/vendor-completions/_locvol share/fish/vendor_completions.d/locvol.fish \
-    share/doc/locvol/copyright share/doc/locvol/changelog.gz; do
+    share/doc/locvol/copyright share/doc/locvol/changelog.gz share/doc/locvol/tutorial.md \
+    share/doc/locvol/examples/calculix/case.py share/doc/locvol/examples/calculix/result.py; do
   has_path "$command" "$path"
 done
 for path in include/locvol/locvol.h lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
@@ -35,6 +36,13 @@ done
 dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"
+
+# The links of the tutorial lead to what is installed with it.
+documents=$out/root/usr/share/doc/locvol
+links=$(grep -oP '\]\(\K[^)]+' "$documents/tutorial.md" | grep -v '^http')
+for link in $links; do
+  [[ -f $documents/$link ]] || fail "the packaged tutorial leads to $link, which is not there"
+done
 
 if command -v lintian >/dev/null; then
   lintian --fail-on error,warning "$command" "$development"
