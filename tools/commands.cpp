@@ -268,8 +268,15 @@ Json written_json(const std::filesystem::path& output, MeshFormat format,
   return json;
 }
 
-void require_output(const std::filesystem::path& output, MeshFormat format) {
-  for (const auto& file : files_of(format, output)) require_writable(file);
+// Throws std::runtime_error unless the output can be made without overwriting the surface.
+void require_output(const std::filesystem::path& output, MeshFormat format,
+                    const std::filesystem::path& surface) {
+  for (const auto& file : files_of(format, output)) {
+    require_writable(file);
+    std::error_code absent;  // then they are two
+    if (std::filesystem::equivalent(file, surface, absent))
+      throw std::runtime_error(fmt::format("cannot write {}: it is the surface", file.string()));
+  }
 }
 
 // What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
@@ -325,7 +332,7 @@ std::filesystem::path store_of(const MeshCommand& command) {
 }
 
 int run_mesh(const MeshCommand& command) {
-  require_output(command.output, command.output_options.format);
+  require_output(command.output, command.output_options.format, command.options.input);
   const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
@@ -344,7 +351,9 @@ int run_mesh(const MeshCommand& command) {
 }
 
 int run_resume(const ResumeCommand& command) {
-  if (!command.output.empty()) require_output(command.output, command.output_options.format);
+  if (!command.output.empty())
+    require_output(command.output, command.output_options.format,
+                   run_of(open_to_read(command.store)).surface.file);
   const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
@@ -356,9 +365,9 @@ int run_resume(const ResumeCommand& command) {
 
 int run_export(const ExportCommand& command) {
   const MeshFormat format = command.output_options.format;
-  require_output(command.output, format);
   const Store store = open_to_read(command.store);
   require_done(store);
+  require_output(command.output, format, run_of(store).surface.file);
   ProgressLine line(progress_style(command), 0);
   const WriteSummary written = with_steps(RunStage::kWrite, line, [&](const StepProgress& on_step) {
     return write_mesh(store, command.output, command.output_options,

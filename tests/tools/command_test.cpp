@@ -110,6 +110,30 @@ TEST(Command, UnwritableOutputIsRefusedBeforeTheRun) {
   EXPECT_EQ(names_in(dir), Names{"cube.off"});
 }
 
+TEST(Command, TheSurfaceIsNotOverwrittenByItsMesh) {
+  const TempDir dir;
+  const std::string ply = (dir / "ball.ply").string(), store = (dir / "store").string();
+  ASSERT_EQ(run_locvol({"generate", "sphere", "-o", ply, "--triangles", "500"}).exit_code, 0);
+  const Names mesh = {"mesh", ply, "-s", "30%", "--store", store, "-o"};
+  const auto with = [](Names arguments, const std::string& last) {
+    arguments.push_back(last);
+    return run_locvol(arguments);
+  };
+  const std::uintmax_t size = std::filesystem::file_size(ply);
+  const auto expect_refused = [&](const ProcessResult& result) {
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_NE(result.err.find("it is the surface"), std::string::npos) << result.err;
+    EXPECT_EQ(std::filesystem::file_size(ply), size);
+  };
+  expect_refused(with(mesh, ply));
+  EXPECT_EQ(names_in(dir), Names{"ball.ply"});
+  std::filesystem::create_symlink("ball.ply", dir / "link.ply");
+  expect_refused(with(mesh, (dir / "link.ply").string()));
+  ASSERT_EQ(with(mesh, (dir / "mesh.ply").string()).exit_code, 0);
+  expect_refused(run_locvol({"export", store, "-o", ply}));
+  expect_refused(run_locvol({"resume", store, "-o", ply}));
+}
+
 TEST(Command, InfoEstimatesWhatMeshMakes) {
   const TempDir dir;
   const std::string cube = make_cube(dir);
