@@ -842,7 +842,8 @@ constexpr std::array<Emit, kShapes.size()> kEmit = {
 std::size_t index_of_shape(std::string_view name) {
   const auto found = std::ranges::find(kShapes, name, &ShapeInfo::name);
   if (found != kShapes.end()) return static_cast<std::size_t>(found - kShapes.begin());
-  std::string message = "no shape is named '" + std::string(name) + "'; there are";
+  std::string message = "no shape is named '";
+  message.append(name).append("'; there are");
   for (const ShapeInfo& shape : kShapes) message += " " + std::string(shape.name);
   throw std::invalid_argument(message);
 }
