@@ -844,7 +844,7 @@ std::size_t index_of_shape(std::string_view name) {
   if (found != kShapes.end()) return static_cast<std::size_t>(found - kShapes.begin());
   std::string message = "no shape is named '";
   message.append(name).append("'; there are");
-  for (const ShapeInfo& shape : kShapes) message += " " + std::string(shape.name);
+  for (const ShapeInfo& shape : kShapes) message.append(" ").append(shape.name);
   throw std::invalid_argument(message);
 }
 
