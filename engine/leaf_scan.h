@@ -40,7 +40,6 @@ enum class LeafState {
   kClean,
   kCore,  // not waiting, and all its points are of the lattice core: never visited
 };
-inline constexpr int kNumLeafStates = 6;
 std::string_view state_name(LeafState state);
 
 struct LeafRow {

@@ -66,10 +66,6 @@ class FileSection {
   FileSection(PartialFile& out, std::uint64_t offset);
   void append(std::span<const std::byte> bytes);
   template <class T>
-  void append_values(std::span<const T> values) {
-    append(std::as_bytes(values));
-  }
-  template <class T>
   void append_value(const T& value) {
     append(std::as_bytes(std::span(&value, 1)));
   }

@@ -4,12 +4,10 @@
 
 #include <algorithm>
 #include <cctype>
-#include <limits>
 
 namespace locvol {
 namespace {
 
-constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t kMaxInt32 = 0x7fffffff, kMaxUint32 = 0xffffffff;
 constexpr std::uint64_t kMaxAbaqusLabel = 999'999'999;
 
