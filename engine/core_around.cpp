@@ -9,10 +9,6 @@ MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
   return state.octree.leaf_owning(state.run.frame, state.lattice.undisplaced(site));
 }
 
-MeshPoint point_of(const Lattice& lattice, const LatticeSite& site) {
-  return {site_id(site), lattice.position(site), PointKind::kLattice};
-}
-
 bool is_whole_all_around(RunState& state, MortonKey leaf) {
   const double star = kLatticeStar * state.size();
   return std::ranges::all_of(
@@ -51,14 +47,14 @@ std::vector<MeshPoint> CoreAround::neighbors_of(std::span<const MeshPoint> point
   const auto repeated = std::ranges::unique(sites);
   sites.erase(repeated.begin(), repeated.end());
   neighbors.reserve(sites.size());
-  for (const LatticeSite& site : sites) neighbors.push_back(point_of(lattice_, site));
+  for (const LatticeSite& site : sites) neighbors.push_back(lattice_.point(site));
   return neighbors;
 }
 
 std::vector<MeshPoint> CoreAround::points() const {
   std::vector<MeshPoint> points;
   for_each_site(is_core_.box(), [&](const LatticeSite& site) {
-    if (contains(site)) points.push_back(point_of(lattice_, site));
+    if (contains(site)) points.push_back(lattice_.point(site));
   });
   return points;
 }
@@ -68,7 +64,7 @@ void CoreAround::within(const Point& q, double radius, std::vector<MeshPoint>& o
   std::vector<LatticeSite> sites;
   lattice_.sites_within(q, radius, sites);
   for (const LatticeSite& site : sites)
-    if (contains(site)) out.push_back(point_of(lattice_, site));
+    if (contains(site)) out.push_back(lattice_.point(site));
 }
 
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {

@@ -91,7 +91,7 @@ class Reporter {
       return;
     }
     for_each_core_site(core, box, sites_.expanded(2), [&](const LatticeSite& site, std::uint64_t) {
-      note({site_id(site), lattice_.position(site), PointKind::kLattice}, leaf == report_.key);
+      note(lattice_.point(site), leaf == report_.key);
       core_.insert(site);
     });
   }

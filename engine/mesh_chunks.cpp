@@ -41,21 +41,9 @@ void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
 }
 
 void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
-  const auto append = [&](const Point& p) {
+  numbering_.for_each_vertex(leaf, [&](const Point& p) {
     chunk.numbers.push_back(chunk.first_vertex + chunk.vertices.size());
     chunk.vertices.push_back({p.x, p.y, p.z});
-  };
-  const std::vector<std::uint64_t> used = numbering_.used_ids(leaf);
-  const LeafPoints held = reader_.points(numbering_.leaves()[leaf]);
-  auto next = used.begin();
-  for (const MeshPoint& point : held.points) {
-    if (next == used.end() || point.id != *next) continue;
-    append(point.position);
-    ++next;
-  }
-  const SiteBox sites = numbering_.sites(leaf);
-  for_each_core_site(held.core, sites, sites, [&](const LatticeSite& site, std::uint64_t) {
-    append(numbering_.lattice().position(site));
   });
   chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
 }
@@ -71,9 +59,7 @@ void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
     if (numbers[i] < 0) continue;  // in none of the cells
     const auto number = static_cast<std::uint64_t>(numbers[i]);
     if (numbering_.leaf_of(number) == leaf) continue;
-    out.foreign.push_back({number, numbering_.is_core(number)
-                                       ? numbering_.lattice().position(site_of(cells.vertices[i]))
-                                       : positions_.of(number)});
+    out.foreign.push_back({number, positions_.of(number, cells.vertices[i])});
   }
 }
 

@@ -9,15 +9,13 @@
 #include <numbers>
 #include <numeric>
 #include <span>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 #include "engine/cell_mesh.h"
 #include "engine/compensated_sum.h"
-#include "engine/leaf_name.h"
 #include "engine/leaf_window.h"
 #include "engine/run_state.h"
+#include "engine/stored_mesh.h"
 #include "engine/workers.h"
 #include "octree/octree.h"
 
@@ -29,7 +27,6 @@ constexpr double kFirstRatio = 0.6, kRatioStep = 0.05;
 constexpr std::size_t kWindowBytes = std::size_t{8} << 20;
 // Of a task, which measures leaf after leaf.
 constexpr std::uint64_t kCellsPerPiece = 40'000;
-constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
 
 double degrees(double cosine) {
   return std::acos(std::clamp(cosine, -1.0, 1.0)) * (180 / std::numbers::pi);
@@ -173,13 +170,6 @@ class CellGauge {
   Gathered& out_;
 };
 
-// The points of a leaf, to be found by their ids.
-struct PointTable {
-  std::vector<std::uint64_t> ids;  // ascending
-  std::vector<Point> positions;
-  std::size_t bytes() const { return sizeof *this + 32 * ids.capacity(); }
-};
-
 // Neighboring leaves, measured by one thread from a snapshot of its own.
 class Piece : public Task {
  public:
@@ -195,7 +185,7 @@ class Piece : public Task {
   void compute() override {
     const Snapshot snapshot = store_.snapshot();
     LeafWindow<PointTable> tables(kWindowBytes, [&](std::size_t leaf) {
-      return table_of(snapshot.points(octree_.leaves()[leaf]));
+      return PointTable(snapshot.points(octree_.leaves()[leaf]));
     });
     for (const std::size_t leaf : leaves_) measure(snapshot, leaf, tables);
   }
@@ -205,17 +195,6 @@ class Piece : public Task {
   }
 
  private:
-  static PointTable table_of(const LeafPoints& points) {
-    PointTable table;
-    table.ids.reserve(points.points.size());
-    table.positions.reserve(points.points.size());
-    for (const MeshPoint& point : points.points) {
-      table.ids.push_back(point.id);
-      table.positions.push_back(point.position);
-    }
-    return table;
-  }
-
   void measure(const Reader& reader, std::size_t leaf, LeafWindow<PointTable>& tables) {
     const LeafCells cells = reader.cells(octree_.leaves()[leaf]);
     const std::vector<Point> positions = positions_of(cells.vertices, leaf, tables);
@@ -223,7 +202,8 @@ class Piece : public Task {
     for (const auto& [a, b, c, d] : cells.cells) {
       const std::array corners = {positions[a], positions[b], positions[c], positions[d]};
       for (const std::uint32_t i : {a, b, c, d})
-        if (std::isnan(positions[i].x)) throw_unknown(cells.vertices[i], leaf);
+        if (std::isnan(positions[i].x))
+          throw_unknown_point(cells.vertices[i], octree_.leaves()[leaf]);
       gauge.add(corners);
     }
   }
@@ -246,14 +226,9 @@ class Piece : public Task {
     };
     take_from(leaf);
     if (num_left == 0) return positions;
-    const auto leaves = octree_.leaves();
-    const double reach = 2 * run_.parameters.size * kSlack;  // of a cell
-    auto place = leaves.begin();
-    for (const MortonKey key :
-         octree_.leaves_within(run_.frame, run_.frame.box(leaves[leaf]), reach)) {
-      place = std::lower_bound(place, leaves.end(), key);
-      if (key != leaves[leaf]) take_from(static_cast<std::size_t>(place - leaves.begin()));
-    }
+    const double reach = kCellReach * run_.parameters.size;
+    for (const std::size_t other : leaves_near(octree_, run_.frame, leaf, reach))
+      if (other != leaf) take_from(other);
     return positions;
   }
 
@@ -263,13 +238,6 @@ class Piece : public Task {
                               run_.next_point_id >= kFirstOtherId;  // not in stores of old
     if (!has_site_ids) return 0;
     return static_cast<std::size_t>(std::ranges::lower_bound(ids, kFirstOtherId) - ids.begin());
-  }
-
-  [[noreturn]] void throw_unknown(std::uint64_t id, std::size_t leaf) const {
-    const MortonKey key = octree_.leaves()[leaf];
-    throw CorruptRecord(leaf_name(key) + ": a cell names point " + std::to_string(id) +
-                            ", which is in no leaf near it",
-                        key);
   }
 
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
@@ -283,21 +251,6 @@ class Piece : public Task {
   Lattice lattice_ = lattice_of(run_);
   Gathered gathered_;
 };
-
-RunRecord finished_run(const Store& store, const Reader& reader) {
-  const auto run = reader.run();
-  const std::string name = "the store " + store.directory().string();
-  if (!run) throw StoreError(name + " holds no run");
-  if (run->phase != Phase::kDone)
-    throw StoreError(name + " holds an unfinished run: resume it first");
-  return *run;
-}
-
-LinearOctree octree_of(const Store& store, const Reader& reader) try {
-  return LinearOctree(reader.leaf_keys());
-} catch (const std::invalid_argument& e) {
-  throw CorruptRecord("the store " + store.directory().string() + ": " + e.what(), MortonKey());
-}
 
 // Congruent cells of spacing 1.75 λ: four dihedral angles of 60 degrees and two of 90.
 void add_core(std::uint64_t num_cells, Gathered& gathered) {
@@ -335,7 +288,7 @@ MeshStatistics::MeshStatistics()
 MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
-  const LinearOctree octree = octree_of(store, snapshot);
+  const LinearOctree octree = stored_octree(store, snapshot);
   std::vector<std::uint64_t> num_cells;
   num_cells.reserve(octree.size());
   Gathered all;

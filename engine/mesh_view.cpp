@@ -13,6 +13,7 @@
 #include "engine/leaf_name.h"
 #include "engine/leaf_window.h"
 #include "engine/run_state.h"
+#include "engine/stored_mesh.h"
 #include "engine/surface_check.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
@@ -21,7 +22,6 @@ namespace locvol {
 namespace {
 
 constexpr std::size_t kWindowBytes = std::size_t{16} << 20;
-constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
 // Of a cell along an axis, in λ: that of the lattice's cells on the average.
 constexpr double kCellExtent = 5.0 / 3 * (kLatticeSpacing / 2);
 constexpr double kEstimateMargin = 1.25;
@@ -124,7 +124,8 @@ class LeafMeshReader {
 
   LeafMesh load(std::size_t leaf) {
     const MortonKey key = octree_.leaves()[leaf];
-    const std::vector<std::size_t> around = neighbors(key);
+    const std::vector<std::size_t> around =
+        leaves_near(octree_, run_.frame, leaf, kCellReach * run_.parameters.size);
     read_core(key, around);
     LeafCells cells = reader_.cells(key);
     LeafMesh mesh{.ids = std::move(cells.vertices),
@@ -137,24 +138,19 @@ class LeafMeshReader {
   }
 
  private:
-  // The listed points of a leaf, to be found by their ids, and its core.
+  // Of a leaf.
   struct Table {
-    std::vector<std::uint64_t> ids;  // ascending
-    std::vector<Point> positions;
+    PointTable listed;
     LatticeCore core;
     std::size_t bytes() const {
-      return sizeof *this + 32 * ids.capacity() + sizeof(LatticeRow) * core.rows.capacity();
+      return sizeof *this + listed.bytes() + sizeof(LatticeRow) * core.rows.capacity();
     }
   };
 
   Table load_table(std::size_t leaf) const {
     const MortonKey key = octree_.leaves()[leaf];
     LeafPoints points = reader_.points(key);
-    Table table{.ids = {}, .positions = {}, .core = std::move(points.core)};
-    for (const MeshPoint& point : points.points) {
-      table.ids.push_back(point.id);
-      table.positions.push_back(point.position);
-    }
+    Table table{.listed = PointTable(points), .core = std::move(points.core)};
     try {
       if (!table.core.is_empty()) check_core(table.core, sites(key));
     } catch (const std::invalid_argument& e) {
@@ -164,19 +160,6 @@ class LeafMeshReader {
   }
 
   SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(run_.frame.box(leaf)); }
-
-  // Places of the leaves that the vertices of a leaf's cells are in, itself included.
-  std::vector<std::size_t> neighbors(MortonKey leaf) const {
-    const double reach = 2 * run_.parameters.size * kSlack;
-    const auto leaves = octree_.leaves();
-    std::vector<std::size_t> places;
-    auto place = leaves.begin();
-    for (const MortonKey key : octree_.leaves_within(run_.frame, run_.frame.box(leaf), reach)) {
-      place = std::lower_bound(place, leaves.end(), key);
-      places.push_back(static_cast<std::size_t>(place - leaves.begin()));
-    }
-    return places;
-  }
 
   void read_core(MortonKey leaf, std::span<const std::size_t> around) {
     core_ = {};
@@ -202,17 +185,14 @@ class LeafMeshReader {
     mesh.is_core.assign(ids.size(), false);
     for (const std::size_t other : around) {
       const auto table = tables_.get(other);
-      for_each_common(ids, table->ids, [&](auto id, auto place) {
+      for_each_common(ids, table->listed.ids, [&](auto id, auto place) {
         mesh.positions[static_cast<std::size_t>(id)] =
-            table->positions[static_cast<std::size_t>(place)];
+            table->listed.positions[static_cast<std::size_t>(place)];
       });
     }
     for (std::size_t i = 0; i < ids.size(); ++i) {
       if (!std::isnan(mesh.positions[i].x)) continue;
-      if (ids[i] >= kFirstOtherId || !is_core(site_of(ids[i])))
-        throw CorruptRecord(leaf_name(leaf) + ": a cell names point " + std::to_string(ids[i]) +
-                                ", which is in no leaf near it",
-                            leaf);
+      if (ids[i] >= kFirstOtherId || !is_core(site_of(ids[i]))) throw_unknown_point(ids[i], leaf);
       mesh.positions[i] = lattice_.position(site_of(ids[i]));
       mesh.is_core[i] = true;
     }
@@ -328,8 +308,8 @@ class Viewer {
       : limits_(limits),
         reader_(store.snapshot()),
         pages_(store),
-        run_(run_of(store, reader_)),
-        octree_(octree_of(store, reader_)) {}
+        run_(stored_run(store, reader_)),
+        octree_(stored_octree(store, reader_)) {}
 
   MeshView view() {
     read_leaves();
@@ -340,17 +320,6 @@ class Viewer {
   }
 
  private:
-  static RunRecord run_of(const Store& store, const Reader& reader) {
-    auto run = reader.run();
-    if (!run) throw StoreError("the store " + store.directory().string() + " holds no run");
-    return *std::move(run);
-  }
-  static LinearOctree octree_of(const Store& store, const Reader& reader) try {
-    return LinearOctree(reader.leaf_keys());
-  } catch (const std::invalid_argument& e) {
-    throw CorruptRecord("the store " + store.directory().string() + ": " + e.what(), MortonKey());
-  }
-
   void read_leaves() {
     LeafGatherer gatherer(limits_.max_leaves);
     reader_.for_each_leaf([&](MortonKey key, const LeafInfo& info) {

@@ -95,7 +95,7 @@ MeshPoint RunState::add_point(const Point& position, PointKind kind) {
 }
 
 MeshPoint RunState::add_lattice_point(const LatticeSite& site) {
-  const MeshPoint point{site_id(site), lattice.position(site), PointKind::kLattice};
+  const MeshPoint point = lattice.point(site);
   add_to_leaf(point);
   return point;
 }

@@ -12,7 +12,6 @@ namespace {
 
 constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20,
                       kCoreBytes = std::size_t{12} << 20;
-constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
 
 [[noreturn]] void corrupt(MortonKey leaf, const std::string& what) {
   throw CorruptRecord(leaf_name(leaf) + ": " + what, leaf);
@@ -165,17 +164,6 @@ const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
   return has_core_numbers_ ? &core_numbers_ : nullptr;
 }
 
-std::vector<std::size_t> VertexNumbering::near(std::size_t leaf, double distance) const {
-  std::vector<std::size_t> places;
-  auto place = leaves().begin();
-  for (const MortonKey key :
-       octree_.leaves_within(frame_, frame_.box(leaves()[leaf]), distance * size_ * kSlack)) {
-    place = std::lower_bound(place, leaves().end(), key);
-    places.push_back(static_cast<std::size_t>(place - leaves().begin()));
-  }
-  return places;
-}
-
 std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
                                                    std::span<const std::uint64_t> ids) {
   std::vector<std::int64_t> numbers(ids.size(), -1);
@@ -198,9 +186,7 @@ std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf, const LeafC
   std::vector<std::int64_t> numbers = this->numbers(leaf, cells.vertices);
   for (const auto& cell : cells.cells)
     for (const std::uint32_t v : cell)
-      if (numbers[v] < 0)
-        corrupt(leaves()[leaf], "a cell names point " + std::to_string(cells.vertices[v]) +
-                                    ", which is in no leaf near it");
+      if (numbers[v] < 0) throw_unknown_point(cells.vertices[v], leaves()[leaf]);
   return numbers;
 }
 

@@ -7,14 +7,12 @@
 
 #include "engine/leaf_window.h"
 #include "engine/partial_file.h"
+#include "engine/stored_mesh.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
 #include "storage/store.h"
 
 namespace locvol {
-
-// A cell's vertices lie this close to its smallest one; over λ.
-inline constexpr double kCellReach = 2;
 
 // Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
 // those of the lattice core, by site.
@@ -43,8 +41,10 @@ class VertexNumbering {
   std::size_t leaf_of(std::uint64_t vertex) const;
   std::size_t leaf_of_cell(std::uint64_t cell) const;
   bool is_core(std::uint64_t vertex) const { return vertex >= first_core_vertex(leaf_of(vertex)); }
-  // The leaves within `distance` of a leaf, over λ, with itself, in Morton order.
-  std::vector<std::size_t> near(std::size_t leaf, double distance) const;
+  // See leaves_near(); `distance`: over λ
+  std::vector<std::size_t> near(std::size_t leaf, double distance) const {
+    return leaves_near(octree_, frame_, leaf, distance * size_);
+  }
   const Lattice& lattice() const { return lattice_; }
   // The number of a leaf's first point of the core.
   std::uint64_t first_core_vertex(std::size_t leaf) const {
@@ -59,8 +59,28 @@ class VertexNumbering {
   std::uint64_t num_core_cells(std::size_t leaf) const { return num_core_cells_[leaf]; }
   SiteBox sites(std::size_t leaf) const { return lattice_.sites_in(frame_.box(leaves()[leaf])); }
 
-  // Ids of the used points of a leaf, ascending. `leaf`: its place in Morton order
-  std::vector<std::uint64_t> used_ids(std::size_t leaf) const { return load_table(leaf).ids; }
+  // Where the used points of a leaf lie, but for those of the core, in the order of their numbers:
+  // calls visit(position). `points`: the leaf's
+  template <class Visit>
+  void for_each_listed(std::size_t leaf, const LeafPoints& points, const Visit& visit) const {
+    const std::vector<std::uint64_t> used = load_table(leaf).ids;
+    auto next = used.begin();
+    for (const MeshPoint& point : points.points) {
+      if (next == used.end() || point.id != *next) continue;
+      visit(point.position);
+      ++next;
+    }
+  }
+  // Likewise of all, the core's last.
+  template <class Visit>
+  void for_each_vertex(std::size_t leaf, const Visit& visit) const {
+    const LeafPoints points = reader_->points(leaves()[leaf]);
+    for_each_listed(leaf, points, visit);
+    const SiteBox all = sites(leaf);
+    for_each_core_site(points.core, all, all, [&](const LatticeSite& site, std::uint64_t) {
+      visit(lattice_.position(site));
+    });
+  }
   // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
   // unused or unknown. REQUIRES: ids ascend
   std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);

@@ -13,15 +13,10 @@ VertexPositions::VertexPositions(const Reader& reader, const VertexNumbering& nu
       tables_(kTableBytes, [this](std::size_t leaf) { return load(leaf); }) {}
 
 VertexPositions::Table VertexPositions::load(std::size_t leaf) const {
-  const std::vector<std::uint64_t> used = numbering_->used_ids(leaf);
   Table table;
-  table.positions.reserve(used.size());
-  auto next = used.begin();
-  for (const MeshPoint& point : reader_->points(numbering_->leaves()[leaf]).points) {
-    if (next == used.end() || point.id != *next) continue;
-    table.positions.push_back(point.position);
-    ++next;
-  }
+  table.positions.reserve(numbering_->first_core_vertex(leaf) - numbering_->first_vertex(leaf));
+  numbering_->for_each_listed(leaf, reader_->points(numbering_->leaves()[leaf]),
+                              [&](const Point& p) { table.positions.push_back(p); });
   return table;
 }
 
@@ -30,14 +25,15 @@ Point VertexPositions::of(std::uint64_t vertex) {
   return tables_.get(leaf)->positions[vertex - numbering_->first_vertex(leaf)];
 }
 
+Point VertexPositions::of(std::uint64_t vertex, std::uint64_t id) {
+  return numbering_->is_core(vertex) ? numbering_->lattice().position(site_of(id)) : of(vertex);
+}
+
 std::vector<Point> VertexPositions::of(std::span<const std::uint64_t> ids,
                                        std::span<const std::int64_t> numbers) {
   std::vector<Point> positions(ids.size());
   for (std::size_t i = 0; i < ids.size(); ++i) {
-    if (numbers[i] < 0) continue;
-    const auto vertex = static_cast<std::uint64_t>(numbers[i]);
-    positions[i] =
-        numbering_->is_core(vertex) ? numbering_->lattice().position(site_of(ids[i])) : of(vertex);
+    if (numbers[i] >= 0) positions[i] = of(static_cast<std::uint64_t>(numbers[i]), ids[i]);
   }
   return positions;
 }

@@ -20,8 +20,9 @@ class VertexPositions {
 
   // REQUIRES: not of the core
   Point of(std::uint64_t vertex);
-  // Of points by their ids and numbers; those of the core are lattice points by their ids. What has
-  // no number (-1) is at the origin.
+  // Of any; one of the core is a lattice point by its id.
+  Point of(std::uint64_t vertex, std::uint64_t id);
+  // Of points by their ids and numbers. What has no number (-1) is at the origin.
   std::vector<Point> of(std::span<const std::uint64_t> ids, std::span<const std::int64_t> numbers);
 
  private:

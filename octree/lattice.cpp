@@ -125,6 +125,10 @@ Point Lattice::position(const LatticeSite& site) const {
           coordinate(2, site.k, noise >> 32)};
 }
 
+MeshPoint Lattice::point(const LatticeSite& site) const {
+  return {site_id(site), position(site), PointKind::kLattice};
+}
+
 Point Lattice::undisplaced(const LatticeSite& site) const {
   return {origin_.x + half_ * site.i, origin_.y + half_ * site.j, origin_.z + half_ * site.k};
 }

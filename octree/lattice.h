@@ -155,6 +155,7 @@ class Lattice {
   Lattice(const Frame& frame, double size, double min_leaf_side);
 
   Point position(const LatticeSite& site) const;
+  MeshPoint point(const LatticeSite& site) const;
   // The sites with box.min <= position < box.max on each axis. REQUIRES: an octree leaf's box; for
   // any other, sites within the displacement of its faces may be on the wrong side.
   SiteBox sites_in(const Box& box) const;

@@ -6,20 +6,12 @@
 
 #include "engine/cell_mesh.h"
 #include "engine/leaf_name.h"
+#include "engine/stored_mesh.h"
 
 namespace locvol {
 namespace {
 
 constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
-
-RunRecord finished_run(const Store& store, const Reader& reader) {
-  const auto run = reader.run();
-  const std::string name = "the store " + store.directory().string();
-  if (!run) throw StoreError(name + " holds no run");
-  if (run->phase != Phase::kDone)
-    throw StoreError(name + " holds an unfinished run: resume it first");
-  return *run;
-}
 
 }  // namespace
 
@@ -74,18 +66,8 @@ std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& p
 }
 
 void MeshSource::add_points(std::size_t leaf, MeshPiece& piece) {
-  const auto append = [&](const Point& p) { piece.points.push_back({p.x, p.y, p.z}); };
-  const std::vector<std::uint64_t> used = numbering_.used_ids(leaf);
-  const LeafPoints held = snapshot_.points(numbering_.leaves()[leaf]);
-  auto next = used.begin();
-  for (const MeshPoint& point : held.points) {
-    if (next == used.end() || point.id != *next) continue;
-    append(point.position);
-    ++next;
-  }
-  const SiteBox sites = numbering_.sites(leaf);
-  for_each_core_site(held.core, sites, sites, [&](const LatticeSite& site, std::uint64_t) {
-    append(numbering_.lattice().position(site));
+  numbering_.for_each_vertex(leaf, [&](const Point& p) {
+    piece.points.push_back({p.x, p.y, p.z});
   });
 }
 

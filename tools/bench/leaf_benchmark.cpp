@@ -63,9 +63,7 @@ class Core : public CoreIndex {
                        [&](const LatticeSite& site, std::uint64_t) { sites_.insert(site); });
   }
   void erase(const LatticeSite& site) { sites_.erase(site); }
-  MeshPoint point(const LatticeSite& site) const {
-    return {site_id(site), lattice_.position(site), PointKind::kLattice};
-  }
+  MeshPoint point(const LatticeSite& site) const { return lattice_.point(site); }
   std::vector<MeshPoint> neighbors_of(const std::vector<MeshPoint>& points) const {
     std::set<LatticeSite> found;
     for (const MeshPoint& p : points)

@@ -1,0 +1,38 @@
+// What those begin with that read the mesh from a store: its run, its octree, and the leaves and
+// points around a leaf.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "octree/octree.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// Throw StoreError if the store holds no run; finished_run() also if it is not done.
+RunRecord stored_run(const Store& store, const Reader& reader);
+RunRecord finished_run(const Store& store, const Reader& reader);
+// Throws CorruptRecord unless the leaves cover the root.
+LinearOctree stored_octree(const Store& store, const Reader& reader);
+
+// A cell's vertices lie this close to its smallest one; over λ.
+inline constexpr double kCellReach = 2;
+
+// The leaves within `distance` of a leaf, with itself: places in Morton order, ascending. Within
+// kCellReach are all vertices of the leaf's cells.
+std::vector<std::size_t> leaves_near(const LinearOctree& octree, const Frame& frame,
+                                     std::size_t leaf, double distance);
+[[noreturn]] void throw_unknown_point(std::uint64_t id, MortonKey leaf);  // a CorruptRecord
+
+// The listed points of a leaf, to be found by their ids.
+struct PointTable {
+  explicit PointTable(const LeafPoints& points);
+
+  std::vector<std::uint64_t> ids;  // ascending
+  std::vector<Point> positions;
+  std::size_t bytes() const { return sizeof *this + 32 * ids.capacity(); }
+};
+
+}  // namespace locvol
