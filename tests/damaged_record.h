@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string>
 
 #include "storage/codec.h"
+#include "tests/file_bytes.h"
 
 namespace locvol {
 
@@ -19,8 +19,7 @@ void damage_record(const std::filesystem::path& store, const Record& record, Mor
   constexpr std::size_t kChunkBytes = 4072;  // of which a long record's first piece has no more
   const std::string bytes = encode(record, leaf).substr(0, kChunkBytes);
   const auto file = store / "data.mdb";
-  std::ifstream in(file, std::ios::binary);
-  std::string data{std::istreambuf_iterator<char>(in), {}};
+  std::string data = bytes_of(file);
   int num_copies = 0;
   for (std::size_t at = data.find(bytes); at != std::string::npos; at = data.find(bytes, at + 1)) {
     data[at + bytes.size() / 2] = static_cast<char>(data[at + bytes.size() / 2] ^ 16);

@@ -4,19 +4,18 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "tests/file_bytes.h"
 
 namespace locvol {
 
 class VtuArrays {
  public:
   explicit VtuArrays(const std::filesystem::path& file) {
-    std::ifstream in(file, std::ios::binary);
-    bytes_ = {std::istreambuf_iterator<char>(in), {}};
+    bytes_ = bytes_of(file);
     const std::string mark = "<AppendedData encoding=\"raw\">";
     data_ = bytes_.find('_', bytes_.find(mark) + mark.size()) + 1;
   }

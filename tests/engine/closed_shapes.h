@@ -1,7 +1,5 @@
-// Closed triangulated shapes made in the test, and scratch directories to keep them in.
+// Closed triangulated shapes made in the test.
 #pragma once
-
-#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -10,9 +8,6 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
-#include <stdexcept>
-#include <string>
-#include <system_error>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -94,25 +89,5 @@ inline void write_off(const Shape& shape, const std::filesystem::path& file) {
   for (const Point& p : shape.vertices) out << p.x << ' ' << p.y << ' ' << p.z << '\n';
   for (const auto& t : shape.triangles) out << "3 " << t[0] << ' ' << t[1] << ' ' << t[2] << '\n';
 }
-
-// Removed with all its contents at the end.
-class ScratchDirectory {
- public:
-  ScratchDirectory() {
-    std::string name = (std::filesystem::temp_directory_path() / "locvol-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
-    path_ = name;
-  }
-  ScratchDirectory(const ScratchDirectory&) = delete;
-  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
-  ~ScratchDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace locvol::testing_shapes

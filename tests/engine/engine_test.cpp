@@ -10,6 +10,7 @@
 #include "engine/audit.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -195,7 +196,7 @@ class EngineTest : public testing::Test {
   }
   void write(const Shape& shape) const { write_off(shape, input_); }
 
-  ScratchDirectory scratch_;
+  TempDir scratch_;
   std::filesystem::path input_ = scratch_ / "input.off";
 };
 

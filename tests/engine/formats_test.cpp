@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <string>
 
 #include "engine/engine.h"
@@ -14,16 +13,11 @@
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  EXPECT_TRUE(in) << file;
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 std::vector<std::string> names_in(const std::filesystem::path& directory) {
   std::vector<std::string> names;

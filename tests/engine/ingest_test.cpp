@@ -23,11 +23,11 @@
 #include "refine/triangle_box.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/surface_fixtures.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
 
-using testing_shapes::ScratchDirectory;
 using testing_shapes::Shape;
 using Random = std::mt19937;
 
@@ -385,7 +385,7 @@ class IngestTest : public testing::Test {
 
   void write(const Polygons& s) const { std::ofstream(input_, std::ios::binary) << to_off(s); }
 
-  ScratchDirectory scratch_;
+  TempDir scratch_;
   std::filesystem::path input_ = scratch_ / "input.off";
 };
 
@@ -518,7 +518,7 @@ TEST_F(IngestTest, GoesOnAfterItIsStopped) {
 
 TEST(VertexSpill, GivesBackWhatWasAppended) {
   Random random(7);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   VertexSpill vertices(scratch / ".");
   constexpr std::uint32_t kCount = 100'000;
   const auto position = [](std::uint32_t v) { return Point{1.0 * v, 2.0 * v, -1.0 * v}; };
@@ -531,7 +531,7 @@ TEST(VertexSpill, GivesBackWhatWasAppended) {
 }
 
 TEST(TriangleSpill, UsesReleasedExtentsAgain) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   TriangleSpill spill(scratch / ".");
   std::uint64_t bytes = 0;
   for (int round = 0; round < 3; ++round) {
@@ -550,7 +550,7 @@ TEST(TriangleSpill, UsesReleasedExtentsAgain) {
 }
 
 TEST(TriangleSpill, FullDiskIsAnErrorThatNamesTheFile) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const SurfaceFiles files;
   const auto file = files.write("ball.off", to_off(to_polygons(testing_shapes::sphere(1, 60, 60))));
   rlimit usual{};

@@ -23,6 +23,7 @@
 #include "engine/writer.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -40,7 +41,7 @@ std::string described(const AuditReport& report) {
 class CoreOfARun : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    made_ = std::make_unique<ScratchDirectory>();
+    made_ = std::make_unique<TempDir>();
     write_off(sphere(1, 31, 64), *made_ / "ball.off");
     MeshOptions options;
     options.input = *made_ / "ball.off";
@@ -81,8 +82,8 @@ class CoreOfARun : public testing::Test {
     return picked;
   }
 
-  static inline std::unique_ptr<ScratchDirectory> made_;
-  ScratchDirectory scratch_;
+  static inline std::unique_ptr<TempDir> made_;
+  TempDir scratch_;
   const unsigned seed_ = std::random_device()();
   std::mt19937_64 random_{seed_};
 };

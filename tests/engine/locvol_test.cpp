@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -15,6 +13,7 @@
 
 #include "engine/cell_mesh.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"
 
@@ -45,11 +44,6 @@ Arrays wedge() {
   return Arrays(
       {{{0, 0, 0}, {1, 0, h}, {1, 0, -h}, {0, 1, 0}, {1, 1, h}, {1, 1, -h}},
        {{0, 2, 1}, {3, 4, 5}, {0, 1, 4}, {0, 4, 3}, {0, 3, 5}, {0, 5, 2}, {1, 2, 5}, {1, 5, 4}}});
-}
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 bool is_empty(const TempDir& dir) { return std::filesystem::is_empty(dir.path()); }

@@ -9,6 +9,7 @@
 #include "engine/engine.h"
 #include "engine/leaf_report.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -73,7 +74,7 @@ class MeshViewTest : public testing::Test {
     return Store::open(options.store, {.read_only = true});
   }
 
-  ScratchDirectory scratch_;
+  TempDir scratch_;
   std::filesystem::path input_ = scratch_ / "input.off";
 };
 

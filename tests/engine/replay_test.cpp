@@ -11,6 +11,8 @@
 #include "engine/run_state.h"
 #include "tests/damaged_record.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/file_bytes.h"
+#include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"
 
 namespace locvol {
@@ -51,7 +53,7 @@ class TorusRun {
   }
 
  private:
-  ScratchDirectory scratch_;
+  TempDir scratch_;
   MeshOptions options_;
 };
 
@@ -129,10 +131,7 @@ INSTANTIATE_TEST_SUITE_P(Engine, ReplayOf,
 TEST(Replay, ChangesNothing) {
   TorusRun run(Initialization::kCover, 400);
   run.stop_after(3);
-  const auto bytes = [&] {
-    std::ifstream in(run.store() / "data.mdb", std::ios::binary);
-    return std::string{std::istreambuf_iterator<char>(in), {}};
-  };
+  const auto bytes = [&] { return bytes_of(run.store() / "data.mdb"); };
   const std::string before = bytes();
   {
     const Store store = Store::open(run.store(), kReadOnly);
@@ -167,7 +166,7 @@ TEST(Replay, RefusesWhatCannotBeVisited) {
   run.finish();
   const Store store = Store::open(run.store(), kReadOnly);
   EXPECT_THROW(stored_visit(store, MortonKey::root()), StoreError);
-  const ScratchDirectory other;
+  const TempDir other;
   EXPECT_THROW(stored_visit(Store::open(other / "empty", {.create = true}), MortonKey::root()),
                StoreError);
 }
@@ -245,7 +244,7 @@ TEST(LeavesVtu, HoldsBoxesAndCounts) {
     return true;
   };
   scan_leaves(store, take, faults);
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const auto bytes = write_leaves_vtu(rows, frame, scratch / "leaves.vtu");
   EXPECT_EQ(bytes, std::filesystem::file_size(scratch / "leaves.vtu"));
   const VtuArrays vtu(scratch / "leaves.vtu");

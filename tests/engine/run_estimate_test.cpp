@@ -8,6 +8,7 @@
 
 #include "engine/engine.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -42,7 +43,7 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
       {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.08}};
   for (const auto& [name, shape, size] : trials) {
     SCOPED_TRACE(name);
-    const ScratchDirectory scratch;
+    const TempDir scratch;
     write_off(shape, scratch / "surface.off");
     MeshOptions options;
     options.input = scratch / "surface.off";

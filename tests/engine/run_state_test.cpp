@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -35,7 +36,7 @@ class RunStateTest : public testing::Test {
     return queue;
   }
 
-  ScratchDirectory scratch_;
+  TempDir scratch_;
   LinearOctree octree_ = LinearOctree::uniform(2);
   Store store_ = Store::open(scratch_ / "store", {.create = true});
 };

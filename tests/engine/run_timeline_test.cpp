@@ -6,6 +6,7 @@
 
 #include "engine/engine.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
@@ -68,7 +69,7 @@ TEST(RunTimeline, BoundsTheSamplesOfManySittings) {
 }
 
 TEST(RunTimeline, TellsOfAnInterruptedRun) {
-  const ScratchDirectory scratch;
+  const TempDir scratch;
   const std::filesystem::path input = scratch / "sphere.off";
   write_off(sphere(1, 15, 32), input);
   const MeshOptions options{

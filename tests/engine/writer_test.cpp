@@ -4,23 +4,17 @@
 
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <string>
 
 #include "engine/engine.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  EXPECT_TRUE(in) << file;
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 // Reads back what the writer promises to write, and nothing else of the format.
 class Vtu {

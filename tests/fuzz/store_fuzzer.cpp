@@ -16,13 +16,13 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "storage/store.h"
+#include "tests/file_bytes.h"
 #include "tests/fuzz/expect.h"
 #include "tests/storage/samples.h"
 #include "tests/temp_dir.h"
@@ -65,11 +65,6 @@ std::vector<LeafRecords> make_leaves() {
 const std::vector<LeafRecords>& expected_leaves() {
   static const std::vector<LeafRecords> leaves = make_leaves();
   return leaves;
-}
-
-std::string bytes_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 void put(Batch& batch, const LeafRecords& leaf) {

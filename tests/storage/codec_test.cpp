@@ -12,6 +12,7 @@
 #include <limits>
 #include <random>
 
+#include "tests/file_bytes.h"
 #include "tests/storage/samples.h"
 
 namespace locvol {
@@ -249,10 +250,7 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
   const std::filesystem::path path = golden_file(name);
   if (std::getenv("LOCVOL_WRITE_GOLDEN") && !std::filesystem::exists(path))
     std::ofstream(path, std::ios::binary) << encode(record, leaf);
-  std::ifstream file(path, std::ios::binary);
-  ASSERT_TRUE(file) << path;
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-  EXPECT_TRUE(decode<Record>(bytes, leaf) == record) << name;
+  EXPECT_TRUE(decode<Record>(bytes_of(path), leaf) == record) << name;
 }
 
 TEST(Codec, GoldenBytesOpen) {

@@ -7,7 +7,6 @@
 
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <optional>
 #include <random>
 #include <string>
@@ -15,6 +14,7 @@
 
 #include "storage/codec.h"
 #include "storage/store.h"
+#include "tests/file_bytes.h"
 #include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
 #include "tests/temp_dir.h"
@@ -29,11 +29,6 @@ constexpr int kNumLeaves = 12;
 
 MortonKey leaf_number(int i) {
   return MortonKey::containing({static_cast<std::uint32_t>(i), 5, 0}, MortonKey::kMaxLevel);
-}
-
-std::string bytes_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 void write_bytes(const std::filesystem::path& path, const std::string& bytes) {

@@ -13,7 +13,6 @@
 #include <cstring>
 #include <exception>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <random>
@@ -24,6 +23,7 @@
 #include "engine/engine.h"
 #include "engine/writer.h"
 #include "storage/store.h"
+#include "tests/file_bytes.h"
 #include "tests/sweeps/trial.h"
 #include "tests/temp_dir.h"
 #include "tools/generate.h"
@@ -42,11 +42,6 @@ void on_crash(int number) {
       write(STDERR_FILENO, trying.data(), strlen(trying.data()));
   std::signal(number, SIG_DFL);
   std::raise(number);
-}
-
-std::string content_of(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 void write_content(const std::filesystem::path& file, const std::string& content) {
@@ -76,7 +71,7 @@ class Samples {
     control.is_stopped = [&] { return ++num_asked > num_visits; };
     const RunSummary summary = mesh(options(store), control);
     Sample sample{
-        name, content_of(store / "data.mdb"), {}, summary.outcome != RunOutcome::kInterrupted};
+        name, bytes_of(store / "data.mdb"), {}, summary.outcome != RunOutcome::kInterrupted};
     resume(store);
     sample.mesh = mesh_of(store);
     require(summary.num_unresolved == 0, "the sample has unresolved sites");
@@ -86,7 +81,7 @@ class Samples {
   std::string mesh_of(const std::filesystem::path& store) const {
     const auto file = directory_ / "mesh.vtu";
     write_vtu(Store::open(store, {.read_only = true}), file);
-    return content_of(file);
+    return bytes_of(file);
   }
 
  private:

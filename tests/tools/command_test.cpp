@@ -12,6 +12,7 @@
 #include <sstream>
 #include <thread>
 
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
 
@@ -365,11 +366,11 @@ TEST_F(CubeStore, InspectNamesALeafThatIsMissing) {
 }
 
 TEST_F(CubeStore, ExportAndResumeWriteTheSameBytes) {
-  const std::string mesh = read_file(dir_ / "cube.vtu");
+  const std::string mesh = bytes_of(dir_ / "cube.vtu");
   for (const char* command : {"export", "resume"}) {
     const auto output = dir_ / (std::string(command) + ".vtu");
     EXPECT_EQ(run_locvol({command, store_, "-o", output.string()}).exit_code, 0);
-    EXPECT_TRUE(read_file(output) == mesh) << command;
+    EXPECT_TRUE(bytes_of(output) == mesh) << command;
   }
 }
 
@@ -416,7 +417,7 @@ TEST_P(StoppedBy, ResumesToTheSameBytes) {
 
   EXPECT_EQ(run_locvol(arguments("stopped.vtu")).exit_code, 0);
   EXPECT_EQ(run_locvol(arguments("undisturbed.vtu")).exit_code, 0);
-  EXPECT_TRUE(read_file(dir / "stopped.vtu") == read_file(dir / "undisturbed.vtu"));
+  EXPECT_TRUE(bytes_of(dir / "stopped.vtu") == bytes_of(dir / "undisturbed.vtu"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Command, StoppedBy, testing::Values(SIGINT, SIGTERM, SIGKILL));

@@ -11,7 +11,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -24,6 +23,8 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "tests/file_bytes.h"
+#include "tests/temp_dir.h"
 
 namespace locvol {
 
@@ -32,23 +33,6 @@ void PrintTo(const ShapeInfo& shape, std::ostream* out) { *out << shape.name; }
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-class TempDir {
- public:
-  TempDir() {
-    std::string name = testing::TempDir() + "generate_XXXXXX";
-    if (!mkdtemp(name.data())) throw std::runtime_error("mkdtemp");
-    path_ = name;
-  }
-  TempDir(const TempDir&) = delete;
-  TempDir& operator=(const TempDir&) = delete;
-  ~TempDir() { std::filesystem::remove_all(path_); }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  bool is_empty() const { return std::filesystem::is_empty(path_); }
-
- private:
-  std::filesystem::path path_;
-};
 
 using Indices = std::array<std::uint32_t, 3>;
 
@@ -64,11 +48,6 @@ struct Mesh {
     return sum / 6;
   }
 };
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 template <typename T>
 T read_at(const std::string& bytes, std::size_t place) {
@@ -302,7 +281,7 @@ TEST(Generate, RefusesWhatItCannotMake) {
   EXPECT_THROW(generate("sphere", 0, dir / "s.stl"), std::invalid_argument);
   EXPECT_THROW(generate("sphere", 5'000'000'000, dir / "s.stl"), std::invalid_argument);
   EXPECT_THROW(generate("sphere", 10'000'000'000, dir / "s.ply"), std::invalid_argument);
-  EXPECT_TRUE(dir.is_empty());
+  EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
 }
 
 TEST(Generate, NamesTheFileThatCannotBeWritten) {
@@ -342,7 +321,7 @@ TEST(Generate, LeavesNothingBehindWhenTheDiskIsFull) {
     for (const rlim_t max_bytes : {rlim_t{10'000}, rlim_t{2'500'000}}) {
       const SmallFilesOnly limit(max_bytes);
       EXPECT_THROW(generate("bracelet", 100'000, dir / name), std::runtime_error);
-      EXPECT_TRUE(dir.is_empty());
+      EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
     }
   }
 }

@@ -13,6 +13,7 @@
 
 #include "engine/engine.h"
 #include "tests/damaged_record.h"
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
 #include "tests/vtu_arrays.h"
@@ -261,7 +262,7 @@ TEST_F(InspectTest, ReplayRepeatsEachCleanLeaf) {
 
 TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   stop_after(3);
-  const std::string before = read_file(dir_ / "store" / "data.mdb");
+  const std::string before = bytes_of(dir_ / "store" / "data.mdb");
   const Json summary = inspect();
   EXPECT_EQ(summary["phase"], "refine");
   EXPECT_EQ(summary["writer"], nullptr);
@@ -296,7 +297,7 @@ TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   }
   EXPECT_EQ(next["num_inserted"], num_inserted);
   EXPECT_NE(run({"inspect"}).find("interrupted: no process works on it"), std::string::npos);
-  EXPECT_TRUE(read_file(dir_ / "store" / "data.mdb") == before);
+  EXPECT_TRUE(bytes_of(dir_ / "store" / "data.mdb") == before);
 }
 
 // A dumped visit needs no store, and gives the same steps and cells to the last bit.
@@ -313,7 +314,7 @@ TEST_F(InspectTest, DumpedVisitIsTheSame) {
   const ProcessResult result = run_locvol({"replay", "--from", dump, "--json", "--vtu", again});
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(Json::parse(result.out), visit);
-  EXPECT_TRUE(read_file(again) == read_file(cells));
+  EXPECT_TRUE(bytes_of(again) == bytes_of(cells));
 
   std::ofstream(dump) << "{\"format\":\"locvol visit\",\"version\":2}";
   const ProcessResult damaged = run_locvol({"replay", "--from", dump});
@@ -481,7 +482,7 @@ TEST_F(InspectTest, LiveRunIsShownAndLeftAlone) {
   const ProcessResult ended = process.wait();
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_EQ(run_locvol(arguments("undisturbed")).exit_code, 0);
-  EXPECT_TRUE(read_file(dir_ / "store.vtu") == read_file(dir_ / "undisturbed.vtu"));
+  EXPECT_TRUE(bytes_of(dir_ / "store.vtu") == bytes_of(dir_ / "undisturbed.vtu"));
 }
 
 }  // namespace

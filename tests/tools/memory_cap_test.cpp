@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/memory_budget.h"
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
 #include "tools/generate.h"
@@ -31,7 +32,7 @@ class MemoryCap : public testing::Test {
     result_ = run_locvol({"mesh", surface(), "-o", output(), "--size", "7%", "--leaf-capacity",
                           "1000", "--memory", cap, "--threads", num_threads, "--quiet"},
                          data_bytes);
-    return result_.exit_code == 0 ? read_file(output()) : "";
+    return result_.exit_code == 0 ? bytes_of(output()) : "";
   }
 
   std::string surface() const { return (dir_ / "surface.stl").string(); }

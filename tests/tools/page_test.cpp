@@ -5,11 +5,11 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
-#include <fstream>
 #include <map>
 #include <regex>
 #include <sstream>
 
+#include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
 #include "tools/page_charts.h"
@@ -134,7 +134,7 @@ class PageTest : public testing::Test {
     arguments.insert(arguments.end(), options.begin(), options.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return read_file(path("page.html"));
+    return bytes_of(path("page.html"));
   }
 
   static TempDir* dir_;

@@ -7,9 +7,9 @@
 #include <sys/wait.h>
 
 #include <cerrno>
-#include <fstream>
-#include <iterator>
 #include <system_error>
+
+#include "tests/file_bytes.h"
 
 extern char** environ;
 
@@ -51,7 +51,7 @@ bool Process::has_ended() const {
   return info.si_pid != 0;
 }
 
-std::string Process::err() const { return read_file(output_ / "err"); }
+std::string Process::err() const { return bytes_of(output_ / "err"); }
 
 ProcessResult Process::wait() {
   int status = 0;
@@ -61,17 +61,12 @@ ProcessResult Process::wait() {
   return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
           .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0,
           .peak_bytes = 1024 * static_cast<std::uint64_t>(usage.ru_maxrss),
-          .out = read_file(output_ / "out"),
+          .out = bytes_of(output_ / "out"),
           .err = err()};
 }
 
 ProcessResult run_locvol(const std::vector<std::string>& arguments, std::uint64_t data_bytes) {
   return Process(arguments, data_bytes).wait();
-}
-
-std::string read_file(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 }  // namespace locvol

@@ -40,6 +40,4 @@ class Process {
 
 ProcessResult run_locvol(const std::vector<std::string>& arguments, std::uint64_t data_bytes = 0);
 
-std::string read_file(const std::filesystem::path& file);
-
 }  // namespace locvol
