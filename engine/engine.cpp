@@ -7,7 +7,7 @@
 #include "engine/apply_visit.h"
 #include "engine/disk_room.h"
 #include "engine/first_points.h"
-#include "engine/ingest.h"
+#include "engine/ingest/ingest.h"
 #include "engine/leaf_loader.h"
 #include "engine/memory_budget.h"
 #include "engine/run_setup.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/ingest/surface_source.h"
 #include "engine/input_error.h"
-#include "engine/surface_source.h"
 #include "storage/records.h"
 #include "storage/store.h"
 

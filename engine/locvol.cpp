@@ -11,17 +11,17 @@
 #include <type_traits>
 #include <utility>
 
-#include "engine/boundary_surface.h"
 #include "engine/engine.h"
-#include "engine/ingest.h"
+#include "engine/ingest/ingest.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/memory_budget.h"
-#include "engine/mesh_chunks.h"
-#include "engine/mesh_statistics.h"
+#include "engine/output/boundary_surface.h"
+#include "engine/output/mesh_chunks.h"
+#include "engine/output/writer.h"
 #include "engine/run_estimate.h"
 #include "engine/run_setup.h"
-#include "engine/surface_input.h"
 #include "engine/workers.h"
-#include "engine/writer.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {

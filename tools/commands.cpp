@@ -11,14 +11,14 @@
 #include <utility>
 #include <vector>
 
-#include "engine/audit.h"
+#include "engine/audit/audit.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/memory_budget.h"
-#include "engine/mesh_statistics.h"
+#include "engine/output/writer.h"
 #include "engine/run_estimate.h"
 #include "engine/run_setup.h"
-#include "engine/surface_input.h"
 #include "engine/workers.h"
-#include "engine/writer.h"
 #include "tools/arguments.h"
 #include "tools/generate.h"
 #include "tools/progress.h"

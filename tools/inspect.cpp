@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/inspect/leaf_report.h"
+#include "engine/inspect/leaf_scan.h"
 #include "engine/leaf_queue.h"
-#include "engine/leaf_report.h"
-#include "engine/leaf_scan.h"
 #include "tools/commands.h"
 #include "tools/inspect_leaf.h"
 #include "tools/inspect_summary.h"

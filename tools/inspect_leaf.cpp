@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "engine/leaf_report.h"
+#include "engine/inspect/leaf_report.h"
 #include "tools/report.h"
 #include "tools/stored_run.h"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "engine/leaf_scan.h"
+#include "engine/inspect/leaf_scan.h"
 #include "tools/arguments.h"
 
 namespace locvol {

@@ -8,9 +8,9 @@
 #include <system_error>
 #include <utility>
 
-#include "engine/leaf_scan.h"
+#include "engine/inspect/leaf_scan.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/memory_budget.h"
-#include "engine/mesh_statistics.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 #include "tools/report.h"

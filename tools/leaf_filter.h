@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/leaf_scan.h"
+#include "engine/inspect/leaf_scan.h"
 
 namespace locvol {
 

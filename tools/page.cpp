@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/memory_budget.h"
-#include "engine/mesh_statistics.h"
 #include "engine/partial_file.h"
 #include "engine/run_timeline.h"
 #include "tools/arguments.h"

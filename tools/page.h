@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "engine/mesh_view.h"
+#include "engine/inspect/mesh_view.h"
 #include "storage/store.h"
 
 namespace locvol {

@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "engine/mesh_statistics.h"
-#include "engine/mesh_view.h"
+#include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/mesh_view.h"
 #include "storage/records.h"
 
 namespace locvol {

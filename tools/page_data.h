@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/mesh_view.h"
+#include "engine/inspect/mesh_view.h"
 #include "tools/report.h"
 
 namespace locvol {

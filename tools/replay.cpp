@@ -1,5 +1,5 @@
 // `locvol replay`: one leaf's visit again, step by step.
-#include "engine/replay.h"
+#include "engine/inspect/replay.h"
 
 #include <fmt/format.h>
 

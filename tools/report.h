@@ -7,13 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "engine/audit.h"
-#include "engine/cell_mesh.h"
+#include "engine/audit/audit.h"
 #include "engine/engine.h"
-#include "engine/leaf_scan.h"
-#include "engine/mesh_statistics.h"
+#include "engine/inspect/cell_mesh.h"
+#include "engine/inspect/leaf_scan.h"
+#include "engine/inspect/mesh_statistics.h"
+#include "engine/output/writer.h"
 #include "engine/run_estimate.h"
-#include "engine/writer.h"
 #include "storage/records.h"
 #include "storage/store.h"
 

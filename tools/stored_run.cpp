@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "engine/leaf_scan.h"
+#include "engine/inspect/leaf_scan.h"
 #include "tools/progress.h"
 
 namespace locvol {

@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "engine/replay.h"
+#include "engine/inspect/replay.h"
 
 namespace locvol {
 

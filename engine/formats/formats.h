@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "engine/formats/mesh_source.h"
+#include "engine/output/mesh_source.h"
 #include "engine/partial_file.h"
 
 namespace locvol {

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/encode_in_order.h"
-#include "engine/formats/mesh_source.h"
+#include "engine/output/encode_in_order.h"
+#include "engine/output/mesh_source.h"
 
 namespace locvol {
 

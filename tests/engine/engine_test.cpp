@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "engine/audit.h"
+#include "engine/audit/audit.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/temp_dir.h"

@@ -16,11 +16,11 @@
 #include <utility>
 #include <vector>
 
-#include "engine/audit.h"
+#include "engine/audit/audit.h"
 #include "engine/core_around.h"
 #include "engine/engine.h"
+#include "engine/output/writer.h"
 #include "engine/run_state.h"
-#include "engine/writer.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/temp_dir.h"

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/cell_mesh.h"
+#include "engine/inspect/cell_mesh.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"

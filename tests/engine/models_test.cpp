@@ -6,9 +6,9 @@
 #include <ostream>
 #include <string>
 
-#include "engine/audit.h"
+#include "engine/audit/audit.h"
 #include "engine/engine.h"
-#include "engine/surface_input.h"
+#include "engine/ingest/surface_input.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {

@@ -24,9 +24,9 @@
 #include <utility>
 #include <vector>
 
-#include "engine/polygon_triangulation.h"
-#include "engine/surface_input.h"
-#include "engine/surface_reader.h"
+#include "engine/ingest/polygon_triangulation.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/ingest/surface_reader.h"
 #include "tests/fuzz/expect.h"
 #include "tests/temp_dir.h"
 

@@ -19,9 +19,9 @@
 #include <string>
 #include <vector>
 
-#include "engine/audit.h"
+#include "engine/audit/audit.h"
 #include "engine/engine.h"
-#include "engine/writer.h"
+#include "engine/output/writer.h"
 #include "storage/store.h"
 #include "tests/file_bytes.h"
 #include "tests/sweeps/trial.h"

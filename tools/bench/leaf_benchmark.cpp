@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/surface_reader.h"
+#include "engine/ingest/surface_reader.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
 #include "refine/cover_leaf.h"

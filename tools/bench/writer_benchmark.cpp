@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "engine/writer.h"
+#include "engine/output/writer.h"
 #include "storage/store.h"
 
 namespace locvol {

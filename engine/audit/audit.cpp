@@ -1,0 +1,106 @@
+#include "engine/audit/audit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/audit/audit_leaf.h"
+
+namespace locvol {
+namespace {
+
+// How many units in the last place of the largest coordinate a constructed point may be off.
+constexpr double kRoundingErrors = 16;
+
+AuditBounds bounds_of(const RunRecord& run) {
+  const Box root = run.frame.root_box();
+  double largest = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
+  }
+  return {run.parameters.size, run.parameters.radius_edge_bound,
+          kRoundingErrors * std::numeric_limits<double>::epsilon() * largest};
+}
+
+std::uint64_t num_used_own_points(const AuditLeaf& leaf) {
+  std::vector<bool> is_used(leaf.points.size());
+  for (const LocalCell& cell : leaf.star) {
+    for (const LocalIndex i : cell.vertices) is_used[i] = is_used[i] || leaf.is_own(i);
+  }
+  return static_cast<std::uint64_t>(std::ranges::count(is_used, true));
+}
+
+// False if the store cannot be audited at all.
+bool check_run(const std::optional<RunRecord>& run, const AuditLeaves& leaves, const Reader& reader,
+               AuditFindings& findings) {
+  if (!run) {
+    findings.add_fault("the store holds no run");
+    return false;
+  }
+  if (run->phase != Phase::kDone) findings.add_fault("the run is not finished");
+  reader.for_each_queued([&](const QueueEntry&) {
+    findings.add_fault("the run is not finished: leaves are waiting in the queue");
+    return false;
+  });
+  if (!(run->parameters.size > 0)) {
+    findings.add_fault("the size is not positive");
+    return false;
+  }
+  if (!leaves.tile_the_root()) {
+    findings.add_fault("the leaves do not cover the root exactly once");
+    return false;
+  }
+  return true;
+}
+
+void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
+  report.surface_volume = surface.volume;
+  report.surface_euler_characteristic = surface.euler_characteristic;
+  report.surface_num_components = surface.num_components;
+}
+
+void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
+                  const RunRecord& run, AuditFindings& findings, const StepProgress& on_step) {
+  const AuditBounds bounds = bounds_of(run);
+  AuditReport& report = findings.report();
+  AuditLoader loader(store, reader, leaves, run);
+  BoundaryComponents components;
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    if (on_step) on_step(i, leaves.size());
+    report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
+    const std::optional<AuditLeaf> leaf = loader.load(i, findings);
+    if (!leaf) continue;
+    report.num_vertices += num_used_own_points(*leaf);
+    check_cells(*leaf, bounds, findings);
+    const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
+    check_boundary_links(*leaf, boundary, findings);
+    check_boundary_on_surface(*leaf, boundary, leaves, reader, bounds, findings);
+    components.add(*leaf, boundary);
+  }
+  report.num_components = components.size();
+}
+
+}  // namespace
+
+std::uint64_t AuditReport::num_violations() const {
+  return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
+         num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +
+         num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells + num_misplaced_cells +
+         num_unknown_vertices + num_misplaced_points + num_repeated_points + num_run_faults;
+}
+
+bool AuditReport::is_valid() const { return num_violations() == 0 && num_cells > 0; }
+
+AuditReport audit(const Store& store, const StepProgress& on_step) {
+  AuditReport report;
+  AuditFindings findings(report);
+  const Snapshot snapshot = store.snapshot();
+  const std::optional<RunRecord> run = snapshot.run();
+  const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
+  if (!check_run(run, leaves, snapshot, findings)) return report;
+  copy_surface_facts(run->surface, report);
+  check_leaves(store, snapshot, leaves, *run, findings, on_step);
+  return report;
+}
+
+}  // namespace locvol

@@ -1,0 +1,192 @@
+// The audit of cells one by one.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <string>
+
+#include "engine/audit/audit_leaf.h"
+#include "refine/predicates.h"
+
+namespace locvol {
+namespace {
+
+double degrees(double cosine) {
+  return std::acos(std::clamp(cosine, -1.0, 1.0)) * (180 / std::numbers::pi);
+}
+
+std::string with_ratio(const char* what, double value, const char* unit) {
+  char text[128];
+  std::snprintf(text, sizeof text, "%s (%.9g%s)", what, value, unit);
+  return text;
+}
+
+std::vector<Point> positions(const LocalPoints& points) {
+  std::vector<Point> result(points.size());
+  for (LocalIndex i = 0; i < points.size(); ++i) result[i] = points.position(i);
+  return result;
+}
+
+class CellCheck {
+ public:
+  CellCheck(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings)
+      : leaf_(leaf),
+        bounds_(bounds),
+        findings_(findings),
+        report_(findings.report()),
+        grid_(positions(leaf.points), bounds.size) {}
+
+  void run() {
+    std::vector<std::array<LocalIndex, 4>> sorted_cells;
+    for (const auto& cell : leaf_.cells.cells) {
+      ++report_.num_cells;
+      auto vertices = resolve(cell);
+      if (!vertices) continue;
+      check(*vertices);
+      std::ranges::sort(*vertices);
+      sorted_cells.push_back(*vertices);
+      if (const LocalIndex smallest = smallest_of(*vertices); !leaf_.is_own(smallest))
+        add(&AuditReport::num_misplaced_cells, "a cell's smallest vertex is not of this leaf",
+            smallest);
+    }
+    check_repeated(sorted_cells);
+    report_.volume += volume_;
+    if (min_cosine_ > max_cosine_) return;
+    report_.min_dihedral_degrees = std::min(report_.min_dihedral_degrees, degrees(max_cosine_));
+    report_.max_dihedral_degrees = std::max(report_.max_dihedral_degrees, degrees(min_cosine_));
+  }
+
+ private:
+  using Vertices = std::array<LocalIndex, 4>;
+  using Corners = std::array<Point, 4>;
+
+  void add(std::uint64_t AuditReport::*count, std::string_view what, LocalIndex place) {
+    findings_.add(count, what, leaf_.key, leaf_.points.position(place));
+  }
+
+  // Not counting those of the core, if there are others; of the core's, the one with the smallest
+  // site.
+  LocalIndex smallest_of(const Vertices& ascending) const {
+    const auto is_listed = [&](LocalIndex i) { return !leaf_.points[i].is_core; };
+    const auto listed = std::ranges::find_if(ascending, is_listed);
+    if (listed != ascending.end()) return *listed;
+    return std::ranges::min(ascending, {}, [&](LocalIndex i) { return leaf_.points[i].id; });
+  }
+
+  // The cell's vertices, if all are known.
+  std::optional<Vertices> resolve(const std::array<std::uint32_t, 4>& cell) {
+    const Vertices vertices = {leaf_.cell_vertex[cell[0]], leaf_.cell_vertex[cell[1]],
+                               leaf_.cell_vertex[cell[2]], leaf_.cell_vertex[cell[3]]};
+    const auto known =
+        std::ranges::find_if(vertices, [](LocalIndex i) { return i != kUnknownPoint; });
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (vertices[i] != kUnknownPoint) continue;
+      findings_.add(&AuditReport::num_unknown_vertices,
+                    "a cell here names point " + std::to_string(leaf_.cells.vertices[cell[i]]) +
+                        ", which is in no leaf within twice the size",
+                    leaf_.key, known == vertices.end() ? Point{} : leaf_.points.position(*known));
+    }
+    if (std::ranges::find(vertices, kUnknownPoint) != vertices.end()) return std::nullopt;
+    return vertices;
+  }
+
+  void check(Vertices v) {
+    const LocalPoints& p = leaf_.points;
+    Corners corners = {p.position(v[0]), p.position(v[1]), p.position(v[2]), p.position(v[3])};
+    const int sign = exact_orientation(corners[0], corners[1], corners[2], corners[3]);
+    if (sign <= 0) {
+      add(&AuditReport::num_misoriented_cells,
+          sign < 0 ? "a cell is negatively oriented" : "a cell is flat", v[0]);
+    }
+    if (sign == 0) return;
+    volume_ +=
+        dot(corners[1] - corners[0], cross(corners[2] - corners[0], corners[3] - corners[0])) / 6;
+    if (sign < 0) {
+      std::swap(v[2], v[3]);
+      std::swap(corners[2], corners[3]);
+    }
+    const Circumsphere ball = circumsphere_of(corners[0], corners[1], corners[2], corners[3]);
+    check_sizes(v, corners, ball.radius);
+    check_empty(v, corners, ball);
+    measure_dihedrals(corners);
+  }
+
+  void check_sizes(const Vertices& v, const Corners& c, double radius) {
+    double shortest2 = squared_distance(c[0], c[1]);
+    for (const auto& [i, j] : {std::pair{0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}) {
+      shortest2 = std::min(shortest2, squared_distance(c[static_cast<std::size_t>(i)],
+                                                       c[static_cast<std::size_t>(j)]));
+    }
+    const double size = radius / bounds_.size, ratio = radius / std::sqrt(shortest2);
+    report_.max_circumradius = std::max(report_.max_circumradius, size);
+    report_.max_radius_edge_ratio = std::max(report_.max_radius_edge_ratio, ratio);
+    if (!(size < kBoundSlack)) {
+      add(&AuditReport::num_large_cells, with_ratio("a cell's circumradius", size, " of the size"),
+          v[0]);
+    }
+    if (!(ratio <= bounds_.radius_edge * kBoundSlack)) {
+      add(&AuditReport::num_badly_shaped_cells, with_ratio("a cell's radius-edge ratio", ratio, ""),
+          v[0]);
+    }
+  }
+
+  // Candidates come from the rounded ball, inflated a hair; the exact predicate decides.
+  void check_empty(const Vertices& v, const Corners& c, const Circumsphere& ball) {
+    const double hair = 1e-9 * ball.radius + bounds_.rounding;
+    const double radius = ball.radius + hair;
+    LocalIndex inside = kUnknownPoint;
+    grid_.for_each_near(Box::around(ball.center).expanded(radius),
+                        [&](LocalIndex i, const Point& p) {
+                          if (squared_distance(p, ball.center) > radius * radius) return;
+                          if (std::ranges::find(v, i) != v.end() || inside != kUnknownPoint) return;
+                          if (exact_side_of_circumsphere(c[0], c[1], c[2], c[3], p) > 0) inside = i;
+                        });
+    if (inside == kUnknownPoint) return;
+    add(&AuditReport::num_nonempty_circumballs,
+        "this point, " + std::to_string(leaf_.points[inside].id) + ", lies in a cell's circumball",
+        inside);
+  }
+
+  // A dihedral angle is a straight angle less the one between the outward normals.
+  void measure_dihedrals(const Corners& c) {
+    std::array<Point, 4> normal = {cross(c[3] - c[1], c[2] - c[1]), cross(c[2] - c[0], c[3] - c[0]),
+                                   cross(c[3] - c[0], c[1] - c[0]),
+                                   cross(c[1] - c[0], c[2] - c[0])};
+    for (Point& n : normal) {
+      const double length = norm(n);
+      if (!(length > 0)) return;  // underflow
+      n = (1 / length) * n;
+    }
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = i + 1; j < 4; ++j) {
+        const double cosine = -dot(normal[i], normal[j]);
+        min_cosine_ = std::min(min_cosine_, cosine);
+        max_cosine_ = std::max(max_cosine_, cosine);
+      }
+    }
+  }
+
+  void check_repeated(std::vector<Vertices>& cells) {
+    std::ranges::sort(cells);
+    for (std::size_t i = 1; i < cells.size(); ++i) {
+      if (cells[i - 1] != cells[i]) continue;
+      add(&AuditReport::num_repeated_cells, "a cell is stored twice", cells[i][0]);
+    }
+  }
+
+  const AuditLeaf& leaf_;
+  const AuditBounds& bounds_;
+  AuditFindings& findings_;
+  AuditReport& report_;
+  AuditGrid grid_;
+  double volume_ = 0;
+  double min_cosine_ = 2, max_cosine_ = -2;
+};
+
+}  // namespace
+
+void check_cells(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings) {
+  if (!leaf.cells.cells.empty()) CellCheck(leaf, bounds, findings).run();
+}
+
+}  // namespace locvol

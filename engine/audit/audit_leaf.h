@@ -1,0 +1,200 @@
+// The parts of the audit (audit.h): what is loaded around a leaf, and the checks on it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "engine/audit/audit.h"
+#include "engine/audit/audit_grid.h"
+#include "engine/output/leaf_window.h"
+
+namespace locvol {
+
+// Index of a point in LocalPoints, so that order of index is lexicographic order of points.
+using LocalIndex = std::uint32_t;
+inline constexpr LocalIndex kUnknownPoint = ~LocalIndex{0};
+
+inline constexpr double kBoundSlack = 1 + 1e-9;  // rounded measures against bounds
+
+// Counts violations and describes the first of each kind.
+class AuditFindings {
+ public:
+  explicit AuditFindings(AuditReport& report) : report_(&report) {}
+  AuditReport& report() { return *report_; }
+  void add(std::uint64_t AuditReport::*count, std::string_view what, MortonKey leaf,
+           const Point& place);
+  void add_fault(const std::string& what);
+
+ private:
+  AuditReport* report_;
+};
+
+// The leaves of a store, found by their boxes. Leaves are named by their place in Morton order.
+class AuditLeaves {
+ public:
+  AuditLeaves(const Frame& frame, std::vector<MortonKey> keys)
+      : frame_(frame), keys_(std::move(keys)) {}
+  std::size_t size() const { return keys_.size(); }
+  MortonKey key(std::size_t leaf) const { return keys_[leaf]; }
+  Box box(std::size_t leaf) const { return frame_.box(keys_[leaf]); }
+  bool tile_the_root() const;
+  // Whose closed boxes are at most `distance` from `box`, in order. REQUIRES: tile_the_root()
+  std::vector<std::size_t> within(const Box& box, double distance) const;
+
+ private:
+  void collect(MortonKey node, std::span<const MortonKey> below, const Box& box, double squared,
+               std::vector<std::size_t>& found) const;
+
+  Frame frame_;
+  std::vector<MortonKey> keys_;
+};
+
+struct LocalPoint {
+  Point position;
+  std::uint64_t id = 0;
+  std::uint32_t leaf = 0;
+  bool is_core = false;  // known by its place in the lattice alone
+};
+
+// The points of a leaf and those within 2λ of its box, in lexicographic order.
+class LocalPoints {
+ public:
+  LocalPoints() = default;
+  explicit LocalPoints(std::vector<LocalPoint> points);
+
+  std::size_t size() const { return points_.size(); }
+  const LocalPoint& operator[](LocalIndex i) const { return points_[i]; }
+  const Point& position(LocalIndex i) const { return points_[i].position; }
+  // The index of each id, or kUnknownPoint.
+  std::vector<LocalIndex> find(std::span<const std::uint64_t> ids) const;
+  // Pairs that share an id or a position.
+  std::vector<std::array<LocalIndex, 2>> repetitions() const;
+
+ private:
+  struct Name {
+    std::uint64_t id;
+    LocalIndex index;
+    friend auto operator<=>(const Name&, const Name&) = default;
+  };
+  std::vector<LocalPoint> points_;
+  std::vector<Name> by_id_;
+};
+
+// Four different points in positive orientation.
+struct LocalCell {
+  std::array<LocalIndex, 4> vertices;
+};
+
+// All that the checks of one leaf need. Its cells are checked one by one; the star, that is all
+// cells at its own points, whichever leaf keeps them, for how they fit together.
+struct AuditLeaf {
+  std::uint32_t leaf = 0;
+  MortonKey key;
+  LocalPoints points;
+  LeafCells cells;                      // as stored, then those of the core
+  std::vector<LocalIndex> cell_vertex;  // index of each of cells.vertices
+  std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
+
+  bool is_own(LocalIndex i) const { return points[i].leaf == leaf; }
+};
+
+// Reads the store; keeps the borders of the leaves near the last one loaded.
+class AuditLoader {
+ public:
+  AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves,
+              const RunRecord& run);
+  AuditLoader(const AuditLoader&) = delete;
+  AuditLoader& operator=(const AuditLoader&) = delete;
+  // Reports misplaced and repeated points on the way. Nothing if the leaf has no points nor cells.
+  std::optional<AuditLeaf> load(std::size_t leaf, AuditFindings& findings);
+
+ private:
+  // What a leaf has within 2λ of its border: points, and the cells that name points of others.
+  struct Border {
+    std::vector<LocalPoint> points;
+    std::vector<std::uint64_t> vertices;
+    std::vector<std::array<std::uint32_t, 4>> cells;
+
+    std::size_t bytes() const {
+      return sizeof *this + points.capacity() * sizeof(LocalPoint) + vertices.capacity() * 8 +
+             cells.capacity() * 16;
+    }
+  };
+  Border load_border(std::size_t leaf);
+  std::vector<LocalPoint> core_points(std::size_t leaf, const LatticeCore& core) const;
+  void add_core_cells(AuditLeaf& here) const;
+
+  const Reader* reader_;
+  const AuditLeaves* leaves_;
+  Lattice lattice_;
+  double reach_;
+  PageRelease pages_;
+  LeafWindow<Border> borders_;
+};
+
+struct AuditBounds {
+  double size = 0;  // λ
+  double radius_edge = 0;
+  double rounding = 0;  // a few units in the last place of the largest coordinate
+};
+
+// Each cell by itself: orientation, circumball, shape, place.
+void check_cells(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings);
+
+// A facet of the star with some own vertex; vertices ascend.
+struct LocalFacet {
+  std::array<LocalIndex, 3> vertices;
+  std::int32_t side = 0;  // of the cell: +1 if it lies where the vertices turn counterclockwise
+};
+
+// Facets at own points that are in one cell only.
+std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& findings);
+
+// Edges and links of the boundary at own points.
+void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                          AuditFindings& findings);
+
+// Distance of own boundary vertices from the triangles near the leaf.
+void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                               const AuditLeaves& leaves, const Reader& reader,
+                               const AuditBounds& bounds, AuditFindings& findings);
+
+// Disjoint sets of 0 … n-1.
+class UnionFind {
+ public:
+  explicit UnionFind(std::size_t n = 0);
+  std::size_t add();  // a new element, alone; returns its number
+  std::size_t find(std::size_t i);
+  void unite(std::size_t i, std::size_t j);
+  std::size_t num_sets() const { return num_sets_; }
+
+ private:
+  std::vector<std::size_t> parents_;
+  std::size_t num_sets_ = 0;
+};
+
+// Counts the components of the boundary leaf by leaf. Each component of a leaf's own boundary
+// vertices gets a label; a vertex that shares a facet with a later leaf's is remembered until then.
+class BoundaryComponents {
+ public:
+  // Leaves must come in Morton order.
+  void add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary);
+  std::size_t size() const { return labels_.num_sets(); }
+
+ private:
+  void forget_before(std::uint32_t leaf);
+
+  UnionFind labels_;
+  std::unordered_map<std::uint64_t, std::size_t> seams_;        // labels by id of a vertex
+  std::map<std::uint32_t, std::vector<std::uint64_t>> expiry_;  // ids by the last leaf to ask
+};
+
+}  // namespace locvol

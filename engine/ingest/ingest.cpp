@@ -1,0 +1,308 @@
+#include "engine/ingest/ingest.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/ingest/start_leaves.h"
+#include "engine/ingest/surface_check.h"
+#include "engine/leaf_queue.h"
+#include "engine/leaf_sides.h"
+#include "engine/run_setup.h"
+#include "engine/run_state.h"
+#include "refine/surface_patch.h"
+#include "refine/triangle_box.h"
+
+namespace locvol {
+namespace {
+
+// Commits whenever enough is written, so that LMDB's dirty pages stay few.
+class BoundedBatches {
+ public:
+  explicit BoundedBatches(Store& store) : store_(store) {}
+
+  // For the records of one more leaf.
+  Batch& next() {
+    if (batch_ && (num_leaves_ >= kMaxLeaves || batch_->bytes_written() > kMaxBytes)) commit();
+    if (!batch_) batch_.emplace(store_.begin());
+    ++num_leaves_;
+    return *batch_;
+  }
+  void commit() {
+    if (!batch_) return;
+    batch_->commit();
+    batch_.reset();
+    num_leaves_ = 0;
+    store_.release_pages();
+  }
+
+ private:
+  static constexpr int kMaxLeaves = 2000;
+  static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
+
+  Store& store_;
+  std::optional<Batch> batch_;
+  int num_leaves_ = 0;
+};
+
+void erase_all(Store& store) {
+  std::vector<QueueEntry> queued;
+  store.snapshot().for_each_queued([&](const QueueEntry& entry) {
+    queued.push_back(entry);
+    return true;
+  });
+  const std::vector<MortonKey> leaves = store.snapshot().leaf_keys();
+  BoundedBatches batches(store);
+  for (const QueueEntry& entry : queued)
+    batches.next().erase_queue_entry(entry.position, entry.leaf);
+  for (const MortonKey leaf : leaves) batches.next().erase_leaf(leaf);
+  batches.commit();
+}
+
+// A leaf with more triangles is cut as far as its children remain wide enough.
+constexpr std::uint64_t kMaxLeafTriangles = 50'000;
+
+// Leaves near the surface, in Morton order.
+struct CutLeaves {
+  std::vector<MortonKey> keys;
+  std::vector<std::uint8_t> parities;  // their center_to_corner_parities()
+};
+
+// Hands each leaf the triangles that meet its box, in Morton order, by descending to the buckets
+// and from there, or from larger leaves, to the leaves.
+class SurfaceCutter {
+ public:
+  // `cells`: see cells_near_surface().
+  SurfaceCutter(const CheckedSurface& surface, const std::vector<MortonKey>& cells,
+                const RunRecord& run, BoundedBatches& batches, IngestWatch& watch)
+      : surface_(surface),
+        cells_(cells),
+        frame_(run.frame),
+        min_side_(kMinLeafSide * run.parameters.size),
+        may_split_(run.parameters.init == Initialization::kCover),
+        batches_(batches),
+        watch_(watch) {}
+
+  CutLeaves cut() {
+    descend(MortonKey::root(), cells_);
+    return std::move(leaves_);
+  }
+
+ private:
+  using Cells = std::span<const MortonKey>;  // under a node, or the one that it lies in
+
+  // Above the buckets.
+  void descend(MortonKey node, Cells cells) {
+    if (cells.empty()) return;
+    const auto buckets = surface_.buckets.under(node);
+    if (buckets.size() == 1 && buckets.front().cell.is_ancestor_or_self_of(node)) {
+      cut(node, cells, surface_.load(buckets.front()));
+      watch_.advance(buckets.front().triangles.count);
+    } else if (is_leaf(node, cells) && !is_to_be_split(node, buckets)) {
+      store(node, gathered(buckets));
+    } else {
+      for_each_child(node, cells,
+                     [&](MortonKey child, Cells of_child) { descend(child, of_child); });
+    }
+  }
+
+  // `candidates`: in order of id, all that meet the node's box, and others.
+  void cut(MortonKey node, Cells cells, const std::vector<Triangle>& candidates) {
+    if (cells.empty()) return;
+    const Box box = frame_.box(node);
+    std::vector<Triangle> met;
+    std::ranges::copy_if(candidates, std::back_inserter(met),
+                         [&](const Triangle& t) { return touches(t, box); });
+    if (is_leaf(node, cells) && !(may_split(node) && num_owned(met, box) > kMaxLeafTriangles))
+      return store(node, std::move(met));
+    for_each_child(node, cells,
+                   [&](MortonKey child, Cells of_child) { cut(child, of_child, met); });
+  }
+
+  template <class Visit>
+  static void for_each_child(MortonKey node, Cells cells, const Visit& visit) {
+    const bool is_in_cell = is_leaf(node, cells);
+    for (int octant = 0; octant < 8; ++octant) {
+      const MortonKey child = node.child(octant);
+      if (is_in_cell) {
+        visit(child, cells);
+        continue;
+      }
+      const auto end = std::ranges::upper_bound(cells, child.range_max());
+      visit(child, Cells(cells.begin(), end));
+      cells = Cells(end, cells.end());
+    }
+  }
+
+  static bool is_leaf(MortonKey node, Cells cells) {
+    return cells.front().is_ancestor_or_self_of(node);
+  }
+  bool may_split(MortonKey node) const {
+    return may_split_ && node.level() < MortonKey::kMaxLevel &&
+           frame_.side(node.level() + 1) >= min_side_;
+  }
+  bool is_to_be_split(MortonKey node, std::span<const TriangleBucket> buckets) const {
+    if (!may_split(node)) return false;
+    std::uint64_t at_most = 0, num_triangles = 0;
+    for (const TriangleBucket& bucket : buckets) at_most += bucket.triangles.count;
+    if (at_most <= kMaxLeafTriangles) return false;
+    for (const TriangleBucket& bucket : buckets)
+      num_triangles += num_owned(surface_.load(bucket), frame_.box(bucket.cell));
+    return num_triangles > kMaxLeafTriangles;
+  }
+  // Does not depend on the buckets: each triangle counts in one cell.
+  static std::uint64_t num_owned(const std::vector<Triangle>& triangles, const Box& box) {
+    return static_cast<std::uint64_t>(
+        std::ranges::count_if(triangles, [&](const Triangle& t) { return owns_triangle(box, t); }));
+  }
+
+  std::vector<Triangle> gathered(std::span<const TriangleBucket> buckets) const {
+    std::vector<Triangle> triangles;
+    for (const TriangleBucket& bucket : buckets) {
+      const std::vector<Triangle> held = surface_.load(bucket);
+      triangles.insert(triangles.end(), held.begin(), held.end());
+      watch_.advance(held.size());
+    }
+    std::ranges::sort(triangles, {}, &Triangle::id);
+    const auto again = std::ranges::unique(triangles, {}, &Triangle::id);
+    triangles.erase(again.begin(), again.end());
+    return triangles;
+  }
+
+  void store(MortonKey leaf, std::vector<Triangle> triangles) {
+    leaves_.keys.push_back(leaf);
+    leaves_.parities.push_back(center_to_corner_parities(triangles, frame_.box(leaf)));
+    if (triangles.empty()) return;
+    LeafInfo info;
+    info.num_triangles = triangles.size();
+    Batch& batch = batches_.next();
+    batch.put_leaf(leaf, info);
+    batch.put_surface(leaf, {std::move(triangles)});
+  }
+
+  const CheckedSurface& surface_;
+  const std::vector<MortonKey>& cells_;
+  const Frame& frame_;
+  double min_side_;
+  bool may_split_;
+  BoundedBatches& batches_;
+  IngestWatch& watch_;
+  CutLeaves leaves_;
+};
+
+// All leaves of the start, in Morton order, and on which sides their centers lie.
+struct StartLeaves {
+  std::vector<MortonKey> keys;
+  std::vector<bool> is_center_inside;
+
+  void add(MortonKey key, bool is_inside) {
+    keys.push_back(key);
+    is_center_inside.push_back(is_inside);
+  }
+};
+
+void add_parts(MortonKey node, int level, StartLeaves& leaves) {
+  if (node.level() == level) return leaves.add(node, true);
+  for (int octant = 0; octant < 8; ++octant) add_parts(node.child(octant), level, leaves);
+}
+
+// Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
+// points are to come.
+StartLeaves completed(const CutLeaves& near, int level) {
+  const LinearOctree octree = coarsest_octree(near.keys);
+  std::vector<std::uint8_t> parities(octree.size());
+  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
+    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
+  const std::vector<bool> sides = center_sides(octree, parities);
+
+  StartLeaves leaves;
+  for (std::size_t i = 0; i < octree.size(); ++i) {
+    const MortonKey leaf = octree.leaves()[i];
+    if (!sides[i] || leaf.level() >= level) {
+      leaves.add(leaf, sides[i]);
+      continue;
+    }
+    add_parts(leaf, level, leaves);
+  }
+  return leaves;
+}
+
+// Completes the leaves' infos, and queues those that may get points.
+void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatches& batches) {
+  const QueuePosition waiting{0, kNoColor};
+  const bool is_cover = run.parameters.init == Initialization::kCover;
+  for (std::size_t i = 0; i < leaves.keys.size(); ++i) {
+    const MortonKey leaf = leaves.keys[i];
+    Batch& batch = batches.next();
+    LeafInfo info = batch.leaf(leaf).value_or(LeafInfo{});
+    info.is_center_inside = leaves.is_center_inside[i];
+    if (is_cover && (info.num_triangles > 0 || info.is_center_inside)) {
+      info.queued = waiting;
+      batch.put_queue_entry({waiting, leaf, run.frame.box(leaf)});
+    }
+    batch.put_leaf(leaf, info);
+  }
+}
+
+// Of a run that begins.
+void put_run(Store& store, const RunRecord& run) {
+  Batch batch = store.begin();
+  batch.put_run(run);
+  batch.put_timeline({});
+  batch.commit();
+}
+
+}  // namespace
+
+Store ingest(RawSurface raw, RunRecord run, const std::function<void(const RunRecord&)>& check_run,
+             const std::function<Store()>& open_store, const RunControl& control,
+             std::uint64_t bucket_capacity) {
+  const OctreePlan plan = plan_octree(run.parameters, raw.box);
+  run.frame = plan.frame;
+  run.phase = Phase::kIngest;
+  IngestWatch watch = watch_of(control);
+  Workers workers(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes)));
+  std::optional<Store> store;
+  try {
+    const CheckedSurface surface =
+        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity);
+    const std::string file = std::exchange(run.surface, surface.facts).file;
+    run.surface.file = file;
+    if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
+    check_run(run);
+    const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
+    planned_memory(run, memory_cap(control.memory_bytes));
+    if (control.on_run) control.on_run(run);
+
+    store.emplace(open_store());
+    put_run(*store, run);
+    erase_all(*store);
+    BoundedBatches batches(*store);
+    const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
+    store_leaves(completed(cut, plan.level), run, batches);
+    run.phase = Phase::kInitialize;
+    batches.next().put_run(run);
+    batches.commit();
+  } catch (const IngestStopped&) {
+    if (!store) store.emplace(open_store());
+    put_run(*store, run);
+  }
+  return std::move(*store);
+}
+
+IngestWatch watch_of(const RunControl& control) {
+  std::function<void(std::uint64_t)> tell;
+  if (control.on_progress)
+    tell = [&control](std::uint64_t num_triangles) {
+      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    };
+  return IngestWatch(control.is_stopped, tell);
+}
+
+}  // namespace locvol

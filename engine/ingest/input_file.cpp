@@ -1,0 +1,115 @@
+#include "engine/ingest/input_file.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "engine/input_error.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
+constexpr std::size_t kMaxLineBytes = std::size_t{1} << 24;
+
+}  // namespace
+
+InputFile::InputFile(const std::filesystem::path& path) : path_(path), buffer_(kBufferBytes) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (status.type() == std::filesystem::file_type::not_found)
+    refuse("there is no such file; check the path");
+  if (error) refuse(fmt::format("cannot be examined ({})", error.message()));
+  if (std::filesystem::is_directory(status)) refuse("is a directory; name a surface file in it");
+  if (!std::filesystem::is_regular_file(status))
+    refuse("is not a regular file; save the surface to a file first");
+  size_ = std::filesystem::file_size(path, error);
+  if (error) refuse(fmt::format("its size is unknown ({})", error.message()));
+  file_.reset(std::fopen(path.c_str(), "rb"));
+  if (!file_)
+    refuse(fmt::format("cannot be opened ({}); check its permissions", std::strerror(errno)));
+  std::setvbuf(file_.get(), nullptr, _IONBF, 0);
+}
+
+std::string_view InputFile::peek(std::size_t bytes) {
+  while (end_ - begin_ < bytes && load_more()) {
+  }
+  return {buffer_.data() + begin_, std::min(bytes, end_ - begin_)};
+}
+
+const unsigned char* InputFile::take(std::size_t bytes) {
+  if (end_ - begin_ < bytes) {
+    if (bytes > remaining()) refuse_truncated();
+    while (end_ - begin_ < bytes)
+      if (!load_more()) refuse_truncated();
+  }
+  const auto* data = reinterpret_cast<const unsigned char*>(buffer_.data() + begin_);
+  begin_ += bytes;
+  return data;
+}
+
+bool InputFile::next_line(std::string_view& line) {
+  std::size_t searched = 0;
+  for (;;) {
+    const char* const start = buffer_.data() + begin_;
+    const std::size_t length = end_ - begin_;
+    const void* const newline = std::memchr(start + searched, '\n', length - searched);
+    if (newline) {
+      line = {start, static_cast<std::size_t>(static_cast<const char*>(newline) - start)};
+      begin_ += line.size() + 1;
+      break;
+    }
+    searched = length;
+    if (length > kMaxLineBytes)
+      refuse(fmt::format("line {} is longer than {} bytes: no text surface file", line_number_ + 1,
+                         kMaxLineBytes));
+    if (load_more()) continue;
+    if (length == 0) return false;
+    line = {buffer_.data() + begin_, length};  // the last line may lack its end
+    begin_ = end_;
+    break;
+  }
+  ++line_number_;
+  if (line.ends_with('\r')) line.remove_suffix(1);
+  return true;
+}
+
+bool InputFile::load_more() {
+  if (begin_ > 0) {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+  }
+  if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
+  const std::size_t count =
+      std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
+  if (count == 0 && std::ferror(file_.get()))
+    refuse(fmt::format("cannot be read at byte {} ({}); check the disk", loaded_,
+                       std::strerror(errno)));
+  hash_.update(buffer_.data() + end_, count);
+  end_ += count;
+  loaded_ += count;
+  return count > 0;
+}
+
+std::string InputFile::digest() {
+  do begin_ = end_;
+  while (load_more());
+  return hash_.hex_digest();
+}
+
+void InputFile::refuse(const std::string& what) const {
+  throw InputError(fmt::format("{}: {}", path_.string(), what));
+}
+
+void InputFile::refuse_line(const std::string& what) const {
+  refuse(fmt::format("line {}: {}", line_number_, what));
+}
+
+void InputFile::refuse_truncated() const {
+  refuse(fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size_));
+}
+
+}  // namespace locvol

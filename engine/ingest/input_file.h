@@ -1,0 +1,61 @@
+// InputFile reads a file front to back through one buffer, as bytes or as lines.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/ingest/file_digest.h"
+
+namespace locvol {
+
+class InputFile {
+ public:
+  // Throws InputError: not there, a directory, no regular file, not readable.
+  explicit InputFile(const std::filesystem::path& path);
+
+  const std::filesystem::path& path() const { return path_; }
+  std::uint64_t size() const { return size_; }                          // bytes, when it was opened
+  std::uint64_t position() const { return loaded_ - (end_ - begin_); }  // bytes taken so far
+  std::uint64_t remaining() const { return size_ > position() ? size_ - position() : 0; }
+  std::uint64_t line_number() const { return line_number_; }  // of the last line taken, from 1
+
+  // Up to `bytes` of what comes next, fewer at the end of the file; nothing is taken. This view and
+  // those below are valid until the next call.
+  std::string_view peek(std::size_t bytes);
+  // Exactly `bytes`. Throws InputError if the file ends before.
+  const unsigned char* take(std::size_t bytes);
+  // The next line without its end (LF or CR LF); false at the end of the file. Throws InputError
+  // for a line longer than 16 MiB, which no text format has.
+  bool next_line(std::string_view& line);
+
+  // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once.
+  std::string digest();
+
+  // Throws InputError with the file's name before the message.
+  [[noreturn]] void refuse(const std::string& what) const;
+  [[noreturn]] void refuse_line(const std::string& what) const;  // and the line's number
+  [[noreturn]] void refuse_truncated() const;
+
+ private:
+  bool load_more();  // appends to the buffer; false at the end of the file
+
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  std::filesystem::path path_;
+  std::unique_ptr<std::FILE, Close> file_;
+  std::uint64_t size_ = 0;
+  std::uint64_t loaded_ = 0;  // bytes read from the file
+  std::uint64_t line_number_ = 0;
+  std::vector<char> buffer_;
+  Sha256 hash_;                      // of the bytes loaded
+  std::size_t begin_ = 0, end_ = 0;  // of the bytes in the buffer that are not taken yet
+};
+
+}  // namespace locvol

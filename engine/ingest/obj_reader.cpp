@@ -1,0 +1,105 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "engine/ingest/surface_formats.h"
+#include "engine/ingest/text_scanner.h"
+
+namespace locvol {
+namespace {
+
+// Lines that say nothing about the shape.
+constexpr std::array<std::string_view, 21> kIgnored = {
+    "vn",     "vt",    "g",        "o",        "s",          "mtllib",    "usemtl",
+    "l",      "p",     "mg",       "lod",      "shadow_obj", "trace_obj", "usemap",
+    "maplib", "bevel", "c_interp", "d_interp", "call",       "csh",       "vp"};
+// Curves and curved surfaces.
+constexpr std::array<std::string_view, 14> kFreeForm = {"cstype", "deg",  "bmat", "step", "curv",
+                                                        "curv2",  "surf", "parm", "trim", "hole",
+                                                        "scrv",   "sp",   "end",  "con"};
+
+template <std::size_t N>
+bool is_among(std::string_view word, const std::array<std::string_view, N>& words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+class ObjParser {
+ public:
+  ObjParser(InputFile& file, SurfaceSink& sink) : file_(file), sink_(sink), scanner_(file, '#') {}
+
+  void run() {
+    while (scanner_.next_line()) {
+      take(scanner_.word());
+      scanner_.skip_line();
+    }
+  }
+
+ private:
+  void take(std::string_view word) {
+    if (word == "v")
+      take_vertex();
+    else if (word == "f" || word == "fo")
+      take_face();
+    else if (is_among(word, kFreeForm))
+      file_.refuse_line("has free-form curves or surfaces; export it as polygons");
+    else if (!is_among(word, kIgnored))
+      file_.refuse_line("is no line of an OBJ file; the file is damaged");
+  }
+
+  void take_vertex() {
+    const double x = scanner_.coordinate(), y = scanner_.coordinate(), z = scanner_.coordinate();
+    sink_.vertex({x, y, z});
+    ++num_vertices_;
+  }
+
+  void take_face() {
+    const FilePlace place{FilePlace::Unit::kLine, file_.line_number()};
+    corners_.clear();
+    for (auto word = next_corner(); !word.empty(); word = next_corner())
+      corners_.push_back(vertex_named(word.substr(0, word.find('/'))));
+    sink_.polygon(corners_, place);
+  }
+
+  // Empty at the end of the face. A backslash at the end of a line continues it on the next one.
+  std::string_view next_corner() {
+    std::string_view word;
+    do {
+      if (is_continued_ && !scanner_.next_line()) file_.refuse_truncated();
+      word = scanner_.word();
+      is_continued_ = word.ends_with('\\');
+      if (is_continued_) word.remove_suffix(1);
+    } while (is_continued_ && word.empty());
+    return word;
+  }
+
+  // Vertices count from 1; negative numbers count back from the last one so far.
+  std::uint64_t vertex_named(std::string_view word) const {
+    const std::int64_t number = scanner_.integer(word, "number of a vertex");
+    const auto num_vertices = static_cast<std::int64_t>(num_vertices_);
+    if (number == 0 || number < -num_vertices)
+      file_.refuse_line(fmt::format("there is no vertex {}; the file is damaged", number));
+    return static_cast<std::uint64_t>(number > 0 ? number - 1 : num_vertices + number);
+  }
+
+  InputFile& file_;
+  SurfaceSink& sink_;
+  TextScanner scanner_;
+  std::uint64_t num_vertices_ = 0;
+  bool is_continued_ = false;  // the line ended in a backslash
+  std::vector<std::uint64_t> corners_;
+};
+
+}  // namespace
+
+bool is_obj_keyword(std::string_view word) {
+  return word == "v" || word == "f" || word == "fo" || is_among(word, kIgnored) ||
+         is_among(word, kFreeForm);
+}
+
+void parse_obj(InputFile& file, SurfaceSink& sink) { ObjParser(file, sink).run(); }
+
+}  // namespace locvol

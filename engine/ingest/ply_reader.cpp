@@ -1,0 +1,335 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/ingest/surface_formats.h"
+#include "engine/ingest/text_scanner.h"
+
+namespace locvol {
+namespace {
+
+enum class Type { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+enum class Encoding { kAscii, kLittleEndian, kBigEndian };
+
+constexpr std::array<std::size_t, 8> kTypeBytes = {1, 1, 2, 2, 4, 4, 4, 8};
+constexpr std::array<std::pair<std::string_view, Type>, 16> kTypeNames = {{
+    {"char", Type::kInt8},
+    {"int8", Type::kInt8},
+    {"uchar", Type::kUint8},
+    {"uint8", Type::kUint8},
+    {"short", Type::kInt16},
+    {"int16", Type::kInt16},
+    {"ushort", Type::kUint16},
+    {"uint16", Type::kUint16},
+    {"int", Type::kInt32},
+    {"int32", Type::kInt32},
+    {"uint", Type::kUint32},
+    {"uint32", Type::kUint32},
+    {"float", Type::kFloat},
+    {"float32", Type::kFloat},
+    {"double", Type::kDouble},
+    {"float64", Type::kDouble},
+}};
+
+constexpr std::size_t bytes_of(Type type) { return kTypeBytes[static_cast<std::size_t>(type)]; }
+constexpr bool is_integer(Type type) { return type != Type::kFloat && type != Type::kDouble; }
+
+struct Property {
+  std::string name;
+  std::optional<Type> count_type;  // of a list
+  Type type = Type::kFloat;        // of a value
+};
+
+struct Element {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+struct Header {
+  Encoding encoding = Encoding::kAscii;
+  std::vector<Element> elements;
+};
+
+class HeaderParser {
+ public:
+  explicit HeaderParser(InputFile& file) : file_(file) {}
+
+  Header parse() {
+    next_line();
+    if (word() != "ply") file_.refuse_line("is no PLY file: its first line must be \"ply\"");
+    bool has_format = false;
+    for (;;) {
+      next_line();
+      const std::string_view keyword = word();
+      if (keyword == "end_header") break;
+      if (keyword == "format") {
+        header_.encoding = encoding();
+        has_format = true;
+      } else if (keyword == "element") {
+        header_.elements.push_back(element());
+      } else if (keyword == "property") {
+        if (header_.elements.empty()) file_.refuse_line("a property stands before any element");
+        header_.elements.back().properties.push_back(property());
+      } else if (keyword != "comment" && keyword != "obj_info" && !keyword.empty()) {
+        file_.refuse_line("is no line of a PLY header; the file is damaged");
+      }
+    }
+    if (!has_format) file_.refuse("its PLY header lacks the line \"format\"");
+    return std::move(header_);
+  }
+
+ private:
+  void next_line() {
+    if (!file_.next_line(line_))
+      file_.refuse("ends inside its PLY header: it is cut off; fetch or export it again");
+  }
+
+  // Cuts the next word off the line; empty at its end.
+  std::string_view word() {
+    line_.remove_prefix(std::min(line_.find_first_not_of(" \t"), line_.size()));
+    const std::string_view found = line_.substr(0, line_.find_first_of(" \t"));
+    line_.remove_prefix(found.size());
+    return found;
+  }
+
+  Encoding encoding() {
+    const std::string_view name = word();
+    if (name == "ascii") return Encoding::kAscii;
+    if (name == "binary_little_endian") return Encoding::kLittleEndian;
+    if (name == "binary_big_endian") return Encoding::kBigEndian;
+    file_.refuse_line(
+        "is no format of PLY; known are ascii, binary_little_endian and "
+        "binary_big_endian");
+  }
+
+  Element element() {
+    Element element;
+    element.name = word();
+    const std::int64_t count = TextScanner(file_).integer(word(), "number of elements");
+    if (count < 0) file_.refuse_line("the number of elements is negative");
+    element.count = static_cast<std::uint64_t>(count);
+    for (const Element& other : header_.elements)
+      if (other.name == element.name) file_.refuse_line("an element of this name is there already");
+    return element;
+  }
+
+  Property property() {
+    Property property;
+    std::string_view first = word();
+    if (first == "list") {
+      property.count_type = type(word());
+      if (!is_integer(*property.count_type)) file_.refuse_line("the count of a list is no integer");
+      first = word();
+    }
+    property.type = type(first);
+    property.name = word();
+    return property;
+  }
+
+  Type type(std::string_view name) const {
+    for (const auto& [known, type] : kTypeNames)
+      if (name == known) return type;
+    file_.refuse_line("has a property of unknown type; the file is damaged");
+  }
+
+  InputFile& file_;
+  std::string_view line_;
+  Header header_;
+};
+
+// Reads the values that follow the header, in the file's encoding.
+class ValueReader {
+ public:
+  ValueReader(InputFile& file, Encoding encoding)
+      : file_(file), encoding_(encoding), scanner_(file) {}
+
+  double number(Type type) {
+    if (encoding_ == Encoding::kAscii) return scanner_.coordinate_on_any_line();
+    const std::uint64_t bits = take_bits(type);
+    if (type == Type::kFloat) return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
+    if (type == Type::kDouble) return std::bit_cast<double>(bits);
+    return static_cast<double>(signed_value(type, bits));
+  }
+
+  // REQUIRES: is_integer(type)
+  std::uint64_t count(Type type, const char* what) {
+    if (encoding_ == Encoding::kAscii) return scanner_.count_on_any_line(what);
+    const std::int64_t value = signed_value(type, take_bits(type));
+    if (value < 0)
+      file_.refuse(fmt::format("the {} is negative ({}) before byte {}; the file is damaged", what,
+                               value, file_.position()));
+    return static_cast<std::uint64_t>(value);
+  }
+
+  void skip(const Property& property) {
+    const std::uint64_t n =
+        property.count_type ? count(*property.count_type, "length of a list") : 1;
+    for (std::uint64_t i = 0; i < n; ++i) {
+      if (encoding_ == Encoding::kAscii)
+        scanner_.word_on_any_line();
+      else
+        file_.take(bytes_of(property.type));
+    }
+  }
+
+  FilePlace place(std::uint64_t face) const {
+    if (encoding_ == Encoding::kAscii) return {FilePlace::Unit::kLine, file_.line_number()};
+    return {FilePlace::Unit::kFace, face + 1};
+  }
+
+  void check_end() {
+    if (!scanner_.at_line_end() || scanner_.next_line())
+      file_.refuse("goes on after the elements that its header promises; correct the header");
+  }
+
+ private:
+  std::uint64_t take_bits(Type type) {
+    const std::size_t n = bytes_of(type);
+    const unsigned char* const bytes = file_.take(n);
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < n; ++i)
+      bits = bits << 8 | bytes[encoding_ == Encoding::kBigEndian ? i : n - 1 - i];
+    return bits;
+  }
+
+  static std::int64_t signed_value(Type type, std::uint64_t bits) {
+    switch (type) {
+      case Type::kInt8:
+        return static_cast<std::int8_t>(bits);
+      case Type::kInt16:
+        return static_cast<std::int16_t>(bits);
+      case Type::kInt32:
+        return static_cast<std::int32_t>(bits);
+      default:
+        return static_cast<std::int64_t>(bits);
+    }
+  }
+
+  InputFile& file_;
+  Encoding encoding_;
+  TextScanner scanner_;
+};
+
+// The least bytes that one element takes: a list may be empty; a value in ASCII is a digit and a
+// blank or the end of the line.
+std::uint64_t min_bytes(const Element& element, Encoding encoding) {
+  std::uint64_t bytes = 0;
+  for (const Property& property : element.properties)
+    bytes +=
+        encoding == Encoding::kAscii ? 2 : bytes_of(property.count_type.value_or(property.type));
+  return bytes;
+}
+
+void check_counts(const InputFile& file, const Header& header) {
+  std::uint64_t available = file.remaining() + 1;  // the last line may lack its end
+  for (const Element& element : header.elements) {
+    if (element.count == 0) continue;
+    const std::uint64_t bytes = min_bytes(element, header.encoding);
+    if (bytes == 0) file.refuse(fmt::format("its element {} has no properties", element.name));
+    if (element.count > available / bytes)
+      file.refuse(
+          fmt::format("its header promises {} elements \"{}\", more than the remaining {} bytes "
+                      "can hold; the file "
+                      "is cut off or its header is wrong",
+                      element.count, element.name, file.remaining()));
+    available -= element.count * bytes;
+  }
+}
+
+const Element* find(const Header& header, std::string_view name) {
+  for (const Element& element : header.elements)
+    if (element.name == name) return &element;
+  return nullptr;
+}
+
+void read_vertices(const InputFile& file, const Element& element, ValueReader& values,
+                   SurfaceSink& sink) {
+  std::vector<int> axes;  // of each property; -1: none
+  for (const Property& p : element.properties)
+    axes.push_back(p.count_type    ? -1
+                   : p.name == "x" ? 0
+                   : p.name == "y" ? 1
+                   : p.name == "z" ? 2
+                                   : -1);
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::count(axes.begin(), axes.end(), axis) != 1)
+      file.refuse("its vertices must have one property each of the names x, y and z");
+
+  for (std::uint64_t v = 0; v < element.count; ++v) {
+    Point p;
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+      if (axes[i] < 0)
+        values.skip(element.properties[i]);
+      else
+        p[axes[i]] = values.number(element.properties[i].type);
+    }
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+      file.refuse(
+          fmt::format("vertex {} (counted from 0) has the coordinates ({}, {}, {}), which are "
+                      "not finite; remove it and its triangles, then close the holes",
+                      v, p.x, p.y, p.z));
+    sink.vertex(p);
+  }
+}
+
+void read_faces(const InputFile& file, const Element& element, ValueReader& values,
+                SurfaceSink& sink) {
+  std::optional<std::size_t> list;
+  for (std::size_t i = 0; i < element.properties.size(); ++i) {
+    const Property& p = element.properties[i];
+    if (p.name == "vertex_indices" || p.name == "vertex_index") list = i;
+  }
+  if (!list || !element.properties[*list].count_type || !is_integer(element.properties[*list].type))
+    file.refuse("its faces must have a list of integers named vertex_indices or vertex_index");
+
+  std::vector<std::uint64_t> corners;
+  for (std::uint64_t f = 0; f < element.count; ++f) {
+    for (std::size_t i = 0; i < element.properties.size(); ++i) {
+      const Property& p = element.properties[i];
+      if (i != *list) {
+        values.skip(p);
+        continue;
+      }
+      const std::uint64_t num_corners = values.count(*p.count_type, "number of corners");
+      corners.clear();
+      for (std::uint64_t c = 0; c < num_corners; ++c)
+        corners.push_back(values.count(p.type, "number of a vertex"));
+    }
+    sink.polygon(corners, values.place(f));
+  }
+}
+
+}  // namespace
+
+void parse_ply(InputFile& file, SurfaceSink& sink) {
+  const Header header = HeaderParser(file).parse();
+  check_counts(file, header);
+  const Element* const vertices = find(header, "vertex");
+  const Element* const faces = find(header, "face");
+  if (!faces && find(header, "tristrips"))
+    file.refuse("has triangle strips instead of faces; export it with faces");
+
+  ValueReader values(file, header.encoding);
+  for (const Element& element : header.elements) {
+    if (&element == vertices)
+      read_vertices(file, element, values, sink);
+    else if (&element == faces)
+      read_faces(file, element, values, sink);
+    else
+      for (std::uint64_t i = 0; i < element.count; ++i)
+        for (const Property& property : element.properties) values.skip(property);
+  }
+  values.check_end();
+}
+
+}  // namespace locvol

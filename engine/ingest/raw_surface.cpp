@@ -1,0 +1,249 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <utility>
+
+#include "engine/ingest/polygon_triangulation.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/ingest/surface_reader.h"
+#include "engine/ingest/vertex_spill.h"
+#include "refine/exact_predicates.h"
+
+namespace locvol {
+namespace {
+
+// Outside these, products of six lengths overflow or underflow.
+constexpr double kMinDiagonal = 1e-50, kMaxDiagonal = 1e50;
+// The least number of steps between representable coordinates along the diagonal.
+constexpr double kMinResolution = 1 << 20;
+// Their neighborhoods are repaired in memory.
+constexpr std::size_t kMaxCollinear = 200'000;
+
+Point without_negative_zero(const Point& p) { return {p.x + 0.0, p.y + 0.0, p.z + 0.0}; }
+
+// Polygons that name vertices which had not come yet, in a temporary file until all have.
+class DeferredPolygons {
+ public:
+  explicit DeferredPolygons(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  void append(std::span<const std::uint64_t> corners, const FilePlace& place) {
+    waiting_.push_back(static_cast<std::uint64_t>(place.unit));
+    waiting_.push_back(place.number);
+    waiting_.push_back(corners.size());
+    waiting_.insert(waiting_.end(), corners.begin(), corners.end());
+    if (waiting_.size() >= kBufferWords) flush();
+  }
+
+  template <class Visit>
+  void for_each(const Visit& visit) {
+    flush();
+    std::vector<std::uint64_t> corners;
+    Cursor cursor{*this};
+    while (!cursor.is_at_end()) {
+      FilePlace place;
+      place.unit = static_cast<FilePlace::Unit>(cursor.next());
+      place.number = cursor.next();
+      corners.resize(cursor.next());
+      for (std::uint64_t& c : corners) c = cursor.next();
+      visit(corners, place);
+    }
+  }
+
+ private:
+  static constexpr std::size_t kBufferWords = std::size_t{1} << 16;
+
+  struct Cursor {
+    bool is_at_end() const { return place == of.num_words_; }
+    std::uint64_t next() {
+      if (place == loaded_end) {
+        buffer.resize(std::min<std::uint64_t>(of.num_words_ - place, kBufferWords));
+        of.file_->read_at(place * sizeof(std::uint64_t), std::as_writable_bytes(std::span(buffer)));
+        loaded_end = place + buffer.size();
+      }
+      return buffer[buffer.size() - (loaded_end - place++)];
+    }
+
+    const DeferredPolygons& of;
+    std::uint64_t place = 0, loaded_end = 0;  // words
+    std::vector<std::uint64_t> buffer{};
+  };
+
+  void flush() {
+    if (waiting_.empty()) return;
+    if (!file_) file_.emplace(OpenFile::temporary(directory_ / "locvol-faces"));
+    file_->write_at(num_words_ * sizeof(std::uint64_t), std::as_bytes(std::span(waiting_)));
+    num_words_ += waiting_.size();
+    waiting_.clear();
+  }
+
+  std::filesystem::path directory_;
+  std::optional<OpenFile> file_;
+  std::uint64_t num_words_ = 0;
+  std::vector<std::uint64_t> waiting_;
+};
+
+class RawSurfaceBuilder : public SurfaceSink {
+ public:
+  RawSurfaceBuilder(const std::string& name, const std::filesystem::path& directory,
+                    IngestWatch& watch)
+      : watch_(watch), surface_(directory), vertices_(directory), deferred_(directory) {
+    surface_.file = name;
+  }
+
+  void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
+  void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override;
+  void facet(const std::array<Point, 3>& corners) override {
+    add_triangle(without_negative_zero(corners[0]), without_negative_zero(corners[1]),
+                 without_negative_zero(corners[2]));
+  }
+
+  RawSurface finish(std::string digest);
+
+ private:
+  void add(std::span<const std::uint64_t> corners, const FilePlace& place);
+  void add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place);
+  void add_triangle(const Point& a, const Point& b, const Point& c);
+  void check_not_empty() const;
+  void check_extent() const;
+
+  [[noreturn]] void refuse(const FilePlace& place, const std::string& what) const {
+    refuse(to_string(place) + ": " + what);
+  }
+  [[noreturn]] void refuse(const std::string& what) const {
+    throw InputError(surface_.file + ": " + what);
+  }
+
+  IngestWatch& watch_;
+  RawSurface surface_;
+  VertexSpill vertices_;
+  DeferredPolygons deferred_;
+  TriangleWriter writer_{surface_.spill, surface_.triangles};
+  std::uint64_t next_id_ = 0;
+  // Scratch of add_polygon().
+  std::vector<Point> ring_;
+  std::vector<std::array<std::uint32_t, 3>> ring_triangles_;
+};
+
+void RawSurfaceBuilder::polygon(std::span<const std::uint64_t> corners, const FilePlace& place) {
+  if (corners.size() < 3)
+    refuse(place, fmt::format("a face has {} corners; remove it, or correct it to at least 3",
+                              corners.size()));
+  if (corners.size() > kMaxPolygonCorners)
+    refuse(place, fmt::format("a face has {} corners, more than {}; cut it into triangles",
+                              corners.size(), kMaxPolygonCorners));
+  if (std::ranges::all_of(corners, [&](std::uint64_t c) { return c < vertices_.size(); }))
+    add(corners, place);
+  else
+    deferred_.append(corners, place);
+}
+
+RawSurface RawSurfaceBuilder::finish(std::string digest) {
+  deferred_.for_each([&](std::span<const std::uint64_t> corners, const FilePlace& place) {
+    for (const std::uint64_t c : corners)
+      if (c >= vertices_.size())
+        refuse(place, fmt::format("a face names vertex {} (counted from 0), but there are only "
+                                  "{}; the file is damaged",
+                                  c, vertices_.size()));
+    add(corners, place);
+  });
+  writer_.flush();
+  surface_.num_numbered_vertices = vertices_.size();
+  check_not_empty();
+  check_extent();
+  surface_.digest = std::move(digest);
+  return std::move(surface_);
+}
+
+void RawSurfaceBuilder::add(std::span<const std::uint64_t> corners, const FilePlace& place) {
+  if (corners.size() == 3)
+    add_triangle(vertices_.at(corners[0]), vertices_.at(corners[1]), vertices_.at(corners[2]));
+  else
+    add_polygon(corners, place);
+}
+
+void RawSurfaceBuilder::add_polygon(std::span<const std::uint64_t> corners,
+                                    const FilePlace& place) {
+  ring_.clear();
+  for (const std::uint64_t c : corners) {
+    const Point p = vertices_.at(c);
+    if (ring_.empty() || ring_.back() != p) ring_.push_back(p);
+  }
+  while (ring_.size() > 1 && ring_.front() == ring_.back()) ring_.pop_back();
+  if (ring_.size() < 3) {
+    ++surface_.num_collapsed;
+    return;
+  }
+  if (!triangulate_polygon(ring_, ring_triangles_))
+    refuse(place,
+           fmt::format("a face with {} corners crosses itself, seen along its normal; cut it "
+                       "into triangles",
+                       corners.size()));
+  for (const auto& [a, b, c] : ring_triangles_) add_triangle(ring_[a], ring_[b], ring_[c]);
+}
+
+void RawSurfaceBuilder::add_triangle(const Point& a, const Point& b, const Point& c) {
+  if (a == b || b == c || c == a) {
+    ++surface_.num_collapsed;
+    return;
+  }
+  const Triangle triangle{next_id_++, {a, b, c}};
+  surface_.box = triangle.id == 0 ? triangle.box() : surface_.box.joined(triangle.box());
+  if (are_collinear(a, b, c)) {
+    if (surface_.collinear.size() == kMaxCollinear)
+      refuse(
+          fmt::format("has more than {} triangles without area, for example triangle {}; remove "
+                      "degenerate faces",
+                      kMaxCollinear, triangle.id));
+    surface_.collinear.push_back(triangle);
+  }
+  writer_.append(triangle);
+  watch_.advance();
+}
+
+void RawSurfaceBuilder::check_not_empty() const {
+  if (next_id_ > 0) return;
+  if (surface_.num_collapsed > 0)
+    refuse("has only faces whose corners coincide; it bounds no volume");
+  const std::uint64_t n = vertices_.size();
+  if (n == 0) refuse("is empty: it has no vertices and no faces");
+  refuse(fmt::format("has {} {} but no faces; reconstruct a surface from its points first", n,
+                     n == 1 ? "vertex" : "vertices"));
+}
+
+void RawSurfaceBuilder::check_extent() const {
+  const auto text = [](const Point& p) { return fmt::format("({}, {}, {})", p.x, p.y, p.z); };
+  const Box& box = surface_.box;
+  const Point size = box.max - box.min;
+  const double diagonal = std::hypot(size.x, size.y, size.z);
+  if (!(diagonal >= kMinDiagonal && diagonal <= kMaxDiagonal))
+    refuse(fmt::format(
+        "its bounding box, {} to {}, has a diagonal of {}, outside {} to {}; choose another unit",
+        text(box.min), text(box.max), diagonal, kMinDiagonal, kMaxDiagonal));
+  double largest = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    largest = std::max({largest, std::abs(box.min[axis]), std::abs(box.max[axis])});
+  const double step = std::nextafter(largest, std::numeric_limits<double>::infinity()) - largest;
+  if (step * kMinResolution > diagonal)
+    refuse(fmt::format(
+        "lies so far from the origin ({} to {}) that its coordinates cannot tell its points "
+        "apart; move it to the origin",
+        text(box.min), text(box.max)));
+}
+
+}  // namespace
+
+RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                        IngestWatch& watch) {
+  RawSurfaceBuilder builder(source.name, directory, watch);
+  return builder.finish(source.parse(builder));
+}
+
+RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
+                        IngestWatch& watch) {
+  return read_surface(surface_in_file(file), directory, watch);
+}
+
+}  // namespace locvol

@@ -1,0 +1,160 @@
+#include "engine/ingest/start_leaves.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "engine/ingest/surface_check.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+namespace {
+
+// Beyond it the leaves' own records outweigh what they hold.
+constexpr std::size_t kMaxStartLeaves = std::size_t{1} << 21;
+
+// Cells of one level, each once. Memory: 16 bytes for each.
+class CellSet {
+ public:
+  explicit CellSet(std::size_t max_size) : max_size_(max_size) {}
+
+  // False: there are more than wanted.
+  bool add(MortonKey cell) {
+    if (!cells_.empty() && cells_.back() == cell) return true;
+    cells_.push_back(cell);
+    if (cells_.size() > kMinWaiting + 2 * num_united_) unite();
+    return num_united_ <= max_size_;
+  }
+  std::vector<MortonKey> take() {
+    unite();
+    return std::move(cells_);
+  }
+
+ private:
+  void unite() {
+    std::ranges::sort(cells_);
+    const auto repeated = std::ranges::unique(cells_);
+    cells_.erase(repeated.begin(), repeated.end());
+    num_united_ = cells_.size();
+  }
+
+  static constexpr std::size_t kMinWaiting = std::size_t{1} << 16;
+
+  std::size_t max_size_, num_united_ = 0;
+  std::vector<MortonKey> cells_;
+};
+
+// Finds the cells of one level within a distance of triangles, and perhaps some close beyond.
+class NearCells {
+ public:
+  NearCells(const Frame& frame, int level, double distance)
+      : frame_(frame), root_(frame.root_box()), level_(level), distance_(distance) {}
+
+  // False: there are more than a run may start with.
+  bool add(const Triangle& triangle) {
+    const Box reach = triangle.box().expanded(distance_);
+    if (has_last_ && contains(last_box_, reach)) return true;
+    const MortonKey low = frame_.key_of(in_root(reach.min), level_);
+    const MortonKey high = frame_.key_of(in_root(reach.max), level_);
+    MortonKey node = low;
+    while (!node.is_ancestor_or_self_of(high)) node = node.parent();
+    if (node.level() < level_) return descend(node, triangle, reach);
+    has_last_ = true;
+    last_box_ = frame_.box(node);
+    return cells_.add(node);
+  }
+
+  std::optional<std::vector<MortonKey>> take() {
+    std::vector<MortonKey> cells = cells_.take();
+    if (cells.size() > kMaxStartLeaves) return std::nullopt;
+    return cells;
+  }
+
+ private:
+  static bool contains(const Box& outer, const Box& inner) {
+    return outer.contains(inner.min) && outer.contains(inner.max);
+  }
+
+  bool descend(MortonKey node, const Triangle& triangle, const Box& reach) {
+    const Box box = frame_.box(node);
+    if (!reach.overlaps(box) || !meets(triangle, box.expanded(distance_))) return true;
+    if (node.level() == level_) return cells_.add(node);
+    for (int octant = 0; octant < 8; ++octant)
+      if (!descend(node.child(octant), triangle, reach)) return false;
+    return true;
+  }
+
+  Point in_root(Point p) const {
+    for (int axis = 0; axis < 3; ++axis)
+      p[axis] = std::clamp(p[axis], root_.min[axis], std::nextafter(root_.max[axis], -HUGE_VAL));
+    return p;
+  }
+
+  const Frame& frame_;
+  Box root_;
+  int level_;
+  double distance_;
+  CellSet cells_{kMaxStartLeaves};
+  bool has_last_ = false;
+  Box last_box_;
+};
+
+// Nothing, if there will be too many leaves.
+std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& surface,
+                                                        const RunParameters& parameters,
+                                                        IngestWatch& watch) {
+  const OctreePlan plan = plan_octree(parameters, surface.facts.box);
+  if (plan.level == 0) return std::vector{MortonKey::root()};
+  const double num_inside = surface.facts.volume / std::pow(plan.frame.side(plan.level), 3);
+  if (!(num_inside <= kMaxStartLeaves)) return std::nullopt;
+  NearCells near(plan.frame, plan.level, parameters.size);
+  for (const TriangleBucket& bucket : surface.buckets.all()) {
+    const Box cell = surface.buckets.frame().box(bucket.cell);
+    bool are_few = true;
+    surface.spill.for_each(bucket.triangles, [&](const Triangle& t) {
+      if (are_few && owns_triangle(cell, t)) are_few = near.add(t);
+    });
+    if (!are_few) return std::nullopt;
+    watch.advance(bucket.triangles.count);
+  }
+  auto cells = near.take();
+  if (!cells || static_cast<double>(coarsest_octree(*cells).size()) + num_inside > kMaxStartLeaves)
+    return std::nullopt;
+  return cells;
+}
+
+void complete(MortonKey node, std::span<const MortonKey> leaves, std::vector<MortonKey>& octree) {
+  if (leaves.empty() || leaves.front() == node) return octree.push_back(node);
+  for (int octant = 0; octant < 8; ++octant) {
+    const MortonKey child = node.child(octant);
+    const auto end = std::ranges::upper_bound(leaves, child.range_max());
+    complete(child, {leaves.begin(), end}, octree);
+    leaves = {end, leaves.end()};
+  }
+}
+
+}  // namespace
+
+std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
+                                          const RunParameters& parameters, IngestWatch& watch) {
+  if (auto cells = near_cells_if_few(surface, parameters, watch)) return std::move(*cells);
+  RunParameters larger = parameters;
+  do larger.size *= 1.5;
+  while (!near_cells_if_few(surface, larger, watch));
+  throw InputError(fmt::format(
+      "size {} with {} points to a leaf needs more than {} leaves: choose a size of at least "
+      "{:.3g}, or a larger leaf capacity",
+      parameters.size, parameters.leaf_capacity, kMaxStartLeaves, 1.01 * larger.size));
+}
+
+LinearOctree coarsest_octree(const std::vector<MortonKey>& leaves) {
+  std::vector<MortonKey> octree;
+  complete(MortonKey::root(), leaves, octree);
+  return LinearOctree(std::move(octree));
+}
+
+}  // namespace locvol

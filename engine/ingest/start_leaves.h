@@ -1,0 +1,25 @@
+// Which leaves a run starts with: small ones near the surface and inside, large ones elsewhere.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/run_setup.h"
+#include "octree/octree.h"
+
+namespace locvol {
+
+// The cells of the plan's level that the surface may come nearer than λ, in Morton order: the
+// leaves that may get surface points, however these are rounded. Those inside are found by their
+// sides, later. Memory: 32 MB. Throws InputError, with the cure, if there will be more than 2
+// million leaves; IngestStopped.
+std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
+                                          const RunParameters& parameters, IngestWatch& watch);
+
+// The coarsest octree that has all of `leaves` among its leaves. REQUIRES: they are in Morton
+// order, none inside another
+LinearOctree coarsest_octree(const std::vector<MortonKey>& leaves);
+
+}  // namespace locvol

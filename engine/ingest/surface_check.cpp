@@ -1,0 +1,359 @@
+#include "engine/ingest/surface_check.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <span>
+#include <utility>
+
+#include "engine/ingest/surface_topology.h"
+#include "engine/ingest/triangle_soup.h"
+#include "refine/self_intersection.h"
+
+namespace locvol {
+namespace {
+
+void note_pair(std::optional<TrianglePair>& smallest, const TrianglePair& pair) {
+  const auto ids = [](const TrianglePair& p) { return std::pair(p.first.id, p.second.id); };
+  if (!smallest || ids(pair) < ids(*smallest)) smallest = pair;
+}
+
+// What a cell has of a component.
+struct ComponentPart {
+  SurfaceComponent sum;
+  bool is_whole = true;  // no other cell has part of it
+};
+// A triangle that other cells may have, too.
+struct SharedTriangle {
+  std::uint64_t id = 0;
+  Point from, to;          // its first edge
+  std::uint32_t part = 0;  // of the cell
+  bool is_turned = false;  // against the part's orientation
+  bool is_last = false;    // no later cell has it
+};
+
+// What one cell has to say.
+struct CellReport {
+  SurfaceFindings findings;  // without components
+  std::vector<ComponentPart> parts;
+  std::vector<SharedTriangle> shared;
+};
+
+class CellCheck {
+ public:
+  CellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
+            double middle_z)
+      : triangles_(std::move(triangles)),
+        cell_(cell),
+        box_(buckets.frame().box(cell)),
+        buckets_(buckets),
+        middle_z_(middle_z),
+        soup_(soup_of(triangles_)),
+        mates_(3 * triangles_.size(), kNoHalfEdge),
+        is_copy_(triangles_.size()) {}
+
+  CellReport run(CheckScope scope) && {
+    pair_edges();
+    count_owned();
+    find_components();
+    if (scope == CheckScope::kAll) {
+      check_fans();
+      find_intersection();
+    }
+    return std::move(report_);
+  }
+
+ private:
+  const Point& position(std::uint32_t v) const { return soup_.vertices[v]; }
+  bool is_owned(std::uint32_t v) const { return is_owned_[v]; }
+
+  // ---- Edges ----
+
+  void pair_edges() {
+    is_owned_.resize(soup_.vertices.size());
+    for (std::size_t v = 0; v < is_owned_.size(); ++v)
+      is_owned_[v] = TriangleBuckets::owns(box_, soup_.vertices[v]);
+    EdgeTable(soup_.vertices.size(), soup_.triangles)
+        .for_each_edge([&](std::span<const std::uint32_t> uses) { take_edge(uses); });
+  }
+
+  void take_edge(std::span<const std::uint32_t> uses) {
+    if (uses.size() == 2 && apex(soup_.triangles, uses[0]) != apex(soup_.triangles, uses[1])) {
+      pair(uses[0], uses[1]);
+      return;
+    }
+    const bool is_ours = owner_of_edge(uses[0]);
+    if (is_ours) count_flaw(report_.findings.edges, uses.size(), uses[0]);
+    distinct_.clear();
+    for (const std::uint32_t h : uses) {
+      const auto same =
+          std::ranges::find(distinct_, apex(soup_.triangles, h),
+                            [&](std::uint32_t g) { return apex(soup_.triangles, g); });
+      if (same == distinct_.end())
+        distinct_.push_back(h);
+      else
+        note_copy(*same / 3, h / 3);
+    }
+    if (is_ours) {
+      count_flaw(report_.findings.edges_without_copies, distinct_.size(), distinct_[0]);
+      if (distinct_.size() < uses.size() && distinct_.size() != 2)
+        report_.findings.is_copy_needed = true;
+    }
+    if (distinct_.size() == 2) pair(distinct_[0], distinct_[1]);
+  }
+
+  void pair(std::uint32_t g, std::uint32_t h) {
+    mates_[g] = h;
+    mates_[h] = g;
+  }
+
+  bool owner_of_edge(std::uint32_t h) const {
+    const std::uint32_t v = origin(soup_.triangles, h), w = target(soup_.triangles, h);
+    return is_owned(position(v) < position(w) ? v : w);
+  }
+
+  void count_flaw(EdgeCounts& edges, std::size_t num_triangles, std::uint32_t h) {
+    if (num_triangles == 2) return;
+    EdgeFlaws& flaws = num_triangles == 1 ? edges.border : edges.overused;
+    add_flaw(flaws, h);
+  }
+
+  void add_flaw(EdgeFlaws& flaws, std::uint32_t h) {
+    flaws.add(3 * triangles_[h / 3].id + h % 3, position(origin(soup_.triangles, h)),
+              position(target(soup_.triangles, h)));
+  }
+
+  void note_copy(std::uint32_t first, std::uint32_t copy) {
+    if (is_copy_[copy]) return;  // known by another of its edges
+    is_copy_[copy] = true;
+    has_copies_ = true;
+    note_pair(report_.findings.first_copy, {triangles_[first], triangles_[copy]});
+  }
+
+  // ---- What is counted where it is owned ----
+
+  void count_owned() {
+    report_.findings.num_vertices +=
+        static_cast<std::uint64_t>(std::ranges::count(is_owned_, std::uint8_t{1}));
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+      if (!owns(t)) continue;
+      if (is_copy_[t]) {
+        ++report_.findings.num_copies;
+        continue;
+      }
+      ++report_.findings.num_triangles;
+      const auto& [a, b, c] = triangles_[t].corners;
+      report_.findings.area.add(0.5 * norm(cross(b - a, c - a)));
+    }
+  }
+
+  bool owns(std::uint32_t t) const {
+    const auto& [a, b, c] = soup_.triangles[t];
+    const int num_owned = is_owned_[a] + is_owned_[b] + is_owned_[c];
+    if (num_owned == 0 || num_owned == 3) return num_owned == 3;
+    return is_owned(std::min(
+        {a, b, c}, [&](std::uint32_t v, std::uint32_t w) { return position(v) < position(w); }));
+  }
+
+  // ---- Components ----
+
+  void find_components() {
+    const Components components = locvol::find_components(soup_.triangles, mates_);
+    if (components.conflict != kNoHalfEdge)
+      add_flaw(report_.findings.conflicts, components.conflict);
+    report_.parts.resize(components.count);
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+      if (is_copy_[t]) continue;
+      ComponentPart& part = report_.parts[components.of_triangle[t]];
+      add_to(part.sum, t, components.is_turned[t]);
+      if (!reaches_out(t)) continue;
+      part.is_whole = false;
+      report_.shared.push_back({.id = triangles_[t].id,
+                                .from = triangles_[t].corners[0],
+                                .to = triangles_[t].corners[1],
+                                .part = components.of_triangle[t],
+                                .is_turned = components.is_turned[t],
+                                .is_last = buckets_.last_met_by(triangles_[t]) == cell_});
+    }
+  }
+
+  // Lies the triangle on the cell's boundary, or beyond?
+  bool reaches_out(std::uint32_t t) const {
+    const Box b = triangles_[t].box();
+    return b.min.x <= box_.min.x || b.min.y <= box_.min.y || b.min.z <= box_.min.z ||
+           b.max.x >= box_.max.x || b.max.y >= box_.max.y || b.max.z >= box_.max.z;
+  }
+
+  // The volume between a triangle and the plane z = middle_z_; only its difference from the other
+  // triangles' matters, and its value to the last bit does not depend on the cells.
+  void add_to(SurfaceComponent& sum, std::uint32_t t, bool is_turned) {
+    const auto& [a, b, c] = triangles_[t].corners;
+    for (const Point& p : triangles_[t].corners)
+      if (is_above(p, sum.top)) sum.top = p;
+    if (!owns(t)) return;
+    ++sum.num_triangles;
+    if (is_turned) ++sum.num_turned;
+    const Point u = b - a, v = c - a;
+    const double za = a.z - middle_z_, zb = b.z - middle_z_, zc = c.z - middle_z_;
+    const double term = (za + zb + zc) * (u.x * v.y - u.y * v.x);
+    sum.six_volume.add(is_turned ? -term : term);
+    sum.six_volume_error += 16 * std::numeric_limits<double>::epsilon() *
+                            (std::abs(za) + std::abs(zb) + std::abs(zc)) *
+                            (std::abs(u.x * v.y) + std::abs(u.y * v.x));
+  }
+
+  // ---- Vertices and pairs ----
+
+  void check_fans() {
+    std::vector<std::uint32_t> num_triangles(soup_.vertices.size());
+    std::vector<std::uint32_t> outgoing(soup_.vertices.size(), kNoHalfEdge);
+    for (std::uint32_t h = 0; h < mates_.size(); ++h) {
+      if (is_copy_[h / 3]) continue;
+      ++num_triangles[origin(soup_.triangles, h)];
+      outgoing[origin(soup_.triangles, h)] = h;
+    }
+    for (std::uint32_t v = 0; v < outgoing.size(); ++v) {
+      if (!is_owned(v)) continue;
+      const std::uint32_t fan = fan_around(soup_.triangles, mates_, outgoing[v]);
+      if (fan == 0 || fan == num_triangles[v]) continue;
+      if (report_.findings.num_pinched++ == 0 || position(v) < report_.findings.first_pinched)
+        report_.findings.first_pinched = position(v);
+    }
+  }
+
+  void find_intersection() {
+    if (has_copies_) {
+      std::size_t kept = 0;
+      for (std::size_t t = 0; t < triangles_.size(); ++t) {
+        if (is_copy_[t]) continue;
+        triangles_[kept] = triangles_[t];
+        soup_.triangles[kept++] = soup_.triangles[t];
+      }
+      soup_.triangles.resize(kept);
+    }
+    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, box_);
+    if (pair)
+      note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
+  }
+
+  std::vector<Triangle> triangles_;
+  MortonKey cell_;
+  Box box_;
+  const TriangleBuckets& buckets_;
+  double middle_z_;
+  TriangleSoup soup_;
+  Mates mates_;  // without copies
+  std::vector<bool> is_copy_;
+  bool has_copies_ = false;
+  std::vector<std::uint8_t> is_owned_;  // by vertex
+  std::vector<std::uint32_t> distinct_;
+  CellReport report_;
+};
+
+}  // namespace
+
+void EdgeFlaws::add(std::uint64_t number, const Point& origin, const Point& target) {
+  ++count;
+  if (number > half_edge) return;
+  half_edge = number;
+  from = origin;
+  to = target;
+}
+
+void EdgeFlaws::add(const EdgeFlaws& others) {
+  if (others.half_edge < half_edge) {
+    half_edge = others.half_edge;
+    from = others.from;
+    to = others.to;
+  }
+  count += others.count;
+}
+
+void EdgeCounts::add(const EdgeCounts& others) {
+  border.add(others.border);
+  overused.add(others.overused);
+}
+
+void SurfaceFindings::add(const SurfaceFindings& others) {
+  edges.add(others.edges);
+  edges_without_copies.add(others.edges_without_copies);
+  num_copies += others.num_copies;
+  if (others.first_copy) note_pair(first_copy, *others.first_copy);
+  is_copy_needed |= others.is_copy_needed;
+  conflicts.add(others.conflicts);
+  if (others.num_pinched > 0 && (num_pinched == 0 || others.first_pinched < first_pinched))
+    first_pinched = others.first_pinched;
+  num_pinched += others.num_pinched;
+  if (others.intersection) note_pair(intersection, *others.intersection);
+  num_vertices += others.num_vertices;
+  num_triangles += others.num_triangles;
+  area.add(others.area);
+}
+
+namespace {
+
+// All that is known of the surface, cell after cell.
+struct SurfaceSummary {
+  SurfaceFindings findings;
+  ComponentJoiner joiner;
+
+  void add(const CellReport& cell) {
+    findings.add(cell.findings);
+    std::vector<std::uint32_t> numbers(cell.parts.size());
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      const auto& [sum, is_whole] = cell.parts[i];
+      if (std::isinf(sum.top.z)) continue;  // a copy
+      if (is_whole)
+        joiner.add_whole(sum);
+      else
+        numbers[i] = joiner.add_part(sum);
+    }
+    for (const SharedTriangle& t : cell.shared)
+      if (!joiner.join(t.id, numbers[t.part], t.is_turned, t.is_last))
+        findings.conflicts.add(3 * t.id, t.from, t.to);
+  }
+};
+
+}  // namespace
+
+SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
+                            const Box& box, CheckScope scope, IngestWatch& watch,
+                            Workers& workers) {
+  SurfaceSummary surface;
+  for_each_in_order(
+      workers, buckets.all(),
+      [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
+      [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
+        return CellCheck(std::move(triangles), bucket.cell, buckets, box.center().z).run(scope);
+      },
+      [&](const TriangleBucket& bucket, const CellReport& report) {
+        surface.add(report);
+        watch.advance(bucket.triangles.count);
+      });
+  surface.findings.components = surface.joiner.take_components();
+  return std::move(surface.findings);
+}
+
+void drop_copies(std::vector<Triangle>& triangles) {
+  std::vector<std::pair<std::array<Point, 3>, std::uint32_t>> sorted(triangles.size());
+  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+    sorted[t] = {triangles[t].corners, t};
+    std::ranges::sort(sorted[t].first);
+  }
+  std::ranges::sort(sorted);
+  std::vector<bool> is_copy(triangles.size());
+  for (std::size_t i = 1; i < sorted.size(); ++i)
+    is_copy[sorted[i].second] = sorted[i].first == sorted[i - 1].first;
+  std::size_t kept = 0;
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    if (!is_copy[t]) triangles[kept++] = triangles[t];
+  triangles.resize(kept);
+}
+
+bool owns_triangle(const Box& cell, const Triangle& triangle) {
+  return TriangleBuckets::owns(cell, std::ranges::min(triangle.corners));
+}
+
+}  // namespace locvol

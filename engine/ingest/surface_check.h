@@ -1,0 +1,76 @@
+// Judges a surface cell by cell.
+//
+// Everything is judged once, where all that matters is at hand: an edge in the cell that owns its
+// smaller vertex (in lexicographic order), a vertex in the cell that owns it, two triangles in
+// every cell that both meet. Triangles with the same vertices count once, unless said otherwise.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "engine/compensated_sum.h"
+#include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/surface_components.h"
+#include "engine/ingest/triangle_buckets.h"
+#include "engine/ingest/triangle_spill.h"
+#include "engine/workers.h"
+
+namespace locvol {
+
+struct EdgeFlaws {
+  std::uint64_t count = 0;
+  // The first in the file: corner `half_edge % 3` of triangle `half_edge / 3`.
+  std::uint64_t half_edge = ~std::uint64_t{0};
+  Point from, to;
+
+  void add(std::uint64_t number, const Point& origin, const Point& target);
+  void add(const EdgeFlaws& others);
+};
+
+struct EdgeCounts {
+  EdgeFlaws border;    // in one triangle
+  EdgeFlaws overused;  // in three or more
+
+  void add(const EdgeCounts& others);
+};
+
+using TrianglePair = std::pair<Triangle, Triangle>;  // the first has the smaller id
+
+struct SurfaceFindings {
+  EdgeCounts edges;                 // with all copies of triangles
+  EdgeCounts edges_without_copies;  // with one of each
+  std::uint64_t num_copies = 0;     // triangles beyond the first with the same vertices
+  std::optional<TrianglePair> first_copy;
+  bool is_copy_needed = false;  // a triangle with copies has an edge that is not in two triangles
+
+  EdgeFlaws conflicts;            // edges that no orientation can serve; some, if there are any
+  std::uint64_t num_pinched = 0;  // vertices whose triangles form more than one fan
+  Point first_pinched;            // the smallest
+  std::optional<TrianglePair> intersection;  // the smallest pair, by first and second id
+
+  std::uint64_t num_vertices = 0, num_triangles = 0;
+  CompensatedSum area;
+  std::vector<SurfaceComponent> components;
+
+  void add(const SurfaceFindings& others);  // but for their components
+};
+
+enum class CheckScope {
+  kNeighbors,  // edges and orientation only: all that can be said while triangles have no area
+  kAll,
+};
+
+// `box` is around the surface. Each thread is at a cell of its own.
+// Memory: see check_surface(). Throws as TriangleSpill, IngestStopped.
+SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
+                            const Box& box, CheckScope scope, IngestWatch& watch, Workers& workers);
+
+// Of triangles with the same vertices, all but the first. REQUIRES: they are in order of id
+void drop_copies(std::vector<Triangle>& triangles);
+
+// Is the triangle's smallest corner one that the cell owns?
+bool owns_triangle(const Box& cell, const Triangle& triangle);
+
+}  // namespace locvol

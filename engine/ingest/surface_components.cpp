@@ -1,0 +1,136 @@
+#include "engine/ingest/surface_components.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "refine/exact_predicates.h"
+
+namespace locvol {
+namespace {
+
+// The side of the directed edge ab on which p lies, seen from above, with p moved by an
+// infinitesimal (ε, ε²): 0 only if a and b are one point from there.
+int side_of_edge(const Point& a, const Point& b, const Point& p) {
+  const int side = orientation_along(2, a, b, p);
+  if (side != 0) return side;
+  if (a.y != b.y) return a.y > b.y ? 1 : -1;
+  return a.x == b.x ? 0 : b.x > a.x ? 1 : -1;
+}
+
+// Does the ray from p upward, so moved, cross the triangle? Not where it begins on it.
+bool ray_crosses(const Point& p, const Triangle& triangle) {
+  const auto& [a, b, c] = triangle.corners;
+  const int side = side_of_edge(a, b, p);
+  if (side == 0 || side_of_edge(b, c, p) != side || side_of_edge(c, a, p) != side) return false;
+  // The triangle turns left (right) as seen from above, so p is below it if abcp is negative
+  // (positive).
+  return orientation(a, b, c, p) * side < 0;
+}
+
+}  // namespace
+
+void SurfaceComponent::add(const SurfaceComponent& other, bool is_turned) {
+  if (is_above(other.top, top)) top = other.top;
+  CompensatedSum its = other.six_volume;
+  if (is_turned) its.negate();
+  six_volume.add(its);
+  six_volume_error += other.six_volume_error;
+  num_triangles += other.num_triangles;
+  num_turned += is_turned ? other.num_triangles - other.num_turned : other.num_turned;
+}
+
+std::uint32_t ComponentJoiner::add_part(const SurfaceComponent& part) {
+  const auto number = static_cast<std::uint32_t>(parts_.size());
+  parts_.push_back(part);
+  parents_.push_back({number, false});
+  return number;
+}
+
+bool ComponentJoiner::join(std::uint64_t triangle, std::uint32_t part, bool is_turned,
+                           bool is_last) {
+  const auto known = open_.find(triangle);
+  if (known == open_.end()) {
+    if (!is_last) open_.emplace(triangle, Place{part, is_turned});
+    return true;
+  }
+  const Place other = known->second;
+  if (is_last) open_.erase(known);
+  Place a = root_of(part), b = root_of(other.part);
+  const bool differ = (a.is_turned != is_turned) != (b.is_turned != other.is_turned);
+  if (a.part == b.part) return !differ;
+  if (a.part < b.part) std::swap(a, b);
+  parents_[a.part] = {b.part, differ};  // the first part stands for all
+  return true;
+}
+
+ComponentJoiner::Place ComponentJoiner::root_of(std::uint32_t part) {
+  Place root{part, false};
+  while (parents_[root.part].part != root.part) {
+    const Place parent = parents_[root.part];
+    root = {parent.part, root.is_turned != parent.is_turned};
+  }
+  bool is_turned = root.is_turned;
+  while (parents_[part].part != root.part && part != root.part) {  // shorten the path
+    const Place parent = parents_[part];
+    parents_[part] = {root.part, is_turned};
+    is_turned = is_turned != parent.is_turned;
+    part = parent.part;
+  }
+  return root;
+}
+
+std::vector<SurfaceComponent> ComponentJoiner::take_components() {
+  for (std::uint32_t part = 0; part < parts_.size(); ++part) {
+    const Place root = root_of(part);
+    if (root.part != part) parts_[root.part].add(parts_[part], root.is_turned);
+  }
+  for (std::uint32_t part = 0; part < parts_.size(); ++part)
+    if (parents_[part].part == part) components_.push_back(parts_[part]);
+  parts_.clear();
+  return std::move(components_);
+}
+
+Nesting::Nesting(std::span<const SurfaceComponent> components) {
+  for (std::uint32_t c = 0; c < components.size(); ++c) queries_.push_back({components[c].top, c});
+  build(0, queries_.size(), 0);
+}
+
+void Nesting::build(std::size_t begin, std::size_t end, int axis) {
+  if (end - begin < 2) return;
+  const std::size_t middle = begin + (end - begin) / 2;
+  const auto at = [&](std::size_t i) { return queries_.begin() + static_cast<std::ptrdiff_t>(i); };
+  std::nth_element(at(begin), at(middle), at(end), [axis](const Query& q, const Query& r) {
+    return q.point[axis] != r.point[axis] ? q.point[axis] < r.point[axis]
+                                          : q.component < r.component;
+  });
+  build(begin, middle, (axis + 1) % 3);
+  build(middle + 1, end, (axis + 1) % 3);
+}
+
+// A component's own triangles are never above its highest vertex.
+void Nesting::add(const Triangle& triangle) {
+  Box box = triangle.box();
+  box.min.z = -std::numeric_limits<double>::infinity();
+  visit(0, queries_.size(), 0, triangle, box);
+}
+
+void Nesting::visit(std::size_t begin, std::size_t end, int axis, const Triangle& triangle,
+                    const Box& box) {
+  if (begin == end) return;
+  const std::size_t middle = begin + (end - begin) / 2;
+  Query& query = queries_[middle];
+  if (box.contains(query.point) && ray_crosses(query.point, triangle)) query.is_odd = !query.is_odd;
+  const double at = query.point[axis];
+  if (box.min[axis] <= at) visit(begin, middle, (axis + 1) % 3, triangle, box);
+  if (box.max[axis] >= at) visit(middle + 1, end, (axis + 1) % 3, triangle, box);
+}
+
+std::vector<bool> Nesting::take_cavities() {
+  std::vector<bool> is_cavity(queries_.size());
+  for (const Query& query : queries_) is_cavity[query.component] = query.is_odd;
+  return is_cavity;
+}
+
+}  // namespace locvol

@@ -1,0 +1,24 @@
+// One parser for each surface format; parse_surface() chooses. All throw InputError.
+#pragma once
+
+#include <string_view>
+
+#include "engine/ingest/input_file.h"
+#include "engine/ingest/surface_reader.h"
+
+namespace locvol {
+
+void parse_binary_stl(InputFile& file, SurfaceSink& sink);
+void parse_ascii_stl(InputFile& file, SurfaceSink& sink);
+void parse_obj(InputFile& file, SurfaceSink& sink);
+void parse_off(InputFile& file, SurfaceSink& sink);
+void parse_ply(InputFile& file, SurfaceSink& sink);
+
+// Do the file's size and its count of triangles agree, as in every whole binary STL file?
+bool is_binary_stl(InputFile& file);
+// Is this the first word of an OFF file (OFF, COFF, NOFF, …, also those of other dimensions)?
+bool is_off_keyword(std::string_view word);
+// Is this a word that may begin a line of an OBJ file?
+bool is_obj_keyword(std::string_view word);
+
+}  // namespace locvol

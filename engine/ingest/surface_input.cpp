@@ -1,0 +1,332 @@
+#include "engine/ingest/surface_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "engine/ingest/surface_check.h"
+#include "engine/ingest/surface_repair.h"
+#include "engine/ingest/triangle_soup.h"
+
+namespace locvol {
+namespace {
+
+// Around triangles without area, repaired in memory.
+constexpr std::size_t kMaxPieceTriangles = 1'000'000;
+
+std::string text(const Point& p) { return fmt::format("({}, {}, {})", p.x, p.y, p.z); }
+
+std::string text(const Triangle& t) {
+  return fmt::format("triangle {} with the corners {}, {}, {}", t.id, text(t.corners[0]),
+                     text(t.corners[1]), text(t.corners[2]));
+}
+
+std::string text(const EdgeFlaws& flaws) {
+  return fmt::format("{} to {} of triangle {}", text(flaws.from), text(flaws.to),
+                     flaws.half_edge / 3);
+}
+
+std::string counted(std::uint64_t count, std::string_view one, std::string_view many) {
+  return fmt::format("{} {}", count, count == 1 ? one : many);
+}
+
+// Takes a surface as read through repairs and checks. What is wrong first is told first: in an
+// order in which each check may rely on those before it.
+class SurfacePreparation {
+ public:
+  SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
+                     std::uint64_t bucket_capacity)
+      : raw_(std::move(raw)), watch_(watch), workers_(workers), buckets_(frame, bucket_capacity) {}
+
+  CheckedSurface run() {
+    const bool has_area = raw_.collinear.empty();
+    distribute({}, !has_area);
+    check(has_area ? CheckScope::kAll : CheckScope::kNeighbors);
+    check_edges();
+    check_orientation();
+    if (!has_area) {
+      distribute(flipped_triangles(), false);
+      check(CheckScope::kAll);
+      check_edges();
+      check_orientation();
+    }
+    check_vertices();
+    check_self_intersection();
+    note_repairs();
+    measure();
+    return result();
+  }
+
+ private:
+  void distribute(const TriangleChanges& changes, bool is_to_be_repaired) {
+    buckets_.distribute(raw_.spill, raw_.triangles, raw_.box, changes, is_to_be_repaired, watch_);
+  }
+
+  void check(CheckScope scope) {
+    findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_, workers_);
+    // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
+    // each; elsewhere they stay, for they are part of what is wrong.
+    drops_copies_ =
+        findings_.num_copies > 0 && findings_.edges.overused.count > 0 && !findings_.is_copy_needed;
+  }
+
+  void check_edges() const {
+    const EdgeCounts& edges = drops_copies_ ? findings_.edges_without_copies : findings_.edges;
+    if (edges.border.count > 0)
+      refuse("is not closed: {}, for example that from {}; close the holes",
+             counted(edges.border.count, "edge belongs to one triangle only",
+                     "edges belong to one triangle only"),
+             text(edges.border));
+    if (edges.overused.count > 0)
+      refuse(
+          "is not manifold: {}, for example that from {}; separate the parts that touch there, or "
+          "remove inner and doubled faces",
+          counted(edges.overused.count, "edge belongs to more than two triangles",
+                  "edges belong to more than two triangles"),
+          text(edges.overused));
+  }
+
+  void check_orientation() const {
+    if (findings_.conflicts.count > 0)
+      refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside",
+             text(findings_.conflicts));
+  }
+
+  // Flips edges of triangles without area, in the piece of the surface around them, which grows
+  // until it holds all that the flips must see.
+  TriangleChanges flipped_triangles() {
+    std::set<Point> whole;  // vertices with all their triangles in the piece
+    for (const Triangle& t : raw_.collinear) whole.insert(t.corners.begin(), t.corners.end());
+    for (;;) {
+      const std::vector<Triangle> piece = triangles_around(whole);
+      TriangleSoup soup = soup_of(piece);
+      std::vector<bool> is_whole(soup.vertices.size());
+      for (std::size_t v = 0; v < is_whole.size(); ++v)
+        is_whole[v] = whole.contains(soup.vertices[v]);
+      const FlipResult flips = flip_collinear_triangles(soup, is_whole, collinear_in(piece));
+      for (const std::uint32_t v : flips.beyond) whole.insert(soup.vertices[v]);
+      if (!flips.beyond.empty()) continue;
+      const auto triangle = [&](std::uint32_t t) -> Triangle {
+        const auto& [a, b, c] = soup.triangles[t];
+        return {piece[t].id, {soup.vertices[a], soup.vertices[b], soup.vertices[c]}};
+      };
+      if (flips.remaining)
+        refuse(
+            "{} has no area, its corners lie on a line, and there is no unambiguous repair; remove "
+            "degenerate faces",
+            text(triangle(*flips.remaining)));
+      TriangleChanges changes;
+      std::ranges::transform(flips.changed, std::back_inserter(changes), triangle);
+      if (drops_copies_) change_copies(piece, triangles_around(whole, true), changes);
+      return changes;
+    }
+  }
+
+  // Copies change as the first of them does, so that they remain copies. `with_copies`: the piece
+  // and the copies of its triangles.
+  static void change_copies(const std::vector<Triangle>& piece,
+                            const std::vector<Triangle>& with_copies, TriangleChanges& changes) {
+    const auto vertices_of = [](Triangle t) {
+      std::ranges::sort(t.corners);
+      return t.corners;
+    };
+    std::map<std::array<Point, 3>, std::array<Point, 3>> changed_corners;
+    for (const Triangle& change : changes) {
+      const auto before = std::ranges::lower_bound(piece, change.id, {}, &Triangle::id);
+      changed_corners[vertices_of(*before)] = change.corners;
+    }
+    for (const Triangle& t : with_copies) {
+      if (std::ranges::binary_search(piece, t.id, {}, &Triangle::id)) continue;
+      const auto changed = changed_corners.find(vertices_of(t));
+      if (changed != changed_corners.end()) changes.push_back({t.id, changed->second});
+    }
+    std::ranges::sort(changes, {}, &Triangle::id);
+  }
+
+  // All triangles with a corner among `vertices`, in order of id.
+  std::vector<Triangle> triangles_around(const std::set<Point>& vertices,
+                                         bool has_copies = false) const {
+    std::vector<MortonKey> owners;
+    for (const Point& p : vertices)
+      owners.push_back(buckets_.under(buckets_.frame().key_of(p)).front().cell);
+    std::ranges::sort(owners);
+    const auto repeated = std::ranges::unique(owners);
+    owners.erase(repeated.begin(), repeated.end());
+
+    std::vector<Triangle> piece;
+    for (const MortonKey owner : owners) {
+      const TriangleBucket& bucket = buckets_.under(owner).front();
+      const auto held = has_copies ? raw_.spill.load(bucket.triangles) : load(bucket);
+      std::ranges::copy_if(held, std::back_inserter(piece), [&](const Triangle& t) {
+        return std::ranges::any_of(t.corners, [&](const Point& p) { return vertices.contains(p); });
+      });
+      if (piece.size() > kMaxPieceTriangles)
+        refuse(
+            "has {} without area, and more than {} triangles around them; remove degenerate faces",
+            counted(raw_.collinear.size(), "triangle", "triangles"), kMaxPieceTriangles);
+    }
+    std::ranges::sort(piece, {}, &Triangle::id);
+    const auto again = std::ranges::unique(piece, {}, &Triangle::id);
+    piece.erase(again.begin(), again.end());
+    return piece;
+  }
+
+  std::vector<std::uint32_t> collinear_in(const std::vector<Triangle>& piece) const {
+    std::vector<std::uint32_t> numbers;
+    for (const Triangle& t : raw_.collinear) {
+      const auto place = std::ranges::lower_bound(piece, t.id, {}, &Triangle::id);
+      if (place != piece.end() && place->id == t.id)  // not there: a copy that was dropped
+        numbers.push_back(static_cast<std::uint32_t>(place - piece.begin()));
+    }
+    return numbers;
+  }
+
+  std::vector<Triangle> load(const TriangleBucket& bucket) const {
+    std::vector<Triangle> triangles = raw_.spill.load(bucket.triangles);
+    if (drops_copies_) drop_copies(triangles);
+    return triangles;
+  }
+
+  void check_vertices() const {
+    if (findings_.num_pinched > 0)
+      refuse("is not manifold: {}, for example {}; separate the parts that touch there",
+             counted(findings_.num_pinched, "vertex joins two parts that share no edge there",
+                     "vertices join parts that share no edge there"),
+             text(findings_.first_pinched));
+  }
+
+  void check_self_intersection() const {
+    auto pair = findings_.intersection;
+    if (!drops_copies_ && findings_.first_copy) {
+      const auto ids = [](const TrianglePair& p) { return std::pair(p.first.id, p.second.id); };
+      if (!pair || ids(*findings_.first_copy) < ids(*pair)) pair = findings_.first_copy;
+    }
+    if (pair)
+      refuse(
+          "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
+          "parts",
+          text(pair->first), text(pair->second));
+  }
+
+  void note_repairs() {
+    if (raw_.num_numbered_vertices > findings_.num_vertices)
+      note("left out {} of no face, or at the same place as another",
+           raw_.num_numbered_vertices - findings_.num_vertices, "vertex", "vertices");
+    note("dropped {} with two equal corners", raw_.num_collapsed, "triangle", "triangles");
+    if (drops_copies_)
+      note("dropped {} that repeated another", findings_.num_copies, "triangle", "triangles");
+    note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
+  }
+
+  // The volume is that of the material: less in cavities. Orientation is the file's own affair; the
+  // user may want to know.
+  void measure() {
+    const std::vector<SurfaceComponent>& components = findings_.components;
+    const std::vector<bool> is_cavity = cavities();
+    CompensatedSum volume;
+    std::uint64_t num_turned = 0;
+    for (std::size_t c = 0; c < components.size(); ++c) {
+      if (!components[c].has_certain_volume())
+        refuse("bounds no volume, to within rounding errors{}",
+               components.size() == 1
+                   ? ""
+                   : fmt::format(", in its component up to {}", text(components[c].top)));
+      const double enclosed = std::abs(components[c].volume());
+      volume.add(is_cavity[c] ? -enclosed : enclosed);
+      const bool is_wrong = (components[c].volume() < 0) != is_cavity[c];
+      num_turned += is_wrong ? components[c].num_triangles - components[c].num_turned
+                             : components[c].num_turned;
+    }
+    volume_ = volume.value();
+    note("{} toward the material, where others face away; sides are found without that", num_turned,
+         "triangle faces", "triangles face");
+  }
+
+  std::vector<bool> cavities() {
+    if (findings_.components.size() < 2) return {false};
+    Nesting nesting(findings_.components);
+    for (const TriangleBucket& bucket : buckets_.all()) {
+      const Box cell = buckets_.frame().box(bucket.cell);
+      for (const Triangle& t : load(bucket))
+        if (owns_triangle(cell, t)) nesting.add(t);
+      watch_.advance(bucket.triangles.count);
+    }
+    return nesting.take_cavities();
+  }
+
+  CheckedSurface result() {
+    CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
+    surface.has_copies = drops_copies_;
+    surface.facts = {.file = raw_.file,
+                     .num_vertices = findings_.num_vertices,
+                     .num_triangles = findings_.num_triangles,
+                     .num_components = findings_.components.size(),
+                     .euler_characteristic = static_cast<std::int64_t>(findings_.num_vertices) -
+                                             static_cast<std::int64_t>(findings_.num_triangles / 2),
+                     .area = findings_.area.value(),
+                     .volume = volume_,
+                     .box = raw_.box,
+                     .notes = std::move(notes_)};
+    return surface;
+  }
+
+  void note(std::string_view pattern, std::uint64_t count, std::string_view one,
+            std::string_view many) {
+    if (count > 0) notes_.push_back(fmt::format(fmt::runtime(pattern), counted(count, one, many)));
+  }
+
+  template <typename... Args>
+  [[noreturn]] void refuse(fmt::format_string<Args...> pattern, Args&&... args) const {
+    throw InputError(
+        fmt::format("{}: {}", raw_.file, fmt::format(pattern, std::forward<Args>(args)...)));
+  }
+
+  RawSurface raw_;
+  IngestWatch& watch_;
+  Workers& workers_;
+  TriangleBuckets buckets_;
+  SurfaceFindings findings_;
+  bool drops_copies_ = false;
+  double volume_ = 0;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace
+
+std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
+  std::vector<Triangle> triangles = spill.load(bucket.triangles);
+  if (has_copies) drop_copies(triangles);
+  return triangles;
+}
+
+CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
+                             Workers& workers, std::uint64_t bucket_capacity) {
+  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity).run();
+}
+
+Frame frame_of(const Box& surface) {
+  const Point sides = surface.max - surface.min;
+  for (double leaf_side = std::max({sides.x, sides.y, sides.z});; leaf_side *= 2) {
+    try {
+      return Frame::around(surface, 0, leaf_side);
+    } catch (const std::invalid_argument&) {
+      // Its grid would be finer than the coordinates so far from the origin: a wider one is not.
+    }
+  }
+}
+
+SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                               IngestWatch& watch, Workers& workers) {
+  RawSurface raw = read_surface(source, directory, watch);
+  const std::string digest = raw.digest;
+  const Frame frame = frame_of(raw.box);
+  return {check_surface(std::move(raw), frame, watch, workers).facts, digest};
+}
+
+}  // namespace locvol

@@ -1,0 +1,89 @@
+// Reads a surface of any size, repairs what is unambiguous, and refuses what bounds no
+// volume.
+//
+//   source ──read_surface()──> RawSurface ──check_surface()──> CheckedSurface
+//
+// Both hold their triangles in temporary files. Vertices are what their coordinates are: corners at
+// one place are one vertex.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/surface_source.h"
+#include "engine/ingest/triangle_buckets.h"
+#include "engine/ingest/triangle_spill.h"
+#include "engine/input_error.h"
+#include "engine/workers.h"
+#include "octree/frame.h"
+#include "octree/geometry.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+// What a source gives: polygons are cut into triangles, those with two equal corners are left out,
+// and no coordinate is -0.0. Ids count in its order.
+struct RawSurface {
+  explicit RawSurface(const std::filesystem::path& directory) : spill(directory) {}
+
+  std::string file;    // SurfaceSource::name
+  std::string digest;  // of SurfaceSource
+  Box box;
+  TriangleSpill spill;
+  TriangleList triangles;
+  std::uint64_t num_numbered_vertices = 0;  // of formats whose faces name their vertices
+  std::uint64_t num_collapsed = 0;          // triangles left out
+  std::vector<Triangle> collinear;          // those without area, in order of id
+};
+
+// Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
+// first, then by extension. Temporary files are made in `directory`, which must exist.
+// Memory: 25 MB for the vertices of files that number them; 16 MB for triangles without area.
+// Throws InputError, also for what is empty or cannot be told apart in double arithmetic;
+// std::system_error where the disk fails; IngestStopped.
+RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                        IngestWatch& watch);
+RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
+                        IngestWatch& watch);
+
+// A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
+// keep the order of their corners: nothing relies on it, sides are found by parity.
+struct CheckedSurface {
+  CheckedSurface(TriangleSpill the_spill, TriangleBuckets the_buckets)
+      : spill(std::move(the_spill)), buckets(std::move(the_buckets)) {}
+
+  // The triangles that meet the bucket's box, in order of id.
+  std::vector<Triangle> load(const TriangleBucket& bucket) const;
+
+  SurfaceFacts facts;
+  TriangleSpill spill;
+  TriangleBuckets buckets;
+  bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
+};
+
+// The bucket's capacity decides how the work is cut, never its result.
+inline constexpr std::uint64_t kBucketCapacity = 50'000;
+
+// REQUIRES: the frame contains the surface
+// Memory: some 300 bytes a triangle of one bucket for each thread, 16 MB while triangles are
+// distributed, and 60 bytes a component. A bucket outgrows its capacity where more triangles than
+// that meet in a point. Throws InputError, std::system_error, IngestStopped.
+CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
+                             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity);
+
+// A frame for a surface that is checked only.
+Frame frame_of(const Box& surface);
+
+// What can be known of a surface without a run.
+struct SurveyedSurface {
+  SurfaceFacts facts;
+  std::string digest;
+};
+// Reads and checks it; of it, nothing stays. Throws as both.
+SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+                               IngestWatch& watch, Workers& workers);
+
+}  // namespace locvol

@@ -1,0 +1,30 @@
+// Gives triangles without area one, by flips of edges that leave the set of the surface's points as
+// it is.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "engine/ingest/surface_topology.h"
+#include "engine/ingest/triangle_soup.h"
+
+namespace locvol {
+
+struct FlipResult {
+  std::vector<std::uint32_t> changed;      // triangles, ascending
+  std::optional<std::uint32_t> remaining;  // a triangle that could not be repaired
+  // Vertices with triangles beyond the piece that the repair must see: unless there are none, the
+  // result is void.
+  std::vector<std::uint32_t> beyond;
+};
+
+// Where the middle corner b of a collinear triangle lies on its edge ac, the triangle acd beyond
+// that edge is cut at b, and acb, acd become bad, dcb. Fails where b and d are joined already.
+// `collinear`: the triangles to be repaired. `is_whole`: by vertex, are all its triangles here?
+// REQUIRES: the soup is a piece of a closed, orientable surface with each edge in two triangles
+FlipResult flip_collinear_triangles(TriangleSoup& soup, const std::vector<bool>& is_whole,
+                                    std::vector<std::uint32_t> collinear);
+
+}  // namespace locvol

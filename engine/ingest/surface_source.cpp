@@ -1,0 +1,84 @@
+#include "engine/ingest/surface_source.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdint>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/ingest/file_digest.h"
+#include "engine/input_error.h"
+
+namespace locvol {
+namespace {
+
+// Begins what is hashed, so that no file has the digest of a surface in memory.
+constexpr std::string_view kDigestPrefix = "locvol triangles\n";
+constexpr std::size_t kHashedAtOnce = 256;  // triangles
+
+class TriangleDigest {
+ public:
+  TriangleDigest() {
+    hash_.update(kDigestPrefix.data(), kDigestPrefix.size());
+    waiting_.reserve(kHashedAtOnce);
+  }
+  void add(const std::array<Point, 3>& corners) {
+    waiting_.push_back(corners);
+    if (waiting_.size() == kHashedAtOnce) flush();
+  }
+  std::string finish() {
+    flush();
+    return hash_.hex_digest();
+  }
+
+ private:
+  void flush() {
+    hash_.update(waiting_.data(), waiting_.size() * sizeof waiting_[0]);
+    waiting_.clear();
+  }
+
+  Sha256 hash_;
+  std::vector<std::array<Point, 3>> waiting_;
+};
+
+void check_finite(const std::array<Point, 3>& corners, std::uint64_t triangle) {
+  for (const Point& p : corners)
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+      throw InputError(
+          fmt::format("{}: triangle {} (counted from 0) has a corner at ({}, {}, {}), which is not "
+                      "finite; remove the triangle, then close the hole",
+                      kInMemory, triangle, p.x, p.y, p.z));
+}
+
+std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink) {
+  TriangleDigest digest;
+  std::uint64_t num_triangles = 0;
+  triangles([&](const std::array<Point, 3>& corners) {
+    check_finite(corners, num_triangles++);
+    digest.add(corners);
+    sink.facet(corners);
+  });
+  return digest.finish();
+}
+
+std::string digest_of_triangles(const TriangleSource& triangles) {
+  TriangleDigest digest;
+  triangles([&](const std::array<Point, 3>& corners) { digest.add(corners); });
+  return digest.finish();
+}
+
+}  // namespace
+
+SurfaceSource surface_in_file(const std::filesystem::path& file) {
+  return {file.string(), [file](SurfaceSink& sink) { return parse_surface(file, sink); },
+          [file] { return digest_of_file(file); }};
+}
+
+SurfaceSource surface_in_memory(TriangleSource triangles) {
+  return {kInMemory, [triangles](SurfaceSink& sink) { return parse_triangles(triangles, sink); },
+          [triangles] { return digest_of_triangles(triangles); }};
+}
+
+}  // namespace locvol

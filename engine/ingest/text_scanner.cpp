@@ -1,0 +1,104 @@
+#include "engine/ingest/text_scanner.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <system_error>
+
+namespace locvol {
+namespace {
+
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+// A word as it may be shown in a message: short, and without control characters.
+std::string shown(std::string_view word) {
+  std::string text(word.substr(0, 40));
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e) c = '?';
+  return word.size() > 40 ? text + "..." : text;
+}
+
+// from_chars() knows no leading plus.
+std::string_view without_plus(std::string_view word) {
+  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
+  return word;
+}
+
+}  // namespace
+
+bool TextScanner::next_line() {
+  while (file_.next_line(rest_)) {
+    if (comment_ != '\0') rest_ = rest_.substr(0, rest_.find(comment_));
+    if (!at_line_end()) return true;
+  }
+  rest_ = {};
+  return false;
+}
+
+bool TextScanner::at_line_end() {
+  std::size_t i = 0;
+  while (i < rest_.size() && is_blank(rest_[i])) ++i;
+  rest_.remove_prefix(i);
+  return rest_.empty();
+}
+
+std::string_view TextScanner::word() {
+  if (at_line_end()) return {};
+  std::size_t length = 1;
+  while (length < rest_.size() && !is_blank(rest_[length])) ++length;
+  const std::string_view word = rest_.substr(0, length);
+  rest_.remove_prefix(length);
+  return word;
+}
+
+std::string_view TextScanner::word_on_any_line() {
+  if (at_line_end() && !next_line()) file_.refuse_truncated();
+  return word();
+}
+
+double TextScanner::coordinate() {
+  const std::string_view next = word();
+  if (next.empty()) file_.refuse_line("a coordinate is missing; the file is damaged or cut off");
+  return coordinate(next);
+}
+
+std::uint64_t TextScanner::count_on_any_line(const char* what) {
+  const std::int64_t count = integer(word_on_any_line(), what);
+  if (count < 0) file_.refuse_line(fmt::format("the {} is negative ({})", what, count));
+  return static_cast<std::uint64_t>(count);
+}
+
+double TextScanner::coordinate(std::string_view word) const {
+  const std::string_view digits = without_plus(word);
+  double value = 0;
+  auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  // Out of range: too large, or so small that it rounds to 0 or a denormal, as strtod() does.
+  if (error == std::errc::result_out_of_range)
+    value = std::strtod(std::string(digits).c_str(), nullptr);
+  else if (error != std::errc())
+    end = digits.data();
+  if (end != digits.data() + digits.size())
+    file_.refuse_line(fmt::format("\"{}\" is no number (with a decimal point)", shown(word)));
+  if (!std::isfinite(value))
+    file_.refuse_line(
+        fmt::format("the coordinate \"{}\" is not finite; remove the damaged vertex "
+                    "and its triangles, then close the holes",
+                    shown(word)));
+  return value;
+}
+
+std::int64_t TextScanner::integer(std::string_view word, const char* what) const {
+  if (word.empty()) file_.refuse_line(fmt::format("the {} is missing", what));
+  const std::string_view digits = without_plus(word);
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (error != std::errc() || end != digits.data() + digits.size())
+    file_.refuse_line(
+        fmt::format("\"{}\" is no integer, but the {} is expected", shown(word), what));
+  return value;
+}
+
+}  // namespace locvol

@@ -1,0 +1,261 @@
+#include "engine/ingest/triangle_buckets.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "refine/triangle_box.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::uint64_t kMaxFanOut = 512;
+
+// A cell all of whose triangles would be found again in one part of it, and most in others too.
+constexpr double kCrowded = 0.75, kSpread = 2;
+
+struct CellRange {
+  std::uint32_t first = 0, last = 0;
+  std::uint32_t count() const { return last - first + 1; }
+};
+
+// The cells of one level below a node, as far as a box reaches.
+class CellGrid {
+ public:
+  CellGrid(const Frame& frame, MortonKey node, int level, const Box& box)
+      : level_(level), step_(std::uint32_t{1} << (MortonKey::kMaxLevel - level)) {
+    const GridPoint low = node.grid_min();
+    const std::array<std::uint32_t, 3> lows{low.x, low.y, low.z};
+    const std::uint32_t count = node.grid_side() / step_;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      // Only positions inside the box' reach are listed: a needle's node may have millions.
+      const auto position = [&](std::uint32_t i) {
+        const std::uint32_t g = lows[axis] + i * step_;
+        return frame.position({g, g, g})[static_cast<int>(axis)];
+      };
+      const double from = box.min[static_cast<int>(axis)], to = box.max[static_cast<int>(axis)];
+      const std::uint32_t first =
+          lower(count, [&](std::uint32_t i) { return position(i + 1) >= from; });
+      const std::uint32_t end = lower(count, [&](std::uint32_t i) { return position(i) > to; });
+      base_[axis] = lows[axis] + first * step_;
+      num_[axis] = end - first;
+      bounds_[axis].clear();
+      if (num_[axis] > kMaxFanOut) continue;  // too many for a pass
+      for (std::uint32_t i = first; i <= end; ++i) bounds_[axis].push_back(position(i));
+    }
+  }
+
+  std::uint64_t size() const { return std::uint64_t{num_[0]} * num_[1] * num_[2]; }
+
+  // The cells whose closed extent meets [low, high] on one axis, as far as the grid reaches.
+  CellRange range(std::size_t axis, double low, double high) const {
+    const std::vector<double>& bounds = bounds_[axis];
+    const std::uint32_t last = num_[axis] - 1;
+    const double cell = bounds[1] - bounds[0];
+    const auto guess = [&](double v) {
+      const double i = std::floor((v - bounds[0]) / cell);
+      return i <= 0 ? 0 : i >= last ? last : static_cast<std::uint32_t>(i);
+    };
+    CellRange range{guess(low), guess(high)};
+    while (range.first > 0 && bounds[range.first] >= low) --range.first;
+    while (range.first < last && bounds[range.first + 1] < low) ++range.first;
+    while (range.last > 0 && bounds[range.last] > high) --range.last;
+    while (range.last < last && bounds[range.last + 1] <= high) ++range.last;
+    return range;
+  }
+  std::size_t index(std::uint32_t i, std::uint32_t j, std::uint32_t k) const {
+    return (std::size_t{k} * num_[1] + j) * num_[0] + i;
+  }
+  Box box(std::uint32_t i, std::uint32_t j, std::uint32_t k) const {
+    return {{bounds_[0][i], bounds_[1][j], bounds_[2][k]},
+            {bounds_[0][i + 1], bounds_[1][j + 1], bounds_[2][k + 1]}};
+  }
+  MortonKey key(std::size_t index) const {
+    const auto i = static_cast<std::uint32_t>(index % num_[0]);
+    const auto j = static_cast<std::uint32_t>(index / num_[0] % num_[1]);
+    const auto k = static_cast<std::uint32_t>(index / num_[0] / num_[1]);
+    return MortonKey::containing({base_[0] + i * step_, base_[1] + j * step_, base_[2] + k * step_},
+                                 level_);
+  }
+
+ private:
+  // The first i for which it holds, or count.
+  template <class Holds>
+  static std::uint32_t lower(std::uint32_t count, const Holds& holds) {
+    std::uint32_t low = 0, high = count;
+    while (low < high) {
+      const std::uint32_t middle = low + (high - low) / 2;
+      if (holds(middle))
+        high = middle;
+      else
+        low = middle + 1;
+    }
+    return low;
+  }
+
+  int level_;
+  std::uint32_t step_;
+  std::array<std::uint32_t, 3> base_{}, num_{};
+  std::array<std::vector<double>, 3> bounds_;
+};
+
+Box common(const Box& a, const Box& b) {
+  return {{std::max(a.min.x, b.min.x), std::max(a.min.y, b.min.y), std::max(a.min.z, b.min.z)},
+          {std::min(a.max.x, b.max.x), std::min(a.max.y, b.max.y), std::min(a.max.z, b.max.z)}};
+}
+
+// A part of a cell while it is cut.
+struct Part {
+  explicit Part(TriangleSpill& spill, const Triangle& first, const Box& cell)
+      : list(std::make_unique<TriangleList>()),
+        writer(spill, *list),
+        box(common(first.box(), cell)) {}
+
+  std::unique_ptr<TriangleList> list;
+  TriangleWriter writer;
+  Box box;  // around what is in the cell
+};
+
+class Distribution {
+ public:
+  Distribution(TriangleSpill& spill, const Frame& frame, std::uint64_t capacity, IngestWatch& watch)
+      : spill_(spill), frame_(frame), capacity_(capacity), watch_(watch) {}
+
+  struct Cell {
+    MortonKey key;
+    TriangleList list;
+    Box box;                // around what is in the cell
+    bool is_final = false;  // cutting it again cannot help
+  };
+
+  // `list` is released unless `keeps`.
+  void cut(Cell cell, const TriangleChanges& changes, bool keeps,
+           std::vector<TriangleBucket>& buckets) {
+    const bool is_small =
+        cell.list.count <= capacity_ || cell.is_final || cell.key.level() == MortonKey::kMaxLevel;
+    // Lists that must be kept, or changed, cannot become buckets themselves.
+    if (is_small && !keeps && changes.empty()) {
+      buckets.push_back({cell.key, std::move(cell.list)});
+      return;
+    }
+    const int level = is_small ? cell.key.level() : level_below(cell);
+    for (Cell& part : parts_of(cell, level, changes, keeps)) {
+      if (is_small)
+        buckets.push_back({part.key, std::move(part.list)});
+      else
+        cut(std::move(part), {}, false, buckets);
+    }
+  }
+
+ private:
+  // Deep enough that a surface fills its parts with less than the capacity, as far as one pass
+  // reaches. Of n cells around a surface it meets about n^(2/3).
+  int level_below(const Cell& cell) const {
+    const double wanted = static_cast<double>(cell.list.count) / static_cast<double>(capacity_);
+    int level = cell.key.level() + 1;
+    for (; level < MortonKey::kMaxLevel; ++level) {
+      const auto num_parts =
+          static_cast<double>(CellGrid(frame_, cell.key, level, cell.box).size());
+      if (std::pow(num_parts, 2.0 / 3) >= wanted) break;
+      if (CellGrid(frame_, cell.key, level + 1, cell.box).size() > kMaxFanOut) break;
+    }
+    return level;
+  }
+
+  std::vector<Cell> parts_of(Cell& cell, int level, const TriangleChanges& changes, bool keeps) {
+    const CellGrid grid(frame_, cell.key, level, cell.box);
+    std::vector<std::optional<Part>> parts(grid.size());
+    auto change = changes.begin();
+    const auto put = [&](const Triangle& t) {
+      while (change != changes.end() && change->id < t.id) ++change;
+      place(change != changes.end() && change->id == t.id ? *change : t, grid, parts);
+      watch_.advance();
+    };
+    const std::uint64_t count = cell.list.count;
+    spill_.for_each(cell.list, put);
+    if (!keeps) spill_.release(std::move(cell.list));
+
+    std::uint64_t total = 0;
+    for (auto& part : parts)
+      if (part) {
+        part->writer.flush();
+        total += part->list->count;
+      }
+    std::vector<Cell> cells;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      if (!parts[i]) continue;
+      const bool is_final =
+          static_cast<double>(parts[i]->list->count) > kCrowded * static_cast<double>(count) &&
+          static_cast<double>(total) > kSpread * static_cast<double>(count);
+      cells.push_back({grid.key(i), std::move(*parts[i]->list), parts[i]->box, is_final});
+    }
+    std::ranges::sort(cells, {}, &Cell::key);
+    return cells;
+  }
+
+  void place(const Triangle& t, const CellGrid& grid, std::vector<std::optional<Part>>& parts) {
+    const Box box = t.box();
+    const CellRange x = grid.range(0, box.min.x, box.max.x),
+                    y = grid.range(1, box.min.y, box.max.y),
+                    z = grid.range(2, box.min.z, box.max.z);
+    const bool is_in_one = x.count() == 1 && y.count() == 1 && z.count() == 1;
+    for (std::uint32_t k = z.first; k <= z.last; ++k)
+      for (std::uint32_t j = y.first; j <= y.last; ++j)
+        for (std::uint32_t i = x.first; i <= x.last; ++i) {
+          const Box cell = grid.box(i, j, k);
+          if (is_in_one ? !box.overlaps(cell) : !touches(t, cell)) continue;
+          auto& part = parts[grid.index(i, j, k)];
+          if (part)
+            part->box = part->box.joined(common(box, cell));
+          else
+            part.emplace(spill_, t, cell);
+          part->writer.append(t);
+        }
+  }
+
+  TriangleSpill& spill_;
+  const Frame& frame_;
+  std::uint64_t capacity_;
+  IngestWatch& watch_;
+};
+
+}  // namespace
+
+void TriangleBuckets::distribute(TriangleSpill& spill, TriangleList& all, const Box& box,
+                                 const TriangleChanges& changes, bool keeps_all,
+                                 IngestWatch& watch) {
+  for (TriangleBucket& bucket : buckets_) spill.release(std::move(bucket.triangles));
+  buckets_.clear();
+  Distribution::Cell root{MortonKey::root(), keeps_all ? all : std::move(all), box};
+  Distribution(spill, frame_, capacity_, watch).cut(std::move(root), changes, keeps_all, buckets_);
+}
+
+std::span<const TriangleBucket> TriangleBuckets::under(MortonKey node) const {
+  const auto first = std::ranges::lower_bound(
+      buckets_, node.range_min(), {}, [](const TriangleBucket& b) { return b.cell.range_max(); });
+  if (first != buckets_.end() && first->cell.is_ancestor_or_self_of(node))
+    return {first, first + 1};
+  const auto end =
+      std::ranges::upper_bound(first, buckets_.end(), node.range_max(), {}, &TriangleBucket::cell);
+  return {first, end};
+}
+
+MortonKey TriangleBuckets::last_met_by(const Triangle& triangle) const {
+  MortonKey node = MortonKey::root();
+  for (;;) {
+    const auto below = under(node);
+    assert(!below.empty());
+    if (below.front().cell.is_ancestor_or_self_of(node)) return below.front().cell;
+    int octant = 7;
+    while (octant > 0 && !(touches(triangle, frame_.box(node.child(octant))) &&
+                           !under(node.child(octant)).empty()))
+      --octant;
+    node = node.child(octant);
+  }
+}
+
+}  // namespace locvol

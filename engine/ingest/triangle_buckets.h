@@ -1,0 +1,60 @@
+// TriangleBuckets cuts space into cells that few enough triangles meet to be worked on in memory.
+//
+// The cells are octree nodes; each has a bucket, with every triangle that meets its closed box,
+// decided exactly. So whatever a cell must know is in its bucket:
+//   - a cell owns the vertices in its half-open box; all triangles at a vertex are in the bucket of
+//     its owner, and with them its edges to larger vertices (in lexicographic order);
+//   - where two triangles meet, some bucket has both.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/triangle_spill.h"
+#include "octree/frame.h"
+#include "octree/morton_key.h"
+
+namespace locvol {
+
+// Triangles that take the place of those with the same ids, in order of id.
+using TriangleChanges = std::vector<Triangle>;
+
+struct TriangleBucket {
+  MortonKey cell;
+  TriangleList triangles;  // in order of id
+};
+
+class TriangleBuckets {
+ public:
+  // REQUIRES: the frame contains all triangles
+  TriangleBuckets(const Frame& frame, std::uint64_t capacity)
+      : frame_(frame), capacity_(capacity) {}
+
+  // Puts the triangles of `all`, in order of id, into the buckets of cells as large as `capacity`
+  // allows. Cells that more triangles meet are cut again, in passes over their triangles that each
+  // write to up to 512 lists; not where that cannot help, as at a point where all of them meet.
+  // `box` is around all of them. `keeps_all`: `all` is needed again. Memory: 16 MB while it runs.
+  void distribute(TriangleSpill& spill, TriangleList& all, const Box& box,
+                  const TriangleChanges& changes, bool keeps_all, IngestWatch& watch);
+
+  const Frame& frame() const { return frame_; }
+  std::span<const TriangleBucket> all() const { return buckets_; }  // in Morton order
+  // Those of the cells under `node`, or the one whose cell contains it.
+  std::span<const TriangleBucket> under(MortonKey node) const;
+  // Does the cell with this box own the point?
+  static bool owns(const Box& cell, const Point& p) {
+    return cell.min.x <= p.x && p.x < cell.max.x && cell.min.y <= p.y && p.y < cell.max.y &&
+           cell.min.z <= p.z && p.z < cell.max.z;
+  }
+  // The last cell, in Morton order, that the triangle meets. REQUIRES: it is in a bucket
+  MortonKey last_met_by(const Triangle& triangle) const;
+
+ private:
+  Frame frame_;
+  std::uint64_t capacity_;
+  std::vector<TriangleBucket> buckets_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,56 @@
+// A leaf's visit done again, or before its time, from the store alone and for looking at: nothing
+// is written.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/inspect/cell_mesh.h"
+#include "refine/refine_leaf.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// All that a visit depends on, and what the store held: a value, which can be kept in a file and
+// visited elsewhere.
+struct StoredVisit {
+  MortonKey leaf;
+  bool is_clean = false;
+  std::uint32_t num_visits = 0;  // before
+  LeafInput input;               // but for its pointers, which the next five make
+  std::vector<Triangle> triangles;
+  Box region;  // of the surface patch
+  bool is_center_inside = false;
+  std::optional<std::vector<MeshPoint>> all_points;  // paper mode
+  std::vector<MeshPoint> core;                       // near the leaf, in order of id
+  std::vector<std::array<std::uint64_t, 4>> cells;   // the store's, by vertex ids, sorted
+};
+
+// Takes it from the store's last commit, whatever another process does meanwhile.
+// Throws StoreError: no such leaf, damage in the leaf or around it, or a run not yet in refinement.
+StoredVisit stored_visit(const Store& store, MortonKey leaf);
+
+struct Replay {
+  std::vector<RefineStep> steps;
+  LeafDelta delta;    // without its cells, which are in `mesh`
+  std::string error;  // why the visit broke off (a RefineError), after `steps`; else empty
+  CellMesh mesh;      // the leaf's cells after the visit; empty if it is to be split
+
+  // Against what the store held.
+  std::uint64_t num_cells_gone = 0;  // in the store only
+  std::uint64_t num_cells_new = 0;   // in the visit's result only
+
+  bool changes_points() const { return !delta.inserted.empty() || !delta.deleted.empty(); }
+  // The same cells, and no point inserted or deleted: what a clean leaf's visit must give.
+  bool reproduces() const {
+    return error.empty() && !delta.is_overfull && !changes_points() && num_cells_gone == 0 &&
+           num_cells_new == 0;
+  }
+};
+
+Replay replay(const StoredVisit& visit);
+
+}  // namespace locvol

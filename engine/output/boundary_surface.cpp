@@ -1,0 +1,199 @@
+#include "engine/output/boundary_surface.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "engine/output/encode_in_order.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kOpenBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
+constexpr std::uint64_t kItemsAtOnce = std::uint64_t{1} << 14;
+
+// Of a positively oriented cell, across from each vertex: counterclockwise from outside.
+constexpr std::array<std::array<std::uint8_t, 3>, 4> kFacets{
+    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
+
+struct LocalFacet {
+  std::uint32_t low, middle, high;  // places in the list of vertices
+  std::uint32_t cell_and_across;
+};
+
+// Those whose vertices no other one has. Sorted by the smallest vertex first, in linear time: then
+// only a few dozen at a time are left to sort.
+std::vector<LocalFacet> unpaired(const std::vector<LocalFacet>& facets, std::size_t num_vertices) {
+  std::vector<std::uint32_t> ends(num_vertices + 1);
+  for (const LocalFacet& facet : facets) ++ends[facet.low + 1];
+  for (std::size_t i = 1; i < ends.size(); ++i) ends[i] += ends[i - 1];
+  const std::vector<std::uint32_t> starts = ends;
+  std::vector<LocalFacet> sorted(facets.size());
+  for (const LocalFacet& facet : facets) sorted[ends[facet.low]++] = facet;
+
+  std::vector<LocalFacet> result;
+  const auto others = [](const LocalFacet& f) { return std::uint64_t{f.middle} << 32 | f.high; };
+  for (std::size_t v = 0; v < num_vertices; ++v) {
+    const auto at_vertex = std::span(sorted).subspan(starts[v], starts[v + 1] - starts[v]);
+    std::ranges::sort(at_vertex, {}, others);
+    for (auto first = at_vertex.begin(); first != at_vertex.end();) {
+      const auto last = std::find_if(
+          first, at_vertex.end(), [&](const LocalFacet& f) { return others(f) != others(*first); });
+      if (last - first == 1) result.push_back(*first);
+      first = last;
+    }
+  }
+  return result;
+}
+
+std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertices) {
+  std::ranges::rotate(vertices, std::ranges::min_element(vertices));
+  return vertices;
+}
+
+}  // namespace
+
+BoundarySurface::BoundarySurface(const Reader& reader, VertexNumbering& numbering,
+                                 VertexPositions& positions, const std::filesystem::path& output,
+                                 PageRelease& pages, Workers& workers)
+    : reader_(&reader),
+      numbering_(&numbering),
+      positions_(&positions),
+      output_(output),
+      pages_(&pages),
+      facets_(output) {
+  find_facets(workers);
+}
+
+BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf) {
+  LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
+  NumberedCells result{numbering_->first_cell(leaf), {}, numbering_->numbers(leaf, cells)};
+  for (std::int64_t& number : result.numbers)
+    if (number >= 0 && numbering_->is_core(static_cast<std::uint64_t>(number))) number = -1;
+  result.cells = std::move(cells.cells);
+  pages_->count(sizeof(result.cells[0]) * result.cells.size());
+  return result;
+}
+
+std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
+    const NumberedCells& leaf) {
+  std::vector<LocalFacet> facets;
+  for (std::uint32_t i = 0; i < leaf.cells.size(); ++i)
+    for (std::uint32_t across = 0; across < 4; ++across) {
+      const auto& [a, b, c] = kFacets[across];
+      std::array<std::uint32_t, 3> v = {leaf.cells[i][a], leaf.cells[i][b], leaf.cells[i][c]};
+      if (std::ranges::any_of(v, [&](std::uint32_t n) { return leaf.numbers[n] < 0; })) continue;
+      std::ranges::sort(v);
+      facets.push_back({v[0], v[1], v[2], 4 * i + across});
+    }
+  std::vector<Record> records;
+  for (const LocalFacet& facet : unpaired(facets, leaf.numbers.size())) {
+    const auto& cell = leaf.cells[facet.cell_and_across / 4];
+    std::array<std::uint64_t, 3> vertices;
+    for (std::size_t i = 0; i < 3; ++i)
+      vertices[i] =
+          static_cast<std::uint64_t>(leaf.numbers[cell[kFacets[facet.cell_and_across % 4][i]]]);
+    records.push_back({smallest_first(vertices), 4 * leaf.first_cell + facet.cell_and_across});
+  }
+  std::ranges::sort(records, {}, &Record::key);
+  return records;
+}
+
+void BoundarySurface::find_facets(Workers& workers) {
+  LeafLists<Record> open(output_);  // facets in one cell of those that a leaf lists, by key
+  const std::size_t num_leaves = numbering_->leaves().size();
+  std::size_t next = 0;
+  encode_in_order(
+      workers,
+      [&]() -> std::optional<NumberedCells> {
+        if (next == num_leaves) return std::nullopt;
+        return load_cells(next++);
+      },
+      facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
+
+  LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return open.list(leaf); });
+  for (std::size_t leaf = 0; leaf < num_leaves; ++leaf) {
+    std::vector<Record> records;
+    if (open.length(leaf) > 0) records = lists.get(leaf)->values;
+    for (const std::size_t other : numbering_->near(leaf, 2 * kCellReach)) {
+      if (other == leaf || records.empty() || open.length(other) == 0) continue;
+      const auto theirs = lists.get(other);
+      auto place = theirs->values.begin();
+      std::erase_if(records, [&](const Record& record) {
+        place =
+            std::ranges::lower_bound(place, theirs->values.end(), record.key(), {}, &Record::key);
+        return place != theirs->values.end() && place->key() == record.key();
+      });
+    }
+    std::ranges::sort(records, {}, &Record::cell_and_across);
+    facets_.append(records);
+  }
+}
+
+void BoundarySurface::find_vertices() {
+  vertices_.emplace(output_);
+  LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return facets_.list(leaf); });
+  for (std::size_t leaf = 0; leaf < numbering_->leaves().size(); ++leaf) {
+    const std::uint64_t first = numbering_->first_vertex(leaf),
+                        end = numbering_->first_vertex(leaf + 1);
+    std::vector<std::uint64_t> vertices;
+    if (first < end) {
+      for (const std::size_t other : numbering_->near(leaf, kCellReach)) {
+        if (facets_.length(other) == 0) continue;
+        for (const Record& record : lists.get(other)->values)
+          for (const std::uint64_t v : record.vertices)
+            if (first <= v && v < end) vertices.push_back(v);
+      }
+    }
+    std::ranges::sort(vertices);
+    const auto repeated = std::ranges::unique(vertices);
+    vertices.erase(repeated.begin(), repeated.end());
+    vertices_->append(vertices);
+  }
+  vertices_near_.emplace(kVertexBytes, [this](std::size_t leaf) { return vertices_->list(leaf); });
+}
+
+std::uint64_t BoundarySurface::num_vertices() {
+  if (!vertices_) find_vertices();
+  return vertices_->size();
+}
+
+std::uint64_t BoundarySurface::place_of(std::uint64_t vertex) {
+  const std::size_t leaf = numbering_->leaf_of(vertex);
+  const auto list = vertices_near_->get(leaf);
+  const auto place = std::ranges::lower_bound(list->values, vertex);
+  return vertices_->first(leaf) + static_cast<std::uint64_t>(place - list->values.begin());
+}
+
+std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
+    const FacetParts& parts) {
+  if (parts.has_places && !vertices_) find_vertices();
+  return [this, parts, first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
+    const std::uint64_t count = std::min(kItemsAtOnce, facets_.size() - first);
+    if (count == 0) return std::nullopt;
+    Facets some{first, {}, {}, {}};
+    for (const Record& record : facets_.read(first, count)) {
+      const auto& [a, b, c] = record.vertices;
+      some.facets.push_back(
+          {record.vertices, record.cell_and_across / 4, record.cell_and_across % 4});
+      if (parts.has_corners)
+        some.corners.push_back({positions_->of(a), positions_->of(b), positions_->of(c)});
+      if (parts.has_places) some.places.push_back({place_of(a), place_of(b), place_of(c)});
+    }
+    first += count;
+    return some;
+  };
+}
+
+std::function<std::optional<BoundarySurface::Vertices>()> BoundarySurface::vertices() {
+  if (!vertices_) find_vertices();
+  return [this, first = std::uint64_t{0}]() mutable -> std::optional<Vertices> {
+    const std::uint64_t count = std::min(kItemsAtOnce, vertices_->size() - first);
+    if (count == 0) return std::nullopt;
+    Vertices some{first, vertices_->read(first, count), {}};
+    for (const std::uint64_t v : some.vertices) some.positions.push_back(positions_->of(v));
+    first += count;
+    return some;
+  };
+}
+
+}  // namespace locvol

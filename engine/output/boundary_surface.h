@@ -1,0 +1,129 @@
+// BoundarySurface is the boundary of the finished mesh: the facets that are in exactly one cell.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "engine/output/leaf_window.h"
+#include "engine/output/vertex_numbering.h"
+#include "engine/output/vertex_positions.h"
+#include "engine/partial_file.h"
+#include "engine/workers.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+struct BoundaryFacet {
+  std::array<std::uint64_t, 3> vertices{};  // counterclockwise from outside, the smallest first
+  std::uint64_t cell = 0;                   // whose facet it is
+  std::uint64_t across = 0;                 // from which of the cell's vertices, 0 to 3
+};
+
+// Facets come in the order of their cells, vertices in that of their numbers in the mesh.
+//
+// Two cells that share a facet are stored by leaves within 4λ of each other. Leaf by leaf, facets
+// that are in one cell of it go to a nameless file beside the output; from there, those of a leaf
+// are set against those of the leaves around it. A point of the lattice core has all of its cells
+// in the mesh, so no facet with one is on the boundary.
+// Memory: 24 bytes a leaf, 12 MB for lists of leaves near the current one, and for each thread a
+// leaf's cells and facets.
+// Threads: used by one at a time. Errors: StoreError, std::system_error.
+class BoundarySurface {
+ public:
+  // All but `workers` must outlive this object.
+  BoundarySurface(const Reader& reader, VertexNumbering& numbering, VertexPositions& positions,
+                  const std::filesystem::path& output, PageRelease& pages, Workers& workers);
+  BoundarySurface(const BoundarySurface&) = delete;
+  BoundarySurface& operator=(const BoundarySurface&) = delete;
+
+  std::uint64_t num_facets() const { return facets_.size(); }
+  std::uint64_t num_vertices();  // finds them at the first call
+
+  // Some of the facets, one after another; what was not asked for is empty.
+  struct Facets {
+    std::uint64_t first = 0;
+    std::vector<BoundaryFacet> facets;
+    std::vector<std::array<Point, 3>> corners;
+    std::vector<std::array<std::uint64_t, 3>> places;  // of the vertices, among the boundary's
+  };
+  struct FacetParts {
+    bool has_corners = false, has_places = false;
+  };
+  struct Vertices {
+    std::uint64_t first = 0;
+    std::vector<std::uint64_t> vertices;
+    std::vector<Point> positions;
+  };
+  // Give some after some, and then nothing.
+  std::function<std::optional<Facets>()> facets(const FacetParts& parts);
+  std::function<std::optional<Vertices>()> vertices();
+
+ private:
+  // As a facet lies in a file.
+  struct Record {
+    std::array<std::uint64_t, 3> vertices;
+    std::uint64_t cell_and_across;  // 4 cell + across
+    // The same for both cells, which list the vertices in opposite order.
+    std::array<std::uint64_t, 3> key() const {
+      const auto& [a, b, c] = vertices;
+      return {a, std::min(b, c), std::max(b, c)};
+    }
+  };
+  template <class T>
+  struct List {
+    std::vector<T> values;
+    std::size_t bytes() const { return sizeof *this + sizeof(T) * values.capacity(); }
+  };
+  // Lists of the leaves, one after another in a nameless file.
+  template <class T>
+  class LeafLists {
+   public:
+    explicit LeafLists(const std::filesystem::path& neighbor)
+        : file_(OpenFile::temporary(neighbor)) {}
+    void append(std::span<const T> list) {
+      file_.write_at(sizeof(T) * size(), std::as_bytes(list));
+      first_.push_back(size() + list.size());
+    }
+    std::uint64_t size() const { return first_.back(); }
+    std::uint64_t first(std::size_t leaf) const { return first_[leaf]; }
+    std::uint64_t length(std::size_t leaf) const { return first_[leaf + 1] - first_[leaf]; }
+    List<T> list(std::size_t leaf) const { return {read(first_[leaf], length(leaf))}; }
+    std::vector<T> read(std::uint64_t from, std::uint64_t count) const {
+      std::vector<T> values(count);
+      file_.read_at(sizeof(T) * from, std::as_writable_bytes(std::span(values)));
+      return values;
+    }
+
+   private:
+    OpenFile file_;
+    std::vector<std::uint64_t> first_{0};  // of each leaf, and the end
+  };
+  // What a leaf's record lists, with the numbers of the vertices; -1: of the core.
+  struct NumberedCells {
+    std::uint64_t first_cell = 0;
+    std::vector<std::array<std::uint32_t, 4>> cells;
+    std::vector<std::int64_t> numbers;
+  };
+
+  NumberedCells load_cells(std::size_t leaf);
+  static std::vector<Record> facets_in_one_cell(const NumberedCells& leaf);
+  void find_facets(Workers& workers);
+  void find_vertices();
+  std::uint64_t place_of(std::uint64_t vertex);
+
+  const Reader* reader_;
+  VertexNumbering* numbering_;
+  VertexPositions* positions_;
+  std::filesystem::path output_;
+  PageRelease* pages_;
+  LeafLists<Record> facets_;
+  std::optional<LeafLists<std::uint64_t>> vertices_;
+  std::optional<LeafWindow<List<std::uint64_t>>> vertices_near_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,116 @@
+#include "engine/output/mesh_chunks.h"
+
+#include <algorithm>
+#include <string>
+
+#include "engine/leaf_name.h"
+#include "octree/lattice.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kFullBytes = std::size_t{1} << 20;  // of a chunk
+
+}  // namespace
+
+ChunkReader::ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages)
+    : reader_(reader), numbering_(numbering), pages_(pages), positions_(reader, numbering) {}
+
+void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
+  std::uint64_t num_cells = 0;
+  const std::size_t num_leaves = numbering_.leaves().size();
+  for (std::size_t leaf = 0; leaf < num_leaves;) {
+    MeshChunk chunk;
+    chunk.first_vertex = numbering_.first_vertex(leaf);
+    chunk.first_cell = num_cells;
+    NumberedCells numbered;
+    const auto bytes = [&] {
+      return chunk.vertices.size() * sizeof chunk.vertices[0] +
+             numbered.cells.size() * sizeof numbered.cells[0];
+    };
+    for (; leaf < num_leaves && bytes() < kFullBytes; ++leaf) {
+      add_own(leaf, chunk);
+      add_stored_cells(leaf, numbered);
+      add_core_cells(leaf, numbered);
+    }
+    pages_.count(bytes());
+    complete(std::move(numbered), chunk);
+    num_cells += chunk.cells.size();
+    if (!chunk.vertices.empty()) visit(chunk);
+  }
+}
+
+void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
+  numbering_.for_each_vertex(leaf, [&](const Point& p) {
+    chunk.numbers.push_back(chunk.first_vertex + chunk.vertices.size());
+    chunk.vertices.push_back({p.x, p.y, p.z});
+  });
+  chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
+}
+
+void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
+  const LeafCells cells = reader_.cells(numbering_.leaves()[leaf]);
+  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells);
+  for (const auto& cell : cells.cells) {
+    auto& numbered = out.cells.emplace_back();
+    for (std::size_t i = 0; i < 4; ++i) numbered[i] = static_cast<std::uint64_t>(numbers[cell[i]]);
+  }
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers[i] < 0) continue;  // in none of the cells
+    const auto number = static_cast<std::uint64_t>(numbers[i]);
+    if (numbering_.leaf_of(number) == leaf) continue;
+    out.foreign.push_back({number, positions_.of(number, cells.vertices[i])});
+  }
+}
+
+void ChunkReader::add_core_cells(std::size_t leaf, NumberedCells& out) {
+  const std::size_t num_before = out.cells.size();
+  const auto check_count = [&] {
+    if (out.cells.size() - num_before == numbering_.num_core_cells(leaf)) return;
+    const MortonKey key = numbering_.leaves()[leaf];
+    throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
+  };
+  // Not asked for leaves outside, which may be a thousand λ wide.
+  if (numbering_.num_core_vertices(leaf) == 0) return check_count();
+  const SiteBlock<std::int64_t>& numbers = *numbering_.core_numbers(leaf);
+  const SiteBox sites = numbering_.sites(leaf);
+  const auto number = [&](const LatticeSite& site) {
+    const auto vertex = static_cast<std::uint64_t>(numbers[site]);
+    if (!sites.contains(site)) out.foreign.push_back({vertex, numbering_.lattice().position(site)});
+    return vertex;
+  };
+  for_each_core_cell(
+      sites, [&](const LatticeSite& site) { return numbers[site] >= 0; },
+      [&](const LatticeSite& site, const LatticeCell& cell) {
+        out.cells.push_back(
+            {number(site), number(site + cell[0]), number(site + cell[1]), number(site + cell[2])});
+      });
+}
+
+// Appends the foreign vertices, once each, and gives the cells their indices.
+void ChunkReader::complete(NumberedCells numbered, MeshChunk& chunk) {
+  std::vector<Numbered>& foreign = numbered.foreign;
+  const std::uint64_t first = chunk.first_vertex;
+  const auto is_own = [&](std::uint64_t number) {
+    return number >= first && number - first < chunk.num_own;
+  };
+  std::erase_if(foreign, [&](const Numbered& v) { return is_own(v.number); });
+  std::ranges::sort(foreign, {}, &Numbered::number);
+  const auto again = std::ranges::unique(foreign, {}, &Numbered::number);
+  foreign.erase(again.begin(), again.end());
+  for (const auto& [number, p] : foreign) {
+    chunk.numbers.push_back(number);
+    chunk.vertices.push_back({p.x, p.y, p.z});
+  }
+  const auto foreign_numbers = std::span(chunk.numbers).subspan(chunk.num_own);
+  const auto index_of = [&](std::uint64_t number) {
+    if (is_own(number)) return static_cast<std::uint32_t>(number - first);
+    const auto place = std::ranges::lower_bound(foreign_numbers, number);
+    return static_cast<std::uint32_t>(chunk.num_own + (place - foreign_numbers.begin()));
+  };
+  chunk.cells.reserve(numbered.cells.size());
+  for (const auto& [a, b, c, d] : numbered.cells)
+    chunk.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
+}
+
+}  // namespace locvol

@@ -1,0 +1,61 @@
+// Hands out a finished mesh piece by piece, each with all that its cells need.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "engine/output/leaf_window.h"
+#include "engine/output/vertex_numbering.h"
+#include "engine/output/vertex_positions.h"
+
+namespace locvol {
+
+// The cells of some leaves, one after another in Morton order, and their vertices: own ones, which
+// have the numbers from first_vertex on, and those that are own ones of other chunks.
+struct MeshChunk {
+  using Vertex = std::array<double, 3>;
+  using Cell = std::array<std::uint32_t, 4>;
+
+  std::uint64_t first_vertex = 0, first_cell = 0;
+  std::uint32_t num_own = 0;
+  std::vector<Vertex> vertices;
+  std::vector<std::uint64_t> numbers;  // of the vertices, as in the writers' files
+  std::vector<Cell> cells;             // indices into `vertices`, positively oriented
+};
+
+// Memory: a chunk takes a mebibyte or a leaf; besides, 8 MB for the points of leaves near.
+// Errors: CorruptRecord.
+class ChunkReader {
+ public:
+  // All must outlive this object.
+  ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages);
+
+  // Calls the visitor with each chunk, in order.
+  void for_each(const std::function<void(const MeshChunk&)>& visit);
+
+ private:
+  // A vertex, by its number.
+  struct Numbered {
+    std::uint64_t number = 0;
+    Point position;
+  };
+  // Cells by the numbers of their vertices, and where those of other leaves lie.
+  struct NumberedCells {
+    std::vector<std::array<std::uint64_t, 4>> cells;
+    std::vector<Numbered> foreign;
+  };
+
+  void add_own(std::size_t leaf, MeshChunk& chunk);
+  void add_stored_cells(std::size_t leaf, NumberedCells& out);
+  void add_core_cells(std::size_t leaf, NumberedCells& out);
+  static void complete(NumberedCells numbered, MeshChunk& chunk);
+
+  const Reader& reader_;
+  VertexNumbering& numbering_;
+  PageRelease& pages_;
+  VertexPositions positions_;
+};
+
+}  // namespace locvol

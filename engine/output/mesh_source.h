@@ -1,0 +1,107 @@
+// MeshSource is the finished mesh of a store, as every format takes it: numbered, and in pieces.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "engine/output/boundary_surface.h"
+#include "engine/output/encode_in_order.h"
+#include "engine/output/leaf_window.h"
+#include "engine/output/vertex_numbering.h"
+#include "engine/output/vertex_positions.h"
+#include "engine/step_progress.h"
+#include "engine/workers.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// The cells of one leaf: first those that its record lists, then those of the lattice core.
+struct LeafRun {
+  std::uint32_t leaf = 0;  // its place in Morton order
+  std::uint64_t num_listed = 0, num_core = 0;
+};
+
+// Some leaves, one after another in Morton order. What was not asked for is empty.
+struct MeshPiece {
+  using Vertex = std::array<double, 3>;
+  using Cell = std::array<std::int64_t, 4>;  // positively oriented
+
+  std::uint64_t first_vertex = 0, first_cell = 0;
+  std::vector<Vertex> points;
+  std::vector<Cell> cells;
+  std::vector<LeafRun> runs;                  // of the cells
+  std::vector<std::array<Point, 4>> corners;  // of the listed cells
+
+  std::uint64_t bytes() const {
+    return sizeof(Vertex) * points.size() + sizeof(Cell) * cells.size() +
+           sizeof(std::array<Point, 4>) * corners.size();
+  }
+};
+
+struct PieceParts {
+  bool has_points = false, has_cells = false;
+  bool has_corners = false;  // with the cells
+};
+
+// Of one cell.
+struct QualityValues {
+  float radius_edge_ratio = 0, min_dihedral_degrees = 0;
+};
+
+// Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order.
+// Memory: that of VertexNumbering and BoundarySurface, 8 MB for the points near a leaf, and for
+// each thread a piece: a mebibyte, or a leaf more.
+// Threads: used by one at a time; what is given to encode is called from any.
+// Errors: StoreError; CorruptRecord; std::system_error of the files beside the output.
+class MeshSource {
+ public:
+  // The run must be done. `output`: temporary files lie beside it. Steps are cells, told
+  // in the first pass over them.
+  MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
+             const StepProgress& on_step = {});
+
+  const RunRecord& run() const { return run_; }
+  std::uint64_t num_vertices() const { return numbering_.num_vertices(); }
+  std::uint64_t num_cells() const { return numbering_.num_cells(); }
+  // The leaves of some cells, one after another; safe from many threads.
+  std::vector<std::uint32_t> leaves_of_cells(std::uint64_t first, std::uint64_t count) const;
+  Workers& workers() { return workers_; }
+  BoundarySurface& boundary();  // found at the first call
+
+  // Calls take(encode(piece)) for each piece, encode on any thread, take in order.
+  template <class Encode, class Take>
+  void for_each_piece(const PieceParts& parts, const Encode& encode, Take take) {
+    encode_in_order(workers_, pieces(parts), encode, take);
+  }
+  // Gives piece after piece, and then nothing. One at a time may be in use.
+  std::function<std::optional<MeshPiece>()> pieces(const PieceParts& parts);
+
+ private:
+  void add_points(std::size_t leaf, MeshPiece& piece);
+  void add_cells(std::size_t leaf, bool has_corners, MeshPiece& piece);
+  std::uint64_t add_core_cells(std::size_t leaf, MeshPiece& piece);
+
+  Snapshot snapshot_;
+  RunRecord run_;
+  std::filesystem::path output_;
+  StepProgress on_step_;
+  std::uint64_t num_told_ = 0;
+  PageRelease pages_;
+  VertexNumbering numbering_;
+  VertexPositions positions_;
+  Workers workers_;
+  std::unique_ptr<BoundarySurface> boundary_;
+};
+
+// Of the cells of a piece, in order; those of the core by formula, without the displacement of
+// 2^-18 of the spacing. REQUIRES: it has cells and corners
+std::vector<QualityValues> quality_of(const MeshPiece& piece);
+// The leaf of each cell of a piece.
+std::vector<std::uint32_t> leaves_of(const MeshPiece& piece);
+
+}  // namespace locvol

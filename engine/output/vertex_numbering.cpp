@@ -1,0 +1,193 @@
+#include "engine/output/vertex_numbering.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "engine/leaf_name.h"
+#include "engine/run_state.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20,
+                      kCoreBytes = std::size_t{12} << 20;
+
+[[noreturn]] void corrupt(MortonKey leaf, const std::string& what) {
+  throw CorruptRecord(leaf_name(leaf) + ": " + what, leaf);
+}
+
+void require_ascending(std::span<const std::uint64_t> ids, MortonKey leaf, const char* what) {
+  if (std::ranges::adjacent_find(ids, std::ranges::greater_equal()) != ids.end()) {
+    corrupt(leaf, std::string(what) + " are not in order of id");
+  }
+}
+
+// Which entries of the vertex table the cells name.
+std::vector<bool> named_vertices(const LeafCells& cells) {
+  std::vector<bool> is_named(cells.vertices.size());
+  for (const auto& cell : cells.cells) {
+    for (const std::uint32_t v : cell) is_named[v] = true;
+  }
+  return is_named;
+}
+
+}  // namespace
+
+VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
+                                 const std::filesystem::path& output, PageRelease& pages)
+    : reader_(&reader),
+      pages_(&pages),
+      frame_(run.frame),
+      lattice_(lattice_of(run)),
+      size_(run.parameters.size),
+      octree_(reader.leaf_keys()),
+      ids_file_(OpenFile::temporary(output)),
+      tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }),
+      cores_(kCoreBytes, [this](std::size_t leaf) { return load_core(leaf); }) {
+  first_vertex_.reserve(octree_.size() + 1);
+  first_cell_.reserve(octree_.size() + 1);
+  num_core_vertices_.reserve(octree_.size());
+  num_core_cells_.reserve(octree_.size());
+  num_core_before_.reserve(octree_.size() + 1);
+  LeafWindow<Names> names(kNamesBytes, [this](std::size_t leaf) { return load_names(leaf); });
+  for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+    const Table used = find_used(leaf, names);
+    const auto here = names.get(leaf);
+    ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t),
+                       std::as_bytes(std::span(used.ids)));
+    first_vertex_.push_back(num_vertices() + used.ids.size() + here->num_core_points);
+    num_core_vertices_.push_back(here->num_core_points);
+    num_core_before_.push_back(num_core_before_.back() + here->num_core_points);
+    num_core_cells_.push_back(here->num_core_cells);
+    first_cell_.push_back(num_cells() + here->num_cells + here->num_core_cells);
+  }
+}
+
+VertexNumbering::Names VertexNumbering::load_names(std::size_t leaf) {
+  const MortonKey key = leaves()[leaf];
+  const LeafPoints points = reader_->points(key);
+  const LeafCells cells = reader_->cells(key);
+  pages_->count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
+  require_ascending(cells.vertices, key, "the vertices of the cells");
+
+  Names names;
+  names.num_cells = cells.cells.size();
+  if (!points.core.is_empty()) {
+    check_core(leaf, points.core);
+    const LeafInfo info = reader_->leaf(key).value_or(LeafInfo());
+    names.num_core_points = num_points(points.core, sites(leaf));
+    names.num_core_cells = info.num_core_cells;
+  }
+  names.own.reserve(points.points.size());
+  for (const MeshPoint& point : points.points) names.own.push_back(point.id);
+  require_ascending(names.own, key, "the points");
+  names.is_named.resize(names.own.size());
+  const std::vector<bool> is_named = named_vertices(cells);
+  auto own = names.own.begin();
+  for (std::size_t i = 0; i < cells.vertices.size(); ++i) {
+    if (!is_named[i]) continue;
+    own = std::lower_bound(own, names.own.end(), cells.vertices[i]);
+    if (own != names.own.end() && *own == cells.vertices[i]) {
+      names.is_named[static_cast<std::size_t>(own - names.own.begin())] = true;
+    } else {
+      names.foreign.push_back(cells.vertices[i]);
+    }
+  }
+  return names;
+}
+
+VertexNumbering::Table VertexNumbering::find_used(std::size_t leaf,
+                                                  LeafWindow<Names>& names) const {
+  const auto here = names.get(leaf);
+  std::vector<bool> is_used = here->is_named;
+  if (std::ranges::find(is_used, false) != is_used.end()) {
+    for (const std::size_t neighbor : neighbors(leaf)) {
+      for_each_common(names.get(neighbor)->foreign, here->own,
+                      [&](auto, auto own) { is_used[static_cast<std::size_t>(own)] = true; });
+    }
+  }
+  Table used;
+  used.ids.reserve(here->own.size());
+  for (std::size_t i = 0; i < is_used.size(); ++i) {
+    if (is_used[i]) used.ids.push_back(here->own[i]);
+  }
+  return used;
+}
+
+VertexNumbering::Table VertexNumbering::load_table(std::size_t leaf) const {
+  Table table{std::vector<std::uint64_t>(first_used(leaf + 1) - first_used(leaf))};
+  ids_file_.read_at(first_used(leaf) * sizeof(std::uint64_t),
+                    std::as_writable_bytes(std::span(table.ids)));
+  return table;
+}
+
+VertexNumbering::Core VertexNumbering::load_core(std::size_t leaf) const {
+  if (num_core_vertices_[leaf] == 0) return {};
+  return {reader_->points(leaves()[leaf]).core};
+}
+
+void VertexNumbering::check_core(std::size_t leaf, const LatticeCore& core) const {
+  try {
+    locvol::check_core(core, sites(leaf));
+  } catch (const std::invalid_argument& e) {
+    corrupt(leaves()[leaf], e.what());
+  }
+}
+
+std::size_t VertexNumbering::leaf_of(std::uint64_t vertex) const {
+  const auto next = std::ranges::upper_bound(first_vertex_, vertex);
+  return static_cast<std::size_t>(next - first_vertex_.begin()) - 1;
+}
+
+std::size_t VertexNumbering::leaf_of_cell(std::uint64_t cell) const {
+  const auto next = std::ranges::upper_bound(first_cell_, cell);
+  return static_cast<std::size_t>(next - first_cell_.begin()) - 1;
+}
+
+const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
+  if (leaf_of_core_numbers_ != leaf) {
+    leaf_of_core_numbers_ = leaf;
+    has_core_numbers_ = false;
+    const SiteBox around = sites(leaf).expanded(2);
+    for (const std::size_t other : neighbors(leaf)) {
+      if (num_core_vertices_[other] == 0) continue;
+      if (!has_core_numbers_) core_numbers_ = {around, -1};
+      has_core_numbers_ = true;
+      const auto first = static_cast<std::int64_t>(first_core_vertex(other));
+      for_each_core_site(cores_.get(other)->core, sites(other), around,
+                         [&](const LatticeSite& site, std::uint64_t num_before) {
+                           core_numbers_[site] = first + static_cast<std::int64_t>(num_before);
+                         });
+    }
+  }
+  return has_core_numbers_ ? &core_numbers_ : nullptr;
+}
+
+std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
+                                                   std::span<const std::uint64_t> ids) {
+  std::vector<std::int64_t> numbers(ids.size(), -1);
+  if (ids.empty()) return numbers;
+  for (const std::size_t neighbor : neighbors(leaf)) {
+    const auto first = static_cast<std::int64_t>(first_vertex_[neighbor]);
+    for_each_common(ids, tables_.get(neighbor)->ids, [&](auto id, auto rank) {
+      numbers[static_cast<std::size_t>(id)] = first + rank;
+    });
+  }
+  if (const auto* core = core_numbers(leaf))
+    for (std::size_t i = 0; i < ids.size() && ids[i] < kFirstOtherId; ++i) {
+      const LatticeSite site = site_of(ids[i]);
+      if (numbers[i] < 0 && core->box().contains(site)) numbers[i] = (*core)[site];
+    }
+  return numbers;
+}
+
+std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf, const LeafCells& cells) {
+  std::vector<std::int64_t> numbers = this->numbers(leaf, cells.vertices);
+  for (const auto& cell : cells.cells)
+    for (const std::uint32_t v : cell)
+      if (numbers[v] < 0) throw_unknown_point(cells.vertices[v], leaves()[leaf]);
+  return numbers;
+}
+
+}  // namespace locvol

@@ -1,0 +1,139 @@
+// VertexNumbering gives the used points of a finished store their numbers in the output.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/output/leaf_window.h"
+#include "engine/output/stored_mesh.h"
+#include "engine/partial_file.h"
+#include "octree/octree.h"
+#include "octree/site_block.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+// Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
+// those of the lattice core, by site.
+// A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
+// from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
+// of their numbers, in a nameless file of 8 bytes per vertex beside the output.
+// Memory: 48 bytes per leaf, 24 MB for the ids of leaves near the current one, and 16 MB for their
+// cores.
+// Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
+class VertexNumbering {
+ public:
+  // `reader` must outlive this object.
+  VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
+                  PageRelease& pages);
+
+  VertexNumbering(const VertexNumbering&) = delete;
+  VertexNumbering& operator=(const VertexNumbering&) = delete;
+
+  std::span<const MortonKey> leaves() const { return octree_.leaves(); }
+  std::uint64_t num_vertices() const { return first_vertex_.back(); }
+  std::uint64_t num_cells() const { return first_cell_.back(); }
+  // Of a leaf; num_leaves: the end.
+  std::uint64_t first_vertex(std::size_t leaf) const { return first_vertex_[leaf]; }
+  std::uint64_t first_cell(std::size_t leaf) const { return first_cell_[leaf]; }
+  // The leaf whose point has this number, and the one that has this cell. REQUIRES: there is one
+  std::size_t leaf_of(std::uint64_t vertex) const;
+  std::size_t leaf_of_cell(std::uint64_t cell) const;
+  bool is_core(std::uint64_t vertex) const { return vertex >= first_core_vertex(leaf_of(vertex)); }
+  // See leaves_near(); `distance`: over λ
+  std::vector<std::size_t> near(std::size_t leaf, double distance) const {
+    return leaves_near(octree_, frame_, leaf, distance * size_);
+  }
+  const Lattice& lattice() const { return lattice_; }
+  // The number of a leaf's first point of the core.
+  std::uint64_t first_core_vertex(std::size_t leaf) const {
+    return first_vertex_[leaf + 1] - num_core_vertices_[leaf];
+  }
+  // Numbers of the core's points in the leaf and up to two sites around it, where that has some; -1
+  // elsewhere. Takes 8 bytes a site of the leaf's box. Null if the leaf and all around it have
+  // none. Valid until the next call of it or of numbers().
+  const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
+  std::uint64_t num_core_vertices(std::size_t leaf) const { return num_core_vertices_[leaf]; }
+  // As its record counts them.
+  std::uint64_t num_core_cells(std::size_t leaf) const { return num_core_cells_[leaf]; }
+  SiteBox sites(std::size_t leaf) const { return lattice_.sites_in(frame_.box(leaves()[leaf])); }
+
+  // Where the used points of a leaf lie, but for those of the core, in the order of their numbers:
+  // calls visit(position). `points`: the leaf's
+  template <class Visit>
+  void for_each_listed(std::size_t leaf, const LeafPoints& points, const Visit& visit) const {
+    const std::vector<std::uint64_t> used = load_table(leaf).ids;
+    auto next = used.begin();
+    for (const MeshPoint& point : points.points) {
+      if (next == used.end() || point.id != *next) continue;
+      visit(point.position);
+      ++next;
+    }
+  }
+  // Likewise of all, the core's last.
+  template <class Visit>
+  void for_each_vertex(std::size_t leaf, const Visit& visit) const {
+    const LeafPoints points = reader_->points(leaves()[leaf]);
+    for_each_listed(leaf, points, visit);
+    const SiteBox all = sites(leaf);
+    for_each_core_site(points.core, all, all, [&](const LatticeSite& site, std::uint64_t) {
+      visit(lattice_.position(site));
+    });
+  }
+  // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
+  // unused or unknown. REQUIRES: ids ascend
+  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
+  // Of the leaf's cells: throws CorruptRecord if one of them names a point without a number.
+  std::vector<std::int64_t> numbers(std::size_t leaf, const LeafCells& cells);
+
+ private:
+  // Of one leaf: its points, which of them its own cells name, and what else they name.
+  struct Names {
+    std::vector<std::uint64_t> own;
+    std::vector<bool> is_named;
+    std::vector<std::uint64_t> foreign;
+    std::uint64_t num_cells = 0, num_core_points = 0, num_core_cells = 0;
+
+    std::size_t bytes() const {
+      return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8;
+    }
+  };
+  struct Table {
+    std::vector<std::uint64_t> ids;  // of the leaf's used points, ascending
+    std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
+  };
+
+  struct Core {
+    LatticeCore core;
+    std::size_t bytes() const { return sizeof *this + sizeof(LatticeRow) * core.rows.capacity(); }
+  };
+
+  Names load_names(std::size_t leaf);
+  Table find_used(std::size_t leaf, LeafWindow<Names>& names) const;
+  Table load_table(std::size_t leaf) const;
+  Core load_core(std::size_t leaf) const;
+  void check_core(std::size_t leaf, const LatticeCore& core) const;
+  std::uint64_t first_used(std::size_t leaf) const {
+    return first_vertex_[leaf] - num_core_before_[leaf];
+  }
+  // That hold points which its cells may name.
+  std::vector<std::size_t> neighbors(std::size_t leaf) const { return near(leaf, kCellReach); }
+
+  const Reader* reader_;
+  PageRelease* pages_;
+  Frame frame_;
+  Lattice lattice_;
+  double size_;  // λ
+  LinearOctree octree_;
+  OpenFile ids_file_;
+  std::vector<std::uint64_t> first_vertex_{0}, first_cell_{0};  // of each leaf, and the end
+  std::vector<std::uint64_t> num_core_vertices_, num_core_cells_, num_core_before_{0};
+  LeafWindow<Table> tables_;
+  LeafWindow<Core> cores_;
+  SiteBlock<std::int64_t> core_numbers_;
+  std::size_t leaf_of_core_numbers_ = ~std::size_t{0};
+  bool has_core_numbers_ = false;
+};
+
+}  // namespace locvol

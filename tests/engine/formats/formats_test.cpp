@@ -1,0 +1,323 @@
+#include "engine/formats/formats.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <string>
+
+#include "engine/engine.h"
+#include "engine/formats/mesh_format.h"
+#include "engine/output/writer.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/engine/file_size_limit.h"
+#include "tests/engine/hand_made_mesh.h"
+#include "tests/file_bytes.h"
+#include "tests/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+std::vector<std::string> names_in(const std::filesystem::path& directory) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(directory))
+    names.push_back(entry.path().filename().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+using Names = std::vector<std::string>;
+using Triangle3 = std::array<Point, 3>;
+
+Triangle3 smallest_first(Triangle3 triangle) {
+  std::ranges::rotate(triangle, std::ranges::min_element(triangle));
+  return triangle;
+}
+
+// Of the cell's facets those that no other cell has, the way round that has the cell behind.
+std::multiset<Triangle3> boundary_triangles(const HandMadeMesh& mesh) {
+  std::multiset<Triangle3> result;
+  for (const auto& ids : boundary_of(mesh)) {
+    const auto is_in = [&](const CellIds& cell) {
+      return std::ranges::all_of(
+          ids, [&](std::uint64_t id) { return std::ranges::find(cell, id) != cell.end(); });
+    };
+    const CellIds& cell = *std::ranges::find_if(mesh.cells, is_in);
+    const std::uint64_t apex = *std::ranges::find_if(
+        cell, [&](std::uint64_t id) { return std::ranges::find(ids, id) == ids.end(); });
+    Triangle3 t;
+    for (std::size_t i = 0; i < 3; ++i) t[i] = mesh.point(ids[i]).position;
+    if (exact_orientation(t[0], t[1], t[2], mesh.point(apex).position) > 0) std::swap(t[1], t[2]);
+    result.insert(smallest_first(t));
+  }
+  return result;
+}
+
+std::vector<HandMadeMesh> meshes() {
+  return {lattice_ball({2, 2, 2}, 2.6),
+          cubes(3, [](int x, int y, int) { return x != 1 || y != 1; }), random_delaunay(3, 20)};
+}
+
+TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
+  for (const HandMadeMesh& mesh : meshes()) {
+    const auto expected = boundary_triangles(mesh);
+    for (const LinearOctree& octree : octrees()) {
+      SCOPED_TRACE(octree.size());
+      const TempDir dir;
+      const Store store = HandMadeStore(mesh, octree).write(dir / "store");
+      MeshSource source(store, dir / "mesh", 2);
+      BoundarySurface& boundary = source.boundary();
+      ASSERT_EQ(boundary.num_facets(), expected.size());
+
+      std::vector<Point> positions;
+      const auto vertices = boundary.vertices();
+      while (const auto some = vertices()) {
+        EXPECT_EQ(some->first, positions.size());
+        EXPECT_TRUE(std::ranges::is_sorted(some->vertices));
+        positions.insert(positions.end(), some->positions.begin(), some->positions.end());
+      }
+      EXPECT_EQ(positions.size(), boundary.num_vertices());
+      EXPECT_EQ(std::set(positions.begin(), positions.end()).size(), positions.size());
+
+      std::multiset<Triangle3> by_corners, by_places;
+      std::uint64_t last_cell = 0;
+      const auto facets = boundary.facets({.has_corners = true, .has_places = true});
+      while (const auto some = facets()) {
+        for (const Triangle3& corners : some->corners) by_corners.insert(smallest_first(corners));
+        for (const auto& [a, b, c] : some->places)
+          by_places.insert(smallest_first({positions.at(a), positions.at(b), positions.at(c)}));
+        for (const BoundaryFacet& facet : some->facets) {
+          EXPECT_GE(facet.cell, last_cell);
+          last_cell = facet.cell;
+        }
+      }
+      EXPECT_EQ(by_corners, expected);
+      EXPECT_EQ(by_places, expected);
+    }
+  }
+}
+
+// Large enough to be written in several pieces, and with a lattice core.
+class EveryFormat : public testing::TestWithParam<FormatInfo> {
+ protected:
+  static void SetUpTestSuite() {
+    dir_.emplace();
+    testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), *dir_ / "sphere.off");
+    MeshOptions options;
+    options.input = *dir_ / "sphere.off";
+    options.store = *dir_ / "store";
+    options.size = {0.06, false};
+    options.leaf_capacity = 500;
+    const RunSummary run = mesh(options);
+    ASSERT_GT(run.num_cells, 40'000U);
+  }
+  static void TearDownTestSuite() { dir_.reset(); }
+
+  static Store store() { return Store::open(*dir_ / "store", {.read_only = true}); }
+  OutputOptions options() const { return {GetParam().format, GetParam().has_cell_data}; }
+  std::string bytes_written(int num_threads) const {
+    const TempDir dir;
+    const WriteSummary written = write_mesh(store(), dir / "mesh", options(), num_threads);
+    std::string all;
+    for (const std::string& name : names_in(dir.path())) all += bytes_of(dir / name);
+    EXPECT_EQ(written.bytes, all.size());
+    return all;
+  }
+
+  static inline std::optional<TempDir> dir_;
+};
+
+TEST_P(EveryFormat, AnyNumberOfThreadsGivesTheSameBytes) {
+  const std::string bytes = bytes_written(1);
+  for (const int num_threads : {2, 5}) EXPECT_TRUE(bytes_written(num_threads) == bytes);
+}
+
+TEST_P(EveryFormat, HoldsAMeshWithoutCells) {
+  const TempDir dir;
+  const Store empty = HandMadeStore(HandMadeMesh{}, LinearOctree::uniform(1)).write(dir / "store");
+  const WriteSummary written = write_mesh(empty, dir / "mesh", options());
+  EXPECT_EQ(written.num_cells, 0u);
+  EXPECT_GT(written.bytes, 0u);
+}
+
+// What a failure leaves behind is what was there before.
+TEST_P(EveryFormat, LeavesNothingBehindWithoutRoom) {
+  const TempDir dir;
+  const Store small =
+      HandMadeStore(lattice_ball({2, 2, 2}, 2.6), mixed_octree()).write(dir / "store");
+  Names expected = {"store"};
+  for (const auto& file : files_of(GetParam().format, dir / "mesh")) {
+    std::ofstream(file) << "old";
+    expected.push_back(file.filename().string());
+  }
+  std::ranges::sort(expected);
+  {
+    const FileSizeLimit limit(1024);
+    EXPECT_THROW(write_mesh(small, dir / "mesh", options()), std::runtime_error);
+  }
+  EXPECT_EQ(names_in(dir.path()), expected);
+  for (const auto& file : files_of(GetParam().format, dir / "mesh"))
+    EXPECT_EQ(bytes_of(file), "old");
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(mesh_formats()),
+                         [](const auto& format) {
+                           std::string name(format.param.name);
+                           std::erase(name, '-');
+                           return name;
+                         });
+
+// Reads a binary Medit file back, of any version.
+class Meditb {
+ public:
+  explicit Meditb(std::string bytes) : bytes_(std::move(bytes)) {
+    EXPECT_EQ(take<std::int32_t>(), 1);
+    version = take<std::int32_t>();
+    begin_section(3);
+    EXPECT_EQ(take<std::int32_t>(), 3);
+    begin_section(4);
+    for (std::int64_t n = integer(); n > 0; --n) {
+      points.push_back(take<Point>());
+      EXPECT_EQ(integer(), 1);
+    }
+    begin_section(8);
+    cells = elements<4>();
+    begin_section(6);
+    triangles = elements<3>();
+    EXPECT_EQ(take<std::int32_t>(), 54);
+    EXPECT_EQ(place(), 0);
+    EXPECT_EQ(at_, bytes_.size());
+  }
+
+  int version = 0;
+  std::vector<Point> points;
+  std::vector<std::array<std::int64_t, 4>> cells;
+  std::vector<std::array<std::int64_t, 3>> triangles;
+
+ private:
+  template <class T>
+  T take() {
+    T value{};
+    if (at_ + sizeof value <= bytes_.size()) std::memcpy(&value, &bytes_[at_], sizeof value);
+    at_ += sizeof value;
+    return value;
+  }
+  std::int64_t integer() { return version < 4 ? take<std::int32_t>() : take<std::int64_t>(); }
+  std::int64_t place() { return version < 3 ? take<std::int32_t>() : take<std::int64_t>(); }
+  // Each keyword is where the one before said.
+  void begin_section(int keyword) {
+    EXPECT_TRUE(next_ == 0 || at_ == next_);
+    EXPECT_EQ(take<std::int32_t>(), keyword);
+    next_ = static_cast<std::size_t>(place());
+  }
+  template <std::size_t n>
+  std::vector<std::array<std::int64_t, n>> elements() {
+    std::vector<std::array<std::int64_t, n>> result(static_cast<std::size_t>(integer()));
+    for (auto& element : result) {
+      for (std::int64_t& v : element) v = integer() - 1;
+      EXPECT_EQ(integer(), 1);
+    }
+    return result;
+  }
+
+  std::string bytes_;
+  std::size_t at_ = 0, next_ = 0;
+};
+
+TEST(Medit, HasTheSameMeshInEveryVersion) {
+  const TempDir dir;
+  const Store store =
+      HandMadeStore(lattice_ball({2, 2, 2}, 2.6), mixed_octree()).write(dir / "store");
+  std::optional<Meditb> first;
+  for (const int version : {2, 3, 4}) {
+    MeshSource source(store, dir / "mesh.meshb", 2);
+    PartialFile file(dir / "mesh.meshb");
+    const std::uint64_t bytes = write_binary_medit(source, file, version);
+    file.publish();
+    EXPECT_EQ(bytes, std::filesystem::file_size(dir / "mesh.meshb"));
+    const Meditb read(bytes_of(dir / "mesh.meshb"));
+    EXPECT_EQ(read.version, version);
+    if (!first) {
+      first = read;
+      EXPECT_EQ(read.points.size(), source.num_vertices());
+      EXPECT_EQ(read.cells.size(), source.num_cells());
+      EXPECT_EQ(read.triangles.size(), source.boundary().num_facets());
+    }
+    EXPECT_EQ(read.points, first->points);
+    EXPECT_EQ(read.cells, first->cells);
+    EXPECT_EQ(read.triangles, first->triangles);
+  }
+}
+
+TEST(Stl, RefusesWhatFloatsCannotTellApart) {
+  HandMadeMesh mesh = cubes(1, [](int, int, int) { return true; });
+  for (MeshPoint& p : mesh.points) p.position = 1e-9 * p.position + Point{1, 1, 1};
+  const TempDir dir;
+  const Store store = HandMadeStore(mesh, LinearOctree::uniform(0)).write(dir / "store");
+  try {
+    write_mesh(store, dir / "mesh.stl", {MeshFormat::kStl});
+    FAIL() << "wrote it";
+  } catch (const FormatLimit& error) {
+    EXPECT_NE(std::string(error.what()).find("mesh.stl"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("write ply or obj"), std::string::npos);
+  }
+  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
+  EXPECT_EQ(write_mesh(store, dir / "mesh.ply", {MeshFormat::kPly}).num_boundary_facets, 12u);
+}
+
+// The message names the file, what there is too much of, and a format that holds it.
+void expect_limit(MeshFormat format, MeshCounts counts, std::uint64_t MeshCounts::*what,
+                  std::uint64_t most) {
+  counts.*what = most;
+  EXPECT_NO_THROW(check_limits(format, counts, "mesh.out"));
+  ++(counts.*what);
+  try {
+    check_limits(format, counts, "mesh.out");
+    FAIL() << info_of(format).name << " takes " << counts.*what;
+  } catch (const FormatLimit& error) {
+    const std::string message = error.what();
+    EXPECT_NE(message.find("mesh.out"), std::string::npos) << message;
+    EXPECT_NE(message.find(std::to_string(most)), std::string::npos) << message;
+    EXPECT_NE(message.find(info_of(format).is_surface ? "write obj" : "write vtu"),
+              std::string::npos)
+        << message;
+  }
+}
+
+TEST(FormatLimits, AreCheckedAgainstCounts) {
+  constexpr std::uint64_t kInt32 = 0x7fffffff, kUint32 = 0xffffffff;
+  expect_limit(MeshFormat::kMsh2, {}, &MeshCounts::num_vertices, kInt32);
+  expect_limit(MeshFormat::kMsh2, {}, &MeshCounts::num_cells, kInt32);
+  expect_limit(MeshFormat::kAbaqus, {}, &MeshCounts::num_vertices, 999'999'999);
+  expect_limit(MeshFormat::kAbaqus, {}, &MeshCounts::num_cells, 999'999'999);
+  expect_limit(MeshFormat::kTetgen, {}, &MeshCounts::num_vertices, kInt32);
+  expect_limit(MeshFormat::kTetgen, {}, &MeshCounts::num_cells, kInt32);
+  expect_limit(MeshFormat::kStl, {}, &MeshCounts::num_boundary_facets, kUint32);
+  expect_limit(MeshFormat::kPly, {}, &MeshCounts::num_boundary_vertices, kInt32);
+  EXPECT_THROW(check_limits(MeshFormat::kMsh2, {1, kInt32, 1, 0}, "m"), FormatLimit)
+      << "tetrahedra and triangles are numbered together";
+  const MeshCounts many{1'000'000'000'000, 6'000'000'000'000, 1'000'000'000, 500'000'000};
+  for (const char* name : {"vtu", "vtu-zlib", "vtkhdf", "msh", "medit", "meditb", "obj"})
+    EXPECT_NO_THROW(check_limits(*format_named(name), many, "m")) << name;
+}
+
+TEST(FormatOf, IsTheExtensionsWhateverItsCase) {
+  EXPECT_EQ(format_of("a/b.vtu"), MeshFormat::kVtu);
+  EXPECT_EQ(format_of("b.VTKHDF"), MeshFormat::kVtkHdf);
+  EXPECT_EQ(format_of("b.msh"), MeshFormat::kMsh4);
+  EXPECT_EQ(format_of("b.mesh"), MeshFormat::kMedit);
+  EXPECT_EQ(format_of("b.v1.meshb"), MeshFormat::kMeditBinary);
+  EXPECT_EQ(format_of("b.ele"), MeshFormat::kTetgen);
+  for (const char* file : {"b", "b.", "b.vtk", "vtu", ""}) EXPECT_EQ(format_of(file), std::nullopt);
+  EXPECT_EQ(format_named("msh2"), MeshFormat::kMsh2);
+  EXPECT_EQ(format_named("Msh2"), std::nullopt);
+  EXPECT_EQ(files_of(MeshFormat::kTetgen, "a/b.ele"),
+            (std::vector<std::filesystem::path>{"a/b.node", "a/b.ele"}));
+  EXPECT_EQ(files_of(MeshFormat::kTetgen, "a/b.v2"),
+            (std::vector<std::filesystem::path>{"a/b.v2.node", "a/b.v2.ele"}));
+  EXPECT_EQ(files_of(MeshFormat::kStl, "a.stl"), (std::vector<std::filesystem::path>{"a.stl"}));
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,589 @@
+// What does not depend on how a surface is cut into buckets: facts, refusals, the leaves' records.
+
+#include "engine/ingest/ingest.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <csignal>
+#include <map>
+#include <random>
+#include <set>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "engine/ingest/start_leaves.h"
+#include "engine/ingest/triangle_spill.h"
+#include "engine/ingest/vertex_spill.h"
+#include "engine/run_setup.h"
+#include "engine/run_state.h"
+#include "refine/triangle_box.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/engine/ingest/surface_fixtures.h"
+#include "tests/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+using testing_shapes::Shape;
+using Random = std::mt19937;
+
+std::uint32_t below(Random& random, std::size_t n) {
+  return static_cast<std::uint32_t>(random() % n);
+}
+
+// ---- Surfaces, good and bad ----
+
+// The surface of a set of unit cubes, each face two triangles. Where cubes touch at an edge or a
+// vertex only, it is not manifold.
+Polygons voxels(const std::set<std::array<int, 3>>& cubes) {
+  Polygons surface;
+  std::map<std::array<int, 3>, std::uint32_t> numbers;
+  const auto vertex = [&](std::array<int, 3> at) {
+    const auto [known, is_new] =
+        numbers.try_emplace(at, static_cast<std::uint32_t>(surface.vertices.size()));
+    if (is_new)
+      surface.vertices.push_back(
+          {static_cast<double>(at[0]), static_cast<double>(at[1]), static_cast<double>(at[2])});
+    return known->second;
+  };
+  for (const auto& cube : cubes)
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (int side = 0; side < 2; ++side) {
+        auto beyond = cube;
+        beyond[axis] += side ? 1 : -1;
+        if (cubes.contains(beyond)) continue;
+        std::array<std::uint32_t, 4> corners{};
+        for (int k = 0; k < 4; ++k) {
+          auto at = cube;
+          at[axis] += side;
+          at[(axis + 1) % 3] += (k == 1 || k == 2) ? 1 : 0;
+          at[(axis + 2) % 3] += k >= 2 ? 1 : 0;
+          corners[static_cast<std::size_t>(k)] = vertex(at);
+        }
+        if (side == 0) std::swap(corners[1], corners[3]);
+        surface.faces.push_back({corners[0], corners[1], corners[2]});
+        surface.faces.push_back({corners[0], corners[2], corners[3]});
+      }
+  return surface;
+}
+
+// A walk through space, `thick` cubes wide: closed, with handles and at times with cavities.
+Polygons random_voxels(Random& random, int num_steps, int thick) {
+  std::set<std::array<int, 3>> cubes;
+  std::array<int, 3> at{};
+  for (int step = 0; step < num_steps; ++step) {
+    for (int i = 0; i < thick; ++i)
+      for (int j = 0; j < thick; ++j)
+        for (int k = 0; k < thick; ++k)
+          cubes.insert({thick * at[0] + i, thick * at[1] + j, thick * at[2] + k});
+    at[below(random, 3)] += random() % 2 ? 1 : -1;
+  }
+  return voxels(cubes);
+}
+
+Polygons to_polygons(const Shape& shape) {
+  Polygons surface{shape.vertices, {}};
+  for (const auto& [a, b, c] : shape.triangles) surface.faces.push_back({a, b, c});
+  return surface;
+}
+
+Polygons rough_ball(Random& random, double radius, const Point& center) {
+  Polygons ball = to_polygons(testing_shapes::sphere(1, 12 + below(random, 10), 24));
+  std::uniform_real_distribution<double> rough(0.95, 1.05);
+  for (Point& p : ball.vertices) p = center + rough(random) * radius * p;
+  return ball;
+}
+
+// Balls in balls, side by side with others, and with tori.
+Polygons random_balls(Random& random) {
+  Polygons all;
+  for (double radius = 4; radius > 0.3; radius *= 0.55)
+    all.append(rough_ball(random, radius, {0.1, -0.2, 0.3}));
+  for (int i = 0; i < 3; ++i) all.append(rough_ball(random, 0.2 + 0.3 * i, {7.0, 2.0 * i, -1.0}));
+  Shape torus = testing_shapes::translated(testing_shapes::torus(2, 0.5, 24, 12), {-9, 0, 1});
+  all.append(to_polygons(torus));
+  return all;
+}
+
+void shuffle(Polygons& s, Random& random) {
+  std::ranges::shuffle(s.faces, random);
+  for (auto& f : s.faces) {
+    std::ranges::rotate(f, f.begin() + below(random, f.size()));
+    if (random() % 2) std::swap(f[0], f[1]);
+  }
+}
+
+// Puts a vertex on an edge of the face and a flat triangle between the face and its neighbor.
+void add_flat_triangle(Polygons& s, std::size_t face) {
+  const std::uint32_t a = s.faces[face][0], b = s.faces[face][1], c = s.faces[face][2];
+  const auto m = static_cast<std::uint32_t>(s.vertices.size());
+  s.vertices.push_back(0.5 * (s.vertices[a] + s.vertices[b]));  // exact for voxels
+  s.faces[face] = {a, m, c};
+  s.faces.push_back({m, b, c});
+  s.faces.push_back({a, b, m});
+}
+
+struct Judgement {
+  std::string refusal;
+  SurfaceFacts facts;
+  std::vector<Triangle> triangles;
+  friend bool operator==(const Judgement&, const Judgement&) = default;
+};
+
+Judgement judge(const std::filesystem::path& file, std::uint64_t capacity) {
+  try {
+    const InputSurface s = read_whole_surface(file, capacity);
+    return {{}, s.facts, s.pieces};
+  } catch (const InputError& error) {
+    return {error.what(), {}, {}};
+  }
+}
+
+// A walk may touch itself, and most do: drawn until one does not.
+Polygons manifold_voxels(Random& random, const SurfaceFiles& files) {
+  for (;;) {
+    Polygons solid = random_voxels(random, 40, 3);
+    const auto file = files.write("solid.off", to_off(solid));
+    if (judge(file, 1'000'000).refusal.empty()) return solid;
+  }
+}
+
+struct Sample {
+  std::string name;
+  Polygons surface;
+};
+
+std::vector<Sample> random_samples(Random& random, const SurfaceFiles& files) {
+  std::vector<Sample> samples;
+  const auto add = [&](const std::string& name, Polygons s) -> Polygons& {
+    shuffle(s, random);
+    samples.push_back({name, std::move(s)});
+    return samples.back().surface;
+  };
+  add("balls", random_balls(random));
+  add("voxels", random_voxels(random, 60, 3));
+  add("thin voxels", random_voxels(random, 40, 1));
+  const auto solid = [&] { return manifold_voxels(random, files); };
+  {
+    Polygons& s = add("flat triangles", solid());
+    for (int i = 0; i < 20; ++i) add_flat_triangle(s, below(random, s.faces.size()));
+  }
+  {
+    Polygons& s = add("copies", solid());
+    const std::size_t n = s.faces.size();
+    for (int i = 0; i < 10; ++i) s.faces.push_back(s.faces[below(random, n)]);
+    shuffle(s, random);
+  }
+  {
+    Polygons& s = add("copies of flat triangles", solid());
+    add_flat_triangle(s, below(random, s.faces.size()));
+    s.faces.push_back(s.faces.back());
+    s.faces.push_back(s.faces[below(random, s.faces.size())]);
+  }
+  {
+    Polygons& s = add("holes", random_balls(random));
+    for (int i = 0; i < 3; ++i) s.faces.erase(s.faces.begin() + below(random, s.faces.size()));
+  }
+  {
+    Polygons& s = add("fins", random_balls(random));
+    for (int i = 0; i < 3; ++i) {
+      const auto& f = s.faces[below(random, s.faces.size())];
+      s.faces.push_back({f[0], f[1], below(random, s.vertices.size())});
+    }
+  }
+  {
+    Polygons s = random_balls(random);
+    s.append(rough_ball(random, 2, {3.5, 0, 0}));
+    add("overlap", std::move(s));
+  }
+  {
+    Polygons s = random_balls(random);
+    for (Polygons ball = rough_ball(random, 1, {-3, 9, 0}); s.faces.size() % 2 == 0;) {
+      ball.append(ball);  // the same ball twice
+      s.append(ball);
+      break;
+    }
+    add("a ball twice", std::move(s));
+  }
+  {
+    Polygons s = rough_ball(random, 1, {0, 0, 0}), other = rough_ball(random, 1, {0, 0, 20});
+    other.vertices.front() = s.vertices.back();  // pole to pole
+    s.append(other);
+    add("pinched", std::move(s));
+  }
+  return samples;
+}
+
+// ---- Judged in one bucket and in many ----
+
+TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  const SurfaceFiles files;
+  int num_refused = 0, num_accepted = 0;
+  for (int round = 0; round < 3; ++round)
+    for (const auto& [name, surface] : random_samples(random, files)) {
+      SCOPED_TRACE(name);
+      const auto file = files.write("surface.off", to_off(surface));
+      const Judgement whole = judge(file, 1'000'000);
+      (whole.refusal.empty() ? num_accepted : num_refused) += 1;
+      for (const std::uint64_t capacity : {400u, 60u, 12u}) {
+        const Judgement pieces = judge(file, capacity);
+        EXPECT_EQ(pieces.refusal, whole.refusal) << capacity;
+        EXPECT_EQ(pieces.facts.notes, whole.facts.notes) << capacity;
+        EXPECT_EQ(pieces.facts.num_components, whole.facts.num_components) << capacity;
+        EXPECT_EQ(pieces.facts.volume, whole.facts.volume) << capacity;
+        EXPECT_TRUE(pieces == whole) << capacity;
+      }
+    }
+  EXPECT_GT(num_accepted, 9);
+  EXPECT_GT(num_refused, 9);
+}
+
+// With these seeds all voxels touched themselves once: no surface was repaired and accepted.
+TEST(IngestBuckets, SamplesAreOftenGoodWithAnySeed) {
+  const SurfaceFiles files;
+  for (const unsigned seed : {10u, 28u, 37u}) {
+    Random random(seed);
+    int num_repaired = 0;
+    for (const auto& [name, surface] : random_samples(random, files)) {
+      const bool needs_repair = name.starts_with("flat") || name.starts_with("copies");
+      if (needs_repair &&
+          judge(files.write("surface.off", to_off(surface)), 1'000'000).refusal.empty())
+        ++num_repaired;
+    }
+    EXPECT_GE(num_repaired, 2) << seed;
+  }
+}
+
+// A Klein bottle that crosses itself, which is for a later check to find.
+TEST(IngestBuckets, KleinBottleIsNotOrientableInAnyNumberOfThem) {
+  Polygons bottle;
+  constexpr std::uint32_t kAround = 40, kAcross = 20;
+  for (std::uint32_t i = 0; i < kAround; ++i)
+    for (std::uint32_t j = 0; j < kAcross; ++j) {
+      const double u = 2 * std::numbers::pi * i / kAround, v = 2 * std::numbers::pi * j / kAcross;
+      const double r = 3 + std::cos(u / 2) * std::sin(v) - std::sin(u / 2) * std::sin(2 * v);
+      bottle.vertices.push_back(
+          {r * std::cos(u), r * std::sin(u),
+           std::sin(u / 2) * std::sin(v) + std::cos(u / 2) * std::sin(2 * v)});
+    }
+  const auto at = [](std::uint32_t i, std::uint32_t j) {
+    // Once around, v becomes -v.
+    return i < kAround ? i * kAcross + j % kAcross : (kAcross - j % kAcross) % kAcross;
+  };
+  for (std::uint32_t i = 0; i < kAround; ++i)
+    for (std::uint32_t j = 0; j < kAcross; ++j) {
+      bottle.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+      bottle.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+    }
+  const SurfaceFiles files;
+  const auto file = files.write("klein.off", to_off(bottle));
+  for (const std::uint64_t capacity : {1'000'000u, 300u, 40u, 10u})
+    EXPECT_NE(judge(file, capacity).refusal.find("not orientable, as a Klein bottle"),
+              std::string::npos)
+        << capacity << ": " << judge(file, capacity).refusal;
+}
+
+TEST(IngestBuckets, ManyTrianglesAtOnePointEnd) {
+  // A cone of 3,000 triangles: no cutting parts them at its tip.
+  constexpr std::uint32_t kAround = 3000;
+  Polygons cone{{{0, 0, 1}, {0, 0, 0}}, {}};
+  for (std::uint32_t i = 0; i < kAround; ++i) {
+    const double u = 2 * std::numbers::pi * i / kAround;
+    cone.vertices.push_back({std::cos(u), std::sin(u), 0});
+    const std::uint32_t a = 2 + i, b = 2 + (i + 1) % kAround;
+    cone.faces.push_back({0, a, b});
+    cone.faces.push_back({1, b, a});
+  }
+  const SurfaceFiles files;
+  const auto file = files.write("cone.off", to_off(cone));
+  const Judgement whole = judge(file, 1'000'000), pieces = judge(file, 50);
+  EXPECT_EQ(whole.refusal, "");
+  EXPECT_EQ(whole.facts.num_components, 1u);
+  EXPECT_TRUE(pieces == whole);
+}
+
+TEST(IngestBuckets, HaveEveryTriangleThatMeetsTheirCells) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  const SurfaceFiles files;
+  const auto file = files.write("surface.off", to_off(random_balls(random)));
+  const InputSurface all = read_whole_surface(file);
+  IngestWatch watch;
+  Workers workers(2);
+  RawSurface raw = read_surface(file, files.directory(), watch);
+  const Frame frame = frame_of(raw.box);
+  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, workers, 100);
+  ASSERT_GT(checked.buckets.all().size(), 20u);
+  for (const TriangleBucket& bucket : checked.buckets.all()) {
+    std::vector<Triangle> expected;
+    std::ranges::copy_if(all.pieces, std::back_inserter(expected),
+                         [&](const Triangle& t) { return touches(t, frame.box(bucket.cell)); });
+    EXPECT_EQ(checked.load(bucket), expected);
+  }
+  // The disk is left as it was.
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(files.directory()))
+    names.push_back(entry.path().filename());
+  EXPECT_EQ(names, std::vector<std::string>{"surface.off"});
+}
+
+// ---- The store ----
+
+struct StoredLeaf {
+  LeafInfo info;
+  LeafSurface surface;
+  friend bool operator==(const StoredLeaf&, const StoredLeaf&) = default;
+};
+struct Stored {
+  RunRecord run;
+  std::map<MortonKey, StoredLeaf> leaves;
+  std::vector<QueueEntry> queue;
+  friend bool operator==(const Stored&, const Stored&) = default;
+};
+
+Stored stored(const Store& store) {
+  const Snapshot snapshot = store.snapshot();
+  Stored all{*snapshot.run(), {}, {}};
+  for (const MortonKey key : snapshot.leaf_keys())
+    all.leaves[key] = {*snapshot.leaf(key), snapshot.surface(key)};
+  snapshot.for_each_queued([&](const QueueEntry& entry) {
+    all.queue.push_back(entry);
+    return true;
+  });
+  return all;
+}
+
+class IngestTest : public testing::Test {
+ protected:
+  MeshOptions options(double size, std::uint64_t leaf_capacity) const {
+    MeshOptions options;
+    options.input = input_;
+    options.store = scratch_ / "store";
+    options.size = {size, false};
+    options.leaf_capacity = leaf_capacity;
+    return options;
+  }
+
+  Store ingested(const MeshOptions& options, const std::string& name,
+                 std::uint64_t capacity = kBucketCapacity, const RunControl& control = {}) const {
+    IngestWatch watch;
+    RawSurface raw = read_surface(options.input, std::filesystem::temp_directory_path(), watch);
+    const RunRecord run = planned_run(options, raw.digest, raw.box);
+    return ingest(
+        std::move(raw), run, [](const RunRecord&) {},
+        [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
+        control, capacity);
+  }
+
+  void write(const Polygons& s) const { std::ofstream(input_, std::ios::binary) << to_off(s); }
+
+  TempDir scratch_;
+  std::filesystem::path input_ = scratch_ / "input.off";
+};
+
+TEST_F(IngestTest, LeavesAreTheSameFromOneBucketAndFromMany) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  Polygons flat;
+  do {  // a walk may make what is not manifold, and flat triangles what has no repair
+    flat = random_voxels(random, 40, 3);
+    for (int i = 0; i < 5; ++i) add_flat_triangle(flat, below(random, flat.faces.size()));
+    flat.faces.push_back(flat.faces.front());
+    write(flat);
+  } while (!judge(input_, kBucketCapacity).refusal.empty());
+  int num_stores = 0;
+  for (Polygons surface : {random_balls(random), flat}) {
+    shuffle(surface, random);
+    write(surface);
+    for (const double size : {3.0, 0.4, 0.15}) {
+      const auto run = options(size, 50);
+      const Stored whole = stored(ingested(run, std::to_string(++num_stores)));
+      EXPECT_EQ(whole.run.phase, Phase::kInitialize);
+      for (const std::uint64_t capacity : {300u, 30u})
+        EXPECT_TRUE(stored(ingested(run, std::to_string(++num_stores), capacity)) == whole)
+            << size << " " << capacity;
+    }
+  }
+}
+
+TEST_F(IngestTest, LeavesAreSmallNearTheSurfaceAndInsideOnly) {
+  Polygons s = box_of_triangles({0, 0, 0}, {1, 1, 1});
+  s.append(box_of_triangles({9, 9, 9}, {10, 10, 10}));
+  write(s);
+  constexpr double kSize = 0.02;
+  const Store store = ingested(options(kSize, 50), "store");
+  const Stored all = stored(store);
+  const Frame& frame = all.run.frame;
+  std::vector<MortonKey> keys;
+  int deepest = 0;
+  for (const auto& [key, leaf] : all.leaves) {
+    keys.push_back(key);
+    deepest = std::max(deepest, key.level());
+  }
+  EXPECT_NO_THROW(LinearOctree{keys});
+  EXPECT_LT(keys.size(), (std::size_t{1} << (3 * deepest)) / 20);
+  const Box parts[] = {{{0, 0, 0}, {1, 1, 1}}, {{9, 9, 9}, {10, 10, 10}}};
+  double volume_inside = 0;
+  for (const auto& [key, leaf] : all.leaves) {
+    const Box box = frame.box(key);
+    const bool is_near = box.squared_distance(parts[0]) <= kSize * kSize ||
+                         box.squared_distance(parts[1]) <= kSize * kSize;
+    if (is_near) {
+      EXPECT_EQ(key.level(), deepest);
+    }
+    EXPECT_EQ(leaf.info.is_center_inside,
+              parts[0].contains(box.center()) || parts[1].contains(box.center()));
+    EXPECT_EQ(leaf.info.queued.has_value(),
+              leaf.info.num_triangles > 0 || leaf.info.is_center_inside);
+    if (leaf.info.is_center_inside) volume_inside += std::pow(frame.side(key.level()), 3);
+  }
+  EXPECT_NEAR(volume_inside, 2, 0.6);
+  EXPECT_GE(frame.side(deepest), kMinLeafSide * kSize);
+}
+
+TEST_F(IngestTest, PaperModeStartsWithOneLeaf) {
+  write(to_polygons(testing_shapes::torus(1, 0.4, 32, 16)));
+  auto run = options(0.05, 50);
+  run.init = Initialization::kPaper;
+  const Stored all = stored(ingested(run, "store", 40));
+  ASSERT_EQ(all.leaves.size(), 1u);
+  EXPECT_EQ(all.leaves.begin()->second.surface.triangles.size(), 1024u);
+  EXPECT_TRUE(all.queue.empty());
+}
+
+TEST_F(IngestTest, LeavesWithTooManyTrianglesAreCut) {
+  write(to_polygons(testing_shapes::sphere(1, 400, 500)));  // 400,000 triangles
+  const Stored coarse = stored(ingested(options(0.2, 20000), "coarse"));
+  EXPECT_GE(coarse.leaves.size(), 8u);  // one would be wide enough
+  for (const auto& [key, leaf] : coarse.leaves) {
+    const bool may_split = coarse.run.frame.side(key.level() + 1) >= kMinLeafSide * 0.2;
+    EXPECT_TRUE(leaf.info.num_triangles <= 55'000 || !may_split) << leaf.info.num_triangles;
+  }
+}
+
+TEST_F(IngestTest, RefusesTooManyLeavesAndNamesASizeThatWorks) {
+  write(to_polygons(testing_shapes::sphere(1, 15, 32)));
+  IngestWatch watch;
+  for (const double size : {1e-3, 2e-4}) {
+    std::string message;
+    try {
+      ingested(options(size, 50), "store");
+    } catch (const InputError& error) {
+      message = error.what();
+    }
+    const std::string words = "choose a size of at least ";
+    const auto place = message.find(words);
+    ASSERT_NE(place, std::string::npos) << message;
+    EXPECT_FALSE(std::filesystem::exists(scratch_ / "store"));
+    const double least = std::stod(message.substr(place + words.size()));
+    EXPECT_LT(least, 0.02);
+
+    Workers workers(2);
+    RawSurface raw = read_surface(input_, scratch_ / ".", watch);
+    const RunParameters works = planned_run(options(least, 50), raw.digest, raw.box).parameters;
+    const Frame frame = frame_of(raw.box);
+    const CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers);
+    EXPECT_GT(cells_near_surface(surface, works, watch).size(), 10'000u);
+  }
+}
+
+TEST_F(IngestTest, GoesOnAfterItIsStopped) {
+  write(to_polygons(testing_shapes::sphere(1, 400, 500)));
+  const auto run = options(0.3, 20000);
+  int num_reports = 0;
+  RunControl control{.on_progress =
+                         [&](const Progress& p) {
+                           EXPECT_EQ(p.phase, Phase::kIngest);
+                           ++num_reports;
+                         },
+                     .is_stopped = [] { return true; },
+                     .on_note = {}};
+  EXPECT_EQ(mesh(run, control).outcome, RunOutcome::kInterrupted);
+  EXPECT_GT(num_reports, 0);
+  EXPECT_EQ(Store::open(run.store).snapshot().run()->phase, Phase::kIngest);
+  EXPECT_EQ(resume(run.store, control).outcome, RunOutcome::kInterrupted);
+  EXPECT_EQ(resume(run.store).outcome, RunOutcome::kDone);
+}
+
+// ---- Files ----
+
+TEST(VertexSpill, GivesBackWhatWasAppended) {
+  Random random(7);
+  const TempDir scratch;
+  VertexSpill vertices(scratch / ".");
+  constexpr std::uint32_t kCount = 100'000;
+  const auto position = [](std::uint32_t v) { return Point{1.0 * v, 2.0 * v, -1.0 * v}; };
+  for (std::uint32_t v = 0; v < kCount; ++v) {
+    vertices.append(position(v));
+    const std::uint32_t w = below(random, v + 1);
+    ASSERT_EQ(vertices.at(w), position(w));
+  }
+  EXPECT_EQ(vertices.size(), kCount);
+}
+
+TEST(TriangleSpill, UsesReleasedExtentsAgain) {
+  const TempDir scratch;
+  TriangleSpill spill(scratch / ".");
+  std::uint64_t bytes = 0;
+  for (int round = 0; round < 3; ++round) {
+    TriangleList list;
+    TriangleWriter writer(spill, list);
+    for (std::uint64_t id = 0; id < 1000; ++id)
+      writer.append({id, {Point{1, 2, 3}, Point{0, 0, 1.0 * round}, Point{}}});
+    writer.flush();
+    const std::vector<Triangle> loaded = spill.load(list);
+    ASSERT_EQ(loaded.size(), 1000u);
+    EXPECT_EQ(loaded[999], (Triangle{999, {Point{1, 2, 3}, Point{0, 0, 1.0 * round}, Point{}}}));
+    spill.release(std::move(list));
+    if (round == 0) bytes = spill.bytes();
+  }
+  EXPECT_EQ(spill.bytes(), bytes);
+}
+
+TEST(TriangleSpill, FullDiskIsAnErrorThatNamesTheFile) {
+  const TempDir scratch;
+  const SurfaceFiles files;
+  const auto file = files.write("ball.off", to_off(to_polygons(testing_shapes::sphere(1, 60, 60))));
+  rlimit usual{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &usual), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{100'000, usual.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  std::string message;
+  try {
+    IngestWatch watch;
+    read_surface(file, scratch / ".", watch);
+  } catch (const std::system_error& error) {
+    message = error.what();
+  }
+  setrlimit(RLIMIT_FSIZE, &usual);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_NE(message.find("cannot write"), std::string::npos) << message;
+  EXPECT_NE(message.find((scratch / "").string()), std::string::npos) << message;
+  EXPECT_NE(message.find("File too large"), std::string::npos) << message;
+}
+
+TEST(RawSurface, FacesMayComeBeforeTheirVertices) {
+  Polygons boxes;
+  for (int i = 0; i < 8000; ++i)
+    boxes.append(box_of_triangles({2.0 * i, 0, 0}, {2.0 * i + 1, 1, 1}));
+  std::string vertices, faces;
+  for (const Point& p : boxes.vertices) vertices += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
+  for (const auto& f : boxes.faces)
+    faces += fmt::format("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1);
+  const SurfaceFiles files;
+  EXPECT_EQ(files.read("faces_first.obj", faces + vertices).pieces,
+            files.read("vertices_first.obj", vertices + faces).pieces);
+}
+
+}  // namespace
+}  // namespace locvol

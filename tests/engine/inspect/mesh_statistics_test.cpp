@@ -1,0 +1,194 @@
+// Against every cell of the written mesh, one by one.
+#include "engine/inspect/mesh_statistics.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "engine/engine.h"
+#include "engine/inspect/cell_mesh.h"
+#include "engine/output/writer.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/engine/hand_made_mesh.h"
+#include "tests/temp_dir.h"
+#include "tests/vtu_arrays.h"
+
+namespace locvol {
+namespace {
+
+using namespace testing_shapes;
+
+using Corners = std::array<Point, 4>;
+
+std::vector<Corners> cells_of(const std::filesystem::path& file) {
+  const VtuArrays vtu(file);
+  const auto points = vtu.array<Point>("Float64", "Points");
+  std::vector<Corners> cells;
+  for (const auto& vertices : vtu.array<std::array<std::int64_t, 4>>("Int64", "connectivity")) {
+    Corners& corners = cells.emplace_back();
+    for (std::size_t i = 0; i < 4; ++i)
+      corners[i] = points.at(static_cast<std::size_t>(vertices[i]));
+  }
+  return cells;
+}
+
+// The angle at each edge, in the plane across it.
+std::array<double, 6> angles_of(const Corners& c) {
+  std::array<double, 6> angles{};
+  std::size_t num = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j) {
+      std::array<Point, 2> across;
+      std::size_t n = 0;
+      const Point edge = (1 / norm(c[j] - c[i])) * (c[j] - c[i]);
+      for (std::size_t k = 0; k < 4; ++k)
+        if (k != i && k != j) across[n++] = (c[k] - c[i]) - dot(c[k] - c[i], edge) * edge;
+      angles[num++] = std::atan2(norm(cross(across[0], across[1])), dot(across[0], across[1])) *
+                      (180 / std::numbers::pi);
+    }
+  return angles;
+}
+
+void count(double value, Histogram& histogram) {
+  const auto above = std::ranges::upper_bound(histogram.edges, value);
+  const auto bin = static_cast<std::size_t>(above - histogram.edges.begin()) - 1;
+  ++histogram.counts.at(std::min(bin, histogram.counts.size() - 1));
+}
+
+MeshStatistics by_brute_force(const std::vector<Corners>& cells, double size) {
+  MeshStatistics all;
+  for (const Corners& c : cells) {
+    const auto angles = angles_of(c);
+    const auto [least, most] = std::ranges::minmax(angles);
+    for (const double angle : angles) count(angle, all.dihedral_angles);
+    count(least, all.min_dihedral_angles);
+    const CellQuality quality = quality_of(c);
+    count(quality.radius_edge_ratio, all.radius_edge_ratios);
+    all.min_dihedral_degrees = std::min(all.min_dihedral_degrees, least);
+    all.max_dihedral_degrees = std::max(all.max_dihedral_degrees, most);
+    all.max_radius_edge_ratio = std::max(all.max_radius_edge_ratio, quality.radius_edge_ratio);
+    all.max_circumradius = std::max(all.max_circumradius, quality.circumradius / size);
+    all.volume += dot(c[1] - c[0], cross(c[2] - c[0], c[3] - c[0])) / 6;
+    ++all.num_cells;
+  }
+  return all;
+}
+
+void expect_same(const MeshStatistics& found, const MeshStatistics& expected) {
+  EXPECT_EQ(found.num_cells, expected.num_cells);
+  EXPECT_EQ(found.dihedral_angles.counts, expected.dihedral_angles.counts);
+  EXPECT_EQ(found.min_dihedral_angles.counts, expected.min_dihedral_angles.counts);
+  EXPECT_EQ(found.radius_edge_ratios.counts, expected.radius_edge_ratios.counts);
+  EXPECT_EQ(found.dihedral_angles.total(), 6 * found.num_cells);
+  EXPECT_EQ(found.min_dihedral_angles.total(), found.num_cells);
+  EXPECT_EQ(found.radius_edge_ratios.total(), found.num_cells);
+  // The core's cells are taken without their displacement, some 1e-5 of their size.
+  EXPECT_NEAR(found.volume, expected.volume, 1e-7 * expected.volume);
+  EXPECT_NEAR(found.min_dihedral_degrees, expected.min_dihedral_degrees, 1e-3);
+  EXPECT_NEAR(found.max_dihedral_degrees, expected.max_dihedral_degrees, 1e-3);
+  EXPECT_NEAR(found.max_radius_edge_ratio, expected.max_radius_edge_ratio, 1e-4);
+  EXPECT_NEAR(found.max_circumradius, expected.max_circumradius, 1e-4);
+}
+
+TEST(MeshStatistics, AreThoseOfTheWrittenCells) {
+  for (const Shape& shape : {sphere(1, 31, 64), torus(1, 0.4, 60, 30)}) {
+    const TempDir dir;
+    write_off(shape, dir / "surface.off");
+    MeshOptions options;
+    options.input = dir / "surface.off";
+    options.store = dir / "store";
+    options.size = {0.07, false};
+    options.leaf_capacity = 200;  // many leaves
+    ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
+    const Store store = Store::open(dir / "store", {.read_only = true});
+    write_vtu(store, dir / "mesh.vtu");
+    const MeshStatistics statistics = mesh_statistics(store);
+    EXPECT_GT(statistics.num_core_cells, 0u);
+    EXPECT_LT(statistics.num_core_cells, statistics.num_cells);
+    expect_same(statistics, by_brute_force(cells_of(dir / "mesh.vtu"), 0.07));
+  }
+}
+
+TEST(MeshStatistics, AreTheSameToTheBitOnAnyNumberOfThreads) {
+  const TempDir dir;
+  write_off(sphere(1, 31, 64), dir / "surface.off");
+  MeshOptions options;
+  options.input = dir / "surface.off";
+  options.store = dir / "store";
+  options.size = {0.03, false};
+  ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
+  const Store store = Store::open(dir / "store", {.read_only = true});
+  const MeshStatistics one = mesh_statistics(store, 1), four = mesh_statistics(store, 4);
+  ASSERT_GT(one.num_cells - one.num_core_cells, 150'000u);  // several tasks
+  EXPECT_EQ(one.volume, four.volume);
+  EXPECT_EQ(one.min_dihedral_degrees, four.min_dihedral_degrees);
+  EXPECT_EQ(one.max_dihedral_degrees, four.max_dihedral_degrees);
+  EXPECT_EQ(one.max_radius_edge_ratio, four.max_radius_edge_ratio);
+  EXPECT_EQ(one.max_circumradius, four.max_circumradius);
+  EXPECT_EQ(one.dihedral_angles.counts, four.dihedral_angles.counts);
+  EXPECT_EQ(one.min_dihedral_angles.counts, four.min_dihedral_angles.counts);
+  EXPECT_EQ(one.radius_edge_ratios.counts, four.radius_edge_ratios.counts);
+}
+
+// Whose points are all listed, and whose cells cross from leaf to leaf.
+TEST(MeshStatistics, DoNotDependOnTheOctree) {
+  for (const unsigned seed : {3u, 5u}) {
+    HandMadeMesh mesh = random_delaunay(seed, 30);
+    std::vector<Corners> cells;
+    for (const CellIds& cell : mesh.cells) cells.push_back(mesh.corners(cell));
+    for (const LinearOctree& octree : octrees()) {
+      const TempDir dir;
+      expect_same(mesh_statistics(HandMadeStore(mesh, octree).write(dir / "store")),
+                  by_brute_force(cells, mesh.size));
+    }
+  }
+}
+
+TEST(MeshStatistics, KnowTheRegularTetrahedronAndAFlatCell) {
+  HandMadeMesh mesh;
+  mesh.points = {{0, {0, 0, 0}, PointKind::kVolume}, {1, {1, 1, 0}, PointKind::kVolume},
+                 {2, {1, 0, 1}, PointKind::kVolume}, {3, {0, 1, 1}, PointKind::kVolume},
+                 {4, {1, 0, 0}, PointKind::kVolume}, {5, {0, 1, 0}, PointKind::kVolume}};
+  mesh.cells = {{0, 2, 1, 3}};
+  const TempDir dir;
+  const auto statistics_of = [&](const char* name) {
+    return mesh_statistics(HandMadeStore(mesh, octrees().front()).write(dir / name));
+  };
+  const double angle = std::acos(1.0 / 3) * (180 / std::numbers::pi);
+  const MeshStatistics regular = statistics_of("regular");
+  EXPECT_NEAR(regular.volume, 1.0 / 3, 1e-15);
+  EXPECT_NEAR(regular.min_dihedral_degrees, angle, 1e-12);
+  EXPECT_NEAR(regular.max_dihedral_degrees, angle, 1e-12);
+  EXPECT_NEAR(regular.max_radius_edge_ratio, std::sqrt(6) / 4, 1e-15);
+  EXPECT_NEAR(regular.max_circumradius, std::sqrt(3) / 2, 1e-15);
+
+  mesh.cells = {{0, 4, 1, 5}};
+  const MeshStatistics flat = statistics_of("flat");
+  EXPECT_EQ(flat.volume, 0);
+  EXPECT_EQ(flat.min_dihedral_degrees, 0);
+  EXPECT_EQ(flat.max_dihedral_degrees, 180);
+  EXPECT_TRUE(std::isinf(flat.max_circumradius));
+  EXPECT_EQ(flat.radius_edge_ratios.counts.back(), 1u);
+  EXPECT_EQ(flat.dihedral_angles.counts.front() + flat.dihedral_angles.counts.back(), 6u);
+}
+
+TEST(MeshStatistics, RefuseAnUnfinishedRunAndCellsOfUnknownPoints) {
+  const TempDir dir;
+  HandMadeMesh mesh = random_delaunay(3, 20);
+  HandMadeStore unfinished(mesh, octrees().front());
+  unfinished.phase = Phase::kRefine;
+  EXPECT_THROW(mesh_statistics(unfinished.write(dir / "unfinished")), StoreError);
+  mesh.cells.push_back(mesh.cells.front());
+  mesh.cells.back()[1] = 999'999;
+  EXPECT_THROW(mesh_statistics(HandMadeStore(mesh, octrees().front()).write(dir / "unknown"), 2),
+               CorruptRecord);
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,271 @@
+#include "engine/inspect/mesh_view.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "engine/engine.h"
+#include "engine/inspect/leaf_report.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+using namespace testing_shapes;
+
+using CellPoints = std::array<Point, 4>;  // in order of the points
+using FacetPoints = std::array<Point, 3>;
+
+CellPoints sorted(CellPoints corners) {
+  std::ranges::sort(corners);
+  return corners;
+}
+
+// All cells of a finished store, leaf by leaf, by the code that `inspect` uses.
+std::multiset<CellPoints> cells_of(const Store& store) {
+  std::multiset<CellPoints> cells;
+  const Snapshot snapshot = store.snapshot();
+  for (const MortonKey key : snapshot.leaf_keys()) {
+    const LeafReport report = *report_leaf(snapshot, *snapshot.run(), key);
+    for (std::size_t i = 0; i < report.mesh.cells.size(); ++i)
+      cells.insert(sorted(report.mesh.corners(i)));
+  }
+  return cells;
+}
+
+CellPoints corners_of(const ViewCells& set, std::size_t cell) {
+  CellPoints corners;
+  for (std::size_t i = 0; i < 4; ++i) corners[i] = set.vertices[set.cells[cell][i]];
+  return corners;
+}
+
+std::multiset<CellPoints> cells_of(const ViewCells& set) {
+  std::multiset<CellPoints> cells;
+  for (std::size_t i = 0; i < set.cells.size(); ++i) cells.insert(sorted(corners_of(set, i)));
+  return cells;
+}
+
+// Facets in one cell only.
+std::set<FacetPoints> boundary_of(const std::multiset<CellPoints>& cells) {
+  std::map<FacetPoints, int> num_cells;
+  for (const auto& [a, b, c, d] : cells)
+    for (const FacetPoints& facet : {FacetPoints{b, c, d}, {a, c, d}, {a, b, d}, {a, b, c}})
+      ++num_cells[facet];
+  std::set<FacetPoints> boundary;
+  for (const auto& [facet, num] : num_cells)
+    if (num == 1) boundary.insert(facet);
+  return boundary;
+}
+
+class MeshViewTest : public testing::Test {
+ protected:
+  Store meshed(const Shape& shape, double size, std::uint64_t leaf_capacity,
+               const RunControl& control = {}) {
+    write_off(shape, input_);
+    MeshOptions options;
+    options.input = input_;
+    options.store = scratch_ / "store";
+    options.size = {size, false};
+    options.leaf_capacity = leaf_capacity;
+    mesh(options, control);
+    return Store::open(options.store, {.read_only = true});
+  }
+
+  TempDir scratch_;
+  std::filesystem::path input_ = scratch_ / "input.off";
+};
+
+// κ such that several leaves have part of the lattice core.
+class MeshViewOf : public MeshViewTest, public testing::WithParamInterface<std::uint64_t> {};
+
+TEST_P(MeshViewOf, HasAllCellsOfASmallMeshAndItsBoundary) {
+  const Store store = meshed(sphere(1, 31, 64), 0.13, GetParam());
+  const MeshView view = mesh_view(store);
+  ASSERT_TRUE(view.has_all_cells());
+  const ViewCells& set = view.cells[0];
+  const auto expected = cells_of(store);
+  EXPECT_EQ(set.cells.size(), store.snapshot().run()->num_cells);
+  EXPECT_EQ(cells_of(set), expected);
+  EXPECT_TRUE(view.surface.triangles.empty());
+
+  std::set<FacetPoints> boundary;
+  ASSERT_EQ(set.boundary.size(), set.cells.size());
+  for (std::size_t i = 0; i < set.cells.size(); ++i)
+    for (std::size_t opposite = 0; opposite < 4; ++opposite) {
+      if ((set.boundary[i] >> opposite & 1) == 0) continue;
+      const CellPoints corners = corners_of(set, i);
+      FacetPoints facet;
+      for (std::size_t k = 0, n = 0; k < 4; ++k)
+        if (k != opposite) facet[n++] = corners[k];
+      std::ranges::sort(facet);
+      EXPECT_TRUE(boundary.insert(facet).second);
+    }
+  EXPECT_GT(boundary.size(), 500U);
+  EXPECT_EQ(boundary, boundary_of(expected));
+
+  // Each cell is counted to one leaf, and measured.
+  std::uint64_t num_cells = 0, num_in_leaves = 0;
+  for (const auto& [leaf, count] : set.leaves) {
+    ASSERT_LT(leaf, view.leaves.size());
+    EXPECT_EQ(view.leaves[leaf].num_cells, count);
+    num_cells += count;
+  }
+  EXPECT_EQ(num_cells, set.cells.size());
+  for (const ViewLeaf& leaf : view.leaves) num_in_leaves += leaf.num_cells;
+  EXPECT_EQ(num_in_leaves, num_cells);
+  for (std::size_t i = 0; i < set.cells.size(); i += 17) {
+    const CellQuality quality = quality_of(corners_of(set, i));
+    EXPECT_FLOAT_EQ(set.min_dihedral_degrees[i], static_cast<float>(quality.min_dihedral_degrees));
+    EXPECT_FLOAT_EQ(set.radius_edge_ratios[i], static_cast<float>(quality.radius_edge_ratio));
+  }
+
+  // Vertices are in the order of their first naming, as the page's encoding wants.
+  std::uint32_t num_known = 0;
+  for (const auto& cell : set.cells)
+    for (const std::uint32_t vertex : cell) {
+      ASSERT_LE(vertex, num_known);
+      if (vertex == num_known) ++num_known;
+    }
+  EXPECT_EQ(num_known, set.vertices.size());
+}
+
+INSTANTIATE_TEST_SUITE_P(Capacity, MeshViewOf, testing::Values(20000, 1000, 120));
+
+TEST_F(MeshViewTest, HasTheCellsThatMeetSomePlanesOfALargeMesh) {
+  const Store store = meshed(sphere(1, 31, 64), 0.1, 1000);
+  const auto all = cells_of(store);
+  ViewLimits limits;
+  limits.max_cells = all.size() * 3 / 5;
+  const MeshView view = mesh_view(store, limits);
+  ASSERT_GE(view.cells.size(), 3U);
+  EXPECT_FALSE(view.has_all_cells());
+  std::uint64_t num_cells = 0;
+  std::array<int, 3> num_planes{};
+  for (const ViewCells& set : view.cells) {
+    ++num_planes.at(static_cast<std::size_t>(set.axis));
+    std::multiset<CellPoints> expected;
+    for (const CellPoints& cell : all) {
+      const auto [low, high] =
+          std::ranges::minmax(cell, {}, [&](const Point& p) { return p[set.axis]; });
+      if (low[set.axis] <= set.position && set.position <= high[set.axis]) expected.insert(cell);
+    }
+    EXPECT_GT(expected.size(), 100U);
+    EXPECT_EQ(cells_of(set), expected);
+    EXPECT_TRUE(set.boundary.empty());
+    num_cells += set.cells.size();
+  }
+  EXPECT_LE(num_cells, limits.max_cells);
+  EXPECT_EQ(num_planes[0], num_planes[1]);
+  EXPECT_EQ(num_planes[0], num_planes[2]);
+  EXPECT_EQ(view.surface.triangles.size(), store.snapshot().run()->surface.num_triangles);
+
+  limits.max_cells = 50;  // less than any plane meets
+  EXPECT_TRUE(mesh_view(store, limits).cells.empty());
+}
+
+TEST_F(MeshViewTest, JoinsSmallLeaves) {
+  const Store store = meshed(sphere(1, 31, 64), 0.1, 60);
+  const MeshView whole = mesh_view(store);
+  ViewLimits limits;
+  limits.max_leaves = 20;
+  const MeshView view = mesh_view(store, limits);
+  EXPECT_GT(whole.leaves.size(), 100U);
+  EXPECT_LE(view.leaves.size(), limits.max_leaves);
+  std::uint64_t num_leaves = 0, num_cells = 0;
+  for (std::size_t i = 0; i < view.leaves.size(); ++i) {
+    num_leaves += view.leaves[i].num_leaves;
+    num_cells += view.leaves[i].num_cells;
+  }
+  EXPECT_TRUE(std::ranges::is_sorted(view.leaves, {}, &ViewLeaf::key));
+  EXPECT_EQ(num_leaves, whole.leaves.size());
+  EXPECT_EQ(num_cells, store.snapshot().run()->num_cells);
+  std::map<std::uint32_t, std::uint64_t> cells_of_leaf;
+  for (const auto& [leaf, count] : view.cells[0].leaves) cells_of_leaf[leaf] += count;
+  for (const auto& [leaf, count] : cells_of_leaf) EXPECT_EQ(view.leaves[leaf].num_cells, count);
+}
+
+TEST_F(MeshViewTest, ShowsTheSurfaceOfARunThatIsNotDone) {
+  RunControl control;
+  control.is_stopped = [left = 12]() mutable { return left-- == 0; };
+  const Shape shape = torus(1, 0.4, 32, 16);
+  const Store store = meshed(shape, 0.2, 60, control);
+  ASSERT_NE(store.snapshot().run()->phase, Phase::kDone);
+  const MeshView view = mesh_view(store);
+  EXPECT_TRUE(view.cells.empty());
+  EXPECT_EQ(view.surface.triangles.size(), shape.triangles.size());
+  EXPECT_GT(view.leaves.size(), 8U);
+}
+
+// -- A surface made of fewer triangles ----------------------------------------------------------
+
+double volume_of(const ViewSurface& surface) {
+  double volume = 0;
+  for (const auto& [a, b, c] : surface.triangles)
+    volume += dot(cross(surface.vertices[a], surface.vertices[b]), surface.vertices[c]) / 6;
+  return volume;
+}
+
+// For each edge, triangles that turn one way less those that turn the other way.
+void expect_closed(const ViewSurface& surface) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> turns;
+  for (const auto& t : surface.triangles)
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      ASSERT_NE(a, b);
+      turns[std::minmax(a, b)] += a < b ? 1 : -1;
+    }
+  for (const auto& [edge, sum] : turns) EXPECT_EQ(sum, 0);
+}
+
+TEST(SurfaceThinner, KeepsASurfaceClosedAndNearItsVolume) {
+  const Shape shape = torus(1, 0.4, 120, 60);
+  for (const double grid : {0.03, 0.1, 0.25}) {
+    SurfaceThinner thinner({-2, -2, -2}, grid);
+    for (const Triangle& triangle : shape.soup()) thinner.add(triangle);
+    const ViewSurface surface = thinner.take();
+    EXPECT_GT(surface.triangles.size(), 50U);
+    EXPECT_LT(surface.triangles.size(), shape.triangles.size());
+    expect_closed(surface);
+    const double volume = 2 * std::numbers::pi * std::numbers::pi * 0.4 * 0.4;
+    EXPECT_NEAR(volume_of(surface), volume, (0.03 + grid) * volume) << grid;
+  }
+}
+
+// A plate thinner than the grid has no volume left, and no triangles.
+TEST(SurfaceThinner, CancelsSheetsThatFallTogether) {
+  const Point a{0, 0, 0}, b{1, 0, 0}, c{0, 1, 0}, up{0, 0, 1e-3};
+  SurfaceThinner thinner({-1, -1, -1}, 0.1);
+  thinner.add({0, {a, b, c}});
+  thinner.add({1, {a + up, c + up, b + up}});
+  EXPECT_EQ(thinner.num_triangles(), 0U);
+}
+
+TEST_F(MeshViewTest, ThinsALargeSurface) {
+  const Store store = meshed(sphere(1, 59, 120), 0.4, 1000);
+  ViewLimits limits;
+  limits.max_triangles = 3000;
+  limits.max_cells = 10;
+  const MeshView view = mesh_view(store, limits);
+  EXPECT_GT(view.surface.grid, 0);
+  EXPECT_LE(view.surface.triangles.size(), limits.max_triangles);
+  EXPECT_GT(view.surface.triangles.size(), limits.max_triangles / 3);
+  expect_closed(view.surface);
+}
+
+TEST(ViewPlanes, AreAsManyAsThereIsRoomFor) {
+  const Box box{{0, 0, 0}, {4, 2, 1}};
+  const auto hundred = [](const ViewPlane&) { return 100.0; };
+  EXPECT_TRUE(view_planes(box, 299, hundred).empty());
+  EXPECT_EQ(view_planes(box, 300, hundred).size(), 3U);
+  EXPECT_EQ(view_planes(box, 1000, hundred).size(), 9U);
+  EXPECT_EQ(view_planes(box, 1'000'000, hundred).size(), 45U);
+  const auto planes = view_planes(box, 300, hundred);
+  EXPECT_EQ(planes[0].position, 2);
+  EXPECT_EQ(planes[2].position, 0.5);
+}
+
+}  // namespace
+}  // namespace locvol
