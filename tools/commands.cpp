@@ -22,7 +22,7 @@
 #include "tools/arguments.h"
 #include "tools/generate.h"
 #include "tools/progress.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stop_signal.h"
 #include "tools/stored_run.h"
 

@@ -14,7 +14,7 @@
 #include "tools/commands.h"
 #include "tools/inspect_leaf.h"
 #include "tools/inspect_summary.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stored_run.h"
 
 namespace locvol {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "engine/inspect/leaf_report.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stored_run.h"
 
 namespace locvol {

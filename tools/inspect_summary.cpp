@@ -13,7 +13,7 @@
 #include "engine/memory_budget.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stored_run.h"
 
 namespace locvol {

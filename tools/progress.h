@@ -9,7 +9,7 @@
 
 #include "engine/engine.h"
 #include "tools/forecast.h"
-#include "tools/report.h"
+#include "tools/results.h"
 
 namespace locvol {
 

@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "tools/commands.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stored_run.h"
 #include "tools/visit_file.h"
 

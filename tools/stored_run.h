@@ -6,7 +6,7 @@
 
 #include "storage/store.h"
 #include "tools/arguments.h"
-#include "tools/report.h"
+#include "tools/results.h"
 
 namespace locvol {
 

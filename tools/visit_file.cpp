@@ -11,7 +11,7 @@
 
 #include "engine/partial_file.h"
 #include "tools/arguments.h"
-#include "tools/report.h"
+#include "tools/results.h"
 
 namespace locvol {
 namespace {

@@ -1,6 +1,6 @@
 // The page of `locvol report`: what is packed into it can be unpacked, it needs nothing else, and
 // it stays small.
-#include "tools/page.h"
+#include "tools/page/page.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -12,9 +12,9 @@
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
-#include "tools/page_charts.h"
-#include "tools/page_data.h"
-#include "tools/page_resources.h"
+#include "tools/page/page_charts.h"
+#include "tools/page/page_data.h"
+#include "tools/page/page_resources.h"
 
 namespace locvol {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/page_resources.h"
+#include "tools/page/page_resources.h"
 
 // The assembler reads a file's bytes as they are; LOCVOL_PAGE_DIR and LOCVOL_THREE_DIR come from
 // CMakeLists.txt, which also says that this file depends on them.

@@ -1,4 +1,4 @@
-#include "tools/page_data.h"
+#include "tools/page/page_data.h"
 
 #include <zlib.h>
 

@@ -1,4 +1,4 @@
-#include "tools/page_charts.h"
+#include "tools/page/page_charts.h"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,7 @@
 
 #include "tools/arguments.h"
 #include "tools/progress.h"
-#include "tools/report.h"
+#include "tools/results.h"
 
 namespace locvol {
 namespace {

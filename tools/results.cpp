@@ -1,4 +1,4 @@
-#include "tools/report.h"
+#include "tools/results.h"
 
 #include <fmt/format.h>
 

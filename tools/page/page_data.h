@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "engine/inspect/mesh_view.h"
-#include "tools/report.h"
+#include "tools/results.h"
 
 namespace locvol {
 

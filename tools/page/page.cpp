@@ -1,4 +1,4 @@
-#include "tools/page.h"
+#include "tools/page/page.h"
 
 #include <fmt/format.h>
 
@@ -21,11 +21,11 @@
 #include "engine/run_timeline.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
-#include "tools/page_charts.h"
-#include "tools/page_data.h"
-#include "tools/page_resources.h"
+#include "tools/page/page_charts.h"
+#include "tools/page/page_data.h"
+#include "tools/page/page_resources.h"
 #include "tools/progress.h"
-#include "tools/report.h"
+#include "tools/results.h"
 #include "tools/stored_run.h"
 
 namespace locvol {
