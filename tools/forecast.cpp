@@ -14,6 +14,9 @@ constexpr double kTrustInPace = 0.05;
 // As a part of the whole run: what must have been measured before it weighs as much as the law.
 constexpr double kTrustInLaw = 0.02;
 
+// A pause is at least so long, and had at most this part of the usual CPU time.
+constexpr double kLeastPause = 2, kBusyInPause = 0.125;
+
 std::size_t index(RunStage stage) { return static_cast<std::size_t>(stage); }
 
 // Of the leaves that wait, in visits of epoch 1; with those that will yet have to wait.
@@ -131,6 +134,16 @@ std::optional<double> Forecast::seconds_left(double seconds) const {
   const double per_unit =
       ((is_begun ? seconds - first_seconds_ : 0) + trust * guess) / (done_ - first_done_ + trust);
   return per_unit * left_ + later;
+}
+
+double WorkingTime::at(double seconds, double cpu_seconds) {
+  const double gap = seconds - seconds_;
+  const double work =
+      cpu_seconds_ > 0 ? (cpu_seconds - cpu_seconds_) * worked_ / cpu_seconds_ : gap;
+  worked_ += gap > kLeastPause && work < kBusyInPause * gap ? work : gap;
+  seconds_ = seconds;
+  cpu_seconds_ = cpu_seconds;
+  return worked_;
 }
 
 }  // namespace locvol

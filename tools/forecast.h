@@ -53,4 +53,18 @@ class Forecast {
   std::uint64_t num_in_epoch_ = 0;
 };
 
+// WorkingTime tells time at work from time in which the process was stopped or its machine asleep:
+// a pause is seconds between two calls in which the process had hardly any CPU time, against what
+// it had before. It counts as long as that CPU time would have taken before.
+class WorkingTime {
+ public:
+  // Seconds of work so far. `seconds`: since the start; `cpu_seconds`: of the process. Neither goes
+  // back.
+  double at(double seconds, double cpu_seconds);
+
+ private:
+  double seconds_ = 0, cpu_seconds_ = 0;  // of the last call
+  double worked_ = 0;
+};
+
 }  // namespace locvol

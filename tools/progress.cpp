@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 
 #include "engine/memory_budget.h"
 
@@ -139,32 +140,37 @@ void ProgressLine::expect(const RunEstimate& estimate, bool writes) {
 }
 
 void ProgressLine::update(const Progress& progress) {
-  const double now = seconds();
+  const double now = seconds(), worked = this->worked(now);
   phases_.note(progress.phase, now);
-  forecast_.note(progress, now);
+  forecast_.note(progress, worked);
   if (progress.phase == Phase::kDone) return;  // the measures are next
   const std::uint64_t num_triangles = standing_.progress.num_triangles;
   standing_.progress = progress;
   standing_.progress.num_triangles = std::max(progress.num_triangles, num_triangles);
   if (progress.phase != Phase::kIngest) {
     if (!run_seen_) num_cells_before_ = progress.num_cells;
-    if (!run_seen_) run_seen_ = now;
+    if (!run_seen_) run_seen_ = worked;
     const auto num_new =
         static_cast<double>(progress.num_cells) - static_cast<double>(num_cells_before_);
-    if (now - *run_seen_ > kLeastOfARate) standing_.cells_per_second = num_new / (now - *run_seen_);
+    const double took = worked - *run_seen_;
+    if (took > kLeastOfARate) standing_.cells_per_second = num_new / took;
   }
-  show(now, false);
+  show(now, worked, false);
 }
 
 void ProgressLine::update(RunStage stage, std::uint64_t done, std::uint64_t all) {
-  const double now = seconds();
-  forecast_.note(stage, done, all, now);
+  const double now = seconds(), worked = this->worked(now);
+  forecast_.note(stage, done, all, worked);
   standing_.done = done;
   standing_.all = all;
-  show(now, stage == RunStage::kWrite && done == all && all > 0);
+  show(now, worked, stage == RunStage::kWrite && done == all && all > 0);
 }
 
-void ProgressLine::show(double now, bool is_last) {
+double ProgressLine::worked(double now) {
+  return working_time_.at(now, static_cast<double>(std::clock()) / CLOCKS_PER_SEC);
+}
+
+void ProgressLine::show(double now, double worked, bool is_last) {
   if (style_ == ProgressStyle::kNone) return;
   const double interval = style_ == ProgressStyle::kJson ? kEventInterval
                           : is_terminal_                 ? kTerminalInterval
@@ -177,7 +183,7 @@ void ProgressLine::show(double now, bool is_last) {
   standing_.stage = stage;
   standing_.seconds = now;
   standing_.fraction = forecast_.fraction_done();
-  standing_.seconds_left = forecast_.seconds_left(now);
+  standing_.seconds_left = forecast_.seconds_left(worked);
   standing_.resident = resident_memory();
   standing_.peak_resident = peak_resident_memory();
   if (style_ == ProgressStyle::kJson)

@@ -73,17 +73,19 @@ class ProgressLine {
   const PhaseClock& phases() const { return phases_; }
 
  private:
-  void show(double now, bool is_last);
+  double worked(double now);  // seconds of work until now
+  void show(double now, double worked, bool is_last);
   void draw(const std::string& text);
 
   const ProgressStyle style_;
   const bool is_terminal_;
   const std::chrono::steady_clock::time_point start_;
   Forecast forecast_;
+  WorkingTime working_time_;
   PhaseClock phases_;
   Standing standing_;
   std::uint64_t num_cells_before_ = 0;  // of a run that goes on
-  std::optional<double> run_seen_;
+  std::optional<double> run_seen_;      // in seconds of work
   std::optional<RunStage> last_stage_;
   double last_seconds_ = 0;  // of the last line
   bool is_line_open_ = false;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -99,24 +100,49 @@ TEST(Forecast, OfAnAuditIsItsPace) {
   EXPECT_NEAR(*forecast.seconds_left(4), 7, 0.5);
 }
 
-// Recorded runs, told again: the error of the time left, as a part of the whole.
-class Recorded : public testing::TestWithParam<const char*> {};
-
-TEST_P(Recorded, ConvergesOnTheEnd) {
-  const std::string file = std::string(LOCVOL_TESTS_DIR) + "/tools/traces/" + GetParam() + ".txt";
-  std::ifstream in(file);
-  ASSERT_TRUE(in) << file;
+// A run told again from its record: what was guessed when, all in seconds of work.
+struct Recording {
   struct Guess {
     double now, left;
   };
   std::vector<Guess> guesses;
+  double end = 0, paused = 0;
+
+  // Of the time left, as a part of the whole; in the first, second or last third of the time.
+  double worst_error(int third) const {
+    double worst = 0;
+    for (const Guess& guess : of(third)) worst = std::max(worst, error(guess));
+    return worst;
+  }
+  double mean_error(int third) const {
+    double sum = 0;
+    for (const Guess& guess : of(third)) sum += error(guess);
+    return sum / static_cast<double>(of(third).size());
+  }
+
+ private:
+  double error(const Guess& guess) const { return std::abs(guess.left - (end - guess.now)) / end; }
+  std::vector<Guess> of(int third) const {
+    std::vector<Guess> some;
+    for (const Guess& guess : guesses)
+      if (std::min(2, static_cast<int>(3 * guess.now / end)) == third) some.push_back(guess);
+    return some;
+  }
+};
+
+Recording recorded(const std::string& name) {
+  const std::string file = std::string(LOCVOL_TESTS_DIR) + "/tools/traces/" + name + ".txt";
+  std::ifstream in(file);
+  EXPECT_TRUE(in) << file;
+  Recording run;
   Forecast forecast;
-  double end = 0;
+  WorkingTime working_time;
   for (std::string line; std::getline(in, line);) {
     std::istringstream text(line);
     char kind = 0;
     double now = 0;
     text >> kind >> now;
+    now -= run.paused;
     if (kind == 'E') {
       RunEstimate estimate;
       text >> estimate.num_cells >> estimate.num_listed_cells >> estimate.file_bytes;
@@ -134,32 +160,62 @@ TEST_P(Recorded, ConvergesOnTheEnd) {
       std::uint64_t done = 0, all = 0;
       text >> stage >> done >> all;
       forecast.note(static_cast<RunStage>(stage), done, all, now);
+    } else if (kind == 'C') {
+      double cpu_seconds = 0;
+      text >> cpu_seconds;
+      const double seconds = now + run.paused;
+      run.paused = seconds - working_time.at(seconds, cpu_seconds);
+      continue;
     } else if (kind == 'D') {
-      end = now;
+      run.end = now;
     } else {
       continue;
     }
-    ASSERT_FALSE(text.fail()) << line;
-    if (const auto left = forecast.seconds_left(now)) guesses.push_back({now, *left});
+    EXPECT_FALSE(text.fail()) << line;
+    if (const auto left = forecast.seconds_left(now)) run.guesses.push_back({now, *left});
   }
-  ASSERT_GT(guesses.size(), 60u);
-  // Of the first, the second and the last third of the time.
-  std::array<double, 3> sum{}, num{}, worst{};
-  for (const auto& [now, left] : guesses) {
-    const auto third = std::min<std::size_t>(2, static_cast<std::size_t>(3 * now / end));
-    const double error = std::abs(left - (end - now)) / end;
-    sum[third] += error;
-    ++num[third];
-    worst[third] = std::max(worst[third], error);
-  }
-  EXPECT_LT(worst[1], 0.35);
-  EXPECT_LT(worst[2], 0.1);
-  EXPECT_LT(sum[2] / num[2], 0.5 * sum[0] / num[0]);
-  EXPECT_LT(std::abs(guesses.back().left), 0.02 * end);
+  return run;
+}
+
+class Recorded : public testing::TestWithParam<const char*> {};
+
+TEST_P(Recorded, ConvergesOnTheEnd) {
+  const Recording run = recorded(GetParam());
+  ASSERT_GT(run.guesses.size(), 60u);
+  EXPECT_LT(run.worst_error(1), 0.35);
+  EXPECT_LT(run.worst_error(2), 0.1);
+  EXPECT_LT(run.mean_error(2), 0.5 * run.mean_error(0));
+  EXPECT_LT(std::abs(run.guesses.back().left), 0.02 * run.end);
 }
 
 INSTANTIATE_TEST_SUITE_P(Forecast, Recorded,
-                         testing::Values("bunny", "gyroid_ball", "happy_buddha", "three_holes"));
+                         testing::Values("bunny", "gyroid_ball", "happy_buddha", "three_holes",
+                                         "stopped"));
+
+TEST(Forecast, LeavesAPauseOut) {
+  const Recording run = recorded("stopped");
+  EXPECT_NEAR(run.paused, 30, 0.5);
+}
+
+TEST(WorkingTime, IsAllTimeOfAProcessThatWorks) {
+  WorkingTime time;
+  double cpu = 0;
+  for (int i = 1; i <= 100; ++i) {
+    // On two cores, alone or with others at work; with visits and files that take long.
+    cpu += i % 10 == 0 ? 3 : 0.6 * i;
+    EXPECT_DOUBLE_EQ(time.at(i * 1.5 + (i > 50 ? 7 : 0), cpu), i * 1.5 + (i > 50 ? 7 : 0)) << i;
+  }
+}
+
+TEST(WorkingTime, CountsOfAPauseWhatWasDone) {
+  WorkingTime time;
+  EXPECT_EQ(time.at(10, 5), 10);
+  // A second of CPU time used to take two.
+  EXPECT_EQ(time.at(1000, 6), 12);
+  EXPECT_EQ(time.at(1001, 6.5), 13);
+  EXPECT_EQ(time.at(1001.5, 6.5), 13.5);  // too short to tell
+  EXPECT_EQ(time.at(9001.5, 6.5), 13.5);
+}
 
 }  // namespace
 }  // namespace locvol
