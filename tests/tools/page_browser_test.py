@@ -63,7 +63,8 @@ class PageTest(unittest.TestCase):
                        "locvolReport.set({axis: 1})", "locvolReport.set({axis: 3})",
                        "locvolReport.set({isFlipped: true})",
                        "locvolReport.set({color: 'level'})", "locvolReport.set({color: 'plain'})",
-                       "locvolReport.set({boxes: true})", "locvolReport.set({isCut: false})"):
+                       "locvolReport.set({boxes: true})", "locvolReport.set({up: 'y'})",
+                       "locvolReport.set({isCut: false})"):
             seen.append(self.picture(script))
             self.assertNotEqual(seen[-1], seen[-2], script)
         self.assertEqual(self.picture("locvolReport.reset()"), seen[0])
@@ -103,6 +104,21 @@ class PageTest(unittest.TestCase):
             "return document.getElementById('where').textContent"))
         self.check_quiet()
 
+    def check_up(self, press):
+        """Which axis stands upright in the drawn cross of axes: z, and the others at a key."""
+        upright = """
+            const ends = [...document.querySelectorAll('#axes text')].map(
+                text => [text.textContent, +text.getAttribute('y')]);
+            return ends.sort((a, b) => a[1] - b[1])[0][0]"""
+        self.assertEqual(self.browser.run(upright), "z")
+        seen = [self.picture()]
+        for axis in "xy":
+            seen.append(press("u"))
+            self.assertEqual(self.browser.run(upright), axis)
+            self.assertEqual(self.browser.run("return document.getElementById('up').value"), axis)
+            self.assertNotEqual(seen[-1], seen[-2])
+        self.assertEqual(press("u"), seen[0])
+
     def test_obeys_mouse_and_keys(self):
         self.open("whole.html")
         before = self.picture()
@@ -131,6 +147,7 @@ class PageTest(unittest.TestCase):
         self.assertNotEqual(press("c"), turned)
         self.assertNotEqual(press("b"), turned)
         self.assertEqual(press("r"), before)
+        self.check_up(press)
         self.browser.run("""
             const slider = document.getElementById('offset');
             slider.value = 0.8;

@@ -269,14 +269,6 @@
     initial.isFlat = state.isFlat = !whole || whole.count > 250000;
   }
 
-  // At first a plane whose cells are in the page.
-  function beginAtCells() {
-    const near = sets.filter(s => s.axis === state.axis).map(s => s.at / extent[s.axis]).sort(
-      (a, b) => Math.abs(a - 0.5) - Math.abs(b - 0.5))[0];
-    initial.offset = state.offset = near === undefined ? 0.5 : near;
-    initial.isFlat = state.isFlat = !whole || whole.count > 250000;
-  }
-
   // The set of cells to show at the plane, if the page has one: it snaps to where that is.
   function storedSet() {
     if (whole || state.axis > 2) return null;
@@ -883,6 +875,7 @@
       r: reset, c: () => set({isCut: !state.isCut}), f: () => set({isFlat: !state.isFlat}),
       e: () => set({edges: !state.edges}), b: () => set({boxes: !state.boxes}),
       s: () => set({sites: !state.sites}), v: cutFromView,
+      u: () => set({up: AXES[(AXES.indexOf(state.up) + 1) % 3]}),
       x: () => set({axis: 0}), y: () => set({axis: 1}), z: () => set({axis: 2}),
       1: () => lookAlong(0, 1), 2: () => lookAlong(1, -1), 3: () => lookAlong(2, 1),
       '+': () => set({offset: Math.min(1, state.offset + 0.01)}),
@@ -950,7 +943,6 @@
     place(shell);
     scene.add(shell);
     if (isCapped()) buildCap();
-    beginAtCells();
     beginAtCells();
     buildSites();
     offerColors();
