@@ -105,11 +105,11 @@ class PageTest(unittest.TestCase):
         self.check_quiet()
 
     def check_up(self, press):
-        """Which axis stands upright in the drawn cross of axes: z, and the others at a key."""
+        """Which axes stand upright in the drawn cross of axes: z, and the others at a key."""
         upright = """
-            const ends = [...document.querySelectorAll('#axes text')].map(
-                text => [text.textContent, +text.getAttribute('y')]);
-            return ends.sort((a, b) => a[1] - b[1])[0][0]"""
+            return [...document.querySelectorAll('#axes text')].filter(text =>
+                Math.abs(text.getAttribute('x')) < 0.1 && text.getAttribute('y') < 0).map(
+                text => text.textContent).join()"""
         self.assertEqual(self.browser.run(upright), "z")
         seen = [self.picture()]
         for axis in "xy":
