@@ -348,10 +348,11 @@ class Viewer {
       gather_cells({}, true);
       return;
     }
-    // Where the model fills its leaves badly, planes meet more cells than was thought.
-    for (std::uint64_t room = limits_.max_cells; room > 0; room /= 2) {
-      const auto planes = view_planes(run_.surface.box, room,
-                                      [&](const ViewPlane& plane) { return num_met(plane); });
+    // Where the model fills its leaves badly, planes meet more cells than was thought: fewer, then.
+    const auto estimate = [this](const ViewPlane& plane) { return num_met(plane); };
+    auto room = static_cast<double>(limits_.max_cells);
+    while (room >= 1) {
+      const auto planes = view_planes(run_.surface.box, static_cast<std::uint64_t>(room), estimate);
       for (const ViewPlane& plane : planes) {
         ViewCells& cells = view_.cells.emplace_back();
         cells.axis = plane.axis;
@@ -359,6 +360,8 @@ class Viewer {
       }
       if (planes.empty() || gather_cells(planes, false)) return;
       view_.cells.clear();
+      room = -1;
+      for (const ViewPlane& plane : planes) room += estimate(plane);
     }
   }
 

@@ -166,6 +166,25 @@ TEST_F(MeshViewTest, HasTheCellsThatMeetSomePlanesOfALargeMesh) {
   EXPECT_TRUE(mesh_view(store, limits).cells.empty());
 }
 
+// A ring leaves most of its leaves empty: its planes meet more cells than was estimated, and now
+// and then more than there is room for.
+TEST_F(MeshViewTest, HasFewerPlanesWhereThoseChosenMeetTooManyCells) {
+  const Store store = meshed(torus(1, 0.15, 96, 16), 0.08, 1000);
+  const std::uint64_t num_cells = store.snapshot().run()->num_cells;
+  std::size_t num_planes = 0;
+  for (std::uint64_t part = 40; part < 200; ++part) {
+    ViewLimits limits;
+    limits.max_cells = num_cells * part / 200;
+    const MeshView view = mesh_view(store, limits);
+    std::uint64_t num_shown = 0;
+    for (const ViewCells& set : view.cells) num_shown += set.cells.size();
+    EXPECT_LE(num_shown, limits.max_cells) << part;
+    EXPECT_GE(view.cells.size(), num_planes) << "fewer than with less room, " << part;
+    num_planes = view.cells.size();
+  }
+  EXPECT_GE(num_planes, 6U);
+}
+
 TEST_F(MeshViewTest, JoinsSmallLeaves) {
   const Store store = meshed(sphere(1, 31, 64), 0.1, 60);
   const MeshView whole = mesh_view(store);
