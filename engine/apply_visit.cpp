@@ -198,11 +198,19 @@ void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
     require_own(p);
     state.add_point(p, PointKind::kSurface);
   }
+  if (!points.samples.empty() || !points.lattice.empty())
+    state.enqueue(leaf, state.surroundings(leaf));
   if (points.core.is_empty()) return;
   const auto num_core_points = num_points(points.core, state.sites(leaf));
   state.leaves.edit_points(leaf).core = points.core;
   state.leaves.edit_info(leaf).num_core_points = num_core_points;
   state.run.num_points += num_core_points;
+}
+
+void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points) {
+  state.dequeue(leaf);
+  for (const Point& center : points.centers) state.add_point(center, PointKind::kVolume);
+  for (const std::uint64_t id : points.met_core) list_core_point(state, site_of(id));
 }
 
 void enqueue_for_refinement(RunState& state) {

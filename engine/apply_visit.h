@@ -4,6 +4,7 @@
 #include "engine/leaf_loader.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -15,8 +16,10 @@ void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const Leaf
 
 // The same for the first points of a leaf, in epoch 0 of cover mode.
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
-// Epoch 1, once all leaves have their first points: every leaf with points of its own to look at.
-// The core's cells are known, and counted.
+// The points that fill holes, in epoch 1.
+void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points);
+// The next epoch, once all leaves have their first points: every leaf with points of its own to
+// look at. The core's cells are known, and counted.
 void enqueue_for_refinement(RunState& state);
 
 }  // namespace locvol

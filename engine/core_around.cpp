@@ -96,6 +96,15 @@ bool is_core(RunState& state, const LatticeSite& site) {
   return is_found;
 }
 
+void list_core_point(RunState& state, const LatticeSite& site) {
+  const MortonKey leaf = leaf_of(state, site);
+  LatticeCore& core = state.leaves.edit_points(leaf).core;
+  core = without(core, state.sites(leaf), site);
+  --state.leaves.edit_info(leaf).num_core_points;
+  --state.run.num_points;
+  state.add_lattice_point(site);
+}
+
 void make_explicit(RunState& state, const LatticeSite& site) {
   // Its cells of the core's points are to be listed from now on. Each is one of six, seen from one
   // of its four vertices.
@@ -110,13 +119,7 @@ void make_explicit(RunState& state, const LatticeSite& site) {
       --state.run.num_cells;
     }
   }
-  const MortonKey leaf = leaf_of(state, site);
-  LatticeCore& core = state.leaves.edit_points(leaf).core;
-  core = without(core, state.sites(leaf), site);
-  --state.leaves.edit_info(leaf).num_core_points;
-  --state.run.num_points;
-  state.add_lattice_point(site);
-
+  list_core_point(state, site);
   const Box dirty = Box::around(state.lattice.position(site));
   for (const MortonKey other :
        state.octree.leaves_within(state.run.frame, dirty, kNeighborhood * state.size())) {

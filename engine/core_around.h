@@ -19,7 +19,7 @@ class CoreAround : public CoreIndex {
   CoreAround(RunState& state, MortonKey leaf, double distance);
 
   bool is_empty() const { return is_empty_; }
-  bool contains(const LatticeSite& site) const {
+  bool contains(const LatticeSite& site) const override {
     return !is_empty_ && is_core_.box().contains(site) && is_core_[site] != 0;
   }
   // Those that share a cell with one of the lattice points given, in order of id.
@@ -41,6 +41,8 @@ void count_core_cells(RunState& state, MortonKey leaf);
 // Makes a point of the core one that the leaf's record lists, for it has a new neighbor: leaves at
 // points around it are to be visited again, as a whole. REQUIRES: it is of the core
 void make_explicit(RunState& state, const LatticeSite& site);
+// The same of a point whose core's cells have not been counted, nor any listed.
+void list_core_point(RunState& state, const LatticeSite& site);
 bool is_core(RunState& state, const LatticeSite& site);
 
 }  // namespace locvol

@@ -64,9 +64,18 @@ class Engine {
 
   bool initialize() { return state_.is_cover() ? cover() : scatter(); }
 
-  // Epoch 0: each leaf that the domain may meet gets its share of a point set that covers it.
+  // Each leaf that the domain may meet gets its share of a point set that covers it: in one epoch
+  // what does not depend on its neighbors' share, in the next what does.
   bool cover() {
     const auto load = [this](MortonKey leaf) {
+      if (state_.run.epoch != kCoverEpoch)
+        return make_visit(
+            loader_.load_fill(leaf),
+            [](LoadedFill& loaded) { return fill_leaf(loaded.complete()); },
+            [this, leaf](const FillPoints& points) {
+              apply_fill(state_, leaf, points);
+              note_visit();
+            });
       return make_visit(
           loader_.load_cover(leaf),
           [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },

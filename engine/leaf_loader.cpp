@@ -13,7 +13,7 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
-constexpr GridFineness kFine{1.2, 12}, kOfCover{4, 64}, kCoarse{6, 128};
+constexpr GridFineness kFine{1.6, 16}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
@@ -47,6 +47,7 @@ const Input& Loaded<Input>::complete() {
 }
 template struct Loaded<LeafInput>;
 template struct Loaded<CoverInput>;
+template struct Loaded<FillInput>;
 
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), budget_(budget) {
   if (state_.is_cover()) return;
@@ -85,6 +86,30 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
                   .nearby_samples = {}};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
+  return loaded;
+}
+
+LoadedFill LeafLoader::load_fill(MortonKey leaf) {
+  const double size = state_.size(), patch_distance = kSlack * size;
+  LoadedFill loaded;
+  loaded.input = {.size = size,
+                  .box = state_.box(leaf),
+                  .points = points_around(leaf, kFillReach * size),
+                  .core = nullptr,
+                  .surface = nullptr};
+  const std::vector<MeshPoint>& own = state_.leaves.points(leaf).points;
+  std::vector<MeshPoint>& points = loaded.input.points;
+  points.insert(points.end(), own.begin(), own.end());
+  std::ranges::sort(points, {}, &MeshPoint::id);
+  loaded.core = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
+  if (!loaded.core->is_empty()) loaded.input.core = loaded.core.get();
+  const Box region = state_.box(leaf).expanded(patch_distance);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  loaded.bytes = VisitSize{.volume = volume_over_size(region),
+                           .num_points = points.size(),
+                           .num_triangles = triangles.size()}
+                     .bytes_to_cover();
+  loaded.surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill);
   return loaded;
 }
 

@@ -1,4 +1,5 @@
-// LeafLoader gathers what refine_leaf and cover_leaf need to know of a leaf and its surroundings.
+// LeafLoader gathers what cover_leaf, fill_leaf and refine_leaf need to know of a leaf and its
+// surroundings.
 #pragma once
 
 #include <memory>
@@ -10,6 +11,7 @@
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
 #include "refine/surface_patch.h"
 
@@ -38,6 +40,7 @@ struct Loaded {
 };
 using LoadedLeaf = Loaded<LeafInput>;
 using LoadedCover = Loaded<CoverInput>;
+using LoadedFill = Loaded<FillInput>;
 
 class LeafLoader {
  public:
@@ -45,6 +48,7 @@ class LeafLoader {
   LeafLoader(RunState& state, MemoryBudget& budget);
 
   LoadedCover load_cover(MortonKey leaf);
+  LoadedFill load_fill(MortonKey leaf);
   LoadedLeaf load(MortonKey leaf);  // in paper mode throws OverBudget: P has outgrown the memory
   // Keeps up with P.
   void note_inserted(const MeshPoint& point);

@@ -15,7 +15,7 @@ constexpr double kCellsPerVolume = 12 / (kLatticeSpacing * kLatticeSpacing * kLa
 // thin: at a mean thickness 2 V/A of 0.8 λ, half of it.
 constexpr double kCellsPerArea = 4.5, kThinness = 0.4;
 // At most, of a layer as deep as the core lies.
-constexpr double kListedPerArea = 13.2;
+constexpr double kListedPerArea = 12.1;
 constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.5;
 
 // In the store: points, cells and the surface, compressed.
@@ -25,8 +25,8 @@ constexpr double kBytesPerPaperCell = 40;
 constexpr double kFileBytesPerVertex = 24, kFileBytesPerCell = 45;
 
 // Seconds on one core of 2.6 GHz.
-constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.2e-6,
-                 kRefineTriangle = 1e-6, kRefineCell = 4.2e-6, kMeasureCell = 0.12e-6,
+constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
+                 kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
                  kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6, kFileByte = 1e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
 constexpr double kFurtherThread = 0.7;

@@ -59,7 +59,7 @@ bool RunState::open_epoch() {
   if (queue.is_empty() || queue.front().color != kNoColor) return false;
   const QueuePosition waiting = queue.front();
   const std::vector<MortonKey> epoch = queue.front_leaves();
-  const std::vector<std::uint32_t> colors = colors_of(epoch);
+  const std::vector<std::uint32_t> colors = colors_of(waiting.epoch, epoch);
   for (std::size_t i = 0; i < epoch.size(); ++i) {
     const QueuePosition position{waiting.epoch, colors[i]};
     queue.move(waiting, position, epoch[i]);
@@ -69,22 +69,23 @@ bool RunState::open_epoch() {
   return true;
 }
 
-std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& epoch) const {
-  if (is_cover()) return color_leaves(octree, run.frame, epoch, conflict_distance());
+std::vector<std::uint32_t> RunState::colors_of(std::uint32_t epoch,
+                                               const std::vector<MortonKey>& its_leaves) const {
+  if (is_cover()) return color_leaves(octree, run.frame, its_leaves, conflict_distance(epoch));
   std::vector<std::uint32_t> colors(
-      epoch.size());  // any leaf may write into the reach of any other
+      its_leaves.size());  // any leaf may write into the reach of any other
   std::iota(colors.begin(), colors.end(), 0U);
   return colors;
 }
 
-double RunState::conflict_distance() const {
-  return (run.phase == Phase::kInitialize ? kCoverConflict : kConflict) * size();
+double RunState::conflict_distance(std::uint32_t epoch) const {
+  return (epoch == kCoverEpoch ? kCoverConflict : kConflict) * size();
 }
 
 bool RunState::are_independent(const QueuePlace& a, const QueuePlace& b) const {
   if (a.position == b.position) return true;
   if (!is_cover()) return false;
-  const double distance = conflict_distance();
+  const double distance = conflict_distance(a.position.epoch);
   return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
 }
 

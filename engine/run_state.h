@@ -27,6 +27,9 @@ inline constexpr double kCoreReach = kInsertion + 2.1;
 // It makes points of the core explicit that are closer than kLatticeStar to what it inserts:
 // nothing it writes lies farther away. Leaves farther apart are independent of each other.
 inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
+// In cover mode, epoch 0 covers the surface and the inside, and epoch 1 fills the holes that are
+// left between leaves' first points; in between, all samples come to be known.
+inline constexpr std::uint32_t kCoverEpoch = 0;
 inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
 inline constexpr double kMinChildSide = 2;  // of a leaf after splits
 
@@ -79,8 +82,9 @@ struct RunState {
 
  private:
   void add_to_leaf(const MeshPoint& point);
-  double conflict_distance() const;  // REQUIRES: cover mode
-  std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& epoch) const;
+  double conflict_distance(std::uint32_t epoch) const;  // REQUIRES: cover mode
+  std::vector<std::uint32_t> colors_of(std::uint32_t epoch,
+                                       const std::vector<MortonKey>& its_leaves) const;
 
   std::size_t max_unwritten_bytes_;
   int num_unwritten_visits_ = 0;

@@ -17,11 +17,11 @@ namespace locvol {
 inline constexpr double kSampleRadius = 0.86, kSampleSpacing = 0.78;
 // Of lattice points below the surface, over λ. Between the two only those that a sample hides from
 // each point of the surface: others would be vertices of facets on the boundary (C2).
-inline constexpr double kLatticeDepth = 0.75, kLeastLatticeDepth = 0.5;
+inline constexpr double kLatticeDepth = kSampleRadius, kLeastLatticeDepth = 0.5;
 // Lattice points this far from the surface or farther, over λ, are of the core. All neighbors of
 // such a point are lattice points inside, for they are deeper than kLatticeDepth; and what is
 // inserted near the surface seldom comes within kLatticeStar of it.
-inline constexpr double kCoreDepth = 3.5;
+inline constexpr double kCoreDepth = 3.0;
 
 struct CoverInput {
   double size = 0;  // λ

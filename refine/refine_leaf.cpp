@@ -8,7 +8,6 @@
 #include <set>
 #include <variant>
 
-#include "octree/lattice.h"
 #include "refine/leaf_mesh.h"
 #include "refine/revisit.h"
 
@@ -88,7 +87,6 @@ class Refinement {
   Outcome insert_in_volume(const Point& q, int condition, Cell hint);
   bool take_in_unloaded(const Point& q, Cell hint);
   bool take_in_core(const Point& q, Cell hint);
-  void note_met_core(const Point& q);
   std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
   VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
@@ -435,14 +433,6 @@ bool Refinement::take_in_core(const Point& q, Cell hint) {
   return is_any;
 }
 
-void Refinement::note_met_core(const Point& q) {
-  if (input_.all_core == nullptr) return;
-  input_.all_core->within(q, kLatticeStar * input_.criteria.size, core_near_);
-  for (const MeshPoint& p : core_near_)
-    if (changes_star(q - p.position, kLatticeSpacing * input_.criteria.size))
-      delta_.met_core.push_back(p.id);
-}
-
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
   if (take_in_unloaded(q, hint) || take_in_core(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
@@ -530,7 +520,8 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  note_met_core(q);  // q may be a cell's circumcenter, gone with it
+  if (input_.all_core)  // q may be a cell's circumcenter, gone with it
+    input_.all_core->append_met(q, input_.criteria.size, delta_.met_core);
   if (mesh_.has_cells())
     mesh_.insert({ref, q, kind}, ref, conflict_);
   else
@@ -593,6 +584,13 @@ void Refinement::list_cells() {
 }
 
 }  // namespace
+
+void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const {
+  std::vector<MeshPoint> near;
+  within(q, kLatticeStar * size, near);
+  for (const MeshPoint& p : near)
+    if (changes_star(q - p.position, kLatticeSpacing * size)) ids.push_back(p.id);
+}
 
 LeafDelta refine_leaf(const LeafInput& input) {
   if (auto revisit = Revisit::of(input)) {

@@ -95,6 +95,9 @@ class VertexTable {
 class CoreList : public CoreIndex {
  public:
   explicit CoreList(const std::vector<MeshPoint>& points) : points_(points) {}
+  bool contains(const LatticeSite& site) const override {
+    return std::ranges::binary_search(points_, site_id(site), {}, &MeshPoint::id);
+  }
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
     out.clear();
     std::ranges::copy_if(points_, std::back_inserter(out), [&](const MeshPoint& p) {

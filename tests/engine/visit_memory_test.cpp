@@ -64,10 +64,12 @@ class VisitMemory : public testing::TestWithParam<Case> {
       if (state.queue.is_empty()) end_phase(state);
       if (state.run.phase == Phase::kDone || state.queue.is_empty()) continue;
       for (const MortonKey leaf : state.queue.front_leaves()) {
-        if (state.run.phase == Phase::kInitialize)
+        if (state.run.phase == Phase::kRefine)
+          refine(state, loader, leaf);
+        else if (state.run.epoch == kCoverEpoch)
           cover(state, loader, leaf);
         else
-          refine(state, loader, leaf);
+          fill(state, loader, leaf);
         state.note_visit();
         if (state.is_commit_due()) state.commit();
       }
@@ -95,6 +97,20 @@ class VisitMemory : public testing::TestWithParam<Case> {
       compare(loaded.bytes, before);
     }
     apply_cover(state, leaf, points);
+  }
+
+  void fill(RunState& state, LeafLoader& loader, MortonKey leaf) {
+    for (const MortonKey near :
+         state.octree.leaves_within(state.run.frame, state.box(leaf), kFillReach * state.size()))
+      state.leaves.surface(near), state.leaves.points(near);
+    const std::size_t before = begin_measuring();
+    FillPoints points;
+    {
+      LoadedFill loaded = loader.load_fill(leaf);
+      points = fill_leaf(loaded.complete());
+      compare(loaded.bytes, before);
+    }
+    apply_fill(state, leaf, points);
   }
 
   void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {

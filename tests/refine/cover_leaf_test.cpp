@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "refine/fill_leaf.h"
 #include "tests/refine/lattice_points.h"
 
 namespace locvol {
@@ -487,6 +488,118 @@ TEST_P(CoverOf, AllNeighborsOfACorePointArePointsOfTheLattice) {
       for (const LatticeSite& step : kLatticeNeighbors) EXPECT_TRUE(all.contains(site + step));
       EXPECT_GT(nearest(lattice.position(site), run().samples), kLatticeStar * world.size);
     }
+}
+
+// ---- What fill_leaf adds to the points of all leaves
+
+class CoreSites : public CoreIndex {
+ public:
+  CoreSites(const Lattice& lattice, std::set<LatticeSite> sites)
+      : lattice_(lattice), sites_(std::move(sites)) {}
+  bool contains(const LatticeSite& site) const override { return sites_.contains(site); }
+  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
+    out.clear();
+    for (const LatticeSite& site : sites_)
+      if (squared_distance(lattice_.position(site), q) <= radius * radius)
+        out.push_back({site_id(site), lattice_.position(site), PointKind::kLattice});
+  }
+  const std::set<LatticeSite>& sites() const { return sites_; }
+
+ private:
+  const Lattice& lattice_;
+  std::set<LatticeSite> sites_;
+};
+
+struct FillRun {
+  explicit FillRun(const CoverRun& cover)
+      : world(cover.world),
+        lattice(world.lattice()),
+        core(lattice,
+             all_sites(lattice, cover.leaves, [](const CoverPoints& points, const SiteBox& sites) {
+               return core_sites(points.core, sites);
+             })) {
+    for (const LeafCover& leaf : cover.leaves)
+      for (const LatticeSite& site : leaf.points.lattice)
+        points.push_back({site_id(site), lattice.position(site), PointKind::kLattice});
+    for (const Point& p : cover.samples)
+      points.push_back({kFirstOtherId + points.size(), p, PointKind::kSurface});
+    for (const LatticeSite& site : core.sites()) all.push_back(lattice.position(site));
+    for (const MeshPoint& p : points) all.push_back(p.position);
+    num_first = all.size();
+    for (const LeafCover& leaf : cover.leaves) fill(leaf.box);
+  }
+
+  void fill(const Box& box) {
+    const SurfacePatch surface = world.patch(box);
+    FillInput input{world.size, box, {}, &core, &surface};
+    const double reach = kFillReach * world.size;
+    std::ranges::copy_if(points, std::back_inserter(input.points), [&](const MeshPoint& p) {
+      return box.squared_distance(p.position) <= reach * reach;
+    });
+    const FillPoints found = fill_leaf(input);
+    for (const Point& p : found.centers) {
+      EXPECT_TRUE(owns(box, p));
+      points.push_back({kFirstOtherId + points.size(), p, PointKind::kVolume});
+      all.push_back(p);
+    }
+    std::set<std::uint64_t> met;
+    for (const LatticeSite& site : core.sites())
+      for (const Point& p : found.centers)
+        if (changes_star(p - lattice.position(site), kLatticeSpacing * world.size))
+          met.insert(site_id(site));
+    EXPECT_EQ(found.met_core, std::vector(met.begin(), met.end()));
+  }
+
+  const World& world;
+  const Lattice lattice;
+  const CoreSites core;
+  std::vector<MeshPoint> points;  // all but the core
+  std::vector<Point> all;         // and with it; those of holes from num_first on
+  std::size_t num_first = 0;
+};
+
+TEST_P(CoverOf, FilledHolesAreDeepAndFarFromAllPoints) {
+  const FillRun fill(run());
+  const World& world = run().world;
+  const double rounding = 1e-12 * run().scale;
+  for (std::size_t i = fill.num_first; i < fill.all.size(); ++i) {
+    const Point& p = fill.all[i];
+    EXPECT_TRUE(is_inside(p, world.mesh));
+    EXPECT_GE(distance(p, world.mesh), kSampleRadius * world.size - rounding);
+    const std::vector<Point> before(fill.all.begin(),
+                                    fill.all.begin() + static_cast<std::ptrdiff_t>(i));
+    EXPECT_GT(nearest(p, before), kLatticeCircumradius * world.size);
+  }
+  RecordProperty("holes", std::to_string(fill.all.size() - fill.num_first));
+}
+
+// Places deep enough that are farther than λ from all points: what C5 would have to look after.
+TEST_P(CoverOf, FewHolesAreLeft) {
+  const FillRun fill(run());
+  const World& world = run().world;
+  const std::vector<Point> first(fill.all.begin(),
+                                 fill.all.begin() + static_cast<std::ptrdiff_t>(fill.num_first));
+  const auto seed = std::random_device()();
+  Random random(seed);
+  std::vector<LatticeSite> sites;  // that are no points, or next to one that is none
+  const std::set<Point> known(fill.all.begin(), fill.all.end());
+  for_each_site(fill.lattice.sites_in(world.frame().root_box()), [&](const LatticeSite& site) {
+    if (!known.contains(fill.lattice.position(site))) sites.push_back(site);
+  });
+  int num_before = 0, num_after = 0;
+  for (int n = 0; n < 4000; ++n) {
+    const LatticeSite site = sites[random() % sites.size()];
+    const double half = 0.5 * kLatticeSpacing * world.size;
+    const Point p = fill.lattice.position(site) + Point{uniform(random, -half, half),
+                                                        uniform(random, -half, half),
+                                                        uniform(random, -half, half)};
+    if (!is_inside(p, world.mesh) || distance(p, world.mesh) < kSampleRadius * world.size) continue;
+    num_before += nearest(p, first) > world.size;
+    num_after += nearest(p, fill.all) > world.size;
+  }
+  EXPECT_LE(num_after, 2 + num_before / 10) << "seed " << seed;
+  RecordProperty("before", num_before);
+  RecordProperty("after", num_after);
 }
 
 INSTANTIATE_TEST_SUITE_P(Models, CoverOf, testing::ValuesIn(kModels),

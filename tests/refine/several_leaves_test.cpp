@@ -67,6 +67,7 @@ class CoreSites : public CoreIndex {
     for (const LatticeSite& site : found) neighbors.push_back(point(site));
     return neighbors;
   }
+  bool contains(const LatticeSite& site) const override { return sites.contains(site); }
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
     out.clear();
     for (const LatticeSite& site : sites)

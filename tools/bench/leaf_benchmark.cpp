@@ -22,6 +22,7 @@
 #include "octree/site_block.h"
 #include "refine/cover_leaf.h"
 #include "refine/delaunay.h"
+#include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -50,6 +51,7 @@ struct Leaf {
   std::vector<Triangle> triangles;  // near it
   bool is_center_inside = false;
   std::unique_ptr<SurfacePatch> patch;
+  FillInput fill;                 // as it was when the leaf was filled, but for the core
   std::vector<LeafInput> visits;  // with last_visit, from the second on
   std::optional<LastVisit> last_visit = std::nullopt;
 };
@@ -74,6 +76,7 @@ class Core : public CoreIndex {
     for (const LatticeSite& site : found) neighbors.push_back(point(site));
     return neighbors;
   }
+  bool contains(const LatticeSite& site) const override { return sites_.contains(site); }
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
     out.clear();
     std::vector<LatticeSite> near;
@@ -110,9 +113,10 @@ class Run {
     for (int round = 0; round < 10 && visit_all(); ++round) {
     }
     std::printf(
-        "%zu leaves, %zu points, %zu cells; insertions C5 %zu, in all %zu; %zu core points "
+        "%zu leaves, %zu points, %zu cells; %zu holes filled; insertions C5 %zu, in all %zu; %zu "
+        "core points "
         "met\n",
-        leaves_.size(), points_.size(), num_cells_, num_c5_, num_insertions_, num_met_);
+        leaves_.size(), points_.size(), num_cells_, num_holes_, num_c5_, num_insertions_, num_met_);
   }
 
   double size() const { return size_; }
@@ -156,6 +160,25 @@ class Run {
       for (const LatticeSite& site : cover.lattice) add(site);
       core_->add(cover.core, lattice_->sites_in(leaf.box));
     }
+    for (Leaf& leaf : leaves_) {
+      leaf.fill = fill_input(leaf);
+      const FillPoints fill = fill_leaf(leaf.fill);
+      for (const Point& p : fill.centers) points_.push_back({next_id_++, p, PointKind::kVolume});
+      for (const std::uint64_t id : fill.met_core) {
+        core_->erase(site_of(id));
+        add(site_of(id));
+      }
+      num_holes_ += fill.centers.size();
+    }
+  }
+
+  FillInput fill_input(const Leaf& leaf) const {
+    FillInput input{size_, leaf.box, {}, core_.get(), leaf.patch.get()};
+    const double reach = kFillReach * size_;
+    std::ranges::copy_if(points_, std::back_inserter(input.points), [&](const MeshPoint& p) {
+      return leaf.box.squared_distance(p.position) <= reach * reach;
+    });
+    return input;
   }
 
   void add(const LatticeSite& site) {
@@ -233,7 +256,7 @@ class Run {
   std::unique_ptr<Core> core_;
   std::vector<MeshPoint> points_;  // ids ascend
   std::uint64_t next_id_ = kFirstOtherId;
-  std::size_t num_cells_ = 0, num_c5_ = 0, num_insertions_ = 0, num_met_ = 0;
+  std::size_t num_cells_ = 0, num_holes_ = 0, num_c5_ = 0, num_insertions_ = 0, num_met_ = 0;
 };
 
 void patches(benchmark::State& state, const Run& run) {
@@ -251,6 +274,13 @@ void covers(benchmark::State& state, const Run& run) {
   for (auto _ : state)
     for (const Leaf& leaf : run.leaves()) num += cover_leaf(run.cover_input(leaf)).samples.size();
   state.counters["samples/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
+}
+
+void fills(benchmark::State& state, const Run& run) {
+  std::size_t num = 0;
+  for (auto _ : state)
+    for (const Leaf& leaf : run.leaves()) num += fill_leaf(leaf.fill).centers.size();
+  state.counters["holes/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
 }
 
 void triangulations(benchmark::State& state, const Run& run) {
@@ -302,6 +332,7 @@ int main(int argc, char** argv) {
   };
   add("patches", patches);
   add("covers", covers);
+  add("fills", fills);
   add("triangulations", triangulations);
   add("first visits", visits, std::size_t{0}, true);
   add("second visits, whole", visits, std::size_t{1}, true);

@@ -1,0 +1,257 @@
+#include "refine/fill_leaf.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <utility>
+
+#include "octree/site_block.h"
+#include "refine/cover_leaf.h"
+
+namespace locvol {
+namespace {
+
+// Over λ.
+constexpr double kHoleRadius = 0.985;    // at least; the lattice's own are smaller
+constexpr double kWorthClimbing = 0.87;  // from a place this far from all points
+constexpr double kSight = 1.65;          // of a climb: it knows the points around its start
+constexpr double kFirstStep = 0.25, kLastStep = 0.03;
+constexpr int kStepsOfALength = 4;
+
+// Points in cubes of side λ.
+class PointCubes {
+ public:
+  PointCubes(const Box& box, double side) : origin_(box.min), inverse_side_(1 / side) {
+    for (int axis = 0; axis < 3; ++axis)
+      shape_[std::size_t(axis)] =
+          1 + static_cast<std::int32_t>((box.max[axis] - box.min[axis]) * inverse_side_);
+    first_.assign(std::size_t(shape_[0]) * std::size_t(shape_[1]) * std::size_t(shape_[2]), kNone);
+  }
+
+  // What lies outside the box joins its outermost cubes.
+  void add(const Point& p) {
+    std::uint32_t& first = first_[index(cube_of(p))];
+    held_.push_back({p, first});
+    first = static_cast<std::uint32_t>(held_.size() - 1);
+  }
+
+  // Calls visit(point) for all points in the cubes that p's neighborhood along the axes meets,
+  // until it says false.
+  template <class Visit>
+  bool for_each_around(const Point& p, double distance, Visit visit) const {
+    const Point d{distance, distance, distance};
+    const Cube low = cube_of(p - d), high = cube_of(p + d);
+    for (std::int32_t k = low[2]; k <= high[2]; ++k)
+      for (std::int32_t j = low[1]; j <= high[1]; ++j)
+        for (std::int32_t i = low[0]; i <= high[0]; ++i)
+          for (std::uint32_t n = first_[index({i, j, k})]; n != kNone; n = held_[n].next)
+            if (!visit(held_[n].point)) return false;
+    return true;
+  }
+  // Is no point closer to p than `radius`?
+  bool is_free(const Point& p, double radius) const {
+    return for_each_around(
+        p, radius, [&](const Point& q) { return squared_distance(p, q) >= radius * radius; });
+  }
+
+ private:
+  using Cube = std::array<std::int32_t, 3>;
+  struct Held {
+    Point point;
+    std::uint32_t next = 0;  // in the same cube
+  };
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  Cube cube_of(const Point& p) const {
+    const Point c = inverse_side_ * (p - origin_);
+    const auto clamped = [&](double v, std::size_t axis) {
+      return v <= 0 ? 0 : v >= shape_[axis] ? shape_[axis] - 1 : static_cast<std::int32_t>(v);
+    };
+    return {clamped(c.x, 0), clamped(c.y, 1), clamped(c.z, 2)};
+  }
+  std::size_t index(const Cube& c) const {
+    return (std::size_t(c[2]) * std::size_t(shape_[1]) + std::size_t(c[1])) *
+               std::size_t(shape_[0]) +
+           std::size_t(c[0]);
+  }
+
+  Point origin_;
+  double inverse_side_;
+  Cube shape_{};
+  std::vector<std::uint32_t> first_;  // of a cube's points in held_
+  std::vector<Held> held_;
+};
+
+// Finds places that are farther from all points near than the places around them.
+class Climber {
+ public:
+  explicit Climber(double size) : size_(size) {}
+
+  // From p, in steps along the axes, shorter and shorter ones.
+  Point climb(Point p, const PointCubes& points) {
+    look_around(p, points);
+    double highest = height(p);
+    for (double step = kFirstStep * size_; step > kLastStep * size_; step *= 0.5)
+      for (int n = 0; n < kStepsOfALength; ++n) {
+        const Point before = p;
+        for (int axis = 0; axis < 3; ++axis)
+          for (const double way : {-step, step}) {
+            Point next = before;
+            next[axis] += way;
+            const double there = height(next);
+            if (there <= highest) continue;
+            highest = there;
+            p = next;
+          }
+        if (p == before) break;
+      }
+    return p;
+  }
+
+ private:
+  static constexpr std::size_t kLanes = 4;  // for the compiler to compute side by side
+
+  void look_around(const Point& p, const PointCubes& points) {
+    xs_.clear(), ys_.clear(), zs_.clear();
+    const double sight = kSight * size_;
+    const auto note = [&](const Point& q) {
+      xs_.push_back(q.x), ys_.push_back(q.y), zs_.push_back(q.z);
+    };
+    points.for_each_around(p, sight, [&](const Point& q) {
+      if (squared_distance(p, q) < sight * sight) note(q);
+      return true;
+    });
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    while (xs_.size() % kLanes != 0) note({kFar, kFar, kFar});
+  }
+
+  // The squared distance to the nearest point.
+  double height(const Point& p) const {
+    std::array<double, kLanes> least;
+    least.fill(std::numeric_limits<double>::infinity());
+    for (std::size_t n = 0; n < xs_.size(); n += kLanes)
+      for (std::size_t i = 0; i < kLanes; ++i) {
+        const double dx = xs_[n + i] - p.x, dy = ys_[n + i] - p.y, dz = zs_[n + i] - p.z;
+        const double d = dx * dx + dy * dy + dz * dz;
+        least[i] = d < least[i] ? d : least[i];
+      }
+    return std::min({least[0], least[1], least[2], least[3]});
+  }
+
+  double size_;
+  std::vector<double> xs_, ys_, zs_;  // of the points around
+};
+
+class HoleSearch {
+ public:
+  explicit HoleSearch(const FillInput& input)
+      : input_(input),
+        size_(input.size),
+        half_(0.5 * kLatticeSpacing * size_),
+        points_(input.box.expanded(kFillReach * size_), size_),
+        climber_(size_) {
+    for (const MeshPoint& p : input.points) points_.add(p.position);
+    find_lattice();
+    mark_sites();
+  }
+
+  // The balls of the lattice's cells cover what is deep, so holes lie around the centers of such
+  // balls whose cells miss a site.
+  FillPoints run() {
+    constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of such a cell's sites
+    const Box around = input_.box.expanded(kStart * size_);
+    for_each_site(is_there_.box().expanded(-2), [&](const LatticeSite& site) {
+      const Point corner = place(site);
+      if (input_.surface->distance_bound(corner) > kFarthest * size_) return;
+      for (const auto& [b, c, d] : kLatticeCells) {
+        if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
+          continue;
+        const LatticeSite sum = b + c + d;
+        const Point center =
+            corner + 0.25 * half_ * Point{double(sum.i), double(sum.j), double(sum.k)};
+        if (around.contains(center)) search_from(center);
+      }
+    });
+    std::ranges::sort(found_.met_core);
+    const auto repeated = std::ranges::unique(found_.met_core);
+    found_.met_core.erase(repeated.begin(), repeated.end());
+    return std::move(found_);
+  }
+
+ private:
+  static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
+
+  // But for the displacement, which does not matter here.
+  Point place(const LatticeSite& s) const {
+    return origin_ + half_ * Point{double(s.i), double(s.j), double(s.k)};
+  }
+
+  // Its points tell where it lies. Without any, all places are as good.
+  void find_lattice() {
+    origin_ = input_.box.min;
+    const auto known = std::ranges::find(input_.points, PointKind::kLattice, &MeshPoint::kind);
+    if (known != input_.points.end())
+      origin_ = known->position - (place(site_of(known->id)) - origin_);
+  }
+
+  void mark_sites() {
+    const Point low = (1 / half_) * (input_.box.min - origin_);
+    const Point high = (1 / half_) * (input_.box.max - origin_);
+    const auto below = [](double v) { return static_cast<std::int32_t>(std::floor(v)); };
+    const SiteBox sites{{below(low.x), below(low.y), below(low.z)},
+                        {below(high.x) + 2, below(high.y) + 2, below(high.z) + 2}};
+    is_there_ = {sites.expanded(3), 0};
+    for (const MeshPoint& p : input_.points)
+      if (p.kind == PointKind::kLattice && is_there_.box().contains(site_of(p.id)))
+        is_there_[site_of(p.id)] = 1;
+    if (input_.core == nullptr) return;
+    const auto is_core = [&](const LatticeSite& site) { return input_.core->contains(site); };
+    for_each_site(is_there_.box(), [&](const LatticeSite& site) {
+      if (!is_core(site)) return;
+      is_there_[site] = 1;
+      const bool is_inner = std::ranges::all_of(
+          kLatticeNeighbors, [&](const LatticeSite& step) { return is_core(site + step); });
+      if (!is_inner) points_.add(place(site));  // others are not the nearest to any place outside
+    });
+  }
+
+  void search_from(const Point& start) {
+    if (!points_.is_free(start, kWorthClimbing * size_) || !input_.surface->is_inside(start))
+      return;
+    const Point center = climber_.climb(start, points_);
+    if (!is_own(center) || !points_.is_free(center, kHoleRadius * size_) ||
+        !input_.surface->is_inside(center) ||
+        input_.surface->is_near(center, kLatticeDepth * size_))
+      return;
+    found_.centers.push_back(center);
+    points_.add(center);
+    if (input_.core != nullptr) input_.core->append_met(center, size_, found_.met_core);
+  }
+
+  bool is_own(const Point& p) const {
+    const Box& box = input_.box;
+    return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
+           box.min.z <= p.z && p.z < box.max.z;
+  }
+
+  const FillInput& input_;
+  const double size_, half_;  // λ; half of the lattice's spacing
+  Point origin_;              // of the lattice
+  PointCubes points_;
+  SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
+  Climber climber_;
+  FillPoints found_;
+};
+
+}  // namespace
+
+FillPoints fill_leaf(const FillInput& input) {
+  assert(input.size > 0 && "λ is a length");
+  assert(input.surface && "a leaf without surface has an empty patch");
+  return HoleSearch(input).run();
+}
+
+}  // namespace locvol
