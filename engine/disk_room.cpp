@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <optional>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "engine/input_error.h"
 #include "engine/run_estimate.h"
@@ -19,55 +22,79 @@ double bytes_held(const std::filesystem::path& store) {
   return none ? 0 : static_cast<double>(bytes);
 }
 
+std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
+
+// What one disk has to take.
+struct Load {
+  explicit Load(const Disk& the_disk) : disk(the_disk) {}
+
+  Disk disk;
+  double bytes = 0;
+  std::string text;
+
+  bool fits() const { return bytes <= disk.free_bytes; }
+  void add(double more, const std::string& what) {
+    bytes += more;
+    text += (text.empty() ? "" : ", and ") + what;
+  }
+};
+
 class RoomCheck {
  public:
   RoomCheck(const RunRecord& run, const std::filesystem::path& store,
-            const std::filesystem::path& output, const DiskOf& disk)
+            const std::filesystem::path& output, const OutputOptions& options, const DiskOf& disk)
       : run_(run),
-        is_done_(run.phase == Phase::kDone),
+        store_(store),
+        output_(output),
+        options_(options),
         store_disk_(disk(store)),
         bytes_held_(bytes_held(store)) {
     if (!output.empty()) output_disk_ = disk(output);
   }
 
-  // What is written to the disks of the store and of the output, and does it fit?
-  double store_bytes(double size) const {
-    return is_done_ ? 0 : std::max(0.0, estimate(size).store_bytes - bytes_held_);
+  bool is_done() const { return run_.phase == Phase::kDone; }
+
+  // At the moment when most is there: the end.
+  std::vector<Load> loads(double size) const {
+    RunRecord run = run_;
+    run.parameters.size = size;
+    const RunEstimate estimate = estimate_run(run, options_);
+    std::vector<Load> loads;
+    if (!is_done()) {
+      const double bytes = std::max(0.0, estimate.store_bytes - bytes_held_);
+      loads.emplace_back(store_disk_);
+      loads.back().add(bytes, fmt::format("the store {} would take about {}", store_.string(),
+                                          gigabytes(bytes)));
+    }
+    if (!output_disk_) return loads;
+    if (loads.empty() || output_disk_->id != store_disk_.id) loads.emplace_back(*output_disk_);
+    const OutputEstimate& output = estimate.output;
+    loads.back().add(output.disk_bytes(),
+                     fmt::format("the mesh {} would take about {} as {}, with temporary files {}",
+                                 output_.string(), gigabytes(output.file_bytes),
+                                 info_of(options_.format).name, gigabytes(output.disk_bytes())));
+    return loads;
   }
-  double output_bytes(double size) const { return output_disk_ ? estimate(size).file_bytes : 0; }
-  bool is_shared() const { return output_disk_ && output_disk_->id == store_disk_.id; }
-  bool store_fits(double size) const { return store_bytes(size) <= store_disk_.free_bytes; }
-  bool output_fits(double size) const {
-    return !output_disk_ || output_bytes(size) <= output_disk_->free_bytes;
-  }
-  bool fits(double size) const {
-    return is_shared() ? store_bytes(size) + output_bytes(size) <= store_disk_.free_bytes
-                       : store_fits(size) && output_fits(size);
-  }
-  // Within a tenth.
-  double least_size() const {
+  bool fits(double size) const { return std::ranges::all_of(loads(size), &Load::fits); }
+  // Within a tenth; none, where not even a few cells fit.
+  std::optional<double> least_size() const {
+    constexpr double kFewCells = 100;
     double size = run_.parameters.size;
-    while (!fits(size)) size *= 1.1;
+    while (!fits(size)) {
+      size *= 1.1;
+      if (estimated_num_cells(run_.surface, size) < kFewCells) return std::nullopt;
+    }
     return size;
   }
-  const Disk& store_disk() const { return store_disk_; }
-  const Disk& output_disk() const { return *output_disk_; }
 
  private:
-  RunEstimate estimate(double size) const {
-    RunParameters parameters = run_.parameters;
-    parameters.size = size;
-    return estimate_run(run_.surface, parameters);
-  }
-
   const RunRecord& run_;
-  bool is_done_;
+  std::filesystem::path store_, output_;
+  OutputOptions options_;
   Disk store_disk_;
   std::optional<Disk> output_disk_;
   double bytes_held_;
 };
-
-std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
 
 }  // namespace
 
@@ -87,27 +114,50 @@ Disk disk_of(const std::filesystem::path& place) {
 }
 
 void require_room(const RunRecord& run, const std::filesystem::path& store,
-                  const std::filesystem::path& output, const DiskOf& disk) {
-  const RoomCheck check(run, store, output, disk);
+                  const std::filesystem::path& output, const OutputOptions& options,
+                  const DiskOf& disk) {
+  const RoomCheck check(run, store, output, options, disk);
   const double size = run.parameters.size;
   if (check.fits(size)) return;
-  const auto use = [](const char* what, const std::filesystem::path& place, double bytes) {
-    return fmt::format("{} {} would take about {}", what, place.string(), gigabytes(bytes));
-  };
-  const std::string of_store = use("the store", store, check.store_bytes(size)),
-                    of_output = use("the mesh", output, check.output_bytes(size));
   std::string why;
-  if (check.is_shared())
-    why = fmt::format("{}, and {}, on a disk where {} are free", of_store, of_output,
-                      gigabytes(check.store_disk().free_bytes));
-  else if (!check.store_fits(size))
-    why = fmt::format("{} where {} are free", of_store, gigabytes(check.store_disk().free_bytes));
-  else
-    why = fmt::format("{} where {} are free", of_output, gigabytes(check.output_disk().free_bytes));
+  for (const Load& load : check.loads(size)) {
+    if (load.fits()) continue;
+    why += fmt::format("{}{}, on a disk where {} are free", why.empty() ? "" : "; ", load.text,
+                       gigabytes(load.disk.free_bytes));
+  }
+  if (check.is_done()) throw InputError(why + "; choose another format, or a larger disk");
+  const auto least_size = check.least_size();
+  throw InputError(
+      fmt::format("size {} makes about {:.3g} tetrahedra of {}: {}; choose {}a larger disk", size,
+                  estimated_num_cells(run.surface, size), run.surface.file, why,
+                  least_size ? fmt::format("a size of at least {:.3g}, or ", *least_size) : ""));
+}
+
+void require_format(const RunRecord& run, const std::filesystem::path& output,
+                    const OutputOptions& options) {
+  if (run.phase == Phase::kDone)
+    return check_limits(options.format, {run.num_points, run.num_cells, 0, 0}, output);
+  constexpr double kMostError = 2;  // the mesh has more than the estimate over this
+  const RunEstimate estimate = estimate_run(run, options);
+  const auto least = [](double estimated) {
+    return static_cast<std::uint64_t>(std::min(estimated / kMostError, 1e18));
+  };
+  check_limits(options.format,
+               {least(estimate.num_vertices), least(estimate.num_cells),
+                least(estimate.num_boundary_facets), least(estimate.num_boundary_facets / 2)},
+               output, "there would be more than");
+}
+
+void require_ingest_room(const std::string& surface, std::uint64_t num_triangles,
+                         const std::filesystem::path& directory, std::uint64_t bytes_written,
+                         const DiskOf& disk) {
+  const double need = kIngestBytesPerTriangle * static_cast<double>(num_triangles);
+  const double free = disk(directory).free_bytes;
+  if (need - static_cast<double>(bytes_written) <= free) return;
   throw InputError(fmt::format(
-      "size {} makes about {:.3g} tetrahedra of {}: {}; choose a size of at least {:.3g}, or a "
-      "larger disk",
-      size, estimated_num_cells(run.surface, size), run.surface.file, why, check.least_size()));
+      "{} has {} triangles: to take them in, temporary files in {} would take about {}, on a disk "
+      "where {} are free; make room there, or choose a larger disk",
+      surface, num_triangles, directory.string(), gigabytes(need), gigabytes(free)));
 }
 
 }  // namespace locvol

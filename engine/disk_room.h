@@ -1,10 +1,12 @@
-// Whether the disks have room for what a run will write.
+// Whether the disks have room for what a run will write, and its format numbers enough.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <string>
 
+#include "engine/formats/mesh_format.h"
 #include "storage/records.h"
 
 namespace locvol {
@@ -20,10 +22,26 @@ Disk disk_of(const std::filesystem::path& place);
 // The directory, or the nearest one above it that exists.
 std::filesystem::path existing_directory(const std::filesystem::path& directory);
 
-// Throws InputError, with the least size that would do, unless the run's store and its output (if
-// it is named) will fit, as far as is known before: on one disk, or each on its own. What the store
-// has already is no longer needed.
+// Throws InputError, with the least size that would do if there is one, unless the run's store and
+// its output (if it is named) will fit, as far as is known before, with the temporary files beside
+// the output: on one disk, or each on its own. What the store has already is no longer needed; of a
+// finished run, the counts are known.
 void require_room(const RunRecord& run, const std::filesystem::path& store,
-                  const std::filesystem::path& output, const DiskOf& disk = disk_of);
+                  const std::filesystem::path& output, const OutputOptions& options,
+                  const DiskOf& disk = disk_of);
+
+// Throws FormatLimit if the run's mesh is too large for the output's format: by its own counts once
+// it is done, by an estimate before.
+void require_format(const RunRecord& run, const std::filesystem::path& output,
+                    const OutputOptions& options);
+
+// What the ingest of a surface takes at most of temporary files, in the store's directory.
+inline constexpr double kIngestBytesPerTriangle = 165;
+
+// Throws InputError unless there is room for the temporary files of the ingest, of which some are
+// written already. `surface`: its name
+void require_ingest_room(const std::string& surface, std::uint64_t num_triangles,
+                         const std::filesystem::path& directory, std::uint64_t bytes_written,
+                         const DiskOf& disk = disk_of);
 
 }  // namespace locvol

@@ -207,6 +207,13 @@ std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   return held.snapshot().run();
 }
 
+// Before the work, rather than after it.
+void check_output(const RunRecord& run, const std::filesystem::path& store,
+                  const RunControl& control, const DiskOf& disk = disk_of) {
+  if (!control.output.empty()) require_format(run, control.output, control.output_options);
+  require_room(run, store, control.output, control.output_options, disk);
+}
+
 // Takes in the surface for a run that `planned` makes of its digest and bounding box.
 Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
@@ -220,8 +227,16 @@ Store ingested(const SurfaceSource& surface, const std::filesystem::path& direct
   const RunRecord run = planned(raw.digest, raw.box);
   return ingest(
       std::move(raw), run,
-      [&](const RunRecord& known) { require_room(known, directory, control.output); }, open_store,
-      control);
+      [&](const RunRecord& known, std::uint64_t spilled) {
+        // Temporary files, which will be gone.
+        const std::uint64_t disk = disk_of(directory).id;
+        check_output(known, directory, control, [&](const std::filesystem::path& place) {
+          Disk found = disk_of(place);
+          if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
+          return found;
+        });
+      },
+      open_store, control);
 }
 
 // A run without first points yet whose lattice points would have numbers of their own, as they had
@@ -237,7 +252,7 @@ RunSummary finish(Store& store, const RunControl& control, const WorkClock& cloc
   if (is_outdated(run))
     throw StoreError("the store " + store.directory().string() +
                      " was begun by an earlier version of locvol: force a new run over it");
-  require_room(run, store.directory(), control.output);
+  check_output(run, store.directory(), control);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   const bool is_done = Engine(store, plan, control, clock).run();
   RunSummary summary = summarize(store.snapshot());

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/formats/mesh_format.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/input_error.h"
 #include "storage/records.h"
@@ -61,6 +62,7 @@ struct RunControl {
   std::function<void(const RunRecord&)> on_run = {};
   // The file that the mesh will be written to, if it will: its disk must have room for it.
   std::filesystem::path output = {};
+  OutputOptions output_options = {};
   // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
   // no influence on the result.
   std::uint64_t memory_bytes = 0;

@@ -219,7 +219,7 @@ Estimate public_estimate(const RunEstimate& estimate, std::uint64_t memory) {
           .num_cells = estimate.num_cells,
           .num_vertices = estimate.num_vertices,
           .store_bytes = estimate.store_bytes,
-          .vtu_bytes = estimate.file_bytes,
+          .vtu_bytes = estimate.output.file_bytes,
           .run_seconds = seconds(RunStage::kIngest) + seconds(RunStage::kInitialize) +
                          seconds(RunStage::kRefine),
           .write_seconds = seconds(RunStage::kWrite),

@@ -4,30 +4,30 @@
 #include <cmath>
 #include <numeric>
 
+#include "engine/run_setup.h"
 #include "octree/lattice.h"
 
 namespace locvol {
 namespace {
 
-// Of the BCC lattice: 12 to its cubic cell of volume a³.
-constexpr double kCellsPerVolume = 12 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
 // At a smooth boundary, more than the lattice would have; and how that falls where the volume is
 // thin: at a mean thickness 2 V/A of 0.8 λ, half of it.
 constexpr double kCellsPerArea = 4.5, kThinness = 0.4;
 // At most, of a layer as deep as the core lies.
 constexpr double kListedPerArea = 12.1;
-constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.5;
+constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.5, kFacetsPerArea = 2.2;
 
 // In the store: points, cells and the surface, compressed.
 constexpr double kBytesPerListedCell = 14, kBytesPerTriangle = 14, kLeastBytes = 1e5;
 // Without a core, and with the queue of a paper run.
 constexpr double kBytesPerPaperCell = 40;
-constexpr double kFileBytesPerVertex = 24, kFileBytesPerCell = 45;
 
 // Seconds on one core of 2.6 GHz.
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
-                 kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6, kFileByte = 1e-9;
+                 kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+// To write a VTU file at 1 GB a second.
+constexpr double kWriteCell = 45e-9, kWriteVertex = 24e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
 constexpr double kFurtherThread = 0.7;
 
@@ -35,7 +35,8 @@ constexpr double kUsefulCells = 5e5, kManyCells = 5e6;
 
 double cells_of(double volume, double area) {  // over λ³ and λ²
   if (!(volume > 0)) return 0;
-  return kCellsPerVolume * volume + kCellsPerArea * area * volume / (volume + kThinness * area);
+  return kLatticeCellsPerVolume * volume +
+         kCellsPerArea * area * volume / (volume + kThinness * area);
 }
 
 // Cells of the core take their share from where the volume is deeper than they lie.
@@ -61,6 +62,16 @@ double rounded_to_two_digits(double v) {
   return unit < 1 ? std::round(v / unit) / std::round(1 / unit) : std::round(v / unit) * unit;
 }
 
+MeshSizes sizes_of(const RunEstimate& estimate, const SurfaceFacts& surface,
+                   const RunParameters& parameters) {
+  return {.num_vertices = estimate.num_vertices,
+          .num_cells = estimate.num_cells,
+          .num_listed_cells = estimate.num_listed_cells,
+          .num_boundary_facets = estimate.num_boundary_facets,
+          .leaf_side = start_leaf_side(parameters) / parameters.size,
+          .box = surface.box};
+}
+
 }  // namespace
 
 double RunEstimate::total_seconds() const {
@@ -72,7 +83,7 @@ double estimated_num_cells(const SurfaceFacts& surface, double size) {
 }
 
 RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
-                         int num_threads) {
+                         int num_threads, const OutputOptions& output) {
   const double area = surface.area / (parameters.size * parameters.size);
   const auto num_triangles = static_cast<double>(surface.num_triangles);
   const bool is_cover = parameters.init == Initialization::kCover;
@@ -85,8 +96,8 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   estimate.store_bytes =
       kLeastBytes + kBytesPerTriangle * num_triangles +
       (is_cover ? kBytesPerListedCell : kBytesPerPaperCell) * estimate.num_listed_cells;
-  estimate.file_bytes =
-      kFileBytesPerVertex * estimate.num_vertices + kFileBytesPerCell * estimate.num_cells;
+  estimate.num_boundary_facets = kFacetsPerArea * area;
+  estimate.output = estimate_output(output, sizes_of(estimate, surface, parameters));
 
   const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
   const auto set = [&](RunStage stage, double cpu_seconds) {
@@ -99,7 +110,18 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
   set(RunStage::kMeasure, kMeasureCell * listed);
   set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
-  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kFileByte * estimate.file_bytes;
+  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] +=
+      kWriteCell * estimate.num_cells + kWriteVertex * estimate.num_vertices;
+  return estimate;
+}
+
+RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output) {
+  RunEstimate estimate = estimate_run(run.surface, run.parameters, 1, output);
+  if (run.phase != Phase::kDone) return estimate;
+  estimate.num_cells = static_cast<double>(run.num_cells);
+  estimate.num_vertices = static_cast<double>(run.num_points);
+  estimate.num_listed_cells = std::min(estimate.num_listed_cells, estimate.num_cells);
+  estimate.output = estimate_output(output, sizes_of(estimate, run.surface, run.parameters));
   return estimate;
 }
 

@@ -66,14 +66,6 @@ void check_options(const MeshOptions& options) {
                      ": give a fraction of the size from 0 to 0.5");
 }
 
-// Wide enough for a leaf filled with lattice points to half of its capacity.
-double start_leaf_side(const RunParameters& parameters) {
-  const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
-  const double side =
-      std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density);
-  return std::max(side, kMinLeafSide) * parameters.size;
-}
-
 Frame frame_around(const RunParameters& parameters, const Box& surface, double leaf_side) {
   const double margin = 0.5 * parameters.size + 0.01 * largest_side(surface);
   try {
@@ -126,6 +118,13 @@ const char* name_of(Initialization init) {
 }
 
 }  // namespace
+
+double start_leaf_side(const RunParameters& parameters) {
+  const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
+  const double side =
+      std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density);
+  return std::max(side, kMinLeafSide) * parameters.size;
+}
 
 double absolute_size(const SizeSpec& spec, const Box& box) {
   if (!(spec.value > 0) || !std::isfinite(spec.value))

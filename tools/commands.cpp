@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/audit/audit.h"
+#include "engine/disk_room.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/memory_budget.h"
@@ -61,19 +62,11 @@ int threads_of(const auto& command) {
   return command.num_threads > 0 ? command.num_threads : num_usable_threads();
 }
 
-// Ends a run before the work if its output could not hold the mesh.
-void check_estimate(const RunRecord& run, const auto& command) {
-  constexpr double kMostError = 2;  // the mesh has more than the estimate over this
-  if (command.output.empty()) return;
-  const double num_cells = estimated_num_cells(run.surface, run.parameters.size) / kMostError;
-  check_limits(command.output_options.format, {0, static_cast<std::uint64_t>(num_cells), 0, 0},
-               command.output);
-}
-
 // Says which run begins or goes on, and what it will take.
 void tell_run(const RunRecord& run, const auto& command, ProgressLine& line) {
   const int num_threads = threads_of(command);
-  const RunEstimate estimate = estimate_run(run.surface, run.parameters, num_threads);
+  const RunEstimate estimate =
+      estimate_run(run.surface, run.parameters, num_threads, command.output_options);
   line.expect(estimate, !command.output.empty());
   const bool begins = run.phase == Phase::kIngest;
   line.tell("run",
@@ -93,13 +86,9 @@ TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine&
       .on_progress = [&](const Progress& progress) { line.update(progress); },
       .is_stopped = StopSignal::is_requested,
       .on_note = [&](const std::string& text) { line.note(text); },
-      .on_run =
-          [&](const RunRecord& record) {
-            check_estimate(record, command);
-            tell_run(record, command, line);
-          },
-      .output = info_of(command.output_options.format).is_surface ? std::filesystem::path()
-                                                                  : command.output,
+      .on_run = [&](const RunRecord& record) { tell_run(record, command, line); },
+      .output = command.output,
+      .output_options = command.output_options,
       .memory_bytes = cap,
       .num_threads = command.num_threads,
   };
@@ -367,7 +356,10 @@ int run_export(const ExportCommand& command) {
   const MeshFormat format = command.output_options.format;
   const Store store = open_to_read(command.store);
   require_done(store);
-  require_output(command.output, format, run_of(store).surface.file);
+  const RunRecord run = run_of(store);
+  require_output(command.output, format, run.surface.file);
+  require_format(run, command.output, command.output_options);
+  require_room(run, command.store, command.output, command.output_options);
   ProgressLine line(progress_style(command), 0);
   const WriteSummary written = with_steps(RunStage::kWrite, line, [&](const StepProgress& on_step) {
     return write_mesh(store, command.output, command.output_options,
@@ -407,16 +399,18 @@ int run_info(const InfoCommand& command) {
   if (size > 0) {
     const RunRecord run = run_of_size(input, command.surface, size);
     const int num_threads = num_usable_threads();
-    const RunEstimate estimate = estimate_run(facts, run.parameters, num_threads);
+    const RunEstimate estimate =
+        estimate_run(facts, run.parameters, num_threads, command.output_options);
     const std::uint64_t memory = least_memory(run);
     json["size"] = size;
     json["is_default_size"] = !command.size;
     json["estimated_cells"] = std::round(estimate.num_cells);
     json["estimate"] = to_json(estimate);
+    json["estimate"]["format"] = info_of(command.output_options.format).name;
     json["estimate"]["num_threads"] = num_threads;
     json["estimate"]["least_memory_bytes"] = memory;
     if (!command.size) text += line_text("", "with the size that mesh would choose:");
-    text += estimate_text(estimate, num_threads, memory);
+    text += estimate_text(estimate, command.output_options.format, num_threads, memory);
   }
   if (command.is_json) {
     json["digest"] = input.digest;

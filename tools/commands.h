@@ -94,6 +94,7 @@ struct AuditCommand {
 struct InfoCommand {
   std::filesystem::path surface;
   std::optional<SizeSpec> size;
+  OutputOptions output_options;
   bool is_json = false;
 };
 

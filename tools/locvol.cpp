@@ -66,19 +66,33 @@ CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
       ->type_name("FILE");
 }
 
+CLI::Option* add_format(CLI::App& app, OutputOptions& options, const std::string& otherwise) {
+  return add_parsed(app, "--format", parse_format, options.format,
+                    fmt::format("Format of the file (default: {}); `locvol export --help` lists "
+                                "all",
+                                otherwise))
+      ->type_name("NAME");
+}
+
+CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options) {
+  return add_parsed(app, "--cell-data", parse_cell_data, options.has_quality,
+                    "Write with the cells (vtu, vtu-zlib, vtkhdf): leaf, or also their quality: "
+                    "radius-edge ratio and least dihedral angle (default: leaf)")
+      ->type_name("leaf|quality");
+}
+
+void check_cell_data(const OutputOptions& options) {
+  if (options.has_quality && !info_of(options.format).has_cell_data)
+    throw CLI::ValidationError("--cell-data",
+                               fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
+                                           info_of(options.format).name));
+}
+
 // The mesh's file; its format, by name or by extension; its cell data.
 CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
   CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
-  CLI::Option* format =
-      add_parsed(app, "--format", parse_format, options.format,
-                 "Format of the file (default: by its extension); `locvol export --help` lists all")
-          ->type_name("NAME")
-          ->needs(file);
-  add_parsed(app, "--cell-data", parse_cell_data, options.has_quality,
-             "Write with the cells (vtu, vtu-zlib, vtkhdf): leaf, or also their quality: "
-             "radius-edge ratio and least dihedral angle (default: leaf)")
-      ->type_name("leaf|quality")
-      ->needs(file);
+  CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
+  add_cell_data(app, options)->needs(file);
   app.final_callback([&output, &options, format] {
     if (output.empty()) return;
     try {
@@ -86,10 +100,7 @@ CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, Outpu
     } catch (const InputError& error) {
       throw CLI::ValidationError("-o", fmt::format("{}, or --format names one", error.what()));
     }
-    if (options.has_quality && !info_of(options.format).has_cell_data)
-      throw CLI::ValidationError("--cell-data",
-                                 fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
-                                             info_of(options.format).name));
+    check_cell_data(options);
   });
   return file;
 }
@@ -311,6 +322,9 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   add_parsed(*info, "-s,--size", parse_size, command.size,
              "λ, as for mesh, to estimate what a run takes (default: as mesh chooses it)")
       ->type_name("SIZE");
+  add_format(*info, command.output_options, "vtu");
+  add_cell_data(*info, command.output_options);
+  info->final_callback([&command] { check_cell_data(command.output_options); });
   add_json(*info, command.is_json);
   return info;
 }

@@ -307,14 +307,15 @@ std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts
   return text;
 }
 
-std::string estimate_text(const RunEstimate& estimate, int num_threads,
+std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
                           std::uint64_t least_memory) {
   const double seconds = estimate.total_seconds();
   std::string text =
       row("size λ", "{}", estimate.size) +
       row("cells", "{}", range_text(estimate.num_cells, kCellsFactor, count_text)) +
       row("store", "{}", range_text(estimate.store_bytes, kBytesFactor, disk_text)) +
-      row("mesh file", "{}", range_text(estimate.file_bytes, kCellsFactor, disk_text));
+      row("mesh file", "{}, as {}", range_text(estimate.output.file_bytes, kFileFactor, disk_text),
+          info_of(format).name);
   if (seconds > 0)
     text += row("time", "{}, on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
                 plural(static_cast<std::uint64_t>(num_threads), "thread"));
@@ -329,7 +330,7 @@ std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
   std::string text =
       fmt::format("λ = {:.6g}: {} tetrahedra, a file of {}, a store of {}", estimate.size,
                   range_text(estimate.num_cells, kCellsFactor, count_text),
-                  disk_text(estimate.file_bytes), disk_text(estimate.store_bytes));
+                  disk_text(estimate.output.file_bytes), disk_text(estimate.store_bytes));
   if (const double seconds = estimate.total_seconds(); seconds > 0)
     text += fmt::format(", {} on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
                         plural(static_cast<std::uint64_t>(num_threads), "thread"));
@@ -457,7 +458,8 @@ Json to_json(const RunEstimate& estimate) {
           {"num_cells", range(estimate.num_cells, kCellsFactor)},
           {"num_vertices", range(estimate.num_vertices, kCellsFactor)},
           {"store_bytes", range(estimate.store_bytes, kBytesFactor)},
-          {"file_bytes", range(estimate.file_bytes, kCellsFactor)},
+          {"file_bytes", range(estimate.output.file_bytes, kFileFactor)},
+          {"output_disk_bytes", range(estimate.output.disk_bytes(), kFileFactor)},
           {"seconds", range(estimate.total_seconds(), kSecondsFactor)}};
 }
 

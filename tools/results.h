@@ -64,7 +64,8 @@ std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
 std::string audit_text(const AuditReport& report);
 // Of a run on so many threads; `least_memory`: the least cap that would do, in bytes.
-std::string estimate_text(const RunEstimate& estimate, int num_threads, std::uint64_t least_memory);
+std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
+                          std::uint64_t least_memory);
 // The same in one line, without its end.
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);

@@ -92,13 +92,25 @@ MeshFormat format_meant_by(const std::filesystem::path& file) {
                                fmt::join(extensions, ", ")));
 }
 
-void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file) {
+bool has_boundary(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kVtu:
+    case MeshFormat::kVtuZlib:
+    case MeshFormat::kVtkHdf:
+    case MeshFormat::kTetgen:
+      return false;
+    default:
+      return true;
+  }
+}
+
+void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file,
+                  std::string_view counted) {
   for (const auto& [what, count, most] : limits_of(format, counts)) {
     if (count <= most) continue;
     throw FormatLimit(
-        fmt::format("cannot write {}: the format {} numbers at most {} {}, and there "
-                    "are {}; write {}",
-                    file.string(), info_of(format).name, most, what, count,
+        fmt::format("cannot write {}: the format {} numbers at most {} {}, and {} {}; write {}",
+                    file.string(), info_of(format).name, most, what, counted, count,
                     info_of(format).is_surface ? "obj" : "vtu, vtkhdf or msh"));
   }
 }

@@ -45,6 +45,15 @@ std::optional<MeshFormat> format_named(std::string_view name);
 // The same as format_of(); throws InputError, which lists the extensions, if it means none.
 MeshFormat format_meant_by(const std::filesystem::path& file);
 
+// Does it hold the boundary, alone or with the cells?
+bool has_boundary(MeshFormat format);
+
+// What is written of a mesh.
+struct OutputOptions {
+  MeshFormat format = MeshFormat::kVtu;
+  bool has_quality = false;  // as cell data, where the format has any
+};
+
 // What a mesh has of all that a format numbers.
 struct MeshCounts {
   std::uint64_t num_vertices = 0, num_cells = 0;
@@ -57,8 +66,10 @@ class FormatLimit : public InputError {
  public:
   using InputError::InputError;
 };
-// Throws FormatLimit. What is not known yet is 0. `file`: for the message
-void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file);
+// Throws FormatLimit. What is not known yet is 0. For the message: `file`, and `counted`, as in
+// "there are 3000000000".
+void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file,
+                  std::string_view counted = "there are");
 
 // The files that an output is made of: TetGen's are two.
 std::vector<std::filesystem::path> files_of(MeshFormat format, const std::filesystem::path& output);

@@ -260,7 +260,7 @@ void put_run(Store& store, const RunRecord& run) {
 
 }  // namespace
 
-Store ingest(RawSurface raw, RunRecord run, const std::function<void(const RunRecord&)>& check_run,
+Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
              const std::function<Store()>& open_store, const RunControl& control,
              std::uint64_t bucket_capacity) {
   const OctreePlan plan = plan_octree(run.parameters, raw.box);
@@ -275,7 +275,7 @@ Store ingest(RawSurface raw, RunRecord run, const std::function<void(const RunRe
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
-    check_run(run);
+    check_run(run, surface.spill.bytes());
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
     planned_memory(run, memory_cap(control.memory_bytes));
     if (control.on_run) control.on_run(run);

@@ -12,14 +12,15 @@ namespace locvol {
 
 // Checks the surface, then starts `run` in the store that `open_store` gives; it is asked for one
 // when nothing can be refused any more, nor by `check_run`, which gets the run with all that is
-// known of its surface. Erases what the store holds. Each leaf gets the triangles that meet its box
-// and the side of its center, and the leaves that may get points are queued for epoch 0. A crash
-// leaves the store in Phase::kIngest, to be ingested again; the last batch ends the phase. Where
-// control.is_stopped() says so, the store is left in that phase, too. Memory: 64 MB, whatever the
-// size of the surface, but for leaves with more than 100,000 triangles, whose sides are below 8 λ
-// (200 bytes a triangle), and see check_surface(). Throws InputError, StoreError, std::system_error
-// where temporary files cannot be written.
-Store ingest(RawSurface raw, RunRecord run, const std::function<void(const RunRecord&)>& check_run,
+// known of its surface, and what temporary files hold. Erases what the store holds. Each leaf gets
+// the triangles that meet its box and the side of its center, and the leaves that may get points
+// are queued for epoch 0. A crash leaves the store in Phase::kIngest, to be ingested again; the
+// last batch ends the phase. Where control.is_stopped() says so, the store is left in that phase,
+// too. Memory: 64 MB, whatever the size of the surface, but for leaves with more than 100,000
+// triangles, whose sides are below 8 λ (200 bytes a triangle), and see check_surface(). Throws
+// InputError, StoreError, std::system_error where temporary files cannot be written.
+using RunCheck = std::function<void(const RunRecord&, std::uint64_t temporary_bytes)>;
+Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
              const std::function<Store()>& open_store, const RunControl& control,
              std::uint64_t bucket_capacity = kBucketCapacity);
 

@@ -88,9 +88,18 @@ class DeferredPolygons {
 class RawSurfaceBuilder : public SurfaceSink {
  public:
   RawSurfaceBuilder(const std::string& name, const std::filesystem::path& directory,
-                    IngestWatch& watch)
-      : watch_(watch), surface_(directory), vertices_(directory), deferred_(directory) {
+                    IngestWatch& watch, const DiskOf& disk)
+      : watch_(watch),
+        directory_(directory),
+        disk_(disk),
+        surface_(directory),
+        vertices_(directory),
+        deferred_(directory) {
     surface_.file = name;
+  }
+
+  void expect(std::uint64_t num_faces) override {
+    require_ingest_room(surface_.file, num_faces, directory_, 0, disk_);
   }
 
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
@@ -117,6 +126,8 @@ class RawSurfaceBuilder : public SurfaceSink {
   }
 
   IngestWatch& watch_;
+  std::filesystem::path directory_;
+  const DiskOf& disk_;
   RawSurface surface_;
   VertexSpill vertices_;
   DeferredPolygons deferred_;
@@ -153,6 +164,9 @@ RawSurface RawSurfaceBuilder::finish(std::string digest) {
   surface_.num_numbered_vertices = vertices_.size();
   check_not_empty();
   check_extent();
+  const std::uint64_t num_triangles = surface_.triangles.count;
+  require_ingest_room(surface_.file, num_triangles, directory_, num_triangles * sizeof(Triangle),
+                      disk_);
   surface_.digest = std::move(digest);
   return std::move(surface_);
 }
@@ -236,14 +250,14 @@ void RawSurfaceBuilder::check_extent() const {
 }  // namespace
 
 RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                        IngestWatch& watch) {
-  RawSurfaceBuilder builder(source.name, directory, watch);
+                        IngestWatch& watch, const DiskOf& disk) {
+  RawSurfaceBuilder builder(source.name, directory, watch, disk);
   return builder.finish(source.parse(builder));
 }
 
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
-                        IngestWatch& watch) {
-  return read_surface(surface_in_file(file), directory, watch);
+                        IngestWatch& watch, const DiskOf& disk) {
+  return read_surface(surface_in_file(file), directory, watch, disk);
 }
 
 }  // namespace locvol

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/disk_room.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
@@ -42,12 +43,13 @@ struct RawSurface {
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
 // first, then by extension. Temporary files are made in `directory`, which must exist.
 // Memory: 25 MB for the vertices of files that number them; 16 MB for triangles without area.
-// Throws InputError, also for what is empty or cannot be told apart in double arithmetic;
+// Throws InputError, also for what is empty or cannot be told apart in double arithmetic, or is too
+// much for the disk: before anything is written if the file says how much it holds;
 // std::system_error where the disk fails; IngestStopped.
 RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                        IngestWatch& watch);
+                        IngestWatch& watch, const DiskOf& disk = disk_of);
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
-                        IngestWatch& watch);
+                        IngestWatch& watch, const DiskOf& disk = disk_of);
 
 // A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
 // keep the order of their corners: nothing relies on it, sides are found by parity.

@@ -9,18 +9,6 @@
 namespace locvol {
 namespace {
 
-bool has_boundary(MeshFormat format) {
-  switch (format) {
-    case MeshFormat::kVtu:
-    case MeshFormat::kVtuZlib:
-    case MeshFormat::kVtkHdf:
-    case MeshFormat::kTetgen:
-      return false;
-    default:
-      return true;
-  }
-}
-
 MeshCounts counts_of(MeshSource& mesh, MeshFormat format) {
   MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
   if (has_boundary(format)) counts.num_boundary_facets = mesh.boundary().num_facets();

@@ -10,11 +10,6 @@
 
 namespace locvol {
 
-struct OutputOptions {
-  MeshFormat format = MeshFormat::kVtu;
-  bool has_quality = false;  // as cell data, where the format has any
-};
-
 struct WriteSummary {
   std::uint64_t num_vertices = 0, num_cells = 0, bytes = 0;
   std::uint64_t num_boundary_facets = 0;  // of formats that hold the boundary

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "engine/engine.h"
+#include "engine/output/writer.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 
@@ -66,6 +67,15 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
                 0.15 * static_cast<double>(num_listed));
     const auto bytes = static_cast<double>(std::filesystem::file_size(options.store / "data.mdb"));
     EXPECT_LT(bytes, kBytesFactor * estimate.store_bytes);
+    for (const FormatInfo& format : mesh_formats()) {
+      SCOPED_TRACE(format.name);
+      const OutputOptions output = {format.format, format.has_cell_data};
+      const WriteSummary written = write_mesh(store, scratch / "mesh", output);
+      const RunEstimate of_format = estimate_run(made.run.surface, made.run.parameters, 1, output);
+      const auto file_bytes = static_cast<double>(written.bytes);
+      EXPECT_GT(kFileFactor * of_format.output.file_bytes, file_bytes);
+      EXPECT_LT(of_format.output.file_bytes / kFileFactor, file_bytes);
+    }
   }
 }
 
@@ -75,7 +85,7 @@ TEST(RunEstimate, OfHalfTheSizeIsEightTimesTheVolumeAndFourTimesTheSurface) {
   EXPECT_NEAR(finer.num_cells / fine.num_cells, 8, 0.05);
   EXPECT_NEAR(finer.num_listed_cells / fine.num_listed_cells, 4, 0.01);
   EXPECT_NEAR(fine.num_cells * 1e-9, 12 / std::pow(1.75, 3), 0.05);
-  EXPECT_NEAR(finer.file_bytes / finer.num_cells, 49, 0.5);
+  EXPECT_NEAR(finer.output.file_bytes / finer.num_cells, 49, 0.5);
 }
 
 TEST(RunEstimate, OfMoreThreadsTakesLessTimeAndMakesTheSame) {

@@ -37,6 +37,8 @@ RunParameters parameters_with(double size, std::uint64_t leaf_capacity) {
   return parameters;
 }
 
+constexpr const char* kNothing = "nothing was thrown";
+
 template <class Error, class Action>
 std::string message_of(const Action& action) {
   try {
@@ -44,7 +46,7 @@ std::string message_of(const Action& action) {
   } catch (const Error& e) {
     return e.what();
   }
-  return "nothing was thrown";
+  return kNothing;
 }
 
 TEST(PlannedRun, TakesPercentOfTheSmallestSide) {
@@ -112,8 +114,9 @@ DiskOf disks(double free_bytes, double other_free_bytes) {
   };
 }
 
-std::string refusal(const RunRecord& run, const std::string& output, const DiskOf& disk) {
-  return message_of<InputError>([&] { require_room(run, "no-store", output, disk); });
+std::string refusal(const RunRecord& run, const std::string& output, const DiskOf& disk,
+                    const OutputOptions& options = {}) {
+  return message_of<InputError>([&] { require_room(run, "no-store", output, options, disk); });
 }
 
 constexpr double kPlenty = 1e18;
@@ -128,8 +131,8 @@ TEST(RequireRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
 TEST(RequireRoom, TakesABillionCellsOfACubeInTenGigabytesButNotTheirFile) {
   RunRecord run = planned_in_box(options_with({0.134, true}), {1, 1, 1});
   EXPECT_NEAR(estimated_num_cells(run.surface, run.parameters.size), 0.95e9, 0.05e9);
-  EXPECT_NO_THROW(require_room(run, "no-store", "", disks(1e10, 0)));
-  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", disks(1e10, 6e10)));
+  EXPECT_NO_THROW(require_room(run, "no-store", "", {}, disks(1e10, 0)));
+  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", {}, disks(1e10, 6e10)));
   const auto message = refusal(run, "other/a.vtu", disks(1e10, 4e10));
   EXPECT_NE(message.find("the mesh other/a.vtu would take about 4"), std::string::npos) << message;
   EXPECT_NE(message.find(" where 40 GB are free"), std::string::npos) << message;
@@ -141,12 +144,59 @@ TEST(RequireRoom, TakesABillionCellsOfACubeInTenGigabytesButNotTheirFile) {
 TEST(RequireRoom, AddsUpWhatOneDiskHasToTake) {
   const RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});
   const RunEstimate estimate = estimate_run(run.surface, run.parameters);
-  const double both = estimate.store_bytes + estimate.file_bytes;
-  EXPECT_NO_THROW(require_room(run, "no-store", "a.vtu", disks(1.01 * both, 0)));
+  const double both = estimate.store_bytes + estimate.output.disk_bytes();
+  EXPECT_NO_THROW(require_room(run, "no-store", "a.vtu", {}, disks(1.01 * both, 0)));
   const auto message = refusal(run, "a.vtu", disks(0.99 * both, kPlenty));
   EXPECT_NE(message.find("the store no-store would take about"), std::string::npos) << message;
   EXPECT_NE(message.find(", and the mesh a.vtu would take about"), std::string::npos) << message;
-  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", disks(0.99 * both, kPlenty)));
+  EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", {}, disks(0.99 * both, kPlenty)));
+}
+
+TEST(RequireRoom, AsksForWhatTheFormatTakes) {
+  const RunRecord run = planned_in_box(options_with({0.5, true}), {1, 1, 1});  // 19 million cells
+  const auto fits = [&](const char* format, bool has_quality, double free_bytes) {
+    const OutputOptions options = {*format_named(format), has_quality};
+    return refusal(run, "other/a", disks(kPlenty, free_bytes), options) == kNothing;
+  };
+  EXPECT_FALSE(fits("vtu", false, 0.8e9));
+  EXPECT_TRUE(fits("vtkhdf", false, 0.3e9));
+  EXPECT_FALSE(fits("vtkhdf", true, 0.3e9));  // 8 bytes a cell lie beside it
+  EXPECT_TRUE(fits("msh2", false, 0.8e9));
+  EXPECT_FALSE(fits("abaqus", false, 0.8e9));
+  // The boundary is small, but what it is found from is not.
+  EXPECT_TRUE(fits("stl", false, 0.1e9));
+  EXPECT_FALSE(fits("stl", false, 0.03e9));
+  const OutputOptions tetgen = {MeshFormat::kTetgen};
+  const auto message = refusal(run, "other/a", disks(kPlenty, 0), tetgen);
+  EXPECT_NE(message.find(" as tetgen, with temporary files "), std::string::npos) << message;
+}
+
+TEST(RequireRoom, NamesEachDiskThatIsTooSmall) {
+  const RunRecord run = planned_in_box(options_with({0.1, true}), {1, 1, 1});
+  const auto message = refusal(run, "other/a.vtu", disks(1e8, 2e9));
+  EXPECT_NE(message.find("where 0.1 GB are free; the mesh other/a.vtu"), std::string::npos)
+      << message;
+  EXPECT_NE(message.find("where 2 GB are free; choose"), std::string::npos) << message;
+}
+
+TEST(RequireRoom, NamesNoSizeForADiskThatIsFull) {
+  const RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});
+  for (const char* output : {"", "a.vtu"}) {
+    const auto message = refusal(run, output, disks(0, 0));
+    EXPECT_NE(message.find("0 GB are free; choose a larger disk"), std::string::npos) << message;
+  }
+}
+
+TEST(RequireRoom, OfAFinishedRunIsByItsCounts) {
+  RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});  // for 2.4 million cells
+  run.phase = Phase::kDone;
+  run.num_cells = 100'000'000;
+  run.num_points = 18'000'000;
+  const auto message = refusal(run, "a.vtu", disks(4.9e9, 0));
+  EXPECT_NE(message.find("the mesh a.vtu would take about 4.93 GB"), std::string::npos) << message;
+  EXPECT_NE(message.find("choose another format"), std::string::npos) << message;
+  EXPECT_EQ(message.find("store"), std::string::npos) << message;
+  EXPECT_EQ(refusal(run, "a.vtu", disks(5.1e9, 0)), kNothing);
 }
 
 TEST(RequireRoom, NamesASizeThatFits) {
@@ -159,7 +209,7 @@ TEST(RequireRoom, NamesASizeThatFits) {
     ASSERT_NE(place, std::string::npos) << message;
     RunRecord larger = run;
     larger.parameters.size = 1.01 * std::stod(message.substr(place + words.size()));
-    EXPECT_NO_THROW(require_room(larger, "no-store", output, disk));
+    EXPECT_NO_THROW(require_room(larger, "no-store", output, {}, disk));
     EXPECT_LT(larger.parameters.size, 0.1);
   }
 }
@@ -170,9 +220,9 @@ TEST(RequireRoom, OfARunThatGoesOnIsForTheRest) {
   RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});
   const RunEstimate estimate = estimate_run(run.surface, run.parameters);
   const DiskOf disk = [&](const std::filesystem::path&) {
-    return Disk{1, estimate.file_bytes + 0.2 * estimate.store_bytes};
+    return Disk{1, estimate.output.disk_bytes() + 0.2 * estimate.store_bytes};
   };
-  const auto require = [&] { require_room(run, dir / "store", "a.vtu", disk); };
+  const auto require = [&] { require_room(run, dir / "store", "a.vtu", {}, disk); };
   EXPECT_THROW(require(), InputError);
   std::ofstream(dir / "store" / "data.mdb");
   std::filesystem::resize_file(dir / "store" / "data.mdb",

@@ -12,6 +12,8 @@
 #include <sstream>
 #include <thread>
 
+#include "engine/formats/mesh_format.h"
+#include "storage/store.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
@@ -133,6 +135,101 @@ TEST(Command, TheSurfaceIsNotOverwrittenByItsMesh) {
   ASSERT_EQ(with(mesh, (dir / "mesh.ply").string()).exit_code, 0);
   expect_refused(run_locvol({"export", store, "-o", ply}));
   expect_refused(run_locvol({"resume", store, "-o", ply}));
+}
+
+// A format that works is named.
+void expect_limit(const ProcessResult& result, const std::string& numbers,
+                  const std::string& format) {
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  EXPECT_NE(result.err.find("numbers at most " + numbers), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("; write " + format), std::string::npos) << result.err;
+}
+
+TEST(Command, AMeshTooLargeForItsFormatIsRefusedBeforeTheRun) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir);
+  const auto mesh_as = [&](const std::string& format, const std::string& size) {
+    return run_locvol({"mesh", cube, "-o", (dir / "mesh").string(), "--format", format, "--size",
+                       size, "--leaf-capacity", "1G", "-q"});
+  };
+  // 18 billion cells, 53 million boundary triangles.
+  expect_limit(mesh_as("msh2", "0.0005"), "2147483647 tetrahedra and boundary triangles",
+               "vtu, vtkhdf or msh");
+  expect_limit(mesh_as("tetgen", "0.0008"), "2147483647 tetrahedra", "vtu, vtkhdf or msh");
+  expect_limit(mesh_as("abaqus", "0.0008"), "999999999 elements", "vtu, vtkhdf or msh");
+  // 20 billion boundary triangles.
+  expect_limit(mesh_as("ply", "0.000025"), "2147483647 vertices", "obj");
+  expect_limit(mesh_as("stl", "0.000025"), "4294967295 triangles", "obj");
+  EXPECT_EQ(names_in(dir), Names{"cube.off"});
+}
+
+// Of a run that says it has made three billion cells.
+TEST(Command, AFinishedMeshTooLargeForItsFormatIsRefused) {
+  const TempDir dir;
+  const std::string store = (dir / "store").string();
+  ASSERT_EQ(run_locvol({"mesh", make_cube(dir), "-o", (dir / "mesh.stl").string(), "-s", "20%",
+                        "--store", store, "-q"})
+                .exit_code,
+            0);
+  {
+    Store held = Store::open(store);
+    RunRecord run = held.snapshot().run().value();
+    run.num_cells = 3'000'000'000;
+    Batch batch = held.begin();
+    batch.put_run(run);
+    batch.commit();
+  }
+  for (const char* format : {"msh2", "tetgen", "abaqus"}) {
+    for (const char* command : {"export", "resume"}) {
+      SCOPED_TRACE(std::string(command) + " as " + format);
+      const ProcessResult result =
+          run_locvol({command, store, "-o", (dir / "x").string(), "--format", format, "-q"});
+      expect_limit(result, "", "vtu, vtkhdf or msh");
+      EXPECT_NE(result.err.find("there are 3000000000"), std::string::npos) << result.err;
+    }
+  }
+  EXPECT_EQ(names_in(dir), (Names{"cube.off", "mesh.stl", "store"}));
+}
+
+TEST(Command, WhatFloatsCannotTellApartIsNoStl) {
+  const TempDir dir;
+  const auto cube = dir / "far.off";
+  std::string far = kCube;  // coordinates are 10000000 or 10000001
+  for (std::size_t place = far.find('\n', 4), i = 0; i < 24; ++i) {
+    place = far.find_first_of("01", place);
+    far.insert(place, "1000000");
+    place += 8;
+  }
+  std::ofstream(cube) << far;
+  const std::string store = (dir / "store").string();
+  const ProcessResult mesh = run_locvol({"mesh", cube.string(), "-o", (dir / "far.stl").string(),
+                                         "-s", "20%", "--store", store, "-q"});
+  EXPECT_EQ(mesh.exit_code, 1);
+  EXPECT_NE(mesh.err.find("write ply or obj"), std::string::npos) << mesh.err;
+  EXPECT_EQ(names_in(dir), (Names{"far.off", "store"}));
+  EXPECT_EQ(run_locvol({"export", store, "-o", (dir / "far.ply").string(), "-q"}).exit_code, 0);
+}
+
+TEST(Command, InfoEstimatesEveryFormat) {
+  const TempDir dir;
+  const std::string ball = (dir / "ball.stl").string(), store = (dir / "store").string();
+  ASSERT_EQ(run_locvol({"generate", "sphere", "-o", ball, "-n", "2k"}).exit_code, 0);
+  const Names run = {"mesh", ball, "-o", (dir / "mesh.stl").string(), "-s", "8%", "--store", store};
+  ASSERT_EQ(run_locvol(run).exit_code, 0);
+  for (const FormatInfo& format : mesh_formats()) {
+    SCOPED_TRACE(format.name);
+    const std::string name(format.name);
+    const Json estimate = Json::parse(
+        run_locvol({"info", ball, "-s", "8%", "--format", name, "--json"}).out)["estimate"];
+    EXPECT_EQ(estimate["format"], format.name);
+    const Json written = Json::parse(run_locvol({"export", store, "-o", (dir / "mesh").string(),
+                                                 "--format", name, "--json", "-q"})
+                                         .out);
+    EXPECT_LE(estimate["file_bytes"]["low"], written["bytes"]);
+    EXPECT_GE(estimate["file_bytes"]["high"], written["bytes"]);
+    EXPECT_GT(estimate["output_disk_bytes"]["expected"], estimate["file_bytes"]["expected"]);
+  }
+  EXPECT_EQ(run_locvol({"info", ball, "--format", "stl", "--cell-data", "quality"}).exit_code, 2);
 }
 
 TEST(Command, InfoEstimatesWhatMeshMakes) {

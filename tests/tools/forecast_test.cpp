@@ -145,7 +145,7 @@ Recording recorded(const std::string& name) {
     now -= run.paused;
     if (kind == 'E') {
       RunEstimate estimate;
-      text >> estimate.num_cells >> estimate.num_listed_cells >> estimate.file_bytes;
+      text >> estimate.num_cells >> estimate.num_listed_cells >> estimate.output.file_bytes;
       for (double& seconds : estimate.seconds) text >> seconds;
       forecast.expect(estimate, true);
     } else if (kind == 'P') {

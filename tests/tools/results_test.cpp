@@ -39,15 +39,15 @@ TEST(EstimateText, GivesRanges) {
   RunEstimate estimate;
   estimate.size = 0.01;
   estimate.num_cells = 1.15e6;
-  estimate.file_bytes = 1.15e8;
+  estimate.output.file_bytes = 1.15e8;
   estimate.store_bytes = 1.7e7;
   estimate.seconds = {0, 0, 10, 0, 0};
-  const std::string text = estimate_text(estimate, 2, std::uint64_t{96} << 20);
+  const std::string text = estimate_text(estimate, MeshFormat::kVtkHdf, 2, std::uint64_t{96} << 20);
   EXPECT_EQ(text,
             "size λ           0.01\n"
             "cells            about 1.15 million (1 million to 1.32 million)\n"
             "store            about 17 MB (10 MB to 28.9 MB)\n"
-            "mesh file        about 115 MB (100 MB to 132 MB)\n"
+            "mesh file        about 115 MB (95.8 MB to 138 MB), as vtkhdf\n"
             "time             about 10 s (4 s to 25 s), on 2 threads\n"
             "memory           at least 96M; with more, it is faster\n");
   estimate.is_thin = true;

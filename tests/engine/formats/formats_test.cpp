@@ -1,6 +1,7 @@
 #include "engine/formats/formats.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cstring>
@@ -9,7 +10,9 @@
 
 #include "engine/engine.h"
 #include "engine/formats/mesh_format.h"
+#include "engine/formats/output_estimate.h"
 #include "engine/output/writer.h"
+#include "engine/run_setup.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
@@ -161,6 +164,55 @@ TEST_P(EveryFormat, LeavesNothingBehindWithoutRoom) {
     EXPECT_EQ(bytes_of(file), "old");
 }
 
+// Sums the nameless files of this process.
+std::uint64_t temporary_bytes() {
+  std::uint64_t bytes = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    struct stat status = {};
+    if (::stat(entry.path().c_str(), &status) != 0) continue;  // the directory itself
+    if (S_ISREG(status.st_mode) && status.st_nlink == 0)
+      bytes += static_cast<std::uint64_t>(status.st_size);
+  }
+  return bytes;
+}
+
+TEST_P(EveryFormat, TakesWhatItsEstimateSays) {
+  const TempDir dir;
+  const Store store = EveryFormat::store();
+  std::uint64_t num_listed = 0;
+  store.snapshot().for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    num_listed += info.num_cells;
+    return true;
+  });
+  const RunRecord run = store.snapshot().run().value();
+  for (const bool has_quality : {false, GetParam().has_cell_data}) {
+    const OutputOptions output = {GetParam().format, has_quality};
+    const std::uint64_t before = temporary_bytes();
+    std::uint64_t beside = 0;
+    const WriteSummary written =
+        write_mesh(store, dir / "mesh", output, 1, [&](std::uint64_t, std::uint64_t) {
+          beside = std::max(beside, temporary_bytes() - before);
+        });
+    MeshSource source(store, dir / "mesh", 1);
+    const OutputEstimate estimate = estimate_output(
+        output, {.num_vertices = static_cast<double>(written.num_vertices),
+                 .num_cells = static_cast<double>(written.num_cells),
+                 .num_listed_cells = static_cast<double>(num_listed),
+                 .num_boundary_facets = static_cast<double>(source.boundary().num_facets()),
+                 .leaf_side = start_leaf_side(run.parameters) / run.parameters.size,
+                 .box = run.surface.box});
+    const auto bytes = static_cast<double>(written.bytes);
+    const bool is_compressed =
+        GetParam().format == MeshFormat::kVtuZlib || GetParam().format == MeshFormat::kVtkHdf;
+    EXPECT_NEAR(estimate.file_bytes, bytes, (is_compressed ? 0.15 : 0.04) * bytes);
+    EXPECT_GE(1.05 * estimate.bytes_beside, static_cast<double>(beside));
+    // Formats of the boundary tell no steps.
+    if (!GetParam().is_surface) {
+      EXPECT_GE(static_cast<double>(beside), 0.5 * estimate.bytes_beside);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(mesh_formats()),
                          [](const auto& format) {
                            std::string name(format.param.name);
@@ -264,6 +316,26 @@ TEST(Stl, RefusesWhatFloatsCannotTellApart) {
   }
   EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
   EXPECT_EQ(write_mesh(store, dir / "mesh.ply", {MeshFormat::kPly}).num_boundary_facets, 12u);
+}
+
+// A leaf that says it has three billion cells of the core, which are not looked at.
+TEST(FormatLimits, AreCheckedBeforeAByteIsWritten) {
+  const TempDir dir;
+  Store store = HandMadeStore(HandMadeMesh{}, LinearOctree::uniform(1)).write(dir / "store");
+  {
+    const MortonKey leaf = store.snapshot().leaf_keys().front();
+    LeafInfo info = store.snapshot().leaf(leaf).value();
+    info.num_core_cells = 3'000'000'000;
+    LeafPoints points;
+    points.core.is_whole = true;
+    Batch batch = store.begin();
+    batch.put_leaf(leaf, info);
+    batch.put_points(leaf, points);
+    batch.commit();
+  }
+  for (const char* name : {"msh2", "abaqus", "tetgen"})
+    EXPECT_THROW(write_mesh(store, dir / "mesh", {*format_named(name)}), FormatLimit) << name;
+  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
 }
 
 // The message names the file, what there is too much of, and a format that holds it.

@@ -378,7 +378,7 @@ class IngestTest : public testing::Test {
     RawSurface raw = read_surface(options.input, std::filesystem::temp_directory_path(), watch);
     const RunRecord run = planned_run(options, raw.digest, raw.box);
     return ingest(
-        std::move(raw), run, [](const RunRecord&) {},
+        std::move(raw), run, [](const RunRecord&, std::uint64_t) {},
         [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
         control, capacity);
   }
@@ -570,6 +570,54 @@ TEST(TriangleSpill, FullDiskIsAnErrorThatNamesTheFile) {
   EXPECT_NE(message.find("cannot write"), std::string::npos) << message;
   EXPECT_NE(message.find((scratch / "").string()), std::string::npos) << message;
   EXPECT_NE(message.find("File too large"), std::string::npos) << message;
+}
+
+// In buckets that share triangles.
+TEST(TriangleSpill, HoldsNoMoreThanAnIngestIsExpectedTo) {
+  const SurfaceFiles files;
+  const Polygons ball = to_polygons(testing_shapes::sphere(1, 300, 400));
+  const auto file = files.write("ball.off", to_off(ball));
+  IngestWatch watch;
+  Workers workers(2);
+  RawSurface raw = read_surface(file, files.directory(), watch);
+  const Frame frame = frame_of(raw.box);
+  const CheckedSurface checked = check_surface(std::move(raw), frame, watch, workers);
+  const auto num_triangles = static_cast<double>(checked.facts.num_triangles);
+  ASSERT_GT(num_triangles, 4 * kBucketCapacity);
+  const auto bytes = static_cast<double>(checked.spill.bytes());
+  EXPECT_LT(bytes, kIngestBytesPerTriangle * num_triangles);
+  EXPECT_GT(bytes, 0.9 * kIngestBytesPerTriangle * num_triangles);
+}
+
+DiskOf disk_with(double free_bytes) {
+  return [=](const std::filesystem::path&) { return Disk{1, free_bytes}; };
+}
+
+// Where the file says how much it holds, before a temporary file is made: there is no directory
+// for one.
+TEST(RawSurface, TooMuchForTheDiskIsRefused) {
+  const SurfaceFiles files;
+  for (const auto& [name, content] : in_every_format(cube())) {
+    SCOPED_TRACE(name);
+    const auto file = files.write(name, content);
+    const bool has_count = name != "ascii.stl" && name != "cube.obj";
+    const std::filesystem::path directory =
+        has_count ? files.directory() / "missing" : files.directory();
+    constexpr double kNeed = 12 * kIngestBytesPerTriangle;
+    IngestWatch watch;
+    std::string message;
+    try {
+      const double written = has_count ? 0 : 12 * sizeof(Triangle);
+      read_surface(file, directory, watch, disk_with(kNeed - 1 - written));
+    } catch (const InputError& error) {
+      message = error.what();
+    }
+    EXPECT_NE(message.find("has 12 triangles"), std::string::npos) << message;
+    EXPECT_NE(message.find(directory.string() + " would take about 1.98e-06 GB"), std::string::npos)
+        << message;
+    EXPECT_NE(message.find(" GB are free"), std::string::npos) << message;
+    EXPECT_NO_THROW(read_surface(file, files.directory(), watch, disk_with(kNeed)));
+  }
 }
 
 TEST(RawSurface, FacesMayComeBeforeTheirVertices) {
