@@ -1,4 +1,5 @@
-// crash_sweep kill|fault|memory|all|overhead [--brief] [--seed N] [--kills N] [--directory DIR]
+// crash_sweep kill|write|fault|memory|all|overhead [--brief] [--seed N] [--kills N] [--directory
+// DIR]
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -15,9 +16,9 @@ int main(int argc, char** argv) {
   SweepOptions options;
   options.seed = std::random_device()();
   std::string what;
-  app.add_option("SWEEP", what, "kill, fault, memory, all of these, or overhead")
+  app.add_option("SWEEP", what, "kill, write, fault, memory, all of these, or overhead")
       ->required()
-      ->check(CLI::IsMember({"kill", "fault", "memory", "all", "overhead"}));
+      ->check(CLI::IsMember({"kill", "write", "fault", "memory", "all", "overhead"}));
   app.add_flag("--brief", options.is_brief, "A few dozen trials");
   app.add_option("--seed", options.seed, "Of the random instants (default: another one each time)");
   app.add_option("--kills", options.num_kills, "At random instants (default: 240)");
@@ -29,6 +30,7 @@ int main(int argc, char** argv) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {
     if (what == "kill" || what == "all") sweep_kills(options);
+    if (what == "write" || what == "all") sweep_writers(options);
     if (what == "fault" || what == "all") sweep_faults(options);
     if (what == "memory" || what == "all") sweep_allocations(options);
     if (what == "overhead") {

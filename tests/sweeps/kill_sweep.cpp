@@ -98,16 +98,6 @@ void sweep_instants(Trial& trial, int num_kills, std::mt19937_64& random) {
   fmt::print("\n");
 }
 
-// The first call, the last one and some between.
-std::vector<std::uint64_t> some_of(std::uint64_t count, std::uint64_t how_many) {
-  std::vector<std::uint64_t> numbers;
-  for (std::uint64_t i = 0; i < how_many && count > 0; ++i)
-    numbers.push_back(1 + i * (count - 1) / std::max<std::uint64_t>(how_many - 1, 1));
-  const auto repeated = std::ranges::unique(numbers);
-  numbers.erase(repeated.begin(), repeated.end());
-  return numbers;
-}
-
 // One life for each place of one step, in one run: each gets some calls further than the last.
 void sweep_steps(Trial& trial, bool is_brief) {
   int num_kills = 0;

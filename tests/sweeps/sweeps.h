@@ -16,6 +16,8 @@ struct SweepOptions {
 
 // kill -9 at random instants, at the steps of a run, and around its calls of the system.
 void sweep_kills(const SweepOptions& options);
+// kill -9 while each format's writer runs: at random instants, and at calls of the system.
+void sweep_writers(const SweepOptions& options);
 // Each call of the system that can fail fails once, with each error that it can have.
 void sweep_faults(const SweepOptions& options);
 // Each of the first allocations fails, then ever fewer; and all from there on.

@@ -24,11 +24,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr double kHangSeconds = 300;
 
-std::string content_of(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
@@ -112,13 +107,56 @@ std::string Ending::text() const {
                      err);
 }
 
+std::string content_of(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::vector<std::uint64_t> some_of(std::uint64_t count, std::uint64_t how_many) {
+  std::vector<std::uint64_t> numbers;
+  for (std::uint64_t i = 0; i < how_many && count > 0; ++i)
+    numbers.push_back(1 + i * (count - 1) / std::max<std::uint64_t>(how_many - 1, 1));
+  const auto repeated = std::ranges::unique(numbers);
+  numbers.erase(repeated.begin(), repeated.end());
+  return numbers;
+}
+
+Ending run_locvol(const std::filesystem::path& directory, const std::vector<std::string>& arguments,
+                  const Disturbance& disturbance) {
+  std::filesystem::create_directories(logs_of(directory));
+  for (const char* name : {"err", "faults.log", "steps.log"})
+    std::filesystem::remove(logs_of(directory) / name);
+  std::vector<std::string> words = {built("locvol_steps")};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<std::string> environment = environment_for(directory, disturbance);
+
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
+  const std::string err = (logs_of(directory) / "err").string();
+  posix_spawn_file_actions_addopen(&files, 2, err.c_str(), O_WRONLY | O_CREAT, 0600);
+  pid_t process = 0;
+  const int error = posix_spawn(&process, words[0].c_str(), &files, nullptr, pointers(words).data(),
+                                pointers(environment).data());
+  posix_spawn_file_actions_destroy(&files);
+  if (error != 0) throw std::system_error(error, std::generic_category(), words[0]);
+
+  Ending ending;
+  end(process, disturbance, ending);
+  ending.err = content_of(err);
+  ending.steps = content_of(logs_of(directory) / "steps.log");
+  read_fault_log(content_of(logs_of(directory) / "faults.log"), ending);
+  return ending;
+}
+
 Trial::Trial(const Model& model, const std::filesystem::path& directory)
     : model_(model), directory_(directory) {
   std::filesystem::create_directories(directory_);
-  std::filesystem::create_directories(logs_of(directory_));
-  const Ending generated = spawn({"generate", model.shape, "-n", model.num_triangles, "-o",
-                                  (directory_ / "surface.stl").string()},
-                                 {});
+  const Ending generated = run_locvol(directory_,
+                                      {"generate", model.shape, "-n", model.num_triangles, "-o",
+                                       (directory_ / "surface.stl").string()},
+                                      {});
   require(generated.exit_code == 0, "cannot generate " + model.name() + ": " + generated.text());
   start_anew();
   // A fault that never comes, so that the calls are counted.
@@ -140,37 +178,11 @@ void Trial::start_anew() {
 }
 
 Ending Trial::run(const Disturbance& disturbance) {
-  return spawn({"mesh", (directory_ / "surface.stl").string(), "-o", output().string(), "--size",
-                model_.size, "--leaf-capacity", model_.leaf_capacity, "--threads",
-                std::to_string(kNumThreads), "--quiet"},
-               disturbance);
-}
-
-Ending Trial::spawn(const std::vector<std::string>& arguments, const Disturbance& disturbance) {
-  for (const char* name : {"err", "faults.log", "steps.log"})
-    std::filesystem::remove(logs_of(directory_) / name);
-  std::vector<std::string> words = {built("locvol_steps")};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  std::vector<std::string> environment = environment_for(directory_, disturbance);
-
-  posix_spawn_file_actions_t files;
-  posix_spawn_file_actions_init(&files);
-  posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
-  const std::string err = (logs_of(directory_) / "err").string();
-  posix_spawn_file_actions_addopen(&files, 2, err.c_str(), O_WRONLY | O_CREAT, 0600);
-  pid_t process = 0;
-  const int error = posix_spawn(&process, words[0].c_str(), &files, nullptr, pointers(words).data(),
-                                pointers(environment).data());
-  posix_spawn_file_actions_destroy(&files);
-  if (error != 0) throw std::system_error(error, std::generic_category(), words[0]);
-
-  Ending ending;
-  end(process, disturbance, ending);
-  ending.err = content_of(err);
-  ending.steps = content_of(logs_of(directory_) / "steps.log");
-  read_fault_log(content_of(logs_of(directory_) / "faults.log"), ending);
-  return ending;
+  return run_locvol(directory_,
+                    {"mesh", (directory_ / "surface.stl").string(), "-o", output().string(),
+                     "--size", model_.size, "--leaf-capacity", model_.leaf_capacity, "--threads",
+                     std::to_string(kNumThreads), "--quiet"},
+                    disturbance);
 }
 
 StoreState Trial::store_state() const {

@@ -54,6 +54,13 @@ struct Disturbance {
   static Disturbance kill_at(const std::string& step) { return {{{"LOCVOL_KILL_AT", step}}, {}}; }
 };
 
+// Runs the command, disturbed. Faults come in calls on files below the directory.
+Ending run_locvol(const std::filesystem::path& directory, const std::vector<std::string>& arguments,
+                  const Disturbance& disturbance = {});
+// The first number from 1 to `count`, the last one and some between.
+std::vector<std::uint64_t> some_of(std::uint64_t count, std::uint64_t how_many);
+std::string content_of(const std::filesystem::path& file);
+
 // What is known of a store from outside, after its process has gone.
 struct StoreState {
   std::optional<Phase> phase;  // absent: no run has begun
@@ -83,8 +90,6 @@ class Trial {
   std::filesystem::path output() const;
 
  private:
-  Ending spawn(const std::vector<std::string>& arguments, const Disturbance& disturbance);
-
   Model model_;
   std::filesystem::path directory_;
   std::string mesh_;  // the undisturbed run's bytes
