@@ -92,15 +92,17 @@ class Mesher:
 class Locvol(Mesher):
     name = "locvol"
 
-    def __init__(self, program, work, timeout, memory=None, init="cover"):
+    def __init__(self, program, work, timeout, memory=None, init="cover", format="vtu"):
         super().__init__(program, work, timeout)
-        self.options = ["--init", init]
+        self.format = format
+        self.options = ["--init", init, "--format", format]
         if memory:
             self.options += ["--memory", memory]
 
     def run(self, surface, size, threads):
-        output, store = (os.path.join(self.work, name) for name in ("locvol.vtu", "store"))
-        remove(output, store)
+        output, store = (os.path.join(self.work, name) for name in ("locvol", "store"))
+        files = [output, output + ".node", output + ".ele", store]
+        remove(*files)
         command = ["mesh", surface, "-o", output, "--store", store, "--size", "%.17g" % size,
                    "--threads", str(threads), "--json", "--quiet"] + self.options
         try:
@@ -116,7 +118,7 @@ class Locvol(Mesher):
         except KeyError as error:
             raise Failed("its report has no %s" % error) from error
         finally:
-            remove(output, store)
+            remove(*files)
 
     @staticmethod
     def phases(report):
@@ -130,6 +132,12 @@ class Locvol(Mesher):
     def info(self, surface):
         """Facts of the surface: volume, area, box."""
         return parsed(self.child(["info", surface, "--json"]).out)
+
+    def output_bytes(self, surface, size):
+        """Of disk that the mesh will take, with temporary files."""
+        info = self.child(["info", surface, "--size", "%.17g" % size, "--format", self.format,
+                           "--json"])
+        return parsed(info.out)["estimate"]["output_disk_bytes"]["high"]
 
     def generate(self, shape, num_triangles, path):
         self.child(["generate", shape, "--triangles", str(num_triangles), "-o", path])

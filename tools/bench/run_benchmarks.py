@@ -22,10 +22,6 @@ from meshers import Failed
 PEERS = ("cgal-parallel", "cgal", "tetgen-fill", "hxt-fill")
 ONE_THREAD = ("cgal", "tetgen-fill")
 
-# What a run takes at most beside its store, bytes per tetrahedron: a VTU file (connectivity 32,
-# offsets 8, leaf 4, type 1, points 24 each), and the writer's temporary files.
-OUTPUT_BYTES_PER_TETRAHEDRON = 60
-
 
 def note(text):
     print(text, file=sys.stderr, flush=True)
@@ -58,7 +54,7 @@ class Benchmark:
         self.options = options
         self.work = work
         self.locvol = meshers.Locvol(program_at(options.locvol), work, options.timeout,
-                                     options.memory, options.init)
+                                     options.memory, options.init, options.format)
         self.cgal = {
             is_parallel: meshers.CgalMesh3(self.peer("cgal_mesh3"), work, options.timeout,
                                            is_parallel)
@@ -186,7 +182,7 @@ class Benchmark:
         for target in sorted(self.options.cells):
             size = counts.size(target)
             row = model.row(size, self.locvol, threads) | {"target": target}
-            lack = self.lack_of_room(target, store_bytes)
+            lack = self.lack_of_room(model, size, target * store_bytes)
             if lack:
                 self.keep([row | {"error": lack, "is_skipped": True}])
                 continue
@@ -202,8 +198,8 @@ class Benchmark:
                 counts = figures.CountModel(samples[-2:])
             store_bytes = row["store_bytes"] / row["tetrahedra"]
 
-    def lack_of_room(self, cells, store_bytes):
-        needed = 1.1 * cells * (OUTPUT_BYTES_PER_TETRAHEDRON + store_bytes)
+    def lack_of_room(self, model, size, store_bytes):
+        needed = 1.1 * (store_bytes + self.locvol.output_bytes(model.path, size))
         free = shutil.disk_usage(self.work).free
         if needed <= free:
             return None
@@ -254,6 +250,8 @@ def parse_options(arguments):
     parser.add_argument("--threads", default="1", type=parse_counts, metavar="N,...")
     parser.add_argument("--memory", metavar="SIZE", help="as for locvol")
     parser.add_argument("--init", default="cover", choices=("cover", "paper"), help="as for locvol")
+    parser.add_argument("--format", default="vtu", metavar="NAME",
+                        help="that locvol writes (default: vtu)")
     parser.add_argument("--repetitions", default=3, type=int, metavar="N")
     parser.add_argument("--timeout", default=7200, type=float, metavar="SECONDS",
                         help="for one run of one mesher")
@@ -314,7 +312,8 @@ def print_tables(options, benchmark):
     print("%s; %s; medians of %d%s%s\n"
           % (machine(), benchmark.locvol.version(), options.repetitions,
              "; --memory " + options.memory if options.memory else "",
-             "; --init paper" if options.init == "paper" else ""))
+             ("; --init paper" if options.init == "paper" else "")
+             + ("; --format " + options.format if options.format != "vtu" else "")))
     if options.scaling:
         print(figures.scaling_table(benchmark.rows))
         print("Exponents k, growth as the k-th power of the number of tetrahedra:\n")
