@@ -76,7 +76,7 @@ void parse_off(InputFile& file, SurfaceSink& sink) {
   const std::uint64_t num_faces = scanner.count_on_any_line("number of faces");
   scanner.skip_line();  // the number of edges, which nobody keeps right
   check_counts(file, num_vertices, num_faces);
-  sink.expect(num_faces);
+  sink.announce(num_faces);
 
   for (std::uint64_t v = 0; v < num_vertices; ++v) {
     const double x = scanner.coordinate_on_any_line();

@@ -319,7 +319,7 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
   if (!faces && find(header, "tristrips"))
     file.refuse("has triangle strips instead of faces; export it with faces");
 
-  if (faces) sink.expect(faces->count);
+  if (faces) sink.announce(faces->count);
   ValueReader values(file, header.encoding);
   for (const Element& element : header.elements) {
     if (&element == vertices)

@@ -98,7 +98,7 @@ class RawSurfaceBuilder : public SurfaceSink {
     surface_.file = name;
   }
 
-  void expect(std::uint64_t num_faces) override {
+  void announce(std::uint64_t num_faces) override {
     require_ingest_room(surface_.file, num_faces, directory_, 0, disk_);
   }
 

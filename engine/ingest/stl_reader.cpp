@@ -119,7 +119,7 @@ void parse_binary_stl(InputFile& file, SurfaceSink& sink) {
                     "{} bytes, but it has {}; fetch or export it again",
                     num_triangles, binary_size(num_triangles), file.size()));
   file.take(kHeaderBytes);
-  sink.expect(num_triangles);
+  sink.announce(num_triangles);
   std::array<Point, 3> corners;
   for (std::uint64_t t = 0; t < num_triangles; ++t) {
     const unsigned char* data = file.take(kTriangleBytes) + kNormalBytes;
