@@ -160,7 +160,8 @@ class Engine {
                           .num_in_epoch = state_.queue.num_in_epoch(run.epoch),
                           .num_points = run.num_points,
                           .num_cells = run.num_cells,
-                          .epoch = run.epoch});
+                          .epoch = run.epoch,
+                          .first_epoch = state_.is_cover() ? kCoverEpoch + 2 : 1});
   }
 
   // `phase`: what took the time since the last sample.

@@ -6,8 +6,10 @@ namespace locvol {
 namespace {
 
 // A leaf's later visits are of its borders alone: what one takes of a first one, and how many
-// follow each visit of epoch 1, and each of a later one. Of recorded runs (forecast_test.cpp).
+// follow each first visit, and each of a later one. Of recorded runs (forecast_test.cpp).
 constexpr double kLaterVisit = 0.2, kSecondVisits = 0.8, kFurtherVisits = 0.05;
+// Of a leaf's first points: what filling its holes takes of covering it.
+constexpr double kFill = 0.55;
 // As a part of a stage's work: what must have been done before its pace weighs as much as the
 // guess.
 constexpr double kTrustInPace = 0.05;
@@ -19,15 +21,22 @@ constexpr double kLeastPause = 2, kBusyInPause = 0.125;
 
 std::size_t index(RunStage stage) { return static_cast<std::size_t>(stage); }
 
-// Of the leaves that wait, in visits of epoch 1; with those that will yet have to wait.
+// What a visit of the open epoch takes, in those of its phase's first one.
+double unit_of(const Progress& progress) {
+  if (progress.phase == Phase::kInitialize) return progress.epoch == 0 ? 1 : kFill;
+  return progress.epoch <= progress.first_epoch ? 1 : kLaterVisit;
+}
+
+// Of the leaves that wait, in those; with those that will yet have to wait.
 double units_left(const Progress& progress) {
   const auto now = static_cast<double>(progress.num_in_epoch);
   const auto next = static_cast<double>(progress.num_queued - progress.num_in_epoch);
-  if (progress.epoch <= 1) return now + kLaterVisit * (next + kSecondVisits * now);
+  if (progress.phase == Phase::kInitialize)
+    return progress.epoch == 0 ? now + kFill * (next + now) : kFill * now;
+  if (progress.epoch <= progress.first_epoch)
+    return now + kLaterVisit * (next + kSecondVisits * now);
   return kLaterVisit * (now + next + kFurtherVisits * now);
 }
-
-double unit_of(std::uint32_t epoch) { return epoch <= 1 ? 1 : kLaterVisit; }
 
 }  // namespace
 
@@ -61,16 +70,13 @@ void Forecast::note(const Progress& progress, double seconds) {
   enter(static_cast<RunStage>(progress.phase), seconds);
   if (stage_ == RunStage::kIngest) return;
   if (progress.epoch != epoch_ || num_in_epoch_ == 0) {
-    const auto num_visits = static_cast<double>(num_in_epoch_);
-    units_before_ += unit_of(epoch_) * num_visits;
+    units_before_ += unit_ * static_cast<double>(num_in_epoch_);
     epoch_ = progress.epoch;
+    unit_ = unit_of(progress);
     num_in_epoch_ = progress.num_in_epoch;
   }
   const auto num_done = static_cast<double>(num_in_epoch_ - progress.num_in_epoch);
-  if (stage_ == RunStage::kInitialize)
-    set_work(num_done, static_cast<double>(progress.num_in_epoch), seconds);
-  else
-    set_work(units_before_ + unit_of(epoch_) * num_done, units_left(progress), seconds);
+  set_work(units_before_ + unit_ * num_done, units_left(progress), seconds);
 }
 
 void Forecast::note(RunStage stage, std::uint64_t done, std::uint64_t all, double seconds) {

@@ -47,9 +47,10 @@ class Forecast {
   double first_done_ = 0, first_seconds_ = 0;
   double taken_ = 0, guessed_ = 0;  // seconds of the stages before, and by the law
 
-  // Of refinement: units done in the epochs before, and leaves of this one when it was first seen.
+  // Of visits: units done in the epochs before, what one takes, and the epoch's leaves when it was
+  // first seen.
   std::uint32_t epoch_ = 0;
-  double units_before_ = 0;
+  double units_before_ = 0, unit_ = 1;
   std::uint64_t num_in_epoch_ = 0;
 };
 

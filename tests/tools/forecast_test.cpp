@@ -34,11 +34,23 @@ TEST(Forecast, OfARunThatKeepsTheLawIsRightAllAlong) {
   Forecast forecast;
   forecast.note({.phase = Phase::kIngest}, 0);
   forecast.expect(law(1, 2, 10, 1, 4), true);
+  // 20 leaves to cover, all of which are then filled: 31 units, of 2 s.
+  double covered = 0;
   for (int i = 0; i <= 20; ++i) {
-    const double now = 1 + 0.1 * i;
-    forecast.note({.phase = Phase::kInitialize, .num_queued = 20u - i, .num_in_epoch = 20u - i},
-                  now);
+    const double now = 1 + 2 / 31.0 * i;
+    forecast.note({.phase = Phase::kInitialize, .num_queued = 20, .num_in_epoch = 20u - i}, now);
     EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.3) << i;
+    EXPECT_GE(forecast.fraction_done(), covered);
+    covered = forecast.fraction_done();
+  }
+  for (int i = 0; i <= 20; ++i) {
+    const double now = 1 + 2 / 31.0 * (20 + 0.55 * i);
+    forecast.note(
+        {.phase = Phase::kInitialize, .num_queued = 20u - i, .num_in_epoch = 20u - i, .epoch = 1},
+        now);
+    EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.3) << i;
+    EXPECT_GE(forecast.fraction_done(), covered);
+    covered = forecast.fraction_done();
   }
   // 100 visits, and 80 more that take a fifth of one: 116 units, of 10 s.
   for (int i = 0; i <= 100; i += 4) {
