@@ -307,7 +307,7 @@ class Page {
         {"phase", std::string(phase_name(run_.phase))},
         {"leaves", fmt::format("{}, of which {} are not empty", grouped(leaves_.num_leaves),
                                grouped(num_nonempty()))},
-        {"visits", fmt::format("{}, in {} epochs", grouped(run_.num_visits), run_.epoch)},
+        {"visits", fmt::format("{}, the last in epoch {}", grouped(run_.num_visits), run_.epoch)},
         {"insertions", insertions_text(run_.num_insertions)},
         {"deletions", grouped(run_.num_deletions)},
     };
