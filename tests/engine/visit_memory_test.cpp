@@ -13,6 +13,7 @@
 #include "engine/output/writer.h"
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
@@ -86,44 +87,35 @@ class VisitMemory : public testing::TestWithParam<Case> {
     state.commit();
   }
 
-  void cover(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    for (const MortonKey near : state.octree.leaves_within(state.run.frame, state.box(leaf), 0))
-      state.leaves.surface(near), state.leaves.points(near);  // so that the visit need not
+  // `reach`: over λ; what lies within it is brought into the cache before, so that the visit need
+  // not.
+  template <class Load, class Compute>
+  auto measured(RunState& state, MortonKey leaf, double reach, Load load, Compute compute) {
+    for (const MortonKey near :
+         state.octree.leaves_within(state.run.frame, state.box(leaf), reach * state.size()))
+      state.leaves.surface(near), state.leaves.points(near);
     const std::size_t before = begin_measuring();
-    CoverPoints points;
-    {
-      LoadedCover loaded = loader.load_cover(leaf);
-      points = cover_leaf(loaded.complete());
-      compare(loaded.bytes, before);
-    }
+    auto loaded = load();
+    auto result = compute(loaded.complete());
+    compare(loaded.bytes, before);
+    return result;
+  }
+
+  void cover(RunState& state, LeafLoader& loader, MortonKey leaf) {
+    const auto points = measured(
+        state, leaf, 0, [&] { return loader.load_cover(leaf); }, cover_leaf);
     apply_cover(state, leaf, points);
   }
 
   void fill(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    for (const MortonKey near :
-         state.octree.leaves_within(state.run.frame, state.box(leaf), kFillReach * state.size()))
-      state.leaves.surface(near), state.leaves.points(near);
-    const std::size_t before = begin_measuring();
-    FillPoints points;
-    {
-      LoadedFill loaded = loader.load_fill(leaf);
-      points = fill_leaf(loaded.complete());
-      compare(loaded.bytes, before);
-    }
+    const auto points = measured(
+        state, leaf, kFillReach, [&] { return loader.load_fill(leaf); }, fill_leaf);
     apply_fill(state, leaf, points);
   }
 
   void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    for (const MortonKey near :
-         state.octree.leaves_within(state.run.frame, state.box(leaf), kReach * state.size()))
-      state.leaves.surface(near), state.leaves.points(near);
-    const std::size_t before = begin_measuring();
-    LeafDelta delta;
-    {
-      LoadedLeaf loaded = loader.load(leaf);
-      delta = refine_leaf(loaded.complete());
-      compare(loaded.bytes, before);
-    }
+    const auto delta = measured(
+        state, leaf, kReach, [&] { return loader.load(leaf); }, refine_leaf);
     apply_visit(state, loader, leaf, delta);
   }
 
