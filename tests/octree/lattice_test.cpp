@@ -284,7 +284,7 @@ TEST_F(LatticeTest, SitesWithinABallAreThoseOfBruteForce) {
     ASSERT_EQ(found, expected) << "trial " << trial;
     num_found += found.size();
   }
-  EXPECT_GT(num_found, 500u);
+  EXPECT_GT(num_found, 200u);  // about 610, give or take 70
 }
 
 // ---- Cells. All with integers: sites are as good as points.
