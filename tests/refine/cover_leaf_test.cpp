@@ -514,10 +514,10 @@ struct FillRun {
   explicit FillRun(const CoverRun& cover)
       : world(cover.world),
         lattice(world.lattice()),
-        core(lattice,
-             all_sites(lattice, cover.leaves, [](const CoverPoints& points, const SiteBox& sites) {
-               return core_sites(points.core, sites);
-             })) {
+        core(lattice, all_sites(lattice, cover.leaves,
+                                [](const CoverPoints& cover_points, const SiteBox& sites) {
+                                  return core_sites(cover_points.core, sites);
+                                })) {
     for (const LeafCover& leaf : cover.leaves)
       for (const LatticeSite& site : leaf.points.lattice)
         points.push_back({site_id(site), lattice.position(site), PointKind::kLattice});
