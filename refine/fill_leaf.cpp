@@ -222,19 +222,13 @@ class HoleSearch {
     if (!points_.is_free(start, kWorthClimbing * size_) || !input_.surface->is_inside(start))
       return;
     const Point center = climber_.climb(start, points_);
-    if (!is_own(center) || !points_.is_free(center, kHoleRadius * size_) ||
+    if (!is_in_leaf(input_.box, center) || !points_.is_free(center, kHoleRadius * size_) ||
         !input_.surface->is_inside(center) ||
         input_.surface->is_near(center, kLatticeDepth * size_))
       return;
     found_.centers.push_back(center);
     points_.add(center);
     if (input_.core != nullptr) input_.core->append_met(center, size_, found_.met_core);
-  }
-
-  bool is_own(const Point& p) const {
-    const Box& box = input_.box;
-    return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-           box.min.z <= p.z && p.z < box.max.z;
   }
 
   const FillInput& input_;

@@ -31,7 +31,7 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
   locals_.reserve(input.own.size() + input.ghosts.size() + input.core.size());
   for (const MeshPoint& p : input.own) add_local(p, p.id, true);
   for (const MeshPoint& p : input.ghosts)
-    add_local(p, p.id, own == OwnPoints::kInBox && is_in_box(p.position));
+    add_local(p, p.id, own == OwnPoints::kInBox && is_in_leaf(input.box, p.position));
   for (const MeshPoint& p : input.core) add_local(p, p.id, false, true);
   std::vector<Point> points;
   points.reserve(locals_.size());
@@ -39,12 +39,6 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
   if (!delaunay_.build(points))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();
-}
-
-bool LeafMesh::is_in_box(const Point& p) const {
-  const Box& box = input_.box;  // half-open
-  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-         box.min.z <= p.z && p.z < box.max.z;
 }
 
 void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
@@ -214,7 +208,7 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
 
 // Own points of P are all there, but for those whose stars are not this visit's to see.
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
-  add_local(q, ref, (ref & kNewPoint) != 0 && is_in_box(q.position));
+  add_local(q, ref, (ref & kNewPoint) != 0 && is_in_leaf(input_.box, q.position));
   return insert_last_local(conflict);
 }
 
@@ -231,7 +225,7 @@ LocalIndex LeafMesh::insert_last_local(const Conflict& conflict) {
 }
 
 LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
-  add_local(q, ref, is_in_box(q.position));
+  add_local(q, ref, is_in_leaf(input_.box, q.position));
   if (!delaunay_.build({&q.position, 1}))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();

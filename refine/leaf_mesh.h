@@ -133,7 +133,6 @@ class LeafMesh {
   GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
   LocalIndex insert_last_local(const Conflict& conflict);
-  bool is_in_box(const Point& p) const;
   void make_fresh(Cell c);
   void make_all_fresh();
   void note_gone(Cell c);
