@@ -43,10 +43,23 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
 
 void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
   locals_.push_back({p, ref, is_own, is_core});
+  marks_.push_back({is_own, is_hidden(p)});
   num_own_ += is_own;
   if ((ref & kNewPoint) == 0) ids_.insert(ref);
   if (p.kind == PointKind::kVolume)
     volume_points_[grid_cell(p.position)].push_back(static_cast<LocalIndex>(locals_.size() - 1));
+}
+
+// Samples hide a point from the surface if each point of that is closer to one of them (DESIGN 3.4).
+// Of a volume point only what is certain: that no surface is as close as samples are to all of it.
+bool LeafMesh::is_hidden(const MeshPoint& p) const {
+  const double radius = input_.criteria.cover_radius;
+  if (p.kind == PointKind::kSurface || !std::isfinite(radius)) return false;
+  if (p.kind == PointKind::kLattice) return true;
+  const Box around = Box::around(p.position).expanded(radius);
+  const Box& region = input_.surface->region();
+  return region.contains(around.min) && region.contains(around.max) &&
+         !input_.surface->is_near(p.position, radius);
 }
 
 void LeafMesh::make_fresh(Cell c) {
@@ -54,8 +67,13 @@ void LeafMesh::make_fresh(Cell c) {
   CellData& data = data_[c];
   data = CellData{};
   data.stamp = ++stamp_;
-  for (const LocalIndex v : delaunay_.vertices(c)) data.has_own_vertex |= is_own(v);
-  if (data.has_own_vertex) fresh_.push_back({c, stamp_});
+  for (std::size_t i = 0; i < 4; ++i) {
+    const LocalIndex v = delaunay_.vertices(c)[i];
+    if (v == kInfiniteVertex) continue;
+    data.own = static_cast<std::uint8_t>(data.own | marks_[v].is_own << i);
+    data.hidden = static_cast<std::uint8_t>(data.hidden | marks_[v].is_hidden << i);
+  }
+  if (data.own != 0) fresh_.push_back({c, stamp_});
 }
 
 void LeafMesh::make_all_fresh() {
@@ -86,12 +104,9 @@ void LeafMesh::clear_fresh_cells() {
   has_gone_member_ = has_gone_other_ = false;
 }
 
-bool LeafMesh::has_own_vertex(Facet f) const {
-  for (int i = 0; i < 4; ++i)
-    if (i != f.index && is_own(delaunay_.vertex(f.cell, i))) return true;
-  return false;
-}
-
+// A ball at an own vertex that is near has no point in it. So a hidden vertex is the nearest point
+// to each place on the way from there to the center, and no such place is on the surface: the
+// center is inside as well.
 Side LeafMesh::side(Cell c) const {
   CellData& data = data_[c];
   if (data.side != Side::kUnknown) return data.side;
@@ -101,12 +116,29 @@ Side LeafMesh::side(Cell c) const {
   data.center = ball.center;
   data.squared_radius = ball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return data.side;
+  if (data.own != 0 && data.hidden != 0) return data.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
   if (!is_whole && !input_.surface->region().contains(ball.center))
     return data.side = Side::kBeyond;
   const SurfacePatch::Location location = input_.surface->locate(ball.center);
   data.clearance = location.distance_bound;
+  data.has_clearance = true;
   return data.side = location.is_inside ? Side::kInside : Side::kOutside;
+}
+
+// As in side(): a hidden vertex is the nearest point to all of the dual edge.
+bool LeafMesh::is_hidden(Facet f) const {
+  const CellData& data = data_[f.cell];
+  return has_vertex(data.own, f) && has_vertex(data.hidden, f) && side(f.cell) != Side::kFar &&
+         side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
+}
+
+// Of a near cell's center.
+double LeafMesh::clearance(Cell c) const {
+  CellData& data = data_[c];
+  if (!data.has_clearance) data.clearance = input_.surface->distance_bound(data.center);
+  data.has_clearance = true;
+  return data.clearance;
 }
 
 // Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
@@ -141,7 +173,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   DualCrossings result;
   const Cell here = f.cell, there = delaunay_.neighbor(here, f.index);
   const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
-  double clear = data_[here].clearance + data_[there].clearance;
+  if (is_hidden(f)) return result;
+  double clear = (is_here_near ? clearance(here) : 0) + (is_there_near ? clearance(there) : 0);
   if (is_here_near && is_there_near &&
       is_clear_between(data_[here].center, data_[there].center, clear))
     return result;

@@ -31,11 +31,12 @@ enum class Side : std::uint8_t {
 struct CellData {
   Point center;
   double squared_radius = 0;
-  double clearance = 0;     // of the center, known once the side is: no surface closer
+  double clearance = 0;     // of the center, once it was asked for: no surface closer
   std::uint32_t stamp = 0;  // one per cell ever made; 0: dead
   Side side = Side::kUnknown;
   std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
-  bool has_own_vertex = false;
+  bool has_clearance = false;
+  std::uint8_t own = 0, hidden = 0;  // bit i: vertex i is
 };
 
 class LeafMesh {
@@ -77,13 +78,16 @@ class LeafMesh {
   bool is_known(std::uint64_t id) const { return ids_.contains(id); }
   const Point& point(Cell c, int i) const { return delaunay_.point(delaunay_.vertex(c, i)); }
   bool is_own(LocalIndex v) const { return v != kInfiniteVertex && locals_[v].is_own; }
-  bool has_own_vertex(Cell c) const { return data_[c].has_own_vertex; }
-  bool has_own_vertex(Facet f) const;
+  bool has_own_vertex(Cell c) const { return data_[c].own != 0; }
+  bool has_own_vertex(Facet f) const { return has_vertex(data_[f.cell].own, f); }
   const CellData& data(Cell c) const { return data_[c]; }
 
   // ---- The cells and facets against the surface.
   Side side(Cell c) const;
   bool is_member(Cell c) const { return side(c) == Side::kInside; }
+  // Is its dual edge, between two near cells, known not to meet the surface? Of facets with an own
+  // vertex; far cheaper than to ask for crossings.
+  bool is_hidden(Facet f) const;
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
@@ -136,6 +140,9 @@ class LeafMesh {
   void make_fresh(Cell c);
   void make_all_fresh();
   void note_gone(Cell c);
+  bool is_hidden(const MeshPoint& p) const;
+  static bool has_vertex(std::uint8_t bits, Facet f) { return (bits & ~(1 << f.index)) != 0; }
+  double clearance(Cell c) const;
   bool is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
                       const Point& corner) const;
   bool leads_past(Cell c, int index, const Axis& axis) const;
@@ -145,6 +152,10 @@ class LeafMesh {
   const LeafInput& input_;
   double far_radius_;
   std::vector<Local> locals_;
+  struct Marks {
+    bool is_own = false, is_hidden = false;
+  };
+  std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   std::unordered_set<std::uint64_t> ids_;  // of points taken from P; asked, never listed
   std::map<GridCell, std::vector<LocalIndex>> volume_points_;  // and those no longer alive
   std::uint64_t num_own_ = 0;

@@ -220,7 +220,8 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   for (int i = 0; i < 4; ++i) {
     const LocalIndex v = mesh_.delaunay().vertex(cell, i);
     if (is_boundary_changed && v != kInfiniteVertex) look_at_vertex(v);
-    if ((mesh_.data(cell).facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}))
+    if ((mesh_.data(cell).facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}) &&
+        !mesh_.is_hidden(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
   if (!mesh_.is_member(cell)) return;
