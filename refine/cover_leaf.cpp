@@ -135,8 +135,15 @@ std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length
       fragments.push_back(there);
     }
   // Equal keys (by chance, one leaf in 10⁹) keep the order of the array.
-  std::ranges::stable_sort(fragments, {}, &Fragment::key);
-  return fragments;
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
+  order.reserve(fragments.size());
+  for (const Fragment& f : fragments)
+    order.emplace_back(f.key, static_cast<std::uint32_t>(order.size()));
+  std::ranges::sort(order);
+  std::vector<Fragment> sorted;
+  sorted.reserve(fragments.size());
+  for (const auto& [key, place] : order) sorted.push_back(fragments[place]);
+  return sorted;
 }
 
 // ---- Samples

@@ -18,7 +18,7 @@ namespace {
 constexpr double kHoleRadius = 0.985;    // at least; the lattice's own are smaller
 constexpr double kWorthClimbing = 0.87;  // from a place this far from all points
 constexpr double kSight = 1.65;          // of a climb: it knows the points around its start
-constexpr double kFirstStep = 0.25, kLastStep = 0.03;
+constexpr float kFirstStep = 0.25F, kLastStep = 0.03F;
 constexpr int kStepsOfALength = 4;
 
 // Points in cubes of side λ.
@@ -47,14 +47,13 @@ class PointCubes {
     for (std::int32_t k = low[2]; k <= high[2]; ++k)
       for (std::int32_t j = low[1]; j <= high[1]; ++j)
         for (std::int32_t i = low[0]; i <= high[0]; ++i)
-          for (std::uint32_t n = first_[index({i, j, k})]; n != kNone; n = held_[n].next)
-            if (!visit(held_[n].point)) return false;
+          if (!for_each_in({i, j, k}, visit)) return false;
     return true;
   }
   // Is no point closer to p than `radius`?
   bool is_free(const Point& p, double radius) const {
-    return for_each_around(
-        p, radius, [&](const Point& q) { return squared_distance(p, q) >= radius * radius; });
+    const auto is_far = [&](const Point& q) { return squared_distance(p, q) >= radius * radius; };
+    return for_each_in(cube_of(p), is_far) && for_each_around(p, radius, is_far);
   }
 
  private:
@@ -65,6 +64,12 @@ class PointCubes {
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+  template <class Visit>
+  bool for_each_in(const Cube& cube, Visit visit) const {
+    for (std::uint32_t n = first_[index(cube)]; n != kNone; n = held_[n].next)
+      if (!visit(held_[n].point)) return false;
+    return true;
+  }
   Cube cube_of(const Point& p) const {
     const Point c = inverse_side_ * (p - origin_);
     const auto clamped = [&](double v, std::size_t axis) {
@@ -85,64 +90,75 @@ class PointCubes {
   std::vector<Held> held_;
 };
 
-// Finds places that are farther from all points near than the places around them.
+// Finds places that are farther from all points near than the places around them. Single precision
+// will do: what is found is looked at again, and twice as many points are looked at at once.
 class Climber {
  public:
   explicit Climber(double size) : size_(size) {}
 
   // From p, in steps along the axes, shorter and shorter ones.
-  Point climb(Point p, const PointCubes& points) {
-    look_around(p, points);
-    double highest = height(p);
-    for (double step = kFirstStep * size_; step > kLastStep * size_; step *= 0.5)
+  Point climb(const Point& start, const PointCubes& points) {
+    look_around(start, points);
+    Place p{0, 0, 0};
+    float highest = height(p);
+    for (float step = kFirstStep; step > kLastStep; step *= 0.5F)
       for (int n = 0; n < kStepsOfALength; ++n) {
-        const Point before = p;
-        for (int axis = 0; axis < 3; ++axis)
-          for (const double way : {-step, step}) {
-            Point next = before;
+        const Place before = p;
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          for (const float way : {-step, step}) {
+            Place next = before;
             next[axis] += way;
-            const double there = height(next);
+            const float there = height(next);
             if (there <= highest) continue;
             highest = there;
             p = next;
           }
         if (p == before) break;
       }
-    return p;
+    return start + size_ * Point{p[0], p[1], p[2]};
   }
 
  private:
-  static constexpr std::size_t kLanes = 4;  // for the compiler to compute side by side
+  using Place = std::array<float, 3>;  // from the start, over λ
+  static constexpr std::size_t kLanes = 4;
+  using Lanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+  struct Around {  // some points, side by side
+    Lanes x, y, z;
+  };
 
-  void look_around(const Point& p, const PointCubes& points) {
-    xs_.clear(), ys_.clear(), zs_.clear();
+  void look_around(const Point& start, const PointCubes& points) {
+    constexpr float kFar = 1e6F;
     const double sight = kSight * size_;
-    const auto note = [&](const Point& q) {
-      xs_.push_back(q.x), ys_.push_back(q.y), zs_.push_back(q.z);
-    };
-    points.for_each_around(p, sight, [&](const Point& q) {
-      if (squared_distance(p, q) < sight * sight) note(q);
+    around_.clear();
+    std::size_t lane = kLanes;
+    points.for_each_around(start, sight, [&](const Point& q) {
+      if (squared_distance(start, q) >= sight * sight) return true;
+      if (lane == kLanes) {
+        around_.push_back({Lanes{} + kFar, Lanes{} + kFar, Lanes{} + kFar});
+        lane = 0;
+      }
+      const Point p = 1 / size_ * (q - start);
+      around_.back().x[lane] = static_cast<float>(p.x);
+      around_.back().y[lane] = static_cast<float>(p.y);
+      around_.back().z[lane] = static_cast<float>(p.z);
+      ++lane;
       return true;
     });
-    constexpr double kFar = std::numeric_limits<double>::infinity();
-    while (xs_.size() % kLanes != 0) note({kFar, kFar, kFar});
   }
 
   // The squared distance to the nearest point.
-  double height(const Point& p) const {
-    std::array<double, kLanes> least;
-    least.fill(std::numeric_limits<double>::infinity());
-    for (std::size_t n = 0; n < xs_.size(); n += kLanes)
-      for (std::size_t i = 0; i < kLanes; ++i) {
-        const double dx = xs_[n + i] - p.x, dy = ys_[n + i] - p.y, dz = zs_[n + i] - p.z;
-        const double d = dx * dx + dy * dy + dz * dz;
-        least[i] = d < least[i] ? d : least[i];
-      }
+  float height(const Place& p) const {
+    Lanes least = Lanes{} + std::numeric_limits<float>::infinity();
+    for (const Around& q : around_) {
+      const Lanes dx = q.x - p[0], dy = q.y - p[1], dz = q.z - p[2];
+      const Lanes d = dx * dx + dy * dy + dz * dz;
+      least = d < least ? d : least;
+    }
     return std::min({least[0], least[1], least[2], least[3]});
   }
 
   double size_;
-  std::vector<double> xs_, ys_, zs_;  // of the points around
+  std::vector<Around> around_;
 };
 
 class HoleSearch {

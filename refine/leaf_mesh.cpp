@@ -45,9 +45,6 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is
   locals_.push_back({p, ref, is_own, is_core});
   marks_.push_back({is_own, is_hidden(p)});
   num_own_ += is_own;
-  if ((ref & kNewPoint) == 0) ids_.insert(ref);
-  if (p.kind == PointKind::kVolume)
-    volume_points_[grid_cell(p.position)].push_back(static_cast<LocalIndex>(locals_.size() - 1));
 }
 
 // Samples hide a point from the surface if each point of that is closer to one of them (DESIGN 3.4).
@@ -241,11 +238,13 @@ void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
 
 // Own points of P are all there, but for those whose stars are not this visit's to see.
 LocalIndex LeafMesh::insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict) {
+  if ((ref & kNewPoint) == 0) taken_in_.insert(ref);
   add_local(q, ref, (ref & kNewPoint) != 0 && is_in_leaf(input_.box, q.position));
   return insert_last_local(conflict);
 }
 
 LocalIndex LeafMesh::insert_core(const MeshPoint& q, const Conflict& conflict) {
+  taken_in_.insert(q.id);
   add_local(q, q.id, false, true);
   return insert_last_local(conflict);
 }
@@ -275,6 +274,15 @@ void LeafMesh::remove(LocalIndex i) {
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
 }
 
+bool LeafMesh::is_known(std::uint64_t id) const {
+  if (known_.empty()) {
+    for (const auto* points : {&input_.own, &input_.ghosts, &input_.core})
+      for (const MeshPoint& p : *points) known_.push_back(p.id);
+    std::ranges::sort(known_);
+  }
+  return std::ranges::binary_search(known_, id) || taken_in_.contains(id);
+}
+
 bool LeafMesh::is_in_voronoi_cell(const Point& q, LocalIndex i) const {
   delaunay_.neighbors_of(i, neighbors_);
   const double distance = squared_distance(q, delaunay_.point(i));
@@ -291,6 +299,11 @@ LeafMesh::GridCell LeafMesh::grid_cell(const Point& p) const {
 }
 
 void LeafMesh::volume_points_near(const Point& q, std::vector<LocalIndex>& out) const {
+  for (; num_in_grid_ < locals_.size(); ++num_in_grid_) {
+    const MeshPoint& p = locals_[num_in_grid_].point;
+    if (p.kind == PointKind::kVolume)
+      volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
+  }
   out.clear();
   const double size = input_.criteria.size;
   const auto [x, y, z] = grid_cell(q);

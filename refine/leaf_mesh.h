@@ -6,8 +6,8 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -75,7 +75,7 @@ class LeafMesh {
   std::uint64_t num_own() const { return num_own_; }
   std::uint64_t num_cells_made() const { return stamp_; }
   bool has_cells() const { return delaunay_.has_cells(); }
-  bool is_known(std::uint64_t id) const { return ids_.contains(id); }
+  bool is_known(std::uint64_t id) const;  // a point of P that is there, or was
   const Point& point(Cell c, int i) const { return delaunay_.point(delaunay_.vertex(c, i)); }
   bool is_own(LocalIndex v) const { return v != kInfiniteVertex && locals_[v].is_own; }
   bool has_own_vertex(Cell c) const { return data_[c].own != 0; }
@@ -156,8 +156,11 @@ class LeafMesh {
     bool is_own = false, is_hidden = false;
   };
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
-  std::unordered_set<std::uint64_t> ids_;  // of points taken from P; asked, never listed
-  std::map<GridCell, std::vector<LocalIndex>> volume_points_;  // and those no longer alive
+  mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for
+  std::set<std::uint64_t> taken_in_;          // ids of other points of P
+  // Also those no longer alive. Of locals below num_in_grid_: seldom asked for, and filled when it is.
+  mutable std::map<GridCell, std::vector<LocalIndex>> volume_points_;
+  mutable LocalIndex num_in_grid_ = 0;
   std::uint64_t num_own_ = 0;
   std::uint32_t stamp_ = 0;
   Delaunay delaunay_;

@@ -558,6 +558,10 @@ void Refinement::list_cells() {
   auto& [vertices, cells] = delta_.cells;
   for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
     if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
+    if (mesh_.data(c).own == 0b1111) {
+      cells.push_back(delaunay.vertices(c));
+      continue;
+    }
     int smallest = -1;
     for (int i = 0; i < 4; ++i)
       if (!mesh_.local(delaunay.vertex(c, i)).is_core &&

@@ -154,6 +154,7 @@ struct SurfacePatch::Impl {
   template <class Visit>
   void for_each_cell_along(Point a, Point b, Visit visit) const;
   bool clip(Point& a, Point& b) const;
+  std::array<int, 3> cell_with_triangles(std::array<int, 3> at) const;
 };
 
 // Cells of half the resolution, or smaller, where those that the surface passes through would hold
@@ -441,8 +442,24 @@ void SurfacePatch::Impl::for_each_near(const Point& p, double distance, Visit vi
           if (boxes[t].squared_distance(p) < bound && !visit(triangles[t])) return;
 }
 
-// Shell after shell of grid cells around that of p, from the first that holds triangles: most
-// points that are near the surface are so by far.
+// Down the rings from a grid cell to one that holds triangles, which is about the nearest.
+std::array<int, 3> SurfacePatch::Impl::cell_with_triangles(std::array<int, 3> at) const {
+  for (int ring = rings[index(at[0], at[1], at[2])]; ring > 0; --ring) {
+    const auto next = [&] {
+      for (int k = std::max(at[2] - 1, 0); k <= std::min(at[2] + 1, num[2] - 1); ++k)
+        for (int j = std::max(at[1] - 1, 0); j <= std::min(at[1] + 1, num[1] - 1); ++j)
+          for (int i = std::max(at[0] - 1, 0); i <= std::min(at[0] + 1, num[0] - 1); ++i)
+            if (rings[index(i, j, k)] < ring) return std::array{i, j, k};
+      return at;  // where rings are no longer counted
+    }();
+    if (next == at) break;
+    at = next;
+  }
+  return at;
+}
+
+// Where the nearest triangle seems to be; then shell after shell of grid cells around that of p,
+// from the first that holds triangles: most points that are near the surface are so by far.
 bool SurfacePatch::is_near(const Point& p, double distance) const {
   if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
   const Point d{distance, distance, distance};
@@ -453,6 +470,7 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
              squared_distance_to_triangle(p, impl_->triangles[t]) < distance * distance;
     });
   };
+  if (const auto [i, j, k] = impl_->cell_with_triangles(at); holds_near(i, j, k)) return true;
   int last = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     last = std::max({last, at[axis] - low[axis], high[axis] - at[axis]});
