@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "refine/circumcenter.h"
+#include "refine/point_cubes.h"
 
 namespace locvol {
 namespace {
@@ -26,16 +27,37 @@ constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3
 
 }  // namespace
 
+// The reach of the leaf's box is farther than that of its points: a third of the ghosts is out of
+// it, and left out, until a point is inserted near them.
 LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     : input_(input), far_radius_(far_radius_of(input)) {
+  const double reach = input.criteria.reach;
+  std::optional<PointCubes> own_cubes;
+  if (own == OwnPoints::kInBox && std::isfinite(reach)) own_cubes.emplace(input.box, reach);
   locals_.reserve(input.own.size() + input.ghosts.size() + input.core.size());
-  for (const MeshPoint& p : input.own) add_local(p, p.id, true);
-  for (const MeshPoint& p : input.ghosts)
-    add_local(p, p.id, own == OwnPoints::kInBox && is_in_leaf(input.box, p.position));
+  for (const MeshPoint& p : input.own) {
+    add_local(p, p.id, true);
+    if (own_cubes) own_cubes->add(p.position);
+  }
+  for (const MeshPoint& p : input.ghosts) {
+    const bool is_own_one = own == OwnPoints::kInBox && is_in_leaf(input.box, p.position);
+    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach))
+      left_out_.push_back(p);
+    else
+      add_local(p, p.id, is_own_one);
+  }
   for (const MeshPoint& p : input.core) add_local(p, p.id, false, true);
+  add_to_triangulation(0);
+  if (has_cells() || left_out_.empty()) return;
+  const std::size_t first = locals_.size();
+  for (const MeshPoint& p : std::exchange(left_out_, {})) add_local(p, p.id, false);
+  add_to_triangulation(first);
+}
+
+void LeafMesh::add_to_triangulation(std::size_t first) {
   std::vector<Point> points;
-  points.reserve(locals_.size());
-  for (const Local& local : locals_) points.push_back(local.point.position);
+  points.reserve(locals_.size() - first);
+  for (std::size_t i = first; i < locals_.size(); ++i) points.push_back(locals_[i].point.position);
   if (!delaunay_.build(points))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();
@@ -258,9 +280,7 @@ LocalIndex LeafMesh::insert_last_local(const Conflict& conflict) {
 
 LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
   add_local(q, ref, is_in_leaf(input_.box, q.position));
-  if (!delaunay_.build({&q.position, 1}))
-    throw RefineError("two points of the mesh have the same coordinates");
-  make_all_fresh();
+  add_to_triangulation(locals_.size() - 1);
   return static_cast<LocalIndex>(locals_.size() - 1);
 }
 
@@ -272,6 +292,16 @@ void LeafMesh::remove(LocalIndex i) {
   num_own_ -= gone.is_own;
   if (!delaunay_.remove(i)) return make_all_fresh();
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
+}
+
+void LeafMesh::take_out_near(const Point& q, std::vector<MeshPoint>& out) {
+  out.clear();
+  const double reach = input_.criteria.reach;
+  const auto near = std::ranges::stable_partition(left_out_, [&](const MeshPoint& p) {
+    return squared_distance(p.position, q) > reach * reach;
+  });
+  out.assign(near.begin(), near.end());
+  left_out_.erase(near.begin(), near.end());
 }
 
 bool LeafMesh::is_known(std::uint64_t id) const {

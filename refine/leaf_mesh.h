@@ -122,6 +122,9 @@ class LeafMesh {
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(LocalIndex i);
+  // Ghosts that were left out and are within the reach of q, in order of id; they are to be
+  // inserted before anything is at q.
+  void take_out_near(const Point& q, std::vector<MeshPoint>& out);
   // Volume points closer to q than λ, ascending.
   void volume_points_near(const Point& q, std::vector<LocalIndex>& out) const;
   // Is q, a point near the vertex `i`, in its Voronoi cell?
@@ -136,6 +139,7 @@ class LeafMesh {
 
   GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
+  void add_to_triangulation(std::size_t first);  // locals from there on
   LocalIndex insert_last_local(const Conflict& conflict);
   void make_fresh(Cell c);
   void make_all_fresh();
@@ -151,6 +155,7 @@ class LeafMesh {
 
   const LeafInput& input_;
   double far_radius_;
+  std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   struct Marks {
     bool is_own = false, is_hidden = false;

@@ -85,8 +85,13 @@ class Refinement {
   bool is_disk(LocalIndex v, std::vector<Facet>& star) const;
   Outcome insert_on_surface(const Point& q, int condition, Cell hint);
   Outcome insert_in_volume(const Point& q, int condition, Cell hint);
+  bool take_in_missing(const Point& q, Cell hint) {
+    return take_in_unloaded(q, hint) || take_in_ghosts(q, hint) || take_in_core(q, hint);
+  }
   bool take_in_unloaded(const Point& q, Cell hint);
+  bool take_in_ghosts(const Point& q, Cell hint);
   bool take_in_core(const Point& q, Cell hint);
+  void note_taken_in(const MeshPoint& p);
   std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
   VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
@@ -134,7 +139,7 @@ class Refinement {
   mutable std::vector<std::pair<LocalIndex, LocalIndex>> link_;
   mutable std::vector<Cell> around_;
   std::vector<Point> corners_;
-  std::vector<MeshPoint> core_near_;
+  std::vector<MeshPoint> near_;      // taken in before an insertion
   std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
 };
 
@@ -335,7 +340,10 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   attempt_ = {3, mesh_.local(v).point.position, 0};
   if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
   attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
-  return insert_on_surface(largest.ball_center, 3, hint);
+  const Outcome outcome = insert_on_surface(largest.ball_center, 3, hint);
+  // Again: where points of P were missing, only those came, perhaps far from v.
+  if (outcome == Outcome::kChanged) look_at_vertex(v);
+  return outcome;
 }
 
 // No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie
@@ -413,29 +421,43 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
   if (conflict_.squared_distance <= squared_distance(s->position, q)) return false;
   mesh_.find_conflict(s->position, hint, conflict_);
   mesh_.insert(*s, s->id, conflict_);
-  ++delta_.stats.points_added;
-  tell(RefineStep::Action::kTakeIn, attempt_.condition, s->id, *s);
+  note_taken_in(*s);
   return true;
+}
+
+// The same for ghosts that are within reach of q, and of no own point so far.
+bool Refinement::take_in_ghosts(const Point& q, Cell hint) {
+  mesh_.take_out_near(q, near_);
+  for (const MeshPoint& p : near_) {
+    mesh_.find_conflict(p.position, hint, conflict_);
+    mesh_.insert(p, p.id, conflict_);
+    hint = mesh_.delaunay().newest_cell();
+    note_taken_in(p);
+  }
+  return !near_.empty();
 }
 
 // The same for the lattice core. All cells at q that belong to the mesh have vertices within 2λ.
 bool Refinement::take_in_core(const Point& q, Cell hint) {
   if (input_.all_core == nullptr) return false;
-  input_.all_core->within(q, 2 * input_.criteria.size, core_near_);
-  bool is_any = false;
-  for (const MeshPoint& p : core_near_) {
-    if (mesh_.is_known(p.id)) continue;
-    mesh_.find_conflict(p.position, is_any ? mesh_.delaunay().newest_cell() : hint, conflict_);
+  input_.all_core->within(q, 2 * input_.criteria.size, near_);
+  std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
+  for (const MeshPoint& p : near_) {
+    mesh_.find_conflict(p.position, hint, conflict_);
     mesh_.insert_core(p, conflict_);
-    ++delta_.stats.points_added;
-    tell(RefineStep::Action::kTakeIn, attempt_.condition, p.id, p);
-    is_any = true;
+    hint = mesh_.delaunay().newest_cell();
+    note_taken_in(p);
   }
-  return is_any;
+  return !near_.empty();
+}
+
+void Refinement::note_taken_in(const MeshPoint& p) {
+  ++delta_.stats.points_added;
+  tell(RefineStep::Action::kTakeIn, attempt_.condition, p.id, p);
 }
 
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
-  if (take_in_unloaded(q, hint) || take_in_core(q, hint)) return Outcome::kChanged;
+  if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   mesh_.volume_points_near(q, leaving_);
   if (is_blocked(q)) return Outcome::kBlocked;
@@ -445,7 +467,7 @@ Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition,
 }
 
 Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, Cell hint) {
-  if (take_in_unloaded(q, hint) || take_in_core(q, hint)) return Outcome::kChanged;
+  if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   if (const auto ball = encroached_ball(q)) {
     attempt_.position = ball->first;
