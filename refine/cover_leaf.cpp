@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "refine/fragment.h"
 
 namespace locvol {
 namespace {
@@ -21,21 +22,7 @@ Box closed(const Box& box) {
   return {box.min, {before(box.max.x), before(box.max.y), before(box.max.z)}};
 }
 
-// ---- Fragments: pieces of the surface, halved until each lies within one sample's ball
-
-// A triangular piece of an input triangle, inside the closed leaf box; it may have no area.
-// `key` is a hash of (seed, triangle, path of splits): its priority and its source of randomness.
-struct Fragment {
-  std::array<Point, 3> corners;
-  std::uint64_t key = 0;
-
-  Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
-};
-
-Point clamped(const Point& p, const Box& box) {
-  return {std::clamp(p.x, box.min.x, box.max.x), std::clamp(p.y, box.min.y, box.max.y),
-          std::clamp(p.z, box.min.z, box.max.z)};
-}
+// ---- Fragments, halved until each lies within one sample's ball
 
 // Where the weights sum to 1. Clamped, so that rounding cannot push it out of a leaf that the
 // fragment lies in.
@@ -54,54 +41,6 @@ Point random_point(const Fragment& f) {
     v = 1 - v;
   }
   return combination(f, u, v);
-}
-
-// Corner i, such that the edge from it to the next corner is a longest one; and its squared length.
-std::pair<std::size_t, double> longest_edge(const Fragment& f) {
-  std::pair<std::size_t, double> longest{0, squared_distance(f.corners[0], f.corners[1])};
-  for (const std::size_t i : {1, 2}) {
-    const double length2 = squared_distance(f.corners[i], f.corners[(i + 1) % 3]);
-    if (length2 > longest.second) longest = {i, length2};
-  }
-  return longest;
-}
-
-// Halves across the longest edge: a needle falls apart along its length only.
-std::array<Fragment, 2> halves(const Fragment& f) {
-  const std::size_t edge = longest_edge(f).first;
-  const Point& a = f.corners[edge];
-  const Point& b = f.corners[(edge + 1) % 3];
-  const Point& apex = f.corners[(edge + 2) % 3];
-  const Point middle = 0.5 * (a + b);
-  return {Fragment{{a, middle, apex}, mix(f.key)}, Fragment{{middle, b, apex}, mix(f.key ^ 1)}};
-}
-
-// The part of the polygon on one side of an axis plane (sign +1: at or above it; -1: at or below).
-void clip(std::vector<Point>& polygon, int axis, double plane, double sign) {
-  std::vector<Point> kept;
-  kept.reserve(polygon.size() + 2);
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Point& a = polygon[i];
-    const Point& b = polygon[(i + 1) % polygon.size()];
-    const bool is_a_kept = sign * a[axis] >= sign * plane;
-    const bool is_b_kept = sign * b[axis] >= sign * plane;
-    if (is_a_kept) kept.push_back(a);
-    if (is_a_kept == is_b_kept) continue;
-    Point cut = a + (plane - a[axis]) / (b[axis] - a[axis]) * (b - a);
-    cut[axis] = plane;
-    kept.push_back(clamped(cut, Box::around(a).joined(b)));
-  }
-  polygon = std::move(kept);
-}
-
-// The piece of a triangle in a closed box: a convex polygon, or nothing.
-std::vector<Point> clipped(const Triangle& triangle, const Box& box) {
-  std::vector<Point> polygon(triangle.corners.begin(), triangle.corners.end());
-  for (int axis = 0; axis < 3; ++axis) {
-    clip(polygon, axis, box.min[axis], +1);
-    clip(polygon, axis, box.max[axis], -1);
-  }
-  return polygon;
 }
 
 // Pieces on a face of the box stay, though they may belong to the next leaf as well: after rounding
@@ -283,9 +222,11 @@ class SurfaceSampler {
     return std::move(samples_);
   }
 
-  // Is each point of the surface closer to a sample than to p, as far as samples are known? May say
-  // no where it is so by little. REQUIRES: p lies in the leaf
-  bool is_shielded(const Point& p, const SurfacePatch& surface) const;
+  // As far as samples are known. REQUIRES: p lies in the leaf
+  bool is_hidden(const Point& p, const SurfacePatch& surface) const {
+    return is_hidden_from(surface, p, radius_,
+                          [&](const Fragment& f) { return grid_.is_nearer_than(p, f); });
+  }
 
  private:
   // The longer the fewer rounds, and the more darts that could have known better.
@@ -296,8 +237,6 @@ class SurfaceSampler {
   Point aim(const Fragment& f) const { return clamped(random_point(f), owned_); }
   std::vector<const Fragment*> throw_darts(std::span<const Fragment> fragments);
   std::vector<Fragment> uncovered_halves(std::span<const Fragment* const> fragments) const;
-
-  bool is_shielded(const Point& p, const Fragment& f) const;
 
   const Box owned_;
   const double spacing_, radius_;
@@ -330,30 +269,6 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(
   return result;
 }
 
-bool SurfaceSampler::is_shielded(const Point& p, const SurfacePatch& surface) const {
-  const Box around = Box::around(p).expanded(radius_);  // all others are shielded by the cover
-  std::vector<Triangle> near;
-  surface.triangles_near(p, radius_, near);
-  return std::ranges::all_of(near, [&](const Triangle& triangle) {
-    const Box bounds = triangle.box();
-    if (around.contains(bounds.min) && around.contains(bounds.max))
-      return is_shielded(p, Fragment{triangle.corners});
-    const std::vector<Point> polygon = clipped(triangle, around);
-    for (std::size_t i = 2; i < polygon.size(); ++i)
-      if (!is_shielded(p, Fragment{{polygon[0], polygon[i - 1], polygon[i]}})) return false;
-    return true;
-  });
-}
-
-// A fragment lies on a sample's side of the plane between that and p if its corners do.
-bool SurfaceSampler::is_shielded(const Point& p, const Fragment& f) const {
-  constexpr double kLeastLength = 0.1;
-  if (f.box().squared_distance(p) >= radius_ * radius_ || grid_.is_nearer_than(p, f)) return true;
-  if (longest_edge(f).second < kLeastLength * kLeastLength * spacing_ * spacing_) return false;
-  const std::array<Fragment, 2> both = halves(f);
-  return is_shielded(p, both[0]) && is_shielded(p, both[1]);
-}
-
 // ---- Lattice
 
 void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
@@ -366,7 +281,7 @@ void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
       add_site(site, points.core);
     else if (!surface.is_near(p, kLatticeDepth * input.size) ||
              (!surface.is_near(p, kLeastLatticeDepth * input.size) &&
-              sampler.is_shielded(p, surface)))
+              sampler.is_hidden(p, surface)))
       points.lattice.push_back(site);
   });
 }

@@ -10,6 +10,7 @@
 
 #include "octree/site_block.h"
 #include "refine/cover_leaf.h"
+#include "refine/fragment.h"
 #include "refine/point_cubes.h"
 
 namespace locvol {
@@ -100,8 +101,12 @@ class HoleSearch {
         size_(input.size),
         half_(0.5 * kLatticeSpacing * size_),
         points_(input.box.expanded(kFillReach * size_), size_),
+        samples_(input.box.expanded(kFillReach * size_), size_),
         climber_(size_) {
-    for (const MeshPoint& p : input.points) points_.add(p.position);
+    for (const MeshPoint& p : input.points) {
+      points_.add(p.position);
+      if (p.kind == PointKind::kSurface) samples_.add(p.position);
+    }
     find_lattice();
     mark_sites();
   }
@@ -171,18 +176,38 @@ class HoleSearch {
       return;
     const Point center = climber_.climb(start, points_);
     if (!is_in_leaf(input_.box, center) || !points_.is_free(center, kHoleRadius * size_) ||
-        !input_.surface->is_inside(center) ||
-        input_.surface->is_near(center, kLatticeDepth * size_))
+        !input_.surface->is_inside(center) || !is_deep_enough(center))
       return;
     found_.centers.push_back(center);
     points_.add(center);
     if (input_.core != nullptr) input_.core->append_met(center, size_, found_.met_core);
   }
 
+  // Like a lattice point.
+  bool is_deep_enough(const Point& p) {
+    const SurfacePatch& surface = *input_.surface;
+    if (!surface.is_near(p, kLatticeDepth * size_)) return true;
+    if (surface.is_near(p, kLeastLatticeDepth * size_)) return false;
+    const double radius = kSampleRadius * size_;
+    near_.clear();
+    samples_.for_each_around(p, 2 * radius, [&](const Point& q) {
+      if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);
+      return true;
+    });
+    return is_hidden_from(surface, p, radius, [&](const Fragment& f) {
+      return std::ranges::any_of(near_, [&](const Point& q) {
+        return std::ranges::all_of(f.corners, [&](const Point& c) {
+          return squared_distance(c, q) < squared_distance(c, p);
+        });
+      });
+    });
+  }
+
   const FillInput& input_;
-  const double size_, half_;  // λ; half of the lattice's spacing
-  Point origin_;              // of the lattice
-  PointCubes points_;
+  const double size_, half_;     // λ; half of the lattice's spacing
+  Point origin_;                 // of the lattice
+  PointCubes points_, samples_;  // of P; of these, the ones on the surface
+  std::vector<Point> near_;
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;
   FillPoints found_;

@@ -29,8 +29,8 @@ struct FillPoints {
   std::vector<std::uint64_t> met_core;  // as in LeafDelta
 };
 
-// Centers are kLatticeDepth λ below the surface or deeper, and kHoleRadius λ from all points and
-// one another. It is a search by sampling: some holes may be missed, and are left to C5.
+// Centers are as deep below the surface as a lattice point must be, and kHoleRadius λ from all
+// points and one another. It is a search by sampling: some holes may be missed, and are left to C5.
 // Time: about 3.5 µs to λ² of surface.
 // REQUIRES: size > 0, surface is not null
 FillPoints fill_leaf(const FillInput& input);

@@ -69,8 +69,9 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is
   num_own_ += is_own;
 }
 
-// Samples hide a point from the surface if each point of that is closer to one of them (DESIGN 3.4).
-// Of a volume point only what is certain: that no surface is as close as samples are to all of it.
+// Samples hide a point from the surface if each point of that is closer to one of them
+// (DESIGN 3.4). Of a volume point only what is certain: that no surface is as close as samples are
+// to all of it.
 bool LeafMesh::is_hidden(const MeshPoint& p) const {
   const double radius = input_.criteria.cover_radius;
   if (p.kind == PointKind::kSurface || !std::isfinite(radius)) return false;
@@ -331,8 +332,7 @@ LeafMesh::GridCell LeafMesh::grid_cell(const Point& p) const {
 void LeafMesh::volume_points_near(const Point& q, std::vector<LocalIndex>& out) const {
   for (; num_in_grid_ < locals_.size(); ++num_in_grid_) {
     const MeshPoint& p = locals_[num_in_grid_].point;
-    if (p.kind == PointKind::kVolume)
-      volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
+    if (p.kind == PointKind::kVolume) volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
   }
   out.clear();
   const double size = input_.criteria.size;

@@ -163,7 +163,8 @@ class LeafMesh {
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for
   std::set<std::uint64_t> taken_in_;          // ids of other points of P
-  // Also those no longer alive. Of locals below num_in_grid_: seldom asked for, and filled when it is.
+  // Also those no longer alive. Of locals below num_in_grid_: seldom asked for, and filled when it
+  // is.
   mutable std::map<GridCell, std::vector<LocalIndex>> volume_points_;
   mutable LocalIndex num_in_grid_ = 0;
   std::uint64_t num_own_ = 0;

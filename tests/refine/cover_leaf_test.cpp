@@ -444,21 +444,23 @@ TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeepEnough) {
   }
 }
 
-// Else it would be a vertex of a facet of the boundary (C2).
+// Else one of them would be a vertex of a facet of the boundary (C2).
+void expect_hidden(const std::vector<Point>& points, const CoverRun& run, std::uint64_t seed) {
+  if (points.empty()) return;
+  Random random(seed);
+  int num_nearest = 0;
+  for (const Point& p : probes(run.world.mesh, 20'000, random))
+    if (nearest(p, points) < std::min(nearest(p, run.samples), kLatticeDepth * run.world.size))
+      ++num_nearest;
+  EXPECT_EQ(num_nearest, 0) << "seed " << seed;
+}
+
 TEST_P(CoverOf, NoLatticePointIsNearestToAPointOfTheSurface) {
-  const World& world = run().world;
-  const Lattice lattice = world.lattice();
+  const Lattice lattice = run().world.lattice();
   std::vector<Point> sites;
   for (const LatticeSite& site : all_sites(lattice, run().leaves, lattice_sites))
     sites.push_back(lattice.position(site));
-  if (sites.empty()) return;
-  const std::uint64_t seed = 98;
-  Random random(seed);
-  int num_nearest = 0;
-  for (const Point& p : probes(world.mesh, 20'000, random))
-    if (nearest(p, sites) < std::min(nearest(p, run().samples), kLatticeDepth * world.size))
-      ++num_nearest;
-  EXPECT_EQ(num_nearest, 0) << "seed " << seed;
+  expect_hidden(sites, run(), 98);
 }
 
 TEST_P(CoverOf, CoreIsWhatIsDeep) {
@@ -558,18 +560,20 @@ struct FillRun {
   std::size_t num_first = 0;
 };
 
-TEST_P(CoverOf, FilledHolesAreDeepAndFarFromAllPoints) {
+TEST_P(CoverOf, FilledHolesAreHiddenAndFarFromAllPoints) {
   const FillRun fill(run());
   const World& world = run().world;
   const double rounding = 1e-12 * run().scale;
   for (std::size_t i = fill.num_first; i < fill.all.size(); ++i) {
     const Point& p = fill.all[i];
     EXPECT_TRUE(is_inside(p, world.mesh));
-    EXPECT_GE(distance(p, world.mesh), kSampleRadius * world.size - rounding);
+    EXPECT_GE(distance(p, world.mesh), kLeastLatticeDepth * world.size - rounding);
     const std::vector<Point> before(fill.all.begin(),
                                     fill.all.begin() + static_cast<std::ptrdiff_t>(i));
     EXPECT_GT(nearest(p, before), kLatticeCircumradius * world.size);
   }
+  expect_hidden({fill.all.begin() + static_cast<std::ptrdiff_t>(fill.num_first), fill.all.end()},
+                run(), 97);
   RecordProperty("holes", std::to_string(fill.all.size() - fill.num_first));
 }
 

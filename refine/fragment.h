@@ -1,0 +1,71 @@
+// Fragments: pieces of triangles of the surface, which halve until something is known of each.
+// Internal to refine/.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "octree/geometry.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+// A triangular piece of an input triangle; it may have no area.
+// `key` is a hash of (seed, triangle, path of splits): its priority and its source of randomness.
+struct Fragment {
+  std::array<Point, 3> corners;
+  std::uint64_t key = 0;
+
+  Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
+};
+
+// Corner i, such that the edge from it to the next corner is a longest one; and its squared length.
+std::pair<std::size_t, double> longest_edge(const Fragment& f);
+
+// Halves across the longest edge: a needle falls apart along its length only.
+std::array<Fragment, 2> halves(const Fragment& f);
+
+Point clamped(const Point& p, const Box& box);
+
+// The piece of a triangle in a closed box: a convex polygon, or nothing.
+std::vector<Point> clipped(const Triangle& triangle, const Box& box);
+
+// Does is_known(piece) hold for pieces that cover the fragment and are no shorter than `length`?
+template <class IsKnown>
+bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
+  if (is_known(f)) return true;
+  if (longest_edge(f).second < length * length) return false;
+  const std::array<Fragment, 2> both = halves(f);
+  return is_made_of(both[0], length, is_known) && is_made_of(both[1], length, is_known);
+}
+
+// Do samples hide p: is each point of the surface closer to one of them? May say no where it is so
+// by little. All of the surface has a sample within `radius`; is_nearer(fragment): is one sample
+// closer to all of it than p?
+template <class IsNearer>
+bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
+                    const IsNearer& is_nearer) {
+  constexpr double kLeastLength = 0.09;  // over the radius
+  const auto is_known = [&](const Fragment& f) {
+    return f.box().squared_distance(p) >= radius * radius || is_nearer(f);
+  };
+  const Box around = Box::around(p).expanded(radius);
+  std::vector<Triangle> near;
+  surface.triangles_near(p, radius, near);
+  return std::ranges::all_of(near, [&](const Triangle& triangle) {
+    const Box bounds = triangle.box();
+    if (around.contains(bounds.min) && around.contains(bounds.max))
+      return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
+    const std::vector<Point> polygon = clipped(triangle, around);
+    for (std::size_t i = 2; i < polygon.size(); ++i)
+      if (!is_made_of({{polygon[0], polygon[i - 1], polygon[i]}}, kLeastLength * radius, is_known))
+        return false;
+    return true;
+  });
+}
+
+}  // namespace locvol
