@@ -10,12 +10,20 @@
 
 namespace locvol {
 
+// Bytes of a value in VTK's arrays `connectivity` and `offsets`: 4 (Int32) or 8 (Int64).
+struct IndexWidths {
+  std::uint64_t connectivity = 4, offsets = 4;
+};
+
 // Cell data: `leaf` (its place in Morton order) and, with the quality, `radius_edge_ratio` and
 // `min_dihedral_degrees`, in Float32.
-// VTU: XML with raw appended data, UInt64 headers, 64-bit ids.
-std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file);
-std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file);
-// VTKHDF 1.0, one partition; HDF5 opens the file by its name.
+// VTU: XML with raw appended data, UInt64 headers. Of `connectivity` and `offsets` each is as wide
+// as `least` says, and Int64 if Int32 does not hold its numbers.
+std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                        const IndexWidths& least = {});
+std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                                   const IndexWidths& least = {8, 8});
+// VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name.
 std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file);
 
 // Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1

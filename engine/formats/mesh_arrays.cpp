@@ -2,6 +2,8 @@
 
 #include <cassert>
 #include <cstring>
+#include <functional>
+#include <utility>
 
 namespace locvol {
 namespace {
@@ -12,49 +14,73 @@ std::vector<std::byte> bytes_of(const std::vector<T>& values) {
   return {bytes.begin(), bytes.end()};
 }
 
+std::string_view vtk_int(std::uint64_t value_bytes) { return value_bytes == 4 ? "Int32" : "Int64"; }
+
+template <class Int>
+std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count) {
+  std::vector<std::byte> bytes(count * sizeof(Int));
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const auto offset = static_cast<Int>(4 * (first + i));
+    std::memcpy(&bytes[i * sizeof(Int)], &offset, sizeof(Int));
+  }
+  return bytes;
+}
+
 // Takes items off pieces, in runs of any length.
 class ItemReader {
  public:
-  ItemReader(std::function<std::optional<MeshPiece>()> pieces, ArrayName array)
-      : pieces_(std::move(pieces)), array_(array) {}
+  ItemReader(std::function<std::optional<MeshPiece>()> pieces, const ArrayInfo& info)
+      : pieces_(std::move(pieces)), info_(info) {}
 
+  // REQUIRES: whole items
   void read(std::span<std::byte> out) {
     while (!out.empty()) {
-      std::span<const std::byte> held = items().subspan(taken_);
-      if (held.empty()) {
+      if (taken_ == num_items()) {
         piece_ = pieces_();
         assert(piece_.has_value());
         taken_ = 0;
         continue;
       }
-      held = held.first(std::min(held.size(), out.size()));
-      std::memcpy(out.data(), held.data(), held.size());
-      out = out.subspan(held.size());
-      taken_ += held.size();
+      const auto bytes = take(std::min(num_items() - taken_, out.size() / info_.item_bytes()));
+      std::memcpy(out.data(), bytes.data(), bytes.size());
+      out = out.subspan(bytes.size());
     }
   }
 
  private:
-  std::span<const std::byte> items() const {
-    if (!piece_) return {};
-    return array_ == ArrayName::kPoints ? std::as_bytes(std::span(piece_->points))
-                                        : std::as_bytes(std::span(piece_->cells));
+  bool is_points() const { return info_.array == ArrayName::kPoints; }
+  std::size_t num_items() const {
+    if (!piece_) return 0;
+    return is_points() ? piece_->points.size() : piece_->cells.size();
+  }
+  std::span<const std::byte> take(std::size_t count) {
+    const std::size_t first = std::exchange(taken_, taken_ + count);
+    if (is_points()) return std::as_bytes(std::span(piece_->points).subspan(first, count));
+    return connectivity_bytes(std::span(piece_->cells).subspan(first, count), info_.value_bytes,
+                              narrow_);
   }
 
   std::function<std::optional<MeshPiece>()> pieces_;
-  ArrayName array_;
+  ArrayInfo info_;
   std::optional<MeshPiece> piece_;
-  std::size_t taken_ = 0;  // bytes
+  std::size_t taken_ = 0;  // items
+  std::vector<NarrowCell> narrow_;
 };
 
 }  // namespace
 
-std::vector<ArrayInfo> mesh_arrays(const MeshSource& mesh, bool has_quality) {
-  const std::uint64_t num_vertices = mesh.num_vertices(), num_cells = mesh.num_cells();
+IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells) {
+  constexpr std::uint64_t kMaxInt32 = 0x7fffffff;
+  return {num_vertices <= kMaxInt32 ? 4u : 8u, num_cells <= kMaxInt32 / 4 ? 4u : 8u};
+}
+
+std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
+                                   bool has_quality, const IndexWidths& widths) {
   std::vector<ArrayInfo> arrays = {
       {ArrayName::kPoints, "Points", "Float64", 3, 8, num_vertices},
-      {ArrayName::kConnectivity, "connectivity", "Int64", 4, 8, num_cells},
-      {ArrayName::kEnds, "offsets", "Int64", 1, 8, num_cells},
+      {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 4,
+       widths.connectivity, num_cells},
+      {ArrayName::kEnds, "offsets", vtk_int(widths.offsets), 1, widths.offsets, num_cells},
       {ArrayName::kLeaf, "leaf", "UInt32", 1, 4, num_cells, true},
   };
   if (has_quality) {
@@ -64,7 +90,24 @@ std::vector<ArrayInfo> mesh_arrays(const MeshSource& mesh, bool has_quality) {
         {ArrayName::kDihedral, "min_dihedral_degrees", "Float32", 1, 4, num_cells, true});
   }
   arrays.push_back({ArrayName::kTypes, "types", "UInt8", 1, 1, num_cells});
+  std::ranges::stable_sort(arrays, std::greater<>(), &ArrayInfo::value_bytes);
   return arrays;
+}
+
+std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> cells,
+                                              std::uint64_t value_bytes,
+                                              std::vector<NarrowCell>& narrow) {
+  if (value_bytes == sizeof(std::int64_t)) return std::as_bytes(cells);
+  narrow.resize(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    for (std::size_t k = 0; k < 4; ++k) narrow[i][k] = static_cast<std::int32_t>(cells[i][k]);
+  return std::as_bytes(std::span(narrow));
+}
+
+std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
+                                    std::uint64_t value_bytes) {
+  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count)
+                          : offsets_from<std::int64_t>(first, count);
 }
 
 ArrayBlocks::ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output)
@@ -100,8 +143,8 @@ ArrayBlocks::NextBlock ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t 
   if (info.array == ArrayName::kPoints || info.array == ArrayName::kConnectivity) {
     const bool has_points = info.array == ArrayName::kPoints;
     const PieceParts parts = {.has_points = has_points, .has_cells = !has_points};
-    fill = [items = ItemReader(mesh_.pieces(parts), info.array)](Block& block,
-                                                                 std::uint64_t num_bytes) mutable {
+    fill = [items = ItemReader(mesh_.pieces(parts), info)](Block& block,
+                                                           std::uint64_t num_bytes) mutable {
       block.bytes.resize(num_bytes);
       items.read(block.bytes);
     };
@@ -122,14 +165,12 @@ ArrayBlocks::NextBlock ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t 
   };
 }
 
-std::vector<std::byte> ArrayBlocks::computed(ArrayName array, const Block& block) const {
-  if (array == ArrayName::kLeaf) return bytes_of(mesh_.leaves_of_cells(block.first, block.count));
-  if (array == ArrayName::kTypes) return std::vector(block.count, std::byte{kVtkTetra});
-  const std::uint64_t first = block.first + (array == ArrayName::kEnds ? 1 : 0);
-  std::vector<std::int64_t> offsets(block.count);
-  for (std::uint64_t i = 0; i < block.count; ++i)
-    offsets[i] = static_cast<std::int64_t>(4 * (first + i));
-  return bytes_of(offsets);
+std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block& block) const {
+  if (info.array == ArrayName::kLeaf)
+    return bytes_of(mesh_.leaves_of_cells(block.first, block.count));
+  if (info.array == ArrayName::kTypes) return std::vector(block.count, std::byte{kVtkTetra});
+  const std::uint64_t first = block.first + (info.array == ArrayName::kEnds ? 1 : 0);
+  return offset_bytes(first, block.count, info.value_bytes);
 }
 
 }  // namespace locvol

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -9,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "engine/formats/formats.h"
 #include "engine/output/encode_in_order.h"
 #include "engine/output/mesh_source.h"
 
@@ -38,9 +40,23 @@ struct ArrayInfo {
   std::uint64_t bytes() const { return num_items * item_bytes(); }
 };
 
+// The least that hold the numbers of a mesh.
+IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells);
+
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
-// size if the first one does.
-std::vector<ArrayInfo> mesh_arrays(const MeshSource& mesh, bool has_quality);
+// size if the first one does, even with heads of eight bytes between them.
+std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
+                                   bool has_quality, const IndexWidths& widths);
+
+using NarrowCell = std::array<std::int32_t, 4>;
+// The vertices of cells in values of so many bytes: the cells' own, or those of `narrow`, which it
+// fills. REQUIRES: they fit
+std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> cells,
+                                              std::uint64_t value_bytes,
+                                              std::vector<NarrowCell>& narrow);
+// Where cells begin among the vertices of all: of `count` of them from `first` on.
+std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
+                                    std::uint64_t value_bytes);
 
 class ArrayBlocks {
  public:
@@ -53,7 +69,7 @@ class ArrayBlocks {
   void for_each_block(const ArrayInfo& info, std::uint64_t block_items, const Encode& encode,
                       Take take) {
     const auto encode_block = [&](const Block& block) {
-      return block.bytes.empty() ? encode(std::span<const std::byte>(computed(info.array, block)))
+      return block.bytes.empty() ? encode(std::span<const std::byte>(computed(info, block)))
                                  : encode(std::span<const std::byte>(block.bytes));
     };
     encode_in_order(mesh_.workers(), blocks(info, block_items), encode_block, take);
@@ -67,7 +83,7 @@ class ArrayBlocks {
   using NextBlock = std::function<std::optional<Block>()>;
 
   NextBlock blocks(const ArrayInfo& info, std::uint64_t block_items);
-  std::vector<std::byte> computed(ArrayName array, const Block& block) const;
+  std::vector<std::byte> computed(const ArrayInfo& info, const Block& block) const;
   void measure(const std::filesystem::path& output);
 
   MeshSource& mesh_;

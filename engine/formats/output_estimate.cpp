@@ -40,6 +40,9 @@ double position_bytes(const Box& box, double separator, double most = HUGE_VAL) 
   return bytes;
 }
 
+// Of one of VTK's whole numbers up to `largest`.
+double index_bytes(double largest) { return largest > kMaxInt32 ? 8 : 4; }
+
 double num_core_cells(const MeshSizes& n) { return n.num_cells - n.num_listed_cells; }
 double num_listed_vertices(const MeshSizes& n) {
   return std::max(0.0, n.num_vertices - num_core_cells(n) / kCellsPerCoreVertex);
@@ -68,7 +71,7 @@ double file_bytes(const OutputOptions& output, const MeshSizes& n) {
   const double vertex_label = label_bytes(v), cell_label = label_bytes(c);
   switch (output.format) {
     case MeshFormat::kVtu:
-      return 24 * v + (output.has_quality ? 53 : 45) * c;
+      return 24 * v + (4 * index_bytes(v) + index_bytes(4 * c) + (output.has_quality ? 13 : 5)) * c;
     case MeshFormat::kVtuZlib:
       return kZlib.bytes(n, output.has_quality);
     case MeshFormat::kVtkHdf:

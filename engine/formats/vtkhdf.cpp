@@ -199,7 +199,7 @@ std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file
     hdf.number(root.get(), "NumberOfCells", mesh.num_cells());
     hdf.number(root.get(), "NumberOfConnectivityIds", 4 * mesh.num_cells());
     const auto cell_data = hdf.group(root.get(), "CellData");
-    for (ArrayInfo info : mesh_arrays(mesh, has_quality)) {
+    for (ArrayInfo info : mesh_arrays(mesh.num_vertices(), mesh.num_cells(), has_quality, {8, 8})) {
       if (info.array == ArrayName::kEnds) {
         info.array = ArrayName::kStarts;
         ++info.num_items;

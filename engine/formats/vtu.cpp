@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <bit>
 #include <string>
 
@@ -55,14 +56,23 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
   return result + '_';
 }
 
+std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, bool has_quality,
+                                  const IndexWidths& least) {
+  const std::uint64_t num_vertices = mesh.num_vertices(), num_cells = mesh.num_cells();
+  const auto [connectivity, offsets] = index_widths(num_vertices, num_cells);
+  return mesh_arrays(
+      num_vertices, num_cells, has_quality,
+      {std::max(connectivity, least.connectivity), std::max(offsets, least.offsets)});
+}
+
 // ---- Raw: the head of an array is the number of its bytes ---------------------------------------
 
 constexpr std::uint64_t kCountBytes = 8;
 
 class RawArrays {
  public:
-  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file)
-      : mesh_(mesh), arrays_(mesh_arrays(mesh, has_quality)), file_(file), out_(file) {}
+  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least)
+      : mesh_(mesh), arrays_(vtu_arrays(mesh, has_quality, least)), file_(file), out_(file) {}
 
   std::uint64_t write() {
     std::uint64_t end = 0;
@@ -96,23 +106,30 @@ class RawArrays {
     return static_cast<std::size_t>(std::ranges::find(arrays_, name, &ArrayInfo::array) -
                                     arrays_.begin());
   }
+  const ArrayInfo& info(ArrayName name) const { return arrays_[place(name)]; }
+  PlacedFile::Part part(ArrayName name, std::uint64_t first,
+                        std::span<const std::byte> bytes) const {
+    return {data_ + offsets_[place(name)] + kCountBytes + first * info(name).item_bytes(), bytes};
+  }
   template <class T>
   PlacedFile::Part part(ArrayName name, std::uint64_t first, const std::vector<T>& items) const {
-    return {data_ + offsets_[place(name)] + kCountBytes + first * sizeof(T),
-            std::as_bytes(std::span(items))};
+    return part(name, first, std::as_bytes(std::span(items)));
   }
 
   void write_piece(const MeshPiece& piece, bool has_quality) {
     const std::uint64_t num_cells = piece.cells.size(), first_cell = piece.first_cell;
-    std::vector<std::uint64_t> offsets(num_cells);
-    for (std::uint64_t i = 0; i < num_cells; ++i) offsets[i] = 4 * (first_cell + i + 1);
+    std::vector<NarrowCell> narrow;
+    const auto connectivity =
+        connectivity_bytes(piece.cells, info(ArrayName::kConnectivity).value_bytes, narrow);
+    const std::vector<std::byte> ends =
+        offset_bytes(first_cell + 1, num_cells, info(ArrayName::kEnds).value_bytes);
     const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
     const std::vector<std::uint32_t> leaves = leaves_of(piece);
     std::vector<float> ratios, angles;
     std::vector<PlacedFile::Part> parts = {
         part(ArrayName::kPoints, piece.first_vertex, piece.points),
-        part(ArrayName::kConnectivity, first_cell, piece.cells),
-        part(ArrayName::kEnds, first_cell, offsets), part(ArrayName::kLeaf, first_cell, leaves),
+        part(ArrayName::kConnectivity, first_cell, connectivity),
+        part(ArrayName::kEnds, first_cell, ends), part(ArrayName::kLeaf, first_cell, leaves),
         part(ArrayName::kTypes, first_cell, types)};
     if (has_quality) {
       for (const auto& [ratio, angle] : quality_of(piece)) {
@@ -156,12 +173,14 @@ void write_compressed(const ArrayInfo& array, ArrayBlocks& blocks, PartialFile& 
 
 }  // namespace
 
-std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file) {
-  return RawArrays(mesh, has_quality, file).write();
+std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                        const IndexWidths& least) {
+  return RawArrays(mesh, has_quality, file, least).write();
 }
 
-std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file) {
-  const std::vector<ArrayInfo> arrays = mesh_arrays(mesh, has_quality);
+std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                                   const IndexWidths& least) {
+  const std::vector<ArrayInfo> arrays = vtu_arrays(mesh, has_quality, least);
   std::vector<std::uint64_t> offsets(arrays.size());
   const std::uint64_t data = header(arrays, offsets, mesh, true).size();
   ArrayBlocks blocks(mesh, has_quality, file.name());

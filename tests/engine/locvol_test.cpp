@@ -119,7 +119,9 @@ TEST(Library, HandsOutTheMeshInChunks) {
   mesh.write(dir / "torus.vtu");
   const VtuArrays vtu(dir / "torus.vtu");
   const auto positions = vtu.array<Coordinates>("Float64", "Points");
-  const auto connectivity = vtu.array<std::array<std::uint64_t, 4>>("Int64", "connectivity");
+  std::vector<std::array<std::uint64_t, 4>> connectivity;
+  for (const auto& [a, b, c, d] : vtu.array<std::array<std::uint32_t, 4>>("Int32", "connectivity"))
+    connectivity.push_back({a, b, c, d});
 
   std::uint64_t num_vertices = 0, num_chunks = 0, num_foreign = 0;
   std::vector<std::array<std::uint64_t, 4>> cells;

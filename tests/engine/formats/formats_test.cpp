@@ -9,6 +9,7 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/output_estimate.h"
 #include "engine/output/writer.h"
@@ -18,6 +19,7 @@
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
+#include "tests/vtu_arrays.h"
 
 namespace locvol {
 namespace {
@@ -102,18 +104,22 @@ TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
 }
 
 // Large enough to be written in several pieces, and with a lattice core.
+void mesh_sphere(const TempDir& dir) {
+  testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), dir / "sphere.off");
+  MeshOptions options;
+  options.input = dir / "sphere.off";
+  options.store = dir / "store";
+  options.size = {0.06, false};
+  options.leaf_capacity = 500;
+  const RunSummary run = mesh(options);
+  ASSERT_GT(run.num_cells, 40'000U);
+}
+
 class EveryFormat : public testing::TestWithParam<FormatInfo> {
  protected:
   static void SetUpTestSuite() {
     dir_.emplace();
-    testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), *dir_ / "sphere.off");
-    MeshOptions options;
-    options.input = *dir_ / "sphere.off";
-    options.store = *dir_ / "store";
-    options.size = {0.06, false};
-    options.leaf_capacity = 500;
-    const RunSummary run = mesh(options);
-    ASSERT_GT(run.num_cells, 40'000U);
+    mesh_sphere(*dir_);
   }
   static void TearDownTestSuite() { dir_.reset(); }
 
@@ -219,6 +225,125 @@ INSTANTIATE_TEST_SUITE_P(Formats, EveryFormat, testing::ValuesIn(mesh_formats())
                            std::erase(name, '-');
                            return name;
                          });
+
+constexpr std::uint64_t kMaxInt32 = 0x7fffffff, kMaxNarrowCells = kMaxInt32 / 4;
+
+using Widths = std::pair<std::uint64_t, std::uint64_t>;  // of connectivity and offsets
+constexpr std::array<Widths, 4> kAllWidths = {Widths{4, 4}, {4, 8}, {8, 4}, {8, 8}};
+
+Widths widths_of(std::uint64_t num_vertices, std::uint64_t num_cells) {
+  const IndexWidths widths = index_widths(num_vertices, num_cells);
+  return {widths.connectivity, widths.offsets};
+}
+
+TEST(IndexWidths, AreTheLeastThatHoldTheNumbersOfEachArray) {
+  EXPECT_EQ(widths_of(0, 0), Widths(4, 4));
+  EXPECT_EQ(widths_of(kMaxInt32, kMaxNarrowCells), Widths(4, 4));
+  EXPECT_EQ(widths_of(kMaxInt32, kMaxNarrowCells + 1), Widths(4, 8));
+  EXPECT_EQ(widths_of(kMaxInt32 + 1, kMaxNarrowCells), Widths(8, 4));
+  EXPECT_EQ(widths_of(kMaxInt32 + 1, kMaxNarrowCells + 1), Widths(8, 8));
+  EXPECT_EQ(widths_of(1'000'000'000'000, 6'000'000'000'000), Widths(8, 8));
+}
+
+// Each array after a head of eight bytes.
+TEST(MeshArrays, LieAtMultiplesOfTheirValuesSizes) {
+  for (const auto& [connectivity, offsets] : kAllWidths)
+    for (const bool has_quality : {false, true})
+      for (const std::uint64_t num_cells : {0, 1, 2, 3, 5}) {
+        std::uint64_t place = 0;
+        for (const ArrayInfo& array :
+             mesh_arrays(num_cells + 3, num_cells, has_quality, {connectivity, offsets})) {
+          place += 8;
+          EXPECT_EQ(place % array.value_bytes, 0U) << array.name;
+          place += array.bytes();
+        }
+      }
+}
+
+TEST(MeshArrays, TakeWhatTheEstimateOfTheirFileSays) {
+  for (const std::uint64_t num_vertices : {kMaxInt32, kMaxInt32 + 1})
+    for (const std::uint64_t num_cells : {kMaxNarrowCells, kMaxNarrowCells + 1})
+      for (const bool has_quality : {false, true}) {
+        std::uint64_t bytes = 0;
+        for (const ArrayInfo& array : mesh_arrays(num_vertices, num_cells, has_quality,
+                                                  index_widths(num_vertices, num_cells)))
+          bytes += array.bytes();
+        const OutputEstimate estimate = estimate_output(
+            {MeshFormat::kVtu, has_quality}, {.num_vertices = static_cast<double>(num_vertices),
+                                              .num_cells = static_cast<double>(num_cells),
+                                              .box = {}});
+        EXPECT_NEAR(estimate.file_bytes, static_cast<double>(bytes), 2000);
+      }
+}
+
+template <class T>
+std::vector<T> values_in(std::span<const std::byte> bytes) {
+  std::vector<T> values(bytes.size() / sizeof(T));
+  EXPECT_EQ(values.size() * sizeof(T), bytes.size());
+  if (!values.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+std::vector<std::int64_t> integers_in(std::span<const std::byte> bytes, std::uint64_t value_bytes) {
+  if (value_bytes == 8) return values_in<std::int64_t>(bytes);
+  const auto narrow = values_in<std::int32_t>(bytes);
+  return {narrow.begin(), narrow.end()};
+}
+
+TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
+  for (const auto& [value_bytes, largest] :
+       {std::pair{4, std::int64_t{kMaxInt32}}, {8, std::int64_t{1} << 40}}) {
+    const auto width = static_cast<std::uint64_t>(value_bytes);
+    const std::vector<MeshPiece::Cell> cells = {{0, 1, 2, 3},
+                                                {largest - 3, largest - 2, largest - 1, largest}};
+    std::vector<NarrowCell> narrow;
+    EXPECT_EQ(
+        integers_in(connectivity_bytes(cells, width, narrow), width),
+        (std::vector<std::int64_t>{0, 1, 2, 3, largest - 3, largest - 2, largest - 1, largest}));
+    const std::int64_t last = largest / 4;
+    EXPECT_EQ(integers_in(offset_bytes(static_cast<std::uint64_t>(last) - 1, 2, width), width),
+              (std::vector<std::int64_t>{4 * last - 4, 4 * last}));
+  }
+}
+
+// Blocks are what compressed files are made of; they end anywhere in a piece.
+TEST(Vtu, HasTheSameMeshInEveryWidthRawAndInBlocks) {
+  const TempDir dir;
+  mesh_sphere(dir);
+  const Store store = Store::open(dir / "store", {.read_only = true});
+  MeshSource source(store, dir / "mesh.vtu", 2);
+  const std::uint64_t num_vertices = source.num_vertices(), num_cells = source.num_cells();
+  std::vector<std::int64_t> ends(num_cells), vertices;
+  for (std::size_t i = 0; i < ends.size(); ++i) ends[i] = static_cast<std::int64_t>(4 * (i + 1));
+  for (const auto& [connectivity, offsets] : kAllWidths) {
+    const IndexWidths widths = {connectivity, offsets};
+    PartialFile file(dir / "mesh.vtu");
+    const std::uint64_t bytes = write_vtu(source, false, file, widths);
+    file.publish();
+    EXPECT_EQ(bytes, std::filesystem::file_size(dir / "mesh.vtu"));
+    const VtuArrays vtu(dir / "mesh.vtu");
+    ArrayBlocks blocks(source, false, dir / "mesh.vtu");
+    for (const ArrayInfo& array : mesh_arrays(num_vertices, num_cells, false, widths)) {
+      const auto raw = vtu.array<std::byte>(std::string(array.vtk_type), std::string(array.name));
+      EXPECT_EQ(raw.size(), array.bytes());
+      std::vector<std::byte> in_blocks;
+      blocks.for_each_block(
+          array, 1000, [](std::span<const std::byte> some) { return values_in<std::byte>(some); },
+          [&](const std::vector<std::byte>& some) {
+            in_blocks.insert(in_blocks.end(), some.begin(), some.end());
+          });
+      EXPECT_TRUE(in_blocks == raw) << array.name;
+      if (array.array == ArrayName::kEnds) {
+        EXPECT_TRUE(integers_in(raw, offsets) == ends);
+      }
+      if (array.array == ArrayName::kConnectivity) {
+        const auto read = integers_in(raw, connectivity);
+        if (vertices.empty()) vertices = read;
+        EXPECT_TRUE(read == vertices);
+      }
+    }
+  }
+}
 
 // Reads a binary Medit file back, of any version.
 class Meditb {

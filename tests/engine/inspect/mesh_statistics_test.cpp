@@ -30,7 +30,7 @@ std::vector<Corners> cells_of(const std::filesystem::path& file) {
   const VtuArrays vtu(file);
   const auto points = vtu.array<Point>("Float64", "Points");
   std::vector<Corners> cells;
-  for (const auto& vertices : vtu.array<std::array<std::int64_t, 4>>("Int64", "connectivity")) {
+  for (const auto& vertices : vtu.array<std::array<std::int32_t, 4>>("Int32", "connectivity")) {
     Corners& corners = cells.emplace_back();
     for (std::size_t i = 0; i < 4; ++i)
       corners[i] = points.at(static_cast<std::size_t>(vertices[i]));

@@ -28,8 +28,8 @@ class Vtu {
     const std::size_t num_points = number("NumberOfPoints=\""),
                       num_cells = number("NumberOfCells=\"");
     points = array<Point>("Float64", "Points");
-    cells = array<std::array<std::int64_t, 4>>("Int64", "connectivity");
-    offsets = array<std::int64_t>("Int64", "offsets");
+    cells = array<std::array<std::int32_t, 4>>("Int32", "connectivity");
+    offsets = array<std::int32_t>("Int32", "offsets");
     types = array<std::uint8_t>("UInt8", "types");
     leaves = array<std::uint32_t>("UInt32", "leaf");
     EXPECT_EQ(points.size(), num_points);
@@ -55,8 +55,8 @@ class Vtu {
   }
 
   std::vector<Point> points;
-  std::vector<std::array<std::int64_t, 4>> cells;
-  std::vector<std::int64_t> offsets;
+  std::vector<std::array<std::int32_t, 4>> cells;
+  std::vector<std::int32_t> offsets;
   std::vector<std::uint8_t> types;
   std::vector<std::uint32_t> leaves;
 
@@ -201,7 +201,7 @@ TEST(Writer, AnyNumberOfThreadsGivesTheSameBytes) {
   for (std::size_t i = 0; i < vtu.cells.size(); ++i) {
     ASSERT_EQ(vtu.types[i], 10);
     ASSERT_EQ(vtu.offsets[i], static_cast<std::int64_t>(4 * (i + 1)));
-    for (const std::int64_t v : vtu.cells[i])
+    for (const std::int32_t v : vtu.cells[i])
       ASSERT_LT(static_cast<std::size_t>(v), vtu.points.size());
   }
   for (const int num_threads : {2, 3, 8}) {
