@@ -26,8 +26,8 @@ constexpr double kBytesPerPaperCell = 40;
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
                  kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
-// To write a VTU file at 1 GB a second.
-constexpr double kWriteCell = 45e-9, kWriteVertex = 24e-9;
+// Of a VTU file, whatever is written.
+constexpr double kWriteByte = 1e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
 constexpr double kFurtherThread = 0.7;
 
@@ -110,8 +110,9 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
   set(RunStage::kMeasure, kMeasureCell * listed);
   set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
-  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] +=
-      kWriteCell * estimate.num_cells + kWriteVertex * estimate.num_vertices;
+  const OutputEstimate vtu =
+      estimate_output({MeshFormat::kVtu}, sizes_of(estimate, surface, parameters));
+  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kWriteByte * vtu.file_bytes;
   return estimate;
 }
 
