@@ -440,7 +440,7 @@ TEST_F(InspectTest, LiveRunIsShownAndLeftAlone) {
                  "-o",
                  (dir_ / (name + ".vtu")).string(),
                  "-s",
-                 "3.5%",
+                 "2%",
                  "--leaf-capacity",
                  "700",
                  "--store",
