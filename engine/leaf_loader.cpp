@@ -13,7 +13,7 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
-constexpr GridFineness kFine{1.6, 16}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
+constexpr GridFineness kFine{3.2, 48}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
