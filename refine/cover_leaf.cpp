@@ -104,11 +104,7 @@ class SampleGrid {
   // Is one sample closer to all of the fragment than p, which is not farther from its first corner
   // than the radius? REQUIRES: it lies in the closed box
   bool is_nearer_than(const Point& p, const Fragment& f) const {
-    return any_around(f.corners[0], [&](const Point& s) {
-      return std::ranges::all_of(f.corners, [&](const Point& c) {
-        return squared_distance(c, s) < squared_distance(c, p);
-      });
-    });
+    return any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
   }
   // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
   bool covers(const Fragment& f) const {

@@ -195,11 +195,7 @@ class HoleSearch {
       return true;
     });
     return is_hidden_from(surface, p, radius, [&](const Fragment& f) {
-      return std::ranges::any_of(near_, [&](const Point& q) {
-        return std::ranges::all_of(f.corners, [&](const Point& c) {
-          return squared_distance(c, q) < squared_distance(c, p);
-        });
-      });
+      return std::ranges::any_of(near_, [&](const Point& q) { return is_nearer(f, q, p); });
     });
   }
 

@@ -34,6 +34,13 @@ Point clamped(const Point& p, const Box& box);
 // The piece of a triangle in a closed box: a convex polygon, or nothing.
 std::vector<Point> clipped(const Triangle& triangle, const Box& box);
 
+// Is all of the fragment closer to q than to p? It lies on q's side of the plane between the two if
+// its corners do.
+inline bool is_nearer(const Fragment& f, const Point& q, const Point& p) {
+  return std::ranges::all_of(
+      f.corners, [&](const Point& c) { return squared_distance(c, q) < squared_distance(c, p); });
+}
+
 // Does is_known(piece) hold for pieces that cover the fragment and are no shorter than `length`?
 template <class IsKnown>
 bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
