@@ -7,10 +7,14 @@
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
 
 #include <algorithm>
+#include <bit>
 #include <boost/iterator/function_output_iterator.hpp>
 #include <cassert>
 #include <functional>
+#include <numeric>
 #include <utility>
+
+#include "octree/mix.h"
 
 namespace locvol {
 namespace {
@@ -27,6 +31,19 @@ using CellHandle = Triangulation::Cell_handle;
 using VertexHandle = Triangulation::Vertex_handle;
 
 Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
+
+// In which to insert points that follow a space-filling curve: an eighth of them after an eighth of
+// these and so on, each round along the curve (Amenta, Choi and Rote, "Incremental constructions
+// con BRIO", 2003).
+std::vector<std::uint32_t> insertion_order(std::size_t num_points) {
+  constexpr int kMaxRound = 6;
+  std::vector<std::uint32_t> order;
+  order.reserve(num_points);
+  for (int round = kMaxRound; round >= 0; --round)
+    for (std::uint32_t i = 0; i < num_points; ++i)
+      if (std::min(std::countr_zero(mix(i)) / 3, kMaxRound) == round) order.push_back(i);
+  return order;
+}
 
 using Vertices = std::array<Delaunay::Vertex, 4>;
 
@@ -110,22 +127,20 @@ void Delaunay::neighbors_of(Vertex v, std::vector<Vertex>& out) const {
 }
 
 bool Delaunay::build(std::span<const Point> points) {
-  std::vector<std::pair<Kernel::Point_3, Vertex>> numbered;
-  numbered.reserve(points.size());
-  for (const Point& p : points) {
-    numbered.emplace_back(cgal(p), static_cast<Vertex>(points_.size()));
-    points_.push_back(p);
-  }
-  Triangulation& triangulation = impl_->triangulation;
-  const auto num_before = triangulation.number_of_vertices();
-  if (numbered.size() == 1)
-    triangulation.insert(numbered[0].first)->info() = numbered[0].second;
-  else
-    triangulation.insert(numbered.begin(), numbered.end());
-  if (triangulation.number_of_vertices() != num_before + numbered.size()) return false;
+  const auto first = static_cast<Vertex>(points_.size());
+  points_.insert(points_.end(), points.begin(), points.end());
   impl_->vertices.resize(points_.size());
   cell_of_.resize(points_.size(), kNone);
-  for (const VertexHandle v : triangulation.finite_vertex_handles()) impl_->vertices[v->info()] = v;
+  Triangulation& triangulation = impl_->triangulation;
+  const auto num_before = triangulation.number_of_vertices();
+  CellHandle nearby;
+  for (const std::uint32_t i : insertion_order(points.size())) {
+    const VertexHandle v = triangulation.insert(cgal(points[i]), nearby);
+    v->info() = first + i;
+    impl_->vertices[first + i] = v;
+    nearby = v->cell();
+  }
+  if (triangulation.number_of_vertices() != num_before + points.size()) return false;
   number_all();
   return true;
 }
@@ -138,22 +153,30 @@ void Delaunay::number_all() {
   impl_->cells.clear();
   if (impl_->triangulation.dimension() < 3) return;
   const auto num_cells = impl_->triangulation.number_of_cells();
-  corners_.reserve(num_cells + num_cells / 4);
-  impl_->cells.reserve(num_cells + num_cells / 4);
-  for (const CellHandle c : impl_->triangulation.all_cell_handles()) {
-    c->info() = static_cast<Cell>(impl_->cells.size());
-    impl_->cells.push_back(c);
-  }
-  corners_.resize(impl_->cells.size());
-  mark_.resize(impl_->cells.size(), 0);
   std::vector<Impl::Fresh> fresh;
-  fresh.reserve(impl_->cells.size());
-  for (const CellHandle c : impl_->cells) fresh.emplace_back(c);
-  for (Cell c = 0; c < cell_bound(); ++c) set_corners(c, fresh[c].sorted, fresh[c].is_odd);
-  for (Cell c = 0; c < cell_bound(); ++c)
+  fresh.reserve(num_cells);
+  std::vector<Cell> next(points_.size() + 1, 0);  // number for a cell with this smallest vertex
+  for (const CellHandle c : impl_->triangulation.all_cell_handles()) {
+    fresh.emplace_back(c);
+    ++next[fresh.back().sorted[0] + 1];
+  }
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  corners_.reserve(num_cells + num_cells / 4);
+  corners_.resize(fresh.size());
+  mark_.resize(fresh.size(), 0);
+  impl_->cells.reserve(num_cells + num_cells / 4);
+  impl_->cells.resize(fresh.size());
+  for (const auto& [sorted, original, handle, is_odd] : fresh) {
+    const Cell c = next[sorted[0]]++;
+    handle->info() = c;
+    impl_->cells[c] = handle;
+    set_corners(c, sorted, is_odd);
+  }
+  for (const auto& [sorted, original, handle, is_odd] : fresh)
     for (int i = 0; i < 4; ++i)
-      corners_[c].neighbor[std::size_t(index_of(c, fresh[c].original[std::size_t(i)]))] =
-          fresh[c].handle->neighbor(i)->info();
+      corners_[handle->info()]
+          .neighbor[std::size_t(index_of(handle->info(), original[std::size_t(i)]))] =
+          handle->neighbor(i)->info();
   new_cells_.push_back(cell_bound() - 1);
 }
 

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "octree/morton_key.h"
 #include "refine/circumcenter.h"
 #include "refine/point_cubes.h"
 
@@ -22,6 +23,31 @@ bool is_clear_between(const Point& a, const Point& b, double sum_of_radii) {
   return squared_distance(a, b) < sum_of_radii * sum_of_radii;
 }
 
+// Of the points: Morton order of the cells of a fine grid that they lie in.
+std::vector<std::uint32_t> curve_order(std::span<const Point> points) {
+  if (points.empty()) return {};
+  Box box = Box::around(points[0]);
+  for (const Point& p : points) box = box.joined(p);
+  const Point sides = box.max - box.min;
+  const double longest = std::max({sides.x, sides.y, sides.z});
+  const auto cell = [&](double length) {
+    constexpr std::uint32_t kLast = (std::uint32_t{1} << MortonKey::kMaxLevel) - 1;
+    return longest > 0 ? static_cast<std::uint32_t>(kLast * (length / longest)) : 0;
+  };
+  std::vector<std::pair<MortonKey, std::uint32_t>> keyed;
+  keyed.reserve(points.size());
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const Point p = points[i] - box.min;
+    keyed.emplace_back(
+        MortonKey::containing({cell(p.x), cell(p.y), cell(p.z)}, MortonKey::kMaxLevel), i);
+  }
+  std::ranges::sort(keyed);
+  std::vector<std::uint32_t> order;
+  order.reserve(points.size());
+  for (const auto& [key, i] : keyed) order.push_back(i);
+  return order;
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -34,9 +60,10 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
   if (own == OwnPoints::kInBox && std::isfinite(reach)) own_cubes.emplace(input.box, reach);
-  locals_.reserve(input.own.size() + input.ghosts.size() + input.core.size());
+  std::vector<Local> locals;
+  locals.reserve(input.own.size() + input.ghosts.size() + input.core.size());
   for (const MeshPoint& p : input.own) {
-    add_local(p, p.id, true);
+    locals.push_back({p, p.id, true});
     if (own_cubes) own_cubes->add(p.position);
   }
   for (const MeshPoint& p : input.ghosts) {
@@ -44,20 +71,27 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach))
       left_out_.push_back(p);
     else
-      add_local(p, p.id, is_own_one);
+      locals.push_back({p, p.id, is_own_one});
   }
-  for (const MeshPoint& p : input.core) add_local(p, p.id, false, true);
-  add_to_triangulation(0);
+  for (const MeshPoint& p : input.core) locals.push_back({p, p.id, false, true});
+  add_to_triangulation(std::move(locals));
   if (has_cells() || left_out_.empty()) return;
-  const std::size_t first = locals_.size();
-  for (const MeshPoint& p : std::exchange(left_out_, {})) add_local(p, p.id, false);
-  add_to_triangulation(first);
+  locals.clear();
+  for (const MeshPoint& p : std::exchange(left_out_, {})) locals.push_back({p, p.id});
+  add_to_triangulation(std::move(locals));
 }
 
-void LeafMesh::add_to_triangulation(std::size_t first) {
+// Local points are numbered along a curve.
+void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
   std::vector<Point> points;
-  points.reserve(locals_.size() - first);
-  for (std::size_t i = first; i < locals_.size(); ++i) points.push_back(locals_[i].point.position);
+  points.reserve(locals.size());
+  for (const Local& local : locals) points.push_back(local.point.position);
+  const std::vector<std::uint32_t> order = curve_order(points);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Local& local = locals[order[i]];
+    add_local(local.point, local.ref, local.is_own, local.is_core);
+    points[i] = local.point.position;
+  }
   if (!delaunay_.build(points))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();
@@ -280,8 +314,7 @@ LocalIndex LeafMesh::insert_last_local(const Conflict& conflict) {
 }
 
 LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
-  add_local(q, ref, is_in_leaf(input_.box, q.position));
-  add_to_triangulation(locals_.size() - 1);
+  add_to_triangulation({{q, ref, is_in_leaf(input_.box, q.position)}});
   return static_cast<LocalIndex>(locals_.size() - 1);
 }
 

@@ -139,7 +139,7 @@ class LeafMesh {
 
   GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
-  void add_to_triangulation(std::size_t first);  // locals from there on
+  void add_to_triangulation(std::vector<Local> locals);
   LocalIndex insert_last_local(const Conflict& conflict);
   void make_fresh(Cell c);
   void make_all_fresh();
