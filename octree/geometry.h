@@ -27,7 +27,8 @@ inline Point cross(const Point& a, const Point& b) {
 inline double norm(const Point& a) { return std::sqrt(dot(a, a)); }
 inline double squared_distance(const Point& a, const Point& b) { return dot(a - b, a - b); }
 
-// A closed axis-parallel box. Distances are Euclidean, 0 where the two meet.
+// A closed axis-parallel box. Distances are Euclidean, 0 where the two meet. Without branches, which
+// nobody could foretell: whole loops ask little else.
 struct Box {
   Point min, max;
 
@@ -44,16 +45,16 @@ struct Box {
     return {0.5 * (min.x + max.x), 0.5 * (min.y + max.y), 0.5 * (min.z + max.z)};
   }
   bool contains(const Point& p) const {
-    return min.x <= p.x && p.x <= max.x && min.y <= p.y && p.y <= max.y && min.z <= p.z &&
-           p.z <= max.z;
+    return (min.x <= p.x) & (p.x <= max.x) & (min.y <= p.y) & (p.y <= max.y) & (min.z <= p.z) &
+           (p.z <= max.z);
   }
   bool overlaps(const Box& b) const {
-    return min.x <= b.max.x && b.min.x <= max.x && min.y <= b.max.y && b.min.y <= max.y &&
-           min.z <= b.max.z && b.min.z <= max.z;
+    return (min.x <= b.max.x) & (b.min.x <= max.x) & (min.y <= b.max.y) & (b.min.y <= max.y) &
+           (min.z <= b.max.z) & (b.min.z <= max.z);
   }
   double squared_distance(const Point& p) const {
     const auto gap = [](double low, double high, double v) {
-      return std::max({low - v, v - high, 0.0});
+      return std::max(std::max(low - v, v - high), 0.0);
     };
     const double dx = gap(min.x, max.x, p.x), dy = gap(min.y, max.y, p.y),
                  dz = gap(min.z, max.z, p.z);
@@ -61,7 +62,7 @@ struct Box {
   }
   double squared_distance(const Box& b) const {
     const auto gap = [](double low, double high, double l, double h) {
-      return std::max({low - h, l - high, 0.0});
+      return std::max(std::max(low - h, l - high), 0.0);
     };
     const double dx = gap(min.x, max.x, b.min.x, b.max.x), dy = gap(min.y, max.y, b.min.y, b.max.y),
                  dz = gap(min.z, max.z, b.min.z, b.max.z);

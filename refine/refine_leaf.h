@@ -98,8 +98,8 @@ struct RefineStep {
 
 // Is p in a leaf's half-open box?
 inline bool is_in_leaf(const Box& box, const Point& p) {
-  return box.min.x <= p.x && p.x < box.max.x && box.min.y <= p.y && p.y < box.max.y &&
-         box.min.z <= p.z && p.z < box.max.z;
+  return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
+         (box.min.z <= p.z) & (p.z < box.max.z);
 }
 
 struct LeafInput {
