@@ -25,10 +25,14 @@ inline Point cross(const Point& a, const Point& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 inline double norm(const Point& a) { return std::sqrt(dot(a, a)); }
+// The largest coordinate, in absolute value. (Of a list, std::max takes branches.)
+inline double max_norm(const Point& a) {
+  return std::max(std::max(std::abs(a.x), std::abs(a.y)), std::abs(a.z));
+}
 inline double squared_distance(const Point& a, const Point& b) { return dot(a - b, a - b); }
 
-// A closed axis-parallel box. Distances are Euclidean, 0 where the two meet. Without branches, which
-// nobody could foretell: whole loops ask little else.
+// A closed axis-parallel box. Distances are Euclidean, 0 where the two meet. Without branches,
+// which nobody could foretell: whole loops ask little else.
 struct Box {
   Point min, max;
 

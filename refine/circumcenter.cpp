@@ -37,10 +37,6 @@ T dot(const Vector<T>& a, const Vector<T>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-double length_bound(const Point& a, const Point& b) {
-  return std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
-}
-
 // center = a + numerator / denominator, with
 //   numerator = |u|² (v x w) + |v|² (w x u) + |w|² (u x v),  denominator = 2 u·(v x w),
 // for the edges u, v, w from a. Empty if |denominator| is at most `flatness` times `cube`.
@@ -68,7 +64,7 @@ Circumball ball(const Point& a, const Vector<T>& o) {
 Circumball circumball(std::array<Point, 4> vertices) {
   std::ranges::sort(vertices);
   const auto& [a, b, c, d] = vertices;
-  const double size = std::max({length_bound(b, a), length_bound(c, a), length_bound(d, a)});
+  const double size = std::max(std::max(max_norm(b - a), max_norm(c - a)), max_norm(d - a));
   const double cube = size * size * size;
   if (const auto o = offset<double>(a, b, c, d, 1e-3 * cube)) return ball(a, *o);
   if (const auto o = offset<Quad>(a, b, c, d, Quad(1e-18 * cube))) return ball(a, *o);

@@ -20,8 +20,6 @@ int orientation(const Point& a, const Point& b, const Point& c, const Point& d) 
   return CGAL::orientation(cgal(a), cgal(b), cgal(c), cgal(d));
 }
 
-double max_abs(const Point& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
-
 // The sign of a determinant of three differences of points, with largest coordinates whose product
 // is `extent`; 0 if rounding might have changed it, which takes 34 roundings of `extent` at most.
 int certain_sign(double determinant, double extent) {
@@ -35,18 +33,18 @@ int certain_sign(double determinant, double extent) {
 std::optional<bool> crosses_for_certain(const Point& p, const Point& q, const Triangle& triangle) {
   const auto& [a, b, c] = triangle.corners;
   const Point u = b - a, v = c - a, normal = cross(u, v), ap = p - a, aq = q - a;
-  const double extent = max_abs(u) * max_abs(v);
-  const int side = certain_sign(dot(ap, normal), extent * max_abs(ap));
-  const int other_side = certain_sign(dot(aq, normal), extent * max_abs(aq));
+  const double extent = max_norm(u) * max_norm(v);
+  const int side = certain_sign(dot(ap, normal), extent * max_norm(ap));
+  const int other_side = certain_sign(dot(aq, normal), extent * max_norm(aq));
   if (side == 0 || other_side == 0) return std::nullopt;
   if (side == other_side) return false;
   const Point d = q - p;
   const std::array<Point, 3> corners{a - p, b - p, c - p};
-  const double length = max_abs(d);
+  const double length = max_norm(d);
   std::array<int, 3> turns{};
   for (std::size_t i = 0; i < 3; ++i) {
     const Point &from = corners[i], &to = corners[(i + 1) % 3];
-    turns[i] = certain_sign(dot(d, cross(from, to)), length * max_abs(from) * max_abs(to));
+    turns[i] = certain_sign(dot(d, cross(from, to)), length * max_norm(from) * max_norm(to));
   }
   if (turns[0] * turns[1] < 0 || turns[1] * turns[2] < 0 || turns[2] * turns[0] < 0) return false;
   if (turns[0] == 0 || turns[1] == 0 || turns[2] == 0) return std::nullopt;

@@ -16,8 +16,6 @@ Kernel::Point_2 projected(const Point& p, int axis) {
   return {p[(axis + 1) % 3], p[(axis + 2) % 3]};
 }
 
-double max_abs(const Point& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
-
 }  // namespace
 
 int orientation_along(int axis, const Point& a, const Point& b, const Point& c) {
@@ -33,8 +31,8 @@ bool are_collinear(const Point& a, const Point& b, const Point& c) {
   // the largest term, and by less than 1e-290 where it underflows.
   const Point u = b - a, v = c - a;
   const double error =
-      16 * std::numeric_limits<double>::epsilon() * max_abs(u) * max_abs(v) + 1e-290;
-  if (max_abs(cross(u, v)) > error) return false;
+      16 * std::numeric_limits<double>::epsilon() * max_norm(u) * max_norm(v) + 1e-290;
+  if (max_norm(cross(u, v)) > error) return false;
   return CGAL::collinear(to_cgal(a), to_cgal(b), to_cgal(c));
 }
 

@@ -146,8 +146,6 @@ class TriangleTree {
 constexpr double kProjectionError = 16 * std::numeric_limits<double>::epsilon();
 constexpr double kUnderflow = 1e-290;
 
-double max_abs(const Point& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
-
 // Is `axis` positive on all of `above` and negative on all of `below`, which are vectors?
 template <std::size_t N, std::size_t M>
 bool separates(const Point& axis, const std::array<Point, N>& above,
@@ -155,13 +153,13 @@ bool separates(const Point& axis, const std::array<Point, N>& above,
   double largest = 0, low = std::numeric_limits<double>::infinity(), high = -low;
   for (const Point& p : above) {
     low = std::min(low, dot(axis, p));
-    largest = std::max(largest, max_abs(p));
+    largest = std::max(largest, max_norm(p));
   }
   for (const Point& p : below) {
     high = std::max(high, dot(axis, p));
-    largest = std::max(largest, max_abs(p));
+    largest = std::max(largest, max_norm(p));
   }
-  const double error = kProjectionError * max_abs(axis) * largest + kUnderflow;
+  const double error = kProjectionError * max_norm(axis) * largest + kUnderflow;
   return low - high > 2 * error;
 }
 
@@ -207,7 +205,7 @@ bool are_clearly_apart(const std::array<Point, 2>& a, const std::array<Point, 2>
 // lie clearly not on the same side of it, in one plane?
 bool are_clearly_unfolded(const Point& e, const Point& a, const Point& b) {
   const double cosine = dot(cross(e, a), cross(e, b));
-  const double scale = max_abs(e) * max_abs(e) * max_abs(a) * max_abs(b);
+  const double scale = max_norm(e) * max_norm(e) * max_norm(a) * max_norm(b);
   return cosine < -8 * kProjectionError * scale - kUnderflow;
 }
 

@@ -15,11 +15,7 @@ constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
 constexpr std::uint8_t kMaxRings = 254;  // distances beyond it are not told apart
 constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
 
-double largest_coordinate(const Box& b) {
-  double m = 0;
-  for (int i = 0; i < 3; ++i) m = std::max({m, std::abs(b.min[i]), std::abs(b.max[i])});
-  return m;
-}
+double largest_coordinate(const Box& b) { return std::max(max_norm(b.min), max_norm(b.max)); }
 
 // The plane test: the box's center is farther from the triangle's plane than its corners reach.
 bool plane_misses(const Triangle& t, const Box& box, double slack) {
@@ -57,8 +53,9 @@ double squared_distance_to_triangle(const Point& p, const Triangle& t) {
     const double d = dot(p - a, n);
     return d * d / nn;
   }
-  return std::min({squared_distance_to_segment(p, a, b), squared_distance_to_segment(p, b, c),
-                   squared_distance_to_segment(p, c, a)});
+  return std::min(
+      std::min(squared_distance_to_segment(p, a, b), squared_distance_to_segment(p, b, c)),
+      squared_distance_to_segment(p, c, a));
 }
 
 Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
@@ -236,8 +233,9 @@ void SurfacePatch::Impl::measure_rings() {
         for (int dj = -1; dj <= 1; ++dj) take_in(dj, -way);
         std::uint8_t* here = row(j, k);
         for (std::size_t i = 0; i < line; ++i) {
-          const int around = std::min({nearest[i], nearest[i + 1], nearest[i + 2]});
-          here[i] = static_cast<std::uint8_t>(std::min<int>(here[i], around + 1));
+          const std::uint8_t around =
+              std::min(std::min(nearest[i], nearest[i + 1]), nearest[i + 2]);
+          here[i] = std::min(here[i], static_cast<std::uint8_t>(around + 1));
         }
         if (way > 0)
           for (std::size_t i = 1; i < line; ++i)

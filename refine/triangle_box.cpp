@@ -24,8 +24,6 @@ struct BoxMeasures {
   double largest = 0;  // coordinate of box and triangle
 };
 
-double max_abs(const Point& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
-
 Point corner(const Box& box, int k) {
   return {(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
           (k & 4 ? box.max : box.min).z};
@@ -37,7 +35,7 @@ Answer plane_separates(const Triangle& t, const BoxMeasures& box) {
   const double distance = std::abs(dot(n, box.center - a));
   const double reach =
       std::abs(n.x) * box.half.x + std::abs(n.y) * box.half.y + std::abs(n.z) * box.half.z;
-  const double error = kError * max_abs(u) * max_abs(v) * box.largest + kUnderflow;
+  const double error = kError * max_norm(u) * max_norm(v) * box.largest + kUnderflow;
   if (distance > reach + error) return Answer::kYes;
   return distance < reach - error ? Answer::kNo : Answer::kUnclear;
 }
@@ -83,7 +81,7 @@ bool touches(const Triangle& triangle, const Box& box) {
     if (box.contains(p)) return true;
   const BoxMeasures measures{
       box.center(), 0.5 * (box.max - box.min),
-      std::max({max_abs(box.min), max_abs(box.max), max_abs(around.min), max_abs(around.max)})};
+      std::max({max_norm(box.min), max_norm(box.max), max_norm(around.min), max_norm(around.max)})};
   const Answer plane = plane_separates(triangle, measures);
   if (plane == Answer::kYes ||
       (plane == Answer::kUnclear && plane_separates_exactly(triangle, box)))
