@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 namespace locvol {
 namespace {
@@ -39,36 +38,56 @@ T dot(const Vector<T>& a, const Vector<T>& b) {
 
 // center = a + numerator / denominator, with
 //   numerator = |u|² (v x w) + |v|² (w x u) + |w|² (u x v),  denominator = 2 u·(v x w),
-// for the edges u, v, w from a. Empty if |denominator| is at most `flatness` times `cube`.
+// for the edges u, v, w from a.
 template <class T>
-std::optional<Vector<T>> offset(const Point& a, const Point& b, const Point& c, const Point& d,
-                                const T& least) {
+struct Offset {
+  Vector<T> numerator;
+  T denominator;
+
+  bool exceeds(const T& least) const { return denominator > least || denominator < -least; }
+};
+
+template <class T>
+Offset<T> offset(const Point& a, const Point& b, const Point& c, const Point& d) {
   const auto u = difference<T>(b, a), v = difference<T>(c, a), w = difference<T>(d, a);
   const auto vw = cross(v, w), wu = cross(w, u), uv = cross(u, v);
-  const T denominator = T(2) * dot(u, vw);
-  if (!(denominator > least || denominator < -least)) return std::nullopt;
   const T uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
-  return Vector<T>{(uu * vw.x + vv * wu.x + ww * uv.x) / denominator,
-                   (uu * vw.y + vv * wu.y + ww * uv.y) / denominator,
-                   (uu * vw.z + vv * wu.z + ww * uv.z) / denominator};
+  return {{uu * vw.x + vv * wu.x + ww * uv.x, uu * vw.y + vv * wu.y + ww * uv.y,
+           uu * vw.z + vv * wu.z + ww * uv.z},
+          T(2) * dot(u, vw)};
 }
 
 template <class T>
-Circumball ball(const Point& a, const Vector<T>& o) {
+Circumball ball(const Point& a, const Offset<T>& offset) {
+  const auto& [numerator, denominator] = offset;
+  const Vector<T> o{numerator.x / denominator, numerator.y / denominator,
+                    numerator.z / denominator};
   const Point center{to_double(T(a.x) + o.x), to_double(T(a.y) + o.y), to_double(T(a.z) + o.z)};
   return {center, to_double(dot(o, o))};
 }
 
+// Is the radius larger than `most`, whatever was rounded? The numerator is off by less than a
+// hundred roundings of size⁴, the denominator by as many of size³.
+bool is_larger(const Offset<double>& o, double size, double most) {
+  constexpr double kError = 1e-13;
+  if (!(size > 1e-70 && size < 1e70)) return false;  // else they may underflow or overflow
+  const double cube = size * size * size;
+  return std::sqrt(dot(o.numerator, o.numerator)) - kError * cube * size >
+         most * (std::abs(o.denominator) + kError * cube);
+}
+
 }  // namespace
 
-Circumball circumball(std::array<Point, 4> vertices) {
+Circumball circumball(std::array<Point, 4> vertices, double most) {
   std::ranges::sort(vertices);
   const auto& [a, b, c, d] = vertices;
   const double size = std::max(std::max(max_norm(b - a), max_norm(c - a)), max_norm(d - a));
   const double cube = size * size * size;
-  if (const auto o = offset<double>(a, b, c, d, 1e-3 * cube)) return ball(a, *o);
-  if (const auto o = offset<Quad>(a, b, c, d, Quad(1e-18 * cube))) return ball(a, *o);
-  if (const auto o = offset<Exact>(a, b, c, d, Exact(0))) return ball(a, *o);
+  const auto rounded = offset<double>(a, b, c, d);
+  if (rounded.exceeds(1e-3 * cube)) return ball(a, rounded);
+  if (is_larger(rounded, size, most)) return {{}, kInfinity};
+  if (const auto o = offset<Quad>(a, b, c, d); o.exceeds(Quad(1e-18 * cube))) return ball(a, o);
+  if (const auto o = offset<Exact>(a, b, c, d); o.exceeds(Exact(0))) return ball(a, o);
   return {{}, kInfinity};
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "octree/geometry.h"
 
@@ -15,7 +16,10 @@ struct Circumball {
 // A function of the set of vertices alone: they are put into lexicographic order first. The center
 // is rounded from a value with an error of at most some 10⁻¹¹ of the cell's size: doubles decide
 // for well-shaped cells, quadruple precision for flat ones, rationals for those nearly degenerate.
-Circumball circumball(std::array<Point, 4> vertices);
+// If the radius exceeds `most`, the squared radius may be infinite, and the center anywhere: such
+// flat cells need no more than doubles.
+Circumball circumball(std::array<Point, 4> vertices,
+                      double most = std::numeric_limits<double>::infinity());
 
 // The axis of a triangle: the line of points at equal distances from its corners.
 struct Axis {

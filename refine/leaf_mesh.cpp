@@ -166,7 +166,8 @@ Side LeafMesh::side(Cell c) const {
   if (data.side != Side::kUnknown) return data.side;
   data.side = Side::kFar;
   if (delaunay_.is_infinite(c)) return data.side;
-  const Circumball ball = circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)});
+  const Circumball ball =
+      circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)}, far_radius_);
   data.center = ball.center;
   data.squared_radius = ball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return data.side;

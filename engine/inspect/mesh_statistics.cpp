@@ -129,8 +129,9 @@ class CellGauge {
       const CellQuality quality = quality_of({Point{}, a, b, c});
       return add_radius(quality.circumradius, quality.radius_edge_ratio);
     }
-    const double shortest2 = std::min(
-        {a2, b2, c2, squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)});
+    const double of_others =
+        std::min(std::min(squared_distance(a, b), squared_distance(b, c)), squared_distance(c, a));
+    const double shortest2 = std::min(std::min(std::min(a2, b2), c2), of_others);
     const double radius = norm(a2 * bc + b2 * ca + c2 * ab) / std::abs(2 * six_volumes);
     add_radius(radius, radius / std::sqrt(shortest2));
   }

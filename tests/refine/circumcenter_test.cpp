@@ -156,6 +156,25 @@ TEST(Circumball, ScalesByPowersOfTwo) {
     }
 }
 
+// What is not larger than asked for comes out as ever, and most flat cells that are cost no more.
+TEST(Circumball, MayBeInfiniteWhereItIsLargerThanAskedFor) {
+  constexpr unsigned kSeed = 14;
+  int num_given_up = 0;
+  for (const CellPoints& cell : sample_cells(kSeed, 400)) {
+    const Circumball ball = circumball(cell);
+    const double radius = std::sqrt(ball.squared_radius);
+    for (const double most : {0.5 * radius, (1 - 1e-9) * radius, (1 + 1e-9) * radius, 2 * radius,
+                              0.1 * size_of(cell), 10 * size_of(cell)}) {
+      const Circumball bounded = circumball(cell, most);
+      if (equal_bits(bounded, ball)) continue;
+      ASSERT_EQ(bounded.squared_radius, kInfinity) << "seed " << kSeed;
+      ASSERT_GT(radius, most) << "seed " << kSeed;
+      ++num_given_up;
+    }
+  }
+  EXPECT_GT(num_given_up, 2000);
+}
+
 // ---- Axis of a triangle
 
 TEST(AxisOf, ClosedForms) {
