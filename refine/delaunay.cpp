@@ -172,11 +172,12 @@ void Delaunay::number_all() {
     impl_->cells[c] = handle;
     set_corners(c, sorted, is_odd);
   }
-  for (const auto& [sorted, original, handle, is_odd] : fresh)
+  for (const Impl::Fresh& f : fresh) {
+    const Cell c = f.handle->info();
     for (int i = 0; i < 4; ++i)
-      corners_[handle->info()]
-          .neighbor[std::size_t(index_of(handle->info(), original[std::size_t(i)]))] =
-          handle->neighbor(i)->info();
+      corners_[c].neighbor[std::size_t(index_of(c, f.original[std::size_t(i)]))] =
+          f.handle->neighbor(i)->info();
+  }
   new_cells_.push_back(cell_bound() - 1);
 }
 
