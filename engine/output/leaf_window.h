@@ -15,18 +15,29 @@
 
 namespace locvol {
 
-// Calls visit(i, j) for each ids[i] == table[j]. Both ascend; ids are clustered by leaf, so the
-// common range is cut out first.
+// The first place from `from` on whose value is not less, in ascending values. Fast where it is
+// near.
+template <class Iterator>
+Iterator first_not_less(Iterator from, Iterator end, std::uint64_t value) {
+  std::ptrdiff_t step = 1;
+  for (; step < end - from && from[step - 1] < value; step *= 2) from += step;
+  return std::lower_bound(from, from + std::min(step, end - from), value);
+}
+
+// Calls visit(i, j) for each ids[i] == table[j]. Both ascend; where one has nothing of the other's
+// it is leapt over.
 template <class Visit>
 void for_each_common(std::span<const std::uint64_t> ids, std::span<const std::uint64_t> table,
                      Visit visit) {
-  if (ids.empty() || table.empty()) return;
-  auto id = std::ranges::lower_bound(ids, table.front());
-  const auto last = std::upper_bound(id, ids.end(), table.back());
+  auto id = ids.begin();
   auto place = table.begin();
-  for (; id != last; ++id) {
-    place = std::lower_bound(place, table.end(), *id);
-    if (*place == *id) visit(id - ids.begin(), place - table.begin());
+  while (id != ids.end()) {
+    place = first_not_less(place, table.end(), *id);
+    if (place == table.end()) return;
+    if (*place == *id)
+      visit(id++ - ids.begin(), place - table.begin());
+    else
+      id = first_not_less(id, ids.end(), *place);
   }
 }
 
