@@ -57,22 +57,24 @@ struct Box {
            (min.z <= b.max.z) & (b.min.z <= max.z);
   }
   double squared_distance(const Point& p) const {
-    const auto gap = [](double low, double high, double v) {
-      return std::max(std::max(low - v, v - high), 0.0);
-    };
-    const double dx = gap(min.x, max.x, p.x), dy = gap(min.y, max.y, p.y),
-                 dz = gap(min.z, max.z, p.z);
+    const double dx = gap(min.x - p.x, p.x - max.x), dy = gap(min.y - p.y, p.y - max.y),
+                 dz = gap(min.z - p.z, p.z - max.z);
     return dx * dx + dy * dy + dz * dz;
   }
   double squared_distance(const Box& b) const {
-    const auto gap = [](double low, double high, double l, double h) {
-      return std::max(std::max(low - h, l - high), 0.0);
-    };
-    const double dx = gap(min.x, max.x, b.min.x, b.max.x), dy = gap(min.y, max.y, b.min.y, b.max.y),
-                 dz = gap(min.z, max.z, b.min.z, b.max.z);
+    const double dx = gap(min.x - b.max.x, b.min.x - max.x),
+                 dy = gap(min.y - b.max.y, b.min.y - max.y),
+                 dz = gap(min.z - b.max.z, b.min.z - max.z);
     return dx * dx + dy * dy + dz * dz;
   }
   friend bool operator==(const Box&, const Box&) = default;
+
+ private:
+  // On one axis, from what is below the box, or above it. max(.., 0) takes a branch.
+  static double gap(double below, double above) {
+    const double larger = std::max(below, above);
+    return 0.5 * (larger + std::abs(larger));
+  }
 };
 
 // A triangle of the input surface; ids are different and in the order of the file.

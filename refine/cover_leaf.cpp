@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -73,12 +75,20 @@ std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length
       fragments[i] = here;
       fragments.push_back(there);
     }
-  // Equal keys (by chance, one leaf in 10⁹) keep the order of the array.
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> order;
-  order.reserve(fragments.size());
-  for (const Fragment& f : fragments)
-    order.emplace_back(f.key, static_cast<std::uint32_t>(order.size()));
-  std::ranges::sort(order);
+  // Keys are hashes, so a bucket by their leading bits holds a few. Equal ones (by chance, one leaf
+  // in 10⁹) keep the order of the array.
+  const auto num_bits = static_cast<int>(std::bit_width(fragments.size() / 4)) + 1;
+  const auto bucket_of = [&](const Fragment& f) { return f.key >> (64 - num_bits); };
+  std::vector<std::uint32_t> end((std::size_t{1} << num_bits) + 1, 0);  // of buckets, once filled
+  for (const Fragment& f : fragments) ++end[bucket_of(f) + 1];
+  std::partial_sum(end.begin(), end.end(), end.begin());
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> order(fragments.size());
+  for (std::uint32_t place = 0; place < fragments.size(); ++place) {
+    const Fragment& f = fragments[place];
+    order[end[bucket_of(f)]++] = {f.key, place};
+  }
+  for (std::size_t bucket = 0, first = 0; bucket + 1 < end.size(); first = end[bucket++])
+    std::sort(order.begin() + std::ptrdiff_t(first), order.begin() + end[bucket]);
   std::vector<Fragment> sorted;
   sorted.reserve(fragments.size());
   for (const auto& [key, place] : order) sorted.push_back(fragments[place]);
@@ -101,10 +111,11 @@ class SampleGrid {
     return !any_around(p,
                        [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
   }
-  // Is one sample closer to all of the fragment than p, which is not farther from its first corner
-  // than the radius? REQUIRES: it lies in the closed box
+  // Is one sample closer to all of the fragment than p? May overlook it where p is farther from its
+  // first corner than the radius, or that is not in the closed box.
   bool is_nearer_than(const Point& p, const Fragment& f) const {
-    return any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
+    return box_.contains(f.corners[0]) &&
+           any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
   }
   // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
   bool covers(const Fragment& f) const {
@@ -133,7 +144,7 @@ class SampleGrid {
   template <class Test>
   bool any_around(const Point& p, Test test) const;
 
-  Point origin_;
+  const Box box_;
   double radius2_;
   double margin_;  // the radius, and a little for rounding
   double side_;    // of a cell
@@ -143,7 +154,7 @@ class SampleGrid {
 };
 
 SampleGrid::SampleGrid(const Box& box, double radius)
-    : origin_(box.min), radius2_(radius * radius), margin_(1.001 * radius) {
+    : box_(box), radius2_(radius * radius), margin_(1.001 * radius) {
   constexpr double kMaxShape = 128;  // bounds the memory; in a larger box the cells grow instead
   const Point sides = box.max - box.min;
   side_ = std::max(radius, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
@@ -155,7 +166,7 @@ SampleGrid::SampleGrid(const Box& box, double radius)
 // Truncated, not floored: as monotone, and faster. What lies less than a cell below the grid joins
 // its first cells, which add() tells apart by distance.
 SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
-  const Point c = (1 / side_) * (p - origin_);
+  const Point c = (1 / side_) * (p - box_.min);
   return {static_cast<std::int64_t>(c.x), static_cast<std::int64_t>(c.y),
           static_cast<std::int64_t>(c.z)};
 }
@@ -163,7 +174,7 @@ SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
 Box SampleGrid::cell_box(const Cell& c) const {
   const Point corner{static_cast<double>(c[0]), static_cast<double>(c[1]),
                      static_cast<double>(c[2])};
-  return {origin_ + side_ * corner, origin_ + side_ * (corner + Point{1, 1, 1})};
+  return {box_.min + side_ * corner, box_.min + side_ * (corner + Point{1, 1, 1})};
 }
 
 void SampleGrid::add(const Point& sample) {

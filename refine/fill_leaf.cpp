@@ -115,10 +115,13 @@ class HoleSearch {
   // balls whose cells miss a site.
   FillPoints run() {
     constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of such a cell's sites
+    static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const Box around = input_.box.expanded(kStart * size_);
     for_each_site(is_there_.box().expanded(-2), [&](const LatticeSite& site) {
       const Point corner = place(site);
-      if (input_.surface->distance_bound(corner) > kFarthest * size_) return;
+      const auto [is_inside, distance] = input_.surface->locate(corner);
+      const bool is_outside = !is_inside && input_.surface->region().contains(corner);
+      if (distance > (is_outside ? kCircumradius : kFarthest) * size_) return;
       for (const auto& [b, c, d] : kLatticeCells) {
         if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
           continue;

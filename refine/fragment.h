@@ -52,7 +52,7 @@ bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
 
 // Do samples hide p: is each point of the surface closer to one of them? May say no where it is so
 // by little. All of the surface has a sample within `radius`; is_nearer(fragment): is one sample
-// closer to all of it than p?
+// closer to all of it than p? It may overlook samples for fragments that are not near p.
 template <class IsNearer>
 bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
                     const IsNearer& is_nearer) {
@@ -60,18 +60,10 @@ bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
   const auto is_known = [&](const Fragment& f) {
     return f.box().squared_distance(p) >= radius * radius || is_nearer(f);
   };
-  const Box around = Box::around(p).expanded(radius);
   std::vector<Triangle> near;
   surface.triangles_near(p, radius, near);
   return std::ranges::all_of(near, [&](const Triangle& triangle) {
-    const Box bounds = triangle.box();
-    if (around.contains(bounds.min) && around.contains(bounds.max))
-      return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
-    const std::vector<Point> polygon = clipped(triangle, around);
-    for (std::size_t i = 2; i < polygon.size(); ++i)
-      if (!is_made_of({{polygon[0], polygon[i - 1], polygon[i]}}, kLeastLength * radius, is_known))
-        return false;
-    return true;
+    return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
   });
 }
 

@@ -1,5 +1,6 @@
 #include "refine/surface_patch.h"
 
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -92,6 +93,19 @@ std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, cons
 
 struct SurfacePatch::Impl {
   using Index = std::uint32_t;
+  static constexpr int kWord = 64;  // bits
+
+  // Some of the triangles that a query is done with: many grid cells hold the same.
+  class Recent {
+   public:
+    bool holds(Index t) const { return std::ranges::find(triangles_, t) != triangles_.end(); }
+    void add(Index t) { triangles_[num_++ % triangles_.size()] = t; }
+
+   private:
+    static constexpr Index kNone = std::numeric_limits<Index>::max();
+    std::array<Index, 8> triangles_{kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+    std::size_t num_ = 0;
+  };
 
   std::vector<Triangle> triangles;
   std::vector<Box> boxes;  // of the triangles
@@ -102,16 +116,20 @@ struct SurfacePatch::Impl {
   std::vector<Index> first;  // of a grid cell's triangles in `held`; one more at the end
   std::vector<Index> held;
   std::vector<std::uint8_t> is_center_inside;
-  std::vector<std::uint8_t> rings;  // Chebyshev distance to a cell with triangles
-  std::vector<Index> both;          // of spread()
+  std::vector<std::uint64_t> occupied;  // bit i of a row's words: its cell i holds triangles
+  std::vector<std::uint8_t> rings;      // Chebyshev distance to a cell with triangles
+  std::vector<Index> both;              // of spread()
 
   std::size_t num_cells() const {
     return std::size_t(num[0]) * std::size_t(num[1]) * std::size_t(num[2]);
   }
   std::size_t index(int i, int j, int k) const {
-    return (std::size_t(k) * std::size_t(num[1]) + std::size_t(j)) * std::size_t(num[0]) +
-           std::size_t(i);
+    return row(j, k) * std::size_t(num[0]) + std::size_t(i);
   }
+  std::size_t row(int j, int k) const {
+    return std::size_t(k) * std::size_t(num[1]) + std::size_t(j);
+  }
+  std::size_t words_in_row() const { return std::size_t(num[0] + kWord - 1) / kWord; }
   int coordinate(double v, int axis) const {
     const double c = (v - region.min[axis]) * inverse_step[axis];
     return c <= 0 ? 0 : c >= num[std::size_t(axis)] ? num[std::size_t(axis)] - 1 : int(c);
@@ -147,7 +165,7 @@ struct SurfacePatch::Impl {
   void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
   bool is_crossed_oddly(const Point& a, const Point& b, std::span<const Index> some) const;
   template <class Visit>
-  void for_each_near(const Point& p, double distance, Visit visit) const;
+  bool for_each_held_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
   void for_each_cell_along(Point a, Point b, Visit visit) const;
   bool clip(Point& a, Point& b) const;
@@ -207,6 +225,12 @@ void SurfacePatch::Impl::fill_grid() {
   held.resize(met.size());
   std::vector<Index> next(first.begin(), first.end() - 1);
   for (const auto& [cell, t] : met) held[next[cell]++] = t;
+  occupied.assign(std::size_t(num[1]) * std::size_t(num[2]) * words_in_row(), 0);
+  const auto line = std::size_t(num[0]);
+  for (const auto& [cell, t] : met) {
+    const std::size_t i = cell % line;
+    occupied[cell / line * words_in_row() + i / kWord] |= std::uint64_t{1} << i % kWord;
+  }
 }
 
 // Twice over the grid, forth and back: a cell is one ring farther than the nearest of its neighbors
@@ -409,13 +433,16 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
   out.clear();
   const Box segment = Box::around(a).joined(b);
   if (!segment.overlaps(impl_->region)) return;
+  Impl::Recent missed;
   impl_->for_each_cell_along(a, b, [&](std::size_t cell) {
     for (const Impl::Index t : impl_->held_by(cell)) {
-      if (!impl_->boxes[t].overlaps(segment)) continue;
+      if (!impl_->boxes[t].overlaps(segment) || missed.holds(t)) continue;
       const Triangle& triangle = impl_->triangles[t];
-      const bool is_known =
-          std::ranges::any_of(out, [&](const Crossing& c) { return c.triangle == triangle.id; });
-      if (!is_known && segment_crosses(a, b, triangle)) out.push_back(crossing_of(a, b, triangle));
+      if (std::ranges::find(out, triangle.id, &Crossing::triangle) != out.end()) continue;
+      if (segment_crosses(a, b, triangle))
+        out.push_back(crossing_of(a, b, triangle));
+      else
+        missed.add(t);
     }
   });
   std::ranges::sort(out, [](const Crossing& x, const Crossing& y) {
@@ -428,16 +455,31 @@ double SurfacePatch::distance_bound(const Point& p) const {
   return impl_->distance_bound(impl_->rings[impl_->index(i, j, k)]);
 }
 
+// Calls visit(triangle) for what the grid cells closer to p than `distance` hold, until it says
+// false; the same triangle often.
 template <class Visit>
-void SurfacePatch::Impl::for_each_near(const Point& p, double distance, Visit visit) const {
+bool SurfacePatch::Impl::for_each_held_near(const Point& p, double distance, Visit visit) const {
   const Point d{distance, distance, distance};
   const auto low = cell_of(p - d), high = cell_of(p + d);
-  const double bound = distance * distance;
+  const auto squared_gap = [&](int axis, int c) {  // between p and the cells
+    const double from = region.min[axis] + c * step[axis];
+    const double gap =
+        std::max(std::max(from - p[axis], p[axis] - (from + step[axis])) - slack, 0.0);
+    return gap * gap;
+  };
   for (int k = low[2]; k <= high[2]; ++k)
-    for (int j = low[1]; j <= high[1]; ++j)
-      for (int i = low[0]; i <= high[0]; ++i)
-        for (const Index t : held_by(index(i, j, k)))
-          if (boxes[t].squared_distance(p) < bound && !visit(triangles[t])) return;
+    for (int j = low[1]; j <= high[1]; ++j) {
+      if (squared_gap(1, j) + squared_gap(2, k) >= distance * distance) continue;
+      for (int word = low[0] / kWord; word <= high[0] / kWord; ++word) {
+        std::uint64_t bits = occupied[row(j, k) * words_in_row() + std::size_t(word)];
+        if (word == low[0] / kWord) bits &= ~std::uint64_t{0} << low[0] % kWord;
+        if (word == high[0] / kWord) bits &= ~std::uint64_t{0} >> (kWord - 1 - high[0] % kWord);
+        for (; bits != 0; bits &= bits - 1)
+          for (const Index t : held_by(index(kWord * word + std::countr_zero(bits), j, k)))
+            if (!visit(t)) return false;
+      }
+    }
+  return true;
 }
 
 // Down the rings from a grid cell to one that holds triangles, which is about the nearest.
@@ -456,51 +498,40 @@ std::array<int, 3> SurfacePatch::Impl::cell_with_triangles(std::array<int, 3> at
   return at;
 }
 
-// Where the nearest triangle seems to be; then shell after shell of grid cells around that of p,
-// from the first that holds triangles: most points that are near the surface are so by far.
+// First where the nearest triangle seems to be: most points that are near are so by far.
 bool SurfacePatch::is_near(const Point& p, double distance) const {
   if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
-  const Point d{distance, distance, distance};
-  const auto low = impl_->cell_of(p - d), high = impl_->cell_of(p + d), at = impl_->cell_of(p);
-  const auto holds_near = [&](int i, int j, int k) {
-    return std::ranges::any_of(impl_->held_by(impl_->index(i, j, k)), [&](Impl::Index t) {
-      return impl_->boxes[t].squared_distance(p) < distance * distance &&
-             squared_distance_to_triangle(p, impl_->triangles[t]) < distance * distance;
-    });
+  const double bound = distance * distance;
+  Impl::Recent far;
+  const auto is_far = [&](Impl::Index t) {
+    if (impl_->boxes[t].squared_distance(p) >= bound || far.holds(t)) return true;
+    if (squared_distance_to_triangle(p, impl_->triangles[t]) < bound) return false;
+    far.add(t);
+    return true;
   };
-  if (const auto [i, j, k] = impl_->cell_with_triangles(at); holds_near(i, j, k)) return true;
-  int last = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    last = std::max({last, at[axis] - low[axis], high[axis] - at[axis]});
-  for (int ring = impl_->rings[impl_->index(at[0], at[1], at[2])]; ring <= last; ++ring)
-    for (int k = std::max(low[2], at[2] - ring); k <= std::min(high[2], at[2] + ring); ++k)
-      for (int j = std::max(low[1], at[1] - ring); j <= std::min(high[1], at[1] + ring); ++j) {
-        const bool is_end = std::abs(k - at[2]) == ring || std::abs(j - at[1]) == ring;
-        const int step = is_end || ring == 0 ? 1 : 2 * ring;
-        for (int i = at[0] - ring; i <= at[0] + ring; i += step)
-          if (low[0] <= i && i <= high[0] && holds_near(i, j, k)) return true;
-      }
-  return false;
+  const auto [i, j, k] = impl_->cell_with_triangles(impl_->cell_of(p));
+  return !std::ranges::all_of(impl_->held_by(impl_->index(i, j, k)), is_far) ||
+         !impl_->for_each_held_near(p, distance, is_far);
 }
 
+// Few enough to look through for repeated ones.
 void SurfacePatch::triangles_near(const Point& p, double distance,
                                   std::vector<Triangle>& out) const {
   out.clear();
-  impl_->for_each_near(p, distance, [&](const Triangle& t) {
-    out.push_back(t);
+  impl_->for_each_held_near(p, distance, [&](Impl::Index i) {
+    const Triangle& t = impl_->triangles[i];
+    if (impl_->boxes[i].squared_distance(p) < distance * distance &&
+        std::ranges::find(out, t.id, &Triangle::id) == out.end())
+      out.push_back(t);
     return true;
   });
-  std::ranges::sort(out, {}, &Triangle::id);
-  const auto repeated = std::ranges::unique(out, {}, &Triangle::id);
-  out.erase(repeated.begin(), repeated.end());
 }
 
 void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
   out.clear();
-  impl_->for_each_near(p, distance, [&](const Triangle& t) {
-    out.insert(out.end(), t.corners.begin(), t.corners.end());
-    return true;
-  });
+  std::vector<Triangle> near;
+  triangles_near(p, distance, near);
+  for (const Triangle& t : near) out.insert(out.end(), t.corners.begin(), t.corners.end());
   std::ranges::sort(out);
   const auto repeated = std::ranges::unique(out);
   out.erase(repeated.begin(), repeated.end());

@@ -293,6 +293,34 @@ TEST_P(SurfacePatchOf, IsNearIsThatOfBruteForce) {
   EXPECT_GT(std::min(count[0], count[1]), 1000);
 }
 
+TEST_P(SurfacePatchOf, TrianglesNearAreAllThatAreCloserEachOnce) {
+  constexpr unsigned kSeed = 31;
+  Random random(kSeed);
+  std::uniform_real_distribution<double> fraction(0, 0.3);
+  const Box& region = patch_.region();
+  const double length = norm(region.max - region.min);
+  const SurfacePatch fine(mesh_, region, region.min, false, {length / 300, 4});
+  std::vector<Triangle> near;
+  int num_near = 0;
+  for (int n = 0; n < 200; ++n) {
+    const double distance = fraction(random) * length;
+    const Point p = uniform_in(random, region);
+    for (const SurfacePatch* patch : {&patch_, &fine}) {
+      patch->triangles_near(p, distance, near);
+      std::ranges::sort(near, {}, &Triangle::id);
+      ASSERT_EQ(std::ranges::adjacent_find(near, {}, &Triangle::id), near.end());
+      for (const Triangle& t : near) ASSERT_LT(t.box().squared_distance(p), distance * distance);
+      for (const Triangle& t : mesh_) {
+        if (!(brute_force::distance(p, t) < distance - 1e-9 * length)) continue;
+        ASSERT_TRUE(std::ranges::binary_search(near, t.id, {}, &Triangle::id))
+            << "seed " << kSeed << ", n " << n << ", triangle " << t.id;
+        ++num_near;
+      }
+    }
+  }
+  EXPECT_GT(num_near, 1000);
+}
+
 TEST_P(SurfacePatchOf, CenterToCornerParitiesAreDifferencesOfSides) {
   constexpr unsigned kSeed = 30;
   Random random(kSeed);
