@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 #include "octree/morton_key.h"
 #include "refine/circumcenter.h"
@@ -99,7 +100,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
 
 void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
   locals_.push_back({p, ref, is_own, is_core});
-  marks_.push_back({is_own, is_hidden(p)});
+  marks_.push_back({is_own, is_hidden(p), p.kind == PointKind::kSurface});
   num_own_ += is_own;
 }
 
@@ -117,21 +118,27 @@ bool LeafMesh::is_hidden(const MeshPoint& p) const {
 }
 
 void LeafMesh::make_fresh(Cell c) {
-  if (c >= data_.size()) data_.resize(delaunay_.cell_bound());
-  CellData& data = data_[c];
-  data = CellData{};
-  data.stamp = ++stamp_;
+  if (c >= states_.size()) {
+    states_.resize(delaunay_.cell_bound());
+    balls_.resize(delaunay_.cell_bound());
+  }
+  CellState state;
+  state.stamp = ++stamp_;
   for (std::size_t i = 0; i < 4; ++i) {
     const LocalIndex v = delaunay_.vertices(c)[i];
     if (v == kInfiniteVertex) continue;
-    data.own = static_cast<std::uint8_t>(data.own | marks_[v].is_own << i);
-    data.hidden = static_cast<std::uint8_t>(data.hidden | marks_[v].is_hidden << i);
+    const Marks& marks = marks_[v];
+    state.own = static_cast<std::uint8_t>(state.own | marks.is_own << i);
+    state.hidden = static_cast<std::uint8_t>(state.hidden | marks.is_hidden << i);
+    state.on_surface = static_cast<std::uint8_t>(state.on_surface | marks.is_on_surface << i);
   }
-  if (data.own != 0) fresh_.push_back({c, stamp_});
+  states_[c] = state;
+  if (state.own != 0) fresh_.push_back({c, stamp_});
 }
 
 void LeafMesh::make_all_fresh() {
-  data_.assign(delaunay_.cell_bound(), CellData{});
+  states_.assign(delaunay_.cell_bound(), CellState{});
+  balls_.resize(delaunay_.cell_bound());
   fresh_.clear();
   for (Cell c = 0; c < delaunay_.cell_bound(); ++c)
     if (delaunay_.is_cell(c)) make_fresh(c);
@@ -139,7 +146,7 @@ void LeafMesh::make_all_fresh() {
 
 void LeafMesh::note_gone(Cell c) {
   if (has_own_vertex(c)) (is_member(c) ? has_gone_member_ : has_gone_other_) = true;
-  data_[c].stamp = 0;
+  states_[c].stamp = 0;
 }
 
 // If all cells that went and came are in the mesh, or none is, every facet is as it was.
@@ -162,38 +169,39 @@ void LeafMesh::clear_fresh_cells() {
 // to each place on the way from there to the center, and no such place is on the surface: the
 // center is inside as well.
 Side LeafMesh::side(Cell c) const {
-  CellData& data = data_[c];
-  if (data.side != Side::kUnknown) return data.side;
-  data.side = Side::kFar;
-  if (delaunay_.is_infinite(c)) return data.side;
-  const Circumball ball =
-      circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)}, far_radius_);
-  data.center = ball.center;
-  data.squared_radius = ball.squared_radius;
-  if (!(ball.squared_radius <= far_radius_ * far_radius_)) return data.side;
-  if (data.own != 0 && data.hidden != 0) return data.side = Side::kInside;
+  CellState& state = states_[c];
+  if (state.side != Side::kUnknown) return state.side;
+  state.side = Side::kFar;
+  if (delaunay_.is_infinite(c)) return state.side;
+  const Circumball circumball =
+      locvol::circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)}, far_radius_);
+  CellBall& ball = balls_[c];
+  ball.center = circumball.center;
+  ball.squared_radius = circumball.squared_radius;
+  if (!(ball.squared_radius <= far_radius_ * far_radius_)) return state.side;
+  if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
   if (!is_whole && !input_.surface->region().contains(ball.center))
-    return data.side = Side::kBeyond;
+    return state.side = Side::kBeyond;
   const SurfacePatch::Location location = input_.surface->locate(ball.center);
-  data.clearance = location.distance_bound;
-  data.has_clearance = true;
-  return data.side = location.is_inside ? Side::kInside : Side::kOutside;
+  ball.clearance = location.distance_bound;
+  state.has_clearance = true;
+  return state.side = location.is_inside ? Side::kInside : Side::kOutside;
 }
 
 // As in side(): a hidden vertex is the nearest point to all of the dual edge.
 bool LeafMesh::is_hidden(Facet f) const {
-  const CellData& data = data_[f.cell];
-  return has_vertex(data.own, f) && has_vertex(data.hidden, f) && side(f.cell) != Side::kFar &&
+  const CellState& state = states_[f.cell];
+  return has_vertex(state.own, f) && has_vertex(state.hidden, f) && side(f.cell) != Side::kFar &&
          side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
 }
 
 // Of a near cell's center.
 double LeafMesh::clearance(Cell c) const {
-  CellData& data = data_[c];
-  if (!data.has_clearance) data.clearance = input_.surface->distance_bound(data.center);
-  data.has_clearance = true;
-  return data.clearance;
+  CellBall& ball = balls_[c];
+  if (!std::exchange(states_[c].has_clearance, true))
+    ball.clearance = input_.surface->distance_bound(ball.center);
+  return ball.clearance;
 }
 
 // Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
@@ -231,11 +239,11 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   if (is_hidden(f)) return result;
   double clear = (is_here_near ? clearance(here) : 0) + (is_there_near ? clearance(there) : 0);
   if (is_here_near && is_there_near &&
-      is_clear_between(data_[here].center, data_[there].center, clear))
+      is_clear_between(balls_[here].center, balls_[there].center, clear))
     return result;
   std::array<Point, 3> corners;
   for (std::size_t k = 0; k < 3; ++k) corners[k] = point(here, kTriple[std::size_t(f.index)][k]);
-  Point from = data_[here].center, to = data_[there].center;
+  Point from = balls_[here].center, to = balls_[there].center;
   if (!is_here_near || !is_there_near) {
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.

@@ -28,15 +28,19 @@ enum class Side : std::uint8_t {
   kBeyond,  // near, but outside the surface patch: of cells without own vertex only
 };
 
-struct CellData {
-  Point center;
-  double squared_radius = 0;
-  double clearance = 0;     // of the center, once it was asked for: no surface closer
+// What the checks ask of a cell and its neighbors over and over, in few bytes.
+struct CellState {
   std::uint32_t stamp = 0;  // one per cell ever made; 0: dead
   Side side = Side::kUnknown;
-  std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
   bool has_clearance = false;
-  std::uint8_t own = 0, hidden = 0;  // bit i: vertex i is
+  std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
+  std::uint8_t own = 0, hidden = 0, on_surface = 0;  // bit i: vertex i is
+};
+
+struct CellBall {  // once the side is known, if that is not kFar
+  Point center;
+  double squared_radius = 0;
+  double clearance = 0;  // of the center, once it was asked for: no surface closer
 };
 
 class LeafMesh {
@@ -78,9 +82,13 @@ class LeafMesh {
   bool is_known(std::uint64_t id) const;  // a point of P that is there, or was
   const Point& point(Cell c, int i) const { return delaunay_.point(delaunay_.vertex(c, i)); }
   bool is_own(LocalIndex v) const { return v != kInfiniteVertex && locals_[v].is_own; }
-  bool has_own_vertex(Cell c) const { return data_[c].own != 0; }
-  bool has_own_vertex(Facet f) const { return has_vertex(data_[f.cell].own, f); }
-  const CellData& data(Cell c) const { return data_[c]; }
+  bool has_own_vertex(Cell c) const { return states_[c].own != 0; }
+  bool has_own_vertex(Facet f) const { return has_vertex(states_[f.cell].own, f); }
+  bool is_on_surface(Facet f) const {
+    return (states_[f.cell].on_surface | 1 << f.index) == 0b1111;
+  }
+  const CellState& state(Cell c) const { return states_[c]; }
+  const CellBall& ball(Cell c) const { return balls_[c]; }
 
   // ---- The cells and facets against the surface.
   Side side(Cell c) const;
@@ -92,7 +100,7 @@ class LeafMesh {
   DualCrossings dual_crossings(Facet f) const;
 
   void note_facet_seen(Facet f) {
-    data_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
+    states_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
   }
 
   // ---- Change. Every cell with an own vertex that comes up is put on fresh_cells().
@@ -100,9 +108,9 @@ class LeafMesh {
     Cell cell = kNoCell;
     std::uint32_t stamp = 0;
   };
-  CellRef ref(Cell c) const { return {c, data_[c].stamp}; }
+  CellRef ref(Cell c) const { return {c, states_[c].stamp}; }
   bool is_alive(const CellRef& ref) const {
-    return ref.cell < data_.size() && data_[ref.cell].stamp == ref.stamp;
+    return ref.cell < states_.size() && states_[ref.cell].stamp == ref.stamp;
   }
   const std::vector<CellRef>& fresh_cells() const { return fresh_; }
   // Whether facets at own vertices may have joined or left the mesh's boundary since the fresh
@@ -158,7 +166,7 @@ class LeafMesh {
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   struct Marks {
-    bool is_own = false, is_hidden = false;
+    bool is_own = false, is_hidden = false, is_on_surface = false;
   };
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for
@@ -170,7 +178,8 @@ class LeafMesh {
   std::uint64_t num_own_ = 0;
   std::uint32_t stamp_ = 0;
   Delaunay delaunay_;
-  mutable std::vector<CellData> data_;  // of cells
+  mutable std::vector<CellState> states_;  // of cells
+  mutable std::vector<CellBall> balls_;    // likewise
   std::vector<CellRef> fresh_;
   mutable std::vector<Cell> around_;
   mutable std::vector<LocalIndex> neighbors_;

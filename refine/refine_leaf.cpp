@@ -223,18 +223,20 @@ void Refinement::look_at_fresh_cells() {
 
 void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   for (int i = 0; i < 4; ++i) {
-    const LocalIndex v = mesh_.delaunay().vertex(cell, i);
-    if (is_boundary_changed && v != kInfiniteVertex) look_at_vertex(v);
-    if ((mesh_.data(cell).facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}) &&
+    const CellState& state = mesh_.state(cell);
+    if (is_boundary_changed && (state.own & state.on_surface) >> i & 1)
+      look_at_vertex(mesh_.delaunay().vertex(cell, i));
+    if ((state.facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}) &&
         !mesh_.is_hidden(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
   if (!mesh_.is_member(cell)) return;
   const CellRef ref = mesh_.ref(cell);
   const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
-  if (mesh_.data(cell).squared_radius >= size * size)
+  const double squared_radius = mesh_.ball(cell).squared_radius;
+  if (squared_radius >= size * size)
     c5_.push_back(ref);
-  else if (mesh_.data(cell).squared_radius > ratio * ratio * shortest_edge_squared(cell))
+  else if (squared_radius > ratio * ratio * shortest_edge_squared(cell))
     c6_.push_back(ref);
 }
 
@@ -248,14 +250,10 @@ void Refinement::look_at(Facet facet) {
   const FacetRef ref{mesh_.ref(here), mesh_.ref(there), facet.index};
   if (dual.open_end) open_ends_.push_back(ref);
   if (dual.count == 0) return;
-  bool is_on_surface = true;
-  for (int i = 0; i < 4; ++i)
-    if (i != facet.index)
-      is_on_surface &= mesh_.local(delaunay.vertex(here, i)).point.kind == PointKind::kSurface;
   const double size = input_.criteria.size;
   if (dual.squared_radius >= size * size)
     c1_.push_back(ref);
-  else if (!is_on_surface)
+  else if (!mesh_.is_on_surface(facet))
     c2_.push_back(ref);
   else if (dual.count > 1)
     c4_.push_back(ref);
@@ -404,9 +402,9 @@ Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condit
 }
 
 Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) {
-  const CellData& data = mesh_.data(ref.cell);
-  attempt_ = {condition, data.center, std::sqrt(data.squared_radius)};
-  return insert_in_volume(data.center, condition, ref.cell);
+  const CellBall ball = mesh_.ball(ref.cell);  // the cell's own goes with it
+  attempt_ = {condition, ball.center, std::sqrt(ball.squared_radius)};
+  return insert_in_volume(ball.center, condition, ref.cell);
 }
 
 // The insertion rule (DESIGN 3.3), first part: a point of P that this visit had not loaded.
@@ -543,8 +541,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  if (input_.all_core)  // q may be a cell's circumcenter, gone with it
-    input_.all_core->append_met(q, input_.criteria.size, delta_.met_core);
+  if (input_.all_core) input_.all_core->append_met(q, input_.criteria.size, delta_.met_core);
   if (mesh_.has_cells())
     mesh_.insert({ref, q, kind}, ref, conflict_);
   else
@@ -580,7 +577,7 @@ void Refinement::list_cells() {
   auto& [vertices, cells] = delta_.cells;
   for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
     if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
-    if (mesh_.data(c).own == 0b1111) {
+    if (mesh_.state(c).own == 0b1111) {
       cells.push_back(delaunay.vertices(c));
       continue;
     }
