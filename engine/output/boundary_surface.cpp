@@ -52,7 +52,7 @@ std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertice
 
 }  // namespace
 
-BoundarySurface::BoundarySurface(const Reader& reader, VertexNumbering& numbering,
+BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                                  VertexPositions& positions, const std::filesystem::path& output,
                                  PageRelease& pages, Workers& workers)
     : reader_(&reader),
@@ -64,9 +64,10 @@ BoundarySurface::BoundarySurface(const Reader& reader, VertexNumbering& numberin
   find_facets(workers);
 }
 
-BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf) {
+BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
+                                                           NumberWindow& numbers) {
   LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
-  NumberedCells result{numbering_->first_cell(leaf), {}, numbering_->numbers(leaf, cells)};
+  NumberedCells result{numbering_->first_cell(leaf), {}, numbers.numbers(leaf, cells)};
   for (std::int64_t& number : result.numbers)
     if (number >= 0 && numbering_->is_core(static_cast<std::uint64_t>(number))) number = -1;
   result.cells = std::move(cells.cells);
@@ -101,12 +102,13 @@ std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
 void BoundarySurface::find_facets(Workers& workers) {
   LeafLists<Record> open(output_);  // facets in one cell of those that a leaf lists, by key
   const std::size_t num_leaves = numbering_->leaves().size();
+  NumberWindow numbers(*reader_, *numbering_);
   std::size_t next = 0;
   encode_in_order(
       workers,
       [&]() -> std::optional<NumberedCells> {
         if (next == num_leaves) return std::nullopt;
-        return load_cells(next++);
+        return load_cells(next++, numbers);
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
 

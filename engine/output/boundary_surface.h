@@ -31,13 +31,14 @@ struct BoundaryFacet {
 // are set against those of the leaves around it. A point of the lattice core has all of its cells
 // in the mesh, so no facet with one is on the boundary.
 // Memory: 24 bytes a leaf, 12 MB for lists of leaves near the current one, and for each thread a
-// leaf's cells and facets.
+// leaf's cells and facets; 20 MB while facets are found.
 // Threads: used by one at a time. Errors: StoreError, std::system_error.
 class BoundarySurface {
  public:
   // All but `workers` must outlive this object.
-  BoundarySurface(const Reader& reader, VertexNumbering& numbering, VertexPositions& positions,
-                  const std::filesystem::path& output, PageRelease& pages, Workers& workers);
+  BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
+                  VertexPositions& positions, const std::filesystem::path& output,
+                  PageRelease& pages, Workers& workers);
   BoundarySurface(const BoundarySurface&) = delete;
   BoundarySurface& operator=(const BoundarySurface&) = delete;
 
@@ -110,14 +111,14 @@ class BoundarySurface {
     std::vector<std::int64_t> numbers;
   };
 
-  NumberedCells load_cells(std::size_t leaf);
+  NumberedCells load_cells(std::size_t leaf, NumberWindow& numbers);
   static std::vector<Record> facets_in_one_cell(const NumberedCells& leaf);
   void find_facets(Workers& workers);
   void find_vertices();
   std::uint64_t place_of(std::uint64_t vertex);
 
   const Reader* reader_;
-  VertexNumbering* numbering_;
+  const VertexNumbering* numbering_;
   VertexPositions* positions_;
   std::filesystem::path output_;
   PageRelease* pages_;

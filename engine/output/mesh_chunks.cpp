@@ -13,8 +13,12 @@ constexpr std::size_t kFullBytes = std::size_t{1} << 20;  // of a chunk
 
 }  // namespace
 
-ChunkReader::ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages)
-    : reader_(reader), numbering_(numbering), pages_(pages), positions_(reader, numbering) {}
+ChunkReader::ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages)
+    : reader_(reader),
+      numbering_(numbering),
+      pages_(pages),
+      numbers_(reader, numbering),
+      positions_(reader, numbering) {}
 
 void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
   std::uint64_t num_cells = 0;
@@ -41,7 +45,7 @@ void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
 }
 
 void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
-  numbering_.for_each_vertex(leaf, [&](const Point& p) {
+  numbering_.for_each_vertex(reader_, leaf, [&](const Point& p) {
     chunk.numbers.push_back(chunk.first_vertex + chunk.vertices.size());
     chunk.vertices.push_back({p.x, p.y, p.z});
   });
@@ -50,7 +54,7 @@ void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
 
 void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
   const LeafCells cells = reader_.cells(numbering_.leaves()[leaf]);
-  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells);
+  const std::vector<std::int64_t> numbers = numbers_.numbers(leaf, cells);
   for (const auto& cell : cells.cells) {
     auto& numbered = out.cells.emplace_back();
     for (std::size_t i = 0; i < 4; ++i) numbered[i] = static_cast<std::uint64_t>(numbers[cell[i]]);
@@ -72,7 +76,7 @@ void ChunkReader::add_core_cells(std::size_t leaf, NumberedCells& out) {
   };
   // Not asked for leaves outside, which may be a thousand λ wide.
   if (numbering_.num_core_vertices(leaf) == 0) return check_count();
-  const SiteBlock<std::int64_t>& numbers = *numbering_.core_numbers(leaf);
+  const SiteBlock<std::int64_t>& numbers = *numbers_.core_numbers(leaf);
   const SiteBox sites = numbering_.sites(leaf);
   const auto number = [&](const LatticeSite& site) {
     const auto vertex = static_cast<std::uint64_t>(numbers[site]);

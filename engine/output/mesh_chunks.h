@@ -25,12 +25,12 @@ struct MeshChunk {
   std::vector<Cell> cells;             // indices into `vertices`, positively oriented
 };
 
-// Memory: a chunk takes a mebibyte or a leaf; besides, 8 MB for the points of leaves near.
+// Memory: a chunk takes a mebibyte or a leaf; besides, 28 MB for points of leaves near.
 // Errors: CorruptRecord.
 class ChunkReader {
  public:
   // All must outlive this object.
-  ChunkReader(const Reader& reader, VertexNumbering& numbering, PageRelease& pages);
+  ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages);
 
   // Calls the visitor with each chunk, in order.
   void for_each(const std::function<void(const MeshChunk&)>& visit);
@@ -53,8 +53,9 @@ class ChunkReader {
   static void complete(NumberedCells numbered, MeshChunk& chunk);
 
   const Reader& reader_;
-  VertexNumbering& numbering_;
+  const VertexNumbering& numbering_;
   PageRelease& pages_;
+  NumberWindow numbers_;
   VertexPositions positions_;
 };
 

@@ -17,7 +17,8 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
                        const StepProgress& on_step)
-    : snapshot_(store.snapshot()),
+    : store_(store),
+      snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
       output_(output),
       on_step_(on_step),
@@ -45,37 +46,78 @@ BoundarySurface& MeshSource::boundary() {
   return *boundary_;
 }
 
-std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& parts) {
-  return [this, parts, leaf = std::size_t{0}, num_vertices = std::uint64_t{0},
-          num_cells = std::uint64_t{0}]() mutable -> std::optional<MeshPiece> {
+MeshSource::Window::Window(const Store& store, const VertexNumbering& numbering, int num_shares)
+    : snapshot(store.snapshot()),
+      numbers(snapshot, numbering, num_shares),
+      positions(snapshot, numbering, num_shares) {}
+
+std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) const {
+  const std::uint64_t num_vertices =
+      numbering_.first_vertex(leaf + 1) - numbering_.first_vertex(leaf);
+  const std::uint64_t num_cells = numbering_.first_cell(leaf + 1) - numbering_.first_cell(leaf);
+  const std::uint64_t num_listed = num_cells - numbering_.num_core_cells(leaf);
+  return (parts.has_points ? sizeof(MeshPiece::Vertex) * num_vertices : 0) +
+         (parts.has_cells ? sizeof(MeshPiece::Cell) * num_cells : 0) +
+         (parts.has_corners ? sizeof(std::array<Point, 4>) * num_listed : 0);
+}
+
+std::function<std::optional<MeshSource::LeafRange>()> MeshSource::ranges(const PieceParts& parts) {
+  return [this, parts, leaf = std::size_t{0}]() mutable -> std::optional<LeafRange> {
     const std::size_t num_leaves = numbering_.leaves().size();
     if (leaf == num_leaves) return std::nullopt;
-    MeshPiece piece;
-    piece.first_vertex = num_vertices;
-    piece.first_cell = num_cells;
-    for (; leaf < num_leaves && piece.bytes() < kFullPieceBytes; ++leaf) {
-      if (parts.has_points) add_points(leaf, piece);
-      if (parts.has_cells) add_cells(leaf, parts.has_corners, piece);
-    }
-    num_vertices += piece.points.size();
-    num_cells += piece.cells.size();
-    pages_.count(piece.bytes());
+    LeafRange range{leaf, leaf};
+    std::uint64_t bytes = 0;
+    for (; range.end < num_leaves && bytes < kFullPieceBytes; ++range.end)
+      bytes += bytes_of(range.end, parts);
+    leaf = range.end;
+    pages_.count(bytes);
+    const std::uint64_t num_cells = parts.has_cells ? numbering_.first_cell(leaf) : 0;
     if (on_step_ && num_cells > num_told_) on_step_(num_told_ = num_cells, this->num_cells());
-    return piece;
+    return range;
   };
 }
 
-void MeshSource::add_points(std::size_t leaf, MeshPiece& piece) {
-  numbering_.for_each_vertex(leaf, [&](const Point& p) {
+std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& parts) {
+  return [this, parts, next = ranges(parts)]() -> std::optional<MeshPiece> {
+    const auto range = next();
+    if (!range) return std::nullopt;
+    return read(*range, parts);
+  };
+}
+
+MeshPiece MeshSource::read(const LeafRange& range, const PieceParts& parts) {
+  std::unique_ptr<Window> window;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!idle_.empty()) {
+      window = std::move(idle_.back());
+      idle_.pop_back();
+    }
+  }
+  if (!window) window = std::make_unique<Window>(store_, numbering_, workers_.num_threads());
+  MeshPiece piece;
+  piece.first_vertex = numbering_.first_vertex(range.first);
+  piece.first_cell = numbering_.first_cell(range.first);
+  for (std::size_t leaf = range.first; leaf < range.end; ++leaf) {
+    if (parts.has_points) add_points(leaf, *window, piece);
+    if (parts.has_cells) add_cells(leaf, parts.has_corners, *window, piece);
+  }
+  const std::lock_guard lock(mutex_);
+  idle_.push_back(std::move(window));
+  return piece;
+}
+
+void MeshSource::add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const {
+  numbering_.for_each_vertex(window.snapshot, leaf, [&](const Point& p) {
     piece.points.push_back({p.x, p.y, p.z});
   });
 }
 
 // The cells of the leaf's core, by formula. Returns how many there are.
-std::uint64_t MeshSource::add_core_cells(std::size_t leaf, MeshPiece& piece) {
+std::uint64_t MeshSource::add_core_cells(std::size_t leaf, Window& window, MeshPiece& piece) const {
   // Not asked for leaves outside, which may be a thousand λ wide.
   if (numbering_.num_core_vertices(leaf) == 0) return 0;
-  const SiteBlock<std::int64_t>* numbers = numbering_.core_numbers(leaf);
+  const SiteBlock<std::int64_t>* numbers = window.numbers.core_numbers(leaf);
   const std::size_t num_before = piece.cells.size();
   for_each_site(numbering_.sites(leaf), [&](const LatticeSite& site) {
     const std::int64_t here = (*numbers)[site];
@@ -91,18 +133,19 @@ std::uint64_t MeshSource::add_core_cells(std::size_t leaf, MeshPiece& piece) {
   return piece.cells.size() - num_before;
 }
 
-void MeshSource::add_cells(std::size_t leaf, bool has_corners, MeshPiece& piece) {
+void MeshSource::add_cells(std::size_t leaf, bool has_corners, Window& window,
+                           MeshPiece& piece) const {
   const MortonKey key = numbering_.leaves()[leaf];
-  const LeafCells cells = snapshot_.cells(key);
-  const std::vector<std::int64_t> numbers = numbering_.numbers(leaf, cells);
+  const LeafCells cells = window.snapshot.cells(key);
+  const std::vector<std::int64_t> numbers = window.numbers.numbers(leaf, cells);
   for (const auto& [a, b, c, d] : cells.cells)
     piece.cells.push_back({numbers[a], numbers[b], numbers[c], numbers[d]});
   if (has_corners) {
-    const std::vector<Point> positions = positions_.of(cells.vertices, numbers);
+    const std::vector<Point> positions = window.positions.of(cells.vertices, numbers);
     for (const auto& [a, b, c, d] : cells.cells)
       piece.corners.push_back({positions[a], positions[b], positions[c], positions[d]});
   }
-  const std::uint64_t num_core = add_core_cells(leaf, piece);
+  const std::uint64_t num_core = add_core_cells(leaf, window, piece);
   if (num_core != numbering_.num_core_cells(leaf))
     throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
   piece.runs.push_back({static_cast<std::uint32_t>(leaf), cells.cells.size(), num_core});

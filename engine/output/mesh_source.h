@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -54,14 +55,14 @@ struct QualityValues {
 };
 
 // Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order.
-// Memory: that of VertexNumbering and BoundarySurface, 8 MB for the points near a leaf, and for
-// each thread a piece: a mebibyte, or a leaf more.
+// Memory: that of VertexNumbering and BoundarySurface, 8 MB for the points near a leaf and those of
+// NumberWindow, which the threads divide, and for each thread a piece: a mebibyte, or a leaf more.
 // Threads: used by one at a time; what is given to encode is called from any.
 // Errors: StoreError; CorruptRecord; std::system_error of the files beside the output.
 class MeshSource {
  public:
-  // The run must be done. `output`: temporary files lie beside it. Steps are cells, told
-  // in the first pass over them.
+  // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
+  // Steps are cells, told in the first pass over them.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {});
 
@@ -76,16 +77,33 @@ class MeshSource {
   // Calls take(encode(piece)) for each piece, encode on any thread, take in order.
   template <class Encode, class Take>
   void for_each_piece(const PieceParts& parts, const Encode& encode, Take take) {
-    encode_in_order(workers_, pieces(parts), encode, take);
+    encode_in_order(
+        workers_, ranges(parts), [&](const LeafRange& range) { return encode(read(range, parts)); },
+        take);
   }
   // Gives piece after piece, and then nothing. One at a time may be in use.
   std::function<std::optional<MeshPiece>()> pieces(const PieceParts& parts);
 
  private:
-  void add_points(std::size_t leaf, MeshPiece& piece);
-  void add_cells(std::size_t leaf, bool has_corners, MeshPiece& piece);
-  std::uint64_t add_core_cells(std::size_t leaf, MeshPiece& piece);
+  struct LeafRange {  // of a piece: leaves from `first` to before `end`
+    std::size_t first = 0, end = 0;
+  };
+  // What one thread reads with.
+  struct Window {
+    Window(const Store& store, const VertexNumbering& numbering, int num_shares);
+    const Snapshot snapshot;
+    NumberWindow numbers;
+    VertexPositions positions;
+  };
 
+  std::function<std::optional<LeafRange>()> ranges(const PieceParts& parts);
+  std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
+  MeshPiece read(const LeafRange& range, const PieceParts& parts);  // by any thread
+  void add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const;
+  void add_cells(std::size_t leaf, bool has_corners, Window& window, MeshPiece& piece) const;
+  std::uint64_t add_core_cells(std::size_t leaf, Window& window, MeshPiece& piece) const;
+
+  const Store& store_;
   Snapshot snapshot_;
   RunRecord run_;
   std::filesystem::path output_;
@@ -96,6 +114,8 @@ class MeshSource {
   VertexPositions positions_;
   Workers workers_;
   std::unique_ptr<BoundarySurface> boundary_;
+  std::mutex mutex_;                           // of idle_
+  std::vector<std::unique_ptr<Window>> idle_;  // as many as were needed at once
 };
 
 // Of the cells of a piece, in order; those of the core by formula, without the displacement of

@@ -36,27 +36,23 @@ std::vector<bool> named_vertices(const LeafCells& cells) {
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const std::filesystem::path& output, PageRelease& pages)
-    : reader_(&reader),
-      pages_(&pages),
-      frame_(run.frame),
+    : frame_(run.frame),
       lattice_(lattice_of(run)),
       size_(run.parameters.size),
       octree_(reader.leaf_keys()),
-      ids_file_(OpenFile::temporary(output)),
-      tables_(kTableBytes, [this](std::size_t leaf) { return load_table(leaf); }),
-      cores_(kCoreBytes, [this](std::size_t leaf) { return load_core(leaf); }) {
+      ids_file_(OpenFile::temporary(output)) {
   first_vertex_.reserve(octree_.size() + 1);
   first_cell_.reserve(octree_.size() + 1);
   num_core_vertices_.reserve(octree_.size());
   num_core_cells_.reserve(octree_.size());
   num_core_before_.reserve(octree_.size() + 1);
-  LeafWindow<Names> names(kNamesBytes, [this](std::size_t leaf) { return load_names(leaf); });
+  LeafWindow<Names> names(kNamesBytes,
+                          [&](std::size_t leaf) { return load_names(reader, pages, leaf); });
   for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
-    const Table used = find_used(leaf, names);
+    const std::vector<std::uint64_t> used = find_used(leaf, names);
     const auto here = names.get(leaf);
-    ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t),
-                       std::as_bytes(std::span(used.ids)));
-    first_vertex_.push_back(num_vertices() + used.ids.size() + here->num_core_points);
+    ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t), std::as_bytes(std::span(used)));
+    first_vertex_.push_back(num_vertices() + used.size() + here->num_core_points);
     num_core_vertices_.push_back(here->num_core_points);
     num_core_before_.push_back(num_core_before_.back() + here->num_core_points);
     num_core_cells_.push_back(here->num_core_cells);
@@ -64,18 +60,19 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
   }
 }
 
-VertexNumbering::Names VertexNumbering::load_names(std::size_t leaf) {
+VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRelease& pages,
+                                                   std::size_t leaf) const {
   const MortonKey key = leaves()[leaf];
-  const LeafPoints points = reader_->points(key);
-  const LeafCells cells = reader_->cells(key);
-  pages_->count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
+  const LeafPoints points = reader.points(key);
+  const LeafCells cells = reader.cells(key);
+  pages.count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
   require_ascending(cells.vertices, key, "the vertices of the cells");
 
   Names names;
   names.num_cells = cells.cells.size();
   if (!points.core.is_empty()) {
     check_core(leaf, points.core);
-    const LeafInfo info = reader_->leaf(key).value_or(LeafInfo());
+    const LeafInfo info = reader.leaf(key).value_or(LeafInfo());
     names.num_core_points = num_points(points.core, sites(leaf));
     names.num_core_cells = info.num_core_cells;
   }
@@ -97,8 +94,8 @@ VertexNumbering::Names VertexNumbering::load_names(std::size_t leaf) {
   return names;
 }
 
-VertexNumbering::Table VertexNumbering::find_used(std::size_t leaf,
-                                                  LeafWindow<Names>& names) const {
+std::vector<std::uint64_t> VertexNumbering::find_used(std::size_t leaf,
+                                                      LeafWindow<Names>& names) const {
   const auto here = names.get(leaf);
   std::vector<bool> is_used = here->is_named;
   if (std::ranges::find(is_used, false) != is_used.end()) {
@@ -107,24 +104,19 @@ VertexNumbering::Table VertexNumbering::find_used(std::size_t leaf,
                       [&](auto, auto own) { is_used[static_cast<std::size_t>(own)] = true; });
     }
   }
-  Table used;
-  used.ids.reserve(here->own.size());
+  std::vector<std::uint64_t> used;
+  used.reserve(here->own.size());
   for (std::size_t i = 0; i < is_used.size(); ++i) {
-    if (is_used[i]) used.ids.push_back(here->own[i]);
+    if (is_used[i]) used.push_back(here->own[i]);
   }
   return used;
 }
 
-VertexNumbering::Table VertexNumbering::load_table(std::size_t leaf) const {
-  Table table{std::vector<std::uint64_t>(first_used(leaf + 1) - first_used(leaf))};
+std::vector<std::uint64_t> VertexNumbering::used_ids(std::size_t leaf) const {
+  std::vector<std::uint64_t> ids(first_used(leaf + 1) - first_used(leaf));
   ids_file_.read_at(first_used(leaf) * sizeof(std::uint64_t),
-                    std::as_writable_bytes(std::span(table.ids)));
-  return table;
-}
-
-VertexNumbering::Core VertexNumbering::load_core(std::size_t leaf) const {
-  if (num_core_vertices_[leaf] == 0) return {};
-  return {reader_->points(leaves()[leaf]).core};
+                    std::as_writable_bytes(std::span(ids)));
+  return ids;
 }
 
 void VertexNumbering::check_core(std::size_t leaf, const LatticeCore& core) const {
@@ -145,17 +137,27 @@ std::size_t VertexNumbering::leaf_of_cell(std::uint64_t cell) const {
   return static_cast<std::size_t>(next - first_cell_.begin()) - 1;
 }
 
-const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
+NumberWindow::NumberWindow(const Reader& reader, const VertexNumbering& numbering, int num_shares)
+    : reader_(&reader),
+      numbering_(&numbering),
+      tables_(kTableBytes / static_cast<std::size_t>(num_shares),
+              [this](std::size_t leaf) { return Table{numbering_->used_ids(leaf)}; }),
+      cores_(kCoreBytes / static_cast<std::size_t>(num_shares), [this](std::size_t leaf) {
+        if (numbering_->num_core_vertices(leaf) == 0) return Core{};
+        return Core{reader_->points(numbering_->leaves()[leaf]).core};
+      }) {}
+
+const SiteBlock<std::int64_t>* NumberWindow::core_numbers(std::size_t leaf) {
   if (leaf_of_core_numbers_ != leaf) {
     leaf_of_core_numbers_ = leaf;
     has_core_numbers_ = false;
-    const SiteBox around = sites(leaf).expanded(2);
-    for (const std::size_t other : neighbors(leaf)) {
-      if (num_core_vertices_[other] == 0) continue;
+    const SiteBox around = numbering_->sites(leaf).expanded(2);
+    for (const std::size_t other : numbering_->neighbors(leaf)) {
+      if (numbering_->num_core_vertices(other) == 0) continue;
       if (!has_core_numbers_) core_numbers_ = {around, -1};
       has_core_numbers_ = true;
-      const auto first = static_cast<std::int64_t>(first_core_vertex(other));
-      for_each_core_site(cores_.get(other)->core, sites(other), around,
+      const auto first = static_cast<std::int64_t>(numbering_->first_core_vertex(other));
+      for_each_core_site(cores_.get(other)->core, numbering_->sites(other), around,
                          [&](const LatticeSite& site, std::uint64_t num_before) {
                            core_numbers_[site] = first + static_cast<std::int64_t>(num_before);
                          });
@@ -164,12 +166,12 @@ const SiteBlock<std::int64_t>* VertexNumbering::core_numbers(std::size_t leaf) {
   return has_core_numbers_ ? &core_numbers_ : nullptr;
 }
 
-std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
-                                                   std::span<const std::uint64_t> ids) {
+std::vector<std::int64_t> NumberWindow::numbers(std::size_t leaf,
+                                                std::span<const std::uint64_t> ids) {
   std::vector<std::int64_t> numbers(ids.size(), -1);
   if (ids.empty()) return numbers;
-  for (const std::size_t neighbor : neighbors(leaf)) {
-    const auto first = static_cast<std::int64_t>(first_vertex_[neighbor]);
+  for (const std::size_t neighbor : numbering_->neighbors(leaf)) {
+    const auto first = static_cast<std::int64_t>(numbering_->first_vertex(neighbor));
     for_each_common(ids, tables_.get(neighbor)->ids, [&](auto id, auto rank) {
       numbers[static_cast<std::size_t>(id)] = first + rank;
     });
@@ -182,11 +184,11 @@ std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf,
   return numbers;
 }
 
-std::vector<std::int64_t> VertexNumbering::numbers(std::size_t leaf, const LeafCells& cells) {
+std::vector<std::int64_t> NumberWindow::numbers(std::size_t leaf, const LeafCells& cells) {
   std::vector<std::int64_t> numbers = this->numbers(leaf, cells.vertices);
   for (const auto& cell : cells.cells)
     for (const std::uint32_t v : cell)
-      if (numbers[v] < 0) throw_unknown_point(cells.vertices[v], leaves()[leaf]);
+      if (numbers[v] < 0) throw_unknown_point(cells.vertices[v], numbering_->leaves()[leaf]);
   return numbers;
 }
 

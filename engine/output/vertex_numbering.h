@@ -1,4 +1,5 @@
-// VertexNumbering gives the used points of a finished store their numbers in the output.
+// VertexNumbering gives the used points of a finished store their numbers in the output;
+// NumberWindow looks them up.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +20,12 @@ namespace locvol {
 // A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
 // from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
 // of their numbers, in a nameless file of 8 bytes per vertex beside the output.
-// Memory: 48 bytes per leaf, 24 MB for the ids of leaves near the current one, and 16 MB for their
-// cores.
+// Memory: 48 bytes per leaf, and 16 MB while it is made.
+// Threads: const functions are safe from many threads.
 // Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
 class VertexNumbering {
  public:
-  // `reader` must outlive this object.
+  // `reader` is used by the constructor only.
   VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
                   PageRelease& pages);
 
@@ -50,20 +51,19 @@ class VertexNumbering {
   std::uint64_t first_core_vertex(std::size_t leaf) const {
     return first_vertex_[leaf + 1] - num_core_vertices_[leaf];
   }
-  // Numbers of the core's points in the leaf and up to two sites around it, where that has some; -1
-  // elsewhere. Takes 8 bytes a site of the leaf's box. Null if the leaf and all around it have
-  // none. Valid until the next call of it or of numbers().
-  const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
   std::uint64_t num_core_vertices(std::size_t leaf) const { return num_core_vertices_[leaf]; }
   // As its record counts them.
   std::uint64_t num_core_cells(std::size_t leaf) const { return num_core_cells_[leaf]; }
   SiteBox sites(std::size_t leaf) const { return lattice_.sites_in(frame_.box(leaves()[leaf])); }
 
-  // Where the used points of a leaf lie, but for those of the core, in the order of their numbers:
-  // calls visit(position). `points`: the leaf's
+  // That hold points which the leaf's cells may name.
+  std::vector<std::size_t> neighbors(std::size_t leaf) const { return near(leaf, kCellReach); }
+  // Of a leaf's used points but for those of the core, in the order of their numbers: ascending.
+  std::vector<std::uint64_t> used_ids(std::size_t leaf) const;
+  // Where they lie: calls visit(position). `points`: the leaf's
   template <class Visit>
   void for_each_listed(std::size_t leaf, const LeafPoints& points, const Visit& visit) const {
-    const std::vector<std::uint64_t> used = load_table(leaf).ids;
+    const std::vector<std::uint64_t> used = used_ids(leaf);
     auto next = used.begin();
     for (const MeshPoint& point : points.points) {
       if (next == used.end() || point.id != *next) continue;
@@ -73,19 +73,14 @@ class VertexNumbering {
   }
   // Likewise of all, the core's last.
   template <class Visit>
-  void for_each_vertex(std::size_t leaf, const Visit& visit) const {
-    const LeafPoints points = reader_->points(leaves()[leaf]);
+  void for_each_vertex(const Reader& reader, std::size_t leaf, const Visit& visit) const {
+    const LeafPoints points = reader.points(leaves()[leaf]);
     for_each_listed(leaf, points, visit);
     const SiteBox all = sites(leaf);
     for_each_core_site(points.core, all, all, [&](const LatticeSite& site, std::uint64_t) {
       visit(lattice_.position(site));
     });
   }
-  // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
-  // unused or unknown. REQUIRES: ids ascend
-  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
-  // Of the leaf's cells: throws CorruptRecord if one of them names a point without a number.
-  std::vector<std::int64_t> numbers(std::size_t leaf, const LeafCells& cells);
 
  private:
   // Of one leaf: its points, which of them its own cells name, and what else they name.
@@ -99,29 +94,13 @@ class VertexNumbering {
       return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8;
     }
   };
-  struct Table {
-    std::vector<std::uint64_t> ids;  // of the leaf's used points, ascending
-    std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
-  };
-
-  struct Core {
-    LatticeCore core;
-    std::size_t bytes() const { return sizeof *this + sizeof(LatticeRow) * core.rows.capacity(); }
-  };
-
-  Names load_names(std::size_t leaf);
-  Table find_used(std::size_t leaf, LeafWindow<Names>& names) const;
-  Table load_table(std::size_t leaf) const;
-  Core load_core(std::size_t leaf) const;
+  Names load_names(const Reader& reader, PageRelease& pages, std::size_t leaf) const;
+  std::vector<std::uint64_t> find_used(std::size_t leaf, LeafWindow<Names>& names) const;
   void check_core(std::size_t leaf, const LatticeCore& core) const;
   std::uint64_t first_used(std::size_t leaf) const {
     return first_vertex_[leaf] - num_core_before_[leaf];
   }
-  // That hold points which its cells may name.
-  std::vector<std::size_t> neighbors(std::size_t leaf) const { return near(leaf, kCellReach); }
 
-  const Reader* reader_;
-  PageRelease* pages_;
   Frame frame_;
   Lattice lattice_;
   double size_;  // λ
@@ -129,6 +108,40 @@ class VertexNumbering {
   OpenFile ids_file_;
   std::vector<std::uint64_t> first_vertex_{0}, first_cell_{0};  // of each leaf, and the end
   std::vector<std::uint64_t> num_core_vertices_, num_core_cells_, num_core_before_{0};
+};
+
+// Memory: 20 MB, divided by `num_shares`, for ids and cores of leaves near the current one, and
+// core_numbers().
+// Errors: as VertexNumbering.
+class NumberWindow {
+ public:
+  // Both must outlive this object.
+  NumberWindow(const Reader& reader, const VertexNumbering& numbering, int num_shares = 1);
+  NumberWindow(const NumberWindow&) = delete;
+  NumberWindow& operator=(const NumberWindow&) = delete;
+
+  // Numbers of the core's points in the leaf and up to two sites around it, where that has some; -1
+  // elsewhere. Takes 8 bytes a site of the leaf's box. Null if the leaf and all around it have
+  // none. Valid until the next call of it or of numbers().
+  const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
+  // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
+  // unused or unknown. REQUIRES: ids ascend
+  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
+  // Of the leaf's cells: throws CorruptRecord if one of them names a point without a number.
+  std::vector<std::int64_t> numbers(std::size_t leaf, const LeafCells& cells);
+
+ private:
+  struct Table {
+    std::vector<std::uint64_t> ids;  // of the leaf's used points, ascending
+    std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
+  };
+  struct Core {
+    LatticeCore core;
+    std::size_t bytes() const { return sizeof *this + sizeof(LatticeRow) * core.rows.capacity(); }
+  };
+
+  const Reader* reader_;
+  const VertexNumbering* numbering_;
   LeafWindow<Table> tables_;
   LeafWindow<Core> cores_;
   SiteBlock<std::int64_t> core_numbers_;

@@ -7,10 +7,12 @@ constexpr std::size_t kTableBytes = std::size_t{8} << 20;
 
 }  // namespace
 
-VertexPositions::VertexPositions(const Reader& reader, const VertexNumbering& numbering)
+VertexPositions::VertexPositions(const Reader& reader, const VertexNumbering& numbering,
+                                 int num_shares)
     : reader_(&reader),
       numbering_(&numbering),
-      tables_(kTableBytes, [this](std::size_t leaf) { return load(leaf); }) {}
+      tables_(kTableBytes / static_cast<std::size_t>(num_shares),
+              [this](std::size_t leaf) { return load(leaf); }) {}
 
 VertexPositions::Table VertexPositions::load(std::size_t leaf) const {
   Table table;

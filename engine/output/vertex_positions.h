@@ -12,11 +12,11 @@
 
 namespace locvol {
 
-// Memory: 8 MB for the leaves last asked for. Errors: StoreError.
+// Memory: 8 MB, divided by `num_shares`, for the leaves last asked for. Errors: StoreError.
 class VertexPositions {
  public:
   // Both must outlive this object.
-  VertexPositions(const Reader& reader, const VertexNumbering& numbering);
+  VertexPositions(const Reader& reader, const VertexNumbering& numbering, int num_shares = 1);
 
   // REQUIRES: not of the core
   Point of(std::uint64_t vertex);
