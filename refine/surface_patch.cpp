@@ -514,17 +514,18 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
          !impl_->for_each_held_near(p, distance, is_far);
 }
 
-// Few enough to look through for repeated ones.
 void SurfacePatch::triangles_near(const Point& p, double distance,
                                   std::vector<Triangle>& out) const {
-  out.clear();
-  impl_->for_each_held_near(p, distance, [&](Impl::Index i) {
-    const Triangle& t = impl_->triangles[i];
-    if (impl_->boxes[i].squared_distance(p) < distance * distance &&
-        std::ranges::find(out, t.id, &Triangle::id) == out.end())
-      out.push_back(t);
+  std::vector<Impl::Index> near;
+  impl_->for_each_held_near(p, distance, [&](Impl::Index t) {
+    if (impl_->boxes[t].squared_distance(p) < distance * distance) near.push_back(t);
     return true;
   });
+  std::ranges::sort(near);
+  const auto repeated = std::ranges::unique(near);
+  near.erase(repeated.begin(), repeated.end());
+  out.clear();
+  for (const Impl::Index t : near) out.push_back(impl_->triangles[t]);
 }
 
 void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {

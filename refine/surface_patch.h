@@ -64,7 +64,8 @@ class SurfacePatch {
   // The corners of triangles closer to p than `distance` (and, of those, some farther away), in
   // lexicographic order, each once.
   void corners_near(const Point& p, double distance, std::vector<Point>& out) const;
-  // Triangles closer to p than `distance`, and some that only come close; each once.
+  // Triangles closer to p than `distance`, and some that only come close; in order of id, each
+  // once.
   void triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const;
   // Is some triangle closer to p than `distance`? REQUIRES: the region holds all that is
   bool is_near(const Point& p, double distance) const;
