@@ -37,11 +37,6 @@ struct MeshPiece {
   std::vector<Cell> cells;
   std::vector<LeafRun> runs;                  // of the cells
   std::vector<std::array<Point, 4>> corners;  // of the listed cells
-
-  std::uint64_t bytes() const {
-    return sizeof(Vertex) * points.size() + sizeof(Cell) * cells.size() +
-           sizeof(std::array<Point, 4>) * corners.size();
-  }
 };
 
 struct PieceParts {
