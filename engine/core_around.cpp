@@ -33,24 +33,6 @@ CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance) : latti
   }
 }
 
-std::vector<MeshPoint> CoreAround::neighbors_of(std::span<const MeshPoint> points) const {
-  std::vector<MeshPoint> neighbors;
-  if (is_empty_) return neighbors;
-  std::vector<LatticeSite> sites;
-  for (const MeshPoint& p : points) {
-    if (p.kind != PointKind::kLattice) continue;
-    const LatticeSite site = site_of(p.id);
-    for (const LatticeSite& step : kLatticeNeighbors)
-      if (contains(site + step)) sites.push_back(site + step);
-  }
-  std::ranges::sort(sites);
-  const auto repeated = std::ranges::unique(sites);
-  sites.erase(repeated.begin(), repeated.end());
-  neighbors.reserve(sites.size());
-  for (const LatticeSite& site : sites) neighbors.push_back(lattice_.point(site));
-  return neighbors;
-}
-
 std::vector<MeshPoint> CoreAround::points() const {
   std::vector<MeshPoint> points;
   for_each_site(is_core_.box(), [&](const LatticeSite& site) {
@@ -65,6 +47,13 @@ void CoreAround::within(const Point& q, double radius, std::vector<MeshPoint>& o
   lattice_.sites_within(q, radius, sites);
   for (const LatticeSite& site : sites)
     if (contains(site)) out.push_back(lattice_.point(site));
+}
+
+// No lattice point is closer than the nearest. Displacements are far below what any distance here
+// decides by.
+bool CoreAround::has_within(const Point& q, double radius) const {
+  const LatticeSite site = lattice_.nearest(q);
+  return contains(site) && squared_distance(lattice_.undisplaced(site), q) < radius * radius;
 }
 
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {

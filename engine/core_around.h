@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "engine/run_state.h"
@@ -22,10 +21,9 @@ class CoreAround : public CoreIndex {
   bool contains(const LatticeSite& site) const override {
     return !is_empty_ && is_core_.box().contains(site) && is_core_[site] != 0;
   }
-  // Those that share a cell with one of the lattice points given, in order of id.
-  std::vector<MeshPoint> neighbors_of(std::span<const MeshPoint> points) const;
   std::vector<MeshPoint> points() const;  // all of them, in order of id
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override;
+  bool has_within(const Point& q, double radius) const override;
 
  private:
   const Lattice& lattice_;

@@ -119,20 +119,17 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double patch_distance = kSlack * kReach / 2 * size;
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
-  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance), core;
-  std::unique_ptr<const CoreAround> core_around;
-  if (state_.is_cover()) {
-    core_around = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
-    core = core_around->neighbors_of(own);
-  }
+  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles;
   if (state_.is_cover()) triangles = triangles_meeting(region);
   const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
-                        .num_points = most_points_of_visit(own.size(), ghosts.size() + core.size()),
+                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
                         .num_triangles = triangles.size()};
   LoadedLeaf loaded;
   loaded.bytes = visit.bytes_to_refine();
+  if (state_.is_cover())
+    loaded.core = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
   std::optional<LastVisit> last = last_visit(leaf);
   if (state_.is_cover())
     loaded.surface =
@@ -141,15 +138,13 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .core = std::move(core),
                   .surface = whole_surface_.get(),
                   .all_points = all_points_ ? &*all_points_ : nullptr,
-                  .all_core = core_around && !core_around->is_empty() ? core_around.get() : nullptr,
+                  .core = loaded.core && !loaded.core->is_empty() ? loaded.core.get() : nullptr,
                   .max_own_points = max_own_points(leaf),
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
                   .on_step = {}};
-  loaded.core = std::move(core_around);
   return loaded;
 }
 

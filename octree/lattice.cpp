@@ -133,6 +133,18 @@ Point Lattice::undisplaced(const LatticeSite& site) const {
   return {origin_.x + half_ * site.i, origin_.y + half_ * site.j, origin_.z + half_ * site.k};
 }
 
+// Even and odd sites make up a cubic lattice each.
+LatticeSite Lattice::nearest(const Point& q) const {
+  const Point u = (1 / half_) * (q - origin_);
+  const Point even{2 * std::floor(0.5 * u.x + 0.5), 2 * std::floor(0.5 * u.y + 0.5),
+                   2 * std::floor(0.5 * u.z + 0.5)};
+  const Point odd{2 * std::floor(0.5 * u.x) + 1, 2 * std::floor(0.5 * u.y) + 1,
+                  2 * std::floor(0.5 * u.z) + 1};
+  const Point& site = squared_distance(u, even) <= squared_distance(u, odd) ? even : odd;
+  return {static_cast<std::int32_t>(site.x), static_cast<std::int32_t>(site.y),
+          static_cast<std::int32_t>(site.z)};
+}
+
 std::int32_t Lattice::first_index_from(int axis, double bound) const {
   auto index = static_cast<std::int32_t>(std::floor((bound - origin_[axis]) / half_)) - 1;
   while (origin_[axis] + half_ * index < bound) ++index;

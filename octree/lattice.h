@@ -2,6 +2,7 @@
 // its cells.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <compare>
 #include <cstdint>
@@ -66,6 +67,28 @@ inline constexpr std::array<LatticeSite, 7> kLargerNeighbors{
 inline constexpr std::array<std::array<std::uint8_t, 3>, 6> kCellsOfLargerNeighbors{
     {{6, 4, 5}, {6, 5, 3}, {6, 3, 2}, {6, 2, 4}, {1, 5, 4}, {0, 3, 5}}};
 
+// The 24 cells at a site: their other sites as places in kLatticeNeighbors, so that the cells are
+// positively oriented with the site first.
+inline constexpr std::array<std::array<std::uint8_t, 3>, 24> kCellsAtSite = [] {
+  // Even permutations, each with another corner first.
+  constexpr std::array<std::array<std::size_t, 4>, 4> kOrders{
+      {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 3, 0, 1}, {3, 2, 1, 0}}};
+  std::array<std::array<std::uint8_t, 3>, 24> cells{};
+  std::size_t n = 0;
+  for (const LatticeCell& cell : kLatticeCells) {
+    const std::array<LatticeSite, 4> corners{LatticeSite{}, cell[0], cell[1], cell[2]};
+    for (const auto& order : kOrders) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const LatticeSite &from = corners[order[0]], &to = corners[order[k + 1]];
+        const LatticeSite step{to.i - from.i, to.j - from.j, to.k - from.k};
+        while (kLatticeNeighbors[cells[n][k]] != step) ++cells[n][k];
+      }
+      ++n;
+    }
+  }
+  return cells;
+}();
+
 // A box of sites: low <= index < high on each axis; may be empty.
 struct SiteBox {
   LatticeSite low, high;
@@ -75,6 +98,11 @@ struct SiteBox {
   }
   SiteBox expanded(std::int32_t n) const {
     return {{low.i - n, low.j - n, low.k - n}, {high.i + n, high.j + n, high.k + n}};
+  }
+  // The least box that holds both.
+  SiteBox joined(const SiteBox& b) const {
+    return {{std::min(low.i, b.low.i), std::min(low.j, b.low.j), std::min(low.k, b.low.k)},
+            {std::max(high.i, b.high.i), std::max(high.j, b.high.j), std::max(high.k, b.high.k)}};
   }
   friend bool operator==(const SiteBox&, const SiteBox&) = default;
 };
@@ -163,6 +191,8 @@ class Lattice {
   void sites_within(const Point& q, double radius, std::vector<LatticeSite>& out) const;
   // On which side of planes between leaves the site lies.
   Point undisplaced(const LatticeSite& site) const;
+  // The site closest to q, but for displacements; at most kLatticeCircumradius λ away.
+  LatticeSite nearest(const Point& q) const;
   double spacing() const { return 2 * half_; }
 
  private:

@@ -62,7 +62,7 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
   std::optional<PointCubes> own_cubes;
   if (own == OwnPoints::kInBox && std::isfinite(reach)) own_cubes.emplace(input.box, reach);
   std::vector<Local> locals;
-  locals.reserve(input.own.size() + input.ghosts.size() + input.core.size());
+  locals.reserve(input.own.size() + input.ghosts.size());
   for (const MeshPoint& p : input.own) {
     locals.push_back({p, p.id, true});
     if (own_cubes) own_cubes->add(p.position);
@@ -74,7 +74,6 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     else
       locals.push_back({p, p.id, is_own_one});
   }
-  for (const MeshPoint& p : input.core) locals.push_back({p, p.id, false, true});
   add_to_triangulation(std::move(locals));
   if (has_cells() || left_out_.empty()) return;
   locals.clear();
@@ -99,8 +98,9 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
 }
 
 void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
-  locals_.push_back({p, ref, is_own, is_core});
-  marks_.push_back({is_own, is_hidden(p), p.kind == PointKind::kSurface});
+  const bool at_core = is_at_core(p, is_own);
+  locals_.push_back({p, ref, is_own, is_core, at_core});
+  marks_.push_back({is_own, is_hidden(p), p.kind == PointKind::kSurface, at_core});
   num_own_ += is_own;
 }
 
@@ -117,6 +117,27 @@ bool LeafMesh::is_hidden(const MeshPoint& p) const {
          !input_.surface->is_near(p.position, radius);
 }
 
+// Of a ghost, neighbors may lie farther away than the core is known.
+bool LeafMesh::is_at_core(const MeshPoint& p, bool is_own) const {
+  if (p.kind != PointKind::kLattice || input_.core == nullptr) return false;
+  if (!is_own) return true;
+  const LatticeSite site = site_of(p.id);
+  return std::ranges::any_of(kLatticeNeighbors, [&](const LatticeSite& step) {
+    return input_.core->contains(site + step);
+  });
+}
+
+// Of a ball without local points in it. A center that is closer to a core point than to all others
+// lies in its Voronoi cell, which is the lattice's, and none but neighbors of that point are within
+// kLatticeCircumradius of the cell's corners: so others, and with them the radius, exceed the
+// distance by more than rounding, in squares by 0.0014 λ² and more.
+bool LeafMesh::has_core_point(const Point& center, double squared_radius) const {
+  const double size = input_.criteria.size;
+  const double least = squared_radius - 0.0007 * size * size;
+  return input_.core != nullptr && least > 0 &&
+         input_.core->has_within(center, std::min(std::sqrt(least), kLatticeCircumradius * size));
+}
+
 void LeafMesh::make_fresh(Cell c) {
   if (c >= states_.size()) {
     states_.resize(delaunay_.cell_bound());
@@ -131,6 +152,7 @@ void LeafMesh::make_fresh(Cell c) {
     state.own = static_cast<std::uint8_t>(state.own | marks.is_own << i);
     state.hidden = static_cast<std::uint8_t>(state.hidden | marks.is_hidden << i);
     state.on_surface = static_cast<std::uint8_t>(state.on_surface | marks.is_on_surface << i);
+    state.at_core = static_cast<std::uint8_t>(state.at_core | marks.is_at_core << i);
   }
   states_[c] = state;
   if (state.own != 0) fresh_.push_back({c, stamp_});
@@ -165,9 +187,11 @@ void LeafMesh::clear_fresh_cells() {
   has_gone_member_ = has_gone_other_ = false;
 }
 
-// A ball at an own vertex that is near has no point in it. So a hidden vertex is the nearest point
-// to each place on the way from there to the center, and no such place is on the surface: the
-// center is inside as well.
+// A ball at an own vertex that is near has no point in it but of the core. So a hidden vertex is
+// the nearest point to each place on the way from there to the center that may be on the surface,
+// and no such place is: the center is inside as well.
+//
+// Only points that have neighbors in the core have other stars for want of it.
 Side LeafMesh::side(Cell c) const {
   CellState& state = states_[c];
   if (state.side != Side::kUnknown) return state.side;
@@ -179,6 +203,7 @@ Side LeafMesh::side(Cell c) const {
   ball.center = circumball.center;
   ball.squared_radius = circumball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return state.side;
+  state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
   if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
   if (!is_whole && !input_.surface->region().contains(ball.center))
@@ -191,8 +216,7 @@ Side LeafMesh::side(Cell c) const {
 
 // As in side(): a hidden vertex is the nearest point to all of the dual edge.
 bool LeafMesh::is_hidden(Facet f) const {
-  const CellState& state = states_[f.cell];
-  return has_vertex(state.own, f) && has_vertex(state.hidden, f) && side(f.cell) != Side::kFar &&
+  return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
          side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
 }
 
@@ -237,7 +261,10 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   const Cell here = f.cell, there = delaunay_.neighbor(here, f.index);
   const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
   if (is_hidden(f)) return result;
-  double clear = (is_here_near ? clearance(here) : 0) + (is_there_near ? clearance(there) : 0);
+  const bool is_past_surface = has_hidden_own_vertex(f);
+  double clear = 0;
+  if (!is_past_surface)
+    clear = (is_here_near ? clearance(here) : 0) + (is_there_near ? clearance(there) : 0);
   if (is_here_near && is_there_near &&
       is_clear_between(balls_[here].center, balls_[there].center, clear))
     return result;
@@ -258,10 +285,11 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
-    if (!is_here_near) clear += input_.surface->distance_bound(from);
-    if (!is_there_near) clear += input_.surface->distance_bound(to);
+    if (!is_here_near && !is_past_surface) clear += input_.surface->distance_bound(from);
+    if (!is_there_near && !is_past_surface) clear += input_.surface->distance_bound(to);
   }
-  if (is_clear_between(from, to, clear) || is_off_surface(here, there, from, to, corners[0]))
+  if (is_past_surface || is_clear_between(from, to, clear) ||
+      is_off_surface(here, there, from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
     input_.surface->crossings(std::min(from, to), std::max(from, to), crossings_);
@@ -281,6 +309,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   else if (!is_here_near && is_from_inside)
     result.open_end = from;
   result.open_radius = far_radius_;
+  if (result.open_end && has_core_point(*result.open_end, far_radius_ * far_radius_))
+    result.open_end.reset();
   return result;
 }
 
@@ -349,7 +379,7 @@ void LeafMesh::take_out_near(const Point& q, std::vector<MeshPoint>& out) {
 
 bool LeafMesh::is_known(std::uint64_t id) const {
   if (known_.empty()) {
-    for (const auto* points : {&input_.own, &input_.ghosts, &input_.core})
+    for (const auto* points : {&input_.own, &input_.ghosts})
       for (const MeshPoint& p : *points) known_.push_back(p.id);
     std::ranges::sort(known_);
   }

@@ -35,6 +35,8 @@ struct CellState {
   bool has_clearance = false;
   std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
   std::uint8_t own = 0, hidden = 0, on_surface = 0;  // bit i: vertex i is
+  std::uint8_t at_core = 0;                          // likewise; see Local
+  bool is_hollow = false;  // a point of the lattice core is in its ball: no cell of Del P
 };
 
 struct CellBall {  // once the side is known, if that is not kFar
@@ -62,7 +64,8 @@ class LeafMesh {
     MeshPoint point;
     VertexRef ref = 0;
     bool is_own = false;
-    bool is_core = false;
+    bool is_core = false;     // taken in from the lattice core
+    bool is_at_core = false;  // a lattice point that has neighbors in the core, or may have
     bool is_alive = true;
   };
 
@@ -93,6 +96,8 @@ class LeafMesh {
   // ---- The cells and facets against the surface.
   Side side(Cell c) const;
   bool is_member(Cell c) const { return side(c) == Side::kInside; }
+  // In place of cells of the lattice at core points that are not loaded.
+  bool is_hollow(Cell c) const { return side(c) == Side::kInside && states_[c].is_hollow; }
   // Is its dual edge, between two near cells, known not to meet the surface? Of facets with an own
   // vertex; far cheaper than to ask for crossings.
   bool is_hidden(Facet f) const;
@@ -153,7 +158,12 @@ class LeafMesh {
   void make_all_fresh();
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;
+  bool is_at_core(const MeshPoint& p, bool is_own) const;
+  bool has_core_point(const Point& center, double squared_radius) const;
   static bool has_vertex(std::uint8_t bits, Facet f) { return (bits & ~(1 << f.index)) != 0; }
+  bool has_hidden_own_vertex(Facet f) const {
+    return has_vertex(states_[f.cell].own, f) && has_vertex(states_[f.cell].hidden, f);
+  }
   double clearance(Cell c) const;
   bool is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
                       const Point& corner) const;
@@ -166,7 +176,7 @@ class LeafMesh {
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   struct Marks {
-    bool is_own = false, is_hidden = false, is_on_surface = false;
+    bool is_own = false, is_hidden = false, is_on_surface = false, is_at_core = false;
   };
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for

@@ -8,6 +8,7 @@
 #include <set>
 #include <variant>
 
+#include "octree/site_block.h"
 #include "refine/leaf_mesh.h"
 #include "refine/revisit.h"
 
@@ -111,7 +112,12 @@ class Refinement {
   }
 
   void list_unresolved();
+  // Lists of cells hold local indices, and behind those indices into `core`, ids of core points.
+  using Cells = std::vector<std::array<std::uint32_t, 4>>;
   void list_cells();
+  void list_triangulated_cells(Cells& cells) const;
+  void list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& core) const;
+  bool is_met(std::uint64_t id) const { return std::ranges::binary_search(delta_.met_core, id); }
   std::string place() const;
 
   const LeafInput& input_;
@@ -163,8 +169,8 @@ LeafDelta Refinement::run() {
   const auto repeated = std::ranges::unique(delta_.met_core);
   delta_.met_core.erase(repeated.begin(), repeated.end());
   delta_.stats.cells_made = mesh_.num_cells_made();
-  if (!delta_.is_overfull && mesh_.has_cells()) {
-    list_unresolved();
+  if (!delta_.is_overfull) {
+    if (mesh_.has_cells()) list_unresolved();
     list_cells();
   }
   return std::move(delta_);
@@ -230,7 +236,7 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
         !mesh_.is_hidden(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
-  if (!mesh_.is_member(cell)) return;
+  if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
   const CellRef ref = mesh_.ref(cell);
   const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
   const double squared_radius = mesh_.ball(cell).squared_radius;
@@ -437,8 +443,8 @@ bool Refinement::take_in_ghosts(const Point& q, Cell hint) {
 
 // The same for the lattice core. All cells at q that belong to the mesh have vertices within 2λ.
 bool Refinement::take_in_core(const Point& q, Cell hint) {
-  if (input_.all_core == nullptr) return false;
-  input_.all_core->within(q, 2 * input_.criteria.size, near_);
+  if (input_.core == nullptr) return false;
+  input_.core->within(q, 2 * input_.criteria.size, near_);
   std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
   for (const MeshPoint& p : near_) {
     mesh_.find_conflict(p.position, hint, conflict_);
@@ -541,7 +547,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  if (input_.all_core) input_.all_core->append_met(q, input_.criteria.size, delta_.met_core);
+  if (input_.core) input_.core->append_met(q, input_.criteria.size, delta_.met_core);
   if (mesh_.has_cells())
     mesh_.insert({ref, q, kind}, ref, conflict_);
   else
@@ -573,29 +579,21 @@ void Refinement::list_unresolved() {
 }
 
 void Refinement::list_cells() {
-  const Delaunay& delaunay = mesh_.delaunay();
-  auto& [vertices, cells] = delta_.cells;
-  for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
-    if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
-    if (mesh_.state(c).own == 0b1111) {
-      cells.push_back(delaunay.vertices(c));
-      continue;
-    }
-    int smallest = -1;
-    for (int i = 0; i < 4; ++i)
-      if (!mesh_.local(delaunay.vertex(c, i)).is_core &&
-          (smallest < 0 || mesh_.point(c, i) < mesh_.point(c, smallest)))
-        smallest = i;
-    if (mesh_.is_own(delaunay.vertex(c, smallest))) cells.push_back(delaunay.vertices(c));
-  }
+  Cells& cells = delta_.cells.cells;
+  std::vector<VertexRef>& vertices = delta_.cells.vertices;
+  std::vector<std::uint64_t> core;
+  if (mesh_.has_cells()) list_triangulated_cells(cells);
+  if (input_.core != nullptr) list_cells_at_core(cells, core);
 
-  // From local indices to places in the list of vertices.
+  // From indices to places in the list of vertices.
   constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> place(mesh_.num_locals(), kUnused);
-  std::vector<std::pair<VertexRef, LocalIndex>> used;
+  const std::size_t num_locals = mesh_.num_locals();
+  std::vector<std::uint32_t> place(num_locals + core.size(), kUnused);
+  std::vector<std::pair<VertexRef, std::uint32_t>> used;
   for (const auto& cell : cells)
-    for (const LocalIndex v : cell)
-      if (std::exchange(place[v], 0) == kUnused) used.emplace_back(mesh_.local(v).ref, v);
+    for (const std::uint32_t v : cell)
+      if (std::exchange(place[v], 0) == kUnused)
+        used.emplace_back(v < num_locals ? mesh_.local(v).ref : core[v - num_locals], v);
   std::ranges::sort(used);
   vertices.reserve(used.size());
   for (const auto& [ref, v] : used) {
@@ -607,7 +605,93 @@ void Refinement::list_cells() {
   bring_into_order(cells, vertices.size());
 }
 
+// A cell with a core point is the lattice's, and listed below, unless that was met by an insertion.
+void Refinement::list_triangulated_cells(Cells& cells) const {
+  const Delaunay& delaunay = mesh_.delaunay();
+  for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
+    if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
+    if (mesh_.is_hollow(c)) continue;
+    if (mesh_.state(c).own == 0b1111) {
+      cells.push_back(delaunay.vertices(c));
+      continue;
+    }
+    int smallest = -1;
+    bool is_of_core = false;
+    for (int i = 0; i < 4; ++i) {
+      const LeafMesh::Local& local = mesh_.local(delaunay.vertex(c, i));
+      if (local.is_core)
+        is_of_core |= !is_met(local.ref);
+      else if (smallest < 0 || mesh_.point(c, i) < mesh_.point(c, smallest))
+        smallest = i;
+    }
+    if (!is_of_core && mesh_.is_own(delaunay.vertex(c, smallest)))
+      cells.push_back(delaunay.vertices(c));
+  }
+}
+
+// The lattice's cells at an own point and at a core point that no insertion met.
+void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& core) const {
+  SiteBox box;
+  std::vector<LocalIndex> own;  // that have neighbors in the core
+  const auto site_of_local = [&](LocalIndex i) { return site_of(mesh_.local(i).point.id); };
+  for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
+    const LeafMesh::Local& local = mesh_.local(i);
+    if (!local.is_own || !local.is_at_core || !local.is_alive) continue;
+    const LatticeSite site = site_of_local(i);
+    const SiteBox around = SiteBox{site, site + LatticeSite{1, 1, 1}}.expanded(2);
+    box = own.empty() ? around : box.joined(around);
+    own.push_back(i);
+  }
+  if (own.empty()) return;
+
+  constexpr auto kUnknown = std::numeric_limits<std::uint32_t>::max();
+  SiteBlock<std::uint32_t> index(box, kUnknown);
+  for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
+    const LeafMesh::Local& local = mesh_.local(i);
+    if (local.point.kind == PointKind::kLattice && local.is_alive && box.contains(site_of_local(i)))
+      index[site_of_local(i)] = i;
+  }
+  for (const LocalIndex p : own) {
+    const LatticeSite site = site_of_local(p);
+    // Bit k: neighbor k is of the core; is listed and smaller than p, or unknown.
+    std::uint32_t is_of_core = 0, is_smaller = 0, is_unknown = 0;
+    std::array<std::uint32_t, kLatticeNeighbors.size()> neighbors{};
+    for (std::size_t k = 0; k < neighbors.size(); ++k) {
+      const LatticeSite neighbor = site + kLatticeNeighbors[k];
+      std::uint32_t& v = index[neighbor];
+      if (!input_.core->contains(neighbor)) {
+        is_unknown |= std::uint32_t{v == kUnknown} << k;
+        if (v != kUnknown)
+          is_smaller |= std::uint32_t{mesh_.local(v).point.position < mesh_.local(p).point.position}
+                        << k;
+      } else if (!is_met(site_id(neighbor))) {
+        is_of_core |= 1u << k;
+        if (v == kUnknown) {
+          v = static_cast<std::uint32_t>(mesh_.num_locals() + core.size());
+          core.push_back(site_id(neighbor));
+        }
+      }
+      neighbors[k] = v;
+    }
+    for (const auto& [a, b, c] : kCellsAtSite) {
+      const std::uint32_t corners = 1u << a | 1u << b | 1u << c;
+      if ((corners & is_of_core) == 0 || (corners & is_smaller) != 0) continue;
+      if ((corners & is_unknown) != 0)
+        throw RefineError("a point of the lattice core has a neighbor that is not of the mesh" +
+                          place());
+      cells.push_back({p, neighbors[a], neighbors[b], neighbors[c]});
+    }
+  }
+}
+
 }  // namespace
+
+bool CoreIndex::has_within(const Point& q, double radius) const {
+  std::vector<MeshPoint> near;
+  within(q, radius, near);
+  return std::ranges::any_of(
+      near, [&](const MeshPoint& p) { return squared_distance(p.position, q) < radius * radius; });
+}
 
 void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const {
   std::vector<MeshPoint> near;

@@ -47,7 +47,8 @@ class PointIndex {
 };
 
 // Looks up points of the lattice core (DESIGN 6): points of P that a visit need not load, unless it
-// inserts near them.
+// inserts near them. All cells at them are the lattice's: no other point lies in their circumballs,
+// which reach kLatticeStar λ, and their neighbors are of P.
 class CoreIndex {
  public:
   virtual ~CoreIndex() = default;
@@ -56,6 +57,8 @@ class CoreIndex {
   // All of them at most `radius` from q, in order of id. REQUIRES: radius <= 2λ, and q within the
   // distance that a visit inserts at
   virtual void within(const Point& q, double radius, std::vector<MeshPoint>& out) const = 0;
+  // Is one of them closer to q than `radius`? REQUIRES: as for within(), and no other point of P is
+  virtual bool has_within(const Point& q, double radius) const;
   // Appends the ids of those at which a point inserted at q changes cells. `size`: λ
   void append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const;
 };
@@ -108,13 +111,9 @@ struct LeafInput {
   // In order of id: where points get inserted, the result depends on the order.
   std::vector<MeshPoint> own;     // P_v
   std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
-  // Core points that share a cell with an own one, in order of id. All cells at a core point are
-  // the lattice's: no other point lies in their circumballs, which reach kLatticeStar λ, and its
-  // neighbors are of P.
-  std::vector<MeshPoint> core;
   const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
   const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
-  const CoreIndex* all_core = nullptr;     // null if there is none near
+  const CoreIndex* core = nullptr;         // null if there is none near
   std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
   // If given, only what may have changed since is looked at, which is far less work: the same cells
   // come out, and where points must be inserted, possibly others.
@@ -139,7 +138,7 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
 struct VisitStats {
   std::array<std::uint64_t, 6> insertions{};  // by condition
   std::uint64_t deletions = 0;
-  std::uint64_t points_added = 0;  // points of P found by all_points or all_core, and taken in
+  std::uint64_t points_added = 0;  // points of P found by all_points or core, and taken in
   std::uint64_t cells_made = 0;    // by the triangulation, in all
 };
 

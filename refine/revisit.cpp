@@ -48,7 +48,7 @@ Revisit::Revisit(const LeafInput& input)
       deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
                                                             : insertion_matters_),
       is_active_(input.own.size()) {
-  const std::size_t num = input.own.size() + input.ghosts.size() + input.core.size();
+  const std::size_t num = input.own.size() + input.ghosts.size();
   cubes_.reserve(num);
   for (std::size_t i = 0; i < num; ++i)
     cubes_.push_back({cube_of(point(i).position), static_cast<std::uint32_t>(i)});
@@ -58,11 +58,8 @@ Revisit::Revisit(const LeafInput& input)
 }
 
 const MeshPoint& Revisit::point(std::size_t i) const {
-  for (const auto* points : {&input_->own, &input_->ghosts}) {
-    if (i < points->size()) return (*points)[i];
-    i -= points->size();
-  }
-  return input_->core[i];
+  const std::size_t num_own = input_->own.size();
+  return i < num_own ? input_->own[i] : input_->ghosts[i - num_own];
 }
 
 std::array<std::int32_t, 3> Revisit::cube_of(const Point& p) const {
@@ -106,7 +103,7 @@ void Revisit::gather_part() {
   part_.box = input_->box;
   part_.surface = input_->surface;
   part_.all_points = input_->all_points;
-  part_.all_core = input_->all_core;
+  part_.core = input_->core;
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
@@ -120,8 +117,7 @@ void Revisit::gather_part() {
   for (std::size_t i = 0; i < is_in_part_.size(); ++i) {
     if (!is_in_part_[i]) continue;
     const bool is_own = i < is_active_.size() && is_active_[i];
-    const bool is_core = i >= input_->own.size() + input_->ghosts.size();
-    (is_own ? part_.own : is_core ? part_.core : part_.ghosts).push_back(point(i));
+    (is_own ? part_.own : part_.ghosts).push_back(point(i));
   }
 }
 
@@ -158,7 +154,8 @@ Point Revisit::place_among_smallest(VertexRef id) const {
   for (const auto* points : {&input_->own, &input_->ghosts})
     if (const MeshPoint* found = find_in(*points, id)) return found->position;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if (find_in(input_->core, id)) return {kInfinity, kInfinity, kInfinity};
+  if (input_->core && id < kFirstOtherId && input_->core->contains(site_of(id)))
+    return {kInfinity, kInfinity, kInfinity};
   throw RefineError("a cell of the last visit has the point " + std::to_string(id) +
                     ", which is neither loaded nor deleted");
 }

@@ -36,7 +36,7 @@ class Revisit {
   };
 
   explicit Revisit(const LeafInput& input);
-  const MeshPoint& point(std::size_t i) const;  // own, ghosts, core
+  const MeshPoint& point(std::size_t i) const;  // own, ghosts
   std::array<std::int32_t, 3> cube_of(const Point& p) const;
   // Calls visit(index) for each point closer to q than `distance`, until it returns false.
   template <class Visit>

@@ -92,7 +92,7 @@ Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::
                {"input",
                 {{"num_own", visit.input.own.size()},
                  {"num_ghosts", visit.input.ghosts.size()},
-                 {"num_core", visit.input.core.size()},
+                 {"num_core", visit.core.size()},
                  {"num_triangles", visit.triangles.size()}}},
                {"num_inserted", inserted},
                {"num_deleted", deleted},

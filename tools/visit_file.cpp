@@ -19,7 +19,7 @@ namespace {
 // {"format": "locvol visit", "version": 2, ...}; points are [id, kind, x, y, z], triangles
 // [id, 9 coordinates], cells 4 ids; an infinite reach is null.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 
 Json points_json(const std::vector<MeshPoint>& points) {
   Json json = Json::array();
@@ -95,8 +95,7 @@ StoredVisit visit_from(const Json& json) {
   json.at("is_center_inside").get_to(visit.is_center_inside);
   visit.input.own = points_from(json.at("own"));
   visit.input.ghosts = points_from(json.at("ghosts"));
-  visit.input.core = points_from(json.at("core"));
-  visit.core = points_from(json.at("all_core"));
+  visit.core = points_from(json.at("core"));
   if (json.contains("all_points")) visit.all_points = points_from(json.at("all_points"));
   visit.triangles = triangles_from(json.at("triangles"));
   json.at("cells").get_to(visit.cells);
@@ -129,8 +128,7 @@ void write_visit(const StoredVisit& visit, const std::filesystem::path& file) {
                {"is_center_inside", visit.is_center_inside},
                {"own", points_json(visit.input.own)},
                {"ghosts", points_json(visit.input.ghosts)},
-               {"core", points_json(visit.input.core)},
-               {"all_core", points_json(visit.core)}};
+               {"core", points_json(visit.core)}};
   if (visit.all_points) json["all_points"] = points_json(*visit.all_points);
   json["triangles"] = triangles_json(visit.triangles);
   json["cells"] = visit.cells;

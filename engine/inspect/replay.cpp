@@ -56,9 +56,9 @@ std::uint64_t num_missing(const Cells& some, const Cells& others) {
 // Positions of the vertices of a visit's cells.
 class VertexTable {
  public:
-  VertexTable(const Replay& replay, const LeafInput& input) {
+  VertexTable(const Replay& replay, const LeafInput& input, const std::vector<MeshPoint>& core) {
     for (const MeshPoint& p : input.own) known_[p.id] = vertex(p, true);
-    for (const auto* others : {&input.ghosts, &input.core})
+    for (const auto* others : {&input.ghosts, &core})
       for (const MeshPoint& p : *others) known_[p.id] = vertex(p, false);
     for (const RefineStep& step : replay.steps)
       if (step.action == RefineStep::Action::kTakeIn)
@@ -151,7 +151,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.input = std::move(loaded.input);
   visit.input.surface = nullptr;
   visit.input.all_points = nullptr;
-  visit.input.all_core = nullptr;
+  visit.input.core = nullptr;
   return visit;
 }
 
@@ -165,7 +165,7 @@ Replay replay(const StoredVisit& visit) {
   input.surface = &surface;
   input.all_points = visit.all_points ? &index : nullptr;
   const CoreList core(visit.core);
-  input.all_core = visit.core.empty() ? nullptr : &core;
+  input.core = visit.core.empty() ? nullptr : &core;
   input.on_step = [&](const RefineStep& step) { replay.steps.push_back(step); };
   try {
     replay.delta = refine_leaf(input);
@@ -175,7 +175,7 @@ Replay replay(const StoredVisit& visit) {
   const Cells found = sorted(std::exchange(replay.delta.cells, {}));
   replay.num_cells_gone = num_missing(visit.cells, found);
   replay.num_cells_new = num_missing(found, visit.cells);
-  replay.mesh = VertexTable(replay, input).mesh_of(found);
+  replay.mesh = VertexTable(replay, input, visit.core).mesh_of(found);
   return replay;
 }
 

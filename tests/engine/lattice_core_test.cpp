@@ -6,6 +6,8 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <iterator>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -122,7 +124,10 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
   Store store = open();
   RunState state(store);
   const auto sites = core_of(state).sites;
-  std::size_t num_in = 0, num_empty = 0;
+  std::size_t num_in = 0, num_empty = 0, num_within = 0;
+  std::vector<MeshPoint> listed_points;
+  for (const MortonKey leaf : state.octree.leaves())
+    std::ranges::copy(state.leaves.points(leaf).points, std::back_inserter(listed_points));
   for (const MortonKey leaf : state.octree.leaves()) {
     const double distance = kCoreReach * state.size();
     const CoreAround around(state, leaf, distance);
@@ -174,21 +179,27 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
       EXPECT_EQ(within, found);
     }
 
-    // Those that share a cell with an own lattice point.
-    const std::vector<MeshPoint> own = state.leaves.points(leaf).points;
-    std::set<std::uint64_t> neighbors;
-    for (const MeshPoint& p : own)
-      for (const LatticeSite& site : expected) {
-        if (p.kind != PointKind::kLattice) break;
-        const int length = squared_length(site, site_of(p.id));
-        if (length == 3 || length == 4) neighbors.insert(site_id(site));
-      }
-    std::vector<std::uint64_t> ids;
-    for (const MeshPoint& p : around.neighbors_of(own)) ids.push_back(p.id);
-    EXPECT_TRUE(std::ranges::equal(ids, neighbors));
+    // The one near a place that no other point of P is as close to.
+    for (int n = 0; n < 50; ++n) {
+      const Point q{coordinate(box.min.x, box.max.x), coordinate(box.min.y, box.max.y),
+                    coordinate(box.min.z, box.max.z)};
+      const auto nearest = [&](const auto& among) {
+        double least = std::numeric_limits<double>::infinity();
+        for (const MeshPoint& p : among) least = std::min(least, norm(p.position - q));
+        return least;
+      };
+      const double core_distance = nearest(points);
+      const double radius =
+          std::min({2 * state.size(), nearest(listed_points), coordinate(0, 2) * state.size()});
+      if (std::abs(radius - core_distance) < 1e-4 * state.size()) continue;
+      EXPECT_EQ(around.has_within(q, radius), core_distance < radius);
+      EXPECT_EQ(around.CoreIndex::has_within(q, radius), core_distance < radius);
+      num_within += core_distance < radius;
+    }
   }
   EXPECT_GT(num_in, 1000U);
   EXPECT_GT(num_empty, 0U);
+  EXPECT_GT(num_within, 100U);
 }
 
 TEST_F(CoreOfARun, IsAskedSiteBySite) {

@@ -416,6 +416,47 @@ TEST(LatticeCells, ASiteHas24CellsAnd14Neighbors) {
 
 // Six to a site, with a volume of 1/12 of the cube that has two sites: it is enough that no facet
 // is in other than two cells, on different sides.
+TEST(LatticeCells, AtASiteAreThoseOfWhichItIsACorner) {
+  const auto sorted = [](std::array<LatticeSite, 4> cell) {
+    std::ranges::sort(cell);
+    return cell;
+  };
+  std::set<std::array<LatticeSite, 4>> expected, found;
+  for (const LatticeCell& cell : kLatticeCells)
+    for (const LatticeSite& corner : {LatticeSite{}, cell[0], cell[1], cell[2]}) {
+      const LatticeSite back{-corner.i, -corner.j, -corner.k};
+      expected.insert(sorted({back, cell[0] + back, cell[1] + back, cell[2] + back}));
+    }
+  for (const auto& [a, b, c] : kCellsAtSite) {
+    const LatticeCell cell{kLatticeNeighbors[a], kLatticeNeighbors[b], kLatticeNeighbors[c]};
+    found.insert(sorted({LatticeSite{}, cell[0], cell[1], cell[2]}));
+    const auto vector = [](const LatticeSite& s) {
+      return Point{double(s.i), double(s.j), double(s.k)};
+    };
+    EXPECT_EQ(dot(cross(vector(cell[0]), vector(cell[1])), vector(cell[2])), 4);
+  }
+  EXPECT_EQ(expected.size(), 24U);
+  EXPECT_EQ(found, expected);
+}
+
+TEST_F(LatticeTest, TheNearestSiteIsThatOfBruteForce) {
+  for (int trial = 0; trial < 50; ++trial) {
+    const Scene scene = random_scene(random_);
+    const Lattice lattice = scene.lattice();
+    for (int n = 0; n < 50; ++n) {
+      const auto step = [&] { return uniform(random_, -1, 1) * scene.size; };
+      const Point q = lattice.undisplaced(random_site(random_, 50)) + Point{step(), step(), step()};
+      const LatticeSite nearest = lattice.nearest(q);
+      ASSERT_TRUE(is_site(nearest));
+      const double distance = norm(lattice.undisplaced(nearest) - q);
+      EXPECT_LE(distance, kLatticeCircumradius * scene.size);
+      std::vector<LatticeSite> within;
+      lattice.sites_within(q, distance - 1e-4 * scene.size, within);
+      EXPECT_TRUE(within.empty());
+    }
+  }
+}
+
 TEST(LatticeCells, FillSpace) {
   std::map<Sites, std::vector<std::int64_t>> sides;  // of a facet: of the fourth corners
   const SiteBox box{{-4, -4, -4}, {5, 5, 5}};

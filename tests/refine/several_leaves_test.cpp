@@ -57,16 +57,6 @@ class CoreSites : public CoreIndex {
   MeshPoint point(const LatticeSite& site) const {
     return {site_id(site), lattice_.position(site), PointKind::kLattice};
   }
-  std::vector<MeshPoint> neighbors_of(const std::vector<MeshPoint>& points) const {
-    std::set<LatticeSite> found;
-    for (const MeshPoint& p : points)
-      if (p.id < kFirstOtherId)
-        for (const LatticeSite& step : kLatticeNeighbors)
-          if (sites.contains(site_of(p.id) + step)) found.insert(site_of(p.id) + step);
-    std::vector<MeshPoint> neighbors;
-    for (const LatticeSite& site : found) neighbors.push_back(point(site));
-    return neighbors;
-  }
   bool contains(const LatticeSite& site) const override { return sites.contains(site); }
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
     out.clear();
@@ -119,6 +109,7 @@ class LeafRun {
   SurfacePatch whole_;
   Lattice lattice_;
   CoreSites core_{lattice_};
+  mutable CoreSites near_core_{lattice_};  // what the visit at hand may ask of
   std::vector<Leaf> leaves_;
   std::vector<MeshPoint> points_;  // ids ascend; without the core
   std::uint64_t next_id_ = kFirstOtherId;
@@ -268,8 +259,12 @@ LeafInput LeafRun::load(const Leaf& leaf) const {
       input.own.push_back(p);
     else if (leaf.box.squared_distance(p.position) <= reach * reach)
       input.ghosts.push_back(p);
-  input.core = core_.neighbors_of(input.own);
-  if (!core_.sites.empty()) input.all_core = &core_;
+  near_core_.sites.clear();  // no farther than a visit asks
+  for (const LatticeSite& site : core_.sites)
+    if (leaf.box.squared_distance(lattice_.position(site)) <=
+        std::pow((kReach + 1.1) * scene_.size, 2))
+      near_core_.sites.insert(site);
+  if (!near_core_.sites.empty()) input.core = &near_core_;
   return input;
 }
 

@@ -66,16 +66,6 @@ class Core : public CoreIndex {
   }
   void erase(const LatticeSite& site) { sites_.erase(site); }
   MeshPoint point(const LatticeSite& site) const { return lattice_.point(site); }
-  std::vector<MeshPoint> neighbors_of(const std::vector<MeshPoint>& points) const {
-    std::set<LatticeSite> found;
-    for (const MeshPoint& p : points)
-      if (p.kind == PointKind::kLattice)
-        for (const LatticeSite& step : kLatticeNeighbors)
-          if (sites_.contains(site_of(p.id) + step)) found.insert(site_of(p.id) + step);
-    std::vector<MeshPoint> neighbors;
-    for (const LatticeSite& site : found) neighbors.push_back(point(site));
-    return neighbors;
-  }
   bool contains(const LatticeSite& site) const override { return sites_.contains(site); }
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
     out.clear();
@@ -202,8 +192,7 @@ class Run {
         input.own.push_back(p);
       else if (leaf.box.squared_distance(p.position) <= reach * reach)
         input.ghosts.push_back(p);
-    input.core = core_->neighbors_of(input.own);
-    input.all_core = core_.get();
+    input.core = core_.get();
     return input;
   }
 
@@ -287,8 +276,7 @@ void triangulations(benchmark::State& state, const Run& run) {
   std::vector<std::vector<Point>> points;
   for (const Leaf& leaf : run.leaves()) {
     points.emplace_back();
-    for (const auto* some :
-         {&leaf.visits.back().own, &leaf.visits.back().ghosts, &leaf.visits.back().core})
+    for (const auto* some : {&leaf.visits.back().own, &leaf.visits.back().ghosts})
       for (const MeshPoint& p : *some) points.back().push_back(p.position);
   }
   std::size_t num = 0;
