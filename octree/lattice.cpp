@@ -113,7 +113,8 @@ double Lattice::coordinate(int axis, std::int32_t index, std::uint64_t noise) co
   const double exact = origin_[axis] + half_ * index;
   const double step = static_cast<double>(noise & 0xffff) - 0x1p15;  // -2^15 … 2^15 - 1
   const double place = (exact - grid_origin_[axis]) / grid_side_;
-  const double from_plane = std::abs(place - std::round(place)) * grid_side_;
+  constexpr double kRounding = 0x1.8p52;  // added and taken away, leaves the nearest integer
+  const double from_plane = std::abs(place - ((place + kRounding) - kRounding)) * grid_side_;
   if (from_plane <= 2 * kDisplacement * half_) return exact;
   return origin_[axis] + half_ * (index + kDisplacement * 0x1p-15 * step);
 }

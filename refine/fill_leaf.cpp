@@ -164,18 +164,27 @@ class HoleSearch {
       if (p.kind == PointKind::kLattice && is_there_.box().contains(site_of(p.id)))
         is_there_[site_of(p.id)] = 1;
     if (input_.core == nullptr) return;
-    const auto is_core = [&](const LatticeSite& site) { return input_.core->contains(site); };
-    for_each_site(is_there_.box(), [&](const LatticeSite& site) {
-      if (!is_core(site)) return;
-      is_there_[site] = 1;
-      const bool is_inner = std::ranges::all_of(
-          kLatticeNeighbors, [&](const LatticeSite& step) { return is_core(site + step); });
-      if (!is_inner) points_.add(place(site));  // others are not the nearest to any place outside
+    const SiteBox known = is_there_.box(), inner = known.expanded(-2);
+    SiteBlock<std::uint8_t> is_core(known, 0);
+    for_each_site(known, [&](const LatticeSite& site) {
+      if (input_.core->contains(site)) is_core[site] = is_there_[site] = 1;
+    });
+    for_each_site(known, [&](const LatticeSite& site) {
+      if (!is_core[site]) return;
+      const bool is_among_core =
+          std::ranges::all_of(kLatticeNeighbors, [&](const LatticeSite& step) {
+            return inner.contains(site) ? is_core[site + step] != 0
+                                        : input_.core->contains(site + step);
+          });
+      // Others are not the nearest to any place outside.
+      if (!is_among_core) points_.add(place(site));
     });
   }
 
   void search_from(const Point& start) {
-    if (!points_.is_free(start, kWorthClimbing * size_) || !input_.surface->is_inside(start))
+    const double radius = kWorthClimbing * size_;
+    if (points_.has_in_cube(start, radius) || !input_.surface->is_inside(start) ||
+        !points_.is_free(start, radius))
       return;
     const Point center = climber_.climb(start, points_);
     if (!is_in_leaf(input_.box, center) || !points_.is_free(center, kHoleRadius * size_) ||

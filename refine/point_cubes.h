@@ -39,10 +39,16 @@ class PointCubes {
           if (!for_each_in({i, j, k}, visit)) return false;
     return true;
   }
+  // Is a point of p's own cube closer to it than `radius`? Cheap.
+  bool has_in_cube(const Point& p, double radius) const {
+    return !for_each_in(cube_of(p),
+                        [&](const Point& q) { return squared_distance(p, q) >= radius * radius; });
+  }
   // Is no point closer to p than `radius`?
   bool is_free(const Point& p, double radius) const {
-    const auto is_far = [&](const Point& q) { return squared_distance(p, q) >= radius * radius; };
-    return for_each_in(cube_of(p), is_far) && for_each_around(p, radius, is_far);
+    return !has_in_cube(p, radius) && for_each_around(p, radius, [&](const Point& q) {
+      return squared_distance(p, q) >= radius * radius;
+    });
   }
 
  private:
