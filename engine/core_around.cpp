@@ -1,6 +1,7 @@
 #include "engine/core_around.h"
 
 #include <algorithm>
+#include <array>
 
 namespace locvol {
 namespace {
@@ -15,6 +16,15 @@ bool is_whole_all_around(RunState& state, MortonKey leaf) {
       state.octree.leaves_within(state.run.frame, state.box(leaf), star),
       [&](MortonKey other) { return state.leaves.points(other).core.is_whole; });
 }
+
+// How many of a site's six cells there are; bit n: larger neighbor n is there.
+constexpr auto kNumCells = [] {
+  std::array<std::uint8_t, std::size_t{1} << kLargerNeighbors.size()> num{};
+  for (std::size_t larger = 0; larger < num.size(); ++larger)
+    for (const auto& [a, b, c] : kCellsOfLargerNeighbors)
+      num[larger] += larger >> a & larger >> b & larger >> c & 1;
+  return num;
+}();
 
 LatticeSite negated(const LatticeSite& s) { return {-s.i, -s.j, -s.k}; }
 
@@ -61,10 +71,15 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
   const CoreAround around(state, leaf, kLatticeStar * state.size());
+  const SiteBox sites = state.sites(leaf);
   std::uint64_t num_cells = 0;
-  for_each_core_cell(
-      state.sites(leaf), [&](const LatticeSite& site) { return around.contains(site); },
-      [&](const LatticeSite&, const LatticeCell&) { ++num_cells; });
+  for_each_core_site(state.leaves.points(leaf).core, sites, sites,
+                     [&](const LatticeSite& site, std::uint64_t) {
+                       std::size_t larger = 0;
+                       for (std::size_t n = 0; n < kLargerNeighbors.size(); ++n)
+                         larger |= std::size_t{around.contains(site + kLargerNeighbors[n])} << n;
+                       num_cells += kNumCells[larger];
+                     });
   return num_cells;
 }
 

@@ -234,13 +234,14 @@ std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
 }
 
 std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance) {
-  const Box box = state_.box(leaf);
+  const Box box = state_.box(leaf), nearly = box.expanded(distance);
   std::vector<MeshPoint> around;
   for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, box, distance)) {
     if (other == leaf || state_.leaves.info(other).num_points == 0) continue;
     std::ranges::copy_if(state_.leaves.points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
-                           return box.squared_distance(p.position) <= distance * distance;
+                           return nearly.contains(p.position) &&
+                                  box.squared_distance(p.position) <= distance * distance;
                          });
     state_.leaves.trim();
   }

@@ -137,7 +137,6 @@ class SampleGrid {
 
   // Monotone in each coordinate. Of a point of the box: a cell of the grid.
   Cell cell_of(const Point& p) const;
-  Box cell_box(const Cell& cell) const;
   std::size_t index(const Cell& c) const {
     return static_cast<std::size_t>((c[2] * shape_[1] + c[1]) * shape_[0] + c[0]);
   }
@@ -171,23 +170,29 @@ SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
           static_cast<std::int64_t>(c.z)};
 }
 
-Box SampleGrid::cell_box(const Cell& c) const {
-  const Point corner{static_cast<double>(c[0]), static_cast<double>(c[1]),
-                     static_cast<double>(c[2])};
-  return {box_.min + side_ * corner, box_.min + side_ * (corner + Point{1, 1, 1})};
-}
-
 void SampleGrid::add(const Point& sample) {
   const Box ball_box = Box::around(sample).expanded(margin_);
   Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
+  // How far the sample is from a cell along each axis, squared. Cells are no shorter than a radius.
+  std::array<std::array<double, 4>, 3> gaps{};
   for (const std::size_t axis : {0, 1, 2}) {
     low[axis] = std::max<std::int64_t>(low[axis], 0);
     high[axis] = std::min(high[axis], shape_[axis] - 1);
+    const double place = sample[static_cast<int>(axis)] - box_.min[static_cast<int>(axis)];
+    for (std::int64_t c = low[axis]; c <= high[axis]; ++c) {
+      const double above = place - side_ * static_cast<double>(c);
+      const double gap = std::max({0.0, -above, above - side_});
+      gaps[axis][static_cast<std::size_t>(c - low[axis])] = gap * gap;
+    }
   }
+  const auto gap = [&](std::size_t axis, std::int64_t c) {
+    return gaps[axis][static_cast<std::size_t>(c - low[axis])];
+  };
   for (std::int64_t k = low[2]; k <= high[2]; ++k) {
     for (std::int64_t j = low[1]; j <= high[1]; ++j) {
+      const double most = margin_ * margin_ - gap(2, k) - gap(1, j);
       for (std::int64_t i = low[0]; i <= high[0]; ++i) {
-        if (cell_box({i, j, k}).squared_distance(sample) > margin_ * margin_) continue;
+        if (gap(0, i) > most) continue;
         std::uint32_t& first = first_[index({i, j, k})];
         if (first == kNone || blocks_[first].num == Block::kSize) {
           blocks_.push_back({0, first, {}});

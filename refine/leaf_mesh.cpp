@@ -49,6 +49,12 @@ std::vector<std::uint32_t> curve_order(std::span<const Point> points) {
   return order;
 }
 
+bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
+  const auto& [a, b, c] = corners;
+  return std::max({squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)}) >
+         length * length;
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -271,6 +277,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   std::array<Point, 3> corners;
   for (std::size_t k = 0; k < 3; ++k) corners[k] = point(here, kTriple[std::size_t(f.index)][k]);
   Point from = balls_[here].center, to = balls_[there].center;
+  if (!is_here_near && !is_there_near && has_edge_longer_than(2.001 * far_radius_, corners))
+    return result;  // its circumcircle is too large for a near point of the axis
   if (!is_here_near || !is_there_near) {
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
