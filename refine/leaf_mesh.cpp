@@ -125,7 +125,7 @@ bool LeafMesh::is_hidden(const MeshPoint& p) const {
 
 // Of a ghost, neighbors may lie farther away than the core is known.
 bool LeafMesh::is_at_core(const MeshPoint& p, bool is_own) const {
-  if (p.kind != PointKind::kLattice || input_.core == nullptr) return false;
+  if (!has_site(p) || input_.core == nullptr) return false;
   if (!is_own) return true;
   const LatticeSite site = site_of(p.id);
   return std::ranges::any_of(kLatticeNeighbors, [&](const LatticeSite& step) {

@@ -648,7 +648,7 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
   SiteBlock<std::uint32_t> index(box, kUnknown);
   for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
     const LeafMesh::Local& local = mesh_.local(i);
-    if (local.point.kind == PointKind::kLattice && local.is_alive && box.contains(site_of_local(i)))
+    if (has_site(local.point) && local.is_alive && box.contains(site_of_local(i)))
       index[site_of_local(i)] = i;
   }
   for (const LocalIndex p : own) {
