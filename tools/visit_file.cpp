@@ -16,7 +16,7 @@
 namespace locvol {
 namespace {
 
-// {"format": "locvol visit", "version": 2, ...}; points are [id, kind, x, y, z], triangles
+// {"format": "locvol visit", "version": 3, ...}; points are [id, kind, x, y, z], triangles
 // [id, 9 coordinates], cells 4 ids; an infinite reach is null.
 constexpr const char* kFormat = "locvol visit";
 constexpr int kVersion = 3;
