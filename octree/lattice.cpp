@@ -26,16 +26,16 @@ bool changes_star(const Point& offset, double spacing) {
   return dot(from_corner, from_corner) < radius * radius;
 }
 
-void add_site(const LatticeSite& site, LatticeCore& core) {
+void add_row(const LatticeRow& row, LatticeCore& core) {
   if (!core.rows.empty()) {
     auto& [first, count] = core.rows.back();
-    if (first.i == site.i && first.j == site.j &&
-        first.k + 2 * static_cast<std::int64_t>(count) == site.k) {
-      ++count;
+    if (first.i == row.first.i && first.j == row.first.j &&
+        first.k + 2 * static_cast<std::int64_t>(count) == row.first.k) {
+      count += row.count;
       return;
     }
   }
-  core.rows.push_back({site, 1});
+  core.rows.push_back(row);
 }
 
 void check_core(const LatticeCore& core, const SiteBox& sites) {

@@ -128,6 +128,19 @@ struct LatticeRow {
   friend bool operator==(const LatticeRow&, const LatticeRow&) = default;
 };
 
+// Calls visit(row) for pieces of the box's rows, in lexicographic order: first a row, then the rest
+// of it that begins after as many sites as the call before has returned, until none is left.
+template <class Visit>
+void for_each_piece(const SiteBox& box, Visit visit) {
+  for (std::int32_t i = box.low.i; i < box.high.i; ++i)
+    for (std::int32_t j = first_of_parity(box.low.j, i); j < box.high.j; j += 2)
+      for (std::int32_t k = first_of_parity(box.low.k, i); k < box.high.k;) {
+        const LatticeRow rest{{i, j, k}, static_cast<std::uint32_t>(box.high.k - k + 1) / 2};
+        const std::uint32_t num_done = visit(rest);
+        k += 2 * static_cast<std::int32_t>(num_done);
+      }
+}
+
 // Points of a leaf that are known by their places in the lattice alone (DESIGN 6).
 struct LatticeCore {
   bool is_whole = false;         // all sites in the leaf's box; then there are no rows
@@ -136,8 +149,8 @@ struct LatticeCore {
   friend bool operator==(const LatticeCore&, const LatticeCore&) = default;
 };
 
-// REQUIRES: sites come in lexicographic order
-void add_site(const LatticeSite& site, LatticeCore& core);
+// REQUIRES: rows come in lexicographic order
+void add_row(const LatticeRow& row, LatticeCore& core);
 // What is not of the leaf's box is damage: throws std::invalid_argument. So is a row that does not
 // come after the one before it. `sites`: of the leaf's box
 void check_core(const LatticeCore& core, const SiteBox& sites);
@@ -208,5 +221,9 @@ inline constexpr std::uint64_t kFirstOtherId = std::uint64_t{1} << 61;
 inline constexpr std::int32_t kMaxSiteIndex = (1 << 20) - 1;  // and at least minus it
 std::uint64_t site_id(const LatticeSite& site);
 LatticeSite site_of(std::uint64_t id);  // REQUIRES: id < kFirstOtherId
+// Does its id tell its site? Lattice points of stores of old have ids like all others, and no core.
+inline bool has_site(const MeshPoint& p) {
+  return p.kind == PointKind::kLattice && p.id < kFirstOtherId;
+}
 
 }  // namespace locvol

@@ -67,19 +67,49 @@ std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> tri
   return fragments;
 }
 
-// Halved until none is longer than `length`, and then in order of key, the priority.
-std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length) {
+// A box in cubes of about `side`, numbered.
+class Cubes {
+ public:
+  Cubes(const Box& box, double side) : low_(box.min) {
+    const Point sides = box.max - box.min;
+    for (const int axis : {0, 1, 2}) {
+      num_[std::size_t(axis)] = static_cast<std::uint32_t>(std::ceil(sides[axis] / side));
+      inverse_side_[axis] = num_[std::size_t(axis)] / sides[axis];
+    }
+  }
+  std::uint32_t size() const { return num_[0] * num_[1] * num_[2]; }
+  // Of the one that holds p, or of the nearest.
+  std::uint32_t number(const Point& p) const {
+    const auto place = [&](int axis) {
+      const double v = (p[axis] - low_[axis]) * inverse_side_[axis];
+      return static_cast<std::uint32_t>(std::clamp(v, 0.0, num_[std::size_t(axis)] - 1.0));
+    };
+    return (place(2) * num_[1] + place(1)) * num_[0] + place(0);
+  }
+
+ private:
+  Point low_, inverse_side_;
+  std::array<std::uint32_t, 3> num_{};
+};
+
+// Halved until none is longer than `length`, and then cube by cube, so that what is near is in the
+// cache, and in a cube in order of key, the priority.
+std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length,
+                                  const Cubes& cubes) {
   for (std::size_t i = 0; i < fragments.size(); ++i)
     while (longest_edge(fragments[i]).second > length * length) {
       const auto [here, there] = halves(fragments[i]);
       fragments[i] = here;
       fragments.push_back(there);
     }
-  // Keys are hashes, so a bucket by their leading bits holds a few. Equal ones (by chance, one leaf
-  // in 10⁹) keep the order of the array.
-  const auto num_bits = static_cast<int>(std::bit_width(fragments.size() / 4)) + 1;
-  const auto bucket_of = [&](const Fragment& f) { return f.key >> (64 - num_bits); };
-  std::vector<std::uint32_t> end((std::size_t{1} << num_bits) + 1, 0);  // of buckets, once filled
+  // Keys are hashes, so of a cube's a bucket by their leading bits holds a few. Equal ones (by
+  // chance, one leaf in 10⁹) keep the order of the array.
+  const auto num_bits = static_cast<int>(std::bit_width(fragments.size() / cubes.size() / 4)) + 1;
+  const auto bucket_of = [&](const Fragment& f) {
+    return std::uint64_t{cubes.number(f.corners[0])} << num_bits | f.key >> (64 - num_bits);
+  };
+  // Of buckets, once filled.
+  std::vector<std::uint32_t> end((std::size_t{cubes.size()} << num_bits) + 1, 0);
   for (const Fragment& f : fragments) ++end[bucket_of(f) + 1];
   std::partial_sum(end.begin(), end.end(), end.begin());
   std::vector<std::pair<std::uint64_t, std::uint32_t>> order(fragments.size());
@@ -228,8 +258,9 @@ class SurfaceSampler {
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
-    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_); !fragments.empty();
-         fragments = uncovered_halves(throw_darts(fragments))) {
+    const Cubes cubes(owned_, kCubeSide * spacing_);
+    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_, cubes);
+         !fragments.empty(); fragments = uncovered_halves(throw_darts(fragments))) {
     }
     return std::move(samples_);
   }
@@ -243,6 +274,8 @@ class SurfaceSampler {
  private:
   // The longer the fewer rounds, and the more darts that could have known better.
   static constexpr double kFirstLength = 1;
+  // Over the spacing. A cube's samples are a few hundred.
+  static constexpr double kCubeSide = 20;
 
   // Where rounding puts it on a face that belongs to the next leaf, it moves back by one rounding
   // error: else nobody would own the points of a sheet that leans towards the face that little.
@@ -286,15 +319,26 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(
 void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
                         CoverPoints& points) {
   const SurfacePatch& surface = *input.surface;
-  for_each_site(input.lattice->sites_in(input.box), [&](const LatticeSite& site) {
+  // The sites at the row's beginning that are within `distance` of its first, displaced or not.
+  const auto num_within = [&](double distance, const LatticeRow& row) {
+    constexpr double kSlack = 1.001;
+    const double num = distance / (kSlack * input.lattice->spacing());
+    return 1 + static_cast<std::uint32_t>(std::clamp(num, 0.0, row.count - 1.0));
+  };
+  for_each_piece(input.lattice->sites_in(input.box), [&](const LatticeRow& row) {
+    const LatticeSite& site = row.first;
     const Point p = input.lattice->position(site);
-    if (!surface.is_inside(p)) return;
-    if (!surface.is_near(p, kCoreDepth * input.size))
-      add_site(site, points.core);
-    else if (!surface.is_near(p, kLatticeDepth * input.size) ||
-             (!surface.is_near(p, kLeastLatticeDepth * input.size) &&
-              sampler.is_hidden(p, surface)))
+    const auto [is_inside, distance] = surface.locate(p);
+    if (!is_inside) return num_within(distance, row);
+    if (!surface.is_near(p, kCoreDepth * input.size)) {
+      const std::uint32_t num_as_deep = num_within(distance - kCoreDepth * input.size, row);
+      add_row({site, num_as_deep}, points.core);
+      return num_as_deep;
+    }
+    if (!surface.is_near(p, kLatticeDepth * input.size) ||
+        (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface)))
       points.lattice.push_back(site);
+    return 1U;
   });
 }
 

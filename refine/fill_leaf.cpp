@@ -117,11 +117,13 @@ class HoleSearch {
     constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of such a cell's sites
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const Box around = input_.box.expanded(kStart * size_);
-    for_each_site(is_there_.box().expanded(-2), [&](const LatticeSite& site) {
+    for_each_piece(is_there_.box().expanded(-2), [&](const LatticeRow& row) {
+      const LatticeSite& site = row.first;
       const Point corner = place(site);
       const auto [is_inside, distance] = input_.surface->locate(corner);
+      if (distance > kFarthest * size_) return num_within(distance - kFarthest * size_, row);
       const bool is_outside = !is_inside && input_.surface->region().contains(corner);
-      if (distance > (is_outside ? kCircumradius : kFarthest) * size_) return;
+      if (is_outside && distance > kCircumradius * size_) return 1U;
       for (const auto& [b, c, d] : kLatticeCells) {
         if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
           continue;
@@ -130,6 +132,7 @@ class HoleSearch {
             corner + 0.25 * half_ * Point{double(sum.i), double(sum.j), double(sum.k)};
         if (around.contains(center)) search_from(center);
       }
+      return 1U;
     });
     std::ranges::sort(found_.met_core);
     const auto repeated = std::ranges::unique(found_.met_core);
@@ -140,6 +143,10 @@ class HoleSearch {
  private:
   static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
 
+  // The sites at the row's beginning that are within `distance` of its first.
+  std::uint32_t num_within(double distance, const LatticeRow& row) const {
+    return 1 + static_cast<std::uint32_t>(std::min(distance / (2 * half_), row.count - 1.0));
+  }
   // But for the displacement, which does not matter here.
   Point place(const LatticeSite& s) const {
     return origin_ + half_ * Point{double(s.i), double(s.j), double(s.k)};
@@ -148,7 +155,7 @@ class HoleSearch {
   // Its points tell where it lies. Without any, all places are as good.
   void find_lattice() {
     origin_ = input_.box.min;
-    const auto known = std::ranges::find(input_.points, PointKind::kLattice, &MeshPoint::kind);
+    const auto known = std::ranges::find_if(input_.points, has_site);
     if (known != input_.points.end())
       origin_ = known->position - (place(site_of(known->id)) - origin_);
   }
@@ -161,8 +168,7 @@ class HoleSearch {
                         {below(high.x) + 2, below(high.y) + 2, below(high.z) + 2}};
     is_there_ = {sites.expanded(3), 0};
     for (const MeshPoint& p : input_.points)
-      if (p.kind == PointKind::kLattice && is_there_.box().contains(site_of(p.id)))
-        is_there_[site_of(p.id)] = 1;
+      if (has_site(p) && is_there_.box().contains(site_of(p.id))) is_there_[site_of(p.id)] = 1;
     if (input_.core == nullptr) return;
     const SiteBox known = is_there_.box(), inner = known.expanded(-2);
     SiteBlock<std::uint8_t> is_core(known, 0);

@@ -19,10 +19,6 @@ namespace locvol {
 
 using LocalIndex = Delaunay::Vertex;  // of a local point; not stored anywhere
 
-// Does its id tell its site? Lattice points of stores of old have ids like all others, and no core.
-inline bool has_site(const MeshPoint& p) {
-  return p.kind == PointKind::kLattice && p.id < kFirstOtherId;
-}
 inline constexpr LocalIndex kInfiniteVertex = Delaunay::kInfinite;
 
 enum class Side : std::uint8_t {

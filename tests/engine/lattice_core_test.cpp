@@ -381,7 +381,7 @@ TEST_F(DamagedCore, AuditFindsASiteTooMany) {
     for_each_core_site(points.core, box, box,
                        [&](const LatticeSite& site, std::uint64_t) { all.insert(site); });
     points.core = {};
-    for (const LatticeSite& site : all) add_site(site, points.core);
+    for (const LatticeSite& site : all) add_row({site, 1}, points.core);
   });
   const AuditReport found = report();
   EXPECT_FALSE(found.is_valid());

@@ -503,7 +503,7 @@ const SiteBox kBox{{-3, 2, -5}, {6, 9, 8}};
 
 LatticeCore core_of(const Sites& sites) {
   LatticeCore core;
-  for (const LatticeSite& site : sites) add_site(site, core);
+  for (const LatticeSite& site : sites) add_row({site, 1}, core);
   return core;
 }
 
