@@ -109,6 +109,11 @@ constexpr unsigned kArchiveFlags = boost::archive::no_header | boost::archive::n
 class AppendBuffer : public std::streambuf {
  public:
   const std::string& bytes() const { return bytes_; }
+  // For `size` bytes more, which the caller writes. Valid until anything else is appended.
+  char* grow(std::size_t size) {
+    bytes_.resize(bytes_.size() + size);
+    return bytes_.data() + bytes_.size() - size;
+  }
 
  private:
   std::streamsize xsputn(const char* data, std::streamsize size) override {
@@ -130,6 +135,12 @@ class ViewBuffer : public std::streambuf {
     setg(begin, begin, begin + bytes.size());
   }
   std::size_t bytes_left() const { return static_cast<std::size_t>(egptr() - gptr()); }
+  // The next bytes. REQUIRES: there are as many
+  const char* take(std::size_t size) {
+    const char* const begin = gptr();
+    setg(eback(), gptr() + size, egptr());
+    return begin;
+  }
 };
 
 template <class T>
@@ -189,11 +200,9 @@ class ContentWriter {
 template <class T>
 void ContentWriter::put_column(const T* values, std::size_t count) {
   put(std::uint64_t{count});
-  std::vector<char> plane(count);
-  for (std::size_t byte = 0; byte < sizeof(T); ++byte) {
+  char* plane = buffer_.grow(count * sizeof(T));
+  for (std::size_t byte = 0; byte < sizeof(T); ++byte, plane += count)
     for (std::size_t i = 0; i < count; ++i) plane[i] = static_cast<char>(values[i] >> (8 * byte));
-    archive_.save_binary(plane.data(), count);
-  }
 }
 
 // Reads fields in the order they are named. Sizes are checked against the bytes left before
@@ -274,13 +283,15 @@ void ContentReader::get_column(Column& column) {
   using T = typename Column::value_type;
   using Bits = std::make_unsigned_t<T>;
   const std::size_t count = get_count(sizeof(T));
-  column.assign(count, T{});
-  std::vector<unsigned char> plane(count);
-  for (std::size_t byte = 0; byte < sizeof(T); ++byte) {
-    archive_.load_binary(plane.data(), count);
-    for (std::size_t i = 0; i < count; ++i)
-      column[i] = static_cast<T>(static_cast<Bits>(column[i]) |
-                                 static_cast<Bits>(Bits{plane[i]} << (8 * byte)));
+  column.resize(count);
+  const char* const planes = buffer_.take(count * sizeof(T));
+  for (std::size_t i = 0; i < count; ++i) {
+    Bits bits = 0;
+    for (std::size_t byte = 0; byte < sizeof(T); ++byte) {
+      const auto here = static_cast<unsigned char>(planes[byte * count + i]);
+      bits = static_cast<Bits>(bits | static_cast<Bits>(Bits{here} << (8 * byte)));
+    }
+    column[i] = static_cast<T>(bits);
   }
 }
 
@@ -441,7 +452,10 @@ class ChangedBits {
 
 class PositionWriter {
  public:
-  explicit PositionWriter(PositionColumns& columns) : columns_(columns) {}
+  // `num`: of positions that may come
+  PositionWriter(PositionColumns& columns, std::size_t num) : columns_(columns) {
+    for (auto* column : {&columns_.x, &columns_.y, &columns_.z}) column->reserve(num);
+  }
   void add(const Point& p) {
     columns_.x.push_back(x_.to_change(p.x));
     columns_.y.push_back(y_.to_change(p.y));
@@ -501,7 +515,9 @@ PointColumns stored_form(const LeafPoints& record) {
   PointColumns columns;
   columns.core = columns_of(record.core);
   Steps<std::uint64_t> ids;
-  PositionWriter positions(columns.positions);
+  PositionWriter positions(columns.positions, record.points.size());
+  columns.ids.reserve(record.points.size());
+  columns.kinds.reserve(record.points.size());
   for (const MeshPoint& point : record.points) {
     assert(point.kind <= last_of(point.kind));
     columns.ids.push_back(ids.to_step(point.id));
@@ -530,12 +546,15 @@ LeafPoints record_of(const PointColumns& columns) {
 CellColumns stored_form(const LeafCells& record) {
   CellColumns columns;
   Steps<std::uint64_t> ids;
+  columns.vertices.reserve(record.vertices.size());
   for (const std::uint64_t id : record.vertices) columns.vertices.push_back(ids.to_step(id));
   Steps<std::uint32_t> first;
-  for (const auto& cell : record.cells) {
+  for (auto& corners : columns.corners) corners.resize(record.cells.size());
+  for (std::size_t c = 0; c < record.cells.size(); ++c) {
+    const auto& cell = record.cells[c];
     assert(std::ranges::all_of(cell, [&](auto corner) { return corner < record.vertices.size(); }));
-    columns.corners[0].push_back(first.to_step(cell[0]));
-    for (std::size_t i = 1; i < 4; ++i) columns.corners[i].push_back(cell[i] - cell[0]);
+    columns.corners[0][c] = first.to_step(cell[0]);
+    for (std::size_t i = 1; i < 4; ++i) columns.corners[i][c] = cell[i] - cell[0];
   }
   return columns;
 }
@@ -572,7 +591,7 @@ struct HashPointBits {
 TriangleColumns stored_form(const LeafSurface& record) {
   TriangleColumns columns;
   Steps<std::uint64_t> ids;
-  PositionWriter corners(columns.corners);
+  PositionWriter corners(columns.corners, record.triangles.size());
   std::unordered_map<PointBits, std::uint32_t, HashPointBits> index;  // looked up, never iterated
   for (const Triangle& triangle : record.triangles) {
     columns.ids.push_back(ids.to_step(triangle.id));
@@ -609,7 +628,7 @@ LeafSurface record_of(const TriangleColumns& columns) {
 
 SiteColumns stored_form(const LeafUnresolved& record) {
   SiteColumns columns;
-  PositionWriter positions(columns.positions);
+  PositionWriter positions(columns.positions, record.sites.size());
   ChangedBits radius;
   for (const UnresolvedSite& site : record.sites) {
     assert(1 <= site.condition && site.condition <= kNumConditions);
