@@ -86,15 +86,8 @@ std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& p
 }
 
 MeshPiece MeshSource::read(const LeafRange& range, const PieceParts& parts) {
-  std::unique_ptr<Window> window;
-  {
-    const std::lock_guard lock(mutex_);
-    if (!idle_.empty()) {
-      window = std::move(idle_.back());
-      idle_.pop_back();
-    }
-  }
-  if (!window) window = std::make_unique<Window>(store_, numbering_, workers_.num_threads());
+  std::unique_ptr<Window> window = windows_.take(
+      [this] { return std::make_unique<Window>(store_, numbering_, workers_.num_threads()); });
   MeshPiece piece;
   piece.first_vertex = numbering_.first_vertex(range.first);
   piece.first_cell = numbering_.first_cell(range.first);
@@ -102,8 +95,7 @@ MeshPiece MeshSource::read(const LeafRange& range, const PieceParts& parts) {
     if (parts.has_points) add_points(leaf, *window, piece);
     if (parts.has_cells) add_cells(leaf, parts.has_corners, *window, piece);
   }
-  const std::lock_guard lock(mutex_);
-  idle_.push_back(std::move(window));
+  windows_.put_back(std::move(window));
   return piece;
 }
 

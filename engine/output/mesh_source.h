@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <vector>
 
+#include "engine/idle_pool.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/encode_in_order.h"
 #include "engine/output/leaf_window.h"
@@ -109,8 +109,7 @@ class MeshSource {
   VertexPositions positions_;
   Workers workers_;
   std::unique_ptr<BoundarySurface> boundary_;
-  std::mutex mutex_;                           // of idle_
-  std::vector<std::unique_ptr<Window>> idle_;  // as many as were needed at once
+  IdlePool<Window> windows_;
 };
 
 // Of the cells of a piece, in order; those of the core by formula, without the displacement of

@@ -1,0 +1,39 @@
+// IdlePool keeps what threads work with between their turns.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+namespace locvol {
+
+// Holds as many as were ever in use at once. Safe from many threads.
+template <class T>
+class IdlePool {
+ public:
+  // One that nobody uses, or *make() if there is none.
+  template <class Make>
+  std::unique_ptr<T> take(const Make& make) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!idle_.empty()) {
+        std::unique_ptr<T> one = std::move(idle_.back());
+        idle_.pop_back();
+        return one;
+      }
+    }
+    return make();
+  }
+  // What an error has left is better not used again.
+  void put_back(std::unique_ptr<T> one) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(one));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<T>> idle_;
+};
+
+}  // namespace locvol

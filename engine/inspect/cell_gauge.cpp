@@ -1,0 +1,258 @@
+#include "engine/inspect/cell_gauge.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <vector>
+
+#include "engine/inspect/cell_mesh.h"
+#include "octree/lattice.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::size_t kNumAngleBins = 91, kNumRatioBins = 29;
+constexpr double kFirstRatio = 0.6, kRatioStep = 0.05;
+// Of six times the volume, squared, over that of a box with the same edges at the first corner.
+// Below that, a radius would show the rounding of a volume.
+constexpr double kNearlyFlat = 1e-16;
+
+double degrees(double cosine) {
+  return std::acos(std::clamp(cosine, -1.0, 1.0)) * (180 / std::numbers::pi);
+}
+double cosine_of(double degrees) { return std::cos(degrees * (std::numbers::pi / 180)); }
+
+Histogram angle_histogram() {
+  Histogram angles{{0}, std::vector<std::uint64_t>(kNumAngleBins)};
+  for (int edge = 1; edge < 180; edge += 2) angles.edges.push_back(edge);
+  angles.edges.push_back(180);
+  return angles;
+}
+
+Histogram ratio_histogram() {
+  Histogram ratios{{}, std::vector<std::uint64_t>(kNumRatioBins)};
+  for (std::size_t i = 0; i <= kNumRatioBins; ++i)
+    ratios.edges.push_back(static_cast<double>(12 + i) / 20);
+  return ratios;
+}
+
+// Finds the bin of an angle from its cosine, without branches.
+class AngleBins {
+ public:
+  AngleBins() {
+    const std::vector<double> edges = angle_histogram().edges;
+    cosines_.fill(-std::numeric_limits<double>::infinity());
+    for (std::size_t i = 0; i < kNumAngleBins; ++i) cosines_[i] = cosine_of(edges[i]);
+    // Each step of cosines begins in this bin, or some rounding errors into it.
+    for (std::size_t k = 0; k < kSteps; ++k)
+      while (first_[k] + 1 < kNumAngleBins &&
+             1 - (static_cast<double>(k) - 1e-6) / kStepsOfOne <= cosines_[first_[k] + 1])
+        ++first_[k];
+  }
+
+  // REQUIRES: not NaN
+  std::size_t bin(double cosine) const {
+    const double place = (1 - std::clamp(cosine, -1.0, 1.0)) * kStepsOfOne;
+    std::size_t bin = first_[std::min(static_cast<std::size_t>(place), kSteps - 1)];
+    for (std::size_t i = 0; i < kMostEdges; ++i) bin += cosine <= cosines_[bin + 1];
+    return bin;
+  }
+
+ private:
+  static constexpr std::size_t kSteps = 1024;
+  static constexpr double kStepsOfOne = kSteps / 2.0;
+  static constexpr std::size_t kMostEdges = 2;  // of bins, within one step
+
+  std::array<double, kNumAngleBins + 1> cosines_{};  // of the bins' lower edges; none lies beyond
+  std::array<std::size_t, kSteps> first_{};          // the bin that a step begins in
+};
+
+std::size_t ratio_bin(double ratio, std::span<const double> edges) {
+  const double place = (ratio - kFirstRatio) / kRatioStep;
+  auto bin = static_cast<std::size_t>(std::clamp(place, 0.0, kNumRatioBins - 1.0));
+  if (ratio < edges[bin] && bin > 0) --bin;
+  if (bin + 1 < kNumRatioBins && ratio >= edges[bin + 1]) ++bin;
+  return bin;
+}
+
+// ---- Some cells side by side, one in each lane
+
+using Lanes [[gnu::vector_size(CellGauge::kAtOnce * sizeof(double))]] = double;
+
+Lanes root(const Lanes& v) {
+  Lanes roots{};
+  for (std::size_t lane = 0; lane < CellGauge::kAtOnce; ++lane) roots[lane] = std::sqrt(v[lane]);
+  return roots;
+}
+Lanes least(const Lanes& a, const Lanes& b) { return b < a ? b : a; }
+
+struct Vectors {
+  Lanes x{}, y{}, z{};
+  friend Vectors operator+(const Vectors& a, const Vectors& b) {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+  }
+  friend Vectors operator-(const Vectors& a, const Vectors& b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+  }
+  friend Vectors operator*(const Lanes& s, const Vectors& a) { return {s * a.x, s * a.y, s * a.z}; }
+};
+Lanes dot(const Vectors& a, const Vectors& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vectors cross(const Vectors& a, const Vectors& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+Vectors unit(const Vectors& v) { return (1 / root(dot(v, v))) * v; }
+Lanes squared_length(const Vectors& v) { return dot(v, v); }
+
+// From the first corner of each cell to corner `k`.
+Vectors edges_to(std::size_t k, std::span<const CellGauge::Corners> cells, double scale) {
+  Vectors edges;
+  for (std::size_t lane = 0; lane < cells.size(); ++lane) {
+    const Point edge = scale * (cells[lane][k] - cells[lane][0]);
+    edges.x[lane] = edge.x;
+    edges.y[lane] = edge.y;
+    edges.z[lane] = edge.z;
+  }
+  return edges;
+}
+
+}  // namespace
+
+struct CellGauge::Measures {
+  Lanes six_volumes, radius, ratio;
+  Lanes is_flat_below;                 // six volumes, squared
+  std::array<Lanes, 6> minus_cosines;  // of dihedral angles
+};
+
+CellGauge::Measures CellGauge::measures_of(std::span<const Corners> cells, double scale) {
+  const Vectors a = edges_to(1, cells, scale), b = edges_to(2, cells, scale),
+                c = edges_to(3, cells, scale);
+  const Vectors bc = cross(b, c), ca = cross(c, a), ab = cross(a, b);
+  Measures m{};
+  m.six_volumes = dot(a, bc);
+  // The angle between two facets is a straight one less that between their outward normals.
+  const std::array<Vectors, 4> normals{unit(bc), unit(ca), unit(ab),
+                                       unit(Vectors{} - (bc + ca + ab))};
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j) m.minus_cosines[n++] = dot(normals[i], normals[j]);
+
+  const Lanes a2 = squared_length(a), b2 = squared_length(b), c2 = squared_length(c);
+  const Lanes shortest2 =
+      least(least(least(a2, b2), c2),
+            least(least(squared_length(a - b), squared_length(b - c)), squared_length(c - a)));
+  m.is_flat_below = kNearlyFlat * a2 * b2 * c2;
+  m.radius = root(squared_length(a2 * bc + b2 * ca + c2 * ab)) / (2 * m.six_volumes);
+  m.radius = m.radius < 0 ? -m.radius : m.radius;
+  m.ratio = m.radius / root(shortest2);
+  return m;
+}
+
+CellGauge::CellGauge(double size) : size_(size) {}
+
+void CellGauge::add(std::span<const Corners> cells) {
+  assert(cells.size() <= kAtOnce);
+  const Measures m = measures_of(cells, 1 / size_);
+  counted_.num_cells += cells.size();
+  for (std::size_t lane = 0; lane < cells.size(); ++lane) {
+    const double six_volumes = m.six_volumes[lane];
+    volume_.add(six_volumes / 6);
+    std::array<double, 6> cosines{};
+    for (std::size_t i = 0; i < 6; ++i) {
+      const double minus_cosine = m.minus_cosines[i][lane];
+      cosines[i] = minus_cosine >= -1 ? -minus_cosine : 1;  // 1 for a facet without area
+    }
+    add_angles(cosines);
+    if (six_volumes * six_volumes > m.is_flat_below[lane]) {
+      add_radius(m.radius[lane], m.ratio[lane]);
+      continue;
+    }
+    Corners corners = cells[lane];
+    for (Point& corner : corners) corner = 1 / size_ * (corner - cells[lane][0]);
+    const CellQuality quality = quality_of(corners);
+    add_radius(quality.circumradius, quality.radius_edge_ratio);
+  }
+}
+
+void CellGauge::add_angles(const std::array<double, 6>& cosines) {
+  static const AngleBins bins;
+  double of_least = -1, of_most = 1;  // cosines of the smallest angle and of the largest
+  for (const double cosine : cosines) {
+    ++counted_.dihedral_angles.counts[bins.bin(cosine)];
+    of_least = std::max(of_least, cosine);
+    of_most = std::min(of_most, cosine);
+  }
+  ++counted_.min_dihedral_angles.counts[bins.bin(of_least)];
+  max_cosine_ = std::max(max_cosine_, of_least);
+  min_cosine_ = std::min(min_cosine_, of_most);
+}
+
+void CellGauge::add_radius(double radius, double ratio) {
+  counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
+  counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
+  ++counted_.radius_edge_ratios.counts[ratio_bin(ratio, counted_.radius_edge_ratios.edges)];
+}
+
+// Of spacing 1.75 λ: four dihedral angles of 60 degrees and two of 90.
+void CellGauge::add_core(std::uint64_t num_cells) {
+  if (num_cells == 0) return;
+  const double edge = std::sqrt(3.0) / 2 * kLatticeSpacing;  // the shortest
+  const double radius = std::sqrt(5.0) / 4 * kLatticeSpacing, ratio = radius / edge;
+  const AngleBins bins;
+  const std::size_t bin60 = bins.bin(0.5), bin90 = bins.bin(0);
+  counted_.num_cells += num_cells;
+  counted_.num_core_cells += num_cells;
+  counted_.dihedral_angles.counts[bin60] += 4 * num_cells;
+  counted_.dihedral_angles.counts[bin90] += 2 * num_cells;
+  counted_.min_dihedral_angles.counts[bin60] += num_cells;
+  counted_.radius_edge_ratios.counts[ratio_bin(ratio, counted_.radius_edge_ratios.edges)] +=
+      num_cells;
+  counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
+  counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
+  max_cosine_ = std::max(max_cosine_, 0.5);
+  min_cosine_ = std::min(min_cosine_, 0.0);
+  const double volume = kLatticeSpacing * kLatticeSpacing * kLatticeSpacing / 12;
+  volume_.add(volume * static_cast<double>(num_cells));
+}
+
+void CellGauge::add(const CellGauge& other) {
+  MeshStatistics& to = counted_;
+  const MeshStatistics& from = other.counted_;
+  to.num_cells += from.num_cells;
+  to.num_core_cells += from.num_core_cells;
+  for (const auto histogram :
+       {&MeshStatistics::dihedral_angles, &MeshStatistics::min_dihedral_angles,
+        &MeshStatistics::radius_edge_ratios}) {
+    auto& counts = (to.*histogram).counts;
+    std::ranges::transform(counts, (from.*histogram).counts, counts.begin(), std::plus());
+  }
+  to.max_circumradius = std::max(to.max_circumradius, from.max_circumradius);
+  to.max_radius_edge_ratio = std::max(to.max_radius_edge_ratio, from.max_radius_edge_ratio);
+  volume_.add(other.volume_);
+  min_cosine_ = std::min(min_cosine_, other.min_cosine_);
+  max_cosine_ = std::max(max_cosine_, other.max_cosine_);
+}
+
+MeshStatistics CellGauge::statistics() const {
+  MeshStatistics all = counted_;
+  all.volume = volume_.value() * std::pow(size_, 3);
+  if (all.num_cells > 0) {
+    all.min_dihedral_degrees = degrees(max_cosine_);
+    all.max_dihedral_degrees = degrees(min_cosine_);
+  }
+  return all;
+}
+
+std::uint64_t Histogram::total() const {
+  return std::reduce(counts.begin(), counts.end(), std::uint64_t{0});
+}
+
+MeshStatistics::MeshStatistics()
+    : dihedral_angles(angle_histogram()),
+      min_dihedral_angles(angle_histogram()),
+      radius_edge_ratios(ratio_histogram()) {}
+
+}  // namespace locvol
