@@ -168,6 +168,7 @@ void LeafMesh::make_all_fresh() {
   states_.assign(delaunay_.cell_bound(), CellState{});
   balls_.resize(delaunay_.cell_bound());
   fresh_.clear();
+  are_all_fresh_ = true;
   for (Cell c = 0; c < delaunay_.cell_bound(); ++c)
     if (delaunay_.is_cell(c)) make_fresh(c);
 }
@@ -190,6 +191,7 @@ bool LeafMesh::is_boundary_changed() const {
 
 void LeafMesh::clear_fresh_cells() {
   fresh_.clear();
+  are_all_fresh_ = false;
   has_gone_member_ = has_gone_other_ = false;
 }
 
@@ -354,6 +356,7 @@ LocalIndex LeafMesh::insert_core(const MeshPoint& q, const Conflict& conflict) {
 }
 
 LocalIndex LeafMesh::insert_last_local(const Conflict& conflict) {
+  are_all_fresh_ = false;
   for (const Cell c : conflict.cells) note_gone(c);
   const LocalIndex index = delaunay_.insert(locals_.back().point.position, conflict);
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
@@ -366,6 +369,7 @@ LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
 }
 
 void LeafMesh::remove(LocalIndex i) {
+  are_all_fresh_ = false;
   delaunay_.cells_around(i, around_);
   for (const Cell c : around_) note_gone(c);
   Local& gone = locals_[i];

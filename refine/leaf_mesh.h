@@ -119,6 +119,8 @@ class LeafMesh {
     return ref.cell < states_.size() && states_[ref.cell].stamp == ref.stamp;
   }
   const std::vector<CellRef>& fresh_cells() const { return fresh_; }
+  // Are these all there are with an own vertex?
+  bool are_all_fresh() const { return are_all_fresh_; }
   // Whether facets at own vertices may have joined or left the mesh's boundary since the fresh
   // cells were cleared last.
   bool is_boundary_changed() const;
@@ -192,6 +194,7 @@ class LeafMesh {
   mutable std::vector<CellState> states_;  // of cells
   mutable std::vector<CellBall> balls_;    // likewise
   std::vector<CellRef> fresh_;
+  bool are_all_fresh_ = false;
   mutable std::vector<Cell> around_;
   mutable std::vector<LocalIndex> neighbors_;
   bool has_gone_member_ = false, has_gone_other_ = false;  // with an own vertex

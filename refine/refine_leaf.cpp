@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <numeric>
 #include <set>
+#include <span>
+#include <utility>
 #include <variant>
 
 #include "octree/site_block.h"
@@ -75,6 +78,7 @@ class Refinement {
   void look_at(Cell cell, bool is_boundary_changed);
   void look_at(Facet facet);
   void look_at_vertex(LocalIndex v);
+  void pass_disks();
 
   Outcome restore_facet(const FacetRef& facet, int condition);
   Outcome restore_disk(LocalIndex v);
@@ -224,7 +228,62 @@ void Refinement::look_at_fresh_cells() {
   const bool is_boundary_changed = mesh_.is_boundary_changed();
   for (std::size_t n = 0; n < fresh.size(); ++n)
     if (is_alive(fresh[n])) look_at(fresh[n].cell, is_boundary_changed);
+  if (mesh_.are_all_fresh()) pass_disks();
   mesh_.clear_fresh_cells();
+}
+
+// Takes vertices that meet C3 off its list, of a triangulation just built: to look at all boundary
+// facets once is far less work than at all cells around each vertex.
+void Refinement::pass_disks() {
+  const Delaunay& delaunay = mesh_.delaunay();
+  // Opposite a vertex of the list, in a boundary facet at it.
+  struct Edge {
+    LocalIndex vertex = 0, a = kInfiniteVertex, b = kInfiniteVertex;
+  };
+  std::vector<Edge> found;
+  std::vector<std::uint32_t> first(mesh_.num_locals() + 2, 0);  // of a vertex, in `edges`
+  for (const auto& [cell, stamp] : mesh_.fresh_cells()) {
+    if (!mesh_.is_member(cell)) continue;
+    const unsigned corners = mesh_.state(cell).own & mesh_.state(cell).on_surface;
+    for (int i = 0; i < 4 && corners != 0; ++i) {
+      if (mesh_.is_member(delaunay.neighbor(cell, i))) continue;
+      for (int at = 0; at < 4; ++at) {
+        if (at == i || (corners >> at & 1) == 0) continue;
+        Edge edge{delaunay.vertex(cell, at)};
+        for (int k = 0; k < 4; ++k)
+          if (k != i && k != at)
+            (edge.a == kInfiniteVertex ? edge.a : edge.b) = delaunay.vertex(cell, k);
+        found.push_back(edge);
+        ++first[edge.vertex + 2];
+      }
+    }
+  }
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<Edge> edges(found.size());
+  for (const Edge& edge : found) edges[first[edge.vertex + 1]++] = edge;
+
+  // Whether they make one cycle: from edge to edge, each has one that goes on.
+  const auto is_cycle = [](std::span<Edge> link) {
+    if (link.empty()) return false;
+    LocalIndex here = link[0].b;
+    for (std::size_t n = 1; n < link.size(); ++n) {
+      std::size_t num_next = 0;
+      for (std::size_t k = n; k < link.size(); ++k)
+        if (link[k].a == here || link[k].b == here) {
+          ++num_next;
+          std::swap(link[n], link[k]);
+        }
+      if (num_next != 1) return false;
+      here = link[n].a == here ? link[n].b : link[n].a;
+    }
+    return here == link[0].a;
+  };
+  std::erase_if(c3_, [&](LocalIndex v) {
+    const std::span link(edges.data() + first[v], edges.data() + first[v + 1]);
+    if (!is_cycle(link)) return false;
+    is_in_c3_[v] = false;
+    return true;
+  });
 }
 
 void Refinement::look_at(Cell cell, bool is_boundary_changed) {
