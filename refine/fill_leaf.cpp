@@ -112,28 +112,25 @@ class HoleSearch {
   }
 
   // The balls of the lattice's cells cover what is deep, so holes lie around the centers of such
-  // balls whose cells miss a site.
+  // balls whose cells miss a site. Where all sites are outside, so is the center, but for thin
+  // parts without room for a hole.
   FillPoints run() {
-    constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of such a cell's sites
-    static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const Box around = input_.box.expanded(kStart * size_);
-    for_each_piece(is_there_.box().expanded(-2), [&](const LatticeRow& row) {
-      const LatticeSite& site = row.first;
+    SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
+    for (const LatticeSite& site : sites_near_surface(is_outside)) {
       const Point corner = place(site);
-      const auto [is_inside, distance] = input_.surface->locate(corner);
-      if (distance > kFarthest * size_) return num_within(distance - kFarthest * size_, row);
-      const bool is_outside = !is_inside && input_.surface->region().contains(corner);
-      if (is_outside && distance > kCircumradius * size_) return 1U;
       for (const auto& [b, c, d] : kLatticeCells) {
         if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
+          continue;
+        if (is_outside[site] && is_outside[site + b] && is_outside[site + c] &&
+            is_outside[site + d])
           continue;
         const LatticeSite sum = b + c + d;
         const Point center =
             corner + 0.25 * half_ * Point{double(sum.i), double(sum.j), double(sum.k)};
         if (around.contains(center)) search_from(center);
       }
-      return 1U;
-    });
+    }
     std::ranges::sort(found_.met_core);
     const auto repeated = std::ranges::unique(found_.met_core);
     found_.met_core.erase(repeated.begin(), repeated.end());
@@ -143,6 +140,27 @@ class HoleSearch {
  private:
   static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
 
+  // From which the cells are looked at, in order. All sites that are outside are marked so.
+  std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) const {
+    constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of a cell that misses a site
+    static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
+    const SiteBox corners = is_there_.box().expanded(-2);
+    std::vector<LatticeSite> near;
+    for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
+      const Point p = place(row.first);
+      const auto [is_inside, distance] = input_.surface->locate(p);
+      const bool outside = !is_inside && input_.surface->region().contains(p);
+      const bool is_far = distance > kFarthest * size_;
+      const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
+      if (outside)
+        for (std::uint32_t n = 0; n < num; ++n)
+          is_outside[row.first + LatticeSite{0, 0, 2 * static_cast<std::int32_t>(n)}] = 1;
+      if (!is_far && !(outside && distance > kCircumradius * size_) && corners.contains(row.first))
+        near.push_back(row.first);
+      return num;
+    });
+    return near;
+  }
   // The sites at the row's beginning that are within `distance` of its first.
   std::uint32_t num_within(double distance, const LatticeRow& row) const {
     return 1 + static_cast<std::uint32_t>(std::min(distance / (2 * half_), row.count - 1.0));
