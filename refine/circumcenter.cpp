@@ -76,11 +76,30 @@ bool is_larger(const Offset<double>& o, double size, double most) {
          most * (std::abs(o.denominator) + kError * cube);
 }
 
+// In lexicographic order. Which of two random points comes first no processor can foretell, so
+// without branches, but for points with the same x.
+std::array<Point, 4> sorted(const std::array<Point, 4>& points) {
+  std::array<std::size_t, 4> place{};
+  bool has_equal = false;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j) {
+      const bool is_after = points[i].x > points[j].x;
+      has_equal |= points[i].x == points[j].x;
+      place[i] += is_after;
+      place[j] += !is_after;
+    }
+  std::array<Point, 4> result = points;
+  if (has_equal)
+    std::ranges::sort(result);
+  else
+    for (std::size_t i = 0; i < 4; ++i) result[place[i]] = points[i];
+  return result;
+}
+
 }  // namespace
 
-Circumball circumball(std::array<Point, 4> vertices, double most) {
-  std::ranges::sort(vertices);
-  const auto& [a, b, c, d] = vertices;
+Circumball circumball(const std::array<Point, 4>& vertices, double most) {
+  const auto [a, b, c, d] = sorted(vertices);
   const double size = std::max(std::max(max_norm(b - a), max_norm(c - a)), max_norm(d - a));
   const double cube = size * size * size;
   const auto rounded = offset<double>(a, b, c, d);

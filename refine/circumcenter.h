@@ -18,7 +18,7 @@ struct Circumball {
 // for well-shaped cells, quadruple precision for flat ones, rationals for those nearly degenerate.
 // If the radius exceeds `most`, the squared radius may be infinite, and the center anywhere: such
 // flat cells need no more than doubles.
-Circumball circumball(std::array<Point, 4> vertices,
+Circumball circumball(const std::array<Point, 4>& vertices,
                       double most = std::numeric_limits<double>::infinity());
 
 // The axis of a triangle: the line of points at equal distances from its corners.
