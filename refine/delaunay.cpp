@@ -47,18 +47,6 @@ std::vector<std::uint32_t> insertion_order(std::size_t num_points) {
 
 using Vertices = std::array<Delaunay::Vertex, 4>;
 
-// Sorted; true if that took an odd number of exchanges.
-bool sort_oddly(Vertices& v) {
-  bool is_odd = false;
-  const auto order = [&](std::size_t a, std::size_t b) {
-    if (v[a] <= v[b]) return;
-    std::swap(v[a], v[b]);
-    is_odd = !is_odd;
-  };
-  order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
-  return is_odd;
-}
-
 Vertices vertices_of(CellHandle c) {
   return {c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
 }

@@ -11,6 +11,7 @@
 // Memory: about 150 bytes a cell. Time: about 6 µs a vertex in a build, 6 µs an insertion.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -21,6 +22,20 @@
 #include "octree/geometry.h"
 
 namespace locvol {
+
+// Sorts the vertices of a cell; true if that took an odd number of exchanges. Without branches,
+// which nobody could foretell.
+inline bool sort_oddly(std::array<std::uint32_t, 4>& v) {
+  bool is_odd = false;
+  const auto order = [&](std::size_t a, std::size_t b) {
+    const std::uint32_t first = v[a], second = v[b];
+    v[a] = std::min(first, second);
+    v[b] = std::max(first, second);
+    is_odd ^= second < first;
+  };
+  order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
+  return is_odd;
+}
 
 class Delaunay {
  public:

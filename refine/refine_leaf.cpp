@@ -32,25 +32,25 @@ struct FacetRef {
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
 // same set of cells, whose vertices are below `bound`.
 void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::size_t bound) {
-  std::vector<std::uint32_t> first(bound + 1, 0);  // place of the first cell by smallest vertex
-  for (auto& cell : cells) {
-    bool is_odd = false;
-    const auto order = [&](std::size_t a, std::size_t b) {
-      if (cell[a] <= cell[b]) return;
-      std::swap(cell[a], cell[b]);
-      is_odd = !is_odd;
-    };
-    order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
-    if (is_odd) std::swap(cell[2], cell[3]);
-    ++first[cell[0] + 1];
-  }
-  for (std::size_t v = 0; v < bound; ++v) first[v + 1] += first[v];
+  for (auto& cell : cells)
+    if (sort_oddly(cell)) std::swap(cell[2], cell[3]);
+  // By the second vertex and then the first, which leaves few with the same two.
   std::vector<std::array<std::uint32_t, 4>> sorted(cells.size());
-  std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
-  for (const auto& cell : cells) sorted[next[cell[0]]++] = cell;
-  for (std::size_t v = 0; v < bound; ++v)
-    std::sort(sorted.begin() + first[v], sorted.begin() + first[v + 1]);
-  cells = std::move(sorted);
+  std::vector<std::uint32_t> next(bound + 1);  // place of the next cell by one of its vertices
+  for (const std::size_t k : {1, 0}) {
+    std::ranges::fill(next, 0);
+    for (const auto& cell : cells) ++next[cell[k] + 1];
+    std::partial_sum(next.begin(), next.end(), next.begin());
+    for (const auto& cell : cells) sorted[next[cell[k]]++] = cell;
+    cells.swap(sorted);
+  }
+  for (std::size_t end = 0; end < cells.size();) {
+    const std::size_t begin = end;
+    while (end < cells.size() && cells[end][0] == cells[begin][0] &&
+           cells[end][1] == cells[begin][1])
+      ++end;
+    std::sort(cells.begin() + std::ptrdiff_t(begin), cells.begin() + std::ptrdiff_t(end));
+  }
 }
 
 class Refinement {
