@@ -556,6 +556,25 @@ TEST_F(LatticeCoreTest, HoldsTheSitesThatWereAdded) {
   }
 }
 
+TEST_F(LatticeCoreTest, PiecesOfRowsMakeUpTheBox) {
+  for (int trial = 0; trial < 200; ++trial) {
+    const SiteBox box = random_box(random_);
+    Sites seen;
+    LatticeCore core;
+    for_each_piece(box, [&](const LatticeRow& rest) {
+      EXPECT_FALSE(box.contains(rest.first + LatticeSite{0, 0, 2 * std::int32_t(rest.count)}));
+      const LatticeRow piece{
+          rest.first, static_cast<std::uint32_t>(integer(random_, 1, std::int32_t(rest.count)))};
+      add_row(piece, core);
+      for (std::int32_t n = 0; n < std::int32_t(piece.count); ++n)
+        EXPECT_TRUE(seen.insert(piece.first + LatticeSite{0, 0, 2 * n}).second);
+      return piece.count;
+    });
+    ASSERT_EQ(seen, all_sites(box));
+    ASSERT_EQ(core, core_of(seen));  // pieces of one row are joined
+  }
+}
+
 TEST_F(LatticeCoreTest, ThatIsWholeHoldsAllSitesOfTheBox) {
   const LatticeCore whole{.is_whole = true, .rows = {}};
   for (int trial = 0; trial < 100; ++trial) {
