@@ -121,6 +121,11 @@ bool Delaunay::build(std::span<const Point> points) {
   cell_of_.resize(points_.size(), kNone);
   Triangulation& triangulation = impl_->triangulation;
   const auto num_before = triangulation.number_of_vertices();
+  constexpr std::size_t kUsualCells = 7;  // a vertex
+  if (num_before == 0) {
+    triangulation.tds().vertices().reserve(points.size() + 1);
+    triangulation.tds().cells().reserve(kUsualCells * points.size());
+  }
   CellHandle nearby;
   for (const std::uint32_t i : insertion_order(points.size())) {
     const VertexHandle v = triangulation.insert(cgal(points[i]), nearby);

@@ -109,14 +109,9 @@ Lanes squared_length(const Vectors& v) { return dot(v, v); }
 
 // From the first corner of each cell to corner `k`.
 Vectors edges_to(std::size_t k, std::span<const CellGauge::Corners> cells, double scale) {
-  Vectors edges;
-  for (std::size_t lane = 0; lane < cells.size(); ++lane) {
-    const Point edge = scale * (cells[lane][k] - cells[lane][0]);
-    edges.x[lane] = edge.x;
-    edges.y[lane] = edge.y;
-    edges.z[lane] = edge.z;
-  }
-  return edges;
+  static_assert(CellGauge::kAtOnce == 2);
+  const Point a = cells.front()[k] - cells.front()[0], b = cells.back()[k] - cells.back()[0];
+  return (Lanes{} + scale) * Vectors{{a.x, b.x}, {a.y, b.y}, {a.z, b.z}};
 }
 
 }  // namespace
@@ -155,6 +150,7 @@ CellGauge::CellGauge(double size) : size_(size) {}
 
 void CellGauge::add(std::span<const Corners> cells) {
   assert(cells.size() <= kAtOnce);
+  if (cells.empty()) return;
   const Measures m = measures_of(cells, 1 / size_);
   counted_.num_cells += cells.size();
   for (std::size_t lane = 0; lane < cells.size(); ++lane) {
