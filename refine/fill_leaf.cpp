@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "octree/site_block.h"
@@ -97,18 +98,17 @@ class Climber {
 class HoleSearch {
  public:
   explicit HoleSearch(const FillInput& input)
-      : input_(input),
-        size_(input.size),
-        half_(0.5 * kLatticeSpacing * size_),
-        points_(input.box.expanded(kFillReach * size_), size_),
-        samples_(input.box.expanded(kFillReach * size_), size_),
-        climber_(size_) {
-    for (const MeshPoint& p : input.points) {
-      points_.add(p.position);
-      if (p.kind == PointKind::kSurface) samples_.add(p.position);
-    }
+      : input_(input), size_(input.size), half_(0.5 * kLatticeSpacing * size_), climber_(size_) {
     find_lattice();
-    mark_sites();
+    std::vector<Point> all, samples;
+    for (const MeshPoint& p : input.points) {
+      all.push_back(p.position);
+      if (p.kind == PointKind::kSurface) samples.push_back(p.position);
+    }
+    mark_sites(all);
+    const Box known = input.box.expanded(kFillReach * size_);
+    points_.emplace(known, size_, all);
+    samples_.emplace(known, size_, samples);
   }
 
   // The balls of the lattice's cells cover what is deep, so holes lie around the centers of such
@@ -178,7 +178,8 @@ class HoleSearch {
       origin_ = known->position - (place(site_of(known->id)) - origin_);
   }
 
-  void mark_sites() {
+  // Appends points of the core that matter.
+  void mark_sites(std::vector<Point>& all) {
     const Point low = (1 / half_) * (input_.box.min - origin_);
     const Point high = (1 / half_) * (input_.box.max - origin_);
     const auto below = [](double v) { return static_cast<std::int32_t>(std::floor(v)); };
@@ -201,21 +202,21 @@ class HoleSearch {
                                         : input_.core->contains(site + step);
           });
       // Others are not the nearest to any place outside.
-      if (!is_among_core) points_.add(place(site));
+      if (!is_among_core) all.push_back(place(site));
     });
   }
 
   void search_from(const Point& start) {
     const double radius = kWorthClimbing * size_;
-    if (points_.has_in_cube(start, radius) || !input_.surface->is_inside(start) ||
-        !points_.is_free(start, radius))
+    if (points_->has_in_cube(start, radius) || !input_.surface->is_inside(start) ||
+        !points_->is_free(start, radius))
       return;
-    const Point center = climber_.climb(start, points_);
-    if (!is_in_leaf(input_.box, center) || !points_.is_free(center, kHoleRadius * size_) ||
+    const Point center = climber_.climb(start, *points_);
+    if (!is_in_leaf(input_.box, center) || !points_->is_free(center, kHoleRadius * size_) ||
         !input_.surface->is_inside(center) || !is_deep_enough(center))
       return;
     found_.centers.push_back(center);
-    points_.add(center);
+    points_->add(center);
     if (input_.core != nullptr) input_.core->append_met(center, size_, found_.met_core);
   }
 
@@ -226,7 +227,7 @@ class HoleSearch {
     if (surface.is_near(p, kLeastLatticeDepth * size_)) return false;
     const double radius = kSampleRadius * size_;
     near_.clear();
-    samples_.for_each_around(p, 2 * radius, [&](const Point& q) {
+    samples_->for_each_around(p, 2 * radius, [&](const Point& q) {
       if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);
       return true;
     });
@@ -236,9 +237,9 @@ class HoleSearch {
   }
 
   const FillInput& input_;
-  const double size_, half_;     // λ; half of the lattice's spacing
-  Point origin_;                 // of the lattice
-  PointCubes points_, samples_;  // of P; of these, the ones on the surface
+  const double size_, half_;                    // λ; half of the lattice's spacing
+  Point origin_;                                // of the lattice
+  std::optional<PointCubes> points_, samples_;  // of P; of these, the ones on the surface
   std::vector<Point> near_;
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;

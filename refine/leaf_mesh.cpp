@@ -66,13 +66,15 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     : input_(input), far_radius_(far_radius_of(input)) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
-  if (own == OwnPoints::kInBox && std::isfinite(reach)) own_cubes.emplace(input.box, reach);
+  if (own == OwnPoints::kInBox && std::isfinite(reach)) {
+    std::vector<Point> positions;
+    positions.reserve(input.own.size());
+    for (const MeshPoint& p : input.own) positions.push_back(p.position);
+    own_cubes.emplace(input.box, reach, positions);
+  }
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());
-  for (const MeshPoint& p : input.own) {
-    locals.push_back({p, p.id, true});
-    if (own_cubes) own_cubes->add(p.position);
-  }
+  for (const MeshPoint& p : input.own) locals.push_back({p, p.id, true});
   for (const MeshPoint& p : input.ghosts) {
     const bool is_own_one = own == OwnPoints::kInBox && is_in_leaf(input.box, p.position);
     if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach))

@@ -5,43 +5,58 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <numeric>
+#include <span>
 #include <vector>
 
 #include "octree/geometry.h"
 
 namespace locvol {
 
+// The points of cubes in a row are side by side in memory; those that are added later, which should
+// be few, hang on lists.
 class PointCubes {
  public:
-  PointCubes(const Box& box, double side) : origin_(box.min), inverse_side_(1 / side) {
+  // What lies outside the box joins its outermost cubes.
+  PointCubes(const Box& box, double side, std::span<const Point> points)
+      : origin_(box.min), inverse_side_(1 / side) {
     for (int axis = 0; axis < 3; ++axis)
       shape_[std::size_t(axis)] =
           1 + static_cast<std::int32_t>((box.max[axis] - box.min[axis]) * inverse_side_);
-    first_.assign(std::size_t(shape_[0]) * std::size_t(shape_[1]) * std::size_t(shape_[2]), kNone);
+    const std::size_t num_rows = std::size_t(shape_[1]) * std::size_t(shape_[2]);
+    std::vector<std::uint32_t> cubes(points.size());
+    first_.assign(num_rows * std::size_t(shape_[0]) + 2, 0);
+    for (std::size_t n = 0; n < points.size(); ++n) {
+      cubes[n] = static_cast<std::uint32_t>(index(cube_of(points[n])));
+      ++first_[cubes[n] + 2];
+    }
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    held_.resize(points.size());
+    for (std::size_t n = 0; n < points.size(); ++n) held_[first_[cubes[n] + 1]++] = points[n];
+    first_added_.assign(num_rows, kNone);
   }
 
-  // What lies outside the box joins its outermost cubes.
   void add(const Point& p) {
-    std::uint32_t& first = first_[index(cube_of(p))];
-    held_.push_back({p, first});
-    first = static_cast<std::uint32_t>(held_.size() - 1);
+    std::uint32_t& first = first_added_[row(cube_of(p))];
+    added_.push_back({p, first});
+    first = static_cast<std::uint32_t>(added_.size() - 1);
   }
 
-  // Calls visit(point) for all points in the cubes that p's neighborhood along the axes meets,
-  // until it says false.
+  // Calls visit(point) for all points in the cubes that p's neighborhood along the axes meets, and
+  // for some others, until it says false.
   template <class Visit>
   bool for_each_around(const Point& p, double distance, Visit visit) const {
     const Point d{distance, distance, distance};
     const Cube low = cube_of(p - d), high = cube_of(p + d);
     for (std::int32_t k = low[2]; k <= high[2]; ++k)
       for (std::int32_t j = low[1]; j <= high[1]; ++j)
-        for (std::int32_t i = low[0]; i <= high[0]; ++i)
-          if (!for_each_in({i, j, k}, visit)) return false;
+        if (!for_each_in({low[0], j, k}, high[0], visit)) return false;
     return true;
   }
   // Is a point of p's own cube closer to it than `radius`? Cheap.
   bool has_in_cube(const Point& p, double radius) const {
-    return !for_each_in(cube_of(p),
+    const Cube cube = cube_of(p);
+    return !for_each_in(cube, cube[0],
                         [&](const Point& q) { return squared_distance(p, q) >= radius * radius; });
   }
   // Is no point closer to p than `radius`?
@@ -53,16 +68,20 @@ class PointCubes {
 
  private:
   using Cube = std::array<std::int32_t, 3>;
-  struct Held {
+  struct Added {
     Point point;
-    std::uint32_t next = 0;  // in the same cube
+    std::uint32_t next = 0;  // in the same row
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+  // From a cube to the one at `last` in its row.
   template <class Visit>
-  bool for_each_in(const Cube& cube, Visit visit) const {
-    for (std::uint32_t n = first_[index(cube)]; n != kNone; n = held_[n].next)
-      if (!visit(held_[n].point)) return false;
+  bool for_each_in(const Cube& from, std::int32_t last, Visit visit) const {
+    const std::size_t begin = index(from), end = begin + std::size_t(last - from[0]) + 1;
+    for (std::uint32_t n = first_[begin]; n < first_[end]; ++n)
+      if (!visit(held_[n])) return false;
+    for (std::uint32_t n = first_added_[row(from)]; n != kNone; n = added_[n].next)
+      if (!visit(added_[n].point)) return false;
     return true;
   }
   Cube cube_of(const Point& p) const {
@@ -72,17 +91,20 @@ class PointCubes {
     };
     return {clamped(c.x, 0), clamped(c.y, 1), clamped(c.z, 2)};
   }
+  std::size_t row(const Cube& c) const {
+    return std::size_t(c[2]) * std::size_t(shape_[1]) + std::size_t(c[1]);
+  }
   std::size_t index(const Cube& c) const {
-    return (std::size_t(c[2]) * std::size_t(shape_[1]) + std::size_t(c[1])) *
-               std::size_t(shape_[0]) +
-           std::size_t(c[0]);
+    return row(c) * std::size_t(shape_[0]) + std::size_t(c[0]);
   }
 
   Point origin_;
   double inverse_side_;
   Cube shape_{};
-  std::vector<std::uint32_t> first_;  // of a cube's points in held_
-  std::vector<Held> held_;
+  std::vector<std::uint32_t> first_;  // of a cube's points in held_, and the end
+  std::vector<Point> held_;
+  std::vector<std::uint32_t> first_added_;  // of a row's points in added_
+  std::vector<Added> added_;
 };
 
 }  // namespace locvol
