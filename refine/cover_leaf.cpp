@@ -67,13 +67,15 @@ std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> tri
   return fragments;
 }
 
-// A box in cubes of about `side`, numbered.
+// A box in cubes of about `side`, or larger ones where it is very wide, numbered.
 class Cubes {
  public:
   Cubes(const Box& box, double side) : low_(box.min) {
+    constexpr double kMostOnAxis = 32;
     const Point sides = box.max - box.min;
     for (const int axis : {0, 1, 2}) {
-      num_[std::size_t(axis)] = static_cast<std::uint32_t>(std::ceil(sides[axis] / side));
+      const double wanted = std::min(std::ceil(sides[axis] / side), kMostOnAxis);
+      num_[std::size_t(axis)] = static_cast<std::uint32_t>(wanted);
       inverse_side_[axis] = num_[std::size_t(axis)] / sides[axis];
     }
   }
