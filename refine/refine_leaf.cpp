@@ -29,6 +29,37 @@ struct FacetRef {
   Facet facet() const { return {here.cell, index}; }
 };
 
+// Opposite a vertex, in a boundary facet at it. All of these edges are the vertex's link.
+struct LinkEdge {
+  LocalIndex a = kInfiniteVertex, b = kInfiniteVertex;
+};
+
+// Of the facet of the cell opposite its vertex i; the vertex is `at`.
+LinkEdge link_edge(const std::array<LocalIndex, 4>& cell, int i, int at) {
+  LinkEdge edge;
+  for (int k = 0; k < 4; ++k)
+    if (k != i && k != at) (edge.a == kInfiniteVertex ? edge.a : edge.b) = cell[std::size_t(k)];
+  return edge;
+}
+
+// Whether the edges make one cycle: from edge to edge, each has one that goes on. They change
+// places.
+bool is_cycle(std::span<LinkEdge> link) {
+  if (link.empty()) return false;
+  LocalIndex here = link[0].b;
+  for (std::size_t n = 1; n < link.size(); ++n) {
+    std::size_t num_next = 0;
+    for (std::size_t k = n; k < link.size(); ++k)
+      if (link[k].a == here || link[k].b == here) {
+        ++num_next;
+        std::swap(link[n], link[k]);
+      }
+    if (num_next != 1) return false;
+    here = link[n].a == here ? link[n].b : link[n].a;
+  }
+  return here == link[0].a;
+}
+
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
 // same set of cells, whose vertices are below `bound`.
 void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::size_t bound) {
@@ -146,7 +177,7 @@ class Refinement {
 
   LeafMesh::Conflict conflict_;
   mutable std::vector<Facet> star_;
-  mutable std::vector<std::pair<LocalIndex, LocalIndex>> link_;
+  mutable std::vector<LinkEdge> link_;
   mutable std::vector<Cell> around_;
   std::vector<Point> corners_;
   std::vector<MeshPoint> near_;      // taken in before an insertion
@@ -236,11 +267,7 @@ void Refinement::look_at_fresh_cells() {
 // facets once is far less work than at all cells around each vertex.
 void Refinement::pass_disks() {
   const Delaunay& delaunay = mesh_.delaunay();
-  // Opposite a vertex of the list, in a boundary facet at it.
-  struct Edge {
-    LocalIndex vertex = 0, a = kInfiniteVertex, b = kInfiniteVertex;
-  };
-  std::vector<Edge> found;
+  std::vector<std::pair<LocalIndex, LinkEdge>> found;           // with the vertex
   std::vector<std::uint32_t> first(mesh_.num_locals() + 2, 0);  // of a vertex, in `edges`
   for (const auto& [cell, stamp] : mesh_.fresh_cells()) {
     if (!mesh_.is_member(cell)) continue;
@@ -249,35 +276,16 @@ void Refinement::pass_disks() {
       if (mesh_.is_member(delaunay.neighbor(cell, i))) continue;
       for (int at = 0; at < 4; ++at) {
         if (at == i || (corners >> at & 1) == 0) continue;
-        Edge edge{delaunay.vertex(cell, at)};
-        for (int k = 0; k < 4; ++k)
-          if (k != i && k != at)
-            (edge.a == kInfiniteVertex ? edge.a : edge.b) = delaunay.vertex(cell, k);
-        found.push_back(edge);
-        ++first[edge.vertex + 2];
+        const LocalIndex v = delaunay.vertex(cell, at);
+        found.emplace_back(v, link_edge(delaunay.vertices(cell), i, at));
+        ++first[v + 2];
       }
     }
   }
   std::partial_sum(first.begin(), first.end(), first.begin());
-  std::vector<Edge> edges(found.size());
-  for (const Edge& edge : found) edges[first[edge.vertex + 1]++] = edge;
+  std::vector<LinkEdge> edges(found.size());
+  for (const auto& [v, edge] : found) edges[first[v + 1]++] = edge;
 
-  // Whether they make one cycle: from edge to edge, each has one that goes on.
-  const auto is_cycle = [](std::span<Edge> link) {
-    if (link.empty()) return false;
-    LocalIndex here = link[0].b;
-    for (std::size_t n = 1; n < link.size(); ++n) {
-      std::size_t num_next = 0;
-      for (std::size_t k = n; k < link.size(); ++k)
-        if (link[k].a == here || link[k].b == here) {
-          ++num_next;
-          std::swap(link[n], link[k]);
-        }
-      if (num_next != 1) return false;
-      here = link[n].a == here ? link[n].b : link[n].a;
-    }
-    return here == link[0].a;
-  };
   std::erase_if(c3_, [&](LocalIndex v) {
     const std::span link(edges.data() + first[v], edges.data() + first[v + 1]);
     if (!is_cycle(link)) return false;
@@ -353,30 +361,10 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
     for (int i = 0; i < 4; ++i) {
       if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
       star.push_back({c, i});
-      std::array<LocalIndex, 2> ends{};
-      std::size_t n = 0;
-      for (int k = 0; k < 4; ++k)
-        if (k != i && k != at) ends[n++] = delaunay.vertex(c, k);
-      link_.emplace_back(ends[0], ends[1]);
-      link_.emplace_back(ends[1], ends[0]);
+      link_.push_back(link_edge(delaunay.vertices(c), i, at));
     }
   }
-  if (star.empty()) return true;
-  std::ranges::sort(link_);
-  const std::size_t n = link_.size();
-  for (std::size_t k = 0; k < n; k += 2)  // each vertex of the link must have two edges, no more
-    if (k + 1 >= n || link_[k].first != link_[k + 1].first ||
-        (k + 2 < n && link_[k + 2].first == link_[k].first))
-      return false;
-  std::size_t length = 0;  // of the cycle through the first vertex
-  LocalIndex previous = kInfiniteVertex, here = link_[0].first;
-  do {
-    const auto edges = std::ranges::lower_bound(link_, std::pair{here, LocalIndex{0}});
-    const LocalIndex next = edges[0].second != previous ? edges[0].second : edges[1].second;
-    previous = std::exchange(here, next);
-    ++length;
-  } while (here != link_[0].first && length <= n);
-  return 2 * length == n;
+  return star.empty() || is_cycle(link_);
 }
 
 // ---- Restoring
