@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <boost/iterator/function_output_iterator.hpp>
 #include <cassert>
 #include <functional>
 #include <numeric>
@@ -20,7 +19,13 @@ namespace locvol {
 namespace {
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<Delaunay::Vertex, Kernel>;
+struct VertexInfo {
+  Delaunay::Vertex number = Delaunay::kNone;
+  // On the border of the cavity with this stamp: its place among the vertices there.
+  std::uint32_t place = 0;
+  std::uint64_t stamp = 0;
+};
+using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<VertexInfo, Kernel>;
 using CellBase =
     CGAL::Triangulation_cell_base_with_info_3<Delaunay::Cell, Kernel,
                                               CGAL::Delaunay_triangulation_cell_base_3<Kernel>>;
@@ -48,7 +53,8 @@ std::vector<std::uint32_t> insertion_order(std::size_t num_points) {
 using Vertices = std::array<Delaunay::Vertex, 4>;
 
 Vertices vertices_of(CellHandle c) {
-  return {c->vertex(0)->info(), c->vertex(1)->info(), c->vertex(2)->info(), c->vertex(3)->info()};
+  return {c->vertex(0)->info().number, c->vertex(1)->info().number, c->vertex(2)->info().number,
+          c->vertex(3)->info().number};
 }
 
 }  // namespace
@@ -70,10 +76,139 @@ struct Delaunay::Impl {
     }
   };
   std::vector<Fresh> fresh;  // of number_new()
+
+  // A new point's: the cells in conflict with it, which are connected; and the cells around these,
+  // each with the index of a facet between.
+  struct Cavity {
+    std::vector<CellHandle> inside;
+    std::vector<Triangulation::Facet> border;
+  };
+  Cavity cavity;
+
+  VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
+  void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
+  VertexHandle fill_cavity(const Kernel::Point_3& p);
+
+ private:
+  VertexHandle fill_small_cavity();
+  VertexHandle fill_large_cavity();
+
+  static constexpr std::size_t kMaxBorder = 124;                   // of a small cavity, in facets
+  static constexpr std::size_t kMaxVertices = kMaxBorder / 2 + 2;  // on its border, a sphere
+  // Of a small cavity's border, by the places of an edge's ends: the facet that has the edge in
+  // this direction. The facet beyond the edge has it in the other one.
+  std::array<std::array<std::uint8_t, kMaxVertices>, kMaxVertices> facet_at_edge;
+  std::array<std::array<std::uint32_t, 3>, kMaxBorder> corners;  // of facets, as places
+  std::uint64_t stamp = 0;
 };
 
+// What CGAL's insert() does, for points in space that are no vertices; its cavities are filled
+// through a hash map, which takes half as long again in all.
+VertexHandle Delaunay::Impl::insert(const Kernel::Point_3& p, CellHandle hint) {
+  if (triangulation.dimension() < 3) return triangulation.insert(p, hint);
+  Triangulation::Locate_type type;
+  int i = 0, j = 0;
+  const CellHandle start = triangulation.locate(p, type, i, j, hint);
+  if (type == Triangulation::VERTEX) return start->vertex(i);
+  find_cavity(p, start);
+  return fill_cavity(p);
+}
+
+// Leaves no marks.
+void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflict) {
+  auto& [inside, border] = cavity;
+  inside.clear();
+  border.clear();
+  const auto take_in = [&](CellHandle c) {
+    c->tds_data().mark_in_conflict();
+    inside.push_back(c);
+    for (int i = 0; i < 4; ++i) {  // they are all over memory, and looked at soon
+      const auto* next = reinterpret_cast<const char*>(&*c->neighbor(i));
+      __builtin_prefetch(next);
+      __builtin_prefetch(next + sizeof(Triangulation::Cell) - 1);
+    }
+  };
+  take_in(in_conflict);
+  for (std::size_t n = 0; n < inside.size(); ++n) {
+    const CellHandle c = inside[n];
+    for (int i = 0; i < 4; ++i) {
+      const CellHandle next = c->neighbor(i);
+      if (next->tds_data().is_in_conflict()) continue;
+      if (next->tds_data().is_clear()) {
+        if (triangulation.side_of_sphere(next, p, true) == CGAL::ON_BOUNDED_SIDE) {
+          take_in(next);
+          continue;
+        }
+        next->tds_data().mark_on_boundary();
+      }
+      border.emplace_back(next, next->index(c));
+    }
+  }
+  for (const CellHandle c : inside) c->tds_data().clear();
+  for (const auto& [outside, index] : border) outside->tds_data().clear();
+}
+
+// A new cell for each facet of the border, in new_cells, and the vertex of them all.
+VertexHandle Delaunay::Impl::fill_cavity(const Kernel::Point_3& p) {
+  new_cells.clear();
+  const VertexHandle v =
+      cavity.border.size() <= kMaxBorder ? fill_small_cavity() : fill_large_cavity();
+  v->set_point(p);
+  return v;
+}
+
+// Cells that go make room for new ones.
+VertexHandle Delaunay::Impl::fill_small_cavity() {
+  auto& [inside, border] = cavity;
+  auto& tds = triangulation.tds();
+  const VertexHandle v = tds.create_vertex();
+  ++stamp;
+  std::uint32_t num_vertices = 0;
+  for (std::size_t n = 0; n < border.size(); ++n) {
+    const auto& [outside, index] = border[n];
+    // Counterclockwise seen from v.
+    const std::array<VertexHandle, 3> corner{
+        outside->vertex(Triangulation::vertex_triple_index(index, 1)),
+        outside->vertex(Triangulation::vertex_triple_index(index, 0)),
+        outside->vertex(Triangulation::vertex_triple_index(index, 2))};
+    if (n < inside.size()) {
+      inside[n]->set_vertices(corner[0], corner[1], corner[2], v);
+      new_cells.push_back(inside[n]);
+    } else {
+      new_cells.push_back(tds.create_cell(corner[0], corner[1], corner[2], v));
+    }
+    outside->set_neighbor(index, new_cells[n]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      VertexInfo& info = corner[k]->info();
+      if (std::exchange(info.stamp, stamp) != stamp) info.place = num_vertices++;
+      corners[n][k] = info.place;
+      corner[k]->set_cell(new_cells[n]);
+    }
+    const auto& [a, b, c] = corners[n];
+    facet_at_edge[a][b] = facet_at_edge[b][c] = facet_at_edge[c][a] = static_cast<std::uint8_t>(n);
+  }
+  for (std::size_t n = 0; n < border.size(); ++n) {
+    const auto& [a, b, c] = corners[n];
+    new_cells[n]->set_neighbors(new_cells[facet_at_edge[c][b]], new_cells[facet_at_edge[a][c]],
+                                new_cells[facet_at_edge[b][a]], border[n].first);
+  }
+  for (std::size_t n = border.size(); n < inside.size(); ++n) tds.delete_cell(inside[n]);
+  v->set_cell(new_cells[0]);
+  return v;
+}
+
+// Of most or all of the hull.
+VertexHandle Delaunay::Impl::fill_large_cavity() {
+  const auto [outside, index] = cavity.border.front();
+  const CellHandle begin = outside->neighbor(index);
+  const VertexHandle v = triangulation.tds().insert_in_hole(
+      cavity.inside.begin(), cavity.inside.end(), begin, begin->index(outside));
+  triangulation.incident_cells(v, std::back_inserter(new_cells));
+  return v;
+}
+
 Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
-  impl_->triangulation.infinite_vertex()->info() = kInfinite;
+  impl_->triangulation.infinite_vertex()->info().number = kInfinite;
 }
 Delaunay::~Delaunay() = default;
 
@@ -128,8 +263,8 @@ bool Delaunay::build(std::span<const Point> points) {
   }
   CellHandle nearby;
   for (const std::uint32_t i : insertion_order(points.size())) {
-    const VertexHandle v = triangulation.insert(cgal(points[i]), nearby);
-    v->info() = first + i;
+    const VertexHandle v = impl_->insert(cgal(points[i]), nearby);
+    v->info().number = first + i;
     impl_->vertices[first + i] = v;
     nearby = v->cell();
   }
@@ -237,38 +372,37 @@ void Delaunay::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
     int i = 0, j = 0;
     start = triangulation.locate(p, type, i, j, start);
     if (type == Triangulation::VERTEX) {
-      conflict.coincident = start->vertex(i)->info();
+      conflict.coincident = start->vertex(i)->info().number;
       return;
     }
   }
-  triangulation.find_conflicts(
-      p, start, boost::make_function_output_iterator([&](const Triangulation::Facet& f) {
-        const Cell c = f.first->info();
-        conflict.border.push_back({c, index_of(c, f.first->vertex(f.second)->info())});
-      }),
-      boost::make_function_output_iterator(
-          [&](CellHandle c) { conflict.cells.push_back(c->info()); }));
+  impl_->find_cavity(p, start);
+  for (const CellHandle c : impl_->cavity.inside) conflict.cells.push_back(c->info());
+  for (const auto& [outside, index] : impl_->cavity.border) {
+    const Cell c = outside->info();
+    conflict.border.push_back({c, index_of(c, outside->vertex(index)->info().number)});
+  }
 }
 
 Delaunay::Vertex Delaunay::insert(const Point& q, const Conflict& conflict) {
   assert(!conflict.cells.empty());
-  std::vector<CellHandle>& cells = impl_->new_cells;
-  cells.clear();
-  for (const Cell c : conflict.cells) cells.push_back(impl_->cells[c]);
-  const auto [inside, index] = conflict.border.front();
-  const CellHandle begin = impl_->cells[inside];
-  const Vertex off = vertex(inside, index);
-  const int i = begin->index(off == kInfinite ? impl_->triangulation.infinite_vertex()
-                                              : impl_->vertices[off]);
-  const VertexHandle v =
-      impl_->triangulation.insert_in_hole(cgal(q), cells.begin(), cells.end(), begin, i);
+  auto& [inside, border] = impl_->cavity;
+  inside.clear();
+  for (const Cell c : conflict.cells) inside.push_back(impl_->cells[c]);
+  border.clear();
+  for (const Facet& f : conflict.border) {
+    const CellHandle outside = impl_->cells[f.cell];
+    const Vertex off = vertex(f.cell, f.index);
+    border.emplace_back(outside,
+                        outside->index(off == kInfinite ? impl_->triangulation.infinite_vertex()
+                                                        : impl_->vertices[off]));
+  }
+  const VertexHandle v = impl_->fill_cavity(cgal(q));
   const auto number = static_cast<Vertex>(points_.size());
-  v->info() = number;
+  v->info().number = number;
   points_.push_back(q);
   cell_of_.push_back(kNone);
   impl_->vertices.push_back(v);
-  cells.clear();
-  impl_->triangulation.incident_cells(v, std::back_inserter(cells));
   free_cells(conflict.cells);
   number_new();
   return number;

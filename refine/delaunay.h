@@ -81,7 +81,7 @@ class Delaunay {
   // What inserting a point would replace.
   struct Conflict {
     std::vector<Cell> cells;
-    std::vector<Facet> border;  // of these cells
+    std::vector<Facet> border;  // between these and the cells around, of the latter
     Vertex coincident = kNone;  // a vertex at this place; then the rest is empty
   };
   // `hint`: a cell, best one nearby. REQUIRES: has_cells()

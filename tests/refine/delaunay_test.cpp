@@ -248,6 +248,21 @@ TEST_P(DelaunayOf, KnowsWhatIsAroundAVertex) {
   }
 }
 
+// The last point's has 2 n - 4 facets: small ones are filled in one way, large ones in another.
+TEST(Delaunay, FillsCavitiesOfAnySize) {
+  Random random(73);
+  for (std::size_t n = 4; n < 90; ++n) {
+    std::vector<Point> points = random_points(random, n);
+    for (Point& p : points) p = (1 / norm(p)) * p;
+    Delaunay delaunay;
+    ASSERT_TRUE(delaunay.build(points));
+    points.push_back({0.01, 0.02, -0.01});
+    insert(delaunay, points.back(), delaunay.newest_cell());
+    expect_sound(delaunay);
+    ASSERT_EQ(finite_cells(delaunay), reference_cells(points)) << n;
+  }
+}
+
 TEST(Delaunay, HasNoCellsUntilThePointsSpanSpace) {
   Delaunay delaunay;
   EXPECT_TRUE(delaunay.build({}));
