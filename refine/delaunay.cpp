@@ -25,9 +25,17 @@ struct VertexInfo {
   std::uint32_t place = 0;
   std::uint64_t stamp = 0;
 };
+// Of a cell.
+struct CellInfo {
+  Delaunay::Cell number = Delaunay::kNone;
+  // Twice the way from vertex 3 to the circumcenter, if it is known to 2^-20 of its length; else
+  // not numbers.
+  std::array<float, 3> to_center{kUnknown, kUnknown, kUnknown};
+  static constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+};
 using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<VertexInfo, Kernel>;
 using CellBase =
-    CGAL::Triangulation_cell_base_with_info_3<Delaunay::Cell, Kernel,
+    CGAL::Triangulation_cell_base_with_info_3<CellInfo, Kernel,
                                               CGAL::Delaunay_triangulation_cell_base_3<Kernel>>;
 using Triangulation =
     CGAL::Delaunay_triangulation_3<Kernel,
@@ -36,6 +44,24 @@ using CellHandle = Triangulation::Cell_handle;
 using VertexHandle = Triangulation::Vertex_handle;
 
 Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
+Point ours(const Kernel::Point_3& p) { return {p.x(), p.y(), p.z()}; }
+
+// From a cell's corner to its other ones: to_center.
+// Of D and N, whose quotient it is, rounding changes 60 ε |a|³ and 220 ε |a|⁴ at most, with the
+// longest a; and as twice the radius is no less than |a|, that is 3e-8 of each where D is not
+// small.
+std::array<float, 3> to_center(const Point& a, const Point& b, const Point& c) {
+  constexpr double kFlat = 1e-6, kLeast = 1e-30, kMost = 1e30;  // floats do not underflow, overflow
+  const double a2 = dot(a, a), b2 = dot(b, b), c2 = dot(c, c);
+  const Point bc = cross(b, c);
+  const double determinant = dot(a, bc), longest2 = std::max(std::max(a2, b2), c2);
+  const Point way = 1 / determinant * (a2 * bc + b2 * cross(c, a) + c2 * cross(a, b));
+  const double length = max_norm(way);
+  if (!(determinant * determinant > kFlat * kFlat * longest2 * longest2 * longest2) ||
+      !(length > kLeast && length < kMost))
+    return {CellInfo::kUnknown, CellInfo::kUnknown, CellInfo::kUnknown};
+  return {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z)};
+}
 
 // In which to insert points that follow a space-filling curve: an eighth of them after an eighth of
 // these and so on, each round along the curve (Amenta, Choi and Rote, "Incremental constructions
@@ -86,11 +112,12 @@ struct Delaunay::Impl {
   Cavity cavity;
 
   VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
+  bool is_in_conflict(CellHandle c, const Kernel::Point_3& p) const;
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
 
  private:
-  VertexHandle fill_small_cavity();
+  VertexHandle fill_small_cavity(const Point& p);
   VertexHandle fill_large_cavity();
 
   static constexpr std::size_t kMaxBorder = 124;                   // of a small cavity, in facets
@@ -114,6 +141,17 @@ VertexHandle Delaunay::Impl::insert(const Kernel::Point_3& p, CellHandle hint) {
   return fill_cavity(p);
 }
 
+// CGAL decides what to_center leaves open.
+bool Delaunay::Impl::is_in_conflict(CellHandle c, const Kernel::Point_3& p) const {
+  const auto& [x, y, z] = c->info().to_center;
+  const Point q = ours(p) - ours(c->vertex(3)->point()), way{x, y, z};
+  // Inside if |q|² < q·way.
+  const double q2 = dot(q, q), difference = q2 - dot(q, way);
+  constexpr double kError = 0x1p-18;  // over |q| |way|
+  if (difference * difference > kError * kError * q2 * dot(way, way)) return difference < 0;
+  return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
+}
+
 // Leaves no marks.
 void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflict) {
   auto& [inside, border] = cavity;
@@ -135,7 +173,7 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
       const CellHandle next = c->neighbor(i);
       if (next->tds_data().is_in_conflict()) continue;
       if (next->tds_data().is_clear()) {
-        if (triangulation.side_of_sphere(next, p, true) == CGAL::ON_BOUNDED_SIDE) {
+        if (is_in_conflict(next, p)) {
           take_in(next);
           continue;
         }
@@ -152,13 +190,13 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
 VertexHandle Delaunay::Impl::fill_cavity(const Kernel::Point_3& p) {
   new_cells.clear();
   const VertexHandle v =
-      cavity.border.size() <= kMaxBorder ? fill_small_cavity() : fill_large_cavity();
+      cavity.border.size() <= kMaxBorder ? fill_small_cavity(ours(p)) : fill_large_cavity();
   v->set_point(p);
   return v;
 }
 
 // Cells that go make room for new ones.
-VertexHandle Delaunay::Impl::fill_small_cavity() {
+VertexHandle Delaunay::Impl::fill_small_cavity(const Point& p) {
   auto& [inside, border] = cavity;
   auto& tds = triangulation.tds();
   const VertexHandle v = tds.create_vertex();
@@ -178,10 +216,15 @@ VertexHandle Delaunay::Impl::fill_small_cavity() {
       new_cells.push_back(tds.create_cell(corner[0], corner[1], corner[2], v));
     }
     outside->set_neighbor(index, new_cells[n]);
+    CellInfo& info = new_cells[n]->info();
+    info = {};
+    if (std::ranges::find(corner, triangulation.infinite_vertex()) == corner.end())
+      info.to_center = to_center(ours(corner[0]->point()) - p, ours(corner[1]->point()) - p,
+                                 ours(corner[2]->point()) - p);
     for (std::size_t k = 0; k < 3; ++k) {
-      VertexInfo& info = corner[k]->info();
-      if (std::exchange(info.stamp, stamp) != stamp) info.place = num_vertices++;
-      corners[n][k] = info.place;
+      VertexInfo& at = corner[k]->info();
+      if (std::exchange(at.stamp, stamp) != stamp) at.place = num_vertices++;
+      corners[n][k] = at.place;
       corner[k]->set_cell(new_cells[n]);
     }
     const auto& [a, b, c] = corners[n];
@@ -256,17 +299,17 @@ bool Delaunay::build(std::span<const Point> points) {
   cell_of_.resize(points_.size(), kNone);
   Triangulation& triangulation = impl_->triangulation;
   const auto num_before = triangulation.number_of_vertices();
-  constexpr std::size_t kUsualCells = 7;  // a vertex
-  if (num_before == 0) {
-    triangulation.tds().vertices().reserve(points.size() + 1);
-    triangulation.tds().cells().reserve(kUsualCells * points.size());
-  }
+  if (num_before == 0) triangulation.tds().vertices().reserve(points.size() + 1);
   CellHandle nearby;
+  int dimension = triangulation.dimension();
   for (const std::uint32_t i : insertion_order(points.size())) {
     const VertexHandle v = impl_->insert(cgal(points[i]), nearby);
     v->info().number = first + i;
     impl_->vertices[first + i] = v;
     nearby = v->cell();
+    constexpr std::size_t kUsualCells = 7;  // a vertex
+    if (std::exchange(dimension, triangulation.dimension()) < 3 && dimension == 3)
+      triangulation.tds().cells().reserve(kUsualCells * points.size());
   }
   if (triangulation.number_of_vertices() != num_before + points.size()) return false;
   number_all();
@@ -296,15 +339,15 @@ void Delaunay::number_all() {
   impl_->cells.resize(fresh.size());
   for (const auto& [sorted, original, handle, is_odd] : fresh) {
     const Cell c = next[sorted[0]]++;
-    handle->info() = c;
+    handle->info().number = c;
     impl_->cells[c] = handle;
     set_corners(c, sorted, is_odd);
   }
   for (const Impl::Fresh& f : fresh) {
-    const Cell c = f.handle->info();
+    const Cell c = f.handle->info().number;
     for (int i = 0; i < 4; ++i)
       corners_[c].neighbor[std::size_t(index_of(c, f.original[std::size_t(i)]))] =
-          f.handle->neighbor(i)->info();
+          f.handle->neighbor(i)->info().number;
   }
   new_cells_.push_back(cell_bound() - 1);
 }
@@ -334,7 +377,7 @@ void Delaunay::number_new() {
       free_.pop_back();
       impl_->cells[c] = handle;
     }
-    handle->info() = c;
+    handle->info().number = c;
     new_cells_.push_back(c);
     set_corners(c, sorted, is_odd);
   }
@@ -342,7 +385,7 @@ void Delaunay::number_new() {
     const Cell c = new_cells_[n];
     for (int i = 0; i < 4; ++i) {
       const Vertex off = fresh[n].original[std::size_t(i)];
-      const Cell other = fresh[n].handle->neighbor(i)->info();
+      const Cell other = fresh[n].handle->neighbor(i)->info().number;
       corners_[c].neighbor[std::size_t(index_of(c, off))] = other;
       // And of those around the new ones: opposite the vertex that is not on the facet.
       for (std::size_t k = 0; k < 4; ++k)
@@ -377,9 +420,9 @@ void Delaunay::find_conflict(const Point& q, Cell hint, Conflict& conflict) cons
     }
   }
   impl_->find_cavity(p, start);
-  for (const CellHandle c : impl_->cavity.inside) conflict.cells.push_back(c->info());
+  for (const CellHandle c : impl_->cavity.inside) conflict.cells.push_back(c->info().number);
   for (const auto& [outside, index] : impl_->cavity.border) {
-    const Cell c = outside->info();
+    const Cell c = outside->info().number;
     conflict.border.push_back({c, index_of(c, outside->vertex(index)->info().number)});
   }
 }
@@ -416,6 +459,7 @@ bool Delaunay::remove(Vertex v) {
   cell_of_[v] = kNone;
   impl_->vertices[v] = VertexHandle();
   if (impl_->triangulation.dimension() < 3) {
+    for (auto& cell : impl_->triangulation.tds().cells()) cell.info() = {};  // changed, not new
     number_all();
     return false;
   }

@@ -279,6 +279,25 @@ TEST(Delaunay, HasNoCellsUntilThePointsSpanSpace) {
   EXPECT_FALSE(delaunay.has_cells());
 }
 
+// Cells that stay have other vertices then.
+TEST(Delaunay, GrowsAgainFromAPlane) {
+  Random random(74);
+  std::vector<Point> points = random_points(random, 40);
+  for (Point& p : points) p.z = 0;
+  points.push_back({0.1, 0, 0.3});
+  points.push_back({0, 0.1, -0.2});
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points));
+  EXPECT_TRUE(delaunay.remove(41));
+  EXPECT_FALSE(delaunay.remove(40));
+  points.resize(40);
+  const std::vector<Point> others = random_points(random, 60);
+  ASSERT_TRUE(delaunay.build(others));
+  points.insert(points.end(), others.begin(), others.end());
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points));
+}
+
 TEST(Delaunay, FindsCoincidentPointsInAPlane) {
   const std::vector<Point> points{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 0, 0}};
   EXPECT_FALSE(Delaunay().build(points));
