@@ -30,24 +30,19 @@ class Climber {
  public:
   explicit Climber(double size) : size_(size) {}
 
-  // From p, in steps along the axes, shorter and shorter ones.
+  // From the start, in steps along the axes, shorter and shorter ones.
   Point climb(const Point& start, const PointCubes& points) {
     look_around(start, points);
     Place p{0, 0, 0};
     float highest = height(p);
     for (float step = kFirstStep; step > kLastStep; step *= 0.5F)
       for (int n = 0; n < kStepsOfALength; ++n) {
-        const Place before = p;
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          for (const float way : {-step, step}) {
-            Place next = before;
-            next[axis] += way;
-            const float there = height(next);
-            if (there <= highest) continue;
-            highest = there;
-            p = next;
-          }
-        if (p == before) break;
+        const std::array<float, 6> heights = heights_around(p, step);
+        const auto best = std::ranges::max_element(heights);
+        if (*best <= highest) break;
+        highest = *best;
+        const auto way = static_cast<std::size_t>(best - heights.begin());
+        p[way / 2] += way % 2 == 0 ? -step : step;
       }
     return start + size_ * Point{p[0], p[1], p[2]};
   }
@@ -80,6 +75,8 @@ class Climber {
     });
   }
 
+  static float least_of(const Lanes& v) { return std::min({v[0], v[1], v[2], v[3]}); }
+
   // The squared distance to the nearest point.
   float height(const Place& p) const {
     Lanes least = Lanes{} + std::numeric_limits<float>::infinity();
@@ -88,7 +85,30 @@ class Climber {
       const Lanes d = dx * dx + dy * dy + dz * dz;
       least = d < least ? d : least;
     }
-    return std::min({least[0], least[1], least[2], least[3]});
+    return least_of(least);
+  }
+
+  // The same a step before and after p, along x, y and z: a step s changes the square of a distance
+  // by s² ± 2 s times its part along the axis.
+  std::array<float, 6> heights_around(const Place& p, float step) const {
+    std::array<Lanes, 6> least;
+    least.fill(Lanes{} + std::numeric_limits<float>::infinity());
+    for (const Around& q : around_) {
+      const Lanes dx = q.x - p[0], dy = q.y - p[1], dz = q.z - p[2];
+      const Lanes d = dx * dx + dy * dy + dz * dz;
+      const auto take_in = [&](std::size_t axis, const Lanes& along) {
+        const Lanes before = d + along, after = d - along;
+        Lanes &first = least[2 * axis], &second = least[2 * axis + 1];
+        first = before < first ? before : first;
+        second = after < second ? after : second;
+      };
+      take_in(0, 2 * step * dx);
+      take_in(1, 2 * step * dy);
+      take_in(2, 2 * step * dz);
+    }
+    std::array<float, 6> heights{};
+    for (std::size_t way = 0; way < 6; ++way) heights[way] = least_of(least[way]) + step * step;
+    return heights;
   }
 
   double size_;
