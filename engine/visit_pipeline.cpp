@@ -32,8 +32,10 @@ class VisitPipeline::Run {
         is_stopped_(is_stopped),
         waiting_(state_.queue.front_epoch()) {}
 
+  // One visit among acute folds may take as long as fifty others. They have memory reserved.
   bool run(Workers& workers) {
-    workers.run_in_order([this] { return next(); });
+    constexpr int kMaxVisitsPerThread = 32;
+    workers.run_in_order([this] { return next(); }, kMaxVisitsPerThread);
     return !has_stopped_;
   }
 

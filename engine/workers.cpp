@@ -95,11 +95,13 @@ class ThreadPool {
 // is due and begins the next, or leaves both to the thread that is at it.
 class OrderedRun {
  public:
-  OrderedRun(ThreadPool& pool, int num_threads, const NextTask& next)
+  OrderedRun(ThreadPool& pool, int num_threads, const NextTask& next, int max_tasks_per_thread)
       : pool_(pool),
         next_(next),
         max_uncomputed_(num_threads == 1 ? 1 : num_threads + 1),
-        max_under_way_(num_threads == 1 ? 1 : 4 * static_cast<std::size_t>(num_threads)) {}
+        max_under_way_(num_threads == 1 ? 1
+                                        : static_cast<std::size_t>(max_tasks_per_thread) *
+                                              static_cast<std::size_t>(num_threads)) {}
 
   void run() {
     advance();
@@ -211,8 +213,8 @@ Workers::~Workers() = default;
 
 int Workers::num_threads() const { return impl_->num_threads; }
 
-void Workers::run_in_order(const NextTask& next) {
-  OrderedRun(impl_->pool, num_threads(), next).run();
+void Workers::run_in_order(const NextTask& next, int max_tasks_per_thread) {
+  OrderedRun(impl_->pool, num_threads(), next, max_tasks_per_thread).run();
 }
 
 int num_usable_threads() {

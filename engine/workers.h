@@ -35,10 +35,12 @@ class Workers {
   // they share needs no lock. Null: there is none for now, and `next` is asked again when another
   // task has been applied; with none under way, that was all.
   // With one thread, each task is computed and applied before `next` is asked again; with n, up to
-  // n + 1 wait to be computed and 4 n are under way.
+  // n + 1 wait to be computed and max_tasks_per_thread n are under way, most of them computed and
+  // behind one that takes long.
   // Throws what the first of the tasks, or `next` after them, throws; those before it have been
   // applied, those after it are dropped.
-  void run_in_order(const std::function<std::unique_ptr<Task>()>& next);
+  void run_in_order(const std::function<std::unique_ptr<Task>()>& next,
+                    int max_tasks_per_thread = 4);
 
  private:
   struct Impl;
