@@ -11,6 +11,7 @@
 #include <cassert>
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "octree/mix.h"
@@ -63,6 +64,18 @@ std::array<float, 3> to_center(const Point& a, const Point& b, const Point& c) {
   return {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z)};
 }
 
+// Is p in the cell's circumball, and so no vertex? Empty where to_center does not tell.
+[[gnu::always_inline]] inline std::optional<bool> is_in_ball(CellHandle c,
+                                                             const Kernel::Point_3& p) {
+  const auto& [x, y, z] = c->info().to_center;
+  const Point q = ours(p) - ours(c->vertex(3)->point()), way{x, y, z};
+  // Inside if |q|² < q·way.
+  const double q2 = dot(q, q), difference = q2 - dot(q, way);
+  constexpr double kError = 0x1p-18;  // over |q| |way|
+  if (difference * difference > kError * kError * q2 * dot(way, way)) return difference < 0;
+  return std::nullopt;
+}
+
 // In which to insert points that follow a space-filling curve: an eighth of them after an eighth of
 // these and so on, each round along the curve (Amenta, Choi and Rote, "Incremental constructions
 // con BRIO", 2003).
@@ -112,7 +125,6 @@ struct Delaunay::Impl {
   Cavity cavity;
 
   VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
-  bool is_in_conflict(CellHandle c, const Kernel::Point_3& p) const;
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
 
@@ -133,23 +145,16 @@ struct Delaunay::Impl {
 // through a hash map, which takes half as long again in all.
 VertexHandle Delaunay::Impl::insert(const Kernel::Point_3& p, CellHandle hint) {
   if (triangulation.dimension() < 3) return triangulation.insert(p, hint);
-  Triangulation::Locate_type type;
-  int i = 0, j = 0;
-  const CellHandle start = triangulation.locate(p, type, i, j, hint);
-  if (type == Triangulation::VERTEX) return start->vertex(i);
+  CellHandle start = hint;
+  if (!is_in_ball(start, p).value_or(false)) start = triangulation.inexact_locate(p, hint);
+  if (!is_in_ball(start, p).value_or(false)) {
+    Triangulation::Locate_type type;
+    int i = 0, j = 0;
+    start = triangulation.locate(p, type, i, j, start);
+    if (type == Triangulation::VERTEX) return start->vertex(i);
+  }
   find_cavity(p, start);
   return fill_cavity(p);
-}
-
-// CGAL decides what to_center leaves open.
-bool Delaunay::Impl::is_in_conflict(CellHandle c, const Kernel::Point_3& p) const {
-  const auto& [x, y, z] = c->info().to_center;
-  const Point q = ours(p) - ours(c->vertex(3)->point()), way{x, y, z};
-  // Inside if |q|² < q·way.
-  const double q2 = dot(q, q), difference = q2 - dot(q, way);
-  constexpr double kError = 0x1p-18;  // over |q| |way|
-  if (difference * difference > kError * kError * q2 * dot(way, way)) return difference < 0;
-  return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
 }
 
 // Leaves no marks.
@@ -166,6 +171,10 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
       __builtin_prefetch(next + sizeof(Triangulation::Cell) - 1);
     }
   };
+  const auto is_in_conflict = [&](CellHandle c) {
+    if (const auto is_inside = is_in_ball(c, p)) return *is_inside;
+    return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
+  };
   take_in(in_conflict);
   for (std::size_t n = 0; n < inside.size(); ++n) {
     const CellHandle c = inside[n];
@@ -173,7 +182,7 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
       const CellHandle next = c->neighbor(i);
       if (next->tds_data().is_in_conflict()) continue;
       if (next->tds_data().is_clear()) {
-        if (is_in_conflict(next, p)) {
+        if (is_in_conflict(next)) {
           take_in(next);
           continue;
         }
@@ -300,8 +309,8 @@ bool Delaunay::build(std::span<const Point> points) {
   Triangulation& triangulation = impl_->triangulation;
   const auto num_before = triangulation.number_of_vertices();
   if (num_before == 0) triangulation.tds().vertices().reserve(points.size() + 1);
-  CellHandle nearby;
   int dimension = triangulation.dimension();
+  CellHandle nearby = triangulation.infinite_cell();
   for (const std::uint32_t i : insertion_order(points.size())) {
     const VertexHandle v = impl_->insert(cgal(points[i]), nearby);
     v->info().number = first + i;

@@ -1,6 +1,7 @@
 #include "refine/leaf_mesh.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <utility>
@@ -153,15 +154,14 @@ void LeafMesh::make_fresh(Cell c) {
   }
   CellState state;
   state.stamp = ++stamp_;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const LocalIndex v = delaunay_.vertices(c)[i];
-    if (v == kInfiniteVertex) continue;
-    const Marks& marks = marks_[v];
-    state.own = static_cast<std::uint8_t>(state.own | marks.is_own << i);
-    state.hidden = static_cast<std::uint8_t>(state.hidden | marks.is_hidden << i);
-    state.on_surface = static_cast<std::uint8_t>(state.on_surface | marks.is_on_surface << i);
-    state.at_core = static_cast<std::uint8_t>(state.at_core | marks.is_at_core << i);
-  }
+  // All marks at once, each in a byte of its own: bit i is vertex i's.
+  std::uint32_t bits = 0;
+  for (int i = 0; i < 4; ++i)
+    if (const LocalIndex v = delaunay_.vertex(c, i); v != kInfiniteVertex)
+      bits |= std::bit_cast<std::uint32_t>(marks_[v]) << i;
+  const auto marked = std::bit_cast<std::array<std::uint8_t, 4>>(bits);
+  state.own = marked[0], state.hidden = marked[1];
+  state.on_surface = marked[2], state.at_core = marked[3];
   states_[c] = state;
   if (state.own != 0) fresh_.push_back({c, stamp_});
 }
