@@ -202,9 +202,8 @@ void LeafMesh::clear_fresh_cells() {
 // and no such place is: the center is inside as well.
 //
 // Only points that have neighbors in the core have other stars for want of it.
-Side LeafMesh::side(Cell c) const {
+Side LeafMesh::find_side(Cell c) const {
   CellState& state = states_[c];
-  if (state.side != Side::kUnknown) return state.side;
   state.side = Side::kFar;
   if (delaunay_.is_infinite(c)) return state.side;
   const Circumball circumball =
@@ -224,7 +223,7 @@ Side LeafMesh::side(Cell c) const {
   return state.side = location.is_inside ? Side::kInside : Side::kOutside;
 }
 
-// As in side(): a hidden vertex is the nearest point to all of the dual edge.
+// As in find_side(): a hidden vertex is the nearest point to all of the dual edge.
 bool LeafMesh::is_hidden(Facet f) const {
   return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
          side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;

@@ -95,7 +95,9 @@ class LeafMesh {
   const CellBall& ball(Cell c) const { return balls_[c]; }
 
   // ---- The cells and facets against the surface.
-  Side side(Cell c) const;
+  Side side(Cell c) const {
+    return states_[c].side != Side::kUnknown ? states_[c].side : find_side(c);
+  }
   bool is_member(Cell c) const { return side(c) == Side::kInside; }
   // In place of cells of the lattice at core points that are not loaded.
   bool is_hollow(Cell c) const { return side(c) == Side::kInside && states_[c].is_hollow; }
@@ -159,6 +161,7 @@ class LeafMesh {
   LocalIndex insert_last_local(const Conflict& conflict);
   void make_fresh(Cell c);
   void make_all_fresh();
+  Side find_side(Cell c) const;
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;
   bool is_at_core(const MeshPoint& p, bool is_own) const;
