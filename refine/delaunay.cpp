@@ -264,16 +264,6 @@ Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
 }
 Delaunay::~Delaunay() = default;
 
-int Delaunay::index_of(Cell c, Vertex v) const {
-  const auto& all = corners_[c].vertex;
-  return v == all[0] ? 0 : v == all[1] ? 1 : v == all[2] ? 2 : 3;
-}
-
-int Delaunay::index_of_neighbor(Cell c, Cell neighbor) const {
-  const auto& all = corners_[c].neighbor;
-  return neighbor == all[0] ? 0 : neighbor == all[1] ? 1 : neighbor == all[2] ? 2 : 3;
-}
-
 void Delaunay::cells_around(Vertex v, std::vector<Cell>& out) const {
   out.clear();
   out.push_back(cell_of_[v]);

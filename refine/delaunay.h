@@ -73,8 +73,12 @@ class Delaunay {
   const std::array<Vertex, 4>& vertices(Cell c) const { return corners_[c].vertex; }
   Vertex vertex(Cell c, int i) const { return corners_[c].vertex[std::size_t(i)]; }
   Cell neighbor(Cell c, int i) const { return corners_[c].neighbor[std::size_t(i)]; }
-  int index_of(Cell c, Vertex v) const;                // REQUIRES: c has v
-  int index_of_neighbor(Cell c, Cell neighbor) const;  // REQUIRES: they are neighbors
+  // REQUIRES: c has v
+  int index_of(Cell c, Vertex v) const { return place_of(v, corners_[c].vertex); }
+  // REQUIRES: they are neighbors
+  int index_of_neighbor(Cell c, Cell neighbor) const {
+    return place_of(neighbor, corners_[c].neighbor);
+  }
   void cells_around(Vertex v, std::vector<Cell>& out) const;
   void neighbors_of(Vertex v, std::vector<Vertex>& out) const;  // finite ones
 
@@ -101,6 +105,9 @@ class Delaunay {
     std::array<Cell, 4> neighbor;  // opposite the vertex
   };
 
+  static int place_of(std::uint32_t number, const std::array<std::uint32_t, 4>& all) {
+    return number == all[0] ? 0 : number == all[1] ? 1 : number == all[2] ? 2 : 3;
+  }
   void number_all();
   void number_new();
   void set_corners(Cell c, const std::array<Vertex, 4>& sorted, bool is_odd);

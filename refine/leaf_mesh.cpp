@@ -223,12 +223,6 @@ Side LeafMesh::find_side(Cell c) const {
   return state.side = location.is_inside ? Side::kInside : Side::kOutside;
 }
 
-// As in find_side(): a hidden vertex is the nearest point to all of the dual edge.
-bool LeafMesh::is_hidden(Facet f) const {
-  return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
-         side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
-}
-
 // Of a near cell's center.
 double LeafMesh::clearance(Cell c) const {
   CellBall& ball = balls_[c];

@@ -102,8 +102,12 @@ class LeafMesh {
   // In place of cells of the lattice at core points that are not loaded.
   bool is_hollow(Cell c) const { return side(c) == Side::kInside && states_[c].is_hollow; }
   // Is its dual edge, between two near cells, known not to meet the surface? Of facets with an own
-  // vertex; far cheaper than to ask for crossings.
-  bool is_hidden(Facet f) const;
+  // vertex, where that is the nearest point to all of it as in find_side(): far cheaper than to ask
+  // for crossings.
+  bool is_hidden(Facet f) const {
+    return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
+           side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
+  }
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
