@@ -99,8 +99,10 @@ class Cubes {
 std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length,
                                   const Cubes& cubes) {
   for (std::size_t i = 0; i < fragments.size(); ++i)
-    while (longest_edge(fragments[i]).second > length * length) {
-      const auto [here, there] = halves(fragments[i]);
+    while (true) {
+      const auto [edge, squared_length] = longest_edge(fragments[i]);
+      if (squared_length <= length * length) break;
+      const auto [here, there] = halves(fragments[i], edge);
       fragments[i] = here;
       fragments.push_back(there);
     }
@@ -310,7 +312,7 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(
   std::vector<Fragment> result;
   for (const Fragment* fragment : fragments) {
     if (grid_.covers(*fragment)) continue;
-    const std::array<Fragment, 2> both = halves(*fragment);
+    const std::array<Fragment, 2> both = halves(*fragment, longest_edge(*fragment).first);
     result.insert(result.end(), both.begin(), both.end());
   }
   return result;

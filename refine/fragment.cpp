@@ -30,17 +30,7 @@ Point clamped(const Point& p, const Box& box) {
           std::clamp(p.z, box.min.z, box.max.z)};
 }
 
-std::pair<std::size_t, double> longest_edge(const Fragment& f) {
-  std::pair<std::size_t, double> longest{0, squared_distance(f.corners[0], f.corners[1])};
-  for (const std::size_t i : {1, 2}) {
-    const double length2 = squared_distance(f.corners[i], f.corners[(i + 1) % 3]);
-    if (length2 > longest.second) longest = {i, length2};
-  }
-  return longest;
-}
-
-std::array<Fragment, 2> halves(const Fragment& f) {
-  const std::size_t edge = longest_edge(f).first;
+std::array<Fragment, 2> halves(const Fragment& f, std::size_t edge) {
   const Point& a = f.corners[edge];
   const Point& b = f.corners[(edge + 1) % 3];
   const Point& apex = f.corners[(edge + 2) % 3];

@@ -24,10 +24,17 @@ struct Fragment {
 };
 
 // Corner i, such that the edge from it to the next corner is a longest one; and its squared length.
-std::pair<std::size_t, double> longest_edge(const Fragment& f);
+inline std::pair<std::size_t, double> longest_edge(const Fragment& f) {
+  std::pair<std::size_t, double> longest{0, squared_distance(f.corners[0], f.corners[1])};
+  for (const std::size_t i : {1, 2}) {
+    const double length2 = squared_distance(f.corners[i], f.corners[(i + 1) % 3]);
+    if (length2 > longest.second) longest = {i, length2};
+  }
+  return longest;
+}
 
-// Halves across the longest edge: a needle falls apart along its length only.
-std::array<Fragment, 2> halves(const Fragment& f);
+// Halves across an edge; the longest one, for a needle then falls apart along its length only.
+std::array<Fragment, 2> halves(const Fragment& f, std::size_t edge);
 
 Point clamped(const Point& p, const Box& box);
 
@@ -45,8 +52,9 @@ inline bool is_nearer(const Fragment& f, const Point& q, const Point& p) {
 template <class IsKnown>
 bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
   if (is_known(f)) return true;
-  if (longest_edge(f).second < length * length) return false;
-  const std::array<Fragment, 2> both = halves(f);
+  const auto [edge, squared_length] = longest_edge(f);
+  if (squared_length < length * length) return false;
+  const std::array<Fragment, 2> both = halves(f, edge);
   return is_made_of(both[0], length, is_known) && is_made_of(both[1], length, is_known);
 }
 
