@@ -260,7 +260,9 @@ VertexHandle Delaunay::Impl::fill_large_cavity() {
 }
 
 Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
-  impl_->triangulation.infinite_vertex()->info().number = kInfinite;
+  const VertexHandle infinite = impl_->triangulation.infinite_vertex();
+  infinite->info().number = kInfinite;
+  infinite->set_point({0, 0, 0});  // it is read, though it decides nothing
 }
 Delaunay::~Delaunay() = default;
 
