@@ -124,7 +124,14 @@ struct Delaunay::Impl {
   };
   Cavity cavity;
 
+  // A cell in conflict with a new point; or a vertex at its place, which forbids it.
+  struct Start {
+    CellHandle in_conflict;
+    VertexHandle there;
+  };
+
   VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
+  Start start_for(const Kernel::Point_3& p, CellHandle hint) const;
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
 
@@ -145,16 +152,22 @@ struct Delaunay::Impl {
 // through a hash map, which takes half as long again in all.
 VertexHandle Delaunay::Impl::insert(const Kernel::Point_3& p, CellHandle hint) {
   if (triangulation.dimension() < 3) return triangulation.insert(p, hint);
-  CellHandle start = hint;
-  if (!is_in_ball(start, p).value_or(false)) start = triangulation.inexact_locate(p, hint);
-  if (!is_in_ball(start, p).value_or(false)) {
-    Triangulation::Locate_type type;
-    int i = 0, j = 0;
-    start = triangulation.locate(p, type, i, j, start);
-    if (type == Triangulation::VERTEX) return start->vertex(i);
-  }
+  const auto [start, there] = start_for(p, hint);
+  if (there != VertexHandle()) return there;
   find_cavity(p, start);
   return fill_cavity(p);
+}
+
+// The balls of the cells where a walk begins and ends often tell, and then nothing needs to be
+// located exactly.
+Delaunay::Impl::Start Delaunay::Impl::start_for(const Kernel::Point_3& p, CellHandle hint) const {
+  if (is_in_ball(hint, p).value_or(false)) return {hint, {}};
+  const CellHandle near = triangulation.inexact_locate(p, hint);
+  if (is_in_ball(near, p).value_or(false)) return {near, {}};
+  Triangulation::Locate_type type;
+  int i = 0, j = 0;
+  const CellHandle start = triangulation.locate(p, type, i, j, near);
+  return {start, type == Triangulation::VERTEX ? start->vertex(i) : VertexHandle()};
 }
 
 // Leaves no marks.
@@ -404,21 +417,14 @@ void Delaunay::free_cells(std::span<const Cell> cells) {
 }
 
 void Delaunay::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {
-  const Triangulation& triangulation = impl_->triangulation;
   const auto p = cgal(q);
   conflict.cells.clear();
   conflict.border.clear();
   conflict.coincident = kNone;
-  CellHandle start = impl_->cells[hint];
-  // Not perturbed, for p may be a vertex of the cell.
-  if (triangulation.side_of_sphere(start, p) != CGAL::ON_BOUNDED_SIDE) {
-    Triangulation::Locate_type type;
-    int i = 0, j = 0;
-    start = triangulation.locate(p, type, i, j, start);
-    if (type == Triangulation::VERTEX) {
-      conflict.coincident = start->vertex(i)->info().number;
-      return;
-    }
+  const auto [start, there] = impl_->start_for(p, impl_->cells[hint]);
+  if (there != VertexHandle()) {
+    conflict.coincident = there->info().number;
+    return;
   }
   impl_->find_cavity(p, start);
   for (const CellHandle c : impl_->cavity.inside) conflict.cells.push_back(c->info().number);

@@ -34,7 +34,7 @@ class Climber {
   Point climb(const Point& start, const PointCubes& points) {
     look_around(start, points);
     Place p{0, 0, 0};
-    float highest = height(p);
+    float highest = heights_around(p, 0).front();
     for (float step = kFirstStep; step > kLastStep; step *= 0.5F)
       for (int n = 0; n < kStepsOfALength; ++n) {
         const std::array<float, 6> heights = heights_around(p, step);
@@ -77,19 +77,8 @@ class Climber {
 
   static float least_of(const Lanes& v) { return std::min({v[0], v[1], v[2], v[3]}); }
 
-  // The squared distance to the nearest point.
-  float height(const Place& p) const {
-    Lanes least = Lanes{} + std::numeric_limits<float>::infinity();
-    for (const Around& q : around_) {
-      const Lanes dx = q.x - p[0], dy = q.y - p[1], dz = q.z - p[2];
-      const Lanes d = dx * dx + dy * dy + dz * dz;
-      least = d < least ? d : least;
-    }
-    return least_of(least);
-  }
-
-  // The same a step before and after p, along x, y and z: a step s changes the square of a distance
-  // by s² ± 2 s times its part along the axis.
+  // The squared distance to the nearest point a step before and after p, along x, y and z: a step s
+  // changes the square of a distance by s² ± 2 s times its part along the axis.
   std::array<float, 6> heights_around(const Place& p, float step) const {
     std::array<Lanes, 6> least;
     least.fill(Lanes{} + std::numeric_limits<float>::infinity());
