@@ -134,6 +134,7 @@ struct Delaunay::Impl {
   Start start_for(const Kernel::Point_3& p, CellHandle hint) const;
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
+  void find_new_cells(std::span<const CellHandle> rim);
 
  private:
   VertexHandle fill_small_cavity(const Point& p);
@@ -270,6 +271,21 @@ VertexHandle Delaunay::Impl::fill_large_cavity() {
       cavity.inside.begin(), cavity.inside.end(), begin, begin->index(outside));
   triangulation.incident_cells(v, std::back_inserter(new_cells));
   return v;
+}
+
+// Those without a number, within a rim of cells that stay. Each gets some number.
+void Delaunay::Impl::find_new_cells(std::span<const CellHandle> rim) {
+  new_cells.clear();
+  const auto take_in_neighbors = [&](CellHandle c) {
+    for (int i = 0; i < 4; ++i) {
+      const CellHandle next = c->neighbor(i);
+      if (next->info().number != kNone) continue;
+      next->info().number = 0;
+      new_cells.push_back(next);
+    }
+  };
+  std::ranges::for_each(rim, take_in_neighbors);
+  for (std::size_t n = 0; n < new_cells.size(); ++n) take_in_neighbors(new_cells[n]);
 }
 
 Delaunay::Delaunay() : impl_(std::make_unique<Impl>()) {
@@ -458,18 +474,41 @@ Delaunay::Vertex Delaunay::insert(const Point& q, const Conflict& conflict) {
   return number;
 }
 
-bool Delaunay::remove(Vertex v) {
-  cells_around(v, seen_);
+bool Delaunay::remove(std::span<const Vertex> vertices) {
+  seen_.clear();
+  std::vector<VertexHandle> leaving;
+  for (const Vertex v : vertices) {
+    cells_around(v, around_);
+    seen_.insert(seen_.end(), around_.begin(), around_.end());
+    leaving.push_back(std::exchange(impl_->vertices[v], {}));
+    cell_of_[v] = kNone;
+  }
+  std::ranges::sort(seen_);
+  const auto repeated = std::ranges::unique(seen_);
+  seen_.erase(repeated.begin(), repeated.end());
+
+  // The cells around these stay.
+  ++epoch_;
+  for (const Cell c : seen_) mark_[c] = epoch_;
+  std::vector<CellHandle> rim;
+  for (const Cell c : seen_)
+    for (const Cell next : corners_[c].neighbor)
+      if (std::exchange(mark_[next], epoch_) != epoch_) rim.push_back(impl_->cells[next]);
+
+  Triangulation& triangulation = impl_->triangulation;
   impl_->new_cells.clear();
-  impl_->triangulation.remove_and_give_new_cells(impl_->vertices[v],
-                                                 std::back_inserter(impl_->new_cells));
-  cell_of_[v] = kNone;
-  impl_->vertices[v] = VertexHandle();
-  if (impl_->triangulation.dimension() < 3) {
-    for (auto& cell : impl_->triangulation.tds().cells()) cell.info() = {};  // changed, not new
+  if (leaving.size() == 1)
+    triangulation.remove_and_give_new_cells(leaving[0], std::back_inserter(impl_->new_cells));
+  else if (!rim.empty())
+    triangulation.remove_cluster(leaving.begin(), leaving.end());
+  else
+    for (const VertexHandle v : leaving) triangulation.remove(v);
+  if (triangulation.dimension() < 3 || rim.empty()) {
+    for (auto& cell : triangulation.tds().cells()) cell.info() = {};  // changed, not new
     number_all();
     return false;
   }
+  if (leaving.size() > 1) impl_->find_new_cells(rim);
   free_cells(seen_);
   number_new();
   return true;

@@ -363,14 +363,16 @@ LocalIndex LeafMesh::insert_first(const MeshPoint& q, VertexRef ref) {
   return static_cast<LocalIndex>(locals_.size() - 1);
 }
 
-void LeafMesh::remove(LocalIndex i) {
+void LeafMesh::remove(std::span<const LocalIndex> leaving) {
   are_all_fresh_ = false;
-  delaunay_.cells_around(i, around_);
-  for (const Cell c : around_) note_gone(c);
-  Local& gone = locals_[i];
-  gone.is_alive = false;
-  num_own_ -= gone.is_own;
-  if (!delaunay_.remove(i)) return make_all_fresh();
+  for (const LocalIndex i : leaving) {
+    delaunay_.cells_around(i, around_);
+    for (const Cell c : around_)
+      if (states_[c].stamp != 0) note_gone(c);
+    locals_[i].is_alive = false;
+    num_own_ -= locals_[i].is_own;
+  }
+  if (!delaunay_.remove(leaving)) return make_all_fresh();
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
 }
 

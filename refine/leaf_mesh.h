@@ -143,7 +143,7 @@ class LeafMesh {
   LocalIndex insert_core(const MeshPoint& q, const Conflict& conflict);
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
-  void remove(LocalIndex i);
+  void remove(std::span<const LocalIndex> leaving);
   // Ghosts that were left out and are within the reach of q, in order of id; they are to be
   // inserted before anything is at q.
   void take_out_near(const Point& q, std::vector<MeshPoint>& out);

@@ -575,9 +575,9 @@ void Refinement::delete_volume_points_near(const Point& q) {
     else
       delta_.deleted.push_back(local.point);
     tell(RefineStep::Action::kDelete, attempt_.condition, local.ref, local.point);
-    mesh_.remove(i);
     ++delta_.stats.deletions;
   }
+  mesh_.remove(leaving_);
   if (mesh_.has_cells()) mesh_.find_conflict(q, mesh_.delaunay().newest_cell(), conflict_);
 }
 

@@ -10,7 +10,9 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <ostream>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -200,13 +202,44 @@ TEST_P(DelaunayOf, WithoutRemovedPointsIsThatOfCgal) {
   ASSERT_TRUE(delaunay.build(points_));
   std::vector<Point> left = points_;
   for (Delaunay::Vertex v = 0; v < points_.size(); v += 3) {
-    delaunay.remove(v);
+    delaunay.remove({&v, 1});
     std::erase(left, points_[v]);
   }
   expect_sound(delaunay);
   EXPECT_EQ(finite_cells(delaunay), reference_cells(left));
   for (Delaunay::Vertex v = 0; v < points_.size(); v += 3)
     insert(delaunay, points_[v], delaunay.newest_cell());
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+}
+
+// The nearest ones to a place and some that are all over, or nearly all of them.
+TEST_P(DelaunayOf, WithoutPointsRemovedAtOnceIsThatOfCgal) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  std::vector<Delaunay::Vertex> vertices(points_.size());
+  std::iota(vertices.begin(), vertices.end(), 0u);
+  const std::size_t most = points_.size() - 12;
+  for (const std::size_t num_near : {std::size_t{2}, std::size_t{5}, most / 8, most, most / 2}) {
+    const Point center = points_[random_() % points_.size()];
+    std::ranges::shuffle(vertices, random_);
+    const std::size_t num_leaving = std::min(num_near + random_() % 10, most);
+    const std::span may_leave = std::span(vertices).first(most);
+    std::ranges::partial_sort(may_leave, may_leave.begin() + std::ptrdiff_t(num_near), {},
+                              [&](auto v) { return squared_distance(delaunay.point(v), center); });
+    const std::span leaving(vertices.data(), num_leaving);
+    delaunay.remove(leaving);
+    std::vector<Point> left;
+    for (const auto v : std::span(vertices).subspan(num_leaving)) left.push_back(delaunay.point(v));
+    SCOPED_TRACE(num_leaving);
+    ASSERT_TRUE(delaunay.has_cells());
+    expect_sound(delaunay);
+    ASSERT_EQ(finite_cells(delaunay), reference_cells(left));
+    for (Delaunay::Vertex& v : leaving) {
+      insert(delaunay, delaunay.point(v), delaunay.newest_cell());
+      v = static_cast<Delaunay::Vertex>(delaunay.num_vertices() - 1);
+    }
+  }
   expect_sound(delaunay);
   EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
 }
@@ -275,7 +308,7 @@ TEST(Delaunay, HasNoCellsUntilThePointsSpanSpace) {
   EXPECT_TRUE(delaunay.build({&top, 1}));
   EXPECT_EQ(finite_cells(delaunay).size(), 3u);
   expect_sound(delaunay);
-  EXPECT_FALSE(delaunay.remove(5));
+  EXPECT_FALSE(delaunay.remove(std::array{5u}));
   EXPECT_FALSE(delaunay.has_cells());
 }
 
@@ -288,8 +321,8 @@ TEST(Delaunay, GrowsAgainFromAPlane) {
   points.push_back({0, 0.1, -0.2});
   Delaunay delaunay;
   ASSERT_TRUE(delaunay.build(points));
-  EXPECT_TRUE(delaunay.remove(41));
-  EXPECT_FALSE(delaunay.remove(40));
+  EXPECT_TRUE(delaunay.remove(std::array{41u}));
+  EXPECT_FALSE(delaunay.remove(std::array{40u}));
   points.resize(40);
   const std::vector<Point> others = random_points(random, 60);
   ASSERT_TRUE(delaunay.build(others));
@@ -310,7 +343,10 @@ TEST(Delaunay, NumbersAreAFunctionOfTheCalls) {
   const auto make = [&](Delaunay& delaunay) {
     ASSERT_TRUE(delaunay.build({points.data(), 300}));
     for (std::size_t n = 300; n < 400; ++n) insert(delaunay, points[n], delaunay.newest_cell());
-    for (Delaunay::Vertex v = 0; v < 400; v += 7) delaunay.remove(v);
+    for (Delaunay::Vertex v = 0; v < 400; v += 7) delaunay.remove({&v, 1});
+    std::vector<Delaunay::Vertex> more;
+    for (Delaunay::Vertex v = 1; v < 400; v += 7) more.push_back(v);
+    delaunay.remove(more);
   };
   Delaunay a, b;
   make(a);
