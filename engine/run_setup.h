@@ -11,7 +11,7 @@
 
 namespace locvol {
 
-inline constexpr std::uint64_t kDefaultLeafCapacity = 20000;
+inline constexpr std::uint64_t kDefaultLeafCapacity = 30000;
 
 // The record of a run that has yet to ingest the surface whose file has this digest, and which has
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
