@@ -1,4 +1,5 @@
-// PointCubes finds points near a place: points of a box, in cubes. Internal to refine/.
+// PointCubes finds points near a place: points of a box, in cubes. CubesOf<Item> finds what has a
+// `position` likewise. Internal to refine/.
 #pragma once
 
 #include <array>
@@ -7,42 +8,44 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "octree/geometry.h"
 
 namespace locvol {
 
-// The points of cubes in a row are side by side in memory; those that are added later, which should
+// The items of cubes in a row are side by side in memory; those that are added later, which should
 // be few, hang on lists.
-class PointCubes {
+template <class Item>
+class CubesOf {
  public:
   // What lies outside the box joins its outermost cubes.
-  PointCubes(const Box& box, double side, std::span<const Point> points)
+  CubesOf(const Box& box, double side, std::span<const Item> items)
       : origin_(box.min), inverse_side_(1 / side) {
     for (int axis = 0; axis < 3; ++axis)
       shape_[std::size_t(axis)] =
           1 + static_cast<std::int32_t>((box.max[axis] - box.min[axis]) * inverse_side_);
     const std::size_t num_rows = std::size_t(shape_[1]) * std::size_t(shape_[2]);
-    std::vector<std::uint32_t> cubes(points.size());
+    std::vector<std::uint32_t> cubes(items.size());
     first_.assign(num_rows * std::size_t(shape_[0]) + 2, 0);
-    for (std::size_t n = 0; n < points.size(); ++n) {
-      cubes[n] = static_cast<std::uint32_t>(index(cube_of(points[n])));
+    for (std::size_t n = 0; n < items.size(); ++n) {
+      cubes[n] = static_cast<std::uint32_t>(index(cube_of(position(items[n]))));
       ++first_[cubes[n] + 2];
     }
     std::partial_sum(first_.begin(), first_.end(), first_.begin());
-    held_.resize(points.size());
-    for (std::size_t n = 0; n < points.size(); ++n) held_[first_[cubes[n] + 1]++] = points[n];
+    held_.resize(items.size());
+    for (std::size_t n = 0; n < items.size(); ++n) held_[first_[cubes[n] + 1]++] = items[n];
     first_added_.assign(num_rows, kNone);
   }
 
-  void add(const Point& p) {
-    std::uint32_t& first = first_added_[row(cube_of(p))];
-    added_.push_back({p, first});
+  void add(const Item& item) {
+    std::uint32_t& first = first_added_[row(cube_of(position(item)))];
+    added_.push_back({item, first});
     first = static_cast<std::uint32_t>(added_.size() - 1);
   }
 
-  // Calls visit(point) for all points in the cubes that p's neighborhood along the axes meets, and
+  // Calls visit(item) for all in the cubes that p's neighborhood along the axes meets, and
   // for some others, until it says false.
   template <class Visit>
   bool for_each_around(const Point& p, double distance, Visit visit) const {
@@ -53,27 +56,34 @@ class PointCubes {
         if (!for_each_in({low[0], j, k}, high[0], visit)) return false;
     return true;
   }
-  // Is a point of p's own cube closer to it than `radius`? Cheap.
+  // Is one of p's own cube closer to it than `radius`? Cheap.
   bool has_in_cube(const Point& p, double radius) const {
     const Cube cube = cube_of(p);
-    return !for_each_in(cube, cube[0],
-                        [&](const Point& q) { return squared_distance(p, q) >= radius * radius; });
+    return !for_each_in(cube, cube[0], [&](const Item& item) {
+      return squared_distance(p, position(item)) >= radius * radius;
+    });
   }
-  // Is no point closer to p than `radius`?
+  // Is none closer to p than `radius`?
   bool is_free(const Point& p, double radius) const {
-    return !has_in_cube(p, radius) && for_each_around(p, radius, [&](const Point& q) {
-      return squared_distance(p, q) >= radius * radius;
+    return !has_in_cube(p, radius) && for_each_around(p, radius, [&](const Item& item) {
+      return squared_distance(p, position(item)) >= radius * radius;
     });
   }
 
  private:
   using Cube = std::array<std::int32_t, 3>;
   struct Added {
-    Point point;
+    Item item;
     std::uint32_t next = 0;  // in the same row
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+  static const Point& position(const Item& item) {
+    if constexpr (std::is_same_v<Item, Point>)
+      return item;
+    else
+      return item.position;
+  }
   // From a cube to the one at `last` in its row.
   template <class Visit>
   bool for_each_in(const Cube& from, std::int32_t last, Visit visit) const {
@@ -81,7 +91,7 @@ class PointCubes {
     for (std::uint32_t n = first_[begin]; n < first_[end]; ++n)
       if (!visit(held_[n])) return false;
     for (std::uint32_t n = first_added_[row(from)]; n != kNone; n = added_[n].next)
-      if (!visit(added_[n].point)) return false;
+      if (!visit(added_[n].item)) return false;
     return true;
   }
   Cube cube_of(const Point& p) const {
@@ -101,10 +111,12 @@ class PointCubes {
   Point origin_;
   double inverse_side_;
   Cube shape_{};
-  std::vector<std::uint32_t> first_;  // of a cube's points in held_, and the end
-  std::vector<Point> held_;
-  std::vector<std::uint32_t> first_added_;  // of a row's points in added_
+  std::vector<std::uint32_t> first_;  // of a cube's items in held_, and the end
+  std::vector<Item> held_;
+  std::vector<std::uint32_t> first_added_;  // of a row's items in added_
   std::vector<Added> added_;
 };
+
+using PointCubes = CubesOf<Point>;
 
 }  // namespace locvol

@@ -47,14 +47,23 @@ Revisit::Revisit(const LeafInput& input)
       insertion_matters_(kInsertionMatters * input.criteria.size),
       deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
                                                             : insertion_matters_),
-      is_active_(input.own.size()) {
-  const std::size_t num = input.own.size() + input.ghosts.size();
-  cubes_.reserve(num);
-  for (std::size_t i = 0; i < num; ++i)
-    cubes_.push_back({cube_of(point(i).position), static_cast<std::uint32_t>(i)});
-  std::ranges::sort(cubes_, [](const Cube& a, const Cube& b) {
-    return a.place != b.place ? a.place < b.place : a.point < b.point;
-  });
+      cubes_(cubes_of(input)),
+      is_active_(input.own.size()) {}
+
+// As far as points are loaded, if that is not all that there are.
+CubesOf<Revisit::Numbered> Revisit::cubes_of(const LeafInput& input) {
+  std::vector<Numbered> points;
+  points.reserve(input.own.size() + input.ghosts.size());
+  for (const auto* some : {&input.own, &input.ghosts})
+    for (const MeshPoint& p : *some)
+      points.push_back({p.position, static_cast<std::uint32_t>(points.size())});
+  const double reach = input.criteria.reach;
+  const Box box = std::isfinite(reach) ? input.box.expanded(reach) : input.box;
+  const Point sides = box.max - box.min;
+  constexpr double kMaxShape = 64;  // bounds the memory; in a larger box the cubes grow instead
+  const double side =
+      std::max(input.criteria.size, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
+  return {box, side, points};
 }
 
 const MeshPoint& Revisit::point(std::size_t i) const {
@@ -62,25 +71,11 @@ const MeshPoint& Revisit::point(std::size_t i) const {
   return i < num_own ? input_->own[i] : input_->ghosts[i - num_own];
 }
 
-std::array<std::int32_t, 3> Revisit::cube_of(const Point& p) const {
-  const Point c = (1 / input_->criteria.size) * (p - input_->box.min);
-  return {static_cast<std::int32_t>(std::floor(c.x)), static_cast<std::int32_t>(std::floor(c.y)),
-          static_cast<std::int32_t>(std::floor(c.z))};
-}
-
 template <class Visit>
 void Revisit::for_each_near(const Point& q, double distance, Visit visit) const {
-  const Point d{distance, distance, distance};
-  const auto low = cube_of(q - d), high = cube_of(q + d);
-  for (std::int32_t i = low[0]; i <= high[0]; ++i)
-    for (std::int32_t j = low[1]; j <= high[1]; ++j) {
-      auto cube = std::ranges::lower_bound(cubes_, std::array{i, j, low[2]}, {}, &Cube::place);
-      const std::array last{i, j, high[2]};
-      for (; cube != cubes_.end() && cube->place <= last; ++cube)
-        if (squared_distance(point(cube->point).position, q) < distance * distance &&
-            !visit(cube->point))
-          return;
-    }
+  cubes_.for_each_around(q, distance, [&](const Numbered& p) {
+    return squared_distance(p.position, q) >= distance * distance || visit(p.number);
+  });
 }
 
 void Revisit::find_active() {
@@ -107,7 +102,7 @@ void Revisit::gather_part() {
   part_.max_insertions = input_->max_insertions;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
-  is_in_part_.resize(cubes_.size());
+  is_in_part_.resize(num_points());
   for (std::size_t i = 0; i < is_active_.size(); ++i)
     if (is_active_[i])
       for_each_near(input_->own[i].position, deletion_matters_, [&](std::size_t k) {

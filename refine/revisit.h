@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "refine/point_cubes.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -30,15 +31,16 @@ class Revisit {
   void add_kept_cells(LeafDelta& delta) const;
 
  private:
-  struct Cube {  // a point by the λ-cube that it lies in
-    std::array<std::int32_t, 3> place;
-    std::uint32_t point;
+  struct Numbered {
+    Point position;
+    std::uint32_t number = 0;  // own, ghosts
   };
 
   explicit Revisit(const LeafInput& input);
+  static CubesOf<Numbered> cubes_of(const LeafInput& input);
+  std::size_t num_points() const { return input_->own.size() + input_->ghosts.size(); }
   const MeshPoint& point(std::size_t i) const;  // own, ghosts
-  std::array<std::int32_t, 3> cube_of(const Point& p) const;
-  // Calls visit(index) for each point closer to q than `distance`, until it returns false.
+  // Calls visit(number) for each point closer to q than `distance`, until it returns false.
   template <class Visit>
   void for_each_near(const Point& q, double distance, Visit visit) const;
   void find_active();
@@ -50,8 +52,8 @@ class Revisit {
 
   const LeafInput* input_;
   double insertion_matters_, deletion_matters_;  // up to these distances
-  std::vector<Cube> cubes_;                      // in order of place
-  std::vector<bool> is_active_;                  // of own points
+  CubesOf<Numbered> cubes_;
+  std::vector<bool> is_active_;  // of own points
   std::size_t num_active_ = 0;
   std::vector<bool> is_in_part_;  // of all points
   LeafInput part_;

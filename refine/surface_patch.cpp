@@ -167,6 +167,8 @@ struct SurfacePatch::Impl {
   template <class Visit>
   bool for_each_held_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
+  bool for_few_cells_in(const Box& box, Visit visit) const;
+  template <class Visit>
   void for_each_cell_along(Point a, Point b, Visit visit) const;
   bool clip(Point& a, Point& b) const;
   std::array<int, 3> cell_with_triangles(std::array<int, 3> at) const;
@@ -346,12 +348,27 @@ bool SurfacePatch::Impl::clip(Point& a, Point& b) const {
   return true;
 }
 
+// The cells with triangles that the box meets, if it meets few cells: to find out which of them a
+// short segment touches would take longer. False if not.
+template <class Visit>
+bool SurfacePatch::Impl::for_few_cells_in(const Box& box, Visit visit) const {
+  constexpr int kFew = 4;
+  const auto low = cell_of(box.min), high = cell_of(box.max);
+  if ((high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1) > kFew) return false;
+  for (int k = low[2]; k <= high[2]; ++k)
+    for (int j = low[1]; j <= high[1]; ++j)
+      for (int i = low[0]; i <= high[0]; ++i)
+        if (rings[index(i, j, k)] == 0) visit(index(i, j, k));
+  return true;
+}
+
 // The cells with triangles that the segment touches, and some beside it: slab by slab along the
 // axis on which it spans most cells, generous by a rounding error, leaping where no triangle is
 // near.
 template <class Visit>
 void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) const {
   if (!clip(a, b)) return;
+  if (for_few_cells_in(Box::around(a).joined(b).expanded(slack), visit)) return;
   const auto from = cell_of(a), to = cell_of(b);
   std::size_t main = 0;
   for (std::size_t axis = 1; axis < 3; ++axis)
