@@ -54,10 +54,10 @@ class Delaunay {
   Delaunay(const Delaunay&) = delete;
   Delaunay& operator=(const Delaunay&) = delete;
 
-  // Adds vertices, numbered on from those there are, and numbers all cells anew, by their smallest
-  // vertex. Without four points in general position there are no cells yet. False if two points
-  // coincide. Fastest if the points follow a space-filling curve, and so is what looks at all cells
-  // in order of number: neighbors are then close in memory.
+  // Adds vertices, numbered on from those there are, and numbers all cells anew. Without four
+  // points in general position there are no cells yet. False if two points coincide. Fastest if the
+  // points follow a space-filling curve, and so is what looks at all cells in order of number:
+  // neighbors are then close in memory.
   bool build(std::span<const Point> points);
 
   bool has_cells() const { return !corners_.empty(); }
@@ -120,6 +120,7 @@ class Delaunay {
   std::vector<Corners> corners_;
   std::vector<Cell> free_;
   std::vector<Cell> new_cells_;
+  bool has_removed_ = false;
 
   mutable std::vector<std::uint32_t> mark_;  // of cells; below epoch_: not seen
   mutable std::uint32_t epoch_ = 1;
