@@ -152,19 +152,28 @@ class SampleGrid {
            any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
   }
   // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
-  bool covers(const Fragment& f) const {
-    return any_around(f.corners[0], [&](const Point& s) {
+  bool covers(const Fragment& f) const { return covers_since(f, 0); }
+  // Of one that was added since num_around() was `num_before`?
+  bool covers_since(const Fragment& f, std::uint32_t num_before) const {
+    const auto covers = [&](const Point& s) {
       return squared_distance(f.corners[0], s) <= radius2_ &&
              squared_distance(f.corners[1], s) <= radius2_ &&
              squared_distance(f.corners[2], s) <= radius2_;
-    });
+    };
+    return any_around(f.corners[0], covers, num_before);
+  }
+  // Of samples that may cover the fragment: they only get more.
+  std::uint32_t num_around(const Fragment& f) const {
+    const std::uint32_t first = first_[index(cell_of(f.corners[0]))];
+    return first == kNone ? 0 : blocks_[first].num_before + blocks_[first].num;
   }
 
  private:
   using Cell = std::array<std::int64_t, 3>;
   struct Block {  // of a cell's list of samples
     static constexpr std::uint32_t kSize = 8;
-    std::uint32_t num = 0, next = kNone;
+    std::uint32_t num = 0, num_before = 0;  // in this block, and in the next ones
+    std::uint32_t next = kNone;
     std::array<Point, kSize> samples;
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
@@ -174,8 +183,9 @@ class SampleGrid {
   std::size_t index(const Cell& c) const {
     return static_cast<std::size_t>((c[2] * shape_[1] + c[1]) * shape_[0] + c[0]);
   }
+  // But for the first `num_before` that were added.
   template <class Test>
-  bool any_around(const Point& p, Test test) const;
+  bool any_around(const Point& p, Test test, std::uint32_t num_before = 0) const;
 
   const Box box_;
   double radius2_;
@@ -229,7 +239,9 @@ void SampleGrid::add(const Point& sample) {
         if (gap(0, i) > most) continue;
         std::uint32_t& first = first_[index({i, j, k})];
         if (first == kNone || blocks_[first].num == Block::kSize) {
-          blocks_.push_back({0, first, {}});
+          const std::uint32_t num =
+              first == kNone ? 0 : blocks_[first].num_before + blocks_[first].num;
+          blocks_.push_back({0, num, first, {}});
           first = static_cast<std::uint32_t>(blocks_.size() - 1);
         }
         Block& block = blocks_[first];
@@ -240,10 +252,14 @@ void SampleGrid::add(const Point& sample) {
 }
 
 template <class Test>
-bool SampleGrid::any_around(const Point& p, Test test) const {
-  for (std::uint32_t b = first_[index(cell_of(p))]; b != kNone; b = blocks_[b].next)
-    for (std::uint32_t i = 0; i < blocks_[b].num; ++i)
-      if (test(blocks_[b].samples[i])) return true;
+bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before) const {
+  for (std::uint32_t b = first_[index(cell_of(p))]; b != kNone; b = blocks_[b].next) {
+    const Block& block = blocks_[b];
+    if (block.num_before + block.num <= num_before) return false;
+    const std::uint32_t first = num_before > block.num_before ? num_before - block.num_before : 0;
+    for (std::uint32_t i = first; i < block.num; ++i)
+      if (test(block.samples[i])) return true;
+  }
   return false;
 }
 
@@ -284,8 +300,12 @@ class SurfaceSampler {
   // Where rounding puts it on a face that belongs to the next leaf, it moves back by one rounding
   // error: else nobody would own the points of a sheet that leans towards the face that little.
   Point aim(const Fragment& f) const { return clamped(random_point(f), owned_); }
-  std::vector<const Fragment*> throw_darts(std::span<const Fragment> fragments);
-  std::vector<Fragment> uncovered_halves(std::span<const Fragment* const> fragments) const;
+  struct Target {
+    const Fragment* fragment;
+    std::uint32_t num_around;  // that do not cover it
+  };
+  std::vector<Target> throw_darts(std::span<const Fragment> fragments);
+  std::vector<Fragment> uncovered_halves(std::span<const Target> targets) const;
 
   const Box owned_;
   const double spacing_, radius_;
@@ -294,11 +314,12 @@ class SurfaceSampler {
 };
 
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
-std::vector<const Fragment*> SurfaceSampler::throw_darts(std::span<const Fragment> fragments) {
-  std::vector<const Fragment*> targets;
+std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(
+    std::span<const Fragment> fragments) {
+  std::vector<Target> targets;
   for (const Fragment& fragment : fragments) {
     if (grid_.covers(fragment)) continue;
-    targets.push_back(&fragment);
+    targets.push_back({&fragment, grid_.num_around(fragment)});
     const Point dart = aim(fragment);
     if (!grid_.is_free(dart, spacing_)) continue;
     samples_.push_back(dart);
@@ -307,11 +328,10 @@ std::vector<const Fragment*> SurfaceSampler::throw_darts(std::span<const Fragmen
   return targets;
 }
 
-std::vector<Fragment> SurfaceSampler::uncovered_halves(
-    std::span<const Fragment* const> fragments) const {
+std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> targets) const {
   std::vector<Fragment> result;
-  for (const Fragment* fragment : fragments) {
-    if (grid_.covers(*fragment)) continue;
+  for (const auto& [fragment, num_around] : targets) {
+    if (grid_.covers_since(*fragment, num_around)) continue;
     const std::array<Fragment, 2> both = halves(*fragment, longest_edge(*fragment).first);
     result.insert(result.end(), both.begin(), both.end());
   }
