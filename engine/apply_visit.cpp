@@ -43,7 +43,10 @@ class Visit {
     const MeshPoint added = state_.add_point(point.position, point.kind);
     ids_.push_back(added.id);
     loader_.note_inserted(added);
-    enqueue_around(point.position, kNeighborhood * state_.size());
+    if (point.changed)
+      enqueue_owners(*point.changed, point.position);
+    else
+      enqueue_around(point.position, kNeighborhood * state_.size());
   }
 
   void erase(const MeshPoint& point) {
@@ -76,6 +79,13 @@ class Visit {
     const Box dirty = Box::around(changed);
     for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, dirty, distance))
       if (other != leaf_ && state_.leaves.info(other).num_points > 0) state_.enqueue(other, dirty);
+  }
+
+  // Of other leaves' points.
+  void enqueue_owners(const std::vector<Point>& points, const Point& changed) {
+    for (const Point& p : points)
+      if (const MortonKey owner = state_.octree.leaf_owning(state_.run.frame, p); owner != leaf_)
+        state_.enqueue(owner, Box::around(changed));
   }
 
   // Spares most points the search.

@@ -131,6 +131,8 @@ class Refinement {
   std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
   VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
+  std::optional<std::vector<Point>> others_changed(const Point& q) const;
+  void forget_changed();
   void delete_volume_points_near(const Point& q);
   bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
   double shortest_edge_squared(Cell c) const;
@@ -200,6 +202,7 @@ LeafDelta Refinement::run() {
     while (!is_overfull() && restore_next()) {
     }
   delta_.is_overfull = is_overfull();
+  forget_changed();
   std::ranges::sort(delta_.met_core);
   const auto repeated = std::ranges::unique(delta_.met_core);
   delta_.met_core.erase(repeated.begin(), repeated.end());
@@ -209,6 +212,12 @@ LeafDelta Refinement::run() {
     list_cells();
   }
   return std::move(delta_);
+}
+
+// What came and went again may have stood between others.
+void Refinement::forget_changed() {
+  if (std::ranges::none_of(delta_.inserted, &InsertedPoint::is_deleted)) return;
+  for (InsertedPoint& p : delta_.inserted) p.changed.reset();
 }
 
 // The conditions in priority order: the first one broken names the next point. False if none is.
@@ -586,7 +595,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
     throw RefineError(fmt::format("more than {} insertions{}, the last near ({}, {}, {}) for C{}",
                                   input_.max_insertions, place(), q.x, q.y, q.z, condition));
   const VertexRef ref = kNewPoint | delta_.inserted.size();
-  delta_.inserted.push_back({q, kind, false});
+  delta_.inserted.push_back({q, kind, false, std::nullopt});
   ++delta_.stats.insertions[std::size_t(condition - 1)];
   tell(RefineStep::Action::kInsert, condition, ref, {0, q, kind});
   return ref;
@@ -595,10 +604,30 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
   if (input_.core) input_.core->append_met(q, input_.criteria.size, delta_.met_core);
-  if (mesh_.has_cells())
-    mesh_.insert({ref, q, kind}, ref, conflict_);
-  else
+  if (!mesh_.has_cells()) {
     mesh_.insert_first({ref, q, kind}, ref);
+    return;
+  }
+  delta_.inserted.back().changed = others_changed(q);
+  mesh_.insert({ref, q, kind}, ref, conflict_);
+}
+
+// A point gets another star when q becomes its neighbor, and then it is a vertex in conflict; here
+// as well, where fewer points are between them. Known of q in the leaf, around which all are.
+std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) const {
+  const double near = kInsertionMatters * input_.criteria.size, reach = input_.criteria.reach;
+  if (!std::isfinite(reach) || reach < near || !is_in_leaf(input_.box, q)) return std::nullopt;
+  std::vector<Point> changed;
+  for (const Cell c : conflict_.cells)
+    for (const LocalIndex v : mesh_.delaunay().vertices(c)) {
+      if (v == kInfiniteVertex || mesh_.is_own(v)) continue;
+      const Point& p = mesh_.delaunay().point(v);
+      if (squared_distance(p, q) < near * near) changed.push_back(p);
+    }
+  std::ranges::sort(changed);
+  const auto repeated = std::ranges::unique(changed);
+  changed.erase(repeated.begin(), repeated.end());
+  return changed;
 }
 
 std::string Refinement::place() const {

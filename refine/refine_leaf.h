@@ -127,6 +127,8 @@ struct InsertedPoint {
   Point position;
   PointKind kind = PointKind::kSurface;
   bool is_deleted = false;  // again, by a later insertion of the same visit
+  // Other leaves' points within 2 λ whose stars it changed. Unknown: any that near may be.
+  std::optional<std::vector<Point>> changed;
 };
 
 struct Violation {    // unresolved: the spacing floor forbids the cure

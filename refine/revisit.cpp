@@ -10,12 +10,6 @@
 namespace locvol {
 namespace {
 
-// How far, over λ, an insertion matters to stars whose balls are smaller than λ: it destroys those
-// that contain it. A deletion matters within the reach, for it can make balls as large as count; if
-// that is infinite, to the stars that it was in, and what else can matter is found when it does
-// (LeafInput::all_points).
-constexpr double kInsertionMatters = 2;
-
 // From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
 // both.
 void rename(std::vector<std::array<std::uint32_t, 4>>& cells,
@@ -45,6 +39,9 @@ std::optional<Revisit> Revisit::of(const LeafInput& input) {
 Revisit::Revisit(const LeafInput& input)
     : input_(&input),
       insertion_matters_(kInsertionMatters * input.criteria.size),
+      // A deletion matters within the reach, for it can make balls as large as count; if that is
+      // infinite, to the stars that it was in, and what else can matter is found when it does
+      // (LeafInput::all_points).
       deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
                                                             : insertion_matters_),
       cubes_(cubes_of(input)),
