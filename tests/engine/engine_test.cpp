@@ -320,18 +320,18 @@ TEST_F(EngineTest, GivesTheSameRecordsWithAnyNumberOfThreads) {
     control.num_threads = num_threads;
     return control;
   };
-  mesh(options("one", 0.12, 60), with_threads(1));
+  mesh(options("one", 0.1, 60), with_threads(1));
   const Contents expected = contents_of(scratch_ / "one");
   EXPECT_GT(expected.run.num_visits, 80U);
   for (const int num_threads : {2, 3, 8}) {
     const std::string name = std::to_string(num_threads);
     RunControl control = with_threads(num_threads);
-    mesh(options(name, 0.12, 60), control);
+    mesh(options(name, 0.1, 60), control);
     EXPECT_TRUE(are_equal(contents_of(scratch_ / name), expected)) << name << " threads";
 
     control.memory_bytes = std::uint64_t{100} << 20;
     control.is_stopped = [&random] { return random() % 20 == 0; };
-    const auto run = options(name + " in pieces", 0.12, 60);
+    const auto run = options(name + " in pieces", 0.1, 60);
     int num_pieces = 0;
     for (auto summary = mesh(run, control); summary.outcome == RunOutcome::kInterrupted;
          summary = resume(run.store, control)) {
