@@ -45,8 +45,8 @@ class CubesOf {
     first = static_cast<std::uint32_t>(added_.size() - 1);
   }
 
-  // Calls visit(item) for all in the cubes that p's neighborhood along the axes meets, and
-  // for some others, until it says false.
+  // Calls visit(item) for all in the cubes that p's neighborhood along the axes meets, and for some
+  // others, until it says false.
   template <class Visit>
   bool for_each_around(const Point& p, double distance, Visit visit) const {
     const Point d{distance, distance, distance};

@@ -613,14 +613,15 @@ void Refinement::insert(const Point& q, PointKind kind, int condition) {
 }
 
 // A point gets another star when q becomes its neighbor, and then it is a vertex in conflict; here
-// as well, where fewer points are between them. Known of q in the leaf, around which all are.
+// as well, where fewer points are between them. Known of q in the leaf, around which all are. Of
+// the core's, LeafDelta::met_core tells.
 std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) const {
   const double near = kInsertionMatters * input_.criteria.size, reach = input_.criteria.reach;
   if (!std::isfinite(reach) || reach < near || !is_in_leaf(input_.box, q)) return std::nullopt;
   std::vector<Point> changed;
   for (const Cell c : conflict_.cells)
     for (const LocalIndex v : mesh_.delaunay().vertices(c)) {
-      if (v == kInfiniteVertex || mesh_.is_own(v)) continue;
+      if (v == kInfiniteVertex || mesh_.is_own(v) || mesh_.local(v).is_core) continue;
       const Point& p = mesh_.delaunay().point(v);
       if (squared_distance(p, q) < near * near) changed.push_back(p);
     }
