@@ -346,31 +346,41 @@ bool Delaunay::build(std::span<const Point> points) {
   return true;
 }
 
-// In the order of CGAL's list of cells, which follows the insertions, and so their curve. After a
-// removal it depends on addresses.
+// By smallest vertex, and then as they are in CGAL's list, whose order depends on addresses after a
+// removal.
 void Delaunay::number_all() {
   corners_.clear();
   mark_.clear();
   free_.clear();
   new_cells_.clear();
-  std::vector<CellHandle>& cells = impl_->cells;
-  cells.clear();
+  impl_->cells.clear();
   if (impl_->triangulation.dimension() < 3) return;
   const auto num_cells = impl_->triangulation.number_of_cells();
+  std::vector<Impl::Fresh> fresh;
+  fresh.reserve(num_cells);
+  std::vector<Cell> next(points_.size() + 1, 0);  // number for a cell with this smallest vertex
+  for (const CellHandle c : impl_->triangulation.all_cell_handles()) {
+    fresh.emplace_back(c);
+    ++next[fresh.back().sorted[0] + 1];
+  }
+  if (has_removed_) std::ranges::sort(fresh, {}, &Impl::Fresh::sorted);
+  std::partial_sum(next.begin(), next.end(), next.begin());
   corners_.reserve(num_cells + num_cells / 4);
-  corners_.resize(num_cells);
-  mark_.resize(num_cells, 0);
-  cells.reserve(num_cells + num_cells / 4);
-  std::ranges::copy(impl_->triangulation.all_cell_handles(), std::back_inserter(cells));
-  if (has_removed_)
-    std::ranges::sort(cells, {}, [](CellHandle c) { return Impl::Fresh(c).sorted; });
-  for (Cell c = 0; c < cells.size(); ++c) cells[c]->info().number = c;
-  for (Cell c = 0; c < cells.size(); ++c) {
-    const Impl::Fresh fresh(cells[c]);
-    set_corners(c, fresh.sorted, fresh.is_odd);
+  corners_.resize(fresh.size());
+  mark_.resize(fresh.size(), 0);
+  impl_->cells.reserve(num_cells + num_cells / 4);
+  impl_->cells.resize(fresh.size());
+  for (const auto& [sorted, original, handle, is_odd] : fresh) {
+    const Cell c = next[sorted[0]]++;
+    handle->info().number = c;
+    impl_->cells[c] = handle;
+    set_corners(c, sorted, is_odd);
+  }
+  for (const Impl::Fresh& f : fresh) {
+    const Cell c = f.handle->info().number;
     for (int i = 0; i < 4; ++i)
-      corners_[c].neighbor[std::size_t(index_of(c, fresh.original[std::size_t(i)]))] =
-          cells[c]->neighbor(i)->info().number;
+      corners_[c].neighbor[std::size_t(index_of(c, f.original[std::size_t(i)]))] =
+          f.handle->neighbor(i)->info().number;
   }
   new_cells_.push_back(cell_bound() - 1);
 }

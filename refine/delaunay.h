@@ -54,10 +54,10 @@ class Delaunay {
   Delaunay(const Delaunay&) = delete;
   Delaunay& operator=(const Delaunay&) = delete;
 
-  // Adds vertices, numbered on from those there are, and numbers all cells anew. Without four
-  // points in general position there are no cells yet. False if two points coincide. Fastest if the
-  // points follow a space-filling curve, and so is what looks at all cells in order of number:
-  // neighbors are then close in memory.
+  // Adds vertices, numbered on from those there are, and numbers all cells anew, by their smallest
+  // vertex. Without four points in general position there are no cells yet. False if two points
+  // coincide. Fastest if the points follow a space-filling curve, and so is what looks at all cells
+  // in order of number: neighbors are then close in memory.
   bool build(std::span<const Point> points);
 
   bool has_cells() const { return !corners_.empty(); }
