@@ -500,10 +500,7 @@ bool Delaunay::remove(std::span<const Vertex> vertices) {
       if (std::exchange(mark_[next], epoch_) != epoch_) rim.push_back(impl_->cells[next]);
 
   Triangulation& triangulation = impl_->triangulation;
-  impl_->new_cells.clear();
-  if (leaving.size() == 1)
-    triangulation.remove_and_give_new_cells(leaving[0], std::back_inserter(impl_->new_cells));
-  else if (!rim.empty())
+  if (leaving.size() > 1 && !rim.empty())
     triangulation.remove_cluster(leaving.begin(), leaving.end());
   else
     for (const VertexHandle v : leaving) triangulation.remove(v);
@@ -512,7 +509,7 @@ bool Delaunay::remove(std::span<const Vertex> vertices) {
     number_all();
     return false;
   }
-  if (leaving.size() > 1) impl_->find_new_cells(rim);
+  impl_->find_new_cells(rim);
   free_cells(seen_);
   number_new();
   return true;
