@@ -71,7 +71,9 @@ def wait(process, timeout):
 def failure_text(code, output):
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     status = "signal %d" % -code if code < 0 else "exit code %d" % code
-    return status + (": " + lines[-1][:200] if lines else "")
+    # Gmsh ends with a summary in a frame of dashes: the reason is the first error of its log.
+    reasons = [line for line in lines if re.match(r"Error\s*:\s*\w", line)] or lines[-1:]
+    return status + (": " + reasons[0][:200] if reasons else "")
 
 
 class Mesher:

@@ -239,6 +239,9 @@ class Children(unittest.TestCase):
     def test_that_fail_say_why(self):
         self.assert_fails("import sys; sys.exit('no\\nway \\n')", "exit code 1: way")
         self.assert_fails("print('no'); import sys; sys.exit(3)", "exit code 3: no")
+        # As Gmsh ends: a summary follows the reason.
+        self.assert_fails("print('Info    : Go\\nError   : why\\nError   : -----\\nError   : Error summary"
+                          "\\nError   : -----'); import sys; sys.exit(1)", "exit code 1: Error   : why")
         self.assert_fails("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "signal 11")
         self.assertEqual(self.run_python("print(1); exit(3)", good_codes=(0, 3)).out, "1\n")
         with self.assertRaisesRegex(Failed, "cannot be run: No such file"):
