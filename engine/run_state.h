@@ -19,8 +19,7 @@
 namespace locvol {
 
 // Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4) lies within
-// kReach of its leaf, and a change matters to leaves within kReach:
-inline constexpr double kNeighborhood = 2;  // N_v: an insertion matters to leaves this close
+// kReach of its leaf, and a change matters to leaves within kReach.
 // A visit inserts within this distance of its leaf, and looks for core points 2 around.
 inline constexpr double kInsertion = kReach - 1;
 inline constexpr double kCoreReach = kInsertion + 2.1;

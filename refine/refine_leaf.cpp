@@ -616,7 +616,7 @@ void Refinement::insert(const Point& q, PointKind kind, int condition) {
 // as well, where fewer points are between them. Known of q in the leaf, around which all are. Of
 // the core's, LeafDelta::met_core tells.
 std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) const {
-  const double near = kInsertionMatters * input_.criteria.size, reach = input_.criteria.reach;
+  const double near = kNeighborhood * input_.criteria.size, reach = input_.criteria.reach;
   if (!std::isfinite(reach) || reach < near || !is_in_leaf(input_.box, q)) return std::nullopt;
   std::vector<Point> changed;
   for (const Cell c : conflict_.cells)

@@ -22,6 +22,10 @@ namespace locvol {
 // must be known to be empty. Measured: 2.1 makes some surface points more, 2.5 a tenth more ghosts.
 inline constexpr double kReach = 2.25;
 
+// How far, over λ, an insertion matters: it destroys balls that contain it, and those of stars are
+// smaller than λ (the radius of N_v in Dey and Slatton 2011).
+inline constexpr double kNeighborhood = 2;
+
 struct Criteria {
   double size = 0;  // λ, in the units of the coordinates
   double radius_edge_bound = 2;

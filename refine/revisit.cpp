@@ -38,7 +38,7 @@ std::optional<Revisit> Revisit::of(const LeafInput& input) {
 
 Revisit::Revisit(const LeafInput& input)
     : input_(&input),
-      insertion_matters_(kInsertionMatters * input.criteria.size),
+      insertion_matters_(kNeighborhood * input.criteria.size),
       // A deletion matters within the reach, for it can make balls as large as count; if that is
       // infinite, to the stars that it was in, and what else can matter is found when it does
       // (LeafInput::all_points).

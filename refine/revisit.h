@@ -16,10 +16,6 @@
 
 namespace locvol {
 
-// How far, over λ, an insertion matters to stars whose balls are smaller than λ: it destroys those
-// that contain it.
-inline constexpr double kInsertionMatters = 2;
-
 class Revisit {
  public:
   // Empty if all of the leaf must be visited, or nearly all.
