@@ -5,6 +5,7 @@
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Triangulation_cell_base_with_info_3.h>
 #include <CGAL/Triangulation_vertex_base_with_info_3.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
@@ -132,13 +133,29 @@ struct Delaunay::Impl {
 
   VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
   Start start_for(const Kernel::Point_3& p, CellHandle hint) const;
+  Start locate(const Kernel::Point_3& p, CellHandle from) const;
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
   void find_new_cells(std::span<const CellHandle> rim);
 
  private:
   VertexHandle fill_small_cavity(const Point& p);
-  VertexHandle fill_large_cavity();
+  VertexHandle fill_large_cavity(const Point& p);
+  // In order of first call; the same for the same vertex.
+  std::uint32_t place_on_border(VertexHandle v) {
+    VertexInfo& at = v->info();
+    if (std::exchange(at.stamp, stamp) != stamp) at.place = num_on_border++;
+    return at.place;
+  }
+  // All vertices of the border have places. It has each edge twice or more often, as what bounds
+  // cells has; by Euler's formula it is a sphere. CGAL would fill another one for ever.
+  void require_ball(const Point& p) const {
+    if (2 * std::size_t{num_on_border} != cavity.border.size() + 4) throw_no_ball(p);
+  }
+  [[noreturn]] static void throw_no_ball(const Point& p) {
+    throw DelaunayError(
+        fmt::format("the cavity of a new point is no ball, at ({}, {}, {})", p.x, p.y, p.z));
+  }
 
   static constexpr std::size_t kMaxBorder = 124;                   // of a small cavity, in facets
   static constexpr std::size_t kMaxVertices = kMaxBorder / 2 + 2;  // on its border, a sphere
@@ -147,6 +164,7 @@ struct Delaunay::Impl {
   std::array<std::array<std::uint8_t, kMaxVertices>, kMaxVertices> facet_at_edge;
   std::array<std::array<std::uint32_t, 3>, kMaxBorder> corners;  // of facets, as places
   std::uint64_t stamp = 0;
+  std::uint32_t num_on_border = 0;
 };
 
 // What CGAL's insert() does, for points in space that are no vertices; its cavities are filled
@@ -165,10 +183,35 @@ Delaunay::Impl::Start Delaunay::Impl::start_for(const Kernel::Point_3& p, CellHa
   if (is_in_ball(hint, p).value_or(false)) return {hint, {}};
   const CellHandle near = triangulation.inexact_locate(p, hint);
   if (is_in_ball(near, p).value_or(false)) return {near, {}};
-  Triangulation::Locate_type type;
-  int i = 0, j = 0;
-  const CellHandle start = triangulation.locate(p, type, i, j, near);
-  return {start, type == Triangulation::VERTEX ? start->vertex(i) : VertexHandle()};
+  return locate(p, near);
+}
+
+// A walk from cell to cell through facets that p is beyond. In a Delaunay triangulation none comes
+// twice, whichever facets are taken (De Floriani, Falcidieno, Nagy and Pienovi, "On sorting
+// triangles in a Delaunay tessellation", 1991). CGAL's own walk has no bound.
+Delaunay::Impl::Start Delaunay::Impl::locate(const Kernel::Point_3& p, CellHandle from) const {
+  const VertexHandle infinite = triangulation.infinite_vertex();
+  int across = 0;
+  if (from->has_vertex(infinite, across)) from = from->neighbor(across);
+  const auto is_beyond_facet = [&](CellHandle c, int i) {
+    std::array<const Kernel::Point_3*, 4> corners;
+    for (int k = 0; k < 4; ++k) corners[std::size_t(k)] = k == i ? &p : &c->vertex(k)->point();
+    return CGAL::orientation(*corners[0], *corners[1], *corners[2], *corners[3]) == CGAL::NEGATIVE;
+  };
+  CellHandle before;
+  for (auto left = triangulation.tds().number_of_cells(); left > 0; --left) {
+    int i = 0;
+    while (i < 4 && (from->neighbor(i) == before || !is_beyond_facet(from, i))) ++i;
+    if (i == 4) {
+      for (int k = 0; k < 4; ++k)
+        if (from->vertex(k)->point() == p) return {from, from->vertex(k)};
+      return {from, {}};
+    }
+    before = from;
+    from = from->neighbor(i);
+    if (from->has_vertex(infinite)) return {from, {}};
+  }
+  throw DelaunayError(fmt::format("the walk to ({}, {}, {}) does not end", p.x(), p.y(), p.z()));
 }
 
 // Leaves no marks.
@@ -212,8 +255,10 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
 // A new cell for each facet of the border, in new_cells, and the vertex of them all.
 VertexHandle Delaunay::Impl::fill_cavity(const Kernel::Point_3& p) {
   new_cells.clear();
+  ++stamp;
+  num_on_border = 0;
   const VertexHandle v =
-      cavity.border.size() <= kMaxBorder ? fill_small_cavity(ours(p)) : fill_large_cavity();
+      cavity.border.size() <= kMaxBorder ? fill_small_cavity(ours(p)) : fill_large_cavity(ours(p));
   v->set_point(p);
   return v;
 }
@@ -223,8 +268,6 @@ VertexHandle Delaunay::Impl::fill_small_cavity(const Point& p) {
   auto& [inside, border] = cavity;
   auto& tds = triangulation.tds();
   const VertexHandle v = tds.create_vertex();
-  ++stamp;
-  std::uint32_t num_vertices = 0;
   for (std::size_t n = 0; n < border.size(); ++n) {
     const auto& [outside, index] = border[n];
     // Counterclockwise seen from v.
@@ -245,14 +288,14 @@ VertexHandle Delaunay::Impl::fill_small_cavity(const Point& p) {
       info.to_center = to_center(ours(corner[0]->point()) - p, ours(corner[1]->point()) - p,
                                  ours(corner[2]->point()) - p);
     for (std::size_t k = 0; k < 3; ++k) {
-      VertexInfo& at = corner[k]->info();
-      if (std::exchange(at.stamp, stamp) != stamp) at.place = num_vertices++;
-      corners[n][k] = at.place;
+      corners[n][k] = place_on_border(corner[k]);
+      if (corners[n][k] >= kMaxVertices) throw_no_ball(p);
       corner[k]->set_cell(new_cells[n]);
     }
     const auto& [a, b, c] = corners[n];
     facet_at_edge[a][b] = facet_at_edge[b][c] = facet_at_edge[c][a] = static_cast<std::uint8_t>(n);
   }
+  require_ball(p);
   for (std::size_t n = 0; n < border.size(); ++n) {
     const auto& [a, b, c] = corners[n];
     new_cells[n]->set_neighbors(new_cells[facet_at_edge[c][b]], new_cells[facet_at_edge[a][c]],
@@ -264,7 +307,11 @@ VertexHandle Delaunay::Impl::fill_small_cavity(const Point& p) {
 }
 
 // Of most or all of the hull.
-VertexHandle Delaunay::Impl::fill_large_cavity() {
+VertexHandle Delaunay::Impl::fill_large_cavity(const Point& p) {
+  for (const auto& [cell, off] : cavity.border)
+    for (int k = 0; k < 3; ++k)
+      place_on_border(cell->vertex(Triangulation::vertex_triple_index(off, k)));
+  require_ball(p);
   const auto [outside, index] = cavity.border.front();
   const CellHandle begin = outside->neighbor(index);
   const VertexHandle v = triangulation.tds().insert_in_hole(

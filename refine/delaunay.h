@@ -17,6 +17,7 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -37,6 +38,14 @@ inline bool sort_oddly(std::array<std::uint32_t, 4>& v) {
   return is_odd;
 }
 
+// The predicates contradict each other: a bug, or arithmetic that is not what it should be. What is
+// left of the triangulation is of no use.
+class DelaunayError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// build(), find_conflict(), insert() and remove() throw DelaunayError.
 class Delaunay {
  public:
   using Vertex = std::uint32_t;

@@ -84,6 +84,11 @@ void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::siz
   }
 }
 
+std::string place_of(const Box& leaf) {
+  const auto& [a, b] = leaf;
+  return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
+}
+
 class Refinement {
  public:
   explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
@@ -155,7 +160,8 @@ class Refinement {
   void list_triangulated_cells(Cells& cells) const;
   void list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& core) const;
   bool is_met(std::uint64_t id) const { return std::ranges::binary_search(delta_.met_core, id); }
-  std::string place() const;
+  [[noreturn]] void throw_unchanged() const;
+  std::string place() const { return place_of(input_.box); }
 
   const LeafInput& input_;
   LeafMesh mesh_;
@@ -238,10 +244,12 @@ template <class Ref>
 bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore) {
   const auto ref = pop_alive(waiting);
   if (!ref) return false;
+  const std::size_t num_before = mesh_.num_locals();
   if ((this->*restore)(*ref, condition) == Outcome::kBlocked) {
     blocked_.push_back({*ref, attempt_});
     tell_blocked();
   } else if (is_alive(*ref)) {
+    if (mesh_.num_locals() == num_before) throw_unchanged();
     waiting.push_back(*ref);
   }
   return true;
@@ -631,10 +639,11 @@ std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) con
   return changed;
 }
 
-std::string Refinement::place() const {
-  const Point& a = input_.box.min;
-  const Point& b = input_.box.max;
-  return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
+// A cure that is not blocked brings a point; without one it would be tried for ever.
+void Refinement::throw_unchanged() const {
+  const Point& q = attempt_.position;
+  throw RefineError(fmt::format("a cure for C{} at ({}, {}, {}) changes nothing{}",
+                                attempt_.condition, q.x, q.y, q.z, place()));
 }
 
 // ---- The result
@@ -777,7 +786,7 @@ void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_
     if (changes_star(q - p.position, kLatticeSpacing * size)) ids.push_back(p.id);
 }
 
-LeafDelta refine_leaf(const LeafInput& input) {
+LeafDelta refine_leaf(const LeafInput& input) try {
   if (auto revisit = Revisit::of(input)) {
     std::vector<RefineStep> steps;  // told only if they count
     if (input.on_step)
@@ -790,6 +799,8 @@ LeafDelta refine_leaf(const LeafInput& input) {
     }
   }
   return Refinement(input).run();
+} catch (const DelaunayError& e) {
+  throw RefineError(e.what() + place_of(input.box));
 }
 
 }  // namespace locvol

@@ -81,6 +81,23 @@ int orientation(const Point& a, const Point& b, const Point& c, const Point& d) 
   return moved_orientation({a}, {b}, {c}, {d});
 }
 
+// Of the paraboloid over p: three differences and the fourth coordinate of each corner.
+int side_of_sphere(const std::array<Point, 4>& cell, const Point& p) {
+  std::array<Vector, 4> to;
+  std::array<Exact, 4> height;
+  for (std::size_t i = 0; i < 4; ++i) {
+    to[i] = exact(cell[i]) - exact(p);
+    height[i] = dot(to[i], to[i]);
+  }
+  Exact sum = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vector &a = to[(i + 1) % 4], &b = to[(i + 2) % 4], &c = to[(i + 3) % 4];
+    const Exact term = height[i] * dot(a, cross(b, c));
+    sum = i % 2 == 0 ? Exact(sum + term) : Exact(sum - term);
+  }
+  return sign(sum);
+}
+
 bool segment_crosses(const Point& a, const Point& b, const Triangle& triangle) {
   const auto& [u, v, w] = triangle.corners;
   const QueryPoint p{a, true}, q{b, true};

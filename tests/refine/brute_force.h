@@ -16,6 +16,9 @@ using shapes::Mesh;
 
 // The sign of the volume of abcd, exactly.
 int orientation(const Point& a, const Point& b, const Point& c, const Point& d);
+// Is p in the circumball of the cell (1), on its sphere (0), or outside (-1)? Exact.
+// REQUIRES: the cell is positively oriented
+int side_of_sphere(const std::array<Point, 4>& cell, const Point& p);
 
 // Does the segment, moved by (ε, ε², ε³) with ε = 2^-400, cross the triangle? Exact: no
 // infinitesimal, but a number so small that no determinant of doubles between 2^-100 and 2^100
