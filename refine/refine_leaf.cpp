@@ -13,6 +13,7 @@
 
 #include "octree/site_block.h"
 #include "refine/leaf_mesh.h"
+#include "refine/predicates.h"
 #include "refine/revisit.h"
 
 namespace locvol {
@@ -140,6 +141,7 @@ class Refinement {
   void forget_changed();
   void delete_volume_points_near(const Point& q);
   bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
+  bool is_in_fold(const Point& q) const;
   double shortest_edge_squared(Cell c) const;
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
@@ -190,6 +192,8 @@ class Refinement {
   std::vector<Point> corners_;
   std::vector<MeshPoint> near_;      // taken in before an insertion
   std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
+  mutable std::vector<Triangle> near_triangles_;
+  mutable std::vector<Point> sheets_;  // normals of triangles nearby
 };
 
 template <class Ref>
@@ -390,6 +394,7 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
 Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   attempt_ = {condition, dual.ball_center, std::sqrt(dual.squared_radius)};
+  if (condition == 4 && is_in_fold(dual.ball_center)) return Outcome::kBlocked;
   return insert_on_surface(dual.ball_center, condition, ref.here.cell);
 }
 
@@ -408,6 +413,8 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   attempt_ = {3, mesh_.local(v).point.position, 0};
   if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
   attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
+  if (is_in_fold(mesh_.local(v).point.position) || is_in_fold(largest.ball_center))
+    return Outcome::kBlocked;
   const Outcome outcome = insert_on_surface(largest.ball_center, 3, hint);
   // Again: where points of P were missing, only those came, perhaps far from v.
   if (outcome == Outcome::kChanged) look_at_vertex(v);
@@ -581,6 +588,32 @@ bool Refinement::is_blocked(const Point& q) const {
                                   q.y, q.z, place()));
   return mesh_.has_other_point_within(q, input_.criteria.spacing_floor, conflict_.nearest,
                                       leaving_);
+}
+
+// Whether two sheets of the surface face each other at q, closer than the spacing floor. To tell
+// them apart takes samples about as close as they are (measured on parallel sheets: 1.07 of their
+// distance), so what is inserted there for C3 or C4 comes down to the floor, and is of no use.
+bool Refinement::is_in_fold(const Point& q) const {
+  constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
+  const double floor = input_.criteria.spacing_floor;
+  input_.surface->triangles_near(q, floor, near_triangles_);
+  sheets_.clear();
+  double nearest = floor;
+  Point normal;
+  for (const Triangle& t : near_triangles_) {
+    const double distance = distance_to_triangle(q, t);
+    const auto& [a, b, c] = t.corners;
+    const Point area = cross(b - a, c - a);
+    const double length = norm(area);
+    if (!(distance < floor && length > 0)) continue;
+    sheets_.push_back((1 / length) * area);
+    if (distance < nearest) {
+      nearest = distance;
+      normal = sheets_.back();
+    }
+  }
+  return std::ranges::any_of(
+      sheets_, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
 }
 
 void Refinement::delete_volume_points_near(const Point& q) {
