@@ -12,6 +12,7 @@
 
 #include "engine/core_around.h"
 #include "engine/leaf_sides.h"
+#include "engine/unresolved_sites.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -126,14 +127,11 @@ class Visit {
   }
 
   void store_unresolved(const std::vector<Violation>& violations) {
-    LeafInfo& info = state_.leaves.edit_info(leaf_);
-    if (violations.empty() && info.num_unresolved == 0) return;
-    state_.run.num_unresolved += violations.size() - info.num_unresolved;  // modulo 2^64
-    info.num_unresolved = violations.size();
-    LeafUnresolved unresolved;
+    if (violations.empty() && state_.leaves.info(leaf_).num_unresolved == 0) return;
+    std::vector<UnresolvedSite> sites;
     for (const Violation& v : violations)
-      unresolved.sites.push_back({static_cast<std::uint8_t>(v.condition), v.position, v.radius});
-    state_.leaves.put_unresolved(leaf_, std::move(unresolved));
+      sites.push_back({static_cast<std::uint8_t>(v.condition), v.position, v.radius});
+    state_.put_unresolved(leaf_, {thinned(sites, {}, state_.size())});
   }
 
   // The leaf's points, triangles and known side go to its children; those with points are enqueued.

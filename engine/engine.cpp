@@ -10,6 +10,7 @@
 #include "engine/ingest/ingest.h"
 #include "engine/leaf_loader.h"
 #include "engine/memory_budget.h"
+#include "engine/mend_leaf.h"
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
 #include "engine/run_timeline.h"
@@ -43,7 +44,8 @@ class Engine {
   // Until all is done (true) or the user stops it (false); then all visits made are committed.
   bool run() {
     if (state_.run.phase == Phase::kInitialize && !initialize()) return false;
-    return state_.run.phase == Phase::kDone || refine();
+    if (state_.run.phase == Phase::kRefine && !refine()) return false;
+    return state_.run.phase == Phase::kDone || mend();
   }
 
  private:
@@ -58,6 +60,23 @@ class Engine {
           });
     };
     if (!visit_all(load)) return false;
+    const bool is_whole = state_.run.num_unresolved == 0;
+    if (!is_whole) enqueue_for_mending(state_);
+    end_phase(is_whole ? Phase::kDone : Phase::kMend);
+    return true;
+  }
+
+  bool mend() {
+    const auto load = [this](MortonKey leaf) {
+      return make_visit(
+          load_mend(state_, leaf), [](LoadedMend& loaded) { return mended_cells(loaded); },
+          [this, leaf](const MendedCells& cells) {
+            apply_mend(state_, leaf, cells);
+            note_visit();
+          });
+    };
+    if (!visit_all(load)) return false;
+    merge_sites(state_);
     end_phase(Phase::kDone);
     return true;
   }

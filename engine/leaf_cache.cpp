@@ -74,6 +74,11 @@ LeafCells LeafCache::cells(MortonKey leaf) {
   return cells.record ? *cells.record : store_.snapshot().cells(leaf);
 }
 
+LeafUnresolved LeafCache::unresolved(MortonKey leaf) {
+  const auto& unresolved = touch(leaf).unresolved;
+  return unresolved.record ? *unresolved.record : store_.snapshot().unresolved(leaf);
+}
+
 LeafInfo& LeafCache::edit_info(MortonKey leaf) {
   info(leaf);
   auto& info = touch_changed(leaf).info;

@@ -24,7 +24,8 @@ class LeafCache {
   const LeafInfo& info(MortonKey leaf);
   const LeafPoints& points(MortonKey leaf);
   const LeafSurface& surface(MortonKey leaf);
-  LeafCells cells(MortonKey leaf);  // not kept
+  LeafCells cells(MortonKey leaf);            // not kept
+  LeafUnresolved unresolved(MortonKey leaf);  // likewise
 
   LeafInfo& edit_info(MortonKey leaf);
   LeafPoints& edit_points(MortonKey leaf);

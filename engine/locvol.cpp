@@ -143,6 +143,7 @@ Stage stage_of(Phase phase) {
     case Phase::kInitialize:
       return Stage::kInitialize;
     case Phase::kRefine:
+    case Phase::kMend:
       return Stage::kRefine;
     case Phase::kDone:
       return Stage::kDone;

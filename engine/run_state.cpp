@@ -113,6 +113,14 @@ void RunState::add_to_leaf(const MeshPoint& point) {
   ++run.num_points;
 }
 
+void RunState::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
+  LeafInfo& info = leaves.edit_info(leaf);
+  run.num_unresolved -= info.num_unresolved;
+  info.num_unresolved = unresolved.sites.size();
+  run.num_unresolved += info.num_unresolved;
+  leaves.put_unresolved(leaf, std::move(unresolved));
+}
+
 void RunState::note_visit() {
   ++num_unwritten_visits_;
   leaves.trim();

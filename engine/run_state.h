@@ -66,6 +66,9 @@ struct RunState {
   // A point of the lattice has the site's id.
   MeshPoint add_lattice_point(const LatticeSite& site);
 
+  // In place of those that the leaf had.
+  void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
+
   bool is_commit_due() const;
   void note_visit();
   // One batch with all changes; durable on return.

@@ -64,7 +64,7 @@ std::array<std::uint64_t, 3> milliseconds_by_phase(const TimelineRecord& timelin
   std::array<std::uint64_t, 3> milliseconds{};
   std::uint64_t before = 0;
   for (const TimelineSample& sample : timeline.samples) {
-    const auto phase = static_cast<std::size_t>(std::min(sample.phase, Phase::kRefine));
+    const auto phase = static_cast<std::size_t>(working(sample.phase));
     milliseconds[phase] += sample.milliseconds - std::exchange(before, sample.milliseconds);
   }
   return milliseconds;

@@ -142,6 +142,7 @@ class Refinement {
   void delete_volume_points_near(const Point& q);
   bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
   bool is_in_fold(const Point& q) const;
+  bool is_in_fold(Facet f) const;  // all of its vertices are
   double shortest_edge_squared(Cell c) const;
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
@@ -394,7 +395,8 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
 Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   attempt_ = {condition, dual.ball_center, std::sqrt(dual.squared_radius)};
-  if (condition == 4 && is_in_fold(dual.ball_center)) return Outcome::kBlocked;
+  if (condition == 4 && is_in_fold(dual.ball_center) && is_in_fold(ref.facet()))
+    return Outcome::kBlocked;
   return insert_on_surface(dual.ball_center, condition, ref.here.cell);
 }
 
@@ -413,7 +415,7 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   attempt_ = {3, mesh_.local(v).point.position, 0};
   if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
   attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
-  if (is_in_fold(mesh_.local(v).point.position) || is_in_fold(largest.ball_center))
+  if (is_in_fold(mesh_.local(v).point.position) && is_in_fold(largest.ball_center))
     return Outcome::kBlocked;
   const Outcome outcome = insert_on_surface(largest.ball_center, 3, hint);
   // Again: where points of P were missing, only those came, perhaps far from v.
@@ -614,6 +616,12 @@ bool Refinement::is_in_fold(const Point& q) const {
   }
   return std::ranges::any_of(
       sheets_, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
+}
+
+bool Refinement::is_in_fold(Facet f) const {
+  for (int i = 0; i < 4; ++i)
+    if (i != f.index && !is_in_fold(mesh_.point(f.cell, i))) return false;
+  return true;
 }
 
 void Refinement::delete_volume_points_near(const Point& q) {

@@ -32,14 +32,15 @@
 //
 //   | count u64 | byte 0 of every value | byte 1 of every value | ... |
 //
-// Fields, version 1 of every kind but leaf, which has version 3, and points, which have version 2
+// Fields, version 1 of every kind but leaf, which has version 4, and points, which have version 2
 // (columns in brackets; "steps" are
 // differences to the value before, "changed bits" the exclusive or with it, both from 0):
 //
 //   0 format      version u32
 //   1 run         parameters, surface facts, frame, progress: in the order of fields() below
 //   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
-//                 first_new_id from version 2 on, the core's counts from version 3 on
+//                 first_new_id from version 2 on, the core's counts from version 3 on,
+//                 num_left_out from version 4 on
 //   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]; from version 2 on the
 //   core:
 //                 whole u8, [i] [j] [k of the rows' first sites, steps u32] [counts u32]
@@ -78,7 +79,7 @@ inline constexpr Kind kKind<StoreFormat>{0, 1};
 template <>
 inline constexpr Kind kKind<RunRecord>{1, 1};
 template <>
-inline constexpr Kind kKind<LeafInfo>{2, 3};
+inline constexpr Kind kKind<LeafInfo>{2, 4};
 template <>
 inline constexpr Kind kKind<LeafPoints>{3, 2};
 template <>
@@ -98,7 +99,7 @@ inline constexpr Kind kKind<TimelineRecord>{10, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
-constexpr Phase last_of(Phase) { return Phase::kDone; }
+constexpr Phase last_of(Phase) { return Phase::kMend; }
 
 // -- Archives ------------------------------------------------------------------------------------
 
@@ -347,9 +348,14 @@ void fields_of_version_2(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
   archive(leaf.info.first_new_id);
 }
 
-void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+void fields_of_version_3(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
   fields_of_version_2(archive, leaf);
   archive(leaf.info.num_core_points, leaf.info.num_core_cells);
+}
+
+void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+  fields_of_version_3(archive, leaf);
+  archive(leaf.info.num_left_out);
 }
 
 struct PositionColumns {
@@ -851,7 +857,8 @@ Content decompress(std::string_view frame) {
 bool read_older(ContentReader& in, std::uint16_t version, StoredLeafInfo& leaf) {
   if (version == 1) fields_of_version_1(in, leaf);
   if (version == 2) fields_of_version_2(in, leaf);
-  return version == 1 || version == 2;
+  if (version == 3) fields_of_version_3(in, leaf);
+  return 1 <= version && version <= 3;
 }
 bool read_older(ContentReader& in, std::uint16_t version, PointColumns& points) {
   if (version == 1) fields_of_version_1(in, points);

@@ -39,6 +39,7 @@ struct LeafInfo {
   // Of LatticeCore; num_points and num_cells are of what is stored one by one.
   std::uint64_t num_core_points = 0;
   std::uint64_t num_core_cells = 0;  // of core points alone, and whose smallest one is the leaf's
+  std::uint64_t num_left_out = 0;    // cells, in Phase::kMend; num_cells is without them
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -82,7 +83,18 @@ struct QueueEntry {
 };
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
-enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDone = 3 };
+// One after another, but for kMend, which comes between kRefine and kDone, and only if sites are
+// unresolved: then cells are left out where the boundary is no 2-manifold.
+enum class Phase : std::uint8_t {
+  kIngest = 0,
+  kInitialize = 1,
+  kRefine = 2,
+  kDone = 3,
+  kMend = 4
+};
+// For those who measure or draw a run, in the order of their numbers: mending is the end of
+// refinement.
+constexpr Phase working(Phase phase) { return phase > Phase::kRefine ? Phase::kRefine : phase; }
 
 // What the mesh is a function of (promise 4). A store refuses to go on under other ones.
 struct RunParameters {

@@ -67,7 +67,7 @@ void Forecast::expect(const RunEstimate& estimate, bool writes) {
 
 void Forecast::note(const Progress& progress, double seconds) {
   if (progress.phase == Phase::kDone) return enter(RunStage::kMeasure, seconds);
-  enter(static_cast<RunStage>(progress.phase), seconds);
+  enter(static_cast<RunStage>(working(progress.phase)), seconds);
   if (stage_ == RunStage::kIngest) return;
   if (progress.epoch != epoch_ || num_in_epoch_ == 0) {
     units_before_ += unit_ * static_cast<double>(num_in_epoch_);

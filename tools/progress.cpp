@@ -41,6 +41,8 @@ std::string_view phase_name(Phase phase) {
       return "initialize";
     case Phase::kRefine:
       return "refine";
+    case Phase::kMend:
+      return "mend";
     case Phase::kDone:
       return "done";
   }
@@ -109,10 +111,10 @@ Json progress_json(const Standing& standing) {
 }
 
 void PhaseClock::note(Phase phase, double seconds) {
-  const Phase working = std::min(phase, Phase::kRefine);
-  if (working == phase_) return;
+  const Phase now = working(phase);
+  if (now == phase_) return;
   seconds_ = seconds_by_phase(seconds);
-  phase_ = working;
+  phase_ = now;
   last_seconds_ = seconds;
 }
 

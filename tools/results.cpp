@@ -282,7 +282,10 @@ std::string audit_text(const AuditReport& report) {
       text += fmt::format("BAD: {} {}\n", report.*check.count, check.text);
   }
   for (const std::string& violation : report.violations) text += fmt::format("  {}\n", violation);
-  return text + (report.is_valid() ? "valid\n" : "NOT VALID\n");
+  if (!report.is_valid()) return text + "NOT VALID\n";
+  if (report.num_unresolved == 0) return text + "valid\n";
+  return text +
+         fmt::format("manifold; guarantee open at {}\n", plural(report.num_unresolved, "site"));
 }
 
 std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input) {
@@ -488,6 +491,7 @@ Json to_json(const AuditReport& report) {
           {"max_dihedral_degrees", report.max_dihedral_degrees},
           {"max_surface_distance_over_size", report.max_surface_distance},
           {"num_unresolved", report.num_unresolved},
+          {"num_open", report.num_open},
           {"violations", violations}};
 }
 

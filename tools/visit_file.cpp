@@ -87,6 +87,7 @@ StoredVisit visit_from(const Json& json) {
   visit.leaf = parse_key(json.at("leaf").get<std::string>());
   json.at("is_clean").get_to(visit.is_clean);
   json.at("num_visits").get_to(visit.num_visits);
+  json.at("num_left_out").get_to(visit.num_left_out);
   visit.input.criteria = criteria_from(json.at("criteria"));
   visit.input.box = box_from(json.at("box"));
   json.at("max_own_points").get_to(visit.input.max_own_points);
@@ -120,6 +121,7 @@ void write_visit(const StoredVisit& visit, const std::filesystem::path& file) {
                {"leaf", key_text(visit.leaf)},
                {"is_clean", visit.is_clean},
                {"num_visits", visit.num_visits},
+               {"num_left_out", visit.num_left_out},
                {"criteria", criteria_json(visit.input.criteria)},
                {"box", to_json(visit.input.box)},
                {"max_own_points", visit.input.max_own_points},

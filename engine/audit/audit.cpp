@@ -9,6 +9,10 @@
 namespace locvol {
 namespace {
 
+// Over λ. A site stands for others within λ, and for what lies within two radii of them; and it
+// lies within a visit's reach of its leaf.
+constexpr double kOpenAround = 3, kSiteReach = 2.25;
+
 // How many units in the last place of the largest coordinate a constructed point may be off.
 constexpr double kRoundingErrors = 16;
 
@@ -59,6 +63,15 @@ void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
   report.surface_num_components = surface.num_components;
 }
 
+void set_sites_near(std::size_t leaf, const AuditLeaves& leaves, const Reader& reader, double size,
+                    AuditFindings& findings) {
+  std::vector<Point> sites;
+  for (const std::size_t other : leaves.within(leaves.box(leaf), (kOpenAround + kSiteReach) * size))
+    for (const UnresolvedSite& site : reader.unresolved(leaves.key(other)).sites)
+      sites.push_back(site.position);
+  findings.set_sites(std::move(sites), kOpenAround * size);
+}
+
 void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
                   const RunRecord& run, AuditFindings& findings, const StepProgress& on_step) {
   const AuditBounds bounds = bounds_of(run);
@@ -68,6 +81,7 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     if (on_step) on_step(i, leaves.size());
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
+    if (run.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
     report.num_vertices += num_used_own_points(*leaf);

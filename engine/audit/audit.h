@@ -23,6 +23,9 @@ struct AuditReport {
   std::int64_t euler_characteristic = 0, surface_euler_characteristic = 0;
   std::uint64_t num_components = 0, surface_num_components = 0;
   std::uint64_t num_unresolved = 0;  // as listed in the store
+  // Near unresolved sites, and so no violations: cells too large or badly shaped, boundary vertices
+  // off the surface. Boundary and cells fit together there as everywhere.
+  std::uint64_t num_open = 0;
 
   // Violations, counted; the first few of each kind are described in `violations` with leaf and
   // coordinates. Bounds allow for rounding, a relative 1e-9; signs and emptiness are exact.

@@ -272,7 +272,7 @@ void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet
     char text[96];
     std::snprintf(text, sizeof text, "this boundary vertex is %.3g of the size off the surface",
                   distances[i] / bounds.size);
-    findings.add(&AuditReport::num_off_surface_vertices, text, leaf.key, vertices[i]);
+    findings.add_unless_open(&AuditReport::num_off_surface_vertices, text, leaf.key, vertices[i]);
   }
 }
 

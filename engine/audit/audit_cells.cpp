@@ -64,6 +64,10 @@ class CellCheck {
     findings_.add(count, what, leaf_.key, leaf_.points.position(place));
   }
 
+  void add_unless_open(std::uint64_t AuditReport::*count, std::string_view what, LocalIndex place) {
+    findings_.add_unless_open(count, what, leaf_.key, leaf_.points.position(place));
+  }
+
   // Not counting those of the core, if there are others; of the core's, the one with the smallest
   // site.
   LocalIndex smallest_of(const Vertices& ascending) const {
@@ -121,12 +125,12 @@ class CellCheck {
     report_.max_circumradius = std::max(report_.max_circumradius, size);
     report_.max_radius_edge_ratio = std::max(report_.max_radius_edge_ratio, ratio);
     if (!(size < kBoundSlack)) {
-      add(&AuditReport::num_large_cells, with_ratio("a cell's circumradius", size, " of the size"),
-          v[0]);
+      add_unless_open(&AuditReport::num_large_cells,
+                      with_ratio("a cell's circumradius", size, " of the size"), v[0]);
     }
     if (!(ratio <= bounds_.radius_edge * kBoundSlack)) {
-      add(&AuditReport::num_badly_shaped_cells, with_ratio("a cell's radius-edge ratio", ratio, ""),
-          v[0]);
+      add_unless_open(&AuditReport::num_badly_shaped_cells,
+                      with_ratio("a cell's radius-edge ratio", ratio, ""), v[0]);
     }
   }
 

@@ -72,6 +72,21 @@ void AuditFindings::add(std::uint64_t AuditReport::*count, std::string_view what
   report_->violations.push_back(leaf_name(leaf).append(where).append(what));
 }
 
+void AuditFindings::add_unless_open(std::uint64_t AuditReport::*count, std::string_view what,
+                                    MortonKey leaf, const Point& place) {
+  const double squared = site_distance_ * site_distance_;
+  if (std::ranges::any_of(
+          sites_, [&](const Point& site) { return squared_distance(site, place) <= squared; }))
+    ++report_->num_open;
+  else
+    add(count, what, leaf, place);
+}
+
+void AuditFindings::set_sites(std::vector<Point> sites, double distance) {
+  sites_ = std::move(sites);
+  site_distance_ = distance;
+}
+
 void AuditFindings::add_fault(const std::string& what) {
   if (++report_->num_run_faults <= kDescribedPerKind) report_->violations.push_back(what);
 }

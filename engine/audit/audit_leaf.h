@@ -31,10 +31,17 @@ class AuditFindings {
   AuditReport& report() { return *report_; }
   void add(std::uint64_t AuditReport::*count, std::string_view what, MortonKey leaf,
            const Point& place);
+  // Of what refinement leaves open where it could not go on: no violation near a site.
+  void add_unless_open(std::uint64_t AuditReport::*count, std::string_view what, MortonKey leaf,
+                       const Point& place);
   void add_fault(const std::string& what);
+  // Those that may matter to the findings to come. `distance`: near
+  void set_sites(std::vector<Point> sites, double distance);
 
  private:
   AuditReport* report_;
+  std::vector<Point> sites_;
+  double site_distance_ = 0;
 };
 
 // The leaves of a store, found by their boxes. Leaves are named by their place in Morton order.

@@ -140,6 +140,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   StoredVisit visit;
   visit.leaf = leaf;
   visit.is_clean = !state.leaves.info(leaf).queued;
+  visit.num_left_out = state.leaves.info(leaf).num_left_out;
   visit.num_visits = state.leaves.info(leaf).num_visits;
   const SurfacePatch& surface = *loaded.complete().surface;
   visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
@@ -175,6 +176,7 @@ Replay replay(const StoredVisit& visit) {
   const Cells found = sorted(std::exchange(replay.delta.cells, {}));
   replay.num_cells_gone = num_missing(visit.cells, found);
   replay.num_cells_new = num_missing(found, visit.cells);
+  replay.num_left_out = visit.num_left_out;
   replay.mesh = VertexTable(replay, input, visit.core).mesh_of(found);
   return replay;
 }

@@ -69,6 +69,26 @@ inline Shape sphere(double radius, std::uint32_t n, std::uint32_t m) {
   return shape;
 }
 
+// A knife: its edge is `width` long, and `angle` (radians) sharp.
+inline Shape wedge(double length, double width, double angle) {
+  const double height = length * std::tan(angle);
+  return {{{0, 0, 0},
+           {length, 0, 0},
+           {length, 0, height},
+           {0, width, 0},
+           {length, width, 0},
+           {length, width, height}},
+          {{0, 2, 1}, {3, 4, 5}, {0, 1, 4}, {0, 4, 3}, {1, 2, 5}, {1, 5, 4}, {2, 0, 3}, {2, 3, 5}}};
+}
+
+// So that nothing is along an axis.
+inline Shape turned(Shape shape) {
+  for (Point& p : shape.vertices)
+    p = {0.8 * p.x - 0.6 * p.y, 0.48 * p.x + 0.64 * p.y - 0.6 * p.z,
+         0.36 * p.x + 0.48 * p.y + 0.8 * p.z};
+  return shape;
+}
+
 inline Shape translated(Shape shape, const Point& by) {
   for (Point& p : shape.vertices) p = p + by;
   return shape;

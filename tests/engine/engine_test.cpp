@@ -8,6 +8,7 @@
 #include <set>
 
 #include "engine/audit/audit.h"
+#include "engine/inspect/replay.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/temp_dir.h"
@@ -409,6 +410,97 @@ TEST_F(EngineTest, MeshesCloseStrandsInPaperMode) {
   EXPECT_EQ(boundary.num_open_edges, 0U);
   EXPECT_EQ(boundary.euler_characteristic, 0);
   EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
+}
+
+// Two knives, one of them along the axes: at their edges no spacing tells the sheets apart.
+Shape knives() {
+  constexpr double kAngle = 0.1;
+  return together(turned(wedge(4, 8, kAngle)), translated(wedge(4, 8, kAngle), {9, 0, 0}));
+}
+
+TEST_F(EngineTest, MendsTheBoundaryWhereFoldsStayUnresolved) {
+  write(knives());
+  const auto run = options("store", 1, 500);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved);
+  EXPECT_GT(summary.num_leaves, 8U);
+  const Contents contents = contents_of(run.store);
+  expect_consistent(contents);
+  EXPECT_EQ(contents.run.phase, Phase::kDone);
+  EXPECT_TRUE(contents.queue.empty());
+  EXPECT_EQ(boundary_of(contents).num_open_edges, 0U);
+  std::uint64_t num_left_out = 0;
+  for (const auto& [key, leaf] : contents.leaves) num_left_out += leaf.info.num_left_out;
+  EXPECT_GT(num_left_out, 0U);
+  EXPECT_LT(num_left_out, summary.num_cells / 20);
+  const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+  EXPECT_TRUE(report.is_valid()) << (report.violations.empty() ? "" : report.violations.front());
+  EXPECT_EQ(report.num_unresolved, summary.num_unresolved);
+  EXPECT_GT(report.volume / report.surface_volume, 0.85);  // knives are less than λ thick
+}
+
+TEST_F(EngineTest, MendsAlikeWithAnyThreadsAndInterruptions) {
+  write(knives());
+  const auto run = options("one", 1, 500);
+  RunControl control;
+  control.num_threads = 1;
+  mesh(run, control);
+  const Contents expected = contents_of(run.store);
+  control.num_threads = 5;
+  mesh(options("five", 1, 500), control);
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "five"), expected));
+  for (const int num_visits : {1, 3}) {
+    const auto pieces = options("pieces " + std::to_string(num_visits), 1, 500);
+    mesh_in_pieces(pieces, num_visits);
+    EXPECT_TRUE(are_equal(contents_of(pieces.store), expected)) << num_visits;
+  }
+}
+
+// However many insertions were refused there.
+TEST_F(EngineTest, SitesWithinTheSizeOfEachOtherAreOne) {
+  write(knives());
+  const auto run = options("store", 1, 500);
+  mesh(run);
+  std::vector<Point> sites;
+  for (const auto& [key, leaf] : contents_of(run.store).leaves)
+    for (const UnresolvedSite& site : leaf.unresolved.sites) sites.push_back(site.position);
+  EXPECT_GT(sites.size(), 4U);
+  for (const Point& a : sites)
+    EXPECT_EQ(
+        std::ranges::count_if(sites, [&](const Point& b) { return squared_distance(a, b) <= 1; }),
+        1);
+}
+
+// What was left out is told, so that a leaf's visit still proves the store.
+TEST_F(EngineTest, ReplaysLeavesWhoseBoundaryWasMended) {
+  write(knives());
+  const auto run = options("store", 1, 500);
+  mesh(run);
+  const Store store = Store::open(run.store, {.read_only = true});
+  for (const auto& [key, leaf] : contents_of(run.store).leaves) {
+    if (leaf.info.num_points == 0) continue;
+    const Replay again = replay(stored_visit(store, key));
+    EXPECT_TRUE(again.reproduces()) << again.error;
+    EXPECT_EQ(again.num_left_out, leaf.info.num_left_out);
+  }
+}
+
+// A sheet thinner than the spacing floor: each insertion would bring others, down to the floor.
+TEST_F(EngineTest, GivesUpEarlyOnSheetsThinnerThanTheFloor) {
+  constexpr double kWidth = 12, kThickness = 0.01;
+  Shape sheet;
+  for (int i = 0; i < 8; ++i)
+    sheet.vertices.push_back({i & 1 ? kWidth : 0, i & 2 ? kWidth : 0, i & 4 ? kThickness : 0});
+  for (const auto& [a, b, c, d] : std::vector<std::array<std::uint32_t, 4>>{
+           {0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}})
+    sheet.triangles.insert(sheet.triangles.end(), {{a, b, c}, {a, c, d}});
+  const Shape thick = translated(sphere(2, 15, 32), {6, 6, 5});
+  write(turned(together(sheet, thick)));
+  const RunSummary summary = mesh(options("store", 1, 0));
+  EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved);
+  // Two to a sample at the most: 2 · 144 λ² have 1.2 samples each. Down to the floor it is 2500.
+  EXPECT_LT(summary.num_insertions[2] + summary.num_insertions[3], 2000U);
+  EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
 }
 
 TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {

@@ -213,11 +213,11 @@ TEST(Codec, RefusesValuesOutOfRange) {
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
   std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
-  timeline.back() = 4;  // the last sample's phase
+  timeline.back() = 5;  // the last sample's phase
   EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
   std::string info = content_of(encode(sample_info(), sample_leaf()));
   // Not queued, but at a place in the queue.
-  info[info.size() - 3 * sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] = 0;
+  info[info.size() - 4 * sizeof(std::uint64_t) - sizeof(QueuePosition) - 1] = 0;
   expect_error_about<LeafInfo>(frame_of(info), "not queued");
 }
 
@@ -256,7 +256,9 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v1", StoreFormat{1}, MortonKey());
   expect_golden("run.v1", sample_run(), MortonKey());
-  LeafInfo info_of_version_2 = sample_info();
+  LeafInfo info_of_version_3 = sample_info();
+  info_of_version_3.num_left_out = 0;
+  LeafInfo info_of_version_2 = info_of_version_3;
   info_of_version_2.num_core_points = info_of_version_2.num_core_cells = 0;
   LeafInfo info_of_version_1 = info_of_version_2;
   info_of_version_1.first_new_id = 0;
@@ -264,7 +266,8 @@ TEST(Codec, GoldenBytesOpen) {
   points_of_version_1.core = {};
   expect_golden("leaf.v1", info_of_version_1, sample_leaf());
   expect_golden("leaf.v2", info_of_version_2, sample_leaf());
-  expect_golden("leaf.v3", sample_info(), sample_leaf());
+  expect_golden("leaf.v3", info_of_version_3, sample_leaf());
+  expect_golden("leaf.v4", sample_info(), sample_leaf());
   expect_golden("points.v1", points_of_version_1, sample_leaf());
   expect_golden("points.v2", sample_points(), sample_leaf());
   expect_golden("cells.v1", sample_cells(), sample_leaf());

@@ -50,6 +50,7 @@ inline LeafInfo sample_info() {
   info.first_new_id = 4711;
   info.num_core_points = 120;
   info.num_core_cells = 512;
+  info.num_left_out = 17;
   return info;
 }
 
@@ -144,6 +145,7 @@ class Generator {
     info.first_new_id = bits();
     info.num_core_points = bits();
     info.num_core_cells = bits();
+    info.num_left_out = bits();
     return info;
   }
 

@@ -280,9 +280,7 @@ class TimelineFigure {
       first = i + 1;
     }
   }
-  static Phase working(const TimelineSample& sample) {
-    return std::min(sample.phase, Phase::kRefine);
-  }
+  static Phase working(const TimelineSample& sample) { return locvol::working(sample.phase); }
 
   // Between two samples the same number of visits a second.
   void add_rate() {
