@@ -60,9 +60,11 @@ class ShapeSweep {
   bool run_only(std::uint64_t number) {
     const ShapeCase made = make_case(options_.seed, number);
     const Shape& shape = made.solid.shape;
+    Dice dice(0);
     fmt::print("{}: {} triangles, area {:.6g}, volume {:.6g}, thickness {:.3g} λ; {}\n",
                made.family, shape.triangles.size(), area_of(shape), volume_of(shape),
                made.solid.thickness / made.size, made.changes);
+    fmt::print("about {:.3g} cells\n", MeshingWork(shape, dice).num_cells(made.size));
     keep(made);
     const TempDir directory;
     const TrialResult result = try_case(made, directory.path(), options_.limit);

@@ -60,7 +60,7 @@ std::optional<T> sum(const std::optional<T>& a, const std::optional<T>& b) {
 
 Solid balls_in_each_other(Dice& dice) {
   const Solid ball = make_sphere(dice);
-  const double wall = dice.uniform(0.05, 0.3), gap = dice.log_uniform(1e-5, 0.1);
+  const double wall = dice.uniform(0.05, 0.3), gap = dice.log_uniform(1e-4, 0.2);
   const auto shrunk = [&](double by) { return scaled(ball.shape, {by, by, by}); };
   const double cavity = 1 - wall, inside = cavity - gap;
   return {
@@ -72,7 +72,7 @@ Solid balls_in_each_other(Dice& dice) {
 }
 
 Solid boxes_in_each_other(Dice& dice) {
-  const double wall = dice.length(0.05, 0.5), gap = dice.log_uniform(1e-5, 0.1);
+  const double wall = dice.length(0.05, 0.5), gap = dice.log_uniform(1e-4, 0.2);
   const auto planes = [&] {
     std::vector<double> all = {0};
     for (const double width : {wall, gap, dice.length(0.5, 3), gap, wall})

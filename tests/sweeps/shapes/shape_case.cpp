@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "tests/sweeps/shapes/dice.h"
 #include "tests/sweeps/shapes/families.h"
@@ -125,22 +126,74 @@ class Changes {
 };
 
 // λ for about so many cells.
-double size_for(const Shape& shape, double num_cells) {
-  const Box box = box_of(shape);
-  double low = 0, high = max_norm(box.max - box.min);
+double size_for(const MeshingWork& work, double extent, double num_cells) {
+  double low = 0, high = extent;
   for (int i = 0; i < 60; ++i) {
     const double middle = low + (high - low) / 2;
-    (expected_num_cells(shape, middle) > num_cells ? low : high) = middle;
+    (work.num_cells(middle) > num_cells ? low : high) = middle;
   }
   return high;
 }
 
-// By the number of cells, or by what it is compared with: the thinnest feature.
+// By the number of cells; or by what it is compared with, the thinnest feature.
 double choose_size(const Solid& solid, Dice& dice) {
-  const double by_cells = size_for(solid.shape, dice.log_uniform(1500, 60'000));
-  if (solid.thickness == 0 || dice.chance(0.4)) return by_cells;
-  const double by_thickness = solid.thickness / dice.log_uniform(0.25, 8);
-  return std::clamp(by_thickness, size_for(solid.shape, 100'000), size_for(solid.shape, 800));
+  const MeshingWork work(solid.shape, dice);
+  const Box box = box_of(solid.shape);
+  const double extent = max_norm(box.max - box.min);
+  const auto size = [&](double num_cells) { return size_for(work, extent, num_cells); };
+  const double by_cells = size(dice.log_uniform(1500, 60'000));
+  if (solid.thickness == 0 || dice.chance(0.3)) return by_cells;
+  // Often several λ, which is what users have; as often, next to none.
+  const double by_thickness =
+      solid.thickness / (dice.chance(0.6) ? dice.uniform(3, 8) : dice.log_uniform(0.1, 3));
+  return std::clamp(by_thickness, size(120'000), size(800));
+}
+
+std::vector<double> cumulated_areas(const Shape& shape) {
+  std::vector<double> areas;
+  for (const auto& [a, b, c] : shape.triangles) {
+    const Point& corner = shape.vertices[a];
+    const double twice = norm(cross(shape.vertices[b] - corner, shape.vertices[c] - corner));
+    areas.push_back((areas.empty() ? 0 : areas.back()) + twice / 2);
+  }
+  return areas;
+}
+
+// Where the line through p meets the triangle, as a multiple of `direction` (Möller, Trumbore).
+std::optional<double> place_on_line(const Point& p, const Point& direction, const Point& a,
+                                    const Point& b, const Point& c) {
+  const Point ab = b - a, ac = c - a, from_a = p - a;
+  const Point across = cross(direction, ac);
+  const double determinant = dot(ab, across);
+  if (determinant == 0) return std::nullopt;
+  const double u = dot(from_a, across) / determinant;
+  const Point other = cross(from_a, ab);
+  const double v = dot(direction, other) / determinant;
+  if (!(u >= 0) || !(v >= 0) || !(u + v <= 1)) return std::nullopt;
+  return dot(ac, other) / determinant;
+}
+
+// How far it is, along the normal on both sides, from a random point of the triangle to another.
+double width_at(const Shape& shape, std::size_t triangle, Dice& dice) {
+  const auto corner = [&](std::size_t t, std::size_t i) {
+    return shape.vertices[shape.triangles[t][i]];
+  };
+  double u = dice.uniform(0, 1), v = dice.uniform(0, 1);
+  if (u + v > 1) {
+    u = 1 - u;
+    v = 1 - v;
+  }
+  const Point a = corner(triangle, 0), ab = corner(triangle, 1) - a, ac = corner(triangle, 2) - a;
+  const Point p = a + u * ab + v * ac;
+  const Point across = cross(ab, ac), normal = (1 / norm(across)) * across;
+  double width = HUGE_VAL;
+  for (std::size_t t = 0; t < shape.triangles.size(); ++t) {
+    if (t == triangle) continue;
+    const auto place = place_on_line(p, normal, corner(t, 0), corner(t, 1), corner(t, 2));
+    // In the plane of the triangle itself, it is a matter of rounding.
+    if (place && std::abs(*place) > 1e-12 * max_norm(p)) width = std::min(width, std::abs(*place));
+  }
+  return width;
 }
 
 // Two or three digits, as people give them, or all.
@@ -153,9 +206,31 @@ double maybe_rounded(double size, Dice& dice) {
 
 }  // namespace
 
-double expected_num_cells(const Shape& shape, double size) {
-  // Of the lattice, and of what lies along the surface.
-  return 2.4 * volume_of(shape) / (size * size * size) + 3 * area_of(shape) / (size * size);
+MeshingWork::MeshingWork(const Shape& shape, Dice& dice)
+    : volume_(volume_of(shape)), area_(area_of(shape)) {
+  constexpr std::size_t kMaxTests = 2'000'000;  // of a triangle by a ray: some 20 ms
+  const std::size_t num_samples =
+      std::clamp<std::size_t>(kMaxTests / shape.triangles.size(), 50, 500);
+  const std::vector<double> areas = cumulated_areas(shape);
+  for (std::size_t i = 0; i < num_samples; ++i) {
+    // Stratified, so that all parts have their share.
+    const double at =
+        (static_cast<double>(i) + dice.uniform(0, 1)) / static_cast<double>(num_samples);
+    const auto triangle = std::ranges::lower_bound(areas, at * areas.back()) - areas.begin();
+    widths_.push_back(width_at(shape, static_cast<std::size_t>(triangle), dice));
+  }
+}
+
+double MeshingWork::num_cells(double size) const {
+  // Points come as close to each other as surfaces do, but for a floor.
+  constexpr double kSpacingFloor = 0.02;
+  double num_squares = 0;
+  for (const double width : widths_) {
+    const double spacing = std::clamp(width, kSpacingFloor * size, size);
+    num_squares += area_ / static_cast<double>(widths_.size()) / (spacing * spacing);
+  }
+  // Those of the lattice, and those along the surface.
+  return 2.4 * volume_ / (size * size * size) + 3 * num_squares;
 }
 
 ShapeCase make_case(std::uint64_t seed, std::uint64_t number) {

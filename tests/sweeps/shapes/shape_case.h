@@ -36,7 +36,16 @@ struct ShapeCase {
 
 ShapeCase make_case(std::uint64_t seed, std::uint64_t number);
 
-// Of a mesh with this λ, to within a factor of two or so.
-double expected_num_cells(const Shape& shape, double size);
+// How much there is to mesh.
+class MeshingWork {
+ public:
+  MeshingWork(const Shape& shape, Dice& dice);
+  // With this λ, to within a factor of two or so.
+  double num_cells(double size) const;
+
+ private:
+  double volume_, area_;
+  std::vector<double> widths_;  // of material or of a gap, at places all over the surface
+};
 
 }  // namespace locvol::sweeps
