@@ -14,6 +14,13 @@
 extern char** environ;
 
 namespace locvol {
+namespace {
+
+double seconds(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
+
+}  // namespace
 
 Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes) {
   std::string command = LOCVOL_COMMAND;
@@ -61,6 +68,7 @@ ProcessResult Process::wait() {
   return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
           .signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0,
           .peak_bytes = 1024 * static_cast<std::uint64_t>(usage.ru_maxrss),
+          .cpu_seconds = seconds(usage.ru_utime) + seconds(usage.ru_stime),
           .out = bytes_of(output_ / "out"),
           .err = err()};
 }

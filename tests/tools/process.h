@@ -16,6 +16,7 @@ struct ProcessResult {
   int exit_code = -1;            // -1: a signal ended the process
   int signal = 0;                // that signal
   std::uint64_t peak_bytes = 0;  // of resident memory
+  double cpu_seconds = 0;        // of all threads, in the program and in the system
   std::string out, err;
 };
 

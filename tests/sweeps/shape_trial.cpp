@@ -1,0 +1,209 @@
+#include "tests/sweeps/shape_trial.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "tests/file_bytes.h"
+#include "tests/tools/process.h"
+
+namespace locvol::sweeps {
+namespace {
+
+using Json = nlohmann::json;
+
+// Parts of the messages with which a surface or a size is refused.
+constexpr std::array<std::string_view, 8> kRefusals = {
+    "intersects itself",     "is not manifold", "is not closed",
+    "bounds no volume",      "no cell fits",    "is too small for this surface",
+    "no unambiguous repair", "give --memory"};
+
+struct Ending {
+  ProcessResult process;
+  bool is_hung = false;
+};
+
+Ending run(const std::vector<std::string>& arguments, double limit) {
+  using Clock = std::chrono::steady_clock;
+  const auto deadline = Clock::now() + std::chrono::duration<double>(limit);
+  Process process(arguments);
+  while (!process.has_ended() && Clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  const bool is_hung = !process.has_ended();
+  if (is_hung) process.send(SIGKILL);
+  return {process.wait(), is_hung};
+}
+
+// As one line.
+std::string last_words(const std::string& err) {
+  std::string text = err.substr(0, err.find_last_not_of(" \n") + 1);
+  std::ranges::replace(text, '\n', ' ');
+  return text.substr(0, 400);
+}
+
+std::string violations_text(const Json& audit) {
+  std::string text;
+  for (const auto& [name, count] : audit.at("violations").items())
+    if (count.is_number() && count > 0)
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count.get<std::uint64_t>(), name);
+  const Json& examples = audit.at("violations").at("examples");
+  if (!examples.empty()) text += ": " + examples[0].get<std::string>();
+  return text.empty() ? "no cells" : text;
+}
+
+class Trial {
+ public:
+  Trial(const ShapeCase& shape_case, const std::filesystem::path& directory, double limit)
+      : case_(shape_case), directory_(directory), limit_(limit) {}
+
+  TrialResult result() {
+    case_.write_surface(directory_);
+    if (mesh(case_.num_threads)) judge(audit());
+    if (!is_failure(result_.verdict) && result_.verdict != Verdict::kRefused && case_.is_repeated)
+      compare_with_other_threads();
+    start_anew();
+    std::filesystem::remove(directory_ / case_.file_name());
+    return result_;
+  }
+
+ private:
+  // Whether there is a mesh; if not, the verdict is final.
+  bool mesh(int num_threads) {
+    start_anew();
+    const Ending ending = run(mesh_command(case_, directory_, num_threads), limit_);
+    result_.seconds = ending.process.cpu_seconds;
+    if (ending.is_hung) return conclude(Verdict::kHung, fmt::format("after {} s", limit_));
+    const auto& [code, number, peak, cpu, out, err] = ending.process;
+    if (number > 0)
+      return conclude(Verdict::kError, fmt::format("signal {}: {}", number, last_words(err)));
+    if (code == 0 || code == 3) {
+      exit_code_ = code;
+      return true;
+    }
+    const bool is_refused = code == 1 && std::ranges::any_of(kRefusals, [&err](const auto& words) {
+                              return err.find(words) != std::string::npos;
+                            });
+    return conclude(is_refused ? Verdict::kRefused : Verdict::kError,
+                    fmt::format("exit code {}: {}", code, last_words(err)));
+  }
+
+  bool conclude(Verdict verdict, const std::string& reason) {
+    result_.verdict = verdict;
+    result_.reason = reason;
+    return false;
+  }
+
+  // Empty where the audit itself failed.
+  std::optional<Json> audit() {
+    const Ending ending = run({"audit", store().string(), "--json", "--quiet"}, limit_);
+    const Json report = Json::parse(ending.process.out, nullptr, false);
+    if (!ending.is_hung && ending.process.signal == 0 && report.is_object()) return report;
+    conclude(ending.is_hung ? Verdict::kHung : Verdict::kError,
+             fmt::format("the audit: exit code {}, signal {}: {}", ending.process.exit_code,
+                         ending.process.signal, last_words(ending.process.err)));
+    return std::nullopt;
+  }
+
+  void judge(const std::optional<Json>& report) {
+    if (!report) return;
+    const Json& mesh = report->at("mesh");
+    result_.num_cells = mesh.at("num_cells");
+    result_.num_boundary_vertices = mesh.at("num_boundary_vertices");
+    result_.num_unresolved = report->at("num_unresolved");
+    result_.verdict = exit_code_ == 0 ? Verdict::kDone : Verdict::kUnresolved;
+    if (!report->at("is_valid").get<bool>())
+      judge_violations(*report);
+    else if (exit_code_ == 0)
+      compare_with_input(*report);
+  }
+
+  void judge_violations(const Json& report) {
+    bool is_torn = exit_code_ == 3 && result_.num_cells > 0;
+    for (const auto& [name, count] : report.at("violations").items())
+      if (count.is_number() && count > 0 && !name.starts_with("bad_boundary_")) is_torn = false;
+    conclude(is_torn ? Verdict::kTorn : Verdict::kError,
+             fmt::format("exit code {} and not valid: {}", exit_code_, violations_text(report)));
+  }
+
+  void compare_with_input(const Json& report) {
+    const Json &mesh = report.at("mesh"), &input = report.at("input");
+    const double volume = input.at("volume"), area = area_of(case_.solid.shape);
+    result_.volume_shift = std::abs(mesh.at("volume").get<double>() - volume) / (area * case_.size);
+    check_claimed_volume(volume);
+    if (!case_.is_resolved()) return;
+    for (const char* what : {"num_components", "euler_characteristic"})
+      if (mesh.at(what) != input.at(what))
+        conclude(Verdict::kDiffers,
+                 fmt::format("{} is {}, the input's {}", what, mesh.at(what).get<std::int64_t>(),
+                             input.at(what).get<std::int64_t>()));
+    // Edges are beveled, over a width of about λ.
+    constexpr double kMaxVolumeShift = 0.15;
+    if (result_.volume_shift > kMaxVolumeShift)
+      conclude(Verdict::kDiffers, fmt::format("volume is {}, the input's {}",
+                                              mesh.at("volume").get<double>(), volume));
+  }
+
+  // What the program takes the input's volume to be.
+  void check_claimed_volume(double volume) {
+    if (!case_.solid.volume || case_.has_noise) return;
+    const Box box = box_of(case_.solid.shape);
+    const double rounding = (case_.is_float ? 1e-6 : 1e-12) *
+                            std::max(max_norm(box.min), max_norm(box.max)) *
+                            area_of(case_.solid.shape);
+    if (std::abs(volume - *case_.solid.volume) > 1e-9 * volume + rounding)
+      conclude(Verdict::kDiffers, fmt::format("the input's volume is {}, and said to be {}",
+                                              *case_.solid.volume, volume));
+  }
+
+  void compare_with_other_threads() {
+    const TrialResult first = result_;
+    const std::string bytes = bytes_of(output());
+    const int num_threads = 3 - case_.num_threads;  // 1 or 2
+    const int exit_code = exit_code_;
+    if (mesh(num_threads) && (exit_code_ != exit_code || bytes_of(output()) != bytes))
+      conclude(Verdict::kError, fmt::format("--threads {} gives another mesh", num_threads));
+    else if (!is_failure(result_.verdict))
+      result_ = first;
+  }
+
+  void start_anew() const {
+    std::filesystem::remove_all(store());
+    std::filesystem::remove(output());
+  }
+
+  std::filesystem::path output() const { return directory_ / "mesh.vtu"; }
+  std::filesystem::path store() const { return directory_ / "mesh.vtu.locvol"; }
+
+  const ShapeCase& case_;
+  std::filesystem::path directory_;
+  double limit_;
+  int exit_code_ = 0;
+  TrialResult result_;
+};
+
+}  // namespace
+
+std::vector<std::string> mesh_command(const ShapeCase& shape_case,
+                                      const std::filesystem::path& directory, int num_threads) {
+  std::vector<std::string> words = {"mesh", (directory / shape_case.file_name()).string(), "-o",
+                                    (directory / "mesh.vtu").string()};
+  const auto arguments = shape_case.mesh_arguments();
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  words.insert(words.end(),
+               {"--threads", std::to_string(num_threads), "--keep-store", "--force", "--quiet"});
+  return words;
+}
+
+TrialResult try_case(const ShapeCase& shape_case, const std::filesystem::path& directory,
+                     double limit) {
+  return Trial(shape_case, directory, limit).result();
+}
+
+}  // namespace locvol::sweeps
