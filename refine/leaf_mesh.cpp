@@ -8,7 +8,6 @@
 
 #include "octree/morton_key.h"
 #include "refine/circumcenter.h"
-#include "refine/point_cubes.h"
 
 namespace locvol {
 namespace {
@@ -395,12 +394,29 @@ bool LeafMesh::is_known(std::uint64_t id) const {
   return std::ranges::binary_search(known_, id) || taken_in_.contains(id);
 }
 
-bool LeafMesh::is_in_voronoi_cell(const Point& q, LocalIndex i) const {
+// A neighbor that takes a point is asked first for the next, which is likely to be close by.
+std::optional<Point> LeafMesh::farthest_in_voronoi_cell(LocalIndex i, const PointCubes& points,
+                                                        double least, double bound) const {
   delaunay_.neighbors_of(i, neighbors_);
-  const double distance = squared_distance(q, delaunay_.point(i));
-  return std::ranges::none_of(neighbors_, [&](LocalIndex v) {
-    return squared_distance(q, delaunay_.point(v)) <= distance;
+  const Point& center = delaunay_.point(i);
+  std::optional<Point> farthest;
+  double most = least * least;
+  points.for_each_around(center, bound, [&](const Point& q) {
+    const double distance = squared_distance(q, center);
+    if (distance >= bound * bound || distance < most) return true;
+    if (farthest ? distance == most && *farthest < q : distance == most) return true;
+    const auto taker = std::ranges::find_if(neighbors_, [&](LocalIndex v) {
+      return squared_distance(q, delaunay_.point(v)) <= distance;
+    });
+    if (taker != neighbors_.end()) {
+      std::swap(*taker, neighbors_.front());
+    } else {
+      farthest = q;
+      most = distance;
+    }
+    return true;
   });
+  return farthest;
 }
 
 LeafMesh::GridCell LeafMesh::grid_cell(const Point& p) const {
@@ -410,13 +426,13 @@ LeafMesh::GridCell LeafMesh::grid_cell(const Point& p) const {
           static_cast<std::int64_t>(std::floor(p.z / size))};
 }
 
-void LeafMesh::volume_points_near(const Point& q, std::vector<LocalIndex>& out) const {
+void LeafMesh::volume_points_near(const Point& q, double distance,
+                                  std::vector<LocalIndex>& out) const {
   for (; num_in_grid_ < locals_.size(); ++num_in_grid_) {
     const MeshPoint& p = locals_[num_in_grid_].point;
     if (p.kind == PointKind::kVolume) volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
   }
   out.clear();
-  const double size = input_.criteria.size;
   const auto [x, y, z] = grid_cell(q);
   for (std::int64_t i = x - 1; i <= x + 1; ++i)
     for (std::int64_t j = y - 1; j <= y + 1; ++j)
@@ -424,7 +440,8 @@ void LeafMesh::volume_points_near(const Point& q, std::vector<LocalIndex>& out) 
         const auto found = volume_points_.find({i, j, k});
         if (found == volume_points_.end()) continue;
         for (const LocalIndex v : found->second)
-          if (locals_[v].is_alive && squared_distance(locals_[v].point.position, q) < size * size)
+          if (locals_[v].is_alive &&
+              squared_distance(locals_[v].point.position, q) < distance * distance)
             out.push_back(v);
       }
   std::ranges::sort(out);

@@ -13,6 +13,7 @@
 
 #include "refine/circumcenter.h"
 #include "refine/delaunay.h"
+#include "refine/point_cubes.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -147,10 +148,12 @@ class LeafMesh {
   // Ghosts that were left out and are within the reach of q, in order of id; they are to be
   // inserted before anything is at q.
   void take_out_near(const Point& q, std::vector<MeshPoint>& out);
-  // Volume points closer to q than λ, ascending.
-  void volume_points_near(const Point& q, std::vector<LocalIndex>& out) const;
-  // Is q, a point near the vertex `i`, in its Voronoi cell?
-  bool is_in_voronoi_cell(const Point& q, LocalIndex i) const;
+  // Volume points closer to q than `distance`, ascending. REQUIRES: distance <= λ
+  void volume_points_near(const Point& q, double distance, std::vector<LocalIndex>& out) const;
+  // Of the points in the Voronoi cell of the vertex `i`, the one farthest from it, farther than
+  // `least` and closer than `bound`; of several the first in lexicographic order.
+  std::optional<Point> farthest_in_voronoi_cell(LocalIndex i, const PointCubes& points,
+                                                double least, double bound) const;
   // Is a point closer to q than `radius`, apart from those `leaving` (ascending)? `nearest` is the
   // point closest to q.
   bool has_other_point_within(const Point& q, double radius, LocalIndex nearest,

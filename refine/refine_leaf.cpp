@@ -90,6 +90,11 @@ std::string place_of(const Box& leaf) {
   return fmt::format(" in the leaf ({}, {}, {}) to ({}, {}, {})", a.x, a.y, a.z, b.x, b.y, b.z);
 }
 
+// The insertion rule deletes volume points within λ of a new surface point. Where surface balls are
+// small already, so much less: within this many of their radii, or of each point inserted between
+// two close sheets all that had been graded around would have to come again.
+constexpr double kCleared = 2;
+
 class Refinement {
  public:
   explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
@@ -120,6 +125,7 @@ class Refinement {
   Outcome restore_facet(const FacetRef& facet, int condition);
   Outcome restore_disk(LocalIndex v);
   Outcome restore_lost_part(LocalIndex v);
+  const PointCubes& corners();
   void start_from_corners();
   Outcome restore_open_end(const FacetRef& facet, int condition);
   Outcome restore_cell(const CellRef& cell, int condition);
@@ -134,7 +140,12 @@ class Refinement {
   bool take_in_ghosts(const Point& q, Cell hint);
   bool take_in_core(const Point& q, Cell hint);
   void note_taken_in(const MeshPoint& p);
-  std::optional<std::pair<Point, Cell>> encroached_ball(const Point& q) const;
+  struct SurfaceBall {
+    Point center;
+    double radius = 0;
+    Cell cell = LeafMesh::kNoCell;  // of its facet
+  };
+  std::optional<SurfaceBall> encroached_ball(const Point& q) const;
   VertexRef new_point(const Point& q, PointKind kind, int condition);
   void insert(const Point& q, PointKind kind, int condition);
   std::optional<std::vector<Point>> others_changed(const Point& q) const;
@@ -191,8 +202,9 @@ class Refinement {
   mutable std::vector<LinkEdge> link_;
   mutable std::vector<Cell> around_;
   std::vector<Point> corners_;
-  std::vector<MeshPoint> near_;      // taken in before an insertion
-  std::vector<LocalIndex> leaving_;  // deleted by the insertion at hand
+  std::optional<PointCubes> corner_cubes_;  // once they are asked for
+  std::vector<MeshPoint> near_;             // taken in before an insertion
+  std::vector<LocalIndex> leaving_;         // deleted by the insertion at hand
   mutable std::vector<Triangle> near_triangles_;
   mutable std::vector<Point> sheets_;  // normals of triangles nearby
 };
@@ -429,21 +441,30 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
 Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const Point p = mesh_.local(v).point.position;
   const double size = input_.criteria.size, floor = input_.criteria.spacing_floor;
-  input_.surface->corners_near(p, size, corners_);
-  std::ranges::stable_sort(corners_, std::ranges::greater{},
-                           [&](const Point& q) { return squared_distance(p, q); });
-  for (const Point& q : corners_) {
-    if (squared_distance(p, q) >= size * size) continue;
-    if (squared_distance(p, q) <= floor * floor) break;
-    if (!mesh_.is_in_voronoi_cell(q, v)) continue;
-    attempt_ = {3, q, std::sqrt(squared_distance(p, q))};
-    const Outcome outcome = insert_on_surface(q, 3, mesh_.delaunay().cell_of(v));
-    if (outcome == Outcome::kBlocked) return outcome;
-    look_at_vertex(v);  // again, and the new one: nothing else might have changed
-    look_at_vertex(static_cast<LocalIndex>(mesh_.num_locals() - 1));
-    return outcome;
-  }
-  return Outcome::kChanged;
+  const auto q = mesh_.farthest_in_voronoi_cell(v, corners(), floor, size);
+  if (!q) return Outcome::kChanged;
+  attempt_ = {3, *q, std::sqrt(squared_distance(p, *q))};
+  const Outcome outcome = insert_on_surface(*q, 3, mesh_.delaunay().cell_of(v));
+  if (outcome == Outcome::kBlocked) return outcome;
+  look_at_vertex(v);  // again, and the new one: nothing else might have changed
+  look_at_vertex(static_cast<LocalIndex>(mesh_.num_locals() - 1));
+  return outcome;
+}
+
+// Of all triangles of the patch.
+const PointCubes& Refinement::corners() {
+  if (corner_cubes_) return *corner_cubes_;
+  constexpr double kMostCubes = 64;  // in a row
+  std::vector<Point> all;
+  for (const Triangle& t : input_.surface->triangles())
+    all.insert(all.end(), t.corners.begin(), t.corners.end());
+  std::ranges::sort(all);
+  const auto repeated = std::ranges::unique(all);
+  all.erase(repeated.begin(), repeated.end());
+  const Box& region = input_.surface->region();
+  const double side =
+      std::max(input_.criteria.size, max_norm(region.max - region.min) / kMostCubes);
+  return corner_cubes_.emplace(region, side, all);
 }
 
 // Too few points for a cell, but some on the surface: corners of its triangles around, each the
@@ -536,7 +557,7 @@ void Refinement::note_taken_in(const MeshPoint& p) {
 Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
-  mesh_.volume_points_near(q, leaving_);
+  mesh_.volume_points_near(q, std::min(input_.criteria.size, kCleared * attempt_.radius), leaving_);
   if (is_blocked(q)) return Outcome::kBlocked;
   delete_volume_points_near(q);
   insert(q, PointKind::kSurface, condition);
@@ -547,8 +568,9 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   if (const auto ball = encroached_ball(q)) {
-    attempt_.position = ball->first;
-    return insert_on_surface(ball->first, condition, ball->second);
+    attempt_.position = ball->center;
+    attempt_.radius = ball->radius;
+    return insert_on_surface(ball->center, condition, ball->cell);
   }
   leaving_.clear();
   if (is_blocked(q)) return Outcome::kBlocked;
@@ -560,10 +582,10 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 // in conflict. A ball is smaller than λ (C1), so only a point close to the surface can lie in
 // one. Balls around which not all within λ is loaded are left to other leaves: their volume points
 // would have to go.
-std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q) const {
+std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& q) const {
   const double size = input_.criteria.size, margin = input_.criteria.reach - size;
   if (input_.surface->distance_bound(q) >= size) return std::nullopt;
-  std::optional<std::pair<Point, Cell>> largest;
+  std::optional<SurfaceBall> largest;
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
     for (int i = 0; i < 4; ++i) {
@@ -579,7 +601,7 @@ std::optional<std::pair<Point, Cell>> Refinement::encroached_ball(const Point& q
           input_.box.squared_distance(dual.ball_center) > margin * margin)
         continue;
       squared_radius = dual.squared_radius;
-      largest.emplace(dual.ball_center, c);
+      largest = {dual.ball_center, std::sqrt(squared_radius), c};
     }
   return largest;
 }
