@@ -1,5 +1,7 @@
 #include "refine/leaf_mesh.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cassert>
@@ -55,6 +57,14 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
          length * length;
 }
 
+[[noreturn]] void throw_coincident(std::vector<Point> points) {
+  std::ranges::sort(points);
+  const auto place = std::ranges::adjacent_find(points);
+  const Point p = place == points.end() ? Point{} : *place;
+  throw RefineError(
+      fmt::format("two points of the mesh have the same coordinates ({}, {}, {})", p.x, p.y, p.z));
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -100,8 +110,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
     add_local(local.point, local.ref, local.is_own, local.is_core);
     points[i] = local.point.position;
   }
-  if (!delaunay_.build(points))
-    throw RefineError("two points of the mesh have the same coordinates");
+  if (!delaunay_.build(points)) throw_coincident(std::move(points));
   make_all_fresh();
 }
 

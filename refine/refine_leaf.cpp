@@ -467,14 +467,18 @@ const PointCubes& Refinement::corners() {
   return corner_cubes_.emplace(region, side, all);
 }
 
-// Too few points for a cell, but some on the surface: corners of its triangles around, each the
-// farthest from all points so far, until there is one.
+// Too few points for a cell, but some on the surface: corners of its triangles within λ, each the
+// farthest from all points so far, until there is one. Around a corner farther away, on a long
+// triangle, points of P might be unknown, and it one of them.
 void Refinement::start_from_corners() {
   std::set<Point> corners;
   for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
     if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
-    input_.surface->corners_near(mesh_.local(i).point.position, input_.criteria.size, corners_);
-    corners.insert(corners_.begin(), corners_.end());
+    const Point& p = mesh_.local(i).point.position;
+    const double size = input_.criteria.size;
+    input_.surface->corners_near(p, size, corners_);
+    for (const Point& q : corners_)
+      if (squared_distance(p, q) < size * size) corners.insert(q);
   }
   const auto distance = [&](const Point& q) {
     double least = std::numeric_limits<double>::infinity();

@@ -503,6 +503,24 @@ TEST_F(EngineTest, GivesUpEarlyOnSheetsThinnerThanTheFloor) {
   EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
 }
 
+// Each of its leaves has a few points, too few for a cell, and triangles whose corners are far
+// away: several leaves began with the same corner.
+TEST_F(EngineTest, MeshesANeedleOfLongTrianglesInManyLeaves) {
+  const Point middle{80, -80, 4.5};
+  Shape needle{{middle - Point{0, 0, 4}, middle + Point{0, 0, 4}}, {}};
+  constexpr std::uint32_t n = 4;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const double angle = 2 * std::numbers::pi * i / n;
+    needle.vertices.push_back(middle + 0.02 * Point{std::cos(angle), std::sin(angle), 0});
+    needle.triangles.push_back({0, 2 + (i + 1) % n, 2 + i});
+    needle.triangles.push_back({1, 2 + i, 2 + (i + 1) % n});
+  }
+  write(needle);
+  const RunSummary summary = mesh(options("store", 0.066, 300));
+  EXPECT_GT(summary.num_leaves, 64U);
+  EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
+}
+
 TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {
   write(sphere(1, 15, 32));
   mesh(options("store", 0.3, 0));
