@@ -101,7 +101,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
     add_local(local.point, local.ref, local.is_own, local.is_core);
     points[i] = local.point.position;
   }
-  if (!delaunay_.build(points))
+  if (!delaunay_.build(points, input_.stop))
     throw RefineError("two points of the mesh have the same coordinates");
   make_all_fresh();
 }
