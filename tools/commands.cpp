@@ -15,11 +15,13 @@
 #include "engine/disk_room.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/replay.h"
 #include "engine/memory_budget.h"
 #include "engine/output/writer.h"
 #include "engine/run_estimate.h"
 #include "engine/run_setup.h"
 #include "engine/stop_source.h"
+#include "engine/visit_error.h"
 #include "engine/workers.h"
 #include "tools/arguments.h"
 #include "tools/generate.h"
@@ -27,6 +29,7 @@
 #include "tools/results.h"
 #include "tools/stop_signal.h"
 #include "tools/stored_run.h"
+#include "tools/visit_file.h"
 
 namespace locvol {
 namespace {
@@ -346,6 +349,22 @@ int finish(const TimedRun& run, const std::filesystem::path& directory, const au
   return exit_code(outcome);
 }
 
+// Keeps the visit that has failed beside the store, for who is to mend it.
+[[noreturn]] void fail(const VisitError& error, const std::filesystem::path& directory) {
+  const std::filesystem::path file =
+      fmt::format("{}.{}.json", directory.string(), key_text(error.leaf()));
+  std::string message = error.what();
+  try {
+    write_visit(stored_visit(open_to_read(directory), error.leaf()), file);
+    message +=
+        fmt::format("; `locvol replay --from {}` repeats the visit: send that file with a report",
+                    file.string());
+  } catch (const std::exception& e) {
+    message += fmt::format("; the visit is in no file: {}", e.what());
+  }
+  throw std::runtime_error(message);
+}
+
 }  // namespace
 
 std::filesystem::path store_of(const MeshCommand& command) {
@@ -370,11 +389,13 @@ int run_mesh(const MeshCommand& command) try {
   const int code = finish(run, options.store, command, stop, line);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
+} catch (const VisitError& error) {
+  fail(error, store_of(command));
 } catch (const Stopped&) {
   return tell_read_in_vain(command.is_json);
 }
 
-int run_resume(const ResumeCommand& command) {
+int run_resume(const ResumeCommand& command) try {
   const StopSignal& stop = StopSignal::install();
   if (!command.output.empty())
     require_output(command.output, command.output_options.format,
@@ -385,6 +406,8 @@ int run_resume(const ResumeCommand& command) {
     return resume(command.store, control);
   });
   return finish(run, command.store, command, stop, line);
+} catch (const VisitError& error) {
+  fail(error, command.store);
 }
 
 int run_export(const ExportCommand& command) {
