@@ -168,7 +168,10 @@ class Visit {
       add_child(leaf_.child(octant), sides[i], std::move(child_points[i]),
                 std::move(child_surfaces[i]));
     }
-    for (int octant = 0; octant < 8; ++octant) count_core_cells(state_, leaf_.child(octant));
+    for (int octant = 0; octant < 8; ++octant) {
+      const MortonKey child = leaf_.child(octant);
+      note_core_cells(state_, child, num_core_cells(state_, child));
+    }
   }
 
   void add_child(MortonKey child, bool is_center_inside, LeafPoints points, LeafSurface surface) {
@@ -221,11 +224,19 @@ void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points) {
   for (const std::uint64_t id : points.met_core) list_core_point(state, site_of(id));
 }
 
-void enqueue_for_refinement(RunState& state) {
-  for (const MortonKey leaf : state.octree.leaves()) {
-    const LeafInfo& info = state.leaves.info(leaf);
-    if (info.num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
-    count_core_cells(state, leaf);
+void enqueue_for_refinement(RunState& state, const StopToken* stop) {
+  const auto leaves = state.octree.leaves();
+  std::vector<std::uint64_t> num_cells;  // of the core: to count them takes most of the time
+  num_cells.reserve(leaves.size());
+  for (const MortonKey leaf : leaves) {
+    throw_if_stopped(stop);
+    num_cells.push_back(num_core_cells(state, leaf));
+    state.leaves.trim();
+  }
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    const MortonKey leaf = leaves[i];
+    if (state.leaves.info(leaf).num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
+    note_core_cells(state, leaf, num_cells[i]);
     state.leaves.trim();
   }
 }

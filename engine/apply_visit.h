@@ -19,7 +19,7 @@ void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
 // The points that fill holes, in epoch 1.
 void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points);
 // The next epoch, once all leaves have their first points: every leaf with points of its own to
-// look at. The core's cells are known, and counted.
-void enqueue_for_refinement(RunState& state);
+// look at. The core's cells are known, and counted. Throws Stopped before any change.
+void enqueue_for_refinement(RunState& state, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -20,12 +20,14 @@ std::uint32_t smallest_free(std::vector<std::uint32_t>& used) {
 }  // namespace
 
 std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
-                                        std::span<const MortonKey> leaves, double distance) {
+                                        std::span<const MortonKey> leaves, double distance,
+                                        const StopToken* stop) {
   assert(std::ranges::is_sorted(leaves));
   std::vector<std::uint32_t> colors;
   colors.reserve(leaves.size());
   std::vector<std::uint32_t> used;
   for (const MortonKey leaf : leaves) {
+    throw_if_stopped(stop);
     assert(octree.is_leaf(leaf));
     const auto earlier = leaves.first(colors.size());
     used.clear();

@@ -8,13 +8,16 @@
 
 #include "octree/frame.h"
 #include "octree/octree.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
 // The color of each of `leaves`: greedily in Morton order, the smallest that no earlier leaf at
 // most `distance` away (box to box, Euclidean) has. Leaves of one size s >= distance need eight
-// colors. REQUIRES: `leaves` are leaves of the octree in Morton order, distance >= 0
+// colors. Throws Stopped. REQUIRES: `leaves` are leaves of the octree in Morton order, distance >=
+// 0
 std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
-                                        std::span<const MortonKey> leaves, double distance);
+                                        std::span<const MortonKey> leaves, double distance,
+                                        const StopToken* stop = nullptr);
 
 }  // namespace locvol

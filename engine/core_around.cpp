@@ -83,9 +83,8 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   return num_cells;
 }
 
-void count_core_cells(RunState& state, MortonKey leaf) {
-  if (state.leaves.info(leaf).num_core_points == 0) return;
-  const std::uint64_t num_cells = num_core_cells(state, leaf);
+void note_core_cells(RunState& state, MortonKey leaf, std::uint64_t num_cells) {
+  if (num_cells == 0) return;
   state.leaves.edit_info(leaf).num_core_cells = num_cells;
   state.run.num_cells += num_cells;
 }

@@ -14,6 +14,8 @@
 #include "engine/run_setup.h"
 #include "engine/run_state.h"
 #include "engine/run_timeline.h"
+#include "engine/stop_source.h"
+#include "engine/visit_error.h"
 #include "engine/visit_pipeline.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
@@ -28,12 +30,15 @@ int num_threads(const RunControl& control) {
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
-  Engine(Store& store, const MemoryPlan& plan, const RunControl& control, const WorkClock& clock)
+  // Throws Stopped.
+  Engine(Store& store, const MemoryPlan& plan, const RunControl& control, const StopSource& stop,
+         const WorkClock& clock)
       : control_(control),
+        stop_(stop),
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
-        loader_(state_, budget_),
+        loader_(state_, budget_, &stop),
         num_threads_(plan.num_threads(num_threads(control))),
         visits_(state_, budget_, num_threads_),
         clock_(clock),
@@ -41,16 +46,20 @@ class Engine {
     note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run.phase);
   }
 
-  // Until all is done (true) or the user stops it (false); then all visits made are committed.
-  bool run() {
-    if (state_.run.phase == Phase::kInitialize && !initialize()) return false;
-    if (state_.run.phase == Phase::kRefine && !refine()) return false;
-    return state_.run.phase == Phase::kDone || mend();
+  // Until all is done, or the user stops it: then all visits that were applied are committed, and
+  // Stopped is thrown.
+  void run() try {
+    if (state_.run.phase == Phase::kInitialize) initialize();
+    if (state_.run.phase == Phase::kRefine) refine();
+    if (state_.run.phase == Phase::kMend) mend();
+  } catch (const Stopped&) {
+    commit();
+    throw;
   }
 
  private:
   // Load, compute, commit.
-  bool refine() {
+  void refine() {
     const auto load = [this](MortonKey leaf) {
       return make_visit(
           loader_.load(leaf), [](LoadedLeaf& loaded) { return refine_leaf(loaded.complete()); },
@@ -59,14 +68,13 @@ class Engine {
             note_visit();
           });
     };
-    if (!visit_all(load)) return false;
+    visit_all(load);
     const bool is_whole = state_.run.num_unresolved == 0;
     if (!is_whole) enqueue_for_mending(state_);
     end_phase(is_whole ? Phase::kDone : Phase::kMend);
-    return true;
   }
 
-  bool mend() {
+  void mend() {
     const auto load = [this](MortonKey leaf) {
       return make_visit(
           load_mend(state_, leaf), [](LoadedMend& loaded) { return mended_cells(loaded); },
@@ -75,17 +83,16 @@ class Engine {
             note_visit();
           });
     };
-    if (!visit_all(load)) return false;
+    visit_all(load);
     merge_sites(state_);
     end_phase(Phase::kDone);
-    return true;
   }
 
-  bool initialize() { return state_.is_cover() ? cover() : scatter(); }
+  void initialize() { state_.is_cover() ? cover() : scatter(); }
 
   // Each leaf that the domain may meet gets its share of a point set that covers it: in one epoch
   // what does not depend on its neighbors' share, in the next what does.
-  bool cover() {
+  void cover() {
     const auto load = [this](MortonKey leaf) {
       if (state_.run.epoch != kCoverEpoch)
         return make_visit(
@@ -103,37 +110,35 @@ class Engine {
             note_visit();
           });
     };
-    if (!visit_all(load)) return false;
+    visit_all(load);
     begin_refinement();
-    return true;
   }
 
-  bool scatter() {
+  void scatter() {
     const auto& surface = loader_.whole_surface();
     for (const Point& point : scatter_on_surface(surface.triangles(), state_.run.parameters.seed))
       loader_.note_inserted(state_.add_point(point, PointKind::kSurface));
     begin_refinement();
-    return true;
   }
 
-  // Epoch after epoch, until the queue is empty (true) or the user stops it (false).
-  bool visit_all(const VisitPipeline::Load& load) {
-    while (open_epoch()) {
-      if (visit_epoch(load)) continue;
-      commit();
-      return false;
-    }
-    return true;
+  // Epoch after epoch, until the queue is empty.
+  void visit_all(const VisitPipeline::Load& load) {
+    while (open_epoch()) visit_epoch(load);
   }
 
   // False: no leaves wait.
   bool open_epoch() {
-    if (state_.open_epoch()) commit();
+    if (state_.open_epoch(&stop_)) commit();
     return !state_.queue.is_empty();
   }
 
-  bool visit_epoch(const VisitPipeline::Load& load) try {
-    return visits_.visit_epoch(load, [this] { return is_stopped(); });
+  void visit_epoch(const VisitPipeline::Load& load) try {
+    visits_.visit_epoch(load, [this] { return stop_.ask(); });
+  } catch (const VisitError& e) {
+    commit();  // so that the visit can be made again, as it was
+    throw VisitError(e.leaf(), std::string(e.what()) + "; this is a bug of locvol. The store " +
+                                   state_.store.directory().string() +
+                                   " holds all that was done before");
   } catch (const OverBudget& e) {
     commit();
     throw OverBudget(std::string(e.what()) + "; go on with a larger one, at least " +
@@ -151,7 +156,7 @@ class Engine {
   }
 
   void begin_refinement() {
-    enqueue_for_refinement(state_);
+    enqueue_for_refinement(state_, &stop_);
     end_phase(Phase::kRefine);
   }
 
@@ -160,8 +165,6 @@ class Engine {
     state_.run.phase = next;
     commit();
   }
-
-  bool is_stopped() const { return control_.is_stopped && control_.is_stopped(); }
 
   void commit() {
     note_sample(state_.run.phase);
@@ -211,6 +214,7 @@ class Engine {
   }
 
   const RunControl& control_;
+  const StopSource& stop_;
   const MemoryPlan& plan_;
   MemoryBudget budget_;
   RunState state_;
@@ -234,15 +238,14 @@ void check_output(const RunRecord& run, const std::filesystem::path& store,
   require_room(run, store, control.output, control.output_options, disk);
 }
 
-// Takes in the surface for a run that `planned` makes of its digest and bounding box.
+// Takes in the surface for a run that `planned` makes of its digest and bounding box. Throws
+// Stopped before that is known, with nothing changed.
 Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
-               const std::function<Store()>& open_store, const RunControl& control) {
+               const std::function<Store()>& open_store, const RunControl& control,
+               const StopSource& stop) {
   memory_cap(control.memory_bytes);
-  // Not stopped before the run is known that `resume` would go on with.
-  RunControl unstoppable = control;
-  unstoppable.is_stopped = nullptr;
-  IngestWatch watch = watch_of(unstoppable);
+  IngestWatch watch = watch_of(control, stop);
   RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
   return ingest(
@@ -256,7 +259,7 @@ Store ingested(const SurfaceSource& surface, const std::filesystem::path& direct
           return found;
         });
       },
-      open_store, control);
+      open_store, control, stop);
 }
 
 // A run without first points yet whose lattice points would have numbers of their own, as they had
@@ -266,22 +269,101 @@ bool is_outdated(const RunRecord& run) {
          run.next_point_id < kFirstOtherId;
 }
 
-RunSummary finish(Store& store, const RunControl& control, const WorkClock& clock) {
+RunSummary interrupted(const Store& store) {
+  RunSummary summary = summarize(store.snapshot());
+  summary.outcome = RunOutcome::kInterrupted;
+  return summary;
+}
+
+RunSummary finish(Store& store, const RunControl& control, const StopSource& stop,
+                  const WorkClock& clock) {
   const RunRecord run = store.snapshot().run().value();
-  if (run.phase == Phase::kIngest) return summarize(store.snapshot());
+  if (run.phase == Phase::kIngest) return interrupted(store);
   if (is_outdated(run))
     throw StoreError("the store " + store.directory().string() +
                      " was begun by an earlier version of locvol: force a new run over it");
   check_output(run, store.directory(), control);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
-  const bool is_done = Engine(store, plan, control, clock).run();
+  try {
+    Engine(store, plan, control, stop, clock).run();
+  } catch (const Stopped&) {
+    return interrupted(store);
+  }
   RunSummary summary = summarize(store.snapshot());
-  if (!is_done)
-    summary.outcome = RunOutcome::kInterrupted;
-  else if (summary.num_cells == 0)
+  if (summary.num_cells == 0)
     throw InputError(summary.run.surface.file +
                      ": no cell fits the surface at this size; choose a smaller one");
   return summary;
+}
+
+// The result of run(control, stop), in which the user's functions take turns.
+template <class Run>
+RunSummary in_turns(const RunControl& control, const Run& run) {
+  const StopSource stop(control.is_stopped);
+  RunControl in_turn = control;
+  in_turn.on_progress = stop.in_turn(control.on_progress);
+  in_turn.on_note = stop.in_turn(control.on_note);
+  in_turn.on_run = stop.in_turn(control.on_run);
+  try {
+    RunSummary summary = run(in_turn, stop);
+    stop.rethrow();
+    return summary;
+  } catch (const Stopped&) {
+    stop.rethrow();
+    throw;
+  }
+}
+
+RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const RunControl& control,
+                const StopSource& stop) {
+  const WorkClock clock;
+  const auto held = held_run(options.store);
+  if (held && held->phase != Phase::kIngest) {
+    const RunParameters asked =
+        planned_run(options, surface.digest(&stop), held->surface.box).parameters;
+    if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
+      require_same_run(held->parameters, asked, options.store);
+      Store store = Store::open(options.store);
+      if (control.on_run) control.on_run(*held);
+      return finish(store, control, stop, clock);
+    }
+  }
+  Store store = ingested(
+      surface, options.store,
+      [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
+      [&] { return Store::open(options.store, {.create = true}); }, control, stop);
+  return finish(store, control, stop, clock);
+}
+
+RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
+                  const StopSource& stop) {
+  const WorkClock clock;
+  Store store = Store::open(directory);
+  const auto held = store.snapshot().run();
+  if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
+  if (held->phase == Phase::kIngest) {
+    if (held->surface.file == kInMemory)
+      throw StoreError("the store " + directory.string() +
+                       " was to take in a surface that is in no file: give it again to the program "
+                       "that began the run");
+    try {
+      store = ingested(
+          surface_in_file(held->surface.file), directory,
+          [&](const std::string& digest, const Box&) {
+            if (digest != held->parameters.input_digest)
+              throw StoreMismatch("the store " + directory.string() + " was to take in " +
+                                  held->surface.file +
+                                  ", which is another file by now: restore it, or force a new run");
+            return *held;
+          },
+          [&] { return std::move(store); }, control, stop);
+    } catch (const Stopped&) {
+      return interrupted(store);
+    }
+  } else if (control.on_run) {
+    control.on_run(*held);
+  }
+  return finish(store, control, stop, clock);
 }
 
 }  // namespace
@@ -292,49 +374,15 @@ RunSummary mesh(const MeshOptions& options, const RunControl& control) {
 
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
                 const RunControl& control) {
-  const WorkClock clock;
-  const auto held = held_run(options.store);
-  if (held && held->phase != Phase::kIngest) {
-    const RunParameters asked =
-        planned_run(options, surface.digest(), held->surface.box).parameters;
-    if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
-      require_same_run(held->parameters, asked, options.store);
-      Store store = Store::open(options.store);
-      if (control.on_run) control.on_run(*held);
-      return finish(store, control, clock);
-    }
-  }
-  Store store = ingested(
-      surface, options.store,
-      [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
-      [&] { return Store::open(options.store, {.create = true}); }, control);
-  return finish(store, control, clock);
+  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+    return mesh(surface, options, in_turn, stop);
+  });
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control) {
-  const WorkClock clock;
-  Store store = Store::open(directory);
-  const auto held = store.snapshot().run();
-  if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
-  if (held->phase == Phase::kIngest) {
-    if (held->surface.file == kInMemory)
-      throw StoreError("the store " + directory.string() +
-                       " was to take in a surface that is in no file: give it again to the program "
-                       "that began the run");
-    store = ingested(
-        surface_in_file(held->surface.file), directory,
-        [&](const std::string& digest, const Box&) {
-          if (digest != held->parameters.input_digest)
-            throw StoreMismatch("the store " + directory.string() + " was to take in " +
-                                held->surface.file +
-                                ", which is another file by now: restore it, or force a new run");
-          return *held;
-        },
-        [&] { return std::move(store); }, control);
-  } else if (control.on_run) {
-    control.on_run(*held);
-  }
-  return finish(store, control, clock);
+  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+    return resume(directory, in_turn, stop);
+  });
 }
 
 RunSummary summarize(const Reader& reader) {

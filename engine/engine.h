@@ -50,12 +50,14 @@ struct Progress {
   std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
 };
 
-// The functions are called by one thread at a time, not always the same one.
+// The functions are called by one thread at a time, not always the same one: with num_threads 1,
+// the caller.
 struct RunControl {
   // Called after each visit and each commit, and now and then while a large surface is ingested;
   // may be empty.
   std::function<void(const Progress&)> on_progress;
-  // Asked between visits, and now and then while a large surface is ingested; may be empty.
+  // Asked between visits, and ten times a second wherever something takes long: true ends the run
+  // after a commit. A visit in hand is dropped, to be made again. May be empty.
   std::function<bool()> is_stopped;
   std::function<void(const std::string&)> on_note;  // repairs of the input, and such
   // Called once, with the surface and the parameters of the run that begins or goes on. What it
@@ -87,7 +89,8 @@ class StoreMismatch : public std::runtime_error {
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,
-// StoreMismatch, OverBudget, RefineError.
+// StoreMismatch, OverBudget, RefineError: a VisitError, if it can be made again from the store.
+// Throws Stopped where is_stopped() ends it before the run is known; then nothing is changed.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
 // Of any surface. REQUIRES: options.input is empty unless it is that file
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,

@@ -39,7 +39,7 @@ const Input& Loaded<Input>::complete() {
   if (surface) {
     patch = std::make_unique<SurfacePatch>(std::move(surface->triangles), surface->region,
                                            surface->reference, surface->is_reference_inside,
-                                           surface->fineness);
+                                           surface->fineness, input.stop);
     surface.reset();
     input.surface = patch.get();
   }
@@ -49,17 +49,20 @@ template struct Loaded<LeafInput>;
 template struct Loaded<CoverInput>;
 template struct Loaded<FillInput>;
 
-LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget) : state_(state), budget_(budget) {
+LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop)
+    : state_(state), budget_(budget), stop_(stop) {
   if (state_.is_cover()) return;
   const Box root = state_.run.frame.root_box();
   std::vector<Triangle> triangles = triangles_meeting(root);
   budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
                    .bytes_to_refine());
   whole_surface_ = std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false,
-                                                  GridFineness{state_.size()});
+                                                  GridFineness{state_.size()}, stop_);
   all_points_.emplace(state_.size());
-  for (const MortonKey leaf : state_.octree.leaves())
+  for (const MortonKey leaf : state_.octree.leaves()) {
+    throw_if_stopped(stop_);
     for (const MeshPoint& point : state_.leaves.points(leaf).points) note_inserted(point);
+  }
 }
 
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
@@ -83,7 +86,8 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
                   .lattice = &state_.lattice,
                   .box = box,
                   .surface = nullptr,
-                  .nearby_samples = {}};
+                  .nearby_samples = {},
+                  .stop = stop_};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
   return loaded;
@@ -96,7 +100,8 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
                   .box = state_.box(leaf),
                   .points = points_around(leaf, kFillReach * size),
                   .core = nullptr,
-                  .surface = nullptr};
+                  .surface = nullptr,
+                  .stop = stop_};
   const std::vector<MeshPoint>& own = state_.leaves.points(leaf).points;
   std::vector<MeshPoint>& points = loaded.input.points;
   points.insert(points.end(), own.begin(), own.end());
@@ -144,7 +149,8 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .max_own_points = max_own_points(leaf),
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
-                  .on_step = {}};
+                  .on_step = {},
+                  .stop = stop_};
   return loaded;
 }
 
@@ -222,6 +228,7 @@ SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
 std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   std::vector<Triangle> triangles;
   for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0)) {
+    throw_if_stopped(stop_);
     if (state_.leaves.info(leaf).num_triangles == 0) continue;
     std::ranges::copy_if(state_.leaves.surface(leaf).triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });

@@ -36,7 +36,7 @@ struct Loaded {
   std::unique_ptr<const CoreAround> core;  // null: `input` needs none
   Input input;
 
-  const Input& complete();  // `input` with its surface
+  const Input& complete();  // `input` with its surface; throws Stopped
 };
 using LoadedLeaf = Loaded<LeafInput>;
 using LoadedCover = Loaded<CoverInput>;
@@ -44,8 +44,9 @@ using LoadedFill = Loaded<FillInput>;
 
 class LeafLoader {
  public:
-  // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget.
-  LeafLoader(RunState& state, MemoryBudget& budget);
+  // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget, Stopped.
+  // Visits ask `stop`, which may be null.
+  LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
   LoadedCover load_cover(MortonKey leaf);
   LoadedFill load_fill(MortonKey leaf);
@@ -71,6 +72,7 @@ class LeafLoader {
 
   RunState& state_;
   MemoryBudget& budget_;
+  const StopToken* stop_;
   // All below is for paper mode.
   std::unique_ptr<const SurfacePatch> whole_surface_;
   std::uint64_t num_points_reserved_ = 0, num_points_ = 0;

@@ -48,8 +48,8 @@ namespace {
   throw Error(ErrorCode::kMemory, e.what());
 } catch (const std::bad_alloc&) {
   throw Error(ErrorCode::kMemory, "the system gives no more memory");
-} catch (const IngestStopped&) {
-  throw Error(ErrorCode::kCanceled, "canceled while the surface was read and checked");
+} catch (const Stopped&) {
+  throw Error(ErrorCode::kCanceled, "canceled while the surface was read");
 } catch (const StoreError& e) {
   throw Error(ErrorCode::kStore, e.what());
 } catch (const std::system_error& e) {
@@ -460,7 +460,8 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
-    IngestWatch watch = watch_of(run);
+    const StopSource stop(run.is_stopped);
+    IngestWatch watch = watch_of(run, stop);
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, thrown),
                                               scratch_directory(scratch), watch, workers)

@@ -94,9 +94,11 @@ void OpenFile::close() {
   if (::close(std::exchange(descriptor_, -1)) != 0) fail("write", name_);
 }
 
-PartialFile::PartialFile(std::filesystem::path file)
+PartialFile::PartialFile(std::filesystem::path file, const StopToken* stop)
     : file_(std::move(file)),
       partial_(with_suffix(file_, ".partial")),
+      stop_(stop),
+      unfinished_(partial_),
       out_(create(partial_), partial_) {}
 
 PartialFile::~PartialFile() {
@@ -123,7 +125,23 @@ void PartialFile::publish_all(std::span<PartialFile* const> files) {
   for (PartialFile* file : files) sync_directory(directory_of(file->file_));
 }
 
+// To write gigabytes takes the disk long, and fsync() cannot be stopped.
+void PartialFile::write_to_disk() {
+  constexpr off_t kPieceBytes = off_t{16} << 20;
+  constexpr unsigned kWrite =
+      SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER;
+  struct stat status {};
+  if (stop_ == nullptr || ::fstat(out_.descriptor(), &status) != 0) return;
+  for (off_t offset = 0; offset < status.st_size; offset += kPieceBytes) {
+    throw_if_stopped(stop_);
+    if (::sync_file_range(out_.descriptor(), offset, kPieceBytes, kWrite) == 0) continue;
+    if (errno == EIO || errno == ENOSPC || errno == EDQUOT) fail("write", partial_);
+    return;  // this file system does without
+  }
+}
+
 void PartialFile::finish() {
+  write_to_disk();
   if (::fsync(out_.descriptor()) != 0) fail("write", partial_);
   out_.close();
   if (std::filesystem::is_directory(file_)) fail("write", file_, EISDIR);

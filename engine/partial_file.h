@@ -7,6 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "engine/unfinished_name.h"
+#include "octree/stop.h"
+
 namespace locvol {
 
 // An open file descriptor, closed with its owner. `name` is for messages.
@@ -33,10 +36,10 @@ class OpenFile {
 };
 
 // Written as NAME.partial beside its place. publish() makes it durable, then renames it; without
-// publish() nothing is left behind.
+// publish() nothing is left behind. What writes throws Stopped, and publish() before it renames.
 class PartialFile {
  public:
-  explicit PartialFile(std::filesystem::path file);
+  explicit PartialFile(std::filesystem::path file, const StopToken* stop = nullptr);
   PartialFile(const PartialFile&) = delete;
   PartialFile& operator=(const PartialFile&) = delete;
   ~PartialFile();
@@ -45,6 +48,7 @@ class PartialFile {
   const std::filesystem::path& partial_name() const { return partial_; }  // while it is written
   void reserve(std::uint64_t bytes);  // so that a disk too full is known before the work is done
   void write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+    throw_if_stopped(stop_);
     out_.write_at(offset, bytes);
   }
   void publish();
@@ -52,10 +56,13 @@ class PartialFile {
   static void publish_all(std::span<PartialFile* const> files);
 
  private:
-  void finish();  // makes it durable
+  void finish();         // makes it durable
+  void write_to_disk();  // piece by piece, as far as the system can
   void rename();
 
   std::filesystem::path file_, partial_;
+  const StopToken* stop_;
+  UnfinishedName unfinished_;
   OpenFile out_;
   bool is_published_ = false;
 };

@@ -55,11 +55,11 @@ void RunState::dequeue(MortonKey leaf) {
   queued.reset();
 }
 
-bool RunState::open_epoch() {
+bool RunState::open_epoch(const StopToken* stop) {
   if (queue.is_empty() || queue.front().color != kNoColor) return false;
   const QueuePosition waiting = queue.front();
   const std::vector<MortonKey> epoch = queue.front_leaves();
-  const std::vector<std::uint32_t> colors = colors_of(waiting.epoch, epoch);
+  const std::vector<std::uint32_t> colors = colors_of(waiting.epoch, epoch, stop);
   for (std::size_t i = 0; i < epoch.size(); ++i) {
     const QueuePosition position{waiting.epoch, colors[i]};
     queue.move(waiting, position, epoch[i]);
@@ -70,8 +70,10 @@ bool RunState::open_epoch() {
 }
 
 std::vector<std::uint32_t> RunState::colors_of(std::uint32_t epoch,
-                                               const std::vector<MortonKey>& its_leaves) const {
-  if (is_cover()) return color_leaves(octree, run.frame, its_leaves, conflict_distance(epoch));
+                                               const std::vector<MortonKey>& its_leaves,
+                                               const StopToken* stop) const {
+  if (is_cover())
+    return color_leaves(octree, run.frame, its_leaves, conflict_distance(epoch), stop);
   std::vector<std::uint32_t> colors(
       its_leaves.size());  // any leaf may write into the reach of any other
   std::iota(colors.begin(), colors.end(), 0U);

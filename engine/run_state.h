@@ -55,8 +55,8 @@ struct RunState {
   void enqueue(MortonKey leaf, const Box& dirty);
   void dequeue(MortonKey leaf);  // REQUIRES: it waits
   // If the leaves at the front wait for an epoch that has not begun, begins it: gives them colors.
-  // That is to be committed before any of them is visited.
-  bool open_epoch();
+  // That is to be committed before any of them is visited. Throws Stopped before any change.
+  bool open_epoch(const StopToken* stop = nullptr);
 
   // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
   bool are_independent(const QueuePlace& a, const QueuePlace& b) const;
@@ -86,7 +86,8 @@ struct RunState {
   void add_to_leaf(const MeshPoint& point);
   double conflict_distance(std::uint32_t epoch) const;  // REQUIRES: cover mode
   std::vector<std::uint32_t> colors_of(std::uint32_t epoch,
-                                       const std::vector<MortonKey>& its_leaves) const;
+                                       const std::vector<MortonKey>& its_leaves,
+                                       const StopToken* stop) const;
 
   std::size_t max_unwritten_bytes_;
   int num_unwritten_visits_ = 0;

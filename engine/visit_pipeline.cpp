@@ -1,9 +1,11 @@
 #include "engine/visit_pipeline.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "engine/leaf_name.h"
-#include "refine/refine_leaf.h"
+#include "engine/visit_error.h"
+#include "octree/stop.h"
 
 namespace locvol {
 namespace {
@@ -33,10 +35,9 @@ class VisitPipeline::Run {
         waiting_(state_.queue.front_epoch()) {}
 
   // One visit among acute folds may take as long as fifty others. They have memory reserved.
-  bool run(Workers& workers) {
+  void run(Workers& workers) {
     constexpr int kMaxVisitsPerThread = 32;
     workers.run_in_order([this] { return next(); }, kMaxVisitsPerThread);
-    return !has_stopped_;
   }
 
  private:
@@ -45,8 +46,10 @@ class VisitPipeline::Run {
     VisitTask(Run& run, MortonKey leaf, std::unique_ptr<Visit> visit,
               MemoryBudget::Reservation memory)
         : run_(run), leaf_(leaf), memory_(std::move(memory)), visit_(std::move(visit)) {}
-    void compute() override {
-      named(leaf_, [&] { visit_->compute(); });
+    void compute() override try { visit_->compute(); } catch (const RefineError& e) {
+      fail(e);
+    } catch (const std::logic_error& e) {  // of CGAL, or of the standard library
+      fail(e);
     }
     void apply() override {
       named(leaf_, [&] { visit_->apply(); });
@@ -54,6 +57,10 @@ class VisitPipeline::Run {
     }
 
    private:
+    [[noreturn]] void fail(const std::exception& e) const {
+      throw VisitError(leaf_, leaf_name(leaf_) + ": " + e.what());
+    }
+
     Run& run_;
     MortonKey leaf_;
     MemoryBudget::Reservation memory_;
@@ -62,10 +69,8 @@ class VisitPipeline::Run {
 
   // Null: none is left, or the next one has to wait for others.
   std::unique_ptr<Task> next() {
-    if (num_begun_ == waiting_.size() || has_stopped_ || !may_load(waiting_[num_begun_]))
-      return nullptr;
-    has_stopped_ = is_stopped_();
-    if (has_stopped_) return nullptr;
+    if (num_begun_ == waiting_.size() || !may_load(waiting_[num_begun_])) return nullptr;
+    if (is_stopped_()) throw Stopped();
     return named(waiting_[num_begun_].leaf, [&] { return begin(waiting_[num_begun_]); });
   }
 
@@ -107,11 +112,10 @@ class VisitPipeline::Run {
   std::size_t num_begun_ = 0;  // of those waiting
   std::deque<QueuePlace> under_way_;
   std::uint64_t bytes_wanted_ = 0;
-  bool has_stopped_ = false;
 };
 
-bool VisitPipeline::visit_epoch(const Load& load, const IsStopped& is_stopped) {
-  return Run(*this, load, is_stopped).run(workers_);
+void VisitPipeline::visit_epoch(const Load& load, const IsStopped& is_stopped) {
+  Run(*this, load, is_stopped).run(workers_);
 }
 
 }  // namespace locvol

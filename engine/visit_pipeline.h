@@ -65,10 +65,11 @@ class VisitPipeline {
   VisitPipeline(RunState& state, MemoryBudget& budget, int num_threads)
       : state_(state), budget_(budget), workers_(num_threads) {}
 
-  // Visits all leaves that wait in the open epoch. False if stopped before the last: asked before
-  // each visit; those begun are applied. Throws the first error in queue order, with the leaf's
-  // name if it is a RefineError or OverBudget; all visits before it are applied.
-  bool visit_epoch(const Load& load, const IsStopped& is_stopped);
+  // Visits all leaves that wait in the open epoch. Throws Stopped before the last of them if that
+  // is asked for: before a visit begins, or in its middle by what was loaded for it. What was not
+  // applied by then is dropped. Throws the first error in queue order, with all visits before it
+  // applied: VisitError, OverBudget with the leaf's name, and what applying a visit throws.
+  void visit_epoch(const Load& load, const IsStopped& is_stopped);
 
  private:
   class Run;

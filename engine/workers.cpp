@@ -15,6 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "octree/stop.h"
+
 namespace locvol {
 namespace {
 
@@ -107,6 +109,7 @@ class OrderedRun {
     advance();
     pool_.help();
     if (error_) std::rethrow_exception(error_);
+    if (is_stopped_) throw Stopped();
     if (error_of_next_) std::rethrow_exception(error_of_next_);
   }
 
@@ -129,11 +132,14 @@ class OrderedRun {
     } while ((num_callers_ -= num_callers) > 0);
   }
 
+  // What is not computed for a failure counts as computed after that, so is to be asked before it.
   void apply_computed() {
-    for (; !is_failed_ && !under_way_.empty() && under_way_.front().is_computed;
+    for (; !under_way_.empty() && under_way_.front().is_computed && !is_failed_;
          under_way_.pop_front()) {
       try {
         apply(under_way_.front());
+      } catch (const Stopped&) {
+        stop();
       } catch (...) {
         error_ = std::current_exception();
         is_failed_ = true;
@@ -152,6 +158,8 @@ class OrderedRun {
            num_uncomputed_ < max_uncomputed_ && under_way_.size() < max_under_way_) {
       try {
         begin(next_());
+      } catch (const Stopped&) {
+        stop();
       } catch (...) {
         error_of_next_ = std::current_exception();
       }
@@ -169,6 +177,8 @@ class OrderedRun {
   void compute(Entry& entry) {
     try {
       if (!is_failed_) entry.task->compute();
+    } catch (const Stopped&) {
+      stop();
     } catch (...) {
       entry.error = std::current_exception();
     }
@@ -177,13 +187,20 @@ class OrderedRun {
     advance();
   }
 
+  // By any thread.
+  void stop() {
+    is_stopped_ = true;
+    is_failed_ = true;
+  }
+
   ThreadPool& pool_;
   const NextTask& next_;
   const int max_uncomputed_;
   const std::size_t max_under_way_;
   std::atomic<int> num_callers_ = 0;  // of advance(), now
   std::atomic<int> num_uncomputed_ = 0;
-  std::atomic<bool> is_failed_ = false;
+  std::atomic<bool> is_failed_ = false;  // nothing more is applied
+  std::atomic<bool> is_stopped_ = false;
   // All below belongs to the thread in advance().
   std::deque<Entry> under_way_;
   bool is_none_for_now_ = false;

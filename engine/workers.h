@@ -38,7 +38,8 @@ class Workers {
   // n + 1 wait to be computed and max_tasks_per_thread n are under way, most of them computed and
   // behind one that takes long.
   // Throws what the first of the tasks, or `next` after them, throws; those before it have been
-  // applied, those after it are dropped.
+  // applied, those after it are dropped. Stopped knows no order: once any throws it, no task is
+  // applied or begun any more, and those under way are waited for, which are to notice as well.
   void run_in_order(const std::function<std::unique_ptr<Task>()>& next,
                     int max_tasks_per_thread = 4);
 

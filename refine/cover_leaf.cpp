@@ -48,10 +48,12 @@ Point random_point(const Fragment& f) {
 // Pieces on a face of the box stay, though they may belong to the next leaf as well: after rounding
 // nobody can tell.
 std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> triangles,
-                                   std::uint64_t seed) {
+                                   std::uint64_t seed, const StopToken* stop) {
+  StopPoll poll(stop);
   const Box owned = closed(box);
   std::vector<Fragment> fragments;
   for (const Triangle& triangle : triangles) {
+    poll();
     const Box bounds = triangle.box();
     if (!bounds.overlaps(owned)) continue;
     const std::uint64_t key = mix(mix(seed) ^ triangle.id);
@@ -97,9 +99,11 @@ class Cubes {
 // Halved until none is longer than `length`, and then cube by cube, so that what is near is in the
 // cache, and in a cube in order of key, the priority.
 std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length,
-                                  const Cubes& cubes) {
+                                  const Cubes& cubes, const StopToken* stop) {
+  StopPoll poll(stop);
   for (std::size_t i = 0; i < fragments.size(); ++i)
     while (true) {
+      poll();
       const auto [edge, squared_length] = longest_edge(fragments[i]);
       if (squared_length <= length * length) break;
       const auto [here, there] = halves(fragments[i], edge);
@@ -273,13 +277,14 @@ class SurfaceSampler {
       : owned_(closed(input.box)),
         spacing_(kSampleSpacing * input.size),
         radius_(kSampleRadius * input.size),
-        grid_(input.box.expanded(radius_), radius_) {
+        grid_(input.box.expanded(radius_), radius_),
+        stop_(input.stop) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
     const Cubes cubes(owned_, kCubeSide * spacing_);
-    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_, cubes);
+    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_, cubes, stop_);
          !fragments.empty(); fragments = uncovered_halves(throw_darts(fragments))) {
     }
     return std::move(samples_);
@@ -311,13 +316,16 @@ class SurfaceSampler {
   const double spacing_, radius_;
   SampleGrid grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
+  const StopToken* stop_;
 };
 
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
 std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(
     std::span<const Fragment> fragments) {
   std::vector<Target> targets;
+  StopPoll poll(stop_);
   for (const Fragment& fragment : fragments) {
+    poll();
     if (grid_.covers(fragment)) continue;
     targets.push_back({&fragment, grid_.num_around(fragment)});
     const Point dart = aim(fragment);
@@ -343,6 +351,7 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
                         CoverPoints& points) {
   const SurfacePatch& surface = *input.surface;
+  StopPoll poll(input.stop, 8);
   // The sites at the row's beginning that are within `distance` of its first, displaced or not.
   const auto num_within = [&](double distance, const LatticeRow& row) {
     constexpr double kSlack = 1.001;
@@ -350,6 +359,7 @@ void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
     return 1 + static_cast<std::uint32_t>(std::clamp(num, 0.0, row.count - 1.0));
   };
   for_each_piece(input.lattice->sites_in(input.box), [&](const LatticeRow& row) {
+    poll();
     const LatticeSite& site = row.first;
     const Point p = input.lattice->position(site);
     const auto [is_inside, distance] = surface.locate(p);
@@ -378,7 +388,8 @@ CoverPoints cover_leaf(const CoverInput& input) {
     return points;
   }
   SurfaceSampler sampler(input);
-  points.samples = sampler.sample(fragments_in(input.box, input.surface->triangles(), input.seed));
+  points.samples =
+      sampler.sample(fragments_in(input.box, input.surface->triangles(), input.seed, input.stop));
   cover_with_lattice(input, sampler, points);
   return points;
 }

@@ -7,6 +7,7 @@
 
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/stop.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -30,6 +31,7 @@ struct CoverInput {
   Box box;                                // of the leaf, half-open
   const SurfacePatch* surface = nullptr;  // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;      // surface samples of other leaves within r_s of the box
+  const StopToken* stop = nullptr;        // may be null
 };
 
 struct CoverPoints {
@@ -42,7 +44,7 @@ struct CoverPoints {
 // nearby, and own samples are at least kSampleSpacing λ from one another and from the nearby ones.
 // A function of the geometry, ids, λ and seed: not of what else is loaded, or of any order.
 // Time: about 9 µs a sample, with the lattice below it.
-// REQUIRES: size > 0, lattice and surface are not null
+// Throws Stopped. REQUIRES: size > 0, lattice and surface are not null
 CoverPoints cover_leaf(const CoverInput& input);
 
 }  // namespace locvol

@@ -369,7 +369,7 @@ void Delaunay::neighbors_of(Vertex v, std::vector<Vertex>& out) const {
   out.erase(repeated.begin(), repeated.end());
 }
 
-bool Delaunay::build(std::span<const Point> points) {
+bool Delaunay::build(std::span<const Point> points, const StopToken* stop) {
   const auto first = static_cast<Vertex>(points_.size());
   points_.insert(points_.end(), points.begin(), points.end());
   impl_->vertices.resize(points_.size());
@@ -379,7 +379,9 @@ bool Delaunay::build(std::span<const Point> points) {
   if (num_before == 0) triangulation.tds().vertices().reserve(points.size() + 1);
   int dimension = triangulation.dimension();
   CellHandle nearby = triangulation.infinite_cell();
+  StopPoll poll(stop);
   for (const std::uint32_t i : insertion_order(points.size())) {
+    poll();
     const VertexHandle v = impl_->insert(cgal(points[i]), nearby);
     v->info().number = first + i;
     impl_->vertices[first + i] = v;

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
@@ -66,8 +67,8 @@ class Delaunay {
   // Adds vertices, numbered on from those there are, and numbers all cells anew, by their smallest
   // vertex. Without four points in general position there are no cells yet. False if two points
   // coincide. Fastest if the points follow a space-filling curve, and so is what looks at all cells
-  // in order of number: neighbors are then close in memory.
-  bool build(std::span<const Point> points);
+  // in order of number: neighbors are then close in memory. Throws Stopped, and is of no use then.
+  bool build(std::span<const Point> points, const StopToken* stop = nullptr);
 
   bool has_cells() const { return !corners_.empty(); }
   std::size_t num_vertices() const { return points_.size(); }

@@ -127,6 +127,7 @@ class HoleSearch {
     const Box around = input_.box.expanded(kStart * size_);
     SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
     for (const LatticeSite& site : sites_near_surface(is_outside)) {
+      poll_();
       const Point corner = place(site);
       for (const auto& [b, c, d] : kLatticeCells) {
         if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
@@ -150,12 +151,13 @@ class HoleSearch {
   static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
 
   // From which the cells are looked at, in order. All sites that are outside are marked so.
-  std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) const {
+  std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) {
     constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of a cell that misses a site
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const SiteBox corners = is_there_.box().expanded(-2);
     std::vector<LatticeSite> near;
     for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
+      poll_();
       const Point p = place(row.first);
       const auto [is_inside, distance] = input_.surface->locate(p);
       const bool outside = !is_inside && input_.surface->region().contains(p);
@@ -252,6 +254,7 @@ class HoleSearch {
   std::vector<Point> near_;
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;
+  StopPoll poll_{input_.stop, 8};
   FillPoints found_;
 };
 

@@ -22,6 +22,7 @@ struct FillInput {
   std::vector<MeshPoint> points;
   const CoreIndex* core = nullptr;        // null if there is none near
   const SurfacePatch* surface = nullptr;  // region contains the box expanded by λ
+  const StopToken* stop = nullptr;        // may be null
 };
 
 struct FillPoints {
@@ -32,7 +33,7 @@ struct FillPoints {
 // Centers are as deep below the surface as a lattice point must be, and kHoleRadius λ from all
 // points and one another. It is a search by sampling: some holes may be missed, and are left to C5.
 // Time: about 3.5 µs to λ² of surface.
-// REQUIRES: size > 0, surface is not null
+// Throws Stopped. REQUIRES: size > 0, surface is not null
 FillPoints fill_leaf(const FillInput& input);
 
 }  // namespace locvol

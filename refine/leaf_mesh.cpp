@@ -110,7 +110,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
     add_local(local.point, local.ref, local.is_own, local.is_core);
     points[i] = local.point.position;
   }
-  if (!delaunay_.build(points)) throw_coincident(std::move(points));
+  if (!delaunay_.build(points, input_.stop)) throw_coincident(std::move(points));
   make_all_fresh();
 }
 

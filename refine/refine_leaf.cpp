@@ -207,6 +207,7 @@ class Refinement {
   std::vector<LocalIndex> leaving_;         // deleted by the insertion at hand
   mutable std::vector<Triangle> near_triangles_;
   mutable std::vector<Point> sheets_;  // normals of triangles nearby
+  StopPoll poll_{input_.stop, 8};      // of restore_next()
 };
 
 template <class Ref>
@@ -247,6 +248,7 @@ void Refinement::forget_changed() {
 // Where the domain has no points, cells are far and in no mesh, so that its boundary looks torn:
 // these holes are filled before disks are judged.
 bool Refinement::restore_next() {
+  poll_();
   look_at_fresh_cells();
   return restore_next(c1_, 1, &Refinement::restore_facet) ||
          restore_next(c2_, 2, &Refinement::restore_facet) ||
@@ -291,8 +293,11 @@ void Refinement::look_at_fresh_cells() {
   const auto& fresh = mesh_.fresh_cells();
   if (fresh.empty()) return;
   const bool is_boundary_changed = mesh_.is_boundary_changed();
-  for (std::size_t n = 0; n < fresh.size(); ++n)
+  StopPoll poll(input_.stop);
+  for (std::size_t n = 0; n < fresh.size(); ++n) {
+    poll();
     if (is_alive(fresh[n])) look_at(fresh[n].cell, is_boundary_changed);
+  }
   if (mesh_.are_all_fresh()) pass_disks();
   mesh_.clear_fresh_cells();
 }
@@ -488,6 +493,7 @@ void Refinement::start_from_corners() {
   };
   const double floor = input_.criteria.spacing_floor;
   while (!mesh_.has_cells() && !corners.empty()) {
+    throw_if_stopped(input_.stop);
     const auto farthest = std::ranges::max_element(corners, {}, distance);
     if (distance(*farthest) <= floor * floor) return;
     const VertexRef ref = new_point(*farthest, PointKind::kSurface, 3);
@@ -732,6 +738,7 @@ void Refinement::list_unresolved() {
 }
 
 void Refinement::list_cells() {
+  throw_if_stopped(input_.stop);
   Cells& cells = delta_.cells.cells;
   std::vector<VertexRef>& vertices = delta_.cells.vertices;
   std::vector<std::uint64_t> core;

@@ -14,6 +14,7 @@
 
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/stop.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -125,6 +126,7 @@ struct LeafInput {
   std::optional<LastVisit> last_visit = std::nullopt;
   std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
   std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
+  const StopToken* stop = nullptr;                 // may be null
 };
 
 struct InsertedPoint {
@@ -169,6 +171,7 @@ class RefineError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Throws Stopped, RefineError.
 LeafDelta refine_leaf(const LeafInput& input);
 
 }  // namespace locvol

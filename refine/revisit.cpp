@@ -97,6 +97,7 @@ void Revisit::gather_part() {
   part_.all_points = input_->all_points;
   part_.core = input_->core;
   part_.max_insertions = input_->max_insertions;
+  part_.stop = input_->stop;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
   is_in_part_.resize(num_points());

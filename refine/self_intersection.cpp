@@ -286,13 +286,15 @@ class PairTest {
 
 std::optional<IntersectingPair> find_self_intersection(std::span<const Point> vertices,
                                                        std::span<const Corners> triangles,
-                                                       const Box& region) {
+                                                       const Box& region, const StopToken* stop) {
   if (triangles.empty()) return std::nullopt;
   const TriangleTree tree(vertices, triangles, region);
   const PairTest test(vertices, triangles);
   std::optional<IntersectingPair> smallest;
   std::uint32_t limit = std::numeric_limits<std::uint32_t>::max();
+  StopPoll poll(stop);
   tree.for_each_pair(limit, [&](std::uint32_t s, std::uint32_t t) {
+    poll();
     const IntersectingPair pair{std::min(s, t), std::max(s, t)};
     if (smallest && *smallest < pair) return;
     if (!test.intersect(pair.first, pair.second)) return;

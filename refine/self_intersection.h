@@ -9,6 +9,7 @@
 #include <span>
 
 #include "octree/geometry.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
@@ -25,9 +26,9 @@ inline constexpr Box kEverywhere{{-kEndless, -kEndless, -kEndless}, {kEndless, k
 // outside `region` only may be left out.
 // Memory: about 80 bytes a triangle. Time: about T log T, 0.6 µs a triangle.
 // REQUIRES: different vertices have different coordinates; no triangle is collinear; coordinates
-// differ by at most 1e50 and are finite
+// differ by at most 1e50 and are finite. Throws Stopped.
 std::optional<IntersectingPair> find_self_intersection(
     std::span<const Point> vertices, std::span<const std::array<std::uint32_t, 3>> triangles,
-    const Box& region = kEverywhere);
+    const Box& region = kEverywhere, const StopToken* stop = nullptr);
 
 }  // namespace locvol

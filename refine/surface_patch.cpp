@@ -157,9 +157,9 @@ struct SurfacePatch::Impl {
   void choose_grid(const GridFineness& fineness);
   template <class Visit>
   void for_each_cell_met(Index triangle, Visit visit) const;
-  void fill_grid();
+  void fill_grid(const StopToken* stop);
   void measure_rings();
-  void spread_sides(const Point& reference, bool is_inside);
+  void spread_sides(const Point& reference, bool is_inside, const StopToken* stop);
   void spread_over_plane(int i0, int j0, int k, int from);
   void spread_over_row(int i0, int j, int k, int from);
   void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
@@ -215,14 +215,17 @@ void SurfacePatch::Impl::for_each_cell_met(Index triangle, Visit visit) const {
           visit(index(i, j, k));
 }
 
-void SurfacePatch::Impl::fill_grid() {
+void SurfacePatch::Impl::fill_grid(const StopToken* stop) {
+  StopPoll poll(stop);
   std::vector<std::pair<std::uint32_t, Index>> met;  // grid cell, triangle; in order of triangle
   first.assign(num_cells() + 1, 0);
-  for (Index t = 0; t < triangles.size(); ++t)
+  for (Index t = 0; t < triangles.size(); ++t) {
+    poll();
     for_each_cell_met(t, [&](std::size_t cell) {
       met.emplace_back(static_cast<std::uint32_t>(cell), t);
       ++first[cell + 1];
     });
+  }
   for (std::size_t c = 0; c < num_cells(); ++c) first[c + 1] += first[c];
   held.resize(met.size());
   std::vector<Index> next(first.begin(), first.end() - 1);
@@ -284,14 +287,19 @@ bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
 
 // From center to center of neighboring cells: along x, then from row to row, then from plane to
 // plane. The segment between two centers crosses only triangles that one of the two cells holds.
-void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside) {
+void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside,
+                                      const StopToken* stop) {
   is_center_inside.resize(num_cells());
   const auto [i0, j0, k0] = cell_of(reference);
   const std::size_t start = index(i0, j0, k0);
   is_center_inside[start] = static_cast<std::uint8_t>(
       is_inside != is_crossed_oddly(reference, center(i0, j0, k0), held_by(start)));
-  for (int k = k0; k < num[2]; ++k) spread_over_plane(i0, j0, k, k == k0 ? 0 : -1);
-  for (int k = k0; k-- > 0;) spread_over_plane(i0, j0, k, 1);
+  const auto spread_over = [&](int k, int from) {
+    throw_if_stopped(stop);
+    spread_over_plane(i0, j0, k, from);
+  };
+  for (int k = k0; k < num[2]; ++k) spread_over(k, k == k0 ? 0 : -1);
+  for (int k = k0; k-- > 0;) spread_over(k, 1);
 }
 
 // `from`: the way to the plane that is done already, or 0 in the first.
@@ -412,7 +420,7 @@ void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) cons
 
 SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
                            const Point& reference, bool is_reference_inside,
-                           const GridFineness& fineness)
+                           const GridFineness& fineness, const StopToken* stop)
     : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(triangles);
   impl_->region = region;
@@ -424,9 +432,9 @@ SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
   }
   impl_->slack = kSlack * largest_coordinate(all);
   impl_->choose_grid(fineness);
-  impl_->fill_grid();
+  impl_->fill_grid(stop);
   impl_->measure_rings();
-  impl_->spread_sides(reference, is_reference_inside);
+  impl_->spread_sides(reference, is_reference_inside, stop);
 }
 
 SurfacePatch::SurfacePatch(SurfacePatch&&) noexcept = default;

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
@@ -39,8 +40,10 @@ class SurfacePatch {
  public:
   // `triangles`: every triangle that meets `region`, each once, others allowed; in order of id.
   // `is_reference_inside`: the side of `reference`, a point of `region`.
+  // Throws Stopped.
   SurfacePatch(std::vector<Triangle> triangles, const Box& region, const Point& reference,
-               bool is_reference_inside, const GridFineness& fineness = {});
+               bool is_reference_inside, const GridFineness& fineness = {},
+               const StopToken* stop = nullptr);
   SurfacePatch(SurfacePatch&&) noexcept;
   SurfacePatch& operator=(SurfacePatch&&) noexcept;
   ~SurfacePatch();

@@ -15,10 +15,13 @@
 #include "engine/disk_room.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/replay.h"
 #include "engine/memory_budget.h"
 #include "engine/output/writer.h"
 #include "engine/run_estimate.h"
 #include "engine/run_setup.h"
+#include "engine/stop_source.h"
+#include "engine/visit_error.h"
 #include "engine/workers.h"
 #include "tools/arguments.h"
 #include "tools/generate.h"
@@ -26,6 +29,7 @@
 #include "tools/results.h"
 #include "tools/stop_signal.h"
 #include "tools/stored_run.h"
+#include "tools/visit_file.h"
 
 namespace locvol {
 namespace {
@@ -141,9 +145,10 @@ std::string peak_text(const MemoryRecord& memory) {
                      in_mebibytes(memory.cap));
 }
 
-// Throws InputError if it is no surface to be meshed.
+// Throws InputError if it is no surface to be meshed; Stopped, once StopSignal is installed.
 SurveyedSurface surveyed(const std::filesystem::path& file, std::uint64_t cap) {
-  IngestWatch watch;
+  const StopSource stop(StopSignal::is_requested);
+  IngestWatch watch(&stop, {});
   Workers workers(num_streaming_threads(0, cap));
   return survey_surface(surface_in_file(file), std::filesystem::temp_directory_path(), watch,
                         workers);
@@ -212,6 +217,15 @@ void tell_how_to_resume(const std::filesystem::path& store, const std::filesyste
   fmt::print(stderr, "locvol: interrupted; `locvol resume {}` goes on\n", arguments);
 }
 
+// Before there was a run to go on with. Returns the exit code.
+int tell_read_in_vain(bool is_json) {
+  fmt::print(stderr,
+             "locvol: interrupted while the surface was read, with nothing changed; the same "
+             "command reads it again\n");
+  if (is_json) print_json({{"outcome", outcome_name(RunOutcome::kInterrupted)}});
+  return kExitInterrupted;
+}
+
 void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   const auto sites = unresolved_sites(store.snapshot());
   const std::size_t num_listed = std::min(sites.size(), kMaxListedSites);
@@ -268,48 +282,87 @@ void require_output(const std::filesystem::path& output, MeshFormat format,
   }
 }
 
-// What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
-// code.
-int finish(const TimedRun& run, const std::filesystem::path& directory,
-           const std::filesystem::path& output, const OutputOptions& options, bool is_json,
-           ProgressLine& line) {
-  std::optional<WriteSummary> written;
-  std::optional<MeshStatistics> statistics;
+// Of a run that is done.
+struct MeasuredMesh {
   std::optional<MemoryRecord> memory;
-  Seconds seconds = run.seconds;
-  const RunOutcome outcome = run.summary.outcome;
-  if (outcome == RunOutcome::kInterrupted) {
-    tell_how_to_resume(directory, output, options, is_json, line);
-  } else {
-    const Store store = open_to_read(directory);
-    memory = store.snapshot().memory();
-    statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
-      return mesh_statistics(store, run.num_writers, on_step);
+  std::optional<MeshStatistics> statistics;
+  std::optional<WriteSummary> written;
+};
+
+// `command`: a MeshCommand or a ResumeCommand. Throws Stopped.
+MeasuredMesh measure_and_write(const TimedRun& run, const std::filesystem::path& directory,
+                               const auto& command, const StopSignal& stop, ProgressLine& line,
+                               Seconds& seconds) {
+  const Store store = open_to_read(directory);
+  MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
+  mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
+    return mesh_statistics(store, run.num_writers, on_step, &stop);
+  });
+  if (!command.output.empty())
+    mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
+      return write_mesh(store, command.output, command.output_options, run.num_writers, on_step,
+                        &stop);
     });
-    if (!output.empty())
-      written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
-        return write_mesh(store, output, options, run.num_writers, on_step);
-      });
-    if (outcome == RunOutcome::kUnresolved) tell_unresolved(store, is_json, line);
-  }
-  line.clear();
-  if (is_json) {
+  if (run.summary.outcome == RunOutcome::kUnresolved) tell_unresolved(store, command.is_json, line);
+  return mesh;
+}
+
+void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh& mesh,
+                  const Seconds& seconds, const auto& command) {
+  const auto& [memory, statistics, written] = mesh;
+  const MeshFormat format = command.output_options.format;
+  if (command.is_json) {
     Json json = {{"outcome", outcome_name(outcome)},
                  {"seconds", total(seconds)},
                  {"seconds_by_phase", by_phase_json(seconds)}};
-    json.update(to_json(run.summary));
+    json.update(to_json(run));
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
     if (statistics) json["statistics"] = to_json(*statistics);
-    if (written) json["written"] = written_json(output, options.format, *written);
+    if (written) json["written"] = written_json(command.output, format, *written);
     print_json(json);
   } else {
-    fmt::print("{}{}", summary_text(run.summary), line_text("time", time_text(seconds)));
+    fmt::print("{}{}", summary_text(run), line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
-    if (written) fmt::print("{}", written_text(output, options.format, *written));
-    if (statistics) fmt::print("{}", statistics_text(*statistics, run.summary.run.surface));
+    if (written) fmt::print("{}", written_text(command.output, format, *written));
+    if (statistics) fmt::print("{}", statistics_text(*statistics, run.run.surface));
   }
+}
+
+// What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
+// code.
+int finish(const TimedRun& run, const std::filesystem::path& directory, const auto& command,
+           const StopSignal& stop, ProgressLine& line) {
+  RunOutcome outcome = run.summary.outcome;
+  MeasuredMesh mesh;
+  Seconds seconds = run.seconds;
+  try {
+    if (outcome != RunOutcome::kInterrupted)
+      mesh = measure_and_write(run, directory, command, stop, line, seconds);
+  } catch (const Stopped&) {
+    outcome = RunOutcome::kInterrupted;
+  }
+  if (outcome == RunOutcome::kInterrupted)
+    tell_how_to_resume(directory, command.output, command.output_options, command.is_json, line);
+  line.clear();
+  print_result(run.summary, outcome, mesh, seconds, command);
   return exit_code(outcome);
+}
+
+// Keeps the visit that has failed beside the store, for who is to mend it.
+[[noreturn]] void fail(const VisitError& error, const std::filesystem::path& directory) {
+  const std::filesystem::path file =
+      fmt::format("{}.{}.json", directory.string(), key_text(error.leaf()));
+  std::string message = error.what();
+  try {
+    write_visit(stored_visit(open_to_read(directory), error.leaf()), file);
+    message +=
+        fmt::format("; `locvol replay --from {}` repeats the visit: send that file with a report",
+                    file.string());
+  } catch (const std::exception& e) {
+    message += fmt::format("; the visit is in no file: {}", e.what());
+  }
+  throw std::runtime_error(message);
 }
 
 }  // namespace
@@ -320,9 +373,9 @@ std::filesystem::path store_of(const MeshCommand& command) {
   return command.output.string() + ".locvol";
 }
 
-int run_mesh(const MeshCommand& command) {
+int run_mesh(const MeshCommand& command) try {
+  const StopSignal& stop = StopSignal::install();
   require_output(command.output, command.output_options.format, command.options.input);
-  const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
   MeshOptions options = command.options;
@@ -333,23 +386,28 @@ int run_mesh(const MeshCommand& command) {
 
   const TimedRun run = run_with_progress(
       command, cap, line, [&](const RunControl& control) { return mesh(options, control); });
-  const int code =
-      finish(run, options.store, command.output, command.output_options, command.is_json, line);
+  const int code = finish(run, options.store, command, stop, line);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
+} catch (const VisitError& error) {
+  fail(error, store_of(command));
+} catch (const Stopped&) {
+  return tell_read_in_vain(command.is_json);
 }
 
-int run_resume(const ResumeCommand& command) {
+int run_resume(const ResumeCommand& command) try {
+  const StopSignal& stop = StopSignal::install();
   if (!command.output.empty())
     require_output(command.output, command.output_options.format,
                    run_of(open_to_read(command.store)).surface.file);
-  const StopSignal stop_signal;
   const std::uint64_t cap = memory_cap(command.memory_bytes);
   ProgressLine line(progress_style(command), cap);
   const TimedRun run = run_with_progress(command, cap, line, [&](const RunControl& control) {
     return resume(command.store, control);
   });
-  return finish(run, command.store, command.output, command.output_options, command.is_json, line);
+  return finish(run, command.store, command, stop, line);
+} catch (const VisitError& error) {
+  fail(error, command.store);
 }
 
 int run_export(const ExportCommand& command) {

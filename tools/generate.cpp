@@ -21,6 +21,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/unfinished_name.h"
 #include "octree/geometry.h"
 
 namespace locvol {
@@ -69,7 +70,7 @@ class CountingSink : public SurfaceSink {
 class PartialFile {
  public:
   explicit PartialFile(std::filesystem::path path)
-      : path_(std::move(path)), file_(std::fopen(path_.c_str(), "w+b")) {
+      : path_(std::move(path)), unfinished_(path_), file_(std::fopen(path_.c_str(), "w+b")) {
     if (!file_) fail("create");
     std::setvbuf(file_.get(), buffer_.get(), _IOFBF, kBufferBytes);
   }
@@ -123,6 +124,7 @@ class PartialFile {
   }
 
   std::filesystem::path path_;
+  UnfinishedName unfinished_;
   std::unique_ptr<char[]> buffer_ = std::make_unique<char[]>(kBufferBytes);  // outlives the file
   std::unique_ptr<std::FILE, Close> file_;
   std::uint64_t num_bytes_ = 0;

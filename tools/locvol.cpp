@@ -19,6 +19,7 @@
 #include "tools/commands.h"
 #include "tools/generate.h"
 #include "tools/reference.h"
+#include "tools/stop_signal.h"
 
 namespace locvol {
 namespace {
@@ -449,6 +450,7 @@ int fail_resumably(const char* message, const char* cure) {
 }  // namespace locvol
 
 int main(int argc, char** argv) {
+  locvol::clean_up_on_signals();
   try {
     const int code = locvol::run(argc, argv);
     locvol::flush_output();

@@ -1,23 +1,31 @@
-// While a StopSignal lives, the first SIGINT or SIGTERM only asks the run to stop at its next
-// commit; the second ends the process at once, which the store survives as it does a crash.
+// SIGINT and SIGTERM.
+//
+// A run is asked to end, once StopSignal is installed, and does so within a fraction of a second.
+// What cannot be asked (a commit to a slow disk, CGAL, the unexpected) is given kPatience: then the
+// process ends, as it does at once at a second signal, with the same exit code. The store survives
+// that as it does a crash. Any other command ends by the signal. Unfinished files are removed.
 #pragma once
 
-#include <csignal>
+#include <chrono>
+
+#include "octree/stop.h"
 
 namespace locvol {
 
-class StopSignal {
+class StopSignal : public StopToken {
  public:
-  StopSignal();
-  ~StopSignal();
-  StopSignal(const StopSignal&) = delete;
-  StopSignal& operator=(const StopSignal&) = delete;
+  static constexpr std::chrono::milliseconds kPatience{1500};
 
+  // From now to the end of the process.
+  static const StopSignal& install();
   static bool is_requested();
+  bool is_stopped() const override { return is_requested(); }
 
  private:
-  struct sigaction old_interrupt_ {};
-  struct sigaction old_terminate_ {};
+  StopSignal() = default;
 };
+
+// Until StopSignal::install(): a signal that ends the process removes its unfinished files.
+void clean_up_on_signals();
 
 }  // namespace locvol

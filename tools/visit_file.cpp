@@ -17,9 +17,10 @@ namespace locvol {
 namespace {
 
 // {"format": "locvol visit", "version": 3, ...}; points are [id, kind, x, y, z], triangles
-// [id, 9 coordinates], cells 4 ids; an infinite reach is null.
+// [id, 9 coordinates], cells 4 ids, or 4 places in a list of ids; an infinite length is null, and
+// so is a last visit that there was not.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 
 Json points_json(const std::vector<MeshPoint>& points) {
   Json json = Json::array();
@@ -63,21 +64,43 @@ std::vector<Triangle> triangles_from(const Json& json) {
 Point point_from(const Json& json) { return {json.at(0), json.at(1), json.at(2)}; }
 Box box_from(const Json& json) { return {point_from(json.at("min")), point_from(json.at("max"))}; }
 
+Json length_json(double length) { return std::isfinite(length) ? Json(length) : Json(nullptr); }
+double length_from(const Json& json) {
+  return json.is_null() ? std::numeric_limits<double>::infinity() : json.get<double>();
+}
+
 Json criteria_json(const Criteria& criteria) {
-  Json json = {{"size", criteria.size},
-               {"radius_edge_bound", criteria.radius_edge_bound},
-               {"reach", nullptr},
-               {"spacing_floor", criteria.spacing_floor}};
-  if (std::isfinite(criteria.reach)) json["reach"] = criteria.reach;
-  return json;
+  return {{"size", criteria.size},
+          {"radius_edge_bound", criteria.radius_edge_bound},
+          {"reach", length_json(criteria.reach)},
+          {"spacing_floor", criteria.spacing_floor},
+          {"cover_radius", length_json(criteria.cover_radius)}};
 }
 
 Criteria criteria_from(const Json& json) {
-  const Json& reach = json.at("reach");
   return {.size = json.at("size"),
           .radius_edge_bound = json.at("radius_edge_bound"),
-          .reach = reach.is_null() ? std::numeric_limits<double>::infinity() : reach.get<double>(),
-          .spacing_floor = json.at("spacing_floor")};
+          .reach = length_from(json.at("reach")),
+          .spacing_floor = json.at("spacing_floor"),
+          .cover_radius = length_from(json.at("cover_radius"))};
+}
+
+Json last_visit_json(const std::optional<LastVisit>& last) {
+  if (!last) return nullptr;
+  return {{"first_new_id", last->first_new_id},
+          {"deleted", points_json(last->deleted)},
+          {"vertices", last->cells.vertices},
+          {"cells", last->cells.cells}};
+}
+
+std::optional<LastVisit> last_visit_from(const Json& json) {
+  if (json.is_null()) return std::nullopt;
+  LastVisit last;
+  json.at("first_new_id").get_to(last.first_new_id);
+  last.deleted = points_from(json.at("deleted"));
+  json.at("vertices").get_to(last.cells.vertices);
+  json.at("cells").get_to(last.cells.cells);
+  return last;
 }
 
 StoredVisit visit_from(const Json& json) {
@@ -92,6 +115,7 @@ StoredVisit visit_from(const Json& json) {
   visit.input.box = box_from(json.at("box"));
   json.at("max_own_points").get_to(visit.input.max_own_points);
   json.at("max_insertions").get_to(visit.input.max_insertions);
+  visit.input.last_visit = last_visit_from(json.at("last_visit"));
   visit.region = box_from(json.at("region"));
   json.at("is_center_inside").get_to(visit.is_center_inside);
   visit.input.own = points_from(json.at("own"));
@@ -111,6 +135,11 @@ void require_sense(const StoredVisit& visit) {
   for (const MeshPoint& p : input.own)
     if (!input.box.contains(p.position))
       throw std::runtime_error("an own point is not in the leaf");
+  if (!input.last_visit) return;
+  const auto& [vertices, cells] = input.last_visit->cells;
+  for (const auto& cell : cells)
+    for (const std::uint32_t v : cell)
+      if (v >= vertices.size()) throw std::runtime_error("a cell has no such vertex");
 }
 
 }  // namespace
@@ -126,6 +155,7 @@ void write_visit(const StoredVisit& visit, const std::filesystem::path& file) {
                {"box", to_json(visit.input.box)},
                {"max_own_points", visit.input.max_own_points},
                {"max_insertions", visit.input.max_insertions},
+               {"last_visit", last_visit_json(visit.input.last_visit)},
                {"region", to_json(visit.region)},
                {"is_center_inside", visit.is_center_inside},
                {"own", points_json(visit.input.own)},

@@ -35,6 +35,8 @@ std::string Sha256::hex_digest() {
   return digits;
 }
 
-std::string digest_of_file(const std::filesystem::path& file) { return InputFile(file).digest(); }
+std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {
+  return InputFile(file, stop).digest();
+}
 
 }  // namespace locvol

@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "octree/stop.h"
+
 namespace locvol {
 
 class Sha256 {
@@ -22,7 +24,7 @@ class Sha256 {
   std::unique_ptr<Impl> impl_;
 };
 
-// Throws InputError as InputFile does.
-std::string digest_of_file(const std::filesystem::path& file);
+// Throws InputError as InputFile does, Stopped.
+std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -25,10 +25,11 @@ namespace {
 // Commits whenever enough is written, so that LMDB's dirty pages stay few.
 class BoundedBatches {
  public:
-  explicit BoundedBatches(Store& store) : store_(store) {}
+  BoundedBatches(Store& store, const StopToken* stop) : store_(store), stop_(stop) {}
 
-  // For the records of one more leaf.
+  // For the records of one more leaf. Throws Stopped.
   Batch& next() {
+    throw_if_stopped(stop_);
     if (batch_ && (num_leaves_ >= kMaxLeaves || batch_->bytes_written() > kMaxBytes)) commit();
     if (!batch_) batch_.emplace(store_.begin());
     ++num_leaves_;
@@ -47,18 +48,19 @@ class BoundedBatches {
   static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 20;
 
   Store& store_;
+  const StopToken* stop_;
   std::optional<Batch> batch_;
   int num_leaves_ = 0;
 };
 
-void erase_all(Store& store) {
+void erase_all(Store& store, const StopToken* stop) {
   std::vector<QueueEntry> queued;
   store.snapshot().for_each_queued([&](const QueueEntry& entry) {
     queued.push_back(entry);
     return true;
   });
   const std::vector<MortonKey> leaves = store.snapshot().leaf_keys();
-  BoundedBatches batches(store);
+  BoundedBatches batches(store, stop);
   for (const QueueEntry& entry : queued)
     batches.next().erase_queue_entry(entry.position, entry.leaf);
   for (const MortonKey leaf : leaves) batches.next().erase_leaf(leaf);
@@ -176,6 +178,7 @@ class SurfaceCutter {
   }
 
   void store(MortonKey leaf, std::vector<Triangle> triangles) {
+    throw_if_stopped(watch_.stop());
     leaves_.keys.push_back(leaf);
     leaves_.parities.push_back(center_to_corner_parities(triangles, frame_.box(leaf)));
     if (triangles.empty()) return;
@@ -262,11 +265,11 @@ void put_run(Store& store, const RunRecord& run) {
 
 Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
              const std::function<Store()>& open_store, const RunControl& control,
-             std::uint64_t bucket_capacity) {
+             const StopSource& stop, std::uint64_t bucket_capacity) {
   const OctreePlan plan = plan_octree(run.parameters, raw.box);
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
-  IngestWatch watch = watch_of(control);
+  IngestWatch watch = watch_of(control, stop);
   Workers workers(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes)));
   std::optional<Store> store;
   try {
@@ -282,27 +285,27 @@ Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
 
     store.emplace(open_store());
     put_run(*store, run);
-    erase_all(*store);
-    BoundedBatches batches(*store);
+    erase_all(*store, &stop);
+    BoundedBatches batches(*store, &stop);
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
     store_leaves(completed(cut, plan.level), run, batches);
     run.phase = Phase::kInitialize;
     batches.next().put_run(run);
     batches.commit();
-  } catch (const IngestStopped&) {
+  } catch (const Stopped&) {
     if (!store) store.emplace(open_store());
     put_run(*store, run);
   }
   return std::move(*store);
 }
 
-IngestWatch watch_of(const RunControl& control) {
+IngestWatch watch_of(const RunControl& control, const StopSource& stop) {
   std::function<void(std::uint64_t)> tell;
   if (control.on_progress)
     tell = [&control](std::uint64_t num_triangles) {
       control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
     };
-  return IngestWatch(control.is_stopped, tell);
+  return IngestWatch(&stop, tell);
 }
 
 }  // namespace locvol

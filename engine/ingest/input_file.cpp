@@ -16,7 +16,8 @@ constexpr std::size_t kMaxLineBytes = std::size_t{1} << 24;
 
 }  // namespace
 
-InputFile::InputFile(const std::filesystem::path& path) : path_(path), buffer_(kBufferBytes) {
+InputFile::InputFile(const std::filesystem::path& path, const StopToken* stop)
+    : path_(path), stop_(stop), buffer_(kBufferBytes) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (status.type() == std::filesystem::file_type::not_found)
@@ -77,6 +78,7 @@ bool InputFile::next_line(std::string_view& line) {
 }
 
 bool InputFile::load_more() {
+  throw_if_stopped(stop_);
   if (begin_ > 0) {
     std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
     end_ -= begin_;

@@ -11,13 +11,15 @@
 #include <vector>
 
 #include "engine/ingest/file_digest.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
+// Whatever reads on throws Stopped.
 class InputFile {
  public:
   // Throws InputError: not there, a directory, no regular file, not readable.
-  explicit InputFile(const std::filesystem::path& path);
+  explicit InputFile(const std::filesystem::path& path, const StopToken* stop = nullptr);
 
   const std::filesystem::path& path() const { return path_; }
   std::uint64_t size() const { return size_; }                          // bytes, when it was opened
@@ -49,6 +51,7 @@ class InputFile {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
   std::filesystem::path path_;
+  const StopToken* stop_;
   std::unique_ptr<std::FILE, Close> file_;
   std::uint64_t size_ = 0;
   std::uint64_t loaded_ = 0;  // bytes read from the file

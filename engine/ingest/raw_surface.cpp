@@ -252,7 +252,7 @@ void RawSurfaceBuilder::check_extent() const {
 RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
                         IngestWatch& watch, const DiskOf& disk) {
   RawSurfaceBuilder builder(source.name, directory, watch, disk);
-  return builder.finish(source.parse(builder));
+  return builder.finish(source.parse(builder, watch.stop()));
 }
 
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,

@@ -14,7 +14,7 @@ namespace locvol {
 // The cells of the plan's level that the surface may come nearer than λ, in Morton order: the
 // leaves that may get surface points, however these are rounded. Those inside are found by their
 // sides, later. Memory: 32 MB. Throws InputError, with the cure, if there will be more than 2
-// million leaves; IngestStopped.
+// million leaves; Stopped.
 std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
                                           const RunParameters& parameters, IngestWatch& watch);
 

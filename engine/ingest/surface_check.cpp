@@ -43,20 +43,25 @@ struct CellReport {
 
 class CellCheck {
  public:
+  // `stop` may be null.
   CellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-            double middle_z)
+            double middle_z, const StopToken* stop)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
         middle_z_(middle_z),
+        stop_(stop),
         soup_(soup_of(triangles_)),
         mates_(3 * triangles_.size(), kNoHalfEdge),
         is_copy_(triangles_.size()) {}
 
+  // Throws Stopped.
   CellReport run(CheckScope scope) && {
+    throw_if_stopped(stop_);
     pair_edges();
     count_owned();
+    throw_if_stopped(stop_);
     find_components();
     if (scope == CheckScope::kAll) {
       check_fans();
@@ -233,7 +238,7 @@ class CellCheck {
       }
       soup_.triangles.resize(kept);
     }
-    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, box_);
+    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, box_, stop_);
     if (pair)
       note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
   }
@@ -243,6 +248,7 @@ class CellCheck {
   Box box_;
   const TriangleBuckets& buckets_;
   double middle_z_;
+  const StopToken* stop_;
   TriangleSoup soup_;
   Mates mates_;  // without copies
   std::vector<bool> is_copy_;
@@ -326,7 +332,8 @@ SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& b
       workers, buckets.all(),
       [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
       [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
-        return CellCheck(std::move(triangles), bucket.cell, buckets, box.center().z).run(scope);
+        return CellCheck(std::move(triangles), bucket.cell, buckets, box.center().z, watch.stop())
+            .run(scope);
       },
       [&](const TriangleBucket& bucket, const CellReport& report) {
         surface.add(report);

@@ -63,7 +63,7 @@ enum class CheckScope {
 };
 
 // `box` is around the surface. Each thread is at a cell of its own.
-// Memory: see check_surface(). Throws as TriangleSpill, IngestStopped.
+// Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
                             const Box& box, CheckScope scope, IngestWatch& watch, Workers& workers);
 

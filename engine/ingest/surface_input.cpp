@@ -104,6 +104,7 @@ class SurfacePreparation {
     std::set<Point> whole;  // vertices with all their triangles in the piece
     for (const Triangle& t : raw_.collinear) whole.insert(t.corners.begin(), t.corners.end());
     for (;;) {
+      throw_if_stopped(watch_.stop());
       const std::vector<Triangle> piece = triangles_around(whole);
       TriangleSoup soup = soup_of(piece);
       std::vector<bool> is_whole(soup.vertices.size());

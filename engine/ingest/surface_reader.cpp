@@ -104,8 +104,9 @@ std::string to_string(const FilePlace& place) {
   return fmt::format("{} {}", place.unit == FilePlace::Unit::kLine ? "line" : "face", place.number);
 }
 
-std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink) {
-  InputFile file(path);
+std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink,
+                          const StopToken* stop) {
+  InputFile file(path, stop);
   if (file.size() == 0) file.refuse("is empty (0 bytes); fetch or export it again");
   switch (format_of(file)) {
     case SurfaceFormat::kBinaryStl:

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "octree/geometry.h"
+#include "octree/stop.h"
 
 namespace locvol {
 
@@ -38,7 +39,8 @@ class SurfaceSink {
 // extension. Returns the SHA-256 of the file's bytes. Needs memory for one buffer, whatever the
 // size of the file. Throws InputError: missing, unreadable, of no known format, damaged, cut off,
 // with a header that promises more than the file holds, with a coordinate that is not finite, or
-// named as another format than it is.
-std::string parse_surface(const std::filesystem::path& file, SurfaceSink& sink);
+// named as another format than it is. Throws Stopped.
+std::string parse_surface(const std::filesystem::path& file, SurfaceSink& sink,
+                          const StopToken* stop = nullptr);
 
 }  // namespace locvol

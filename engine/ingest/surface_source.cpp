@@ -20,7 +20,7 @@ constexpr std::size_t kHashedAtOnce = 256;  // triangles
 
 class TriangleDigest {
  public:
-  TriangleDigest() {
+  explicit TriangleDigest(const StopToken* stop) : stop_(stop) {
     hash_.update(kDigestPrefix.data(), kDigestPrefix.size());
     waiting_.reserve(kHashedAtOnce);
   }
@@ -35,10 +35,12 @@ class TriangleDigest {
 
  private:
   void flush() {
+    throw_if_stopped(stop_);
     hash_.update(waiting_.data(), waiting_.size() * sizeof waiting_[0]);
     waiting_.clear();
   }
 
+  const StopToken* stop_;
   Sha256 hash_;
   std::vector<std::array<Point, 3>> waiting_;
 };
@@ -52,8 +54,9 @@ void check_finite(const std::array<Point, 3>& corners, std::uint64_t triangle) {
                       kInMemory, triangle, p.x, p.y, p.z));
 }
 
-std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink) {
-  TriangleDigest digest;
+std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink,
+                            const StopToken* stop) {
+  TriangleDigest digest(stop);
   std::uint64_t num_triangles = 0;
   triangles([&](const std::array<Point, 3>& corners) {
     check_finite(corners, num_triangles++);
@@ -63,8 +66,8 @@ std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink) 
   return digest.finish();
 }
 
-std::string digest_of_triangles(const TriangleSource& triangles) {
-  TriangleDigest digest;
+std::string digest_of_triangles(const TriangleSource& triangles, const StopToken* stop) {
+  TriangleDigest digest(stop);
   triangles([&](const std::array<Point, 3>& corners) { digest.add(corners); });
   return digest.finish();
 }
@@ -72,13 +75,18 @@ std::string digest_of_triangles(const TriangleSource& triangles) {
 }  // namespace
 
 SurfaceSource surface_in_file(const std::filesystem::path& file) {
-  return {file.string(), [file](SurfaceSink& sink) { return parse_surface(file, sink); },
-          [file] { return digest_of_file(file); }};
+  return {
+      file.string(),
+      [file](SurfaceSink& sink, const StopToken* stop) { return parse_surface(file, sink, stop); },
+      [file](const StopToken* stop) { return digest_of_file(file, stop); }};
 }
 
 SurfaceSource surface_in_memory(TriangleSource triangles) {
-  return {kInMemory, [triangles](SurfaceSink& sink) { return parse_triangles(triangles, sink); },
-          [triangles] { return digest_of_triangles(triangles); }};
+  return {kInMemory,
+          [triangles](SurfaceSink& sink, const StopToken* stop) {
+            return parse_triangles(triangles, sink, stop);
+          },
+          [triangles](const StopToken* stop) { return digest_of_triangles(triangles, stop); }};
 }
 
 }  // namespace locvol

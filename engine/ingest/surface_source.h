@@ -14,10 +14,11 @@ namespace locvol {
 
 struct SurfaceSource {
   std::string name;  // for messages
-  // Gives all to the sink. Returns the digest.
-  std::function<std::string(SurfaceSink&)> parse;
+  // Gives all to the sink. Returns the digest. Throws Stopped, as does the next; `stop` may be
+  // null.
+  std::function<std::string(SurfaceSink&, const StopToken* stop)> parse;
   // The name by which a store knows its input: SHA-256, hexadecimal.
-  std::function<std::string()> digest;
+  std::function<std::string(const StopToken* stop)> digest;
 };
 
 // See parse_surface(). The digest is of the file's bytes.

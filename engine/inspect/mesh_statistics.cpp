@@ -123,7 +123,8 @@ class Piece : public Task {
 
 }  // namespace
 
-MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step) {
+MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
+                               const StopToken* stop) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   const LinearOctree octree = stored_octree(store, snapshot);
@@ -147,6 +148,7 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepPr
                     .windows = {}};
   std::size_t leaf = 0;
   Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
+    throw_if_stopped(stop);
     std::vector<std::size_t> leaves;
     for (std::uint64_t num = 0; leaf < num_cells.size() && num < kCellsPerPiece; ++leaf) {
       if (num_cells[leaf] > 0) leaves.push_back(leaf);

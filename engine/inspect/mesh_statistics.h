@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/step_progress.h"
+#include "octree/stop.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -37,8 +38,8 @@ struct MeshStatistics {
 // taken by formula, without the lattice's displacement of 2^-18 of its spacing. The result is the
 // same for any number of threads. Steps are listed cells.
 // Memory: for each thread a leaf, its cells, and 8 MB for the points around it.
-// Throws StoreError unless the store holds a finished run; CorruptRecord.
+// Throws StoreError unless the store holds a finished run; CorruptRecord, Stopped.
 MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
-                               const StepProgress& on_step = {});
+                               const StepProgress& on_step = {}, const StopToken* stop = nullptr);
 
 }  // namespace locvol

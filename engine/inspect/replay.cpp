@@ -172,6 +172,8 @@ Replay replay(const StoredVisit& visit) {
     replay.delta = refine_leaf(input);
   } catch (const RefineError& e) {
     replay.error = e.what();
+  } catch (const std::logic_error& e) {  // of CGAL, or of the standard library
+    replay.error = e.what();
   }
   const Cells found = sorted(std::exchange(replay.delta.cells, {}));
   replay.num_cells_gone = num_missing(visit.cells, found);

@@ -37,7 +37,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf);
 struct Replay {
   std::vector<RefineStep> steps;
   LeafDelta delta;    // without its cells, which are in `mesh`
-  std::string error;  // why the visit broke off (a RefineError), after `steps`; else empty
+  std::string error;  // why the visit broke off, after `steps`; else empty
   CellMesh mesh;      // the leaf's cells after the visit; empty if it is to be split
 
   // Against what the store held.

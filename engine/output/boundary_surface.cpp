@@ -54,12 +54,13 @@ std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertice
 
 BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                                  VertexPositions& positions, const std::filesystem::path& output,
-                                 PageRelease& pages, Workers& workers)
+                                 PageRelease& pages, Workers& workers, const StopToken* stop)
     : reader_(&reader),
       numbering_(&numbering),
       positions_(&positions),
       output_(output),
       pages_(&pages),
+      stop_(stop),
       facets_(output) {
   find_facets(workers);
 }
@@ -108,12 +109,14 @@ void BoundarySurface::find_facets(Workers& workers) {
       workers,
       [&]() -> std::optional<NumberedCells> {
         if (next == num_leaves) return std::nullopt;
+        throw_if_stopped(stop_);
         return load_cells(next++, numbers);
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
 
   LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return open.list(leaf); });
   for (std::size_t leaf = 0; leaf < num_leaves; ++leaf) {
+    throw_if_stopped(stop_);
     std::vector<Record> records;
     if (open.length(leaf) > 0) records = lists.get(leaf)->values;
     for (const std::size_t other : numbering_->near(leaf, 2 * kCellReach)) {
@@ -135,6 +138,7 @@ void BoundarySurface::find_vertices() {
   vertices_.emplace(output_);
   LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return facets_.list(leaf); });
   for (std::size_t leaf = 0; leaf < numbering_->leaves().size(); ++leaf) {
+    throw_if_stopped(stop_);
     const std::uint64_t first = numbering_->first_vertex(leaf),
                         end = numbering_->first_vertex(leaf + 1);
     std::vector<std::uint64_t> vertices;

@@ -35,10 +35,10 @@ struct BoundaryFacet {
 // Threads: used by one at a time. Errors: StoreError, std::system_error.
 class BoundarySurface {
  public:
-  // All but `workers` must outlive this object.
+  // All but `workers` must outlive this object. What looks at all leaves throws Stopped.
   BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                   VertexPositions& positions, const std::filesystem::path& output,
-                  PageRelease& pages, Workers& workers);
+                  PageRelease& pages, Workers& workers, const StopToken* stop = nullptr);
   BoundarySurface(const BoundarySurface&) = delete;
   BoundarySurface& operator=(const BoundarySurface&) = delete;
 
@@ -122,6 +122,7 @@ class BoundarySurface {
   VertexPositions* positions_;
   std::filesystem::path output_;
   PageRelease* pages_;
+  const StopToken* stop_;
   LeafLists<Record> facets_;
   std::optional<LeafLists<std::uint64_t>> vertices_;
   std::optional<LeafWindow<List<std::uint64_t>>> vertices_near_;

@@ -16,14 +16,15 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 }  // namespace
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-                       const StepProgress& on_step)
+                       const StepProgress& on_step, const StopToken* stop)
     : store_(store),
       snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
       output_(output),
       on_step_(on_step),
+      stop_(stop),
       pages_(store),
-      numbering_(snapshot_, run_, output, pages_),
+      numbering_(snapshot_, run_, output, pages_, stop),
       positions_(snapshot_, numbering_),
       workers_(num_threads) {}
 
@@ -42,7 +43,7 @@ std::vector<std::uint32_t> MeshSource::leaves_of_cells(std::uint64_t first,
 BoundarySurface& MeshSource::boundary() {
   if (!boundary_)
     boundary_ = std::make_unique<BoundarySurface>(snapshot_, numbering_, positions_, output_,
-                                                  pages_, workers_);
+                                                  pages_, workers_, stop_);
   return *boundary_;
 }
 
@@ -65,6 +66,7 @@ std::function<std::optional<MeshSource::LeafRange>()> MeshSource::ranges(const P
   return [this, parts, leaf = std::size_t{0}]() mutable -> std::optional<LeafRange> {
     const std::size_t num_leaves = numbering_.leaves().size();
     if (leaf == num_leaves) return std::nullopt;
+    throw_if_stopped(stop_);
     LeafRange range{leaf, leaf};
     std::uint64_t bytes = 0;
     for (; range.end < num_leaves && bytes < kFullPieceBytes; ++range.end)

@@ -57,9 +57,9 @@ struct QualityValues {
 class MeshSource {
  public:
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
-  // Steps are cells, told in the first pass over them.
+  // Steps are cells, told in the first pass over them. Any pass throws Stopped.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-             const StepProgress& on_step = {});
+             const StepProgress& on_step = {}, const StopToken* stop = nullptr);
 
   const RunRecord& run() const { return run_; }
   std::uint64_t num_vertices() const { return numbering_.num_vertices(); }
@@ -103,6 +103,7 @@ class MeshSource {
   RunRecord run_;
   std::filesystem::path output_;
   StepProgress on_step_;
+  const StopToken* stop_;
   std::uint64_t num_told_ = 0;
   PageRelease pages_;
   VertexNumbering numbering_;

@@ -35,7 +35,8 @@ std::vector<bool> named_vertices(const LeafCells& cells) {
 }  // namespace
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
-                                 const std::filesystem::path& output, PageRelease& pages)
+                                 const std::filesystem::path& output, PageRelease& pages,
+                                 const StopToken* stop)
     : frame_(run.frame),
       lattice_(lattice_of(run)),
       size_(run.parameters.size),
@@ -49,6 +50,7 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
   LeafWindow<Names> names(kNamesBytes,
                           [&](std::size_t leaf) { return load_names(reader, pages, leaf); });
   for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+    throw_if_stopped(stop);
     const std::vector<std::uint64_t> used = find_used(leaf, names);
     const auto here = names.get(leaf);
     ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t), std::as_bytes(std::span(used)));

@@ -11,6 +11,7 @@
 #include "engine/partial_file.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
+#include "octree/stop.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -25,9 +26,9 @@ namespace locvol {
 // Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
 class VertexNumbering {
  public:
-  // `reader` is used by the constructor only.
+  // `reader` is used by the constructor only, which throws Stopped.
   VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
-                  PageRelease& pages);
+                  PageRelease& pages, const StopToken* stop = nullptr);
 
   VertexNumbering(const VertexNumbering&) = delete;
   VertexNumbering& operator=(const VertexNumbering&) = delete;

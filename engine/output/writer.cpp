@@ -50,14 +50,15 @@ std::uint64_t write(MeshSource& mesh, const OutputOptions& options, PartialFile&
 }  // namespace
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
-                        const OutputOptions& options, int num_threads,
-                        const StepProgress& on_step) {
-  MeshSource mesh(store, file, num_threads, on_step);
+                        const OutputOptions& options, int num_threads, const StepProgress& on_step,
+                        const StopToken* stop) {
+  MeshSource mesh(store, file, num_threads, on_step, stop);
   const MeshCounts counts = counts_of(mesh, options.format);
   check_limits(options.format, counts, file);
   std::list<PartialFile> files;
   std::vector<PartialFile*> all;
-  for (const auto& name : files_of(options.format, file)) all.push_back(&files.emplace_back(name));
+  for (const auto& name : files_of(options.format, file))
+    all.push_back(&files.emplace_back(name, stop));
   const std::uint64_t bytes = write(mesh, options, *all.front(), all.back());
   PartialFile::publish_all(all);
   return {counts.num_vertices, counts.num_cells, bytes, counts.num_boundary_facets};

@@ -6,6 +6,7 @@
 
 #include "engine/formats/mesh_format.h"
 #include "engine/step_progress.h"
+#include "octree/stop.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -20,10 +21,10 @@ struct WriteSummary {
 // file appears under its name only when it is whole.
 // Memory: one leaf and the id tables of its neighbors, and for each thread a mebibyte or a leaf
 // more. Steps are cells. Throws StoreError; FormatLimit before a byte is written;
-// std::runtime_error with the file's name when it cannot be written.
+// std::runtime_error with the file's name when it cannot be written; Stopped, with nothing written.
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads = 1,
-                        const StepProgress& on_step = {});
+                        const StepProgress& on_step = {}, const StopToken* stop = nullptr);
 // The same as VTU, without the quality.
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,
                        const StepProgress& on_step = {});

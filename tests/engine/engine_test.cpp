@@ -201,13 +201,16 @@ class EngineTest : public testing::Test {
   std::filesystem::path input_ = scratch_ / "input.off";
 };
 
-// A run that is stopped after each `num_visits` visits, and resumed until it is done.
+// A run that is stopped after each `num_visits` visits, and resumed until it is done. On one
+// thread: on several, those under way would be dropped, and at one visit a piece it would get
+// nowhere.
 void mesh_in_pieces(const MeshOptions& options, int num_visits) {
   int num_pieces = 0;
   const auto stop_soon = [&] {
     return RunControl{.on_progress = {},
                       .is_stopped = [left = num_visits]() mutable { return left-- == 0; },
-                      .on_note = {}};
+                      .on_note = {},
+                      .num_threads = 1};
   };
   RunSummary summary = mesh(options, stop_soon());
   while (summary.outcome == RunOutcome::kInterrupted) {
@@ -608,9 +611,12 @@ TEST_F(EngineTest, ReportsProgressAndStopsWhenAsked) {
   EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::num_visits));
   EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::epoch));
 
+  bool is_known = false;
   const RunSummary stopped =
-      mesh(options("stopped", 0.1, 1000),
-           {.on_progress = {}, .is_stopped = [] { return true; }, .on_note = {}});
+      mesh(options("stopped", 0.1, 1000), {.on_progress = {},
+                                           .is_stopped = [&] { return is_known; },
+                                           .on_note = {},
+                                           .on_run = [&](const RunRecord&) { is_known = true; }});
   EXPECT_EQ(stopped.outcome, RunOutcome::kInterrupted);
   EXPECT_EQ(stopped.num_visits, 0U);
 }

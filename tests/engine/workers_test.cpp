@@ -11,7 +11,10 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
+
+#include "octree/stop.h"
 
 namespace locvol {
 namespace {
@@ -94,6 +97,7 @@ class WorkersOf : public testing::TestWithParam<int> {
   }
 
   Journal journal_;
+  bool is_endless_begun_ = false;
   Workers workers_{GetParam()};
 };
 
@@ -166,6 +170,49 @@ TEST_P(WorkersOf, ThrowTheErrorOfNextAfterAllBeforeItAreApplied) {
   };
   EXPECT_THROW(run(), std::runtime_error);
   expect_applied(50);
+}
+
+// Unlike an error, it comes out at once: what comes before it in the order may take long.
+TEST_P(WorkersOf, DropAllThatIsNotAppliedOnceTheyAreStopped) {
+  std::atomic<bool> is_stopped = false;
+  struct Endless : Task {
+    explicit Endless(std::atomic<bool>& stop) : is_stopped(stop) {}
+    void compute() override {
+      while (!is_stopped) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      throw Stopped();
+    }
+    void apply() override { FAIL(); }
+    std::atomic<bool>& is_stopped;
+  };
+  const bool has_company = GetParam() > 1;
+  EXPECT_THROW(workers_.run_in_order([&]() -> std::unique_ptr<Task> {
+    const std::size_t num_begun = journal_.begun.size();
+    if (num_begun == 44) is_stopped = true;
+    if (num_begun == 44 && !has_company) throw Stopped();
+    if (num_begun == 40 && has_company && !std::exchange(is_endless_begun_, true))
+      return std::make_unique<Endless>(is_stopped);
+    return next();
+  }),
+               Stopped);
+  EXPECT_EQ(journal_.num_computing, 0);
+  EXPECT_LE(journal_.applied.size(), has_company ? 40U : 44U);
+  expect_applied(static_cast<int>(journal_.applied.size()));
+  EXPECT_LT(journal_.begun.size(), std::size_t{kNumTasks});
+}
+
+TEST_P(WorkersOf, AreStoppedByWhatIsAppliedOrBegun) {
+  for (const bool by_next : {true, false}) {
+    journal_.begun.clear();
+    journal_.applied.clear();
+    EXPECT_THROW(workers_.run_in_order([&]() -> std::unique_ptr<Task> {
+      if (by_next && journal_.begun.size() == 20) throw Stopped();
+      if (!by_next && journal_.applied.size() >= 20) throw Stopped();
+      return next();
+    }),
+                 Stopped);
+    expect_applied(static_cast<int>(journal_.applied.size()));
+  }
+  workers_.run_in_order([] { return nullptr; });  // and can go on
 }
 
 INSTANTIATE_TEST_SUITE_P(Threads, WorkersOf, testing::Values(1, 2, 3, 8));

@@ -3,6 +3,8 @@
 //
 //   LOCVOL_KILL_AT=STEP:N:before|after   kill -9 at the N-th call of the step (from 1)
 //   LOCVOL_STEP_LOG=FILE                 a letter is appended for each call, even if it is killed
+//   LOCVOL_FAIL_VISITS_FROM=N            from the N-th visit on (from 1), any with more than one
+//                                        insertion fails
 //
 // The functions belong to the faces of the layers. When one changes its signature, its symbol is no
 // longer referred to and its step never happens: the sweep says so. Then mend it here and in
@@ -65,11 +67,22 @@ auto step(Step which, const Call& call) {
   return call();
 }
 
+bool is_to_fail() {
+  static const char* const text = std::getenv("LOCVOL_FAIL_VISITS_FROM");
+  static std::atomic<long> num_visits = 0;
+  return text != nullptr && ++num_visits >= std::atol(text);
+}
+
 }  // namespace
 }  // namespace locvol::sweeps
 
 using namespace locvol;
 using sweeps::Step;
+
+static LeafInput with_one_insertion(LeafInput input) {
+  input.max_insertions = 1;
+  return input;
+}
 
 // SYMBOL is the mangled name; the parameters of a member function begin with the object.
 #define WRAP(which, Result, function, symbol, parameters, arguments)             \
@@ -86,7 +99,7 @@ WRAP(kLoad, LeafPoints, points, "_ZNK6locvol6Reader6pointsENS_9MortonKeyE",
 WRAP(kCover, CoverPoints, cover_leaf, "_ZN6locvol10cover_leafERKNS_10CoverInputE",
      (const CoverInput& input), (input))
 WRAP(kRefine, LeafDelta, refine_leaf, "_ZN6locvol11refine_leafERKNS_9LeafInputE",
-     (const LeafInput& input), (input))
+     (const LeafInput& input), (sweeps::is_to_fail() ? with_one_insertion(input) : input))
 WRAP(kSplit, void, split, "_ZN6locvol12LinearOctree5splitENS_9MortonKeyE",
      (LinearOctree * octree, MortonKey leaf), (octree, leaf))
 WRAP(kCommit, void, commit, "_ZN6locvol5Batch6commitEv", (Batch * batch), (batch))

@@ -9,7 +9,7 @@ namespace locvol::sweeps {
 struct SweepOptions {
   std::uint64_t seed = 0;
   bool is_brief = false;  // a few dozen trials, for every build; else all of them
-  int num_kills = 240;    // at random instants, if not brief
+  int num_kills = 240;    // or stops, at random instants, if not brief
   std::filesystem::path directory;
   std::filesystem::path memory_directory;  // on a tmpfs
 };
@@ -22,6 +22,11 @@ void sweep_writers(const SweepOptions& options);
 void sweep_faults(const SweepOptions& options);
 // Each of the first allocations fails, then ever fewer; and all from there on.
 void sweep_allocations(const SweepOptions& options);
+
+// SIGTERM at random instants: of a run, which must end soon and go on; and of other commands.
+void sweep_stops(const SweepOptions& options);
+// Visits fail: the run ends right before the first one, which can be made again.
+void sweep_failures(const SweepOptions& options);
 
 // What the store costs: the same runs on disk, on disk without syncs, and in memory, as ratios.
 void measure_overhead(const SweepOptions& options);

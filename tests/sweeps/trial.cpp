@@ -67,9 +67,34 @@ bool has_ended(pid_t process) {
   return info.si_pid != 0;
 }
 
+bool catches(pid_t process, int signal) {
+  std::istringstream status(content_of(fmt::format("/proc/{}/status", process)));
+  for (std::string word; status >> word;)
+    if (word == "SigCgt:" && status >> word)
+      return std::stoull(word, nullptr, 16) >> (signal - 1) & 1;
+  return false;
+}
+
+// Before it catches the signal, a process has done nothing, and ends as any does. One that will go
+// on another time catches SIGALRM as well, last.
+void stop(pid_t process, Clock::time_point start, double after_seconds, int prepared_for,
+          Ending& ending) {
+  while (!has_ended(process) &&
+         (seconds_since(start) < after_seconds || !catches(process, prepared_for)))
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  if (has_ended(process)) return;
+  const auto stopped = Clock::now();
+  kill(process, SIGTERM);
+  while (!has_ended(process) && seconds_since(stopped) < kHangSeconds)
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  ending.stop_seconds = seconds_since(stopped);
+}
+
 // Waits for the end, and brings it about when it is time.
-void end(pid_t process, const Disturbance& disturbance, Ending& ending) {
+void end(pid_t process, bool may_go_on, const Disturbance& disturbance, Ending& ending) {
   const auto start = Clock::now();
+  if (disturbance.stop_after_seconds)
+    stop(process, start, *disturbance.stop_after_seconds, may_go_on ? SIGALRM : SIGTERM, ending);
   const double patience = disturbance.kill_after_seconds.value_or(kHangSeconds);
   while (!has_ended(process) && seconds_since(start) < patience)
     std::this_thread::sleep_for(std::chrono::microseconds(500));
@@ -98,6 +123,11 @@ void require(bool holds, const std::string& otherwise) {
   if (!holds) throw Failure(otherwise);
 }
 
+std::string Model::name() const {
+  return fmt::format("{} -n {} --size {}{}{}", shape, num_triangles, size,
+                     options.empty() ? "" : " ", fmt::join(options, " "));
+}
+
 std::string Ending::text() const {
   return fmt::format("{} after {:.2f} s{}{}{}",
                      is_hung      ? "hung"
@@ -124,7 +154,7 @@ std::vector<std::uint64_t> some_of(std::uint64_t count, std::uint64_t how_many) 
 Ending run_locvol(const std::filesystem::path& directory, const std::vector<std::string>& arguments,
                   const Disturbance& disturbance) {
   std::filesystem::create_directories(logs_of(directory));
-  for (const char* name : {"err", "faults.log", "steps.log"})
+  for (const char* name : {"out", "err", "faults.log", "steps.log"})
     std::filesystem::remove(logs_of(directory) / name);
   std::vector<std::string> words = {built("locvol_steps")};
   words.insert(words.end(), arguments.begin(), arguments.end());
@@ -133,8 +163,9 @@ Ending run_locvol(const std::filesystem::path& directory, const std::vector<std:
   posix_spawn_file_actions_t files;
   posix_spawn_file_actions_init(&files);
   posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
+  const std::string out = (logs_of(directory) / "out").string();
   const std::string err = (logs_of(directory) / "err").string();
+  posix_spawn_file_actions_addopen(&files, 1, out.c_str(), O_WRONLY | O_CREAT, 0600);
   posix_spawn_file_actions_addopen(&files, 2, err.c_str(), O_WRONLY | O_CREAT, 0600);
   pid_t process = 0;
   const int error = posix_spawn(&process, words[0].c_str(), &files, nullptr, pointers(words).data(),
@@ -143,7 +174,8 @@ Ending run_locvol(const std::filesystem::path& directory, const std::vector<std:
   if (error != 0) throw std::system_error(error, std::generic_category(), words[0]);
 
   Ending ending;
-  end(process, disturbance, ending);
+  end(process, arguments.front() == "mesh", disturbance, ending);
+  ending.out = content_of(out);
   ending.err = content_of(err);
   ending.steps = content_of(logs_of(directory) / "steps.log");
   read_fault_log(content_of(logs_of(directory) / "faults.log"), ending);
@@ -178,11 +210,19 @@ void Trial::start_anew() {
 }
 
 Ending Trial::run(const Disturbance& disturbance) {
-  return run_locvol(directory_,
-                    {"mesh", (directory_ / "surface.stl").string(), "-o", output().string(),
-                     "--size", model_.size, "--leaf-capacity", model_.leaf_capacity, "--threads",
-                     std::to_string(kNumThreads), "--quiet"},
-                    disturbance);
+  std::vector<std::string> words = {"mesh",
+                                    (directory_ / "surface.stl").string(),
+                                    "-o",
+                                    output().string(),
+                                    "--size",
+                                    model_.size,
+                                    "--leaf-capacity",
+                                    model_.leaf_capacity,
+                                    "--threads",
+                                    std::to_string(kNumThreads),
+                                    "--quiet"};
+  words.insert(words.end(), model_.options.begin(), model_.options.end());
+  return run_locvol(directory_, words, disturbance);
 }
 
 StoreState Trial::store_state() const {

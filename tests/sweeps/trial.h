@@ -30,7 +30,8 @@ struct Model {
   std::string num_triangles;
   std::string size;
   std::string leaf_capacity;
-  std::string name() const { return shape + " -n " + num_triangles + " --size " + size; }
+  std::vector<std::string> options = {};  // others
+  std::string name() const;
 };
 
 struct Ending {
@@ -38,7 +39,8 @@ struct Ending {
   int signal = 0;
   bool is_hung = false;  // it took too long, and was killed
   double seconds = 0;
-  std::string err;
+  std::optional<double> stop_seconds;  // from SIGTERM to the end; absent: that came first
+  std::string out, err;
   std::string fired;        // the call at which a fault happened; empty: none did
   long long num_calls = 0;  // that could have had the fault
   std::string steps;        // letters of kSteps
@@ -49,9 +51,14 @@ struct Ending {
 struct Disturbance {
   std::map<std::string, std::string> environment;
   std::optional<double> kill_after_seconds;
+  std::optional<double> stop_after_seconds = {};  // SIGTERM, once the process is prepared for it
 
   static Disturbance fault(const std::string& fault) { return {{{"LOCVOL_FAULT", fault}}, {}}; }
   static Disturbance kill_at(const std::string& step) { return {{{"LOCVOL_KILL_AT", step}}, {}}; }
+  static Disturbance stop_after(double seconds) { return {{}, {}, seconds}; }
+  static Disturbance fail_visits_from(std::uint64_t number) {
+    return {{{"LOCVOL_FAIL_VISITS_FROM", std::to_string(number)}}, {}};
+  }
 };
 
 // Runs the command, disturbed. Faults come in calls on files below the directory.

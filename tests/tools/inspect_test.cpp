@@ -46,9 +46,9 @@ class InspectTest : public testing::Test {
   RunSummary finish() { return mesh(options()); }
   void stop_after(int num_visits) {
     bool is_refining = false;
-    RunControl control;
+    RunControl control{.num_threads = 1};
     control.is_stopped = [&] {
-      if (!is_refining)
+      if (!is_refining && Store::exists(store_))
         is_refining =
             Store::open(store_, {.read_only = true}).snapshot().run()->phase == Phase::kRefine;
       return is_refining && num_visits-- == 0;

@@ -380,7 +380,7 @@ class IngestTest : public testing::Test {
     return ingest(
         std::move(raw), run, [](const RunRecord&, std::uint64_t) {},
         [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
-        control, capacity);
+        control, StopSource({}), capacity);
   }
 
   void write(const Polygons& s) const { std::ofstream(input_, std::ios::binary) << to_off(s); }
@@ -496,21 +496,32 @@ TEST_F(IngestTest, RefusesTooManyLeavesAndNamesASizeThatWorks) {
   }
 }
 
+// Of 400,000 triangles: the first report comes while they are read, the others later.
 TEST_F(IngestTest, GoesOnAfterItIsStopped) {
   write(to_polygons(testing_shapes::sphere(1, 400, 500)));
   const auto run = options(0.3, 20000);
-  int num_reports = 0;
+  int num_reports = 0, at_report = 1;
   RunControl control{.on_progress =
                          [&](const Progress& p) {
                            EXPECT_EQ(p.phase, Phase::kIngest);
                            ++num_reports;
                          },
-                     .is_stopped = [] { return true; },
+                     .is_stopped = [&] { return num_reports >= at_report; },
                      .on_note = {}};
+  EXPECT_THROW(mesh(run, control), Stopped) << "no run is known yet";
+  EXPECT_EQ(num_reports, 1);
+  EXPECT_FALSE(std::filesystem::exists(run.store));
+
+  num_reports = 0, at_report = 2;
   EXPECT_EQ(mesh(run, control).outcome, RunOutcome::kInterrupted);
-  EXPECT_GT(num_reports, 0);
+  EXPECT_EQ(num_reports, 2);
   EXPECT_EQ(Store::open(run.store).snapshot().run()->phase, Phase::kIngest);
-  EXPECT_EQ(resume(run.store, control).outcome, RunOutcome::kInterrupted);
+
+  num_reports = 0, at_report = 1;
+  EXPECT_EQ(resume(run.store, control).outcome, RunOutcome::kInterrupted) << "this one is";
+  EXPECT_EQ(Store::open(run.store).snapshot().run()->phase, Phase::kIngest);
+  num_reports = 0, at_report = 1;
+  EXPECT_THROW(mesh(run, control), Stopped) << "it may be another one";
   EXPECT_EQ(resume(run.store).outcome, RunOutcome::kDone);
 }
 

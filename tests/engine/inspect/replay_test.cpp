@@ -41,9 +41,9 @@ class TorusRun {
   void stop_after(std::uint64_t num_visits) {
     bool is_refining = false;
     std::uint64_t num_asked = 0;
-    RunControl control;
+    RunControl control{.num_threads = 1};
     control.is_stopped = [&] {
-      if (!is_refining) {
+      if (!is_refining && Store::exists(options_.store)) {
         const Store store = Store::open(options_.store, kReadOnly);
         is_refining = store.snapshot().run()->phase == Phase::kRefine;
       }
