@@ -46,7 +46,8 @@ struct Replay {
   std::uint64_t num_left_out = 0;    // StoredVisit::num_left_out
 
   bool changes_points() const { return !delta.inserted.empty() || !delta.deleted.empty(); }
-  // The same cells, but for those left out later, and no point inserted or deleted: what a clean leaf's visit must give.
+  // The same cells, but for those left out later, and no point inserted or deleted: what a clean
+  // leaf's visit must give.
   bool reproduces() const {
     return error.empty() && !delta.is_overfull && !changes_points() && num_cells_gone == 0 &&
            num_cells_new == num_left_out;
