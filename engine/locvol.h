@@ -40,7 +40,7 @@ enum class ErrorCode {
               ///< the system gives no more. What was committed is kept.
   kStore,     ///< The store: not there, in use by another process, damaged, of another version.
   kSystem,    ///< The disk is full, a file cannot be written ... What was committed is kept.
-  kCanceled,  ///< Control::is_canceled ended what leaves no run to go on with.
+  kCanceled,  ///< Control::is_canceled ended it before it knew the run. Nothing is changed.
   kInternal,  ///< A bug of locvol.
 };
 
@@ -137,8 +137,8 @@ struct Status {
 };
 
 /// How a run is carried out; no influence on the mesh. The functions may be empty. They are called
-/// by one thread at a time, not always the same one, and must not call back into the run; what
-/// they throw ends the run, which keeps what was committed.
+/// by one thread at a time, not always the same one (with `num_threads` 1, the caller), and must
+/// not call back into the run; what they throw ends the run, which keeps what was committed.
 struct Control {
   /// What the library may take, heap and mapped pages, besides what the program has by itself. 0:
   /// half of what is free.
@@ -146,8 +146,10 @@ struct Control {
   int num_threads = 0;  ///< 0: as many as the process may use.
   /// Called after each visit and each commit, and now and then while the surface is read.
   std::function<void(const Status&)> on_progress = {};
-  /// Asked between visits, and now and then while the surface is read: true ends the run after a
-  /// commit.
+  /// Asked between visits, and ten times a second wherever something takes long: true ends the run
+  /// at once, after a commit. Visits in hand are dropped and will be made again, so a run that is
+  /// always canceled before its longest visit is over never ends. Seldom, a step that cannot be
+  /// interrupted takes a second more.
   std::function<bool()> is_canceled = {};
   /// Told what was repaired in the surface.
   std::function<void(const std::string&)> on_note = {};

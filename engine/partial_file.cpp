@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -94,6 +95,24 @@ void OpenFile::close() {
   if (::close(std::exchange(descriptor_, -1)) != 0) fail("write", name_);
 }
 
+// The child has the file and the end of a pipe, and ends once the pipe is closed: after the file is
+// in this process, so that the child is the last to have it.
+void OpenFile::close_in_child() {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) return;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::dup2(descriptor_, 0);
+    ::dup2(ends[0], 1);
+    ::close_range(2, ~0U, 0);
+    char nothing = 0;
+    [[maybe_unused]] const auto end = ::read(1, &nothing, 1);
+    ::_exit(0);
+  }
+  if (child > 0) ::close(std::exchange(descriptor_, -1));
+  for (const int end : ends) ::close(end);
+}
+
 PartialFile::PartialFile(std::filesystem::path file, const StopToken* stop)
     : file_(std::move(file)),
       partial_(with_suffix(file_, ".partial")),
@@ -102,7 +121,15 @@ PartialFile::PartialFile(std::filesystem::path file, const StopToken* stop)
       out_(create(partial_), partial_) {}
 
 PartialFile::~PartialFile() {
-  if (!is_published_) ::unlink(partial_.c_str());
+  if (!is_published_) give_up();
+}
+
+void PartialFile::give_up() {
+  constexpr off_t kLargeBytes = off_t{1} << 30;
+  ::unlink(partial_.c_str());
+  struct stat status {};
+  const bool is_large = ::fstat(out_.descriptor(), &status) == 0 && status.st_size >= kLargeBytes;
+  if (is_large && stop_ != nullptr && stop_->is_stopped()) out_.close_in_child();
 }
 
 void PartialFile::reserve(std::uint64_t bytes) {
@@ -123,6 +150,18 @@ void PartialFile::publish_all(std::span<PartialFile* const> files) {
   for (PartialFile* file : files) file->finish();
   for (PartialFile* file : files) file->rename();
   for (PartialFile* file : files) sync_directory(directory_of(file->file_));
+}
+
+// Of a large file, what was written goes to the disk from now on and not at the end, and the system
+// keeps little of it in memory. So the end comes soon, and so does that of a file that is given up:
+// each gigabyte in memory would take a tenth of a second.
+void PartialFile::write_behind() {
+  constexpr std::uint64_t kStepBytes = std::uint64_t{256} << 20,
+                          kKeptBytes = std::uint64_t{4} << 30;
+  next_step_ = num_written_ + kStepBytes;
+  ::sync_file_range(out_.descriptor(), 0, 0, SYNC_FILE_RANGE_WRITE);  // begins it
+  if (num_written_ > kKeptBytes)
+    ::posix_fadvise(out_.descriptor(), 0, 0, POSIX_FADV_DONTNEED);  // but what is not written yet
 }
 
 // To write gigabytes takes the disk long, and fsync() cannot be stopped.

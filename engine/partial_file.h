@@ -29,6 +29,9 @@ class OpenFile {
   void write_at(std::uint64_t offset, std::span<const std::byte> bytes);
   void read_at(std::uint64_t offset, std::span<std::byte> bytes) const;  // all of them, or throws
   void close();  // reports what the system found out late
+  // Before it is given up, when this process is to end soon: closes it in a child, for the system
+  // takes seconds to give back gigabytes, and the end of a process waits for that.
+  void close_in_child();
 
  private:
   int descriptor_;
@@ -50,6 +53,8 @@ class PartialFile {
   void write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
     throw_if_stopped(stop_);
     out_.write_at(offset, bytes);
+    num_written_ += bytes.size();
+    if (num_written_ >= next_step_) write_behind();
   }
   void publish();
   // All of them or none, but for a crash between two names.
@@ -58,12 +63,15 @@ class PartialFile {
  private:
   void finish();         // makes it durable
   void write_to_disk();  // piece by piece, as far as the system can
+  void write_behind();
+  void give_up();
   void rename();
 
   std::filesystem::path file_, partial_;
   const StopToken* stop_;
   UnfinishedName unfinished_;
   OpenFile out_;
+  std::uint64_t num_written_ = 0, next_step_ = std::uint64_t{1} << 30;
   bool is_published_ = false;
 };
 

@@ -351,7 +351,7 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
                         CoverPoints& points) {
   const SurfacePatch& surface = *input.surface;
-  StopPoll poll(input.stop, 8);
+  StopPoll poll(input.stop);
   // The sites at the row's beginning that are within `distance` of its first, displaced or not.
   const auto num_within = [&](double distance, const LatticeRow& row) {
     constexpr double kSlack = 1.001;

@@ -126,8 +126,9 @@ class HoleSearch {
   FillPoints run() {
     const Box around = input_.box.expanded(kStart * size_);
     SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
+    StopPoll poll(input_.stop, 8);
     for (const LatticeSite& site : sites_near_surface(is_outside)) {
-      poll_();
+      poll();
       const Point corner = place(site);
       for (const auto& [b, c, d] : kLatticeCells) {
         if (is_there_[site] && is_there_[site + b] && is_there_[site + c] && is_there_[site + d])
@@ -151,13 +152,14 @@ class HoleSearch {
   static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
 
   // From which the cells are looked at, in order. All sites that are outside are marked so.
-  std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) {
+  std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) const {
     constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of a cell that misses a site
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const SiteBox corners = is_there_.box().expanded(-2);
     std::vector<LatticeSite> near;
+    StopPoll poll(input_.stop);
     for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
-      poll_();
+      poll();
       const Point p = place(row.first);
       const auto [is_inside, distance] = input_.surface->locate(p);
       const bool outside = !is_inside && input_.surface->region().contains(p);
@@ -254,7 +256,6 @@ class HoleSearch {
   std::vector<Point> near_;
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;
-  StopPoll poll_{input_.stop, 8};
   FillPoints found_;
 };
 

@@ -85,13 +85,7 @@ struct QueueEntry {
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
 // One after another, but for kMend, which comes between kRefine and kDone, and only if sites are
 // unresolved: then cells are left out where the boundary is no 2-manifold.
-enum class Phase : std::uint8_t {
-  kIngest = 0,
-  kInitialize = 1,
-  kRefine = 2,
-  kDone = 3,
-  kMend = 4
-};
+enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDone = 3, kMend = 4 };
 // For those who measure or draw a run, in the order of their numbers: mending is the end of
 // refinement.
 constexpr Phase working(Phase phase) { return phase > Phase::kRefine ? Phase::kRefine : phase; }

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cstdint>
 #include <limits>
 #include <utility>
@@ -14,23 +13,10 @@
 #include "refine/refine_leaf.h"
 #include "tests/refine/lattice_points.h"
 #include "tests/refine/shapes.h"
+#include "tests/stops_at.h"
 
 namespace locvol {
 namespace {
-
-// Says so at one question, and at all after it.
-class StopsAt : public StopToken {
- public:
-  explicit StopsAt(std::uint64_t question) : question_(question) {}
-  bool is_stopped() const override { return ++num_asked_ >= question_; }
-  std::uint64_t num_asked() const { return num_asked_; }
-
- private:
-  std::uint64_t question_;
-  mutable std::atomic<std::uint64_t> num_asked_ = 0;
-};
-
-constexpr std::uint64_t kNever = std::numeric_limits<std::uint64_t>::max();
 
 // One leaf, with the first points of cover mode but for those on one side, so that there is work
 // for each kind of visit.
@@ -65,7 +51,7 @@ class StopTest : public testing::Test {
   // as ever.
   template <class Visit, class IsSame>
   void expect_stops_anywhere(const Visit& visit, const IsSame& is_same) {
-    const StopsAt never(kNever);
+    const StopsAt never(StopsAt::kNever);
     const auto expected = visit(&never);
     ASSERT_GT(never.num_asked(), 2U);
     const std::uint64_t step = 1 + never.num_asked() / 50;

@@ -18,6 +18,7 @@
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/file_bytes.h"
+#include "tests/stops_at.h"
 #include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"
 
@@ -151,6 +152,19 @@ TEST_P(EveryFormat, HoldsAMeshWithoutCells) {
 }
 
 // What a failure leaves behind is what was there before.
+TEST_P(EveryFormat, LeavesNothingBehindWhereverItIsStopped) {
+  const TempDir dir;
+  const StopsAt never(StopsAt::kNever);
+  write_mesh(store(), dir / "whole", options(), 2, {}, &never);
+  const Names whole = names_in(dir.path());
+  const std::uint64_t step = 1 + never.num_asked() / 20;
+  for (std::uint64_t question = 1; question <= never.num_asked(); question += step) {
+    const StopsAt stop(question);
+    EXPECT_THROW(write_mesh(store(), dir / "mesh", options(), 2, {}, &stop), Stopped) << question;
+    EXPECT_EQ(names_in(dir.path()), whole);
+  }
+}
+
 TEST_P(EveryFormat, LeavesNothingBehindWithoutRoom) {
   const TempDir dir;
   const Store small =

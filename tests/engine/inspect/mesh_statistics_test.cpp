@@ -16,6 +16,7 @@
 #include "engine/output/writer.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/hand_made_mesh.h"
+#include "tests/stops_at.h"
 #include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"
 
@@ -176,6 +177,19 @@ TEST(MeshStatistics, KnowTheRegularTetrahedronAndAFlatCell) {
   EXPECT_TRUE(std::isinf(flat.max_circumradius));
   EXPECT_EQ(flat.radius_edge_ratios.counts.back(), 1u);
   EXPECT_EQ(flat.dihedral_angles.counts.front() + flat.dihedral_angles.counts.back(), 6u);
+}
+
+TEST(MeshStatistics, AreStoppedAtAnyPiece) {
+  const TempDir dir;
+  const Store store =
+      HandMadeStore(lattice_ball({2, 2, 2}, 2.6), LinearOctree::uniform(1)).write(dir / "store");
+  const StopsAt never(StopsAt::kNever);
+  mesh_statistics(store, 2, {}, &never);
+  ASSERT_GT(never.num_asked(), 0U);
+  for (std::uint64_t question = 1; question <= never.num_asked(); ++question) {
+    const StopsAt stop(question);
+    EXPECT_THROW(mesh_statistics(store, 2, {}, &stop), Stopped);
+  }
 }
 
 TEST(MeshStatistics, RefuseAnUnfinishedRunAndCellsOfUnknownPoints) {
