@@ -1,5 +1,6 @@
 #include "refine/circumcenter.h"
 
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Exact_rational.h>
 
 #include <algorithm>
@@ -119,6 +120,14 @@ Axis axis_of(std::array<Point, 3> corners) {
   const Point o = (0.5 / nn) * (locvol::dot(u, u) * locvol::cross(v, n) +
                                 locvol::dot(v, v) * locvol::cross(n, u));
   return {a + o, (1 / std::sqrt(nn)) * n, locvol::dot(o, o)};
+}
+
+bool is_outside_smallest_ball(const std::array<Point, 3>& corners, const Point& p) {
+  using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+  const auto cgal = [](const Point& q) { return Kernel::Point_3{q.x, q.y, q.z}; };
+  const auto& [a, b, c] = corners;
+  return CGAL::side_of_bounded_sphere(cgal(a), cgal(b), cgal(c), cgal(p)) ==
+         CGAL::ON_UNBOUNDED_SIDE;
 }
 
 }  // namespace locvol

@@ -29,4 +29,7 @@ struct Axis {
 };
 Axis axis_of(std::array<Point, 3> corners);
 
+// Is p outside the smallest ball through a triangle's corners? Exact. False for one without area.
+bool is_outside_smallest_ball(const std::array<Point, 3>& corners, const Point& p);
+
 }  // namespace locvol

@@ -240,10 +240,11 @@ double LeafMesh::clearance(Cell c) const {
 }
 
 // Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
-// facet is outside the facet's smallest circumball. Sound for flat cells too.
-bool LeafMesh::leads_past(Cell c, int index, const Axis& axis) const {
-  if (delaunay_.vertex(c, index) == kInfiniteVertex) return true;
-  return squared_distance(point(c, index), axis.center) > axis.squared_radius;
+// facet is outside the facet's smallest circumball. Flat cells of nearly cocircular points are far,
+// and rounding would take some for others.
+bool LeafMesh::leads_past(Cell c, int index, const std::array<Point, 3>& corners) const {
+  return delaunay_.vertex(c, index) == kInfiniteVertex ||
+         is_outside_smallest_ball(corners, point(c, index));
 }
 
 Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
@@ -288,8 +289,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
     if (!is_here_near && !is_there_near &&
-        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here, f.index, axis) &&
-          leads_past(there, delaunay_.index_of_neighbor(there, here), axis)))
+        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here, f.index, corners) &&
+          leads_past(there, delaunay_.index_of_neighbor(there, here), corners)))
       return result;
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
     // which side of the facet it points.

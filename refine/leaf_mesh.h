@@ -180,7 +180,7 @@ class LeafMesh {
   double clearance(Cell c) const;
   bool is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
                       const Point& corner) const;
-  bool leads_past(Cell c, int index, const Axis& axis) const;
+  bool leads_past(Cell c, int index, const std::array<Point, 3>& corners) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
 

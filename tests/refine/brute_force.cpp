@@ -159,6 +159,13 @@ std::optional<Ball> circumball(const std::array<Point, 3>& corners) {
   return Ball{rounded(a + *o), std::sqrt(CGAL::to_double(dot(*o, *o)))};
 }
 
+int side_of_smallest_ball(const std::array<Point, 3>& corners, const Point& p) {
+  const Vector a = exact(corners[0]);
+  const Vector o = circumcenter_offset(exact(corners[1]) - a, exact(corners[2]) - a).value();
+  const Vector d = exact(p) - a - o;
+  return CGAL::sign(Exact(dot(o, o) - dot(d, d)));
+}
+
 // The point m + s n of the axis through the facet's circumcenter m is as far from d as from the
 // facet's corners if s = (|d - m|² - r²) / (2 n·(d - m)).
 std::optional<std::array<Point, 2>> dual_edge(const std::array<Point, 3>& facet,

@@ -40,6 +40,9 @@ struct Ball {
 std::optional<Ball> circumball(const std::array<Point, 4>& vertices);
 // The circumcircle. Empty for a triangle without area.
 std::optional<Ball> circumball(const std::array<Point, 3>& corners);
+// Is p in the smallest ball through the corners (1), on its sphere (0), or outside (-1)? Exact.
+// REQUIRES: the triangle has an area
+int side_of_smallest_ball(const std::array<Point, 3>& corners, const Point& p);
 
 // The dual Voronoi edge of a facet between two cells, which are given by their vertices off it
 // (empty: the infinite cell), without what is farther than `limit` from the facet's circumcenter;

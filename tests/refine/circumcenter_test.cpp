@@ -228,5 +228,41 @@ TEST(AxisOf, AgreesWithRationals) {
   }
 }
 
+// ---- The smallest ball of a triangle
+
+TEST(IsOutsideSmallestBall, IsExactForNearlyCocircularPoints) {
+  constexpr unsigned kSeed = 16;
+  Random random(kSeed);
+  int num_outside = 0, num_changed = 0;  // by rounding, had the axis decided
+  for (int n = 0; n < 20000; ++n) {
+    const Point center = 1e3 * shapes::uniform_in(random, kCube);
+    const Point u = shapes::uniform_in(random, kCube);
+    const Point across = cross(u, shapes::uniform_in(random, kCube));
+    const Point v = norm(u) / norm(across) * across;
+    CellPoints cell;
+    for (Point& p : cell) {
+      const double angle = uniform(random, 0, 2 * std::numbers::pi);
+      p = center + std::cos(angle) * u + std::sin(angle) * v;
+    }
+    const Corners corners{cell[0], cell[1], cell[2]};
+    const Axis axis = axis_of(corners);
+    if (!std::isfinite(axis.squared_radius)) continue;
+    const bool is_outside = is_outside_smallest_ball(corners, cell[3]);
+    ASSERT_EQ(is_outside, brute_force::side_of_smallest_ball(corners, cell[3]) < 0)
+        << "seed " << kSeed << ", n " << n;
+    num_outside += is_outside;
+    num_changed += is_outside != (norm(cell[3] - axis.center) > std::sqrt(axis.squared_radius));
+  }
+  EXPECT_GT(num_outside, 5000);
+  EXPECT_GT(num_changed, 100) << "such points show nothing";
+}
+
+TEST(IsOutsideSmallestBall, ClosedForms) {
+  const Corners corners{Point{0, 0, 1}, {4, 0, 1}, {0, 2, 1}};
+  EXPECT_TRUE(is_outside_smallest_ball(corners, {2, 1, 4}));
+  EXPECT_FALSE(is_outside_smallest_ball(corners, {2, 1, 3}));
+  EXPECT_FALSE(is_outside_smallest_ball(corners, {4, 2, 1})) << "on the sphere";
+}
+
 }  // namespace
 }  // namespace locvol

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <exception>
@@ -26,12 +27,29 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+struct CaseName {
+  std::uint64_t seed = 0, number = 0;
+};
+
+// On which the command failed once, beside those of seed 1: two had no end in sight, then rounding
+// took dual edges of flat cells for those on the other side.
+constexpr std::array<CaseName, 9> kFoundCases{{{2, 80},
+                                               {2, 82},
+                                               {4, 1900},
+                                               {4, 2677},
+                                               {4, 3186},
+                                               {4, 3340},
+                                               {4, 3597},
+                                               {4, 4196},
+                                               {4, 4250}}};
+
 struct Options {
   std::uint64_t seed = 0;
   std::uint64_t num_cases = ~std::uint64_t{0};
   std::optional<std::uint64_t> only_case;
-  double minutes = 0;  // 0: no end but that of the cases
-  double limit = 60;   // seconds for a process
+  std::vector<CaseName> others;  // to be meshed first
+  double minutes = 0;            // 0: no end but that of the cases
+  double limit = 60;             // seconds for a process
   int num_jobs = 2;
   std::string family;  // empty: all
   std::filesystem::path keep;
@@ -78,8 +96,8 @@ class ShapeSweep {
  private:
   void work() try {
     const TempDir directory;
-    while (const auto number = next_case()) {
-      const ShapeCase made = make_case(options_.seed, *number);
+    while (const auto next = next_case()) {
+      const ShapeCase made = make_case(next->seed, next->number);
       add(made, try_case(made, directory.path(), options_.limit));
     }
   } catch (...) {
@@ -87,8 +105,9 @@ class ShapeSweep {
     error_ = std::current_exception();
   }
 
-  std::optional<std::uint64_t> next_case() {
+  std::optional<CaseName> next_case() {
     const std::lock_guard lock(mutex_);
+    if (num_others_ < options_.others.size()) return options_.others[num_others_++];
     const auto is_wanted = [&] {
       return options_.family.empty() ||
              families()[next_ % families().size()].name == options_.family;
@@ -97,7 +116,7 @@ class ShapeSweep {
     const bool is_late = options_.minutes > 0 && seconds() > 60 * options_.minutes;
     if (num_begun_ >= options_.num_cases || is_late || error_) return std::nullopt;
     ++num_begun_;
-    return next_++;
+    return CaseName{options_.seed, next_++};
   }
 
   void add(const ShapeCase& made, const TrialResult& result) {
@@ -130,6 +149,7 @@ class ShapeSweep {
   std::mutex mutex_;  // of all that follows
   double next_progress_ = kProgressSeconds;
   std::uint64_t next_ = 0, num_begun_ = 0;
+  std::size_t num_others_ = 0;
   ShapeReport report_;
   std::exception_ptr error_;
 };
@@ -163,11 +183,12 @@ int main(int argc, char** argv) {
   Options options;
   add_options(app, options);
   bool is_brief = false;
-  app.add_flag("--brief", is_brief, "The same 196 cases each time, in a few minutes");
+  app.add_flag("--brief", is_brief, "The same 200 cases or so each time, in a few minutes");
   CLI11_PARSE(app, argc, argv);
   if (is_brief) {
     options.seed = 1;
     options.num_cases = 7 * families().size();
+    options.others.assign(kFoundCases.begin(), kFoundCases.end());
   }
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {
