@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "refine/near_sphere.h"
 
 namespace locvol {
 namespace {
@@ -47,13 +48,17 @@ using VertexHandle = Triangulation::Vertex_handle;
 
 Kernel::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
 Point ours(const Kernel::Point_3& p) { return {p.x(), p.y(), p.z()}; }
+std::array<Point, 4> corners_of(CellHandle c) {
+  return {ours(c->vertex(0)->point()), ours(c->vertex(1)->point()), ours(c->vertex(2)->point()),
+          ours(c->vertex(3)->point())};
+}
 
 // From a cell's corner to its other ones: to_center.
 // Of D and N, whose quotient it is, rounding changes 60 ε |a|³ and 220 ε |a|⁴ at most, with the
-// longest a; and as twice the radius is no less than |a|, that is 3e-8 of each where D is not
-// small.
+// longest a; and as twice the radius is no less than |a|, that is 3e-7 of each where D is not
+// small, and 2^-20 with what rounding to floats adds.
 std::array<float, 3> to_center(const Point& a, const Point& b, const Point& c) {
-  constexpr double kFlat = 1e-6, kLeast = 1e-30, kMost = 1e30;  // floats do not underflow, overflow
+  constexpr double kFlat = 1e-7, kLeast = 1e-30, kMost = 1e30;  // floats do not underflow, overflow
   const double a2 = dot(a, a), b2 = dot(b, b), c2 = dot(c, c);
   const Point bc = cross(b, c);
   const double determinant = dot(a, bc), longest2 = std::max(std::max(a2, b2), c2);
@@ -230,6 +235,8 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
   };
   const auto is_in_conflict = [&](CellHandle c) {
     if (const auto is_inside = is_in_ball(c, p)) return *is_inside;
+    if (!triangulation.is_infinite(c))
+      if (const auto is_inside = is_in_near_sphere(corners_of(c), ours(p))) return *is_inside;
     return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
   };
   take_in(in_conflict);

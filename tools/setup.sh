@@ -5,7 +5,7 @@ set -euo pipefail
 
 packages=(
   g++ cmake ninja-build
-  libcgal-dev                             # refine/
+  libcgal-dev libqd-dev                   # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
   libfmt-dev libssl-dev libhdf5-dev libdeflate-dev  # engine/
   libcli11-dev nlohmann-json3-dev zlib1g-dev libjs-three  # tools/

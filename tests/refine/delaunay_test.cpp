@@ -139,6 +139,21 @@ std::vector<Point> on_a_box(Random& random) {
   return points;
 }
 
+// Two plane sheets at an angle to the axes, but for rounding; and on request far points around,
+// which make long cells on sheets that are flat cells else.
+std::vector<Point> tilted_sheets(Random& random, bool has_fence) {
+  std::vector<Point> points;
+  for (int n = 0; n < 400; ++n) {
+    const double x = uniform(random, -1, 1), y = uniform(random, -1, 1);
+    points.push_back(Point{5, -3, 2} + x * Point{0.8, 0.6, 0} + y * Point{-0.36, 0.48, 0.8} +
+                     (n % 2 == 0 ? 0 : 0.05) * Point{0.48, -0.64, 0.6});
+  }
+  if (has_fence)
+    for (int k = 0; k < 8; ++k)
+      points.push_back({k & 1 ? 31.0 : -19, k & 2 ? 17.0 : -25, k & 4 ? 29.0 : -21});
+  return points;
+}
+
 // Boxes that are long along one axis, side by side, with corners that rounding moved: nearly
 // cospherical, eight at a time.
 std::vector<Point> long_boxes(Random& random, int axis, double aspect) {
@@ -177,6 +192,8 @@ const Cloud kClouds[] = {
     {"AroundACenter", around_a_center},
     {"Tiny", [](Random& r) { return scaled(random_points(r, 100), 1e-55); }},
     {"Huge", [](Random& r) { return scaled(cubic_grid(r, 1), 1e57); }},
+    {"TiltedSheets", [](Random& r) { return tilted_sheets(r, false); }},
+    {"TiltedSheetsInAFence", [](Random& r) { return tilted_sheets(r, true); }},
     {"LongX", [](Random& r) { return long_boxes(r, 0, 40); }},
     {"LongY", [](Random& r) { return long_boxes(r, 1, 40); }},
     {"LongZ", [](Random& r) { return long_boxes(r, 2, 40); }},
