@@ -617,9 +617,8 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
 }
 
 bool Refinement::is_blocked(const Point& q) const {
-  if (conflict_.squared_distance == 0)
-    throw RefineError(fmt::format("a point to insert coincides with a vertex, ({}, {}, {}){}", q.x,
-                                  q.y, q.z, place()));
+  const bool is_vertex = conflict_.squared_distance == 0;  // even without a floor
+  if (is_vertex && !std::ranges::binary_search(leaving_, conflict_.nearest)) return true;
   return mesh_.has_other_point_within(q, input_.criteria.spacing_floor, conflict_.nearest,
                                       leaving_);
 }
@@ -861,6 +860,11 @@ void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_
 }
 
 LeafDelta refine_leaf(const LeafInput& input) try {
+  if (input.max_own_points > 0 && input.own.size() > input.max_own_points) {
+    LeafDelta delta;
+    delta.is_overfull = true;
+    return delta;
+  }
   if (auto revisit = Revisit::of(input)) {
     std::vector<RefineStep> steps;  // told only if they count
     if (input.on_step)

@@ -28,7 +28,6 @@ void rename(std::vector<std::array<std::uint32_t, 4>>& cells,
 
 std::optional<Revisit> Revisit::of(const LeafInput& input) {
   if (!input.last_visit) return std::nullopt;
-  if (input.max_own_points > 0 && input.own.size() > input.max_own_points) return std::nullopt;
   Revisit revisit(input);
   revisit.find_active();
   if (revisit.num_active_ > input.own.size() / 4) return std::nullopt;
@@ -44,23 +43,27 @@ Revisit::Revisit(const LeafInput& input)
       // (LeafInput::all_points).
       deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
                                                             : insertion_matters_),
-      cubes_(cubes_of(input)),
       is_active_(input.own.size()) {}
 
 // As far as points are loaded, if that is not all that there are.
-CubesOf<Revisit::Numbered> Revisit::cubes_of(const LeafInput& input) {
-  std::vector<Numbered> points;
-  points.reserve(input.own.size() + input.ghosts.size());
-  for (const auto* some : {&input.own, &input.ghosts})
-    for (const MeshPoint& p : *some)
-      points.push_back({p.position, static_cast<std::uint32_t>(points.size())});
+template <class Item>
+CubesOf<Item> Revisit::cubes_of(const LeafInput& input, std::span<const Item> items) {
   const double reach = input.criteria.reach;
   const Box box = std::isfinite(reach) ? input.box.expanded(reach) : input.box;
   const Point sides = box.max - box.min;
   constexpr double kMaxShape = 64;  // bounds the memory; in a larger box the cubes grow instead
   const double side =
       std::max(input.criteria.size, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
-  return {box, side, points};
+  return {box, side, items};
+}
+
+CubesOf<Revisit::Numbered> Revisit::cubes_of_all(const LeafInput& input) {
+  std::vector<Numbered> points;
+  points.reserve(input.own.size() + input.ghosts.size());
+  for (const auto* some : {&input.own, &input.ghosts})
+    for (const MeshPoint& p : *some)
+      points.push_back({p.position, static_cast<std::uint32_t>(points.size())});
+  return cubes_of<Numbered>(input, points);
 }
 
 const MeshPoint& Revisit::point(std::size_t i) const {
@@ -70,27 +73,29 @@ const MeshPoint& Revisit::point(std::size_t i) const {
 
 template <class Visit>
 void Revisit::for_each_near(const Point& q, double distance, Visit visit) const {
-  cubes_.for_each_around(q, distance, [&](const Numbered& p) {
+  cubes_->for_each_around(q, distance, [&](const Numbered& p) {
     return squared_distance(p.position, q) >= distance * distance || visit(p.number);
   });
 }
 
 void Revisit::find_active() {
-  const auto activate_near = [&](const Point& q, double distance) {
-    for_each_near(q, distance, [&](std::size_t i) {
-      if (i < is_active_.size()) is_active_[i] = true;
-      return true;
-    });
-  };
+  std::vector<Point> inserted, deleted;
   for (const auto* points : {&input_->own, &input_->ghosts})
     for (const MeshPoint& p : *points)
-      if (p.id >= input_->last_visit->first_new_id) activate_near(p.position, insertion_matters_);
-  for (const MeshPoint& p : input_->last_visit->deleted)
-    activate_near(p.position, deletion_matters_);
+      if (p.id >= input_->last_visit->first_new_id) inserted.push_back(p.position);
+  for (const MeshPoint& p : input_->last_visit->deleted) deleted.push_back(p.position);
+  const auto insertions = cubes_of<Point>(*input_, inserted);
+  const auto deletions = cubes_of<Point>(*input_, deleted);
+  for (std::size_t i = 0; i < is_active_.size(); ++i) {
+    const Point& p = input_->own[i].position;
+    is_active_[i] =
+        !insertions.is_free(p, insertion_matters_) || !deletions.is_free(p, deletion_matters_);
+  }
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
 void Revisit::gather_part() {
+  cubes_ = cubes_of_all(*input_);
   part_.criteria = input_->criteria;
   part_.box = input_->box;
   part_.surface = input_->surface;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -37,7 +38,9 @@ class Revisit {
   };
 
   explicit Revisit(const LeafInput& input);
-  static CubesOf<Numbered> cubes_of(const LeafInput& input);
+  template <class Item>
+  static CubesOf<Item> cubes_of(const LeafInput& input, std::span<const Item> items);
+  static CubesOf<Numbered> cubes_of_all(const LeafInput& input);
   std::size_t num_points() const { return input_->own.size() + input_->ghosts.size(); }
   const MeshPoint& point(std::size_t i) const;  // own, ghosts
   // Calls visit(number) for each point closer to q than `distance`, until it returns false.
@@ -52,7 +55,7 @@ class Revisit {
 
   const LeafInput* input_;
   double insertion_matters_, deletion_matters_;  // up to these distances
-  CubesOf<Numbered> cubes_;
+  std::optional<CubesOf<Numbered>> cubes_;  // once there is a part
   std::vector<bool> is_active_;  // of own points
   std::size_t num_active_ = 0;
   std::vector<bool> is_in_part_;  // of all points
