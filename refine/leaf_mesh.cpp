@@ -26,6 +26,8 @@ bool is_clear_between(const Point& a, const Point& b, double sum_of_radii) {
   return squared_distance(a, b) < sum_of_radii * sum_of_radii;
 }
 
+constexpr std::uint64_t kFenceId = std::numeric_limits<std::uint64_t>::max();
+
 // Of the points: Morton order of the cells of a fine grid that they lie in.
 std::vector<std::uint32_t> curve_order(std::span<const Point> points) {
   if (points.empty()) return {};
@@ -65,6 +67,21 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
       fmt::format("two points of the mesh have the same coordinates ({}, {}, {})", p.x, p.y, p.z));
 }
 
+// Points around all that is loaded, so far away that no ball that counts has one in it: balls at
+// own points, and those below λ with an inserted point in them (at most 1.25 λ off the box).
+// Without them a plane sheet's samples make flat cells on its outside, by the rounding of their
+// coordinates: what falls into their balls, nearly half-spaces, takes exact arithmetic. The
+// distances differ, lest cells at them be cospherical.
+std::array<Point, 8> fence_around(const Box& leaf, double size) {
+  std::array<Point, 8> fence;
+  for (std::size_t k = 0; k < 8; ++k)
+    for (int axis = 0; axis < 3; ++axis) {
+      const double away = (4.5 + 0.07 * double((5 * k + 3 * std::size_t(axis)) % 8)) * size;
+      fence[k][axis] = k >> axis & 1 ? leaf.max[axis] + away : leaf.min[axis] - away;
+    }
+  return fence;
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -92,6 +109,10 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
     else
       locals.push_back({p, p.id, is_own_one});
   }
+  constexpr std::size_t kLeastFenced = 10;  // fewer may be all in a plane: no cells of theirs yet
+  if (std::isfinite(reach) && locals.size() >= kLeastFenced)
+    for (const Point& p : fence_around(input.box, input.criteria.size))
+      locals.push_back({{kFenceId, p, PointKind::kSurface}, kFenceId, false});
   add_to_triangulation(std::move(locals));
   if (has_cells() || left_out_.empty()) return;
   locals.clear();
