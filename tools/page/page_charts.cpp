@@ -267,8 +267,8 @@ class TimelineFigure {
   void add_phases() {
     constexpr std::array<std::string_view, 3> kFills = {"#dfe6ee", "#e9e2d3", "#dcead9"};
     for (std::size_t i = 0, first = 0; i < samples_.size(); ++i) {
-      const Phase phase = working(samples_[i]);
-      if (i + 1 < samples_.size() && working(samples_[i + 1]) == phase) continue;
+      const Phase phase = working(samples_[i].phase);
+      if (i + 1 < samples_.size() && working(samples_[i + 1].phase) == phase) continue;
       const double from = first == 0 ? 0 : seconds(samples_[first - 1]);
       const double left = x_(from), right = x_(seconds(samples_[i]));
       content_ += fmt::format(
@@ -280,7 +280,6 @@ class TimelineFigure {
       first = i + 1;
     }
   }
-  static Phase working(const TimelineSample& sample) { return locvol::working(sample.phase); }
 
   // Between two samples the same number of visits a second.
   void add_rate() {

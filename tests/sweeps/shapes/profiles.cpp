@@ -13,11 +13,6 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-Solid with_thickness(Solid solid, double thickness) {
-  solid.thickness = thickness;
-  return solid;
-}
-
 Point2 polar(double radius, double angle) {
   return {radius * std::cos(angle), radius * std::sin(angle)};
 }

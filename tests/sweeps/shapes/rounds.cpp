@@ -14,11 +14,6 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-Solid with_thickness(Solid solid, double thickness) {
-  solid.thickness = thickness;
-  return solid;
-}
-
 int num_sides_of_round(Dice& dice) {
   return dice.one_of(std::array{6, 8, 12, 16, 24, 32, 48, 64, 96});
 }

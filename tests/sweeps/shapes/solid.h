@@ -30,6 +30,11 @@ struct Solid {
   std::optional<int> num_components = {};
 };
 
+inline Solid with_thickness(Solid solid, double thickness) {
+  solid.thickness = thickness;
+  return solid;
+}
+
 // Collects triangles by the coordinates of their corners: the same coordinates, the same vertex.
 class ShapeBuilder {
  public:
