@@ -68,15 +68,15 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
 }
 
 // Points around all that is loaded, so far away that no ball that counts has one in it: balls at
-// own points, and those below λ with an inserted point in them (at most 1.25 λ off the box).
+// own points reach as far as the reach, and those below λ with an inserted point in them λ farther.
 // Without them a plane sheet's samples make flat cells on its outside, by the rounding of their
 // coordinates: what falls into their balls, nearly half-spaces, takes exact arithmetic. The
 // distances differ, lest cells at them be cospherical.
-std::array<Point, 8> fence_around(const Box& leaf, double size) {
+std::array<Point, 8> fence_around(const Box& leaf, double reach) {
   std::array<Point, 8> fence;
   for (std::size_t k = 0; k < 8; ++k)
     for (int axis = 0; axis < 3; ++axis) {
-      const double away = (4.5 + 0.07 * double((5 * k + 3 * std::size_t(axis)) % 8)) * size;
+      const double away = (2 + 0.03 * double((5 * k + 3 * std::size_t(axis)) % 8)) * reach;
       fence[k][axis] = k >> axis & 1 ? leaf.max[axis] + away : leaf.min[axis] - away;
     }
   return fence;
@@ -111,7 +111,7 @@ LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
   }
   constexpr std::size_t kLeastFenced = 10;  // fewer may be all in a plane: no cells of theirs yet
   if (std::isfinite(reach) && locals.size() >= kLeastFenced)
-    for (const Point& p : fence_around(input.box, input.criteria.size))
+    for (const Point& p : fence_around(input.box, reach))
       locals.push_back({{kFenceId, p, PointKind::kSurface}, kFenceId, false});
   add_to_triangulation(std::move(locals));
   if (has_cells() || left_out_.empty()) return;
