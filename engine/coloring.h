@@ -1,5 +1,5 @@
 // Colors the leaves of an epoch, so that leaves of one color can be visited in any order or at once
-// (DESIGN 6).
+// (engine/README.md, "Why the result does not depend on what ran when").
 #pragma once
 
 #include <cstdint>

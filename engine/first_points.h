@@ -1,4 +1,4 @@
-// The first points of P in paper mode (DESIGN 3.4).
+// The first points of P in paper mode (refine/ALGORITHM.md, "Two initializations").
 #pragma once
 
 #include <cstdint>

@@ -31,7 +31,7 @@ std::uint64_t most_samples(std::span<const Triangle> triangles, double size) {
   return static_cast<std::uint64_t>(2 * area / (size * size));
 }
 
-// A visit that inserts more than any mesh needs is a bug (DESIGN 3.6).
+// A visit that inserts more than any mesh needs is a bug.
 std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_capacity + 100000; }
 
 }  // namespace

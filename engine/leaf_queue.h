@@ -1,7 +1,7 @@
 // LeafQueue is the store's queue in memory, in queue order: (epoch, color, Morton key).
 //
 // A leaf waits at one place at most. The entries of an epoch have kNoColor until the epoch opens.
-// Nothing joins the open epoch, so its order is settled when it opens (DESIGN 6).
+// Nothing joins the open epoch, so its order is settled when it opens.
 // Memory: about 120 bytes a waiting leaf.
 #pragma once
 

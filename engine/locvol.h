@@ -5,9 +5,8 @@
 /// `find_package(locvol REQUIRED)` and `target_link_libraries(... locvol::locvol)`.
 ///
 /// \code
-/// const locvol::Mesh mesh =
-///     locvol::mesh_surface(locvol::Surface::file("bunny.stl"), {.size =
-///     locvol::Size::percent(2)});
+/// const locvol::Surface surface = locvol::Surface::file("bunny.stl");
+/// const locvol::Mesh mesh = locvol::mesh_surface(surface, {.size = locvol::Size::percent(2)});
 /// mesh.for_each_chunk([](const locvol::Chunk& chunk) { use(chunk.vertices, chunk.cells); });
 /// mesh.write("bunny.vtu");
 /// \endcode

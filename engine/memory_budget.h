@@ -1,4 +1,4 @@
-// The cap on the memory of the process, shared out before it is used (DESIGN 6, Budget).
+// The cap on the memory of the process, shared out before it is used (engine/README.md, "Memory").
 #pragma once
 
 #include <condition_variable>

@@ -1,5 +1,5 @@
 // PointGrid holds all of P in memory and finds nearest points: what paper mode needs, where a
-// circumcenter may fall anywhere (DESIGN 3.4).
+// circumcenter may fall anywhere (refine/ALGORITHM.md, "Two initializations").
 #pragma once
 
 #include <array>

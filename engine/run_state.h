@@ -18,13 +18,13 @@
 
 namespace locvol {
 
-// Lengths over λ. Everything that a visit can see or change in cover mode (DESIGN 3.4) lies within
-// kReach of its leaf, and a change matters to leaves within kReach.
-// A visit inserts within this distance of its leaf, and looks for core points 2 around.
+// Lengths over λ, in cover mode. A visit reads listed points within kReach of its leaf, and the
+// lattice core within kCoreReach: it inserts within kInsertion, and asks for core points 2 around.
 inline constexpr double kInsertion = kReach - 1;
 inline constexpr double kCoreReach = kInsertion + 2.1;
-// It makes points of the core explicit that are closer than kLatticeStar to what it inserts:
-// nothing it writes lies farther away. Leaves farther apart are independent of each other.
+// It deletes within kReach, and makes core points explicit that are closer than kLatticeStar to
+// what it inserts: these are the farthest that it writes. What it reads of the core is the farthest
+// that it reads. Leaves farther apart than both together are independent of each other.
 inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 // In cover mode, epoch 0 covers the surface and the inside, and epoch 1 fills the holes that are
 // left between leaves' first points; in between, all samples come to be known.
@@ -48,7 +48,7 @@ struct RunState {
   bool is_cover() const { return run.parameters.init == Initialization::kCover; }
   Box box(MortonKey leaf) const { return run.frame.box(leaf); }
   SiteBox sites(MortonKey leaf) const { return lattice.sites_in(box(leaf)); }
-  // All that a leaf never visited depends on.
+  // Where listed points matter to the leaf's first visit.
   Box surroundings(MortonKey leaf) const { return box(leaf).expanded(kReach * size()); }
 
   // A leaf that waits keeps its place, and its dirty box grows; another waits for the next epoch.

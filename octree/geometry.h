@@ -90,7 +90,7 @@ struct Triangle {
 enum class PointKind : std::uint8_t {
   kSurface = 0,  // on the input surface
   kVolume = 1,   // Steiner point inside, may be deleted by a surface point closer than λ
-  kLattice = 2,  // of the BCC lattice, farther than λ from the surface
+  kLattice = 2,  // of the BCC lattice, at least 0.5 λ below the surface; never deleted
 };
 
 // A point of P. `id` is mesh-wide, given at the commit that creates the point, in a fixed order.

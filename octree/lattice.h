@@ -1,5 +1,5 @@
-// The global BCC lattice of cover mode (DESIGN 3.4): its points by integer indices, their ids, and
-// its cells.
+// The global BCC lattice of cover mode (octree/README.md, "The lattice"): its points by integer
+// indices, their ids, and its cells.
 #pragma once
 
 #include <algorithm>
@@ -141,7 +141,8 @@ void for_each_piece(const SiteBox& box, Visit visit) {
       }
 }
 
-// Points of a leaf that are known by their places in the lattice alone (DESIGN 6).
+// Points of a leaf that are known by their places in the lattice alone (engine/README.md, "The
+// lattice core").
 struct LatticeCore {
   bool is_whole = false;         // all sites in the leaf's box; then there are no rows
   std::vector<LatticeRow> rows;  // in lexicographic order, as few as can be

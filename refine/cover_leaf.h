@@ -1,5 +1,5 @@
-// The initial points of one leaf in cover mode (DESIGN 3.4): a maximal Poisson-disk sample of its
-// piece of the surface, and the points of the global BCC lattice that lie deep enough inside.
+// The initial points of one leaf in cover mode (refine/ALGORITHM.md): a maximal Poisson-disk sample
+// of its piece of the surface, and the points of the global BCC lattice that are deep enough.
 #pragma once
 
 #include <cstdint>

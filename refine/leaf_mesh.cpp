@@ -142,9 +142,9 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is
   num_own_ += is_own;
 }
 
-// Samples hide a point from the surface if each point of that is closer to one of them
-// (DESIGN 3.4). Of a volume point only what is certain: that no surface is as close as samples are
-// to all of it.
+// Samples hide a point from the surface if each point of that is closer to one of them. Lattice
+// points all are (cover_leaf). Of a volume point only what is certain: that no surface is as close
+// as samples are to all of it.
 bool LeafMesh::is_hidden(const MeshPoint& p) const {
   const double radius = input_.criteria.cover_radius;
   if (p.kind == PointKind::kSurface || !std::isfinite(radius)) return false;

@@ -286,8 +286,7 @@ bool Refinement::restore_next_disk() {
   return true;
 }
 
-// ---- Looking for violations
-// ---------------------------------------------------------------------
+// ---- Looking for violations ---------------------------------------------------------------------
 
 void Refinement::look_at_fresh_cells() {
   const auto& fresh = mesh_.fresh_cells();
@@ -406,8 +405,7 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
   return star.empty() || is_cycle(link_);
 }
 
-// ---- Restoring
-// ----------------------------------------------------------------------------------
+// ---- Restoring ----------------------------------------------------------------------------------
 
 Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
@@ -517,7 +515,7 @@ Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) 
   return insert_in_volume(ball.center, condition, ref.cell);
 }
 
-// The insertion rule (DESIGN 3.3), first part: a point of P that this visit had not loaded.
+// The insertion rule (refine/ALGORITHM.md) begins with points of P that this visit had not loaded.
 bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
   if (input_.all_points == nullptr) return false;
   const auto is_deleted = [&](std::uint64_t id) {
@@ -718,8 +716,7 @@ void Refinement::throw_unchanged() const {
                                 attempt_.condition, q.x, q.y, q.z, place()));
 }
 
-// ---- The result
-// ---------------------------------------------------------------------------------
+// ---- The result ---------------------------------------------------------------------------------
 
 // What was blocked counts only if nothing that was done later restored it.
 void Refinement::list_unresolved() {

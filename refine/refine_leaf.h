@@ -1,5 +1,5 @@
-// refine_leaf restores the conditions C1–C6 (DESIGN 3.1) for the own points of one octree leaf.
-// A pure function: equal input gives an equal delta, on any thread and any machine.
+// refine_leaf restores the conditions C1–C6 (refine/ALGORITHM.md) for the own points of one octree
+// leaf. A pure function: equal input gives an equal delta, on any thread and any machine.
 #pragma once
 
 #include <array>
@@ -32,7 +32,7 @@ struct Criteria {
   double radius_edge_bound = 2;
   // All of P within this distance of the leaf is loaded; may be infinite. A ball through an own
   // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for
-  // an artifact of points that were not loaded (DESIGN 3.4), and ends of dual edges are cut there.
+  // an artifact of points that were not loaded, and ends of dual edges are cut there.
   double reach = 0;
   double spacing_floor = 0;  // no insertion closer than this to a point of P, same units
   // Every point of the surface is this close to a point of P, or closer. Spares questions of the
@@ -51,9 +51,9 @@ class PointIndex {
       const std::function<bool(std::uint64_t)>& is_deleted) const = 0;
 };
 
-// Looks up points of the lattice core (DESIGN 6): points of P that a visit need not load, unless it
-// inserts near them. All cells at them are the lattice's: no other point lies in their circumballs,
-// which reach kLatticeStar λ, and their neighbors are of P.
+// Looks up points of the lattice core (engine/README.md): points of P that a visit need not load,
+// unless it inserts near them. All cells at them are the lattice's: no other point lies in their
+// circumballs, which reach kLatticeStar λ, and their neighbors are of P.
 class CoreIndex {
  public:
   virtual ~CoreIndex() = default;

@@ -55,8 +55,8 @@ class Revisit {
 
   const LeafInput* input_;
   double insertion_matters_, deletion_matters_;  // up to these distances
-  std::optional<CubesOf<Numbered>> cubes_;  // once there is a part
-  std::vector<bool> is_active_;  // of own points
+  std::optional<CubesOf<Numbered>> cubes_;       // once there is a part
+  std::vector<bool> is_active_;                  // of own points
   std::size_t num_active_ = 0;
   std::vector<bool> is_in_part_;  // of all points
   LeafInput part_;

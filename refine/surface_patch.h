@@ -1,10 +1,10 @@
 // SurfacePatch answers exact questions about a piece of the input surface.
 //
-// Consistency (DESIGN 3.5): is_inside(p) and the parity of crossings(a, b) are functions of the
-// points and of the whole surface alone, whatever piece was loaded. Degenerate positions (a segment
-// through an edge or a vertex, a point on a triangle) are decided by moving all query points by
-// the same infinitesimal vector (ε, ε², ε³): the number of crossings of (a, b) is odd exactly if
-// is_inside(a) != is_inside(b). A triangle without area is never crossed.
+// Consistency (refine/ALGORITHM.md): is_inside(p) and the parity of crossings(a, b) are functions
+// of the points and of the whole surface alone, whatever piece was loaded. Degenerate positions (a
+// segment through an edge or a vertex, a point on a triangle) are decided by moving all query
+// points by the same infinitesimal vector (ε, ε², ε³): the number of crossings of (a, b) is odd
+// exactly if is_inside(a) != is_inside(b). A triangle without area is never crossed.
 //
 // How: a uniform grid over the region. Each grid cell knows the triangles that meet it, the side of
 // its center, and how far away the nearest cell with triangles is. A point's side needs only the

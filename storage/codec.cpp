@@ -33,29 +33,29 @@
 //   | count u64 | byte 0 of every value | byte 1 of every value | ... |
 //
 // Fields, version 1 of every kind but leaf, which has version 4, and points, which have version 2
-// (columns in brackets; "steps" are
-// differences to the value before, "changed bits" the exclusive or with it, both from 0):
+// (columns in brackets; "steps" are differences to the value before, "changed bits" the exclusive
+// or with it, both from 0):
 //
+// clang-format off
 //   0 format      version u32
 //   1 run         parameters, surface facts, frame, progress: in the order of fields() below
 //   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
 //                 first_new_id from version 2 on, the core's counts from version 3 on,
 //                 num_left_out from version 4 on
-//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]; from version 2 on the
-//   core:
-//                 whole u8, [i] [j] [k of the rows' first sites, steps u32] [counts u32]
-//   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32] [third -
-//   first]
-//                 [fourth - first]
-//   5 surface     [id steps u64] [x] [y] [z of each distinct corner, in order of appearance,
-//   changed
-//                 bits u64] [references u32, three to a triangle: distinct corners so far - index;
-//                 0 is the next new one]
+//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8];
+//                 the core from version 2 on: whole u8, [i] [j] [k of the rows' first sites,
+//                 steps u32] [counts u32]
+//   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32]
+//                 [third - first] [fourth - first]
+//   5 surface     [id steps u64] [x] [y] [z of each distinct corner, in order of appearance:
+//                 changed bits u64] [references u32, three to a triangle:
+//                 distinct corners so far - index; 0 is the next new one]
 //   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
 //   7 queue       position, leaf, dirty box
 //   8 memory      the fields of MemoryRecord in order
 //   9 keys        [sums u64]
 //  10 timeline    [each number of a TimelineSample in order, steps u64], and last [phase u8]
+// clang-format on
 //
 // A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
 // (tests/storage/golden).
@@ -296,8 +296,7 @@ void ContentReader::get_column(Column& column) {
   }
 }
 
-// -- Fields of the plain structs: one list for both directions
-// -------------------------------------
+// -- Fields of the plain structs: one list for both directions ------------------------------------
 
 void fields(auto& archive, Maybe<Point> auto& p) { archive(p.x, p.y, p.z); }
 void fields(auto& archive, Maybe<Box> auto& box) { archive(box.min, box.max); }
@@ -431,8 +430,7 @@ void fields(auto& archive, Maybe<SiteColumns> auto& c) {
   archive(c.conditions, c.positions, c.radii);
 }
 
-// -- Columns: structure of arrays, and the differences that compress well
-// --------------------------
+// -- Columns: structure of arrays, and the differences that compress well -------------------------
 
 template <class T>
 class Steps {  // to_step and to_value, called in turn, undo each other; arithmetic modulo 2^bits
@@ -711,8 +709,7 @@ Record record_of(Record record) {
   return record;
 }
 
-// -- zstd
-// ------------------------------------------------------------------------------------------
+// -- zstd -----------------------------------------------------------------------------------------
 
 // Measured with storage_benchmark: level 3 saves 6% of cells in random order and nothing of points,
 // at 70% of the speed; level 6 saves 10% and 2%, at a third of it. All over level 1, which in a run
@@ -801,8 +798,11 @@ struct Content {
 
 // The most that a frame's blocks can hold, from their headers (RFC 8878, section 3.1.1):
 //
-//   | magic u32 | descriptor u8 | window u8, if not a single segment | dictionary 0, 1, 2 or 4
-//   bytes | content size 0, 1, 2, 4 or 8 bytes | blocks ... | checksum u32 |
+// clang-format off
+//   | magic u32 | descriptor u8 | window u8, if not a single segment |
+//   | dictionary 0, 1, 2 or 4 bytes | content size 0, 1, 2, 4 or 8 bytes |
+//   | blocks ... | checksum u32 |
+// clang-format on
 //
 // A block is | last 1 bit, type 2 bits, size 21 bits | bytes ... |: `size` bytes as they are, one
 // byte to be repeated `size` times, or `size` bytes compressed, which give 128 KB at most.

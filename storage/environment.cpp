@@ -53,8 +53,7 @@ const char* name_of(Database database) { return kNames[static_cast<std::size_t>(
 void CloseEnvironment::operator()(MDB_env* environment) const { mdb_env_close(environment); }
 void AbortTransaction::operator()(MDB_txn* transaction) const { mdb_txn_abort(transaction); }
 
-// -- One environment per directory and process
-// -----------------------------------------------------
+// -- One environment per directory and process ----------------------------------------------------
 
 struct Environment::Registry {
   std::mutex mutex;
@@ -183,8 +182,7 @@ std::string Environment::advice(int code) const {
          kAgain;
 }
 
-// -- Opening
-// ---------------------------------------------------------------------------------------
+// -- Opening --------------------------------------------------------------------------------------
 
 void Environment::open_map(const StoreOptions& options) {
   std::uint64_t bytes = rounded_map_bytes(options.map_bytes);
@@ -286,8 +284,7 @@ void Environment::create_databases() {
   });
 }
 
-// -- Transactions and the map
-// ----------------------------------------------------------------------
+// -- Transactions and the map ---------------------------------------------------------------------
 
 Environment::Gate Environment::enter() {
   const std::lock_guard turnstile(turnstile_);
@@ -427,8 +424,7 @@ void Environment::check_before_freeing(const MDB_val& value) const {
   }
 }
 
-// -- View
-// ------------------------------------------------------------------------------------------
+// -- View -----------------------------------------------------------------------------------------
 
 Environment::View::~View() {
   if (transaction_) environment_.retire(std::move(transaction_));
@@ -461,8 +457,7 @@ void Environment::View::scan(Database database, std::string_view from, const Vis
   if (code != MDB_NOTFOUND) environment_.check(code, "read");
 }
 
-// -- Transaction
-// -----------------------------------------------------------------------------------
+// -- Transaction ----------------------------------------------------------------------------------
 
 struct Environment::Transaction::Cursors {
   std::array<CursorHandle, kNumDatabases> of;

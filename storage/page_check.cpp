@@ -20,9 +20,10 @@
 
 // LMDB 0.9 on disk, 64 bits, little-endian. A page (its size is in the meta pages):
 //
+// clang-format off
 //   | page number u64 | pad u16 | flags u16 | lower u16 | upper u16 | node offsets u16 ... (lower)
-//   | free | (upper) nodes ... |                    overflow pages: count u32 instead of lower,
-//   upper
+//   | free | (upper) nodes ... |        overflow pages: count u32 instead of lower and upper
+// clang-format on
 //
 // The nodes fill the page from its end on without gaps, in any order, each of an even length.
 // A node; in a branch page, size and flags together are the child's page number (48 bits). A value

@@ -14,7 +14,7 @@
 
 namespace locvol {
 
-inline constexpr int kNumConditions = 6;  // C1 … C6 of DESIGN 3.1; index 0 is C1
+inline constexpr int kNumConditions = 6;  // C1 … C6 of refine/ALGORITHM.md; index 0 is C1
 
 // Where in the queue a leaf waits; the order of the queue is (epoch, color, Morton key).
 struct QueuePosition {
@@ -62,7 +62,7 @@ struct LeafSurface {
   friend bool operator==(const LeafSurface&, const LeafSurface&) = default;
 };
 
-// A place where a condition could not be met (DESIGN 3.6).
+// A place where a condition could not be met (refine/ALGORITHM.md, "It ends").
 struct UnresolvedSite {
   std::uint8_t condition = 0;  // 1 … 6
   Point position;
@@ -90,7 +90,7 @@ enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDo
 // refinement.
 constexpr Phase working(Phase phase) { return phase > Phase::kRefine ? Phase::kRefine : phase; }
 
-// What the mesh is a function of (promise 4). A store refuses to go on under other ones.
+// What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.
 struct RunParameters {
   std::string input_digest;  // hexadecimal, of the input file's bytes
   double size = 0;           // λ

@@ -42,8 +42,7 @@ constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
                                Database::kUnresolved};
 
-// -- Keys
-// ------------------------------------------------------------------------------------------
+// -- Keys -----------------------------------------------------------------------------------------
 
 template <std::unsigned_integral T>
 void append_big_endian(std::string& bytes, T value) {
@@ -109,8 +108,7 @@ Record decode_in(const Path& store, Database database, std::string_view bytes, M
   report_damage(store, database, leaf, error.what());
 }
 
-// -- Blobs
-// -----------------------------------------------------------------------------------------
+// -- Blobs ----------------------------------------------------------------------------------------
 
 std::uint64_t num_chunks_of(std::uint64_t record_bytes) {
   return (kLengthBytes + record_bytes + kChunkBytes - 1) / kChunkBytes;
@@ -197,8 +195,7 @@ void write_pending(Environment::Transaction& transaction, Database database,
 
 }  // namespace
 
-// -- Reader
-// ----------------------------------------------------------------------------------------
+// -- Reader ---------------------------------------------------------------------------------------
 
 // Of a Snapshot, and of a Batch, whose pending records go before the stored ones.
 struct Reader::Impl {
@@ -431,8 +428,7 @@ std::optional<QueueEntry> Reader::queue_entry(QueuePosition position, MortonKey 
   return decode_queue_entry(impl_->environment->directory(), key, *bytes);
 }
 
-// -- Snapshot and Batch
-// ----------------------------------------------------------------------------
+// -- Snapshot and Batch ---------------------------------------------------------------------------
 
 Snapshot::Snapshot(std::unique_ptr<Impl> impl) : Reader(std::move(impl)) {}
 Snapshot::Snapshot(Snapshot&&) noexcept = default;
@@ -504,8 +500,7 @@ void Batch::commit() {
   impl_->turn.reset();
 }
 
-// -- Store
-// -----------------------------------------------------------------------------------------
+// -- Store ----------------------------------------------------------------------------------------
 
 struct Store::Impl {
   std::shared_ptr<Environment> environment;

@@ -1,5 +1,5 @@
-// Re-derives the promise of the paper (DESIGN 1.1) from the stored bytes of a finished run alone,
-// leaf by leaf, by other code than built it.
+// Re-derives the paper's guarantee (engine/PROMISES.md, 1) from the stored bytes of a finished run
+// alone, leaf by leaf, by other code than built it. Not that surface Delaunay balls are below λ.
 #pragma once
 
 #include <cstdint>

@@ -27,8 +27,7 @@ void add_box(const Box& box, Bytes& bytes) {
   bytes.add(box.min.x).add(box.min.y).add(box.min.z).add(box.max.x).add(box.max.y).add(box.max.z);
 }
 
-// ---- 4.1: tags and counts of 64 bits, nodes and elements by entity
-// --------------------------------
+// ---- 4.1: tags and counts of 64 bits, nodes and elements by entity ------------------------------
 
 struct Msh4Layout {
   std::uint64_t num_vertices, num_cells, num_facets;
@@ -101,8 +100,7 @@ void write_piece4(const MeshPiece& piece, const Msh4Layout& layout, PlacedFile& 
   out.write(parts);
 }
 
-// ---- 2.2: all of 32 bits
-// ----------------------------------------------------------------------------
+// ---- 2.2: all of 32 bits ------------------------------------------------------------------------
 
 struct Node2 {
   std::int32_t tag;

@@ -16,8 +16,7 @@ bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uin
   return num_vertices > kMaxInt32 || num_cells > kMaxInt32 || num_facets > kMaxInt32;
 }
 
-// ---- Text
-// -----------------------------------------------------------------------------------------
+// ---- Text ---------------------------------------------------------------------------------------
 
 Text vertices_of(const MeshPiece& piece) {
   Text text;

@@ -85,7 +85,7 @@ class LeafWindow {
 };
 
 // Gives the store's mapped pages back to the system each time enough has been read: they count as
-// memory of the process (DESIGN section 5).
+// memory of the process.
 class PageRelease {
  public:
   explicit PageRelease(const Store& store) : store_(&store) {}

@@ -64,8 +64,7 @@ std::string header_of(std::uint8_t kind, bool is_newest) {
   return header;
 }
 
-// -- What codec.h promises of a record; its order is for those to check who rely on it
-// -------------------------------------------------------------------------
+// -- What codec.h promises of a record; its order is for those to check who rely on it ------------
 
 void expect_sound(const StoreFormat&) {}
 

@@ -91,7 +91,7 @@ TEST(Circumball, OfABoxCorner) {
   EXPECT_DOUBLE_EQ(ball.squared_radius, 4 + 9 + 1);
 }
 
-// DESIGN 3.4: the cells of the BCC lattice have circumradius (√5/4) a.
+// refine/ALGORITHM.md: the cells of the BCC lattice have circumradius (√5/4) a.
 TEST(Circumball, OfABccCell) {
   const Circumball ball = circumball({Point{0, 0, 0}, {2, 0, 0}, {1, 1, 1}, {1, 1, -1}});
   EXPECT_EQ(ball.center, (Point{1, 0.5, 0}));

@@ -480,7 +480,7 @@ TEST_P(CoverOf, CoreIsWhatIsDeep) {
   RecordProperty("core", std::to_string(core.size()));
 }
 
-// So that all cells at it are the lattice's (DESIGN 6).
+// So that all cells at it are the lattice's (engine/README.md).
 TEST_P(CoverOf, AllNeighborsOfACorePointArePointsOfTheLattice) {
   const World& world = run().world;
   const Lattice lattice = world.lattice();

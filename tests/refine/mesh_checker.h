@@ -18,7 +18,7 @@ using CellKey = std::array<Point, 4>;
 CellKey key_of(CellKey vertices);
 
 struct BrokenCondition {
-  int condition = 0;  // 1 … 6, of DESIGN 3.1
+  int condition = 0;  // 1 … 6, of refine/ALGORITHM.md
   Point position;
   double radius = 0;
 };

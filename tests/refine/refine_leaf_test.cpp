@@ -140,7 +140,8 @@ int num_broken(const World& world, const std::vector<MeshPoint>& points, int con
   return count(checker.broken_conditions(world.size, 2), condition);
 }
 
-// The result is the restricted Delaunay triangulation, in the very terms of DESIGN 3.1.
+// The result is the restricted Delaunay triangulation, in the very terms of
+// refine/ALGORITHM.md, "Conditions".
 void expect_good(const World& world, const Refined& result, long euler_characteristic) {
   EXPECT_FALSE(result.delta.is_overfull);
   EXPECT_TRUE(result.delta.unresolved.empty()) << result.delta.unresolved.size();

@@ -1,5 +1,5 @@
-// Leaves that know of each other by their points alone must derive one mesh (DESIGN 3.5): a run of
-// cover mode over a uniform grid of leaves, without store and engine.
+// Leaves that know of each other by their points alone must derive one mesh (refine/ALGORITHM.md):
+// a run of cover mode over a uniform grid of leaves, without store and engine.
 
 #include <gtest/gtest.h>
 
@@ -416,7 +416,7 @@ void expect_one_mesh(const Scene& scene, const LeafRun& run) {
                   << position.z << ", radius " << radius;
   EXPECT_EQ(manifold_fault(cells, points), "");
   EXPECT_EQ(boundary_euler_characteristic(cells), scene.euler_characteristic);
-  EXPECT_LE(run.num_rounds(), 5) << "DESIGN 3.5: leaves need 2 visits, rarely 3";
+  EXPECT_LE(run.num_rounds(), 5) << "leaves need 2 visits, rarely 3";
 }
 
 TEST_P(SeveralLeaves, DeriveOneMesh) {

@@ -20,8 +20,7 @@ namespace {
 
 using namespace testing_samples;
 
-// -- Laws on random records
-// ------------------------------------------------------------------------
+// -- Laws on random records -----------------------------------------------------------------------
 
 template <class Record>
 void expect_round_trip(const Record& record, MortonKey leaf) {
@@ -70,8 +69,7 @@ TEST(Codec, KeepsTheBitsOfCoordinates) {
   EXPECT_TRUE(std::signbit(triangles.triangles[0].corners[2].y));
 }
 
-// -- Damage
-// ----------------------------------------------------------------------------------------
+// -- Damage ---------------------------------------------------------------------------------------
 
 // Whatever happens to the bytes, the answer is an error or the record that was stored.
 template <class Record>
@@ -236,8 +234,7 @@ TEST(Codec, RefusesACoreThatContradictsItself) {
   EXPECT_THROW(decode<LeafPoints>(frame_of(shorter), sample_leaf()), DecodeError);
 }
 
-// -- Golden bytes: what was ever written still opens
-// ------------------------------------------------
+// -- Golden bytes: what was ever written still opens ----------------------------------------------
 
 std::filesystem::path golden_file(const std::string& name) {
   return std::filesystem::path(LOCVOL_TESTS_DIR) / "storage" / "golden" / name;

@@ -306,8 +306,7 @@ TEST_F(Damage, GarbageIsRefused) {
   EXPECT_THROW(Store::open(path_), StoreError);
 }
 
-// -- Sound LMDB files that are no store of ours
-// ------------------------------------------------------
+// -- Sound LMDB files that are no store of ours ---------------------------------------------------
 
 class ForeignFile : public testing::Test {
  protected:

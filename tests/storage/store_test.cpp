@@ -52,8 +52,7 @@ void expect_error(const Action& action, const std::string& words) {
   EXPECT_NE(message.find(words), std::string::npos) << message;
 }
 
-// -- Against a model
-// -------------------------------------------------------------------------------
+// -- Against a model ------------------------------------------------------------------------------
 
 // All that a store holds.
 struct Model {
@@ -287,8 +286,7 @@ TEST(Store, BytesWrittenCountsWhatIsStored) {
   EXPECT_EQ(store.sizes().size(), 7u);
 }
 
-// -- Map growth
-// ------------------------------------------------------------------------------------
+// -- Map growth -----------------------------------------------------------------------------------
 
 TEST(Store, GrowsUnderLiveSnapshots) {
   const TempDir dir;
@@ -383,8 +381,7 @@ TEST(Store, AnotherProcessGrowsTheMapUnderAReader) {
   EXPECT_EQ(reader.exit_code(), 0);
 }
 
-// -- Threads and processes
-// -------------------------------------------------------------------------
+// -- Threads and processes ------------------------------------------------------------------------
 
 TEST(Store, SecondBatchWaitsForTheFirst) {
   const TempDir dir;
@@ -570,8 +567,7 @@ TEST(Store, ReadersKilledBesideALiveWriterDoNotMakeTheFileGrow) {
   EXPECT_EQ(rewrite(50), pinned);
 }
 
-// -- Memory
-// ----------------------------------------------------------------------------------------
+// -- Memory ---------------------------------------------------------------------------------------
 
 std::uint64_t mapped_file_bytes() {
   std::ifstream status("/proc/self/status");
@@ -675,8 +671,7 @@ TEST_F(StoreMemory, ABatchSaysWhatItTakes) {
   EXPECT_GE(kept, commit_bytes / 4);
 }
 
-// -- Disk
-// ------------------------------------------------------------------------------------------
+// -- Disk -----------------------------------------------------------------------------------------
 
 TEST(Store, FullDiskKeepsEarlierCommits) {
   const TempDir dir;
