@@ -111,14 +111,15 @@ class Engine {
           });
     };
     visit_all(load);
-    begin_refinement();
+    begin_refinement(&stop_);
   }
 
+  // All or nothing: a second time, the same points would come again.
   void scatter() {
     const auto& surface = loader_.whole_surface();
     for (const Point& point : scatter_on_surface(surface.triangles(), state_.run.parameters.seed))
       loader_.note_inserted(state_.add_point(point, PointKind::kSurface));
-    begin_refinement();
+    begin_refinement(nullptr);
   }
 
   // Epoch after epoch, until the queue is empty.
@@ -155,8 +156,8 @@ class Engine {
       tell_progress();
   }
 
-  void begin_refinement() {
-    enqueue_for_refinement(state_, &stop_);
+  void begin_refinement(const StopSource* stop) {
+    enqueue_for_refinement(state_, stop);
     end_phase(Phase::kRefine);
   }
 
