@@ -173,7 +173,8 @@ class PageTest(unittest.TestCase):
 
 if __name__ == "__main__":
     if browser.find() is None:
-        print("skipped: needs chromium and chromedriver (Debian: chromium, chromium-driver)")
+        print("skipped: needs chromium and chromedriver. To run it: "
+              "tools/setup.sh chromium chromium-driver && tools/test.sh -R page_browser")
         sys.exit(NO_BROWSER)
     os.environ.setdefault("HOME", tempfile.gettempdir())
     unittest.main(verbosity=2)
