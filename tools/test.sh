@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds all and runs the tests.
+# Installs what is missing, builds all and runs the tests; ends with those that were skipped, and
+# what would run them.
 # Usage: tools/test.sh [ARGUMENTS OF ctest...]
 #   LOCVOL_MODELS    directory of the shared models (default: ../shared/models, if it is there;
 #                    without it the tests that need models are skipped)
 #   LOCVOL_SANITIZE  address or thread: the sanitizer build, in build/address or build/thread
+#   LOCVOL_MAY_SKIP  a regular expression: a test skipped for another reason has failed
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -14,4 +16,5 @@ tree=${sanitize:-release}
 
 tools/setup.sh python3-vtk9 python3-gmsh python3-meshio  # readers of the formats
 tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize"
-ctest --test-dir "build/$tree" --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"
+exec python3 -B tools/run_tests.py "build/$tree" \
+  --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"

@@ -11,6 +11,7 @@
 #include "engine/inspect/replay.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
+#include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -283,7 +284,7 @@ TEST_F(EngineTest, GivesTheSameRecordsTwice) {
 // Where a sharp model makes visits delete points, the triangulation's order of new cells depended
 // on their addresses.
 TEST_F(EngineTest, GivesTheSameRecordsAgainWithDeletions) {
-  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << "needs the shared models";
+  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << kNoModels;
   const auto turbine = [&](const std::string& store) {
     MeshOptions run = options(store, 4, 2000);
     run.input = std::filesystem::path(LOCVOL_MODELS_DIR) / "turbine.ply";

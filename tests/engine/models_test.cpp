@@ -9,6 +9,7 @@
 #include "engine/audit/audit.h"
 #include "engine/engine.h"
 #include "engine/ingest/surface_input.h"
+#include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -24,7 +25,7 @@ class MeshedModel : public testing::TestWithParam<Model> {};
 
 TEST_P(MeshedModel, PassesTheAudit) {
   const std::filesystem::path file = std::filesystem::path(LOCVOL_MODELS_DIR) / GetParam().file;
-  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << "no models here";
+  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << kNoModels;
   const TempDir dir;
   MeshOptions options;
   options.input = file;

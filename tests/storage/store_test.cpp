@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "storage/file_system.h"
+#include "tests/skip_reasons.h"
 #include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
 #include "tests/temp_dir.h"
@@ -650,7 +651,7 @@ std::uint64_t heap_bytes() {
 
 TEST_F(StoreMemory, ABatchSaysWhatItTakes) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "the heap of a sanitizer does not tell its size";
+  GTEST_SKIP() << kSanitized;
 #endif
   Store store = Store::open(dir_ / "s", {.is_durable = false});
   encode(Generator(1).points(5000), sample_leaf());  // now this thread has its zstd contexts

@@ -64,6 +64,13 @@ class Browser:
         finally:
             self._stop()
 
+    def resize(self, width, height):
+        """Lays pages out for such a screen, which may be smaller than any window."""
+        self._post("/goog/cdp/execute", {
+            "cmd": "Emulation.setDeviceMetricsOverride",
+            "params": {"width": width, "height": height, "deviceScaleFactor": 1,
+                       "mobile": False}})
+
     def open(self, url):
         self._post("/url", {"url": url})
 

@@ -116,6 +116,7 @@ class Bar(unittest.TestCase):
 
 if __name__ == "__main__":
     if not shutil.which("ccx"):
-        print("skipped: there is no ccx (package calculix-ccx)")
+        print("skipped: needs ccx, of CalculiX. To run it: "
+              "tools/setup.sh calculix-ccx && tools/test.sh -R tools/calculix")
         sys.exit(SKIPPED)
     unittest.main(argv=sys.argv[:1])

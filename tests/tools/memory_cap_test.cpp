@@ -6,6 +6,7 @@
 
 #include "engine/memory_budget.h"
 #include "tests/file_bytes.h"
+#include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
 #include "tools/generate.h"
@@ -49,7 +50,7 @@ TEST_F(MemoryCap, HasNoInfluenceOnTheMesh) {
 }
 
 TEST_F(MemoryCap, IsKept) {
-  if (is_sanitized) GTEST_SKIP();
+  if (is_sanitized) GTEST_SKIP() << kSanitized;
   ASSERT_NE(mesh_under("96M"), "") << result_.err;
   EXPECT_LT(result_.peak_bytes, 96 * kMiB);
   EXPECT_GT(result_.peak_bytes, 10 * kMiB);
@@ -68,7 +69,7 @@ TEST_F(MemoryCap, IsKeptByManyThreads) {
 }
 
 TEST_F(MemoryCap, HoldsAgainstTheKernelToo) {
-  if (is_sanitized) GTEST_SKIP();
+  if (is_sanitized) GTEST_SKIP() << kSanitized;
   const std::string mesh = mesh_under("96M");
   EXPECT_TRUE(mesh_under("96M", 96 * kMiB) == mesh) << result_.err;
   EXPECT_EQ(result_.exit_code, 0);

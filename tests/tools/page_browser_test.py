@@ -104,6 +104,21 @@ class PageTest(unittest.TestCase):
             "return document.getElementById('where').textContent"))
         self.check_quiet()
 
+    def test_fits_screens(self):
+        self.open("whole.html")
+        self.addCleanup(self.browser.resize, 1200, 800)
+        for width in (320, 390, 700, 1000, 1920):
+            self.browser.resize(width, 800)
+            inner, page, table = self.browser.run("""
+                const right = element => element.getBoundingClientRect().right;
+                return [innerWidth, document.documentElement.scrollWidth,
+                        Math.max(...[...document.querySelectorAll('table')].map(right))]""")
+            self.assertEqual(inner, width)
+            self.assertLessEqual(page, width)
+            self.assertLessEqual(table, width)
+            self.assertGreater(self.colors(), 20)
+        self.check_quiet()
+
     def check_up(self, press):
         """Which axes stand upright in the drawn cross of axes: z, and the others at a key."""
         upright = """
@@ -158,7 +173,8 @@ class PageTest(unittest.TestCase):
 
 if __name__ == "__main__":
     if browser.find() is None:
-        print("skipped: needs chromium and chromedriver (Debian: chromium, chromium-driver)")
+        print("skipped: needs chromium and chromedriver. To run it: "
+              "tools/setup.sh chromium chromium-driver && tools/test.sh -R page_browser")
         sys.exit(NO_BROWSER)
     os.environ.setdefault("HOME", tempfile.gettempdir())
     unittest.main(verbosity=2)

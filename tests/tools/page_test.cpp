@@ -19,6 +19,8 @@
 namespace locvol {
 namespace {
 
+constexpr char kNoThree[] = "built without three.js (libjs-three). To run it: tools/test.sh";
+
 // -- Undoing what page_data does ----------------------------------------------------------------
 
 std::string from_base64(const std::string& text) {
@@ -174,7 +176,7 @@ TEST_F(PageTest, NamesTheSurfaceEscaped) {
 }
 
 TEST_F(PageTest, HoldsAllCellsAndTheirLeaves) {
-  if (three_library().empty()) GTEST_SKIP() << "built without three.js (libjs-three)";
+  if (three_library().empty()) GTEST_SKIP() << kNoThree;
   const std::string page = report();
   const Json view = Json::parse(element(page, "view-data"));
   EXPECT_TRUE(view["is_done"]);
@@ -205,7 +207,7 @@ TEST_F(PageTest, StaysSmallWhateverTheMesh) {
   const std::string page = report({"--cells", "15000"});
   EXPECT_LT(page.size(), whole);
   EXPECT_NE(page.find("planes across the axes"), std::string::npos);
-  if (three_library().empty()) GTEST_SKIP() << "built without three.js (libjs-three)";
+  if (three_library().empty()) GTEST_SKIP() << kNoThree;
   const Json view = Json::parse(element(page, "view-data"));
   std::uint64_t num_cells = 0;
   for (const Json& set : view["cells"]) num_cells += set["num_cells"].get<std::uint64_t>();

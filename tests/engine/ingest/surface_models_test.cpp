@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/engine/ingest/surface_fixtures.h"
+#include "tests/skip_reasons.h"
 
 namespace locvol {
 namespace {
@@ -149,7 +150,7 @@ std::set<std::string> names_of(const Row (&table)[N]) {
 class SurfaceModels : public testing::Test {
  protected:
   void SetUp() override {
-    if (kModels.empty()) GTEST_SKIP() << "configure with -DLOCVOL_MODELS=<directory>";
+    if (kModels.empty()) GTEST_SKIP() << kNoModels;
   }
 };
 

@@ -17,7 +17,7 @@ try:
     import vtk
     from vtk.util.numpy_support import vtk_to_numpy
 except ImportError as error:
-    print("skipped:", error)
+    print(f"skipped: {error}. To run it: tools/test.sh -R tools/readers")
     sys.exit(77)
 
 LOCVOL = sys.argv.pop(1)
