@@ -7,7 +7,7 @@
 
 #include "engine/run_state.h"
 #include "octree/site_block.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 

@@ -12,7 +12,7 @@
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {

@@ -22,7 +22,7 @@
 #include "engine/run_estimate.h"
 #include "engine/run_setup.h"
 #include "engine/workers.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 

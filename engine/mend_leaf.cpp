@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "engine/unresolved_sites.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 namespace {

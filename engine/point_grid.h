@@ -9,7 +9,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 

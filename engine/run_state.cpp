@@ -8,7 +8,7 @@
 
 #include "engine/coloring.h"
 #include "refine/cover_leaf.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 namespace {

@@ -13,7 +13,7 @@
 #include "engine/leaf_queue.h"
 #include "octree/lattice.h"
 #include "octree/octree.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 #include "storage/store.h"
 
 namespace locvol {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "octree/morton_key.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 

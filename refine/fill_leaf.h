@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 
 namespace locvol {
 

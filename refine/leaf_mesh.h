@@ -13,8 +13,8 @@
 
 #include "refine/circumcenter.h"
 #include "refine/delaunay.h"
+#include "refine/leaf.h"
 #include "refine/point_cubes.h"
-#include "refine/refine_leaf.h"
 
 namespace locvol {
 

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "refine/leaf.h"
 #include "refine/point_cubes.h"
-#include "refine/refine_leaf.h"
 
 namespace locvol {
 

@@ -12,6 +12,7 @@
 #include "engine/leaf_name.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
+#include "refine/refine_leaf.h"
 
 namespace locvol {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "engine/inspect/cell_mesh.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 #include "storage/store.h"
 
 namespace locvol {

@@ -14,7 +14,7 @@
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 #include "tools/generate.h"

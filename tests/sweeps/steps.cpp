@@ -22,7 +22,7 @@
 
 #include "octree/octree.h"
 #include "refine/cover_leaf.h"
-#include "refine/refine_leaf.h"
+#include "refine/leaf.h"
 #include "storage/store.h"
 
 namespace locvol::sweeps {

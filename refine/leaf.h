@@ -1,0 +1,173 @@
+// What a leaf's visit takes and gives: LeafInput, of which refine_leaf makes a LeafDelta.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "octree/geometry.h"
+#include "octree/lattice.h"
+#include "octree/stop.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+// The reach (below) that cover mode gives a visit, over λ. More than 2 is needed: balls of radius λ
+// must be known to be empty. Measured: 2.1 makes some surface points more, 2.5 a tenth more ghosts.
+inline constexpr double kReach = 2.25;
+
+// How far, over λ, an insertion matters: it destroys balls that contain it, and those of stars are
+// smaller than λ (the radius of N_v in Dey and Slatton 2011).
+inline constexpr double kNeighborhood = 2;
+
+struct Criteria {
+  double size = 0;  // λ, in the units of the coordinates
+  double radius_edge_bound = 2;
+  // All of P within this distance of the leaf is loaded; may be infinite. A ball through an own
+  // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for
+  // an artifact of points that were not loaded, and ends of dual edges are cut there.
+  double reach = 0;
+  double spacing_floor = 0;  // no insertion closer than this to a point of P, same units
+  // Every point of the surface is this close to a point of P, or closer. Spares questions of the
+  // surface farther from P; infinite: none.
+  double cover_radius = std::numeric_limits<double>::infinity();
+};
+
+// Looks up points of P that the leaf has not loaded (paper mode).
+class PointIndex {
+ public:
+  virtual ~PointIndex() = default;
+  // The point of P nearest to q, if one is at most `radius` away, leaving out those whose ids
+  // `is_deleted` claims; ties by lexicographic order.
+  virtual std::optional<MeshPoint> nearest(
+      const Point& q, double radius,
+      const std::function<bool(std::uint64_t)>& is_deleted) const = 0;
+};
+
+// Looks up points of the lattice core (engine/README.md): points of P that a visit need not load,
+// unless it inserts near them. All cells at them are the lattice's: no other point lies in their
+// circumballs, which reach kLatticeStar λ, and their neighbors are of P.
+class CoreIndex {
+ public:
+  virtual ~CoreIndex() = default;
+  // Of a site that near.
+  virtual bool contains(const LatticeSite& site) const = 0;
+  // All of them at most `radius` from q, in order of id. REQUIRES: radius <= 2λ, and q within the
+  // distance that a visit inserts at
+  virtual void within(const Point& q, double radius, std::vector<MeshPoint>& out) const = 0;
+  // Is one of them closer to q than `radius`? REQUIRES: as for within(), and no other point of P is
+  virtual bool has_within(const Point& q, double radius) const;
+  // Appends the ids of those at which a point inserted at q changes cells. `size`: λ
+  void append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const;
+};
+
+// Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
+using VertexRef = std::uint64_t;
+inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
+
+struct CellList {
+  std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
+  std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, ascending
+
+  std::size_t size() const { return cells.size(); }
+  std::array<VertexRef, 4> refs(std::size_t i) const {
+    const auto& [a, b, c, d] = cells[i];
+    return {vertices[a], vertices[b], vertices[c], vertices[d]};
+  }
+  friend bool operator==(const CellList&, const CellList&) = default;
+};
+
+// How the last visit of a leaf left it, and what has changed since.
+struct LastVisit {
+  std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
+  std::vector<MeshPoint> deleted;  // since, within `reach` of the box
+  CellList cells;                  // LeafDelta::cells, with ids for all vertices
+};
+
+// One change that a visit makes, or finds forbidden. The points that an insertion deletes come
+// right before it.
+struct RefineStep {
+  enum class Action { kInsert, kDelete, kTakeIn, kBlocked };
+  Action action = Action::kInsert;
+  int condition = 0;  // 1 … 6, the one that is restored
+  double radius = 0;  // of its surface ball or circumsphere; 0 if it has none
+  // The point inserted, deleted, or taken in from P; kBlocked: that the spacing floor forbids.
+  VertexRef point = 0;  // kBlocked: nothing
+  Point position;
+  PointKind kind = PointKind::kSurface;  // kBlocked: nothing
+};
+
+// Is p in a leaf's half-open box?
+inline bool is_in_leaf(const Box& box, const Point& p) {
+  return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
+         (box.min.z <= p.z) & (p.z < box.max.z);
+}
+
+struct LeafInput {
+  Criteria criteria;
+  Box box;  // of the leaf, half-open: own points have min <= p < max
+  // In order of id: where points get inserted, the result depends on the order.
+  std::vector<MeshPoint> own;     // P_v
+  std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
+  const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
+  const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
+  const CoreIndex* core = nullptr;         // null if there is none near
+  std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
+  // If given, only what may have changed since is looked at, which is far less work: the same cells
+  // come out, and where points must be inserted, possibly others.
+  // REQUIRES: that visit was not overfull, and left nothing unresolved
+  std::optional<LastVisit> last_visit = std::nullopt;
+  std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
+  std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
+  const StopToken* stop = nullptr;                 // may be null
+};
+
+struct InsertedPoint {
+  Point position;
+  PointKind kind = PointKind::kSurface;
+  bool is_deleted = false;  // again, by a later insertion of the same visit
+  // Other leaves' points within 2 λ whose stars it changed. Unknown: any that near may be.
+  std::optional<std::vector<Point>> changed;
+};
+
+struct Violation {    // unresolved: the spacing floor forbids the cure
+  int condition = 0;  // 1 … 6
+  Point position;     // where a point would have been inserted
+  double radius = 0;
+};
+
+struct VisitStats {
+  std::array<std::uint64_t, 6> insertions{};  // by condition
+  std::uint64_t deletions = 0;
+  std::uint64_t points_added = 0;  // points of P found by all_points or core, and taken in
+  std::uint64_t cells_made = 0;    // by the triangulation, in all
+};
+
+struct LeafDelta {
+  std::vector<InsertedPoint> inserted;  // in order of insertion
+  std::vector<MeshPoint> deleted;       // points of the input
+  // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
+  // positively oriented.
+  CellList cells;
+  // Ids of core points at which an inserted one changes cells, ascending: all cells at them are
+  // no longer the lattice's.
+  std::vector<std::uint64_t> met_core;
+  std::vector<Violation> unresolved;
+  VisitStats stats;
+  bool is_overfull =
+      false;  // more than max_own_points: split and visit the children; cells is empty
+};
+
+// A bug or a rounding fault, never bad input: with the leaf's place in the message.
+class RefineError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+}  // namespace locvol
