@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "octree/site_block.h"
+
 namespace locvol {
 namespace {
 
@@ -30,47 +32,21 @@ LatticeSite negated(const LatticeSite& s) { return {-s.i, -s.j, -s.k}; }
 
 }  // namespace
 
-CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance) : lattice_(state.lattice) {
+CoreRows core_around(RunState& state, MortonKey leaf, double distance) {
   const Box box = state.box(leaf);
-  const SiteBox around = lattice_.sites_in(box.expanded(distance));
-  for (const MortonKey other : state.octree.leaves_within(state.run.frame, box, distance)) {
-    const LatticeCore& core = state.leaves.points(other).core;
-    if (core.is_empty()) continue;
-    if (is_empty_) is_core_ = {around, 0};
-    is_empty_ = false;
-    for_each_core_site(core, state.sites(other), around,
-                       [&](const LatticeSite& site, std::uint64_t) { is_core_[site] = 1; });
-  }
-}
-
-std::vector<MeshPoint> CoreAround::points() const {
-  std::vector<MeshPoint> points;
-  for_each_site(is_core_.box(), [&](const LatticeSite& site) {
-    if (contains(site)) points.push_back(lattice_.point(site));
-  });
-  return points;
-}
-
-void CoreAround::within(const Point& q, double radius, std::vector<MeshPoint>& out) const {
-  out.clear();
-  std::vector<LatticeSite> sites;
-  lattice_.sites_within(q, radius, sites);
-  for (const LatticeSite& site : sites)
-    if (contains(site)) out.push_back(lattice_.point(site));
-}
-
-// No lattice point is closer than the nearest. Displacements are far below what any distance here
-// decides by.
-bool CoreAround::has_within(const Point& q, double radius) const {
-  const LatticeSite site = lattice_.nearest(q);
-  return contains(site) && squared_distance(lattice_.undisplaced(site), q) < radius * radius;
+  const SiteBox around = state.lattice.sites_in(box.expanded(distance));
+  CoreRows core{.lattice = state.lattice, .rows = {}};
+  for (const MortonKey other : state.octree.leaves_within(state.run.frame, box, distance))
+    for_each_core_row(state.leaves.points(other).core, state.sites(other), around,
+                      [&](const LatticeRow& row, std::uint64_t) { core.rows.push_back(row); });
+  return core;
 }
 
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   const std::uint64_t num_points = state.leaves.info(leaf).num_core_points;
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
-  const CoreAround around(state, leaf, kLatticeStar * state.size());
+  const CoreIndex around(core_around(state, leaf, kLatticeStar * state.size()));
   const SiteBox sites = state.sites(leaf);
   std::uint64_t num_cells = 0;
   for_each_core_site(state.leaves.points(leaf).core, sites, sites,

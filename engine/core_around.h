@@ -1,35 +1,15 @@
-// CoreAround is the lattice core in and around one leaf: which sites are points of P that no record
-// lists.
+// The lattice core of a run: which sites are points of P that no record lists.
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "engine/run_state.h"
-#include "octree/site_block.h"
-#include "refine/leaf.h"
+#include "refine/core_index.h"
 
 namespace locvol {
 
-// Memory: a byte a site.
-class CoreAround : public CoreIndex {
- public:
-  // Of the leaves within `distance` of the leaf, all sites at most that far away.
-  CoreAround(RunState& state, MortonKey leaf, double distance);
-
-  bool is_empty() const { return is_empty_; }
-  bool contains(const LatticeSite& site) const override {
-    return !is_empty_ && is_core_.box().contains(site) && is_core_[site] != 0;
-  }
-  std::vector<MeshPoint> points() const;  // all of them, in order of id
-  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override;
-  bool has_within(const Point& q, double radius) const override;
-
- private:
-  const Lattice& lattice_;
-  SiteBlock<std::uint8_t> is_core_;
-  bool is_empty_ = true;
-};
+// Of the leaves within `distance` of the leaf, all sites at most that far away.
+CoreRows core_around(RunState& state, MortonKey leaf, double distance);
 
 // How many cells the leaf has whose vertices are all of the core, the smallest one its own.
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf);

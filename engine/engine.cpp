@@ -62,7 +62,10 @@ class Engine {
   void refine() {
     const auto load = [this](MortonKey leaf) {
       return make_visit(
-          loader_.load(leaf), [](LoadedLeaf& loaded) { return refine_leaf(loaded.complete()); },
+          loader_.load(leaf),
+          [this](LoadedLeaf& loaded) {
+            return refine_leaf(std::move(loaded.input), {.stop = &stop_}, loader_.whole());
+          },
           [this, leaf](const LeafDelta& delta) {
             apply_visit(state_, loader_, leaf, delta);
             note_visit();
@@ -97,14 +100,14 @@ class Engine {
       if (state_.run.epoch != kCoverEpoch)
         return make_visit(
             loader_.load_fill(leaf),
-            [](LoadedFill& loaded) { return fill_leaf(loaded.complete()); },
+            [this](LoadedFill& loaded) { return fill_leaf(std::move(loaded.input), &stop_); },
             [this, leaf](const FillPoints& points) {
               apply_fill(state_, leaf, points);
               note_visit();
             });
       return make_visit(
           loader_.load_cover(leaf),
-          [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },
+          [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), &stop_); },
           [this, leaf](const CoverPoints& points) {
             apply_cover(state_, leaf, points);
             note_visit();
@@ -116,8 +119,8 @@ class Engine {
 
   // All or nothing: a second time, the same points would come again.
   void scatter() {
-    const auto& surface = loader_.whole_surface();
-    for (const Point& point : scatter_on_surface(surface.triangles(), state_.run.parameters.seed))
+    const auto triangles = loader_.whole().surface->triangles();
+    for (const Point& point : scatter_on_surface(triangles, state_.run.parameters.seed))
       loader_.note_inserted(state_.add_point(point, PointKind::kSurface));
     begin_refinement(nullptr);
   }

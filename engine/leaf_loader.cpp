@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <span>
 #include <utility>
 
+#include "engine/core_around.h"
 #include "engine/run_setup.h"
 
 namespace locvol {
@@ -36,21 +36,6 @@ std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_cap
 
 }  // namespace
 
-template <class Input>
-const Input& Loaded<Input>::complete() {
-  if (surface) {
-    patch = std::make_unique<SurfacePatch>(std::move(surface->triangles), surface->region,
-                                           surface->reference, surface->is_reference_inside,
-                                           surface->fineness, input.stop);
-    surface.reset();
-    input.surface = patch.get();
-  }
-  return input;
-}
-template struct Loaded<LeafInput>;
-template struct Loaded<CoverInput>;
-template struct Loaded<FillInput>;
-
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop)
     : state_(state), budget_(budget), stop_(stop) {
   if (state_.is_cover()) return;
@@ -58,8 +43,12 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
   std::vector<Triangle> triangles = triangles_meeting(root);
   budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
                    .bytes_to_refine());
-  whole_surface_ = std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false,
-                                                  GridFineness{state_.size()}, stop_);
+  whole_surface_ = std::make_unique<SurfacePatch>(SurfacePiece{.triangles = std::move(triangles),
+                                                               .region = root,
+                                                               .reference = root.min,
+                                                               .is_reference_inside = false,
+                                                               .fineness = {state_.size()}},
+                                                  stop_);
   all_points_.emplace(state_.size());
   for (const MortonKey leaf : state_.octree.leaves()) {
     throw_if_stopped(stop_);
@@ -82,14 +71,12 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
       .num_triangles = triangles.size()};
   LoadedCover loaded;
   loaded.bytes = visit.bytes_to_cover();
-  loaded.surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover);
   loaded.input = {.size = size,
                   .seed = state_.run.parameters.seed,
-                  .lattice = &state_.lattice,
+                  .lattice = state_.lattice,
                   .box = box,
-                  .surface = nullptr,
-                  .nearby_samples = {},
-                  .stop = stop_};
+                  .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover),
+                  .nearby_samples = {}};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
   return loaded;
@@ -97,27 +84,23 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
 
 LoadedFill LeafLoader::load_fill(MortonKey leaf) {
   const double size = state_.size(), patch_distance = kSlack * size;
-  LoadedFill loaded;
-  loaded.input = {.size = size,
-                  .box = state_.box(leaf),
-                  .points = points_around(leaf, kFillReach * size),
-                  .core = nullptr,
-                  .surface = nullptr,
-                  .stop = stop_};
+  std::vector<MeshPoint> points = points_around(leaf, kFillReach * size);
   const std::vector<MeshPoint>& own = state_.leaves.points(leaf).points;
-  std::vector<MeshPoint>& points = loaded.input.points;
   points.insert(points.end(), own.begin(), own.end());
   std::ranges::sort(points, {}, &MeshPoint::id);
-  loaded.core = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
-  if (!loaded.core->is_empty()) loaded.input.core = loaded.core.get();
+  CoreRows core = core_around(state_, leaf, kCoreReach * size);
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  loaded.bytes = VisitSize{.volume = volume_over_size(region),
-                           .num_points = points.size(),
-                           .num_triangles = triangles.size()}
-                     .bytes_to_cover();
-  loaded.surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill);
-  return loaded;
+  const VisitSize visit{.volume = volume_over_size(region),
+                        .num_points = points.size(),
+                        .num_triangles = triangles.size()};
+  return {
+      .bytes = visit.bytes_to_cover(),
+      .input = {.size = size,
+                .box = state_.box(leaf),
+                .points = std::move(points),
+                .core = std::move(core),
+                .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill)}};
 }
 
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
@@ -133,26 +116,22 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
                         .num_points = most_points_of_visit(own.size(), ghosts.size()),
                         .num_triangles = triangles.size()};
+  std::optional<LastVisit> last = last_visit(leaf);
+  const GridFineness fineness = last ? kCoarse : kFine;
   LoadedLeaf loaded;
   loaded.bytes = visit.bytes_to_refine();
-  if (state_.is_cover())
-    loaded.core = std::make_unique<CoreAround>(state_, leaf, kCoreReach * size);
-  std::optional<LastVisit> last = last_visit(leaf);
-  if (state_.is_cover())
-    loaded.surface =
-        surface_around(leaf, patch_distance, std::move(triangles), last ? kCoarse : kFine);
   loaded.input = {.criteria = criteria(),
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .surface = whole_surface_.get(),
-                  .all_points = all_points_ ? &*all_points_ : nullptr,
-                  .core = loaded.core && !loaded.core->is_empty() ? loaded.core.get() : nullptr,
+                  .surface = {},
+                  .core = {},
                   .max_own_points = max_own_points(leaf),
                   .last_visit = std::move(last),
-                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
-                  .on_step = {},
-                  .stop = stop_};
+                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity)};
+  if (!state_.is_cover()) return loaded;
+  loaded.input.surface = surface_around(leaf, patch_distance, std::move(triangles), fineness);
+  loaded.input.core = core_around(state_, leaf, kCoreReach * size);
   return loaded;
 }
 
@@ -180,7 +159,7 @@ std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
   const LeafInfo& info = state_.leaves.info(leaf);
   if (info.first_new_id == 0) return std::nullopt;
   LeafCells held = state_.leaves.cells(leaf);
-  return LastVisit{info.first_new_id, {}, {std::move(held.vertices), std::move(held.cells)}};
+  return LastVisit{info.first_new_id, {std::move(held.vertices), std::move(held.cells)}};
 }
 
 double LeafLoader::volume_over_size(const Box& box) const {
@@ -199,13 +178,9 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
 }
 
 Criteria LeafLoader::criteria() const {
-  const double size = state_.size();
-  return {.size = size,
-          .radius_edge_bound = state_.run.parameters.radius_edge_bound,
-          .reach = state_.is_cover() ? kReach * size : std::numeric_limits<double>::infinity(),
-          .spacing_floor = state_.run.parameters.spacing_floor * size,
-          .cover_radius = state_.is_cover() ? kSlack * kSampleRadius * size
-                                            : std::numeric_limits<double>::infinity()};
+  const RunParameters& p = state_.run.parameters;
+  const auto of = state_.is_cover() ? Criteria::of_cover : Criteria::of_paper;
+  return of(p.size, p.radius_edge_bound, p.spacing_floor);
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are

@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "engine/core_around.h"
 #include "engine/memory_budget.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
@@ -17,26 +16,11 @@
 
 namespace locvol {
 
-// What SurfacePatch is built from.
-struct SurfacePiece {
-  std::vector<Triangle> triangles;
-  Box region;
-  Point reference;
-  bool is_reference_inside = false;
-  GridFineness fineness;
-};
-
-// All that a visit reads, copied from the run. To build the patch is a good part of the visit's
-// work, so it is left to whom the visit is computed by, once `bytes` have been reserved for it.
+// All that a visit reads, copied from the run.
 template <class Input>
 struct Loaded {
-  std::uint64_t bytes = 0;              // that the visit takes at its peak
-  std::optional<SurfacePiece> surface;  // nothing: `input` points to what the loader holds
-  std::unique_ptr<const SurfacePatch> patch;
-  std::unique_ptr<const CoreAround> core;  // null: `input` needs none
+  std::uint64_t bytes = 0;  // that the visit takes at its peak
   Input input;
-
-  const Input& complete();  // `input` with its surface; throws Stopped
 };
 using LoadedLeaf = Loaded<LeafInput>;
 using LoadedCover = Loaded<CoverInput>;
@@ -45,7 +29,6 @@ using LoadedFill = Loaded<FillInput>;
 class LeafLoader {
  public:
   // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget, Stopped.
-  // Visits ask `stop`, which may be null.
   LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
   LoadedCover load_cover(MortonKey leaf);
@@ -54,8 +37,7 @@ class LeafLoader {
   // Keeps up with P.
   void note_inserted(const MeshPoint& point);
   void note_deleted(const MeshPoint& point);
-  // REQUIRES: paper mode
-  const SurfacePatch& whole_surface() const { return *whole_surface_; }
+  WholeModel whole() const { return {whole_surface_.get(), all_points_ ? &*all_points_ : nullptr}; }
 
  private:
   Criteria criteria() const;

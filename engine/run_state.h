@@ -18,13 +18,10 @@
 
 namespace locvol {
 
-// Lengths over λ, in cover mode. A visit reads listed points within kReach of its leaf, and the
-// lattice core within kCoreReach: it inserts within kInsertion, and asks for core points 2 around.
-inline constexpr double kInsertion = kReach - 1;
-inline constexpr double kCoreReach = kInsertion + 2.1;
-// It deletes within kReach, and makes core points explicit that are closer than kLatticeStar to
-// what it inserts: these are the farthest that it writes. What it reads of the core is the farthest
-// that it reads. Leaves farther apart than both together are independent of each other.
+// Over λ, in cover mode. A visit deletes within kReach of its leaf, inserts within kInsertion, and
+// makes core points explicit that are closer than kLatticeStar to that: these are the farthest that
+// it writes. What it reads of the core is the farthest that it reads. Leaves farther apart than
+// both together are independent of each other.
 inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 // In cover mode, epoch 0 covers the surface and the inside, and epoch 1 fills the holes that are
 // left between leaves' first points; in between, all samples come to be known.

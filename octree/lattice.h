@@ -6,6 +6,7 @@
 #include <array>
 #include <compare>
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "octree/frame.h"
@@ -193,6 +194,7 @@ class Lattice {
  public:
   static constexpr double kDisplacement = 0x1p-17;  // at most, over a/2
 
+  Lattice() = default;  // not valid
   // `size`: λ. REQUIRES: leaves have sides of at least min_leaf_side
   Lattice(const Frame& frame, double size, double min_leaf_side);
 
@@ -208,13 +210,19 @@ class Lattice {
   // The site closest to q, but for displacements; at most kLatticeCircumradius λ away.
   LatticeSite nearest(const Point& q) const;
   double spacing() const { return 2 * half_; }
+  friend bool operator==(const Lattice&, const Lattice&) = default;
+  // What makes it up, for those who store or send it. `lattice`: a Lattice or a const one
+  template <class Self>
+  static auto members(Self& lattice) {
+    return std::tie(lattice.origin_, lattice.grid_origin_, lattice.half_, lattice.grid_side_);
+  }
 
  private:
   double coordinate(int axis, std::int32_t index, std::uint64_t noise) const;
   std::int32_t first_index_from(int axis, double bound) const;
 
   Point origin_, grid_origin_;
-  double half_, grid_side_;
+  double half_ = 0, grid_side_ = 0;
 };
 
 // Sites as ids of points: in their order, and below those of all other points.

@@ -46,18 +46,30 @@ class SiteBlock {
   std::vector<Value> values_;
 };
 
-// Calls visit(site, number of points of the core before it) for each point of a leaf's core that
+// Calls visit(row, number of points of the core before it) for what of each row of a leaf's core
 // lies in `part`, in order. `sites`: of the leaf's box
 template <class Visit>
-void for_each_core_site(const LatticeCore& core, const SiteBox& sites, const SiteBox& part,
-                        Visit visit) {
+void for_each_core_row(const LatticeCore& core, const SiteBox& sites, const SiteBox& part,
+                       Visit visit) {
   for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t num_before) {
     const auto& [i, j, k] = row.first;
     if (i < part.low.i || i >= part.high.i || j < part.low.j || j >= part.high.j) return;
     const std::int32_t low = std::max(k, first_of_parity(part.low.k, k));
     const std::int32_t high = std::min(k + 2 * static_cast<std::int32_t>(row.count), part.high.k);
-    for (std::int32_t n = low; n < high; n += 2)
-      visit(LatticeSite{i, j, n}, num_before + static_cast<std::uint64_t>(n - k) / 2);
+    if (low < high)
+      visit(LatticeRow{{i, j, low}, static_cast<std::uint32_t>(high - low + 1) / 2},
+            num_before + static_cast<std::uint64_t>(low - k) / 2);
+  });
+}
+
+// The same for each point: visit(site, number of points of the core before it).
+template <class Visit>
+void for_each_core_site(const LatticeCore& core, const SiteBox& sites, const SiteBox& part,
+                        Visit visit) {
+  for_each_core_row(core, sites, part, [&](const LatticeRow& row, std::uint64_t num_before) {
+    const auto& [i, j, k] = row.first;
+    for (std::uint32_t n = 0; n < row.count; ++n)
+      visit(LatticeSite{i, j, k + 2 * static_cast<std::int32_t>(n)}, num_before + n);
   });
 }
 

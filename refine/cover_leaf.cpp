@@ -273,12 +273,12 @@ bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before)
 // covered once its dart fails, for a sample is that close to the dart.
 class SurfaceSampler {
  public:
-  explicit SurfaceSampler(const CoverInput& input)
+  SurfaceSampler(const CoverInput& input, const StopToken* stop)
       : owned_(closed(input.box)),
         spacing_(kSampleSpacing * input.size),
         radius_(kSampleRadius * input.size),
         grid_(input.box.expanded(radius_), radius_),
-        stop_(input.stop) {
+        stop_(stop) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
   }
 
@@ -348,20 +348,18 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 
 // ---- Lattice
 
-void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
-                        CoverPoints& points) {
-  const SurfacePatch& surface = *input.surface;
-  StopPoll poll(input.stop);
+void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
+                        const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
   // The sites at the row's beginning that are within `distance` of its first, displaced or not.
   const auto num_within = [&](double distance, const LatticeRow& row) {
     constexpr double kSlack = 1.001;
-    const double num = distance / (kSlack * input.lattice->spacing());
+    const double num = distance / (kSlack * input.lattice.spacing());
     return 1 + static_cast<std::uint32_t>(std::clamp(num, 0.0, row.count - 1.0));
   };
-  for_each_piece(input.lattice->sites_in(input.box), [&](const LatticeRow& row) {
+  for_each_piece(input.lattice.sites_in(input.box), [&](const LatticeRow& row) {
     poll();
     const LatticeSite& site = row.first;
-    const Point p = input.lattice->position(site);
+    const Point p = input.lattice.position(site);
     const auto [is_inside, distance] = surface.locate(p);
     if (!is_inside) return num_within(distance, row);
     if (!surface.is_near(p, kCoreDepth * input.size)) {
@@ -378,19 +376,17 @@ void cover_with_lattice(const CoverInput& input, const SurfaceSampler& sampler,
 
 }  // namespace
 
-CoverPoints cover_leaf(const CoverInput& input) {
+CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
-  assert(input.lattice && "all leaves share one");
-  assert(input.surface && "a leaf without surface has an empty patch");
+  const SurfacePatch surface(std::move(input.surface), stop);
   CoverPoints points;
-  if (input.surface->triangles().empty()) {
-    points.core.is_whole = input.surface->is_inside(input.box.center());
+  if (surface.triangles().empty()) {
+    points.core.is_whole = surface.is_inside(input.box.center());
     return points;
   }
-  SurfaceSampler sampler(input);
-  points.samples =
-      sampler.sample(fragments_in(input.box, input.surface->triangles(), input.seed, input.stop));
-  cover_with_lattice(input, sampler, points);
+  SurfaceSampler sampler(input, stop);
+  points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
+  cover_with_lattice(input, surface, sampler, StopPoll(stop), points);
   return points;
 }
 

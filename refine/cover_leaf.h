@@ -27,11 +27,10 @@ inline constexpr double kCoreDepth = 3.0;
 struct CoverInput {
   double size = 0;  // λ
   std::uint64_t seed = 0;
-  const Lattice* lattice = nullptr;
-  Box box;                                // of the leaf, half-open
-  const SurfacePatch* surface = nullptr;  // region contains the box expanded by kCoreDepth λ
-  std::vector<Point> nearby_samples;      // surface samples of other leaves within r_s of the box
-  const StopToken* stop = nullptr;        // may be null
+  Lattice lattice;
+  Box box;                            // of the leaf, half-open
+  SurfacePiece surface;               // region contains the box expanded by kCoreDepth λ
+  std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
 };
 
 struct CoverPoints {
@@ -44,7 +43,7 @@ struct CoverPoints {
 // nearby, and own samples are at least kSampleSpacing λ from one another and from the nearby ones.
 // A function of the geometry, ids, λ and seed: not of what else is loaded, or of any order.
 // Time: about 9 µs a sample, with the lattice below it.
-// Throws Stopped. REQUIRES: size > 0, lattice and surface are not null
-CoverPoints cover_leaf(const CoverInput& input);
+// Throws Stopped. REQUIRES: size > 0, a valid lattice; `stop` may be null
+CoverPoints cover_leaf(CoverInput input, const StopToken* stop = nullptr);
 
 }  // namespace locvol

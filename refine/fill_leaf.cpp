@@ -12,6 +12,7 @@
 #include "octree/site_block.h"
 #include "refine/cover_leaf.h"
 #include "refine/fragment.h"
+#include "refine/leaf.h"
 #include "refine/point_cubes.h"
 
 namespace locvol {
@@ -106,8 +107,14 @@ class Climber {
 
 class HoleSearch {
  public:
-  explicit HoleSearch(const FillInput& input)
-      : input_(input), size_(input.size), half_(0.5 * kLatticeSpacing * size_), climber_(size_) {
+  HoleSearch(const FillInput& input, const SurfacePatch& surface, const StopToken* stop)
+      : input_(input),
+        surface_(surface),
+        core_(input.core),
+        stop_(stop),
+        size_(input.size),
+        half_(0.5 * kLatticeSpacing * size_),
+        climber_(size_) {
     find_lattice();
     std::vector<Point> all, samples;
     for (const MeshPoint& p : input.points) {
@@ -126,7 +133,7 @@ class HoleSearch {
   FillPoints run() {
     const Box around = input_.box.expanded(kStart * size_);
     SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
-    StopPoll poll(input_.stop, 8);
+    StopPoll poll(stop_, 8);
     for (const LatticeSite& site : sites_near_surface(is_outside)) {
       poll();
       const Point corner = place(site);
@@ -157,12 +164,12 @@ class HoleSearch {
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const SiteBox corners = is_there_.box().expanded(-2);
     std::vector<LatticeSite> near;
-    StopPoll poll(input_.stop);
+    StopPoll poll(stop_);
     for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
       poll();
       const Point p = place(row.first);
-      const auto [is_inside, distance] = input_.surface->locate(p);
-      const bool outside = !is_inside && input_.surface->region().contains(p);
+      const auto [is_inside, distance] = surface_.locate(p);
+      const bool outside = !is_inside && surface_.region().contains(p);
       const bool is_far = distance > kFarthest * size_;
       const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
       if (outside)
@@ -201,18 +208,17 @@ class HoleSearch {
     is_there_ = {sites.expanded(3), 0};
     for (const MeshPoint& p : input_.points)
       if (has_site(p) && is_there_.box().contains(site_of(p.id))) is_there_[site_of(p.id)] = 1;
-    if (input_.core == nullptr) return;
+    if (core_.is_empty()) return;
     const SiteBox known = is_there_.box(), inner = known.expanded(-2);
     SiteBlock<std::uint8_t> is_core(known, 0);
     for_each_site(known, [&](const LatticeSite& site) {
-      if (input_.core->contains(site)) is_core[site] = is_there_[site] = 1;
+      if (core_.contains(site)) is_core[site] = is_there_[site] = 1;
     });
     for_each_site(known, [&](const LatticeSite& site) {
       if (!is_core[site]) return;
       const bool is_among_core =
           std::ranges::all_of(kLatticeNeighbors, [&](const LatticeSite& step) {
-            return inner.contains(site) ? is_core[site + step] != 0
-                                        : input_.core->contains(site + step);
+            return inner.contains(site) ? is_core[site + step] != 0 : core_.contains(site + step);
           });
       // Others are not the nearest to any place outside.
       if (!is_among_core) all.push_back(place(site));
@@ -221,35 +227,37 @@ class HoleSearch {
 
   void search_from(const Point& start) {
     const double radius = kWorthClimbing * size_;
-    if (points_->has_in_cube(start, radius) || !input_.surface->is_inside(start) ||
+    if (points_->has_in_cube(start, radius) || !surface_.is_inside(start) ||
         !points_->is_free(start, radius))
       return;
     const Point center = climber_.climb(start, *points_);
     if (!is_in_leaf(input_.box, center) || !points_->is_free(center, kHoleRadius * size_) ||
-        !input_.surface->is_inside(center) || !is_deep_enough(center))
+        !surface_.is_inside(center) || !is_deep_enough(center))
       return;
     found_.centers.push_back(center);
     points_->add(center);
-    if (input_.core != nullptr) input_.core->append_met(center, size_, found_.met_core);
+    core_.append_met(center, size_, found_.met_core);
   }
 
   // Like a lattice point.
   bool is_deep_enough(const Point& p) {
-    const SurfacePatch& surface = *input_.surface;
-    if (!surface.is_near(p, kLatticeDepth * size_)) return true;
-    if (surface.is_near(p, kLeastLatticeDepth * size_)) return false;
+    if (!surface_.is_near(p, kLatticeDepth * size_)) return true;
+    if (surface_.is_near(p, kLeastLatticeDepth * size_)) return false;
     const double radius = kSampleRadius * size_;
     near_.clear();
     samples_->for_each_around(p, 2 * radius, [&](const Point& q) {
       if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);
       return true;
     });
-    return is_hidden_from(surface, p, radius, [&](const Fragment& f) {
+    return is_hidden_from(surface_, p, radius, [&](const Fragment& f) {
       return std::ranges::any_of(near_, [&](const Point& q) { return is_nearer(f, q, p); });
     });
   }
 
   const FillInput& input_;
+  const SurfacePatch& surface_;
+  const CoreIndex core_;
+  const StopToken* stop_;
   const double size_, half_;                    // λ; half of the lattice's spacing
   Point origin_;                                // of the lattice
   std::optional<PointCubes> points_, samples_;  // of P; of these, the ones on the surface
@@ -261,10 +269,10 @@ class HoleSearch {
 
 }  // namespace
 
-FillPoints fill_leaf(const FillInput& input) {
+FillPoints fill_leaf(FillInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
-  assert(input.surface && "a leaf without surface has an empty patch");
-  return HoleSearch(input).run();
+  const SurfacePatch surface(std::move(input.surface), stop);
+  return HoleSearch(input, surface, stop).run();
 }
 
 }  // namespace locvol

@@ -7,7 +7,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "refine/leaf.h"
+#include "octree/geometry.h"
+#include "octree/stop.h"
+#include "refine/core_index.h"
+#include "refine/surface_patch.h"
 
 namespace locvol {
 
@@ -20,9 +23,8 @@ struct FillInput {
   // P in the leaf and within kFillReach λ of it, but for the lattice core. In order of id: the
   // result depends on it.
   std::vector<MeshPoint> points;
-  const CoreIndex* core = nullptr;        // null if there is none near
-  const SurfacePatch* surface = nullptr;  // region contains the box expanded by λ
-  const StopToken* stop = nullptr;        // may be null
+  CoreRows core;
+  SurfacePiece surface;  // region contains the box expanded by λ
 };
 
 struct FillPoints {
@@ -33,7 +35,7 @@ struct FillPoints {
 // Centers are as deep below the surface as a lattice point must be, and kHoleRadius λ from all
 // points and one another. It is a search by sampling: some holes may be missed, and are left to C5.
 // Time: about 3.5 µs to λ² of surface.
-// Throws Stopped. REQUIRES: size > 0, surface is not null
-FillPoints fill_leaf(const FillInput& input);
+// Throws Stopped. REQUIRES: size > 0; `stop` may be null
+FillPoints fill_leaf(FillInput input, const StopToken* stop = nullptr);
 
 }  // namespace locvol

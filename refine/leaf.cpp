@@ -1,21 +1,23 @@
 #include "refine/leaf.h"
 
-#include <algorithm>
+#include "refine/cover_leaf.h"
 
 namespace locvol {
 
-bool CoreIndex::has_within(const Point& q, double radius) const {
-  std::vector<MeshPoint> near;
-  within(q, radius, near);
-  return std::ranges::any_of(
-      near, [&](const MeshPoint& p) { return squared_distance(p.position, q) < radius * radius; });
+Criteria Criteria::of_cover(double size, double radius_edge_bound, double spacing_floor) {
+  constexpr double kSlack = 1.01;
+  return {.size = size,
+          .radius_edge_bound = radius_edge_bound,
+          .reach = kReach * size,
+          .spacing_floor = spacing_floor * size,
+          .cover_radius = kSlack * kSampleRadius * size};
 }
 
-void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const {
-  std::vector<MeshPoint> near;
-  within(q, kLatticeStar * size, near);
-  for (const MeshPoint& p : near)
-    if (changes_star(q - p.position, kLatticeSpacing * size)) ids.push_back(p.id);
+Criteria Criteria::of_paper(double size, double radius_edge_bound, double spacing_floor) {
+  return {.size = size,
+          .radius_edge_bound = radius_edge_bound,
+          .reach = std::numeric_limits<double>::infinity(),
+          .spacing_floor = spacing_floor * size};
 }
 
 }  // namespace locvol

@@ -5,15 +5,14 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "octree/geometry.h"
-#include "octree/lattice.h"
 #include "octree/stop.h"
+#include "refine/core_index.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -22,11 +21,20 @@ namespace locvol {
 // must be known to be empty. Measured: 2.1 makes some surface points more, 2.5 a tenth more ghosts.
 inline constexpr double kReach = 2.25;
 
+// Likewise, how far from its leaf a visit inserts, and asks for points of the lattice core: 2 λ
+// around what it inserts.
+inline constexpr double kInsertion = kReach - 1;
+inline constexpr double kCoreReach = kInsertion + 2.1;
+
 // How far, over λ, an insertion matters: it destroys balls that contain it, and those of stars are
 // smaller than λ (the radius of N_v in Dey and Slatton 2011).
 inline constexpr double kNeighborhood = 2;
 
 struct Criteria {
+  // Of a run's visits. `spacing_floor`: over λ
+  static Criteria of_cover(double size, double radius_edge_bound, double spacing_floor);
+  static Criteria of_paper(double size, double radius_edge_bound, double spacing_floor);
+
   double size = 0;  // λ, in the units of the coordinates
   double radius_edge_bound = 2;
   // All of P within this distance of the leaf is loaded; may be infinite. A ball through an own
@@ -37,6 +45,7 @@ struct Criteria {
   // Every point of the surface is this close to a point of P, or closer. Spares questions of the
   // surface farther from P; infinite: none.
   double cover_radius = std::numeric_limits<double>::infinity();
+  friend bool operator==(const Criteria&, const Criteria&) = default;
 };
 
 // Looks up points of P that the leaf has not loaded (paper mode).
@@ -50,21 +59,11 @@ class PointIndex {
       const std::function<bool(std::uint64_t)>& is_deleted) const = 0;
 };
 
-// Looks up points of the lattice core (engine/README.md): points of P that a visit need not load,
-// unless it inserts near them. All cells at them are the lattice's: no other point lies in their
-// circumballs, which reach kLatticeStar λ, and their neighbors are of P.
-class CoreIndex {
- public:
-  virtual ~CoreIndex() = default;
-  // Of a site that near.
-  virtual bool contains(const LatticeSite& site) const = 0;
-  // All of them at most `radius` from q, in order of id. REQUIRES: radius <= 2λ, and q within the
-  // distance that a visit inserts at
-  virtual void within(const Point& q, double radius, std::vector<MeshPoint>& out) const = 0;
-  // Is one of them closer to q than `radius`? REQUIRES: as for within(), and no other point of P is
-  virtual bool has_within(const Point& q, double radius) const;
-  // Appends the ids of those at which a point inserted at q changes cells. `size`: λ
-  void append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const;
+// What the visits of paper mode share: all of the surface and of P, which stay in memory. Cover
+// mode's have neither.
+struct WholeModel {
+  const SurfacePatch* surface = nullptr;  // null: the patch is built from LeafInput::surface
+  const PointIndex* points = nullptr;     // null: the ghosts are all that can matter
 };
 
 // Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
@@ -83,11 +82,12 @@ struct CellList {
   friend bool operator==(const CellList&, const CellList&) = default;
 };
 
-// How the last visit of a leaf left it, and what has changed since.
+// How the last visit of a leaf left it. REQUIRES: no point within `reach` of the leaf was deleted
+// since, and no core point within 2λ became explicit
 struct LastVisit {
   std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
-  std::vector<MeshPoint> deleted;  // since, within `reach` of the box
   CellList cells;                  // LeafDelta::cells, with ids for all vertices
+  friend bool operator==(const LastVisit&, const LastVisit&) = default;
 };
 
 // One change that a visit makes, or finds forbidden. The points that an insertion deletes come
@@ -109,23 +109,29 @@ inline bool is_in_leaf(const Box& box, const Point& p) {
          (box.min.z <= p.z) & (p.z < box.max.z);
 }
 
+// All that a visit depends on, as a value: it can be stored, sent, and visited elsewhere. (But for
+// WholeModel, in paper mode.)
 struct LeafInput {
   Criteria criteria;
   Box box;  // of the leaf, half-open: own points have min <= p < max
   // In order of id: where points get inserted, the result depends on the order.
-  std::vector<MeshPoint> own;     // P_v
-  std::vector<MeshPoint> ghosts;  // P within `reach` of the box (paper: within 2λ), without own
-  const SurfacePatch* surface = nullptr;   // its region contains the box expanded by reach / 2
-  const PointIndex* all_points = nullptr;  // null if the ghosts are all that can matter (cover)
-  const CoreIndex* core = nullptr;         // null if there is none near
-  std::uint64_t max_own_points = 0;        // κ: the visit stops above it, to be split; 0: no bound
+  std::vector<MeshPoint> own;        // P_v
+  std::vector<MeshPoint> ghosts;     // P within `reach` of the box (paper: within 2λ), without own
+  SurfacePiece surface;              // its region contains the box expanded by reach / 2
+  CoreRows core;                     // within kCoreReach λ, in cover mode
+  std::uint64_t max_own_points = 0;  // κ: the visit stops above it, to be split; 0: no bound
   // If given, only what may have changed since is looked at, which is far less work: the same cells
   // come out, and where points must be inserted, possibly others.
   // REQUIRES: that visit was not overfull, and left nothing unresolved
   std::optional<LastVisit> last_visit = std::nullopt;
   std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
-  std::function<void(const RefineStep&)> on_step;  // told each step in order; may be empty
-  const StopToken* stop = nullptr;                 // may be null
+  friend bool operator==(const LeafInput&, const LeafInput&) = default;
+};
+
+// Who looks on, and changes nothing.
+struct VisitWatch {
+  std::function<void(const RefineStep&)> on_step = {};  // told each step in order; may be empty
+  const StopToken* stop = nullptr;                      // may be null
 };
 
 struct InsertedPoint {
@@ -134,19 +140,22 @@ struct InsertedPoint {
   bool is_deleted = false;  // again, by a later insertion of the same visit
   // Other leaves' points within 2 λ whose stars it changed. Unknown: any that near may be.
   std::optional<std::vector<Point>> changed;
+  friend bool operator==(const InsertedPoint&, const InsertedPoint&) = default;
 };
 
 struct Violation {    // unresolved: the spacing floor forbids the cure
   int condition = 0;  // 1 … 6
   Point position;     // where a point would have been inserted
   double radius = 0;
+  friend bool operator==(const Violation&, const Violation&) = default;
 };
 
 struct VisitStats {
   std::array<std::uint64_t, 6> insertions{};  // by condition
   std::uint64_t deletions = 0;
-  std::uint64_t points_added = 0;  // points of P found by all_points or core, and taken in
+  std::uint64_t points_added = 0;  // points of P that were not triangulated at first, and taken in
   std::uint64_t cells_made = 0;    // by the triangulation, in all
+  friend bool operator==(const VisitStats&, const VisitStats&) = default;
 };
 
 struct LeafDelta {
@@ -160,8 +169,8 @@ struct LeafDelta {
   std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
   VisitStats stats;
-  bool is_overfull =
-      false;  // more than max_own_points: split and visit the children; cells is empty
+  bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
+  friend bool operator==(const LeafDelta&, const LeafDelta&) = default;
 };
 
 // A bug or a rounding fault, never bad input: with the leaf's place in the message.

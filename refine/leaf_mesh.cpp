@@ -15,9 +15,9 @@ namespace locvol {
 namespace {
 
 // Half of the reach; where the reach is infinite, a radius at which every center is outside.
-double far_radius_of(const LeafInput& input) {
-  if (std::isfinite(input.criteria.reach)) return 0.5 * input.criteria.reach;
-  const Box& region = input.surface->region();
+double far_radius_of(const Criteria& criteria, const SurfacePatch& surface) {
+  if (std::isfinite(criteria.reach)) return 0.5 * criteria.reach;
+  const Box& region = surface.region();
   return 2 * norm(region.max - region.min);
 }
 
@@ -89,8 +89,10 @@ constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3
 
 // The reach of the leaf's box is farther than that of its points: a third of the ghosts is out of
 // it, and left out, until a point is inserted near them.
-LeafMesh::LeafMesh(const LeafInput& input, OwnPoints own)
-    : input_(input), far_radius_(far_radius_of(input)) {
+LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints own)
+    : input_(input),
+      surroundings_(around),
+      far_radius_(far_radius_of(input.criteria, around.surface)) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
   if (own == OwnPoints::kInBox && std::isfinite(reach)) {
@@ -131,7 +133,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
     add_local(local.point, local.ref, local.is_own, local.is_core);
     points[i] = local.point.position;
   }
-  if (!delaunay_.build(points, input_.stop)) throw_coincident(std::move(points));
+  if (!delaunay_.build(points, surroundings_.stop)) throw_coincident(std::move(points));
   make_all_fresh();
 }
 
@@ -150,18 +152,18 @@ bool LeafMesh::is_hidden(const MeshPoint& p) const {
   if (p.kind == PointKind::kSurface || !std::isfinite(radius)) return false;
   if (p.kind == PointKind::kLattice) return true;
   const Box around = Box::around(p.position).expanded(radius);
-  const Box& region = input_.surface->region();
+  const Box& region = surroundings_.surface.region();
   return region.contains(around.min) && region.contains(around.max) &&
-         !input_.surface->is_near(p.position, radius);
+         !surroundings_.surface.is_near(p.position, radius);
 }
 
 // Of a ghost, neighbors may lie farther away than the core is known.
 bool LeafMesh::is_at_core(const MeshPoint& p, bool is_own) const {
-  if (!has_site(p) || input_.core == nullptr) return false;
+  if (!has_site(p) || surroundings_.core == nullptr) return false;
   if (!is_own) return true;
   const LatticeSite site = site_of(p.id);
   return std::ranges::any_of(kLatticeNeighbors, [&](const LatticeSite& step) {
-    return input_.core->contains(site + step);
+    return surroundings_.core->contains(site + step);
   });
 }
 
@@ -172,8 +174,9 @@ bool LeafMesh::is_at_core(const MeshPoint& p, bool is_own) const {
 bool LeafMesh::has_core_point(const Point& center, double squared_radius) const {
   const double size = input_.criteria.size;
   const double least = squared_radius - 0.0007 * size * size;
-  return input_.core != nullptr && least > 0 &&
-         input_.core->has_within(center, std::min(std::sqrt(least), kLatticeCircumradius * size));
+  return surroundings_.core != nullptr && least > 0 &&
+         surroundings_.core->has_within(center,
+                                        std::min(std::sqrt(least), kLatticeCircumradius * size));
 }
 
 void LeafMesh::make_fresh(Cell c) {
@@ -244,9 +247,9 @@ Side LeafMesh::find_side(Cell c) const {
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
   if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
-  if (!is_whole && !input_.surface->region().contains(ball.center))
+  if (!is_whole && !surroundings_.surface.region().contains(ball.center))
     return state.side = Side::kBeyond;
-  const SurfacePatch::Location location = input_.surface->locate(ball.center);
+  const SurfacePatch::Location location = surroundings_.surface.locate(ball.center);
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
   return state.side = location.is_inside ? Side::kInside : Side::kOutside;
@@ -256,7 +259,7 @@ Side LeafMesh::find_side(Cell c) const {
 double LeafMesh::clearance(Cell c) const {
   CellBall& ball = balls_[c];
   if (!std::exchange(states_[c].has_clearance, true))
-    ball.clearance = input_.surface->distance_bound(ball.center);
+    ball.clearance = surroundings_.surface.distance_bound(ball.center);
   return ball.clearance;
 }
 
@@ -320,14 +323,14 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
-    if (!is_here_near && !is_past_surface) clear += input_.surface->distance_bound(from);
-    if (!is_there_near && !is_past_surface) clear += input_.surface->distance_bound(to);
+    if (!is_here_near && !is_past_surface) clear += surroundings_.surface.distance_bound(from);
+    if (!is_there_near && !is_past_surface) clear += surroundings_.surface.distance_bound(to);
   }
   if (is_past_surface || is_clear_between(from, to, clear) ||
       is_off_surface(here, there, from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
-    input_.surface->crossings(std::min(from, to), std::max(from, to), crossings_);
+    surroundings_.surface.crossings(std::min(from, to), std::max(from, to), crossings_);
 
   const Point& corner = *std::ranges::min_element(corners);
   for (const Crossing& c : crossings_) {
@@ -338,7 +341,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   }
   if (is_here_near && is_there_near) return result;
   const bool is_odd = crossings_.size() % 2 == 1;
-  const bool is_from_inside = is_here_near ? is_member(here) : input_.surface->is_inside(from);
+  const bool is_from_inside =
+      is_here_near ? is_member(here) : surroundings_.surface.is_inside(from);
   if (!is_there_near && is_from_inside != is_odd)
     result.open_end = to;
   else if (!is_here_near && is_from_inside)

@@ -47,6 +47,14 @@ struct CellBall {  // once the side is known, if that is not kFar
   double clearance = 0;  // of the center, once it was asked for: no surface closer
 };
 
+// What a visit asks of what is around it, made from its input once.
+struct Surroundings {
+  const SurfacePatch& surface;
+  const CoreIndex* core;     // null: none is near
+  const PointIndex* points;  // null: the ghosts are all that can matter
+  const StopToken* stop;     // may be null
+};
+
 class LeafMesh {
  public:
   using Cell = Delaunay::Cell;
@@ -75,7 +83,8 @@ class LeafMesh {
     kInBox,   // all in the leaf's box
     kListed,  // of the input's points, only those that it lists as own
   };
-  explicit LeafMesh(const LeafInput& input, OwnPoints own = OwnPoints::kInBox);
+  // Both must outlive it.
+  LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints own);
 
   // ---- What is there
   const Delaunay& delaunay() const { return delaunay_; }
@@ -185,6 +194,7 @@ class LeafMesh {
                 double squared_circumradius) const;
 
   const LeafInput& input_;
+  const Surroundings& surroundings_;
   double far_radius_;
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;

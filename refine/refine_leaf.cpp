@@ -97,8 +97,11 @@ constexpr double kCleared = 2;
 
 class Refinement {
  public:
-  explicit Refinement(const LeafInput& input, LeafMesh::OwnPoints own = LeafMesh::OwnPoints::kInBox)
-      : input_(input), mesh_(input, own) {}
+  using OnStep = std::function<void(const RefineStep&)>;
+  // All must outlive it.
+  Refinement(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
+             LeafMesh::OwnPoints own)
+      : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {}
 
   LeafDelta run();
 
@@ -160,8 +163,7 @@ class Refinement {
   }
 
   void tell(RefineStep::Action action, int condition, VertexRef ref, const MeshPoint& point) const {
-    if (input_.on_step)
-      input_.on_step({action, condition, attempt_.radius, ref, point.position, point.kind});
+    if (on_step_) on_step_({action, condition, attempt_.radius, ref, point.position, point.kind});
   }
   void tell_blocked() const {
     tell(RefineStep::Action::kBlocked, attempt_.condition, 0, {0, attempt_.position, {}});
@@ -178,6 +180,8 @@ class Refinement {
   std::string place() const { return place_of(input_.box); }
 
   const LeafInput& input_;
+  const Surroundings& surroundings_;
+  const OnStep& on_step_;
   LeafMesh mesh_;
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
@@ -206,8 +210,8 @@ class Refinement {
   std::vector<MeshPoint> near_;             // taken in before an insertion
   std::vector<LocalIndex> leaving_;         // deleted by the insertion at hand
   mutable std::vector<Triangle> near_triangles_;
-  mutable std::vector<Point> sheets_;  // normals of triangles nearby
-  StopPoll poll_{input_.stop, 8};      // of restore_next()
+  mutable std::vector<Point> sheets_;     // normals of triangles nearby
+  StopPoll poll_{surroundings_.stop, 8};  // of restore_next()
 };
 
 template <class Ref>
@@ -292,7 +296,7 @@ void Refinement::look_at_fresh_cells() {
   const auto& fresh = mesh_.fresh_cells();
   if (fresh.empty()) return;
   const bool is_boundary_changed = mesh_.is_boundary_changed();
-  StopPoll poll(input_.stop);
+  StopPoll poll(surroundings_.stop);
   for (std::size_t n = 0; n < fresh.size(); ++n) {
     poll();
     if (is_alive(fresh[n])) look_at(fresh[n].cell, is_boundary_changed);
@@ -459,12 +463,12 @@ const PointCubes& Refinement::corners() {
   if (corner_cubes_) return *corner_cubes_;
   constexpr double kMostCubes = 64;  // in a row
   std::vector<Point> all;
-  for (const Triangle& t : input_.surface->triangles())
+  for (const Triangle& t : surroundings_.surface.triangles())
     all.insert(all.end(), t.corners.begin(), t.corners.end());
   std::ranges::sort(all);
   const auto repeated = std::ranges::unique(all);
   all.erase(repeated.begin(), repeated.end());
-  const Box& region = input_.surface->region();
+  const Box& region = surroundings_.surface.region();
   const double side =
       std::max(input_.criteria.size, max_norm(region.max - region.min) / kMostCubes);
   return corner_cubes_.emplace(region, side, all);
@@ -479,7 +483,7 @@ void Refinement::start_from_corners() {
     if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
     const Point& p = mesh_.local(i).point.position;
     const double size = input_.criteria.size;
-    input_.surface->corners_near(p, size, corners_);
+    surroundings_.surface.corners_near(p, size, corners_);
     for (const Point& q : corners_)
       if (squared_distance(p, q) < size * size) corners.insert(q);
   }
@@ -491,7 +495,7 @@ void Refinement::start_from_corners() {
   };
   const double floor = input_.criteria.spacing_floor;
   while (!mesh_.has_cells() && !corners.empty()) {
-    throw_if_stopped(input_.stop);
+    throw_if_stopped(surroundings_.stop);
     const auto farthest = std::ranges::max_element(corners, {}, distance);
     if (distance(*farthest) <= floor * floor) return;
     const VertexRef ref = new_point(*farthest, PointKind::kSurface, 3);
@@ -517,11 +521,11 @@ Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) 
 
 // The insertion rule (refine/ALGORITHM.md) begins with points of P that this visit had not loaded.
 bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
-  if (input_.all_points == nullptr) return false;
+  if (surroundings_.points == nullptr) return false;
   const auto is_deleted = [&](std::uint64_t id) {
     return std::ranges::any_of(delta_.deleted, [&](const MeshPoint& p) { return p.id == id; });
   };
-  const auto s = input_.all_points->nearest(q, input_.criteria.size, is_deleted);
+  const auto s = surroundings_.points->nearest(q, input_.criteria.size, is_deleted);
   if (!s || mesh_.is_known(s->id)) return false;
   mesh_.find_conflict(q, hint, conflict_);
   if (conflict_.squared_distance <= squared_distance(s->position, q)) return false;
@@ -545,8 +549,8 @@ bool Refinement::take_in_ghosts(const Point& q, Cell hint) {
 
 // The same for the lattice core. All cells at q that belong to the mesh have vertices within 2λ.
 bool Refinement::take_in_core(const Point& q, Cell hint) {
-  if (input_.core == nullptr) return false;
-  input_.core->within(q, 2 * input_.criteria.size, near_);
+  if (surroundings_.core == nullptr) return false;
+  surroundings_.core->within(q, 2 * input_.criteria.size, near_);
   std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
   for (const MeshPoint& p : near_) {
     mesh_.find_conflict(p.position, hint, conflict_);
@@ -592,7 +596,7 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 // would have to go.
 std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& q) const {
   const double size = input_.criteria.size, margin = input_.criteria.reach - size;
-  if (input_.surface->distance_bound(q) >= size) return std::nullopt;
+  if (surroundings_.surface.distance_bound(q) >= size) return std::nullopt;
   std::optional<SurfaceBall> largest;
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
@@ -627,7 +631,7 @@ bool Refinement::is_blocked(const Point& q) const {
 bool Refinement::is_in_fold(const Point& q) const {
   constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
   const double floor = input_.criteria.spacing_floor;
-  input_.surface->triangles_near(q, floor, near_triangles_);
+  surroundings_.surface.triangles_near(q, floor, near_triangles_);
   sheets_.clear();
   double nearest = floor;
   Point normal;
@@ -681,7 +685,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  if (input_.core) input_.core->append_met(q, input_.criteria.size, delta_.met_core);
+  if (surroundings_.core) surroundings_.core->append_met(q, input_.criteria.size, delta_.met_core);
   if (!mesh_.has_cells()) {
     mesh_.insert_first({ref, q, kind}, ref);
     return;
@@ -734,12 +738,12 @@ void Refinement::list_unresolved() {
 }
 
 void Refinement::list_cells() {
-  throw_if_stopped(input_.stop);
+  throw_if_stopped(surroundings_.stop);
   Cells& cells = delta_.cells.cells;
   std::vector<VertexRef>& vertices = delta_.cells.vertices;
   std::vector<std::uint64_t> core;
   if (mesh_.has_cells()) list_triangulated_cells(cells);
-  if (input_.core != nullptr) list_cells_at_core(cells, core);
+  if (surroundings_.core != nullptr) list_cells_at_core(cells, core);
 
   // From indices to places in the list of vertices.
   constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
@@ -815,7 +819,7 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
     for (std::size_t k = 0; k < neighbors.size(); ++k) {
       const LatticeSite neighbor = site + kLatticeNeighbors[k];
       std::uint32_t& v = index[neighbor];
-      if (!input_.core->contains(neighbor)) {
+      if (!surroundings_.core->contains(neighbor)) {
         is_unknown |= std::uint32_t{v == kUnknown} << k;
         if (v != kUnknown)
           is_smaller |= std::uint32_t{mesh_.local(v).point.position < mesh_.local(p).point.position}
@@ -840,28 +844,43 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
   }
 }
 
+// In part, if that is enough.
+LeafDelta visited(const LeafInput& input, const Surroundings& around,
+                  const Refinement::OnStep& on_step) {
+  if (const auto revisit = Revisit::of(input)) {
+    std::vector<RefineStep> steps;  // told only if they count
+    Refinement::OnStep keep;
+    if (on_step) keep = [&](const RefineStep& step) { steps.push_back(step); };
+    LeafDelta delta = Refinement(revisit->part(), around, keep, LeafMesh::OwnPoints::kListed).run();
+    if (revisit->is_complete(delta)) {
+      std::ranges::for_each(steps, [&](const RefineStep& step) { on_step(step); });
+      revisit->add_kept_cells(delta, around.core);
+      return delta;
+    }
+  }
+  return Refinement(input, around, on_step, LeafMesh::OwnPoints::kInBox).run();
+}
+
 }  // namespace
 
-LeafDelta refine_leaf(const LeafInput& input) try {
+LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch, const WholeModel& whole) {
   if (input.max_own_points > 0 && input.own.size() > input.max_own_points) {
     LeafDelta delta;
     delta.is_overfull = true;
     return delta;
   }
-  if (auto revisit = Revisit::of(input)) {
-    std::vector<RefineStep> steps;  // told only if they count
-    if (input.on_step)
-      revisit->part().on_step = [&](const RefineStep& step) { steps.push_back(step); };
-    LeafDelta delta = Refinement(revisit->part(), LeafMesh::OwnPoints::kListed).run();
-    if (revisit->is_complete(delta)) {
-      std::ranges::for_each(steps, [&](const RefineStep& step) { input.on_step(step); });
-      revisit->add_kept_cells(delta);
-      return delta;
-    }
+  std::optional<SurfacePatch> patch;
+  if (whole.surface == nullptr) patch.emplace(std::move(input.surface), watch.stop);
+  const CoreIndex core(input.core);
+  const Surroundings around{.surface = patch ? *patch : *whole.surface,
+                            .core = core.is_empty() ? nullptr : &core,
+                            .points = whole.points,
+                            .stop = watch.stop};
+  try {
+    return visited(input, around, watch.on_step);
+  } catch (const DelaunayError& e) {
+    throw RefineError(e.what() + place_of(input.box));
   }
-  return Refinement(input).run();
-} catch (const DelaunayError& e) {
-  throw RefineError(e.what() + place_of(input.box));
 }
 
 }  // namespace locvol

@@ -7,6 +7,6 @@
 namespace locvol {
 
 // Throws Stopped, RefineError.
-LeafDelta refine_leaf(const LeafInput& input);
+LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch = {}, const WholeModel& whole = {});
 
 }  // namespace locvol

@@ -40,7 +40,7 @@ Revisit::Revisit(const LeafInput& input)
       insertion_matters_(kNeighborhood * input.criteria.size),
       // A deletion matters within the reach, for it can make balls as large as count; if that is
       // infinite, to the stars that it was in, and what else can matter is found when it does
-      // (LeafInput::all_points).
+      // (WholeModel::points).
       deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
                                                             : insertion_matters_),
       is_active_(input.own.size()) {}
@@ -79,18 +79,13 @@ void Revisit::for_each_near(const Point& q, double distance, Visit visit) const 
 }
 
 void Revisit::find_active() {
-  std::vector<Point> inserted, deleted;
+  std::vector<Point> inserted;
   for (const auto* points : {&input_->own, &input_->ghosts})
     for (const MeshPoint& p : *points)
       if (p.id >= input_->last_visit->first_new_id) inserted.push_back(p.position);
-  for (const MeshPoint& p : input_->last_visit->deleted) deleted.push_back(p.position);
   const auto insertions = cubes_of<Point>(*input_, inserted);
-  const auto deletions = cubes_of<Point>(*input_, deleted);
-  for (std::size_t i = 0; i < is_active_.size(); ++i) {
-    const Point& p = input_->own[i].position;
-    is_active_[i] =
-        !insertions.is_free(p, insertion_matters_) || !deletions.is_free(p, deletion_matters_);
-  }
+  for (std::size_t i = 0; i < is_active_.size(); ++i)
+    is_active_[i] = !insertions.is_free(input_->own[i].position, insertion_matters_);
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
@@ -98,11 +93,7 @@ void Revisit::gather_part() {
   cubes_ = cubes_of_all(*input_);
   part_.criteria = input_->criteria;
   part_.box = input_->box;
-  part_.surface = input_->surface;
-  part_.all_points = input_->all_points;
-  part_.core = input_->core;
   part_.max_insertions = input_->max_insertions;
-  part_.stop = input_->stop;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
   is_in_part_.resize(num_points());
@@ -148,50 +139,46 @@ const MeshPoint* find_in(const std::vector<MeshPoint>& points, VertexRef id) {
 }  // namespace
 
 // The position of a vertex; of a point of the core, which no cell is of, one behind all others.
-Point Revisit::place_among_smallest(VertexRef id) const {
+Point Revisit::place_among_smallest(VertexRef id, const CoreIndex* core) const {
   for (const auto* points : {&input_->own, &input_->ghosts})
     if (const MeshPoint* found = find_in(*points, id)) return found->position;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  if (input_->core && id < kFirstOtherId && input_->core->contains(site_of(id)))
+  if (core && id < kFirstOtherId && core->contains(site_of(id)))
     return {kInfinity, kInfinity, kInfinity};
   throw RefineError("a cell of the last visit has the point " + std::to_string(id) +
-                    ", which is neither loaded nor deleted");
+                    ", which is not loaded");
 }
 
-std::vector<Revisit::Fate> Revisit::fates() const {
+std::vector<bool> Revisit::is_active_vertex() const {
   const std::vector<VertexRef>& vertices = input_->last_visit->cells.vertices;
-  std::vector<Fate> fates(vertices.size(), Fate::kSettled);
-  const auto note = [&](VertexRef id, Fate fate) {
-    const auto found = std::ranges::lower_bound(vertices, id);
-    if (found != vertices.end() && *found == id)
-      fates[static_cast<std::size_t>(found - vertices.begin())] = fate;
-  };
-  for (std::size_t i = 0; i < is_active_.size(); ++i)
-    if (is_active_[i]) note(input_->own[i].id, Fate::kActive);
-  for (const MeshPoint& p : input_->last_visit->deleted) note(p.id, Fate::kDeleted);
-  return fates;
+  std::vector<bool> is_active(vertices.size());
+  for (std::size_t i = 0; i < is_active_.size(); ++i) {
+    if (!is_active_[i]) continue;
+    const auto found = std::ranges::lower_bound(vertices, input_->own[i].id);
+    if (found != vertices.end() && *found == input_->own[i].id)
+      is_active[static_cast<std::size_t>(found - vertices.begin())] = true;
+  }
+  return is_active;
 }
 
 // A cell is of the point that is its smallest vertex, not counting those of the core.
-bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
-                      const std::vector<Fate>& fates) const {
-  const auto has = [&](Fate fate) {
-    return std::ranges::any_of(cell, [&](std::uint32_t v) { return fates[v] == fate; });
-  };
-  if (has(Fate::kDeleted)) return false;
-  if (!has(Fate::kActive)) return true;
+bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<bool>& is_active,
+                      const CoreIndex* core) const {
+  if (std::ranges::none_of(cell, [&](std::uint32_t v) { return is_active[v]; })) return true;
   const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) {
-    return place_among_smallest(input_->last_visit->cells.vertices[v]);
+    return place_among_smallest(input_->last_visit->cells.vertices[v], core);
   });
-  return fates[smallest] != Fate::kActive;
+  return !is_active[smallest];
 }
 
-void Revisit::add_kept_cells(LeafDelta& delta) const {
+void Revisit::add_kept_cells(LeafDelta& delta, const CoreIndex* core) const {
   if (delta.is_overfull) return;
   CellList kept;
   const CellList& last = input_->last_visit->cells;
   std::ranges::copy_if(last.cells, std::back_inserter(kept.cells),
-                       [&, fates = fates()](const auto& cell) { return is_kept(cell, fates); });
+                       [&, is_active = is_active_vertex()](const auto& cell) {
+                         return is_kept(cell, is_active, core);
+                       });
   std::vector<bool> is_used(last.vertices.size());
   for (const auto& cell : kept.cells)
     for (const std::uint32_t v : cell) is_used[v] = true;

@@ -23,13 +23,13 @@ class Revisit {
   static std::optional<Revisit> of(const LeafInput& input);
 
   // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
-  // into the box are own. Valid while the Revisit lives.
-  LeafInput& part() { return part_; }
+  // into the box are own. Its surface and core are the leaf's, and are left out.
+  const LeafInput& part() const { return part_; }
   // Whether what the visit of part() changed leaves the stars of all other own points as they were,
   // and all points around what it inserted were there.
   bool is_complete(const LeafDelta& delta) const;
-  // Completes its cells by those that the leaf keeps.
-  void add_kept_cells(LeafDelta& delta) const;
+  // Completes its cells by those that the leaf keeps. `core`: null if none is near
+  void add_kept_cells(LeafDelta& delta, const CoreIndex* core) const;
 
  private:
   struct Numbered {
@@ -48,10 +48,10 @@ class Revisit {
   void for_each_near(const Point& q, double distance, Visit visit) const;
   void find_active();
   void gather_part();
-  enum class Fate : std::uint8_t { kSettled, kActive, kDeleted };  // of a vertex of the last visit
-  std::vector<Fate> fates() const;
-  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<Fate>& fates) const;
-  Point place_among_smallest(VertexRef id) const;
+  std::vector<bool> is_active_vertex() const;  // of the last visit's cells
+  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<bool>& is_active,
+               const CoreIndex* core) const;
+  Point place_among_smallest(VertexRef id, const CoreIndex* core) const;
 
   const LeafInput* input_;
   double insertion_matters_, deletion_matters_;  // up to these distances

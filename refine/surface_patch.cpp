@@ -418,23 +418,21 @@ void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) cons
   }
 }
 
-SurfacePatch::SurfacePatch(std::vector<Triangle> triangles, const Box& region,
-                           const Point& reference, bool is_reference_inside,
-                           const GridFineness& fineness, const StopToken* stop)
+SurfacePatch::SurfacePatch(SurfacePiece piece, const StopToken* stop)
     : impl_(std::make_unique<Impl>()) {
-  impl_->triangles = std::move(triangles);
-  impl_->region = region;
+  impl_->triangles = std::move(piece.triangles);
+  impl_->region = piece.region;
   impl_->boxes.reserve(impl_->triangles.size());
-  Box all = region;  // a plane's rounding errors go with the triangle's size
+  Box all = piece.region;  // a plane's rounding errors go with the triangle's size
   for (const Triangle& t : impl_->triangles) {
     impl_->boxes.push_back(t.box());
     all = all.joined(impl_->boxes.back());
   }
   impl_->slack = kSlack * largest_coordinate(all);
-  impl_->choose_grid(fineness);
+  impl_->choose_grid(piece.fineness);
   impl_->fill_grid(stop);
   impl_->measure_rings();
-  impl_->spread_sides(reference, is_reference_inside, stop);
+  impl_->spread_sides(piece.reference, piece.is_reference_inside, stop);
 }
 
 SurfacePatch::SurfacePatch(SurfacePatch&&) noexcept = default;

@@ -34,16 +34,22 @@ struct Crossing {
 struct GridFineness {
   double resolution = 0;          // distances to the surface of about this size matter; 0: unknown
   double triangles_per_cell = 4;  // at most, on average over cells that the surface passes through
+  friend bool operator==(const GridFineness&, const GridFineness&) = default;
+};
+
+// What a patch is built from: a value, which can be stored and sent.
+struct SurfacePiece {
+  std::vector<Triangle> triangles;  // all that meet `region`, each once, and others; in order of id
+  Box region;
+  Point reference;  // of known side, in `region`
+  bool is_reference_inside = false;
+  GridFineness fineness = {};
+  friend bool operator==(const SurfacePiece&, const SurfacePiece&) = default;
 };
 
 class SurfacePatch {
  public:
-  // `triangles`: every triangle that meets `region`, each once, others allowed; in order of id.
-  // `is_reference_inside`: the side of `reference`, a point of `region`.
-  // Throws Stopped.
-  SurfacePatch(std::vector<Triangle> triangles, const Box& region, const Point& reference,
-               bool is_reference_inside, const GridFineness& fineness = {},
-               const StopToken* stop = nullptr);
+  explicit SurfacePatch(SurfacePiece piece, const StopToken* stop = nullptr);  // throws Stopped
   SurfacePatch(SurfacePatch&&) noexcept;
   SurfacePatch& operator=(SurfacePatch&&) noexcept;
   ~SurfacePatch();

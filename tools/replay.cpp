@@ -68,6 +68,12 @@ std::array<std::uint64_t, 4> num_steps(const Replay& replay) {
   return counts;
 }
 
+std::uint64_t num_core_points(const LeafInput& input) {
+  std::uint64_t num = 0;
+  for (const LatticeRow& row : input.core.rows) num += row.count;
+  return num;
+}
+
 // A clean leaf has nothing left to do.
 bool is_as_it_should_be(const StoredVisit& visit, const Replay& replay) {
   return replay.error.empty() && (!visit.is_clean || replay.reproduces());
@@ -92,8 +98,8 @@ Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::
                {"input",
                 {{"num_own", visit.input.own.size()},
                  {"num_ghosts", visit.input.ghosts.size()},
-                 {"num_core", visit.core.size()},
-                 {"num_triangles", visit.triangles.size()}}},
+                 {"num_core", num_core_points(visit.input)},
+                 {"num_triangles", visit.input.surface.triangles.size()}}},
                {"num_inserted", inserted},
                {"num_deleted", deleted},
                {"num_taken_in", taken_in},
@@ -105,6 +111,7 @@ Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::
                {"num_cells_gone", replay.num_cells_gone},
                {"num_cells_new", replay.num_cells_new},
                {"reproduces", replay.reproduces()},
+               {"digest", fmt::format("{:016x}", replay.digest)},
                {"error", nullptr},
                {"steps", Json::array()}};
   if (!replay.error.empty()) json["error"] = replay.error;
@@ -144,7 +151,7 @@ void print(const StoredVisit& visit, const Replay& replay, std::optional<std::ui
              line_text("box", box_text(visit.input.box)),
              line_text("input", fmt::format("{} points, {} ghost points, {} triangles",
                                             visit.input.own.size(), visit.input.ghosts.size(),
-                                            visit.triangles.size())));
+                                            visit.input.surface.triangles.size())));
   print_steps(replay, size, limit);
   const auto [inserted, deleted, taken_in, blocked] = num_steps(replay);
   fmt::print("{}{}",

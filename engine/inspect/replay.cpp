@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <concepts>
 #include <iterator>
 #include <limits>
 #include <stdexcept>
+#include <type_traits>
 #include <unordered_map>
 #include <utility>
 
@@ -12,6 +15,8 @@
 #include "engine/leaf_name.h"
 #include "engine/point_grid.h"
 #include "engine/run_state.h"
+#include "octree/mix.h"
+#include "refine/leaf_fields.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -57,10 +62,14 @@ std::uint64_t num_missing(const Cells& some, const Cells& others) {
 // Positions of the vertices of a visit's cells.
 class VertexTable {
  public:
-  VertexTable(const Replay& replay, const LeafInput& input, const std::vector<MeshPoint>& core) {
+  VertexTable(const Replay& replay, const LeafInput& input) {
     for (const MeshPoint& p : input.own) known_[p.id] = vertex(p, true);
-    for (const auto* others : {&input.ghosts, &core})
-      for (const MeshPoint& p : *others) known_[p.id] = vertex(p, false);
+    for (const MeshPoint& p : input.ghosts) known_[p.id] = vertex(p, false);
+    for (const auto& [first, count] : input.core.rows)
+      for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n) {
+        const MeshPoint p = input.core.lattice.point(first + LatticeSite{0, 0, 2 * n});
+        known_[p.id] = vertex(p, false);
+      }
     for (const RefineStep& step : replay.steps)
       if (step.action == RefineStep::Action::kTakeIn)
         known_[step.point] = vertex({step.point, step.position, step.kind}, false);
@@ -92,24 +101,6 @@ class VertexTable {
   std::unordered_map<VertexRef, CellMesh::Vertex> known_;  // asked, never listed
 };
 
-// Core points one by one.
-class CoreList : public CoreIndex {
- public:
-  explicit CoreList(const std::vector<MeshPoint>& points) : points_(points) {}
-  bool contains(const LatticeSite& site) const override {
-    return std::ranges::binary_search(points_, site_id(site), {}, &MeshPoint::id);
-  }
-  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
-    out.clear();
-    std::ranges::copy_if(points_, std::back_inserter(out), [&](const MeshPoint& p) {
-      return squared_distance(p.position, q) <= radius * radius;
-    });
-  }
-
- private:
-  const std::vector<MeshPoint>& points_;
-};
-
 std::vector<MeshPoint> all_points(RunState& state) {
   std::vector<MeshPoint> points;
   for (const MortonKey leaf : state.octree.leaves()) {
@@ -123,6 +114,37 @@ PointGrid index_of(const std::vector<MeshPoint>& points, double size) {
   PointGrid index(size);
   for (const MeshPoint& point : points) index.insert(point);
   return index;
+}
+
+// A hash of all members, to the last bit.
+class Digest {
+ public:
+  std::uint64_t value() const { return value_; }
+  template <class T>
+  void add(const T& value) {
+    if constexpr (std::same_as<T, double>) {
+      add(std::bit_cast<std::uint64_t>(value));
+    } else if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
+      value_ = mix(value_ ^ static_cast<std::uint64_t>(value));
+    } else if constexpr (HasFields<const T>) {
+      for_each_field(value, [this](const char*, const auto& member) { add(member); });
+    } else if constexpr (requires { value.has_value(); }) {
+      add(value.has_value());
+      if (value) add(*value);
+    } else {
+      add(value.size());
+      for (const auto& item : value) add(item);
+    }
+  }
+
+ private:
+  std::uint64_t value_ = 0;
+};
+
+std::uint64_t digest_of(const LeafDelta& delta) {
+  Digest digest;
+  digest.add(delta);
+  return digest.value();
 }
 
 }  // namespace
@@ -143,44 +165,38 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.is_clean = !state.leaves.info(leaf).queued;
   visit.num_left_out = state.leaves.info(leaf).num_left_out;
   visit.num_visits = state.leaves.info(leaf).num_visits;
-  const SurfacePatch& surface = *loaded.complete().surface;
-  visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
-  visit.region = surface.region();
-  visit.is_center_inside = surface.is_inside(loaded.input.box.center());
-  if (!state.is_cover()) visit.all_points = all_points(state);
-  if (loaded.core) visit.core = loaded.core->points();
-  visit.cells = stored_cells(now, leaf);
   visit.input = std::move(loaded.input);
-  visit.input.surface = nullptr;
-  visit.input.all_points = nullptr;
-  visit.input.core = nullptr;
+  if (const SurfacePatch* const surface = loader.whole().surface) {
+    visit.all_points = all_points(state);
+    visit.input.surface = {.triangles = {surface->triangles().begin(), surface->triangles().end()},
+                           .region = surface->region(),
+                           .reference = surface->region().min,
+                           .is_reference_inside = false,
+                           .fineness = {state.size()}};
+  }
+  visit.cells = stored_cells(now, leaf);
   return visit;
 }
 
 Replay replay(const StoredVisit& visit) {
   Replay replay;
-  LeafInput input = visit.input;
-  const double size = input.criteria.size;
-  const SurfacePatch surface(visit.triangles, visit.region, input.box.center(),
-                             visit.is_center_inside, GridFineness{size});
-  const PointGrid index = index_of(visit.all_points.value_or(std::vector<MeshPoint>()), size);
-  input.surface = &surface;
-  input.all_points = visit.all_points ? &index : nullptr;
-  const CoreList core(visit.core);
-  input.core = visit.core.empty() ? nullptr : &core;
-  input.on_step = [&](const RefineStep& step) { replay.steps.push_back(step); };
+  const PointGrid index =
+      index_of(visit.all_points.value_or(std::vector<MeshPoint>()), visit.input.criteria.size);
+  const auto note = [&](const RefineStep& step) { replay.steps.push_back(step); };
   try {
-    replay.delta = refine_leaf(input);
+    replay.delta = refine_leaf(visit.input, {.on_step = note},
+                               {.points = visit.all_points ? &index : nullptr});
   } catch (const RefineError& e) {
     replay.error = e.what();
   } catch (const std::logic_error& e) {  // of CGAL, or of the standard library
     replay.error = e.what();
   }
+  replay.digest = digest_of(replay.delta);
   const Cells found = sorted(std::exchange(replay.delta.cells, {}));
   replay.num_cells_gone = num_missing(visit.cells, found);
   replay.num_cells_new = num_missing(found, visit.cells);
   replay.num_left_out = visit.num_left_out;
-  replay.mesh = VertexTable(replay, input, visit.core).mesh_of(found);
+  replay.mesh = VertexTable(replay, visit.input).mesh_of(found);
   return replay;
 }
 

@@ -14,20 +14,16 @@
 
 namespace locvol {
 
-// All that a visit depends on, and what the store held: a value, which can be kept in a file and
-// visited elsewhere.
+// A visit, and what the store held: a value, which can be kept in a file and visited elsewhere.
 struct StoredVisit {
   MortonKey leaf;
   bool is_clean = false;
-  std::uint32_t num_visits = 0;  // before
-  LeafInput input;               // but for its pointers, which the next five make
-  std::vector<Triangle> triangles;
-  Box region;  // of the surface patch
-  bool is_center_inside = false;
+  std::uint32_t num_visits = 0;                      // before
+  LeafInput input;                                   // in paper mode with all of the surface
   std::optional<std::vector<MeshPoint>> all_points;  // paper mode
-  std::vector<MeshPoint> core;                       // near the leaf, in order of id
   std::vector<std::array<std::uint64_t, 4>> cells;   // the store's, by vertex ids, sorted
   std::uint64_t num_left_out = 0;                    // of the visit's cells, to mend the boundary
+  friend bool operator==(const StoredVisit&, const StoredVisit&) = default;
 };
 
 // Takes it from the store's last commit, whatever another process does meanwhile.
@@ -36,9 +32,10 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf);
 
 struct Replay {
   std::vector<RefineStep> steps;
-  LeafDelta delta;    // without its cells, which are in `mesh`
-  std::string error;  // why the visit broke off, after `steps`; else empty
-  CellMesh mesh;      // the leaf's cells after the visit; empty if it is to be split
+  LeafDelta delta;           // without its cells, which are in `mesh`
+  std::uint64_t digest = 0;  // of the whole delta: equal visits give equal ones, on any machine
+  std::string error;         // why the visit broke off, after `steps`; else empty
+  CellMesh mesh;             // the leaf's cells after the visit; empty if it is to be split
 
   // Against what the store held.
   std::uint64_t num_cells_gone = 0;  // in the store only

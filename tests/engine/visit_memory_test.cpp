@@ -14,7 +14,7 @@
 #include "engine/run_state.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
-#include "refine/leaf.h"
+#include "refine/refine_leaf.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 #include "tools/generate.h"
@@ -96,26 +96,29 @@ class VisitMemory : public testing::TestWithParam<Case> {
       state.leaves.surface(near), state.leaves.points(near);
     const std::size_t before = begin_measuring();
     auto loaded = load();
-    auto result = compute(loaded.complete());
+    auto result = compute(std::move(loaded.input));
     compare(loaded.bytes, before);
     return result;
   }
 
   void cover(RunState& state, LeafLoader& loader, MortonKey leaf) {
     const auto points = measured(
-        state, leaf, 0, [&] { return loader.load_cover(leaf); }, cover_leaf);
+        state, leaf, 0, [&] { return loader.load_cover(leaf); },
+        [](CoverInput input) { return cover_leaf(std::move(input)); });
     apply_cover(state, leaf, points);
   }
 
   void fill(RunState& state, LeafLoader& loader, MortonKey leaf) {
     const auto points = measured(
-        state, leaf, kFillReach, [&] { return loader.load_fill(leaf); }, fill_leaf);
+        state, leaf, kFillReach, [&] { return loader.load_fill(leaf); },
+        [](FillInput input) { return fill_leaf(std::move(input)); });
     apply_fill(state, leaf, points);
   }
 
   void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {
     const auto delta = measured(
-        state, leaf, kReach, [&] { return loader.load(leaf); }, refine_leaf);
+        state, leaf, kReach, [&] { return loader.load(leaf); },
+        [](LeafInput input) { return refine_leaf(std::move(input)); });
     apply_visit(state, loader, leaf, delta);
   }
 

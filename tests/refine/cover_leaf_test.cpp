@@ -213,7 +213,7 @@ struct World {
     return {corner(i, j, k), corner(i + 1, j + 1, k + 1)};
   }
 
-  SurfacePatch patch(const Box& box, bool is_whole = false) const {
+  SurfacePiece surface(const Box& box, bool is_whole = false) const {
     const Box region = box.expanded(kCoreDepth * size);
     Mesh near = mesh;
     if (!is_whole) std::erase_if(near, [&](const Triangle& t) { return !meets(t, region); });
@@ -221,9 +221,7 @@ struct World {
   }
 
   CoverPoints cover(const Box& box, const std::vector<Point>& nearby, bool is_whole = false) const {
-    const SurfacePatch surface = patch(box, is_whole);
-    const Lattice points = lattice();
-    return cover_leaf({size, seed, &points, box, &surface, nearby});
+    return cover_leaf({size, seed, lattice(), box, surface(box, is_whole), nearby});
   }
 };
 
@@ -494,58 +492,39 @@ TEST_P(CoverOf, AllNeighborsOfACorePointArePointsOfTheLattice) {
 
 // ---- What fill_leaf adds to the points of all leaves
 
-class CoreSites : public CoreIndex {
- public:
-  CoreSites(const Lattice& lattice, std::set<LatticeSite> sites)
-      : lattice_(lattice), sites_(std::move(sites)) {}
-  bool contains(const LatticeSite& site) const override { return sites_.contains(site); }
-  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
-    out.clear();
-    for (const LatticeSite& site : sites_)
-      if (squared_distance(lattice_.position(site), q) <= radius * radius)
-        out.push_back({site_id(site), lattice_.position(site), PointKind::kLattice});
-  }
-  const std::set<LatticeSite>& sites() const { return sites_; }
-
- private:
-  const Lattice& lattice_;
-  std::set<LatticeSite> sites_;
-};
-
 struct FillRun {
   explicit FillRun(const CoverRun& cover)
       : world(cover.world),
         lattice(world.lattice()),
-        core(lattice, all_sites(lattice, cover.leaves,
-                                [](const CoverPoints& cover_points, const SiteBox& sites) {
-                                  return core_sites(cover_points.core, sites);
-                                })) {
+        core(all_sites(lattice, cover.leaves,
+                       [](const CoverPoints& cover_points, const SiteBox& sites) {
+                         return core_sites(cover_points.core, sites);
+                       })) {
     for (const LeafCover& leaf : cover.leaves)
       for (const LatticeSite& site : leaf.points.lattice)
         points.push_back({site_id(site), lattice.position(site), PointKind::kLattice});
     for (const Point& p : cover.samples)
       points.push_back({kFirstOtherId + points.size(), p, PointKind::kSurface});
-    for (const LatticeSite& site : core.sites()) all.push_back(lattice.position(site));
+    for (const LatticeSite& site : core) all.push_back(lattice.position(site));
     for (const MeshPoint& p : points) all.push_back(p.position);
     num_first = all.size();
     for (const LeafCover& leaf : cover.leaves) fill(leaf.box);
   }
 
   void fill(const Box& box) {
-    const SurfacePatch surface = world.patch(box);
-    FillInput input{world.size, box, {}, &core, &surface};
+    FillInput input{world.size, box, {}, core_rows(lattice, core), world.surface(box)};
     const double reach = kFillReach * world.size;
     std::ranges::copy_if(points, std::back_inserter(input.points), [&](const MeshPoint& p) {
       return box.squared_distance(p.position) <= reach * reach;
     });
-    const FillPoints found = fill_leaf(input);
+    const FillPoints found = fill_leaf(std::move(input));
     for (const Point& p : found.centers) {
       EXPECT_TRUE(owns(box, p));
       points.push_back({kFirstOtherId + points.size(), p, PointKind::kVolume});
       all.push_back(p);
     }
     std::set<std::uint64_t> met;
-    for (const LatticeSite& site : core.sites())
+    for (const LatticeSite& site : core)
       for (const Point& p : found.centers)
         if (changes_star(p - lattice.position(site), kLatticeSpacing * world.size))
           met.insert(site_id(site));
@@ -554,7 +533,7 @@ struct FillRun {
 
   const World& world;
   const Lattice lattice;
-  const CoreSites core;
+  const std::set<LatticeSite> core;
   std::vector<MeshPoint> points;  // all but the core
   std::vector<Point> all;         // and with it; those of holes from num_first on
   std::size_t num_first = 0;
@@ -639,12 +618,9 @@ TEST_F(OneLeaf, DoesNotDependOnWhatElseWasLoaded) {
 }
 
 TEST_F(OneLeaf, DoesNotDependOnTheOrderOfTriangles) {
-  const SurfacePatch patch = world_.patch(box_);
-  const std::vector<Triangle> reversed(patch.triangles().rbegin(), patch.triangles().rend());
-  const SurfacePatch other(reversed, patch.region(), box_.center(),
-                           is_inside(box_.center(), world_.mesh), GridFineness{world_.size});
-  const Lattice lattice = world_.lattice();
-  expect_same(cover_leaf({world_.size, world_.seed, &lattice, box_, &other, nearby_}));
+  SurfacePiece surface = world_.surface(box_);
+  std::ranges::reverse(surface.triangles);
+  expect_same(cover_leaf({world_.size, world_.seed, world_.lattice(), box_, surface, nearby_}));
 }
 
 TEST_F(OneLeaf, DoesNotDependOnOrderOrNumberOfFarSamples) {
@@ -686,8 +662,8 @@ TEST(LeafWithoutSurface, IsCoreAllOverInsideAndHasNothingOutside) {
   const Lattice lattice(frame, 0.1, 1);
   const Box box = frame.root_box();
   for (const bool is_inside : {true, false}) {
-    const SurfacePatch nothing({}, box.expanded(0.1), box.center(), is_inside);
-    const CoverPoints points = cover_leaf({0.1, 1, &lattice, box, &nothing, {{1.01, 0.5, 0.5}}});
+    const SurfacePiece nothing{{}, box.expanded(0.1), box.center(), is_inside};
+    const CoverPoints points = cover_leaf({0.1, 1, lattice, box, nothing, {{1.01, 0.5, 0.5}}});
     EXPECT_TRUE(points.samples.empty());
     EXPECT_TRUE(points.lattice.empty());
     EXPECT_EQ(points.core.is_whole, is_inside);
@@ -699,10 +675,10 @@ TEST(LeafOfOneCoveredPiece, NeedsNoSample) {
   const double size = 1;
   const Mesh mesh = box_surface({{0.1, 0.1, 0.1}, {0.3, 0.3, 0.3}});
   const Box box{{0, 0, 0}, {1, 1, 1}};
-  const SurfacePatch patch(mesh, box.expanded(size), {0.5, 0.5, 0.5}, false);
+  const SurfacePiece surface{mesh, box.expanded(size), {0.5, 0.5, 0.5}, false};
   const Lattice lattice(Frame({0, 0, 0}, 0x1p-21), size, 1);
-  EXPECT_TRUE(cover_leaf({size, 1, &lattice, box, &patch, {{-0.05, 0.2, 0.2}}}).samples.empty());
-  EXPECT_EQ(cover_leaf({size, 1, &lattice, box, &patch, {}}).samples.size(), 1u);
+  EXPECT_TRUE(cover_leaf({size, 1, lattice, box, surface, {{-0.05, 0.2, 0.2}}}).samples.empty());
+  EXPECT_EQ(cover_leaf({size, 1, lattice, box, surface, {}}).samples.size(), 1u);
 }
 
 }  // namespace

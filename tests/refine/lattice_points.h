@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <set>
 #include <vector>
 
 #include "octree/site_block.h"
+#include "refine/core_index.h"
 #include "refine/cover_leaf.h"
 
 namespace locvol {
@@ -28,6 +30,13 @@ inline std::vector<Point> positions(const Lattice& lattice, const std::vector<La
   std::vector<Point> points;
   for (const LatticeSite& site : sites) points.push_back(lattice.position(site));
   return points;
+}
+
+// Ascending sites as a visit is given them.
+inline CoreRows core_rows(const Lattice& lattice, const std::set<LatticeSite>& sites) {
+  LatticeCore core;
+  for (const LatticeSite& site : sites) add_row({site, 1}, core);
+  return {lattice, core.rows};
 }
 
 // Of a surface in one leaf of some octree, which holds it all.

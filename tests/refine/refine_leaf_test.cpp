@@ -33,26 +33,23 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // A surface in one leaf that holds it all.
 struct World {
-  World(Mesh m, double lambda) : mesh(std::move(m)), size(lambda), patch(make_patch(mesh)) {}
+  World(Mesh m, double lambda) : mesh(std::move(m)), size(lambda) {}
 
-  static SurfacePatch make_patch(const Mesh& mesh) {
-    const Box region = shapes::bounding_box(mesh).expanded(0.31);
-    return {mesh, region, region.min, false};
-  }
+  Box region() const { return shapes::bounding_box(mesh).expanded(0.31); }
+  SurfacePiece surface() const { return {mesh, region(), region().min, false}; }
 
   LeafInput leaf(std::vector<MeshPoint> own) const {
     LeafInput input;
-    input.criteria = {size, 2, kInfinity, 1e-3 * size};
-    input.box = patch.region();
+    input.criteria = Criteria::of_paper(size, 2, 1e-3);
+    input.box = region();
     input.own = std::move(own);
-    input.surface = &patch;
+    input.surface = surface();
     input.max_insertions = 20000;
     return input;
   }
 
   Mesh mesh;
   double size;
-  SurfacePatch patch;
 };
 
 void append(std::vector<MeshPoint>& points, const Point& p, PointKind kind) {
@@ -72,9 +69,9 @@ std::vector<MeshPoint> random_surface_points(const World& world, std::size_t num
 
 // The surface, and on request the interior, as cover mode fills them.
 std::vector<MeshPoint> covering_points(const World& world, bool with_lattice) {
-  const Box& region = world.patch.region();
+  const Box region = world.region();
   const Lattice lattice = lattice_around(region, world.size);
-  const CoverPoints cover = cover_leaf({world.size, 7, &lattice, region, &world.patch, {}});
+  const CoverPoints cover = cover_leaf({world.size, 7, lattice, region, world.surface(), {}});
   std::vector<MeshPoint> points;
   append(points, cover.samples, PointKind::kSurface);
   if (with_lattice)
@@ -103,8 +100,9 @@ struct Refined {
   }
 };
 
-Refined refined(const LeafInput& input, const std::vector<MeshPoint>& unloaded = {}) {
-  Refined result{refine_leaf(input), {}, {}};
+Refined refined(const LeafInput& input, const std::vector<MeshPoint>& unloaded = {},
+                const PointIndex* all_points = nullptr) {
+  Refined result{refine_leaf(input, {}, {.points = all_points}), {}, {}};
   std::set<std::uint64_t> deleted;
   for (const MeshPoint& p : result.delta.deleted) deleted.insert(p.id);
   std::map<VertexRef, std::size_t> index;
@@ -327,10 +325,11 @@ TEST(RefineLeaf, CountsWhatItDoes) {
 
 using Action = RefineStep::Action;
 
-std::vector<RefineStep> traced(LeafInput input, LeafDelta& delta) {
+std::vector<RefineStep> traced(const LeafInput& input, LeafDelta& delta,
+                               const PointIndex* all_points = nullptr) {
   std::vector<RefineStep> steps;
-  input.on_step = [&](const RefineStep& step) { steps.push_back(step); };
-  delta = refine_leaf(input);
+  const auto note = [&](const RefineStep& step) { steps.push_back(step); };
+  delta = refine_leaf(input, {.on_step = note}, {.points = all_points});
   return steps;
 }
 
@@ -485,7 +484,7 @@ TEST(RefineLeaf, KnowingHowTheSurfaceIsCoveredChangesNothing) {
     const World world = sphere(size);
     LeafInput input = world.leaf(covering_points(world, true));
     const LeafDelta asked_everywhere = refine_leaf(input);
-    input.criteria.cover_radius = 1.01 * kSampleRadius * size;
+    input.criteria.cover_radius = Criteria::of_cover(size, 2, 0).cover_radius;
     const LeafDelta spared = refine_leaf(input);
     EXPECT_GT(spared.inserted.size(), 0u);
     EXPECT_EQ(spared.cells, asked_everywhere.cells);
@@ -664,7 +663,6 @@ struct FinishedLeaf {
     index = std::make_unique<BruteForceIndex>(all);
     input = world.leaf({});
     input.box = {{-2, -2, -2}, {-0.2, 0.1, 0.1}};
-    input.all_points = index.get();
     for (const MeshPoint& p : all) {
       const double d = std::sqrt(input.box.squared_distance(p.position));
       (d == 0 ? input.own : d <= margin * world.size ? input.ghosts : unloaded).push_back(p);
@@ -681,7 +679,7 @@ struct FinishedLeaf {
 TEST(RefineLeafWithIndex, FindsTheCellsOfTheWholeWithin2Sizes) {
   const FinishedLeaf leaf(2);
   ASSERT_GT(leaf.unloaded.size(), 50u);
-  const Refined result = refined(leaf.input, leaf.unloaded);
+  const Refined result = refined(leaf.input, leaf.unloaded, leaf.index.get());
   EXPECT_EQ(result.num_insertions(), 0u);
   std::vector<CellKey> expected;
   for (const CellKey& key : refined(leaf.world.leaf(leaf.all)).keys())
@@ -691,12 +689,12 @@ TEST(RefineLeafWithIndex, FindsTheCellsOfTheWholeWithin2Sizes) {
 
 TEST(RefineLeafWithIndex, TakesInWhatIsThereInsteadOfInserting) {
   const FinishedLeaf leaf(0);
-  const Refined result = refined(leaf.input, leaf.unloaded);
+  const Refined result = refined(leaf.input, leaf.unloaded, leaf.index.get());
   EXPECT_EQ(result.num_insertions(), 0u);
   EXPECT_GT(result.delta.stats.points_added, 0u);
   EXPECT_LE(result.delta.stats.points_added, leaf.unloaded.size());
   LeafDelta delta;
-  const auto steps = traced(leaf.input, delta);
+  const auto steps = traced(leaf.input, delta, leaf.index.get());
   EXPECT_EQ(count(steps, Action::kTakeIn), result.delta.stats.points_added);
   for (const RefineStep& step : steps) {
     const auto taken = std::ranges::find(leaf.unloaded, step.point, &MeshPoint::id);
@@ -713,9 +711,7 @@ TEST(RefineLeafWithIndex, InsertsWhereThePointsAreFar) {
   const World world = sphere(0.4);
   const auto points = random_surface_points(world, 20, 53);
   const BruteForceIndex index(points);
-  LeafInput input = world.leaf(points);
-  input.all_points = &index;
-  const Refined result = refined(input);
+  const Refined result = refined(world.leaf(points), {}, &index);
   EXPECT_EQ(result.delta.stats.points_added, 0u);
   EXPECT_GT(result.num_insertions(), 0u);
   expect_good(world, result, 2);

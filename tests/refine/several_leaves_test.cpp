@@ -48,27 +48,6 @@ enum class Core { kExplicit, kImplicit };
 
 using Cell = std::array<std::uint64_t, 4>;  // ids
 
-class CoreSites : public CoreIndex {
- public:
-  explicit CoreSites(const Lattice& lattice) : lattice_(lattice) {}
-
-  std::set<LatticeSite> sites;
-
-  MeshPoint point(const LatticeSite& site) const {
-    return {site_id(site), lattice_.position(site), PointKind::kLattice};
-  }
-  bool contains(const LatticeSite& site) const override { return sites.contains(site); }
-  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
-    out.clear();
-    for (const LatticeSite& site : sites)
-      if (squared_distance(lattice_.position(site), q) <= radius * radius)
-        out.push_back(point(site));
-  }
-
- private:
-  const Lattice& lattice_;
-};
-
 class LeafRun {
  public:
   LeafRun(const Scene& scene, Visits visits, Core core = Core::kExplicit);
@@ -79,7 +58,7 @@ class LeafRun {
   // P, and the cells as indices into it; with those of the core.
   std::vector<MeshPoint> points() const;
   std::vector<IndexedCell> cells() const;
-  std::size_t num_core() const { return core_.sites.size(); }
+  std::size_t num_core() const { return core_.size(); }
   std::uint64_t num_met() const { return num_met_; }  // core points that were made explicit
   std::uint64_t num_taken_in() const { return num_taken_in_; }  // by visits
   int num_rounds() const { return num_rounds_; }
@@ -94,7 +73,7 @@ class LeafRun {
  private:
   struct Leaf {
     Box box;
-    SurfacePatch surface;
+    SurfacePiece surface;
     std::optional<LastVisit> last_visit = std::nullopt;
     bool waits = true;    // its last visit, or another leaf's since then, changed something here
     CellList cells = {};  // of its last visit
@@ -114,8 +93,7 @@ class LeafRun {
   Visits visits_;
   SurfacePatch whole_;
   Lattice lattice_;
-  CoreSites core_{lattice_};
-  mutable CoreSites near_core_{lattice_};  // what the visit at hand may ask of
+  std::set<LatticeSite> core_;
   std::vector<Leaf> leaves_;
   std::vector<MeshPoint> points_;  // ids ascend; without the core
   std::uint64_t next_id_ = kFirstOtherId;
@@ -126,7 +104,7 @@ class LeafRun {
   std::uint64_t num_known_ = 0, num_spared_ = 0;
 };
 
-SurfacePatch whole_patch(const Mesh& mesh, double margin) {
+SurfacePiece whole_surface(const Mesh& mesh, double margin) {
   const Box region = shapes::bounding_box(mesh).expanded(margin);
   return {mesh, region, region.min, false};
 }
@@ -134,11 +112,12 @@ SurfacePatch whole_patch(const Mesh& mesh, double margin) {
 LeafRun::LeafRun(const Scene& scene, Visits visits, Core core)
     : scene_(scene),
       visits_(visits),
-      whole_(whole_patch(scene.mesh, 3 * scene.size)),
+      whole_(whole_surface(scene.mesh, 3 * scene.size)),
       lattice_(lattice_around(whole_.region(), scene.size)) {
-  const CoverPoints cover = cover_leaf({scene.size, 1, &lattice_, whole_.region(), &whole_, {}});
+  const CoverPoints cover = cover_leaf(
+      {scene.size, 1, lattice_, whole_.region(), whole_surface(scene.mesh, 3 * scene.size), {}});
   for (const LatticeSite& site : lattice_sites(cover, lattice_.sites_in(whole_.region())))
-    points_.push_back(core_.point(site));
+    points_.push_back(lattice_.point(site));
   for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
   disturb();
   if (core == Core::kImplicit) make_core();
@@ -161,17 +140,17 @@ void LeafRun::make_core() {
                             [&](const LatticeSite& d) { return sites.contains(site + d); }) &&
         std::ranges::none_of(others,
                              [&](const Point& q) { return squared_distance(p, q) <= star * star; }))
-      core_.sites.insert(site);
+      core_.insert(site);
   }
   std::erase_if(points_, [&](const MeshPoint& p) {
-    return p.id < kFirstOtherId && core_.sites.contains(site_of(p.id));
+    return p.id < kFirstOtherId && core_.contains(site_of(p.id));
   });
 }
 
 void LeafRun::make_explicit(const LatticeSite& site) {
-  ASSERT_EQ(core_.sites.erase(site), 1u);
+  ASSERT_EQ(core_.erase(site), 1u);
   ++num_met_;
-  const MeshPoint p = core_.point(site);
+  const MeshPoint p = lattice_.point(site);
   points_.insert(std::ranges::lower_bound(points_, p.id, {}, &MeshPoint::id), p);
   for (Leaf& leaf : leaves_)
     if (leaf.box.squared_distance(p.position) <= std::pow(2 * scene_.size, 2)) {
@@ -182,17 +161,17 @@ void LeafRun::make_explicit(const LatticeSite& site) {
 
 std::vector<MeshPoint> LeafRun::points() const {
   std::vector<MeshPoint> all = points_;
-  for (const LatticeSite& site : core_.sites) all.push_back(core_.point(site));
+  for (const LatticeSite& site : core_) all.push_back(lattice_.point(site));
   std::ranges::sort(all, {}, &MeshPoint::id);
   return all;
 }
 
 std::vector<IndexedCell> LeafRun::cells() const {
   std::vector<Cell> cells = cells_;
-  for (const LatticeSite& site : core_.sites)
+  for (const LatticeSite& site : core_)
     for (const LatticeCell& cell : kLatticeCells) {
       const std::array sites{site, site + cell[0], site + cell[1], site + cell[2]};
-      if (std::ranges::all_of(sites, [&](const LatticeSite& s) { return core_.sites.contains(s); }))
+      if (std::ranges::all_of(sites, [&](const LatticeSite& s) { return core_.contains(s); }))
         cells.push_back(
             {site_id(sites[0]), site_id(sites[1]), site_id(sites[2]), site_id(sites[3])});
     }
@@ -247,33 +226,30 @@ void LeafRun::cut_into_leaves() {
         for (const Triangle& t : scene_.mesh)
           if (meets(t, region)) part.push_back(t);
         leaves_.push_back(
-            {box, {part, region, region.center(), whole_.is_inside(region.center())}});
+            {box,
+             {part, region, region.center(), whole_.is_inside(region.center()), {scene_.size}}});
       }
 }
 
+// As the engine does.
 LeafInput LeafRun::load(const Leaf& leaf) const {
   LeafInput input;
-  const double reach = kReach * scene_.size;
-  input.criteria = {scene_.size, 2, reach, 1e-3 * scene_.size};
+  input.criteria = Criteria::of_cover(scene_.size, 2, 1e-3);
   input.box = leaf.box;
-  input.surface = &leaf.surface;
+  input.surface = leaf.surface;
+  input.last_visit = leaf.last_visit;
   input.max_insertions = 20000;
-  const auto is_in = [&](const Point& p) {
-    for (int axis = 0; axis < 3; ++axis)
-      if (p[axis] < leaf.box.min[axis] || p[axis] >= leaf.box.max[axis]) return false;
-    return true;
-  };
+  const double reach = input.criteria.reach;
   for (const MeshPoint& p : points_)
-    if (is_in(p.position))
+    if (is_in_leaf(leaf.box, p.position))
       input.own.push_back(p);
     else if (leaf.box.squared_distance(p.position) <= reach * reach)
       input.ghosts.push_back(p);
-  near_core_.sites.clear();  // no farther than a visit asks
-  for (const LatticeSite& site : core_.sites)
-    if (leaf.box.squared_distance(lattice_.position(site)) <=
-        std::pow((kReach + 1.1) * scene_.size, 2))
-      near_core_.sites.insert(site);
-  if (!near_core_.sites.empty()) input.core = &near_core_;
+  std::set<LatticeSite> near;  // no farther than a visit asks
+  for (const LatticeSite& site : core_)
+    if (leaf.box.squared_distance(lattice_.position(site)) <= std::pow(kCoreReach * scene_.size, 2))
+      near.insert(site);
+  input.core = core_rows(lattice_, near);
   return input;
 }
 
@@ -284,10 +260,10 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
     return std::ranges::find(delta.deleted, p) != delta.deleted.end();
   });
   for (Leaf& other : leaves_)
-    if (&other != &leaf && other.last_visit)
+    if (&other != &leaf)
       for (const MeshPoint& p : delta.deleted)
         if (other.box.squared_distance(p.position) <= std::pow(kReach * scene_.size, 2))
-          other.last_visit->deleted.push_back(p);
+          other.last_visit.reset();
   std::vector<std::uint64_t> ids;  // of the inserted points
   for (const InsertedPoint& p : delta.inserted) {
     ids.push_back(next_id_);
@@ -299,7 +275,7 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
   if (visits_ == Visits::kWhole || !delta.unresolved.empty())
     leaf.last_visit.reset();
   else
-    leaf.last_visit = LastVisit{next_id_, {}, leaf.cells};
+    leaf.last_visit = LastVisit{next_id_, leaf.cells};
   for (const std::uint64_t id : delta.met_core) make_explicit(site_of(id));
   enqueue_others(leaf, delta);
 }
@@ -329,7 +305,6 @@ void LeafRun::list_cells(const LeafDelta& delta) {
 
 bool LeafRun::visit(Leaf& leaf) {
   LeafInput input = load(leaf);
-  input.last_visit = leaf.last_visit;
   const LeafDelta delta = refine_leaf(input);
   if (!std::exchange(leaf.waits, false)) {
     EXPECT_TRUE(delta.inserted.empty() && delta.deleted.empty() && delta.cells == leaf.cells)

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <limits>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -23,27 +23,26 @@ namespace {
 class StopTest : public testing::Test {
  protected:
   SurfacePatch patch(const StopToken* stop = nullptr) const {
-    return {mesh_, region_, region_.min, false, {}, stop};
+    return SurfacePatch(surface(), stop);
   }
-  CoverInput cover(const StopToken* stop = nullptr) const {
+  SurfacePiece surface() const { return {mesh_, region_, region_.min, false}; }
+  CoverInput cover() const {
     return {.size = kSize,
             .seed = 7,
-            .lattice = &lattice_,
+            .lattice = lattice_,
             .box = region_,
-            .surface = &patch_,
-            .nearby_samples = {},
-            .stop = stop};
+            .surface = surface(),
+            .nearby_samples = {}};
   }
-  FillInput fill(const StopToken* stop = nullptr) const {
-    return {.size = kSize, .box = region_, .points = points_, .surface = &patch_, .stop = stop};
+  FillInput fill() const {
+    return {.size = kSize, .box = region_, .points = points_, .core = {}, .surface = surface()};
   }
-  LeafInput refinement(const StopToken* stop = nullptr) const {
+  LeafInput refinement() const {
     LeafInput input;
-    input.criteria = {kSize, 2, std::numeric_limits<double>::infinity(), 1e-3 * kSize};
+    input.criteria = Criteria::of_paper(kSize, 2, 1e-3);
     input.box = region_;
     input.own = points_;
-    input.surface = &patch_;
-    input.stop = stop;
+    input.surface = surface();
     return input;
   }
 
@@ -67,7 +66,6 @@ class StopTest : public testing::Test {
   shapes::Mesh mesh_ = shapes::torus(1, 0.4, 60, 30);
   Box region_ = shapes::bounding_box(mesh_).expanded(0.31);
   Lattice lattice_ = lattice_around(region_, kSize);
-  SurfacePatch patch_{mesh_, region_, region_.min, false};
   std::vector<MeshPoint> points_ = first_points();
 
  private:
@@ -90,7 +88,7 @@ TEST_F(StopTest, EndsTheBuildingOfAPatch) {
 }
 
 TEST_F(StopTest, EndsTheCoverOfALeaf) {
-  expect_stops_anywhere([&](const StopToken* stop) { return cover_leaf(cover(stop)); },
+  expect_stops_anywhere([&](const StopToken* stop) { return cover_leaf(cover(), stop); },
                         [](const CoverPoints& a, const CoverPoints& b) {
                           return a.samples == b.samples && a.lattice == b.lattice;
                         });
@@ -98,7 +96,7 @@ TEST_F(StopTest, EndsTheCoverOfALeaf) {
 
 TEST_F(StopTest, EndsTheSearchForHoles) {
   expect_stops_anywhere(
-      [&](const StopToken* stop) { return fill_leaf(fill(stop)); },
+      [&](const StopToken* stop) { return fill_leaf(fill(), stop); },
       [](const FillPoints& a, const FillPoints& b) { return a.centers == b.centers; });
 }
 
@@ -106,15 +104,10 @@ TEST_F(StopTest, EndsTheRefinementOfALeaf) {
   std::uint64_t num_steps = 0;
   expect_stops_anywhere(
       [&](const StopToken* stop) {
-        LeafInput input = refinement(stop);
-        input.on_step = [&](const RefineStep&) { ++num_steps; };
-        return refine_leaf(input);
+        const auto count = [&](const RefineStep&) { ++num_steps; };
+        return refine_leaf(refinement(), {.on_step = count, .stop = stop});
       },
-      [](const LeafDelta& a, const LeafDelta& b) {
-        return std::ranges::equal(a.inserted, b.inserted, {}, &InsertedPoint::position,
-                                  &InsertedPoint::position) &&
-               a.cells == b.cells && a.stats.cells_made == b.stats.cells_made;
-      });
+      std::equal_to());
   EXPECT_GT(num_steps, 1000U) << "it was to stop among insertions, too";
 }
 
@@ -122,19 +115,14 @@ TEST_F(StopTest, EndsTheRefinementOfALeaf) {
 TEST_F(StopTest, EndsAVisitInPart) {
   const LeafDelta first = refine_leaf(refinement());
   LeafInput again = refinement();
-  again.last_visit = LastVisit{kFirstOtherId + points_.size(), {}, {}};
+  again.last_visit = LastVisit{kFirstOtherId + points_.size(), {}};
   for (std::size_t i = 0; i < first.inserted.size(); ++i)
     if (!first.inserted[i].is_deleted)
       again.own.push_back(
           {kFirstOtherId + points_.size() + i, first.inserted[i].position, first.inserted[i].kind});
   again.last_visit->first_new_id = again.own.back().id;
-  expect_stops_anywhere(
-      [&](const StopToken* stop) {
-        LeafInput input = again;
-        input.stop = stop;
-        return refine_leaf(input);
-      },
-      [](const LeafDelta& a, const LeafDelta& b) { return a.cells == b.cells; });
+  expect_stops_anywhere([&](const StopToken* stop) { return refine_leaf(again, {.stop = stop}); },
+                        std::equal_to());
 }
 
 }  // namespace

@@ -30,11 +30,12 @@ Mesh part_meeting(const Mesh& mesh, const Box& region) {
 
 SurfacePatch whole_patch(const Mesh& mesh, double margin = 0.37) {
   const Box region = shapes::bounding_box(mesh).expanded(margin);
-  return {mesh, region, region.min, false};
+  return SurfacePatch({mesh, region, region.min, false});
 }
 
 SurfacePatch patch_over(const Mesh& mesh, const Box& region, const SurfacePatch& whole) {
-  return {part_meeting(mesh, region), region, region.center(), whole.is_inside(region.center())};
+  return SurfacePatch(
+      {part_meeting(mesh, region), region, region.center(), whole.is_inside(region.center())});
 }
 
 // A random piece of the box, at least `least` of its extent on each axis.
@@ -215,8 +216,8 @@ TEST_P(SurfacePatchOf, OrderAndOthersDoNotMatter) {
   std::ranges::shuffle(shuffled, random);
   for (Triangle& t : shuffled) std::ranges::shuffle(t.corners, random);
   const bool is_center_inside = patch_.is_inside(region.center());
-  const SurfacePatch tight(part, region, region.center(), is_center_inside);
-  const SurfacePatch loose(shuffled, region, region.center(), is_center_inside);
+  const SurfacePatch tight({part, region, region.center(), is_center_inside});
+  const SurfacePatch loose({shuffled, region, region.center(), is_center_inside});
   std::vector<Crossing> found, expected;
   for (int n = 0; n < 1000; ++n) {
     const Point a = uniform_in(random, region), b = uniform_in(random, region);
@@ -234,7 +235,7 @@ TEST_P(SurfacePatchOf, ReferenceMayLieAnywhereWithinTheRegion) {
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
   for (std::size_t n = 0; n < points.size(); n += 57) {
-    const SurfacePatch other(mesh_, patch_.region(), points[n], patch_.is_inside(points[n]));
+    const SurfacePatch other({mesh_, patch_.region(), points[n], patch_.is_inside(points[n])});
     for (const Point& p : points)
       ASSERT_EQ(other.is_inside(p), patch_.is_inside(p)) << "seed " << kSeed << ", n " << n;
   }
@@ -247,7 +248,7 @@ TEST_P(SurfacePatchOf, FinenessDecidesNoAnswer) {
   std::vector<Crossing> found, expected;
   for (const GridFineness& fineness :
        {GridFineness{0.02, 1}, GridFineness{0.3, 12}, GridFineness{2, 200}}) {
-    const SurfacePatch other(mesh_, patch_.region(), patch_.region().min, false, fineness);
+    const SurfacePatch other({mesh_, patch_.region(), patch_.region().min, false, fineness});
     for (std::size_t n = 0; n < points.size(); ++n) {
       const Point a = points[n], b = points[(n * 7 + 3) % points.size()];
       ASSERT_EQ(other.is_inside(a), patch_.is_inside(a)) << "seed " << kSeed << ", n " << n;
@@ -299,7 +300,7 @@ TEST_P(SurfacePatchOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   std::uniform_real_distribution<double> fraction(0, 0.3);
   const Box& region = patch_.region();
   const double length = norm(region.max - region.min);
-  const SurfacePatch fine(mesh_, region, region.min, false, {length / 300, 4});
+  const SurfacePatch fine({mesh_, region, region.min, false, {length / 300, 4}});
   std::vector<Triangle> near;
   int num_near = 0;
   for (int n = 0; n < 200; ++n) {
@@ -405,7 +406,7 @@ TEST(SurfacePatch, LatticeSegmentsCrossVoxelsByParity) {
 
 TEST(SurfacePatch, WithoutTrianglesIsAllOnOneSide) {
   for (const bool is_inside : {false, true}) {
-    const SurfacePatch patch({}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside);
+    const SurfacePatch patch({{}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside});
     EXPECT_EQ(patch.is_inside({0.9, 0.1, 2.9}), is_inside);
     EXPECT_FALSE(patch.is_inside({0.9, 0.1, 3.1})) << "outside the region";
     EXPECT_FALSE(patch.is_near({0.5, 0.5, 0.5}, 100));
@@ -429,8 +430,8 @@ TEST(SurfacePatch, SmallRegionOfAHugeTriangle) {
       const Point b = uniform(random, 0.5, 1) * Point{-0.3 * scale, -0.7 * scale, scale};
       const Point c = -1.0 * (a + b), d{-scale, -scale, -scale};
       const Mesh mesh = shapes::numbered({{a, b, c}, {a, d, b}, {b, d, c}, {c, d, a}});
-      const SurfacePatch patch(part_meeting(mesh, region), region, reference,
-                               brute_force::is_inside(reference, mesh));
+      const SurfacePatch patch(
+          {part_meeting(mesh, region), region, reference, brute_force::is_inside(reference, mesh)});
       std::uniform_int_distribution<int> pick(-24, 24);
       for (int n = 0; n < 30; ++n) {
         const double x = pick(random) / 24.0, y = pick(random) / 24.0;

@@ -96,10 +96,12 @@ WRAP(kIngest, void, put_surface, "_ZN6locvol5Batch11put_surfaceENS_9MortonKeyERK
      (Batch * batch, MortonKey leaf, const LeafSurface& surface), (batch, leaf, surface))
 WRAP(kLoad, LeafPoints, points, "_ZNK6locvol6Reader6pointsENS_9MortonKeyE",
      (const Reader* reader, MortonKey leaf), (reader, leaf))
-WRAP(kCover, CoverPoints, cover_leaf, "_ZN6locvol10cover_leafERKNS_10CoverInputE",
-     (const CoverInput& input), (input))
-WRAP(kRefine, LeafDelta, refine_leaf, "_ZN6locvol11refine_leafERKNS_9LeafInputE",
-     (const LeafInput& input), (sweeps::is_to_fail() ? with_one_insertion(input) : input))
+WRAP(kCover, CoverPoints, cover_leaf, "_ZN6locvol10cover_leafENS_10CoverInputEPKNS_9StopTokenE",
+     (CoverInput input, const StopToken* stop), (std::move(input), stop))
+WRAP(kRefine, LeafDelta, refine_leaf,
+     "_ZN6locvol11refine_leafENS_9LeafInputERKNS_10VisitWatchERKNS_10WholeModelE",
+     (LeafInput input, const VisitWatch& watch, const WholeModel& whole),
+     (sweeps::is_to_fail() ? with_one_insertion(std::move(input)) : std::move(input), watch, whole))
 WRAP(kSplit, void, split, "_ZN6locvol12LinearOctree5splitENS_9MortonKeyE",
      (LinearOctree * octree, MortonKey leaf), (octree, leaf))
 WRAP(kCommit, void, commit, "_ZN6locvol5Batch6commitEv", (Batch * batch), (batch))

@@ -4,14 +4,14 @@
 //
 // SIZE (λ) is a length, or a percentage of the smallest side of the bounding box. The run is one of
 // cover mode over cubes as wide as the engine's, one after another, until all are clean; the visits
-// of the first and of the second round are then timed again and again. Of a large surface, only the
-// first leaves (in lexicographic order) with points are visited.
+// of the first and of the second round are then timed again and again, with the building of their
+// patches. Of a large surface, only the first leaves (in lexicographic order) with points are
+// visited.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -48,36 +48,11 @@ struct PolygonList : SurfaceSink {
 
 struct Leaf {
   Box box;
-  std::vector<Triangle> triangles;  // near it
-  bool is_center_inside = false;
-  std::unique_ptr<SurfacePatch> patch;
-  FillInput fill;                 // as it was when the leaf was filled, but for the core
+  SiteBox sites;
+  SurfacePiece surface;
+  FillInput fill;                 // as it was when the leaf was filled
   std::vector<LeafInput> visits;  // with last_visit, from the second on
   std::optional<LastVisit> last_visit = std::nullopt;
-};
-
-// The lattice core: a set of sites.
-class Core : public CoreIndex {
- public:
-  explicit Core(const Lattice& lattice) : lattice_(lattice) {}
-  void add(const LatticeCore& core, const SiteBox& sites) {
-    for_each_core_site(core, sites, sites,
-                       [&](const LatticeSite& site, std::uint64_t) { sites_.insert(site); });
-  }
-  void erase(const LatticeSite& site) { sites_.erase(site); }
-  MeshPoint point(const LatticeSite& site) const { return lattice_.point(site); }
-  bool contains(const LatticeSite& site) const override { return sites_.contains(site); }
-  void within(const Point& q, double radius, std::vector<MeshPoint>& out) const override {
-    out.clear();
-    std::vector<LatticeSite> near;
-    lattice_.sites_within(q, radius, near);
-    for (const LatticeSite& site : near)
-      if (sites_.contains(site)) out.push_back(point(site));
-  }
-
- private:
-  const Lattice& lattice_;
-  std::set<LatticeSite> sites_;
 };
 
 class Run {
@@ -93,12 +68,11 @@ class Run {
     const Point d = box.max - box.min;
     const bool is_percent = size.ends_with('%');
     size_ = std::stod(size) * (is_percent ? std::min({d.x, d.y, d.z}) / 100 : 1);
-    whole_ = std::make_unique<SurfacePatch>(triangles_, box.expanded(size_),
-                                            box.min - Point{size_, size_, size_}, false);
+    const Box around = box.expanded(size_);
+    const SurfacePatch whole({triangles_, around, around.min, false});
     frame_ = Frame::around(box, 0.5 * size_, kLeafSide * size_);
-    lattice_ = std::make_unique<Lattice>(frame_, size_, kLeafSide * size_);
-    core_ = std::make_unique<Core>(*lattice_);
-    cut(box.expanded(0.5 * size_));
+    lattice_ = Lattice(frame_, size_, kLeafSide * size_);
+    cut(box.expanded(0.5 * size_), whole);
     cover();
     for (int round = 0; round < 10 && visit_all(); ++round) {
     }
@@ -111,30 +85,29 @@ class Run {
 
   double size() const { return size_; }
   const std::vector<Leaf>& leaves() const { return leaves_; }
-  SurfacePatch patch_around(const Leaf& leaf) const {
-    return {leaf.triangles, region(leaf), leaf.box.center(), leaf.is_center_inside,
-            GridFineness{size_}};
-  }
   CoverInput cover_input(const Leaf& leaf) const {
-    return {size_, 0, lattice_.get(), leaf.box, leaf.patch.get(), {}};
+    return {size_, 0, lattice_, leaf.box, leaf.surface, {}};
   }
 
  private:
-  Box region(const Leaf& leaf) const { return leaf.box.expanded(1.01 * kCoreDepth * size_); }
-
-  void cut(const Box& box) {
+  void cut(const Box& box, const SurfacePatch& whole) {
     const int level = frame_.level_of_side(kLeafSide * size_);
     const LinearOctree octree = LinearOctree::uniform(level);
     for (const MortonKey key : octree.leaves()) {
       Leaf leaf;
       leaf.box = frame_.box(key);
       if (!leaf.box.overlaps(box) || leaves_.size() == kMaxLeaves) continue;
-      for (const Triangle& t : triangles_)
-        if (t.box().overlaps(region(leaf))) leaf.triangles.push_back(t);
-      if (leaf.triangles.empty()) continue;
-      leaf.is_center_inside = whole_->is_inside(leaf.box.center());
-      leaf.patch = std::make_unique<SurfacePatch>(patch_around(leaf));
-      leaves_.push_back(std::move(leaf));
+      leaf.sites = lattice_.sites_in(leaf.box);
+      const Point center = leaf.box.center();
+      leaf.surface = {.triangles = {},
+                      .region = leaf.box.expanded(1.01 * kCoreDepth * size_),
+                      .reference = center,
+                      .is_reference_inside = whole.is_inside(center),
+                      .fineness = {size_}};
+      std::ranges::copy_if(
+          triangles_, std::back_inserter(leaf.surface.triangles),
+          [&](const Triangle& t) { return t.box().overlaps(leaf.surface.region); });
+      if (!leaf.surface.triangles.empty()) leaves_.push_back(std::move(leaf));
     }
   }
 
@@ -148,22 +121,20 @@ class Run {
       const CoverPoints cover = cover_leaf(input);
       for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
       for (const LatticeSite& site : cover.lattice) add(site);
-      core_->add(cover.core, lattice_->sites_in(leaf.box));
+      for_each_core_site(cover.core, leaf.sites, leaf.sites,
+                         [&](const LatticeSite& site, std::uint64_t) { core_.insert(site); });
     }
     for (Leaf& leaf : leaves_) {
       leaf.fill = fill_input(leaf);
       const FillPoints fill = fill_leaf(leaf.fill);
       for (const Point& p : fill.centers) points_.push_back({next_id_++, p, PointKind::kVolume});
-      for (const std::uint64_t id : fill.met_core) {
-        core_->erase(site_of(id));
-        add(site_of(id));
-      }
+      for (const std::uint64_t id : fill.met_core) make_explicit(site_of(id));
       num_holes_ += fill.centers.size();
     }
   }
 
   FillInput fill_input(const Leaf& leaf) const {
-    FillInput input{size_, leaf.box, {}, core_.get(), leaf.patch.get()};
+    FillInput input{size_, leaf.box, {}, core_around(leaf), leaf.surface};
     const double reach = kFillReach * size_;
     std::ranges::copy_if(points_, std::back_inserter(input.points), [&](const MeshPoint& p) {
       return leaf.box.squared_distance(p.position) <= reach * reach;
@@ -172,28 +143,40 @@ class Run {
   }
 
   void add(const LatticeSite& site) {
-    const MeshPoint point = core_->point(site);
+    const MeshPoint point = lattice_.point(site);
     points_.insert(std::ranges::lower_bound(points_, point.id, {}, &MeshPoint::id), point);
+  }
+  void make_explicit(const LatticeSite& site) {
+    core_.erase(site);
+    add(site);
+  }
+  CoreRows core_around(const Leaf& leaf) const {
+    const SiteBox around = lattice_.sites_in(leaf.box.expanded(kCoreReach * size_));
+    LatticeCore core;
+    for (const LatticeSite& site : core_)
+      if (around.contains(site)) add_row({site, 1}, core);
+    return {lattice_, core.rows};
   }
 
   LeafInput load(const Leaf& leaf) const {
     LeafInput input;
-    const double reach = kReach * size_;
-    input.criteria = {size_, 2, reach, 0.02 * size_};
+    input.criteria = Criteria::of_cover(size_, 2, 0.02);
     input.box = leaf.box;
-    input.surface = leaf.patch.get();
-    const auto is_own = [&](const Point& p) {
-      for (int axis = 0; axis < 3; ++axis)
-        if (p[axis] < leaf.box.min[axis] || p[axis] >= leaf.box.max[axis]) return false;
-      return true;
-    };
+    input.surface = leaf.surface;
+    input.core = core_around(leaf);
+    input.last_visit = leaf.last_visit;
+    const double reach = input.criteria.reach;
     for (const MeshPoint& p : points_)
-      if (is_own(p.position))
+      if (is_in_leaf(leaf.box, p.position))
         input.own.push_back(p);
       else if (leaf.box.squared_distance(p.position) <= reach * reach)
         input.ghosts.push_back(p);
-    input.core = core_.get();
     return input;
+  }
+  // Visits of leaves within `distance` of p are to be of the whole leaf.
+  void forbid_shorter_visits(const Point& p, double distance) {
+    for (Leaf& leaf : leaves_)
+      if (leaf.box.squared_distance(p) <= distance * distance) leaf.last_visit.reset();
   }
 
   bool visit_all() {
@@ -201,7 +184,6 @@ class Run {
     num_cells_ = 0;
     for (Leaf& leaf : leaves_) {
       leaf.visits.push_back(load(leaf));
-      leaf.visits.back().last_visit = leaf.last_visit;
       const LeafDelta delta = refine_leaf(leaf.visits.back());
       is_changed |= !delta.inserted.empty();
       num_cells_ += delta.cells.size();
@@ -215,34 +197,29 @@ class Run {
         ids.push_back(next_id_);
         if (!p.is_deleted) points_.push_back({next_id_++, p.position, p.kind});
       }
-      for (Leaf& other : leaves_)
-        if (other.last_visit)
-          for (const MeshPoint& p : delta.deleted) other.last_visit->deleted.push_back(p);
+      for (const MeshPoint& p : delta.deleted) forbid_shorter_visits(p.position, kReach * size_);
       leaf.last_visit.reset();
+      if (delta.unresolved.empty()) {
+        leaf.last_visit = LastVisit{next_id_, delta.cells};
+        for (VertexRef& ref : leaf.last_visit->cells.vertices)
+          if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+      }
       for (const std::uint64_t id : delta.met_core) {
-        core_->erase(site_of(id));
-        add(site_of(id));
-        const Point p = lattice_->position(site_of(id));
-        for (Leaf& other : leaves_)
-          if (other.box.squared_distance(p) <= 4 * size_ * size_) other.last_visit.reset();
+        make_explicit(site_of(id));
+        forbid_shorter_visits(lattice_.position(site_of(id)), kNeighborhood * size_);
         ++num_met_;
         is_changed = true;
       }
-      if (!delta.unresolved.empty() || !delta.met_core.empty()) continue;
-      leaf.last_visit = LastVisit{next_id_, {}, delta.cells};
-      for (VertexRef& ref : leaf.last_visit->cells.vertices)
-        if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
     }
     return is_changed;
   }
 
   std::vector<Triangle> triangles_;
   double size_ = 0;
-  std::unique_ptr<SurfacePatch> whole_;
   std::vector<Leaf> leaves_;
   Frame frame_;
-  std::unique_ptr<const Lattice> lattice_;
-  std::unique_ptr<Core> core_;
+  Lattice lattice_;
+  std::set<LatticeSite> core_;
   std::vector<MeshPoint> points_;  // ids ascend
   std::uint64_t next_id_ = kFirstOtherId;
   std::size_t num_cells_ = 0, num_holes_ = 0, num_c5_ = 0, num_insertions_ = 0, num_met_ = 0;
@@ -252,8 +229,8 @@ void patches(benchmark::State& state, const Run& run) {
   std::size_t num = 0;
   for (auto _ : state)
     for (const Leaf& leaf : run.leaves()) {
-      benchmark::DoNotOptimize(run.patch_around(leaf).triangles().size());
-      num += leaf.triangles.size();
+      benchmark::DoNotOptimize(SurfacePatch(leaf.surface).triangles().size());
+      num += leaf.surface.triangles.size();
     }
   state.counters["triangles/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
 }

@@ -1,0 +1,128 @@
+// What a visit takes and gives is made of: one list for all that store, send, print or compare it.
+// fields(value) gives each member's name and the member itself, in order, and for_each_field()
+// hands them on. A member that is not listed does not compile.
+#pragma once
+
+#include <concepts>
+#include <tuple>
+#include <type_traits>
+
+#include "octree/geometry.h"
+#include "octree/lattice.h"
+#include "refine/leaf.h"
+
+namespace locvol {
+
+template <class T>
+struct Field {
+  const char* name;
+  T& value;
+};
+template <class T>
+Field(const char*, T&) -> Field<T>;
+
+template <class T, class Struct>
+concept Maybe = std::same_as<std::remove_const_t<T>, Struct>;  // Struct or const Struct
+
+auto fields(Maybe<Point> auto& point) {
+  auto& [x, y, z] = point;
+  return std::tuple(Field("x", x), Field("y", y), Field("z", z));
+}
+auto fields(Maybe<Box> auto& box) {
+  auto& [min, max] = box;
+  return std::tuple(Field("min", min), Field("max", max));
+}
+auto fields(Maybe<Triangle> auto& triangle) {
+  auto& [id, corners] = triangle;
+  return std::tuple(Field("id", id), Field("corners", corners));
+}
+auto fields(Maybe<MeshPoint> auto& point) {
+  auto& [id, position, kind] = point;
+  return std::tuple(Field("id", id), Field("position", position), Field("kind", kind));
+}
+auto fields(Maybe<LatticeSite> auto& site) {
+  auto& [i, j, k] = site;
+  return std::tuple(Field("i", i), Field("j", j), Field("k", k));
+}
+auto fields(Maybe<LatticeRow> auto& row) {
+  auto& [first, count] = row;
+  return std::tuple(Field("first", first), Field("count", count));
+}
+auto fields(Maybe<Lattice> auto& lattice) {
+  auto [origin, grid_origin, half, grid_side] = Lattice::members(lattice);
+  return std::tuple(Field("origin", origin), Field("grid_origin", grid_origin), Field("half", half),
+                    Field("grid_side", grid_side));
+}
+auto fields(Maybe<GridFineness> auto& fineness) {
+  auto& [resolution, triangles_per_cell] = fineness;
+  return std::tuple(Field("resolution", resolution),
+                    Field("triangles_per_cell", triangles_per_cell));
+}
+auto fields(Maybe<SurfacePiece> auto& piece) {
+  auto& [triangles, region, reference, is_reference_inside, fineness] = piece;
+  return std::tuple(Field("triangles", triangles), Field("region", region),
+                    Field("reference", reference),
+                    Field("is_reference_inside", is_reference_inside), Field("fineness", fineness));
+}
+auto fields(Maybe<CoreRows> auto& core) {
+  auto& [lattice, rows] = core;
+  return std::tuple(Field("lattice", lattice), Field("rows", rows));
+}
+
+auto fields(Maybe<Criteria> auto& criteria) {
+  auto& [size, radius_edge_bound, reach, spacing_floor, cover_radius] = criteria;
+  return std::tuple(Field("size", size), Field("radius_edge_bound", radius_edge_bound),
+                    Field("reach", reach), Field("spacing_floor", spacing_floor),
+                    Field("cover_radius", cover_radius));
+}
+auto fields(Maybe<CellList> auto& list) {
+  auto& [vertices, cells] = list;
+  return std::tuple(Field("vertices", vertices), Field("cells", cells));
+}
+auto fields(Maybe<LastVisit> auto& last) {
+  auto& [first_new_id, cells] = last;
+  return std::tuple(Field("first_new_id", first_new_id), Field("cells", cells));
+}
+auto fields(Maybe<LeafInput> auto& input) {
+  auto& [criteria, box, own, ghosts, surface, core, max_own_points, last_visit, max_insertions] =
+      input;
+  return std::tuple(Field("criteria", criteria), Field("box", box), Field("own", own),
+                    Field("ghosts", ghosts), Field("surface", surface), Field("core", core),
+                    Field("max_own_points", max_own_points), Field("last_visit", last_visit),
+                    Field("max_insertions", max_insertions));
+}
+
+auto fields(Maybe<InsertedPoint> auto& point) {
+  auto& [position, kind, is_deleted, changed] = point;
+  return std::tuple(Field("position", position), Field("kind", kind),
+                    Field("is_deleted", is_deleted), Field("changed", changed));
+}
+auto fields(Maybe<Violation> auto& violation) {
+  auto& [condition, position, radius] = violation;
+  return std::tuple(Field("condition", condition), Field("position", position),
+                    Field("radius", radius));
+}
+auto fields(Maybe<VisitStats> auto& stats) {
+  auto& [insertions, deletions, points_added, cells_made] = stats;
+  return std::tuple(Field("insertions", insertions), Field("deletions", deletions),
+                    Field("points_added", points_added), Field("cells_made", cells_made));
+}
+auto fields(Maybe<LeafDelta> auto& delta) {
+  auto& [inserted, deleted, cells, met_core, unresolved, stats, is_overfull] = delta;
+  return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("cells", cells),
+                    Field("met_core", met_core), Field("unresolved", unresolved),
+                    Field("stats", stats), Field("is_overfull", is_overfull));
+}
+
+template <class T>
+concept HasFields = requires(T& value) {
+  fields(value);
+};
+
+// Calls visit(name, member) for each.
+template <HasFields T, class Visit>
+void for_each_field(T& value, const Visit& visit) {
+  std::apply([&](const auto&... field) { (visit(field.name, field.value), ...); }, fields(value));
+}
+
+}  // namespace locvol
