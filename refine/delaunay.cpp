@@ -199,9 +199,9 @@ Delaunay::Impl::Start Delaunay::Impl::locate(const Kernel::Point_3& p, CellHandl
   int across = 0;
   if (from->has_vertex(infinite, across)) from = from->neighbor(across);
   const auto is_beyond_facet = [&](CellHandle c, int i) {
-    std::array<const Kernel::Point_3*, 4> corners;
-    for (int k = 0; k < 4; ++k) corners[std::size_t(k)] = k == i ? &p : &c->vertex(k)->point();
-    return CGAL::orientation(*corners[0], *corners[1], *corners[2], *corners[3]) == CGAL::NEGATIVE;
+    std::array<const Kernel::Point_3*, 4> points;
+    for (int k = 0; k < 4; ++k) points[std::size_t(k)] = k == i ? &p : &c->vertex(k)->point();
+    return CGAL::orientation(*points[0], *points[1], *points[2], *points[3]) == CGAL::NEGATIVE;
   };
   CellHandle before;
   for (auto left = triangulation.tds().number_of_cells(); left > 0; --left) {

@@ -1,4 +1,5 @@
-// Points so near a sphere, or cells so flat, that doubles do not tell. Internal to refine/.
+// Points so near a sphere, or cells so flat, that single precision does not tell. Internal to
+// refine/.
 #pragma once
 
 #include <array>
@@ -8,10 +9,10 @@
 
 namespace locvol {
 
-// Is p inside the circumsphere of the positively oriented cell? By twice the precision of doubles,
-// which tells nearly always where coordinates were rounded: on planes at an angle to the axes above
-// all, in a twentieth of the time of exact arithmetic. Empty where it is not certain, as for
-// cospherical points.
+// Is p inside the circumsphere of the positively oriented cell? By doubles, then by twice their
+// precision, which tells nearly always where coordinates were rounded: on planes at an angle to the
+// axes above all, in a twentieth of the time of exact arithmetic. Empty where it is not certain, as
+// for cospherical points.
 std::optional<bool> is_in_near_sphere(const std::array<Point, 4>& cell, const Point& p);
 
 }  // namespace locvol

@@ -49,13 +49,32 @@ Question cospherical(Random& random) {
   return oriented(points);
 }
 
+// Four on a sphere, where cells are long or flat; the fifth is off it by 10⁻¹⁶ to 10⁻⁸ of its size,
+// where doubles begin to tell.
+Question off_sphere(Random& random) {
+  const Point center = 20 * shapes::uniform_in(random, kCube);
+  Point shape;
+  for (int axis = 0; axis < 3; ++axis) shape[axis] = std::pow(10, uniform(random, -3, 0));
+  std::array<Point, 5> points;
+  for (Point& p : points) {
+    Point way = shapes::uniform_in(random, kCube);
+    for (int axis = 0; axis < 3; ++axis) way[axis] *= shape[axis];
+    p = center + (0.1 / norm(way)) * way;
+  }
+  const double off = std::pow(10, uniform(random, -16, -8));
+  points[4] = points[4] + (random() % 2 == 0 ? off : -off) * (points[4] - center);
+  return oriented(points);
+}
+
 TEST(NearSphere, IsRightWhereItIsCertain) {
   constexpr unsigned kSeed = 81;
   Random random(kSeed);
   int num_certain = 0, num_inside = 0;
-  constexpr int kNum = 20000;
+  constexpr int kNum = 30000;
   for (int n = 0; n < kNum; ++n) {
-    const auto& [cell, p] = n % 2 == 0 ? coplanar(random) : cospherical(random);
+    const auto& [cell, p] = n % 3 == 0   ? coplanar(random)
+                            : n % 3 == 1 ? cospherical(random)
+                                         : off_sphere(random);
     if (brute_force::orientation(cell[0], cell[1], cell[2], cell[3]) == 0) continue;
     const auto is_inside = is_in_near_sphere(cell, p);
     if (!is_inside) continue;
