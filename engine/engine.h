@@ -12,7 +12,7 @@
 
 #include "engine/formats/mesh_format.h"
 #include "engine/ingest/surface_source.h"
-#include "engine/input_error.h"
+#include "engine/shared/input_error.h"
 #include "storage/records.h"
 #include "storage/store.h"
 

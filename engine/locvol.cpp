@@ -12,16 +12,16 @@
 #include <utility>
 
 #include "engine/engine.h"
+#include "engine/formats/writer.h"
 #include "engine/ingest/ingest.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
-#include "engine/memory_budget.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/mesh_chunks.h"
-#include "engine/output/writer.h"
-#include "engine/run_estimate.h"
-#include "engine/run_setup.h"
-#include "engine/workers.h"
+#include "engine/plan/run_estimate.h"
+#include "engine/plan/run_setup.h"
+#include "engine/shared/memory_budget.h"
+#include "engine/shared/workers.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "engine/engine.h"
-#include "engine/output/writer.h"
+#include "engine/formats/writer.h"
 #include "tools/arguments.h"
 #include "tools/leaf_filter.h"
 

@@ -10,7 +10,7 @@
 
 #include "engine/inspect/leaf_report.h"
 #include "engine/inspect/leaf_scan.h"
-#include "engine/leaf_queue.h"
+#include "engine/run/leaf_queue.h"
 #include "tools/commands.h"
 #include "tools/inspect_leaf.h"
 #include "tools/inspect_summary.h"

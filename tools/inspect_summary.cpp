@@ -10,7 +10,7 @@
 
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/mesh_statistics.h"
-#include "engine/memory_budget.h"
+#include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 #include "tools/results.h"

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <ctime>
 
-#include "engine/memory_budget.h"
+#include "engine/shared/memory_budget.h"
 
 namespace locvol {
 namespace {

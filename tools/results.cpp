@@ -6,8 +6,8 @@
 #include <cmath>
 #include <functional>
 
-#include "engine/leaf_queue.h"
-#include "engine/memory_budget.h"
+#include "engine/run/leaf_queue.h"
+#include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
 #include "tools/progress.h"
 

@@ -9,11 +9,11 @@
 
 #include "engine/audit/audit.h"
 #include "engine/engine.h"
+#include "engine/formats/writer.h"
 #include "engine/inspect/cell_mesh.h"
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/mesh_statistics.h"
-#include "engine/output/writer.h"
-#include "engine/run_estimate.h"
+#include "engine/plan/run_estimate.h"
 #include "storage/records.h"
 #include "storage/store.h"
 

@@ -8,7 +8,7 @@
 #include <initializer_list>
 #include <string_view>
 
-#include "engine/unfinished_name.h"
+#include "engine/shared/unfinished_name.h"
 #include "tools/commands.h"
 
 namespace locvol {

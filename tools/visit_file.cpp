@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 #include "tools/arguments.h"
 #include "tools/results.h"
 

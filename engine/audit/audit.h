@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/step_progress.h"
+#include "engine/shared/step_progress.h"
 #include "storage/store.h"
 
 namespace locvol {

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <system_error>
 
-#include "engine/input_error.h"
+#include "engine/shared/input_error.h"
 
 namespace locvol {
 namespace {

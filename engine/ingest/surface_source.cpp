@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "engine/ingest/file_digest.h"
-#include "engine/input_error.h"
+#include "engine/shared/input_error.h"
 
 namespace locvol {
 namespace {

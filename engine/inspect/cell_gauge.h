@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/compensated_sum.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/shared/compensated_sum.h"
 #include "octree/geometry.h"
 
 namespace locvol {

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "engine/inspect/vtu_file.h"
-#include "engine/leaf_name.h"
-#include "engine/run_state.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/leaf_name.h"
 #include "octree/site_block.h"
 
 namespace locvol {

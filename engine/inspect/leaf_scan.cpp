@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "engine/leaf_name.h"
-#include "engine/run_state.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/leaf_name.h"
 
 namespace locvol {
 namespace {

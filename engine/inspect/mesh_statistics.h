@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/step_progress.h"
+#include "engine/shared/step_progress.h"
 #include "octree/stop.h"
 #include "storage/store.h"
 

@@ -11,10 +11,10 @@
 
 #include "engine/ingest/surface_check.h"
 #include "engine/inspect/cell_mesh.h"
-#include "engine/leaf_name.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
-#include "engine/run_state.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/leaf_name.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
 

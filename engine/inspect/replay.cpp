@@ -8,10 +8,10 @@
 #include <unordered_map>
 #include <utility>
 
-#include "engine/leaf_loader.h"
-#include "engine/leaf_name.h"
-#include "engine/point_grid.h"
-#include "engine/run_state.h"
+#include "engine/run/leaf_loader.h"
+#include "engine/run/point_grid.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/leaf_name.h"
 
 namespace locvol {
 namespace {

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "engine/inspect/cell_mesh.h"
-#include "engine/leaf_name.h"
 #include "engine/output/stored_mesh.h"
+#include "engine/shared/leaf_name.h"
 
 namespace locvol {
 namespace {

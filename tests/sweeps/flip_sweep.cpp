@@ -21,7 +21,7 @@
 
 #include "engine/audit/audit.h"
 #include "engine/engine.h"
-#include "engine/output/writer.h"
+#include "engine/formats/writer.h"
 #include "storage/store.h"
 #include "tests/file_bytes.h"
 #include "tests/sweeps/trial.h"

@@ -16,9 +16,9 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/mesh_statistics.h"
-#include "engine/memory_budget.h"
-#include "engine/partial_file.h"
-#include "engine/run_timeline.h"
+#include "engine/run/run_timeline.h"
+#include "engine/shared/memory_budget.h"
+#include "engine/shared/partial_file.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
 #include "tools/page/page_charts.h"

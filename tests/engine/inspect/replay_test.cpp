@@ -8,7 +8,7 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/leaf_report.h"
-#include "engine/run_state.h"
+#include "engine/run/run_state.h"
 #include "tests/damaged_record.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/file_bytes.h"
