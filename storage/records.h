@@ -102,6 +102,9 @@ struct RunParameters {
   friend bool operator==(const RunParameters&, const RunParameters&) = default;
 };
 
+// What messages and stores call a surface that is in no file.
+inline constexpr const char* kInMemory = "surface in memory";
+
 // What is known of the repaired input surface.
 struct SurfaceFacts {
   std::string file;

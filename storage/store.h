@@ -16,28 +16,15 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "octree/morton_key.h"
 #include "storage/records.h"
+#include "storage/store_error.h"
+#include "storage/store_options.h"
 
 namespace locvol {
-
-class StoreError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-class CorruptRecord : public StoreError {
- public:
-  CorruptRecord(const std::string& what, MortonKey leaf) : StoreError(what), leaf_(leaf) {}
-  MortonKey leaf() const { return leaf_; }  // not valid: the record belongs to no leaf
-
- private:
-  MortonKey leaf_;
-};
 
 // Upper bounds, measured (storage/README.md).
 inline constexpr std::uint64_t kStoreFixedBytes = std::uint64_t{4} << 20;   // an open Store
@@ -45,30 +32,6 @@ inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // z
 // Encoding or decoding a record takes this many times its bytes as a struct while it lasts, with
 // the result.
 inline constexpr std::uint64_t kCodecFactor = 4;
-
-// The end of every message about damage.
-inline constexpr const char* kDamageCure =
-    "; it cannot be mended: remove the store, and mesh the surface again, or put back a copy";
-
-struct StoreOptions {
-  bool create = false;  // make the directory and an empty store if there is none
-  bool read_only = false;
-  bool is_durable = true;  // false only in tests and benchmarks that measure what durability costs
-  // Address space to begin with, not memory; doubled when full, halved if there is not so much.
-  std::uint64_t map_bytes = std::uint64_t{64} << 30;
-  // Bound on the pages of the map that are in memory (Store::mapped_bytes()): beyond it, all are
-  // given back to the system, which costs less than what was read to get there. A directory that
-  // is open already in this process keeps its bound.
-  std::uint64_t memory_bytes = std::uint64_t{8} << 20;
-};
-
-// Bytes on disk and entries of one named database; a record of points, cells, surface or unresolved
-// sites is one entry per chunk of 4,080 bytes.
-struct DatabaseSize {
-  std::string name;
-  std::uint64_t bytes = 0;
-  std::uint64_t num_entries = 0;
-};
 
 // Where an entry of the queue lies, in the order of the queue.
 struct QueuePlace {

@@ -10,18 +10,10 @@
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
 #include "tools/arguments.h"
+#include "tools/exit_code.h"
 #include "tools/leaf_filter.h"
 
 namespace locvol {
-
-// Documented in --help and the README.
-enum ExitCode : int {
-  kExitDone = 0,
-  kExitError = 1,
-  kExitUsage = 2,
-  kExitUnresolved = 3,
-  kExitInterrupted = 4,
-};
 
 struct MeshCommand {
   MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below

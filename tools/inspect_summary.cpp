@@ -12,7 +12,6 @@
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
-#include "tools/progress.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 

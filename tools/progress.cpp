@@ -33,29 +33,6 @@ void print_event(const Json& json) { fmt::print(stderr, "{}\n", json_line(json))
 
 }  // namespace
 
-std::string_view phase_name(Phase phase) {
-  switch (phase) {
-    case Phase::kIngest:
-      return "ingest";
-    case Phase::kInitialize:
-      return "initialize";
-    case Phase::kRefine:
-      return "refine";
-    case Phase::kMend:
-      return "mend";
-    case Phase::kDone:
-      return "done";
-  }
-  return "unknown";
-}
-
-std::string duration_text(double seconds) {
-  const auto total = static_cast<std::uint64_t>(std::llround(seconds));
-  const std::uint64_t hours = total / 3600, minutes = total / 60 % 60;
-  return hours > 0 ? fmt::format("{}:{:02}:{:02}", hours, minutes, total % 60)
-                   : fmt::format("{}:{:02}", minutes, total % 60);
-}
-
 std::string progress_text(const Standing& standing) {
   const Progress& progress = standing.progress;
   const auto count = [](std::uint64_t number) { return count_text(static_cast<double>(number)); };

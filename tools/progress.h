@@ -13,9 +13,6 @@
 
 namespace locvol {
 
-std::string_view phase_name(Phase phase);
-// "1:02:03", "4:05"; rounded to seconds. REQUIRES: seconds >= 0
-std::string duration_text(double seconds);
 // Where a command stands.
 struct Standing {
   RunStage stage = RunStage::kIngest;

@@ -9,7 +9,6 @@
 #include "engine/run/leaf_queue.h"
 #include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
-#include "tools/progress.h"
 
 namespace locvol {
 namespace {
@@ -150,6 +149,22 @@ std::string_view init_name(Initialization init) {
   return init == Initialization::kPaper ? "paper" : "cover";
 }
 
+std::string_view phase_name(Phase phase) {
+  switch (phase) {
+    case Phase::kIngest:
+      return "ingest";
+    case Phase::kInitialize:
+      return "initialize";
+    case Phase::kRefine:
+      return "refine";
+    case Phase::kMend:
+      return "mend";
+    case Phase::kDone:
+      return "done";
+  }
+  return "unknown";
+}
+
 std::string_view kind_name(PointKind kind) {
   switch (kind) {
     case PointKind::kSurface:
@@ -167,6 +182,13 @@ std::string count_text(double count) {
   for (const auto& [unit, name] : {std::pair(1e3, "thousand"), {1e6, "million"}})
     if (count < 999.5 * unit) return fmt::format("{:.3g} {}", count / unit, name);
   return fmt::format("{:.3g} billion", count / 1e9);
+}
+
+std::string duration_text(double seconds) {
+  const auto total = static_cast<std::uint64_t>(std::llround(seconds));
+  const std::uint64_t hours = total / 3600, minutes = total / 60 % 60;
+  return hours > 0 ? fmt::format("{}:{:02}:{:02}", hours, minutes, total % 60)
+                   : fmt::format("{}:{:02}", minutes, total % 60);
 }
 
 std::string bytes_text(std::uint64_t bytes) {

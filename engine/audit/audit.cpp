@@ -96,15 +96,6 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
 
 }  // namespace
 
-std::uint64_t AuditReport::num_violations() const {
-  return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
-         num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +
-         num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells + num_misplaced_cells +
-         num_unknown_vertices + num_misplaced_points + num_repeated_points + num_run_faults;
-}
-
-bool AuditReport::is_valid() const { return num_violations() == 0 && num_cells > 0; }
-
 AuditReport audit(const Store& store, const StepProgress& on_step) {
   AuditReport report;
   AuditFindings findings(report);

@@ -12,10 +12,10 @@
 
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
+#include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
-#include "engine/run/run_state.h"
 #include "refine/surface_patch.h"
 #include "refine/triangle_box.h"
 

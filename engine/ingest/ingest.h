@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <functional>
 
-#include "engine/engine.h"
 #include "engine/ingest/surface_input.h"
+#include "engine/plan/options.h"
 #include "storage/store.h"
 
 namespace locvol {

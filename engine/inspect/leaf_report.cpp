@@ -10,9 +10,10 @@
 #include <utility>
 
 #include "engine/inspect/vtu_file.h"
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/site_block.h"
+#include "refine/refine_leaf.h"
 
 namespace locvol {
 namespace {

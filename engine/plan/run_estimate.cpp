@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 #include "octree/lattice.h"
 
 namespace locvol {

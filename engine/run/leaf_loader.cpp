@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 
 namespace locvol {
 namespace {

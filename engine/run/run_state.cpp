@@ -27,11 +27,6 @@ RunRecord read_run(const Store& store) {
 
 }  // namespace
 
-Lattice lattice_of(const RunRecord& run) {
-  const double size = run.parameters.size;
-  return {run.frame, size, kMinChildSide * size};
-}
-
 RunState::RunState(Store& the_store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
     : store(the_store),
       run(read_run(the_store)),

@@ -11,6 +11,7 @@
 
 #include "engine/run/leaf_cache.h"
 #include "engine/run/leaf_queue.h"
+#include "engine/shared/lattice_of_run.h"
 #include "octree/lattice.h"
 #include "octree/octree.h"
 #include "refine/refine_leaf.h"
@@ -29,11 +30,6 @@ inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 // In cover mode, epoch 0 covers the surface and the inside, and epoch 1 fills the holes that are
 // left between leaves' first points; in between, all samples come to be known.
 inline constexpr std::uint32_t kCoverEpoch = 0;
-inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
-inline constexpr double kMinChildSide = 2;  // of a leaf after splits
-
-// The lattice of a run in cover mode: its points' positions are a function of the run alone.
-Lattice lattice_of(const RunRecord& run);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;

@@ -24,7 +24,6 @@
 #include "tools/page/page_charts.h"
 #include "tools/page/page_data.h"
 #include "tools/page/page_resources.h"
-#include "tools/progress.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "tools/arguments.h"
-#include "tools/progress.h"
 #include "tools/results.h"
 
 namespace locvol {
