@@ -2,7 +2,6 @@
 // writer and audit stream the result from the store.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 
@@ -18,9 +17,7 @@ enum class RunOutcome { kDone, kUnresolved, kInterrupted };
 struct RunSummary {
   RunOutcome outcome = RunOutcome::kDone;
   RunRecord run;
-  std::uint64_t num_leaves = 0, num_points = 0, num_cells = 0, num_unresolved = 0;
-  std::uint64_t num_visits = 0, max_visits_of_a_leaf = 0, num_deletions = 0;
-  std::array<std::uint64_t, kNumConditions> num_insertions{};
+  std::uint64_t num_leaves = 0, max_visits_of_a_leaf = 0;
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,

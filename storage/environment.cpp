@@ -123,8 +123,7 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
     throw StoreError(place() + "is on a network file system (" + *network +
                      "), where a memory-mapped database is not safe; use a local disk");
   const bool may_create = options.create && !options.read_only;
-  if (!exists(directory) && !may_create)
-    throw StoreError(place() + "there is no store here");
+  if (!exists(directory) && !may_create) throw StoreError(place() + "there is no store here");
   if (!options.read_only) lock_ = WriterLock::acquire(directory);
   const bool has_data = exists(directory);
   // What a creation leaves that was cut short may end within the meta pages.

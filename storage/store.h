@@ -33,13 +33,6 @@ inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // z
 // the result.
 inline constexpr std::uint64_t kCodecFactor = 4;
 
-// Where an entry of the queue lies, in the order of the queue.
-struct QueuePlace {
-  QueuePosition position;
-  MortonKey leaf;
-  friend auto operator<=>(const QueuePlace&, const QueuePlace&) = default;
-};
-
 // What both a Snapshot and a Batch can read.
 class Reader {
  public:
@@ -53,15 +46,15 @@ class Reader {
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
-  // The first `max` leaves, or places in the queue, from `from` on, in order. Decodes no record, so
-  // a damaged one is listed like any other; a damaged key may be no valid one.
+  // The first `max` leaves, or entries of the queue, from `from` on, in order. Decodes no record,
+  // so a damaged one is listed like any other; a damaged key may be no valid one.
   std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
-  std::vector<QueuePlace> queue_places(const QueuePlace& from, std::size_t max) const;
+  std::vector<QueueEntry> queue_keys(const QueueEntry& from, std::size_t max) const;
   // Every leaf with its info, in Morton order; stops when `visit` returns false.
   void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
   // Queue entries in queue order; stops when `visit` returns false.
   void for_each_queued(const std::function<bool(const QueueEntry&)>& visit) const;
-  std::optional<QueueEntry> queue_entry(QueuePosition position, MortonKey leaf) const;
+  bool has_queue_entry(const QueueEntry& entry) const;
 
  protected:
   struct Impl;
@@ -99,7 +92,7 @@ class Batch : public Reader {
   void put_unresolved(MortonKey key, const LeafUnresolved& unresolved);
   void erase_leaf(MortonKey key);  // the leaf's info and all its records; not its queue entry
   void put_queue_entry(const QueueEntry& entry);
-  void erase_queue_entry(QueuePosition position, MortonKey leaf);
+  void erase_queue_entry(const QueueEntry& entry);
   std::uint64_t bytes_written() const;  // compressed, since the batch began
   std::uint64_t memory_bytes() const;   // what the batch holds until it is over
   // What commit() takes besides, at most: LMDB's copies of the pages that change. LMDB keeps what

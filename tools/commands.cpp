@@ -97,9 +97,9 @@ TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine&
       .num_threads = command.num_threads,
   };
   TimedRun timed{run(control), {}, num_streaming_threads(command.num_threads, cap)};
-  const auto seconds = line.phases().seconds_by_phase(line.seconds());
+  const auto seconds = line.stages().seconds_by_stage(line.seconds());
   for (std::size_t i = 0; i < seconds.size(); ++i)
-    timed.seconds.emplace_back(phase_name(static_cast<Phase>(i)), seconds[i]);
+    timed.seconds.emplace_back(stage_name(static_cast<RunStage>(i)), seconds[i]);
   return timed;
 }
 

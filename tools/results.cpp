@@ -153,7 +153,9 @@ std::string_view phase_name(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return "ingest";
-    case Phase::kInitialize:
+    case Phase::kScatter:
+    case Phase::kCover:
+    case Phase::kFill:
       return "initialize";
     case Phase::kRefine:
       return "refine";
@@ -270,13 +272,13 @@ std::string parameters_text(const RunParameters& parameters) {
 
 std::string summary_text(const RunSummary& summary) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
-         row("mesh", "{}, {}", plural(summary.num_cells, "cell"),
-             plural(summary.num_points, "point")) +
-         row("visits", "{}, at most {} to one of {} leaves", summary.num_visits,
+         row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
+             plural(summary.run.counts.num_points, "point")) +
+         row("visits", "{}, at most {} to one of {} leaves", summary.run.counts.num_visits,
              summary.max_visits_of_a_leaf, summary.num_leaves) +
-         row("insertions", "{}", insertions_text(summary.num_insertions)) +
-         row("deletions", "{}", summary.num_deletions) +
-         row("unresolved", "{}", plural(summary.num_unresolved, "site"));
+         row("insertions", "{}", insertions_text(summary.run.counts.num_insertions)) +
+         row("deletions", "{}", summary.run.counts.num_deletions) +
+         row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site"));
 }
 
 std::string audit_text(const AuditReport& report) {
@@ -443,14 +445,14 @@ Json to_json(const DatabaseSize& size) {
 
 Json to_json(const RunSummary& summary) {
   return {{"phase", phase_name(summary.run.phase)},
-          {"num_points", summary.num_points},
-          {"num_cells", summary.num_cells},
+          {"num_points", summary.run.counts.num_points},
+          {"num_cells", summary.run.counts.num_cells},
           {"num_leaves", summary.num_leaves},
-          {"num_visits", summary.num_visits},
+          {"num_visits", summary.run.counts.num_visits},
           {"max_visits_of_a_leaf", summary.max_visits_of_a_leaf},
-          {"insertions", insertions_json(summary.num_insertions)},
-          {"num_deletions", summary.num_deletions},
-          {"num_unresolved", summary.num_unresolved},
+          {"insertions", insertions_json(summary.run.counts.num_insertions)},
+          {"num_deletions", summary.run.counts.num_deletions},
+          {"num_unresolved", summary.run.counts.num_unresolved},
           {"parameters", to_json(summary.run.parameters)},
           {"surface", to_json(summary.run.surface)}};
 }

@@ -81,7 +81,7 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     if (on_step) on_step(i, leaves.size());
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
-    if (run.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
+    if (run.counts.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
     report.num_vertices += num_used_own_points(*leaf);

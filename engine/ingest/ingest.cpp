@@ -61,8 +61,7 @@ void erase_all(Store& store, const StopToken* stop) {
   });
   const std::vector<MortonKey> leaves = store.snapshot().leaf_keys();
   BoundedBatches batches(store, stop);
-  for (const QueueEntry& entry : queued)
-    batches.next().erase_queue_entry(entry.position, entry.leaf);
+  for (const QueueEntry& entry : queued) batches.next().erase_queue_entry(entry);
   for (const MortonKey leaf : leaves) batches.next().erase_leaf(leaf);
   batches.commit();
 }
@@ -247,7 +246,7 @@ void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatche
     info.is_center_inside = leaves.is_center_inside[i];
     if (is_cover && (info.num_triangles > 0 || info.is_center_inside)) {
       info.queued = waiting;
-      batch.put_queue_entry({waiting, leaf, run.frame.box(leaf)});
+      batch.put_queue_entry({waiting, leaf});
     }
     batch.put_leaf(leaf, info);
   }
@@ -289,7 +288,7 @@ Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
     BoundedBatches batches(*store, &stop);
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
     store_leaves(completed(cut, plan.level), run, batches);
-    run.phase = Phase::kInitialize;
+    run.phase = run.parameters.init == Initialization::kCover ? Phase::kCover : Phase::kScatter;
     batches.next().put_run(run);
     batches.commit();
   } catch (const Stopped&) {

@@ -338,7 +338,7 @@ class Viewer {
   }
 
   void read_cells() {
-    if (run_.num_cells <= limits_.max_cells) {
+    if (run_.counts.num_cells <= limits_.max_cells) {
       view_.cells.emplace_back();
       gather_cells({}, true);
       return;

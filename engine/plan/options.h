@@ -32,10 +32,10 @@ struct MeshOptions {
 
 struct Progress {
   Phase phase = Phase::kIngest;
-  std::uint64_t num_leaves = 0, num_queued = 0, num_visits = 0;
+  RunCounts counts = {};
+  std::uint64_t num_leaves = 0, num_queued = 0;
   std::uint64_t num_in_epoch = 0;  // of num_queued: in the open epoch, which nothing joins
-  std::uint64_t num_points = 0, num_cells = 0;
-  std::uint32_t epoch = 0;          // of kInitialize: 0 covers leaves, 1 fills holes
+  std::uint32_t epoch = 0;
   std::uint32_t first_epoch = 1;    // of kRefine
   std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
 };

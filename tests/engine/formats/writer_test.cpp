@@ -192,11 +192,11 @@ TEST(Writer, AnyNumberOfThreadsGivesTheSameBytes) {
   options.size = {0.05, false};
   options.leaf_capacity = 500;
   const RunSummary run = mesh(options);
-  ASSERT_GT(run.num_cells, 80'000U);
+  ASSERT_GT(run.run.counts.num_cells, 80'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   write_vtu(store, dir / "mesh.vtu");
   const Vtu vtu(dir / "mesh.vtu");
-  ASSERT_EQ(vtu.cells.size(), run.num_cells);
+  ASSERT_EQ(vtu.cells.size(), run.run.counts.num_cells);
   EXPECT_TRUE(std::ranges::is_sorted(vtu.leaves));
   for (std::size_t i = 0; i < vtu.cells.size(); ++i) {
     ASSERT_EQ(vtu.types[i], 10);
