@@ -23,23 +23,21 @@
 namespace locvol {
 namespace {
 
-int num_threads(const RunControl& control) {
-  return control.num_threads > 0 ? control.num_threads : num_usable_threads();
-}
+using TellProgress = std::function<void(const Progress&)>;
 
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
   // Throws Stopped.
-  Engine(Store& store, const MemoryPlan& plan, const RunControl& control, const StopSource& stop,
-         const WorkClock& clock)
-      : control_(control),
+  Engine(Store& store, const MemoryPlan& plan, int num_threads, const TellProgress& on_progress,
+         const StopSource& stop, const WorkClock& clock)
+      : on_progress_(on_progress),
         stop_(stop),
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
         loader_(state_, budget_, &stop),
-        num_threads_(plan.num_threads(num_threads(control))),
+        num_threads_(plan.num_threads(num_threads > 0 ? num_threads : num_usable_threads())),
         visits_(state_, budget_, num_threads_),
         clock_(clock),
         timeline_(store.snapshot().timeline(), clock.started()) {
@@ -180,15 +178,15 @@ class Engine {
   }
 
   void tell_progress() const {
-    if (!control_.on_progress) return;
+    if (!on_progress_) return;
     const RunRecord& run = state_.run();
-    control_.on_progress({.phase = run.phase,
-                          .counts = run.counts,
-                          .num_leaves = state_.octree().size(),
-                          .num_queued = state_.queue().size(),
-                          .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
-                          .epoch = run.epoch,
-                          .first_epoch = state_.is_cover() ? 2U : 1U});  // after covering, filling
+    on_progress_({.phase = run.phase,
+                  .counts = run.counts,
+                  .num_leaves = state_.octree().size(),
+                  .num_queued = state_.queue().size(),
+                  .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
+                  .epoch = run.epoch,
+                  .first_epoch = state_.is_cover() ? 2U : 1U});  // after covering, filling
   }
 
   // `phase`: what took the time since the last sample.
@@ -213,7 +211,7 @@ class Engine {
     return memory;
   }
 
-  const RunControl& control_;
+  const TellProgress& on_progress_;
   const StopSource& stop_;
   const MemoryPlan& plan_;
   MemoryBudget budget_;
@@ -238,28 +236,41 @@ void check_output(const RunRecord& run, const std::filesystem::path& store,
   require_room(run, store, control.output, control.output_options, disk);
 }
 
+IngestWatch watch_of(const RunControl& control, const StopSource& stop) {
+  std::function<void(std::uint64_t)> tell;
+  if (control.on_progress)
+    tell = [&control](std::uint64_t num_triangles) {
+      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    };
+  return IngestWatch(&stop, tell);
+}
+
 // Takes in the surface for a run that `planned` makes of its digest and bounding box. Throws
 // Stopped before that is known, with nothing changed.
 Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
                const std::function<Store()>& open_store, const RunControl& control,
                const StopSource& stop) {
-  memory_cap(control.memory_bytes);
+  const std::uint64_t cap = memory_cap(control.memory_bytes);
   IngestWatch watch = watch_of(control, stop);
   RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
-  return ingest(
-      std::move(raw), run,
-      [&](const RunRecord& known, std::uint64_t spilled) {
-        // Temporary files, which will be gone.
-        const std::uint64_t disk = disk_of(directory).id;
-        check_output(known, directory, control, [&](const std::filesystem::path& place) {
-          Disk found = disk_of(place);
-          if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
-          return found;
-        });
-      },
-      open_store, control, stop);
+  const auto check = [&](const RunRecord& known, std::uint64_t spilled) {
+    if (control.on_note) std::ranges::for_each(known.surface.notes, control.on_note);
+    // Temporary files, which will be gone.
+    const std::uint64_t disk = disk_of(directory).id;
+    check_output(known, directory, control, [&](const std::filesystem::path& place) {
+      Disk found = disk_of(place);
+      if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
+      return found;
+    });
+  };
+  const auto begin = [&](const RunRecord& known) {
+    planned_memory(known, cap);
+    if (control.on_run) control.on_run(known);
+  };
+  Workers workers(num_streaming_threads(control.num_threads, cap));
+  return ingest(std::move(raw), run, {check, begin, open_store}, watch, workers);
 }
 
 RunSummary interrupted(const Store& store) {
@@ -275,7 +286,7 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
   check_output(run, store.directory(), control);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   try {
-    Engine(store, plan, control, stop, clock).run();
+    Engine(store, plan, control.num_threads, control.on_progress, stop, clock).run();
   } catch (const Stopped&) {
     return interrupted(store);
   }

@@ -13,7 +13,6 @@
 
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
-#include "engine/ingest/ingest.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/output/boundary_surface.h"
@@ -463,7 +462,10 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
     const StopSource stop(run.is_stopped);
-    IngestWatch watch = watch_of(run, stop);
+    IngestWatch watch(&stop, [&](std::uint64_t num_triangles) {
+      if (run.on_progress)
+        run.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, thrown),
                                               scratch_directory(scratch), watch, workers)

@@ -373,14 +373,17 @@ class IngestTest : public testing::Test {
   }
 
   Store ingested(const MeshOptions& options, const std::string& name,
-                 std::uint64_t capacity = kBucketCapacity, const RunControl& control = {}) const {
+                 std::uint64_t capacity = kBucketCapacity) const {
     IngestWatch watch;
+    Workers workers(num_usable_threads());
     RawSurface raw = read_surface(options.input, std::filesystem::temp_directory_path(), watch);
     const RunRecord run = planned_run(options, raw.digest, raw.box);
-    return ingest(
-        std::move(raw), run, [](const RunRecord&, std::uint64_t) {},
-        [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
-        control, StopSource({}), capacity);
+    const auto open = [&] {
+      return Store::open(scratch_ / name, {.create = true, .is_durable = false});
+    };
+    return ingest(std::move(raw), run,
+                  {[](const RunRecord&, std::uint64_t) {}, [](const RunRecord&) {}, open}, watch,
+                  workers, capacity);
   }
 
   void write(const Polygons& s) const { std::ofstream(input_, std::ios::binary) << to_off(s); }
