@@ -51,7 +51,7 @@
 //                 changed bits u64] [references u32, three to a triangle:
 //                 distinct corners so far - index; 0 is the next new one]
 //   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
-//   7 queue       position, leaf, dirty box
+//   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord in order
 //   9 keys        [sums u64]
 //  10 timeline    [each number of a TimelineSample in order, steps u64], and last [phase u8]
@@ -99,7 +99,7 @@ inline constexpr Kind kKind<TimelineRecord>{10, 1};
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
-constexpr Phase last_of(Phase) { return Phase::kMend; }
+constexpr Phase last_of(Phase) { return Phase::kDone; }
 
 // -- Archives ------------------------------------------------------------------------------------
 
@@ -304,9 +304,7 @@ void fields(auto& archive, Maybe<QueuePosition> auto& p) { archive(p.epoch, p.co
 void fields(auto& archive, Maybe<StoreFormat> auto& format) { archive(format.version); }
 void fields(auto& archive, Maybe<KeySums> auto& keys) { archive(keys.sums); }
 
-void fields(auto& archive, Maybe<QueueEntry> auto& entry) {
-  archive(entry.position, entry.leaf, entry.dirty);
-}
+void fields(auto& archive, Maybe<QueueEntry> auto& entry) { archive(entry.position, entry.leaf); }
 
 void fields(auto& archive, Maybe<RunParameters> auto& p) {
   archive(p.input_digest, p.size, p.radius_edge_bound, p.spacing_floor, p.leaf_capacity, p.init,
@@ -318,10 +316,14 @@ void fields(auto& archive, Maybe<SurfaceFacts> auto& s) {
           s.volume, s.box, s.notes);
 }
 
+void fields(auto& archive, Maybe<RunCounts> auto& c) {
+  archive(c.num_visits, c.num_points, c.num_cells, c.num_unresolved, c.num_insertions,
+          c.num_deletions);
+}
+
 void fields(auto& archive, Maybe<RunRecord> auto& run) {
   archive(run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
-          run.num_visits, run.num_points, run.num_cells, run.num_unresolved, run.num_insertions,
-          run.num_deletions);
+          run.counts);
 }
 
 void fields(auto& archive, Maybe<MemoryRecord> auto& m) {
@@ -396,12 +398,22 @@ constexpr std::size_t kNumSampleNumbers = 14 + kNumConditions;
 auto numbers_of(Maybe<TimelineSample> auto& s) {
   using Number = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(s)>>,
                                     const std::uint64_t, std::uint64_t>;
-  std::array<Number*, kNumSampleNumbers> numbers{
-      &s.milliseconds, &s.sitting,   &s.started,        &s.num_threads,  &s.memory_cap,
-      &s.resident,     &s.epoch,     &s.num_leaves,     &s.num_queued,   &s.num_visits,
-      &s.num_points,   &s.num_cells, &s.num_unresolved, &s.num_deletions};
+  std::array<Number*, kNumSampleNumbers> numbers{&s.milliseconds,
+                                                 &s.sitting,
+                                                 &s.started,
+                                                 &s.num_threads,
+                                                 &s.memory_cap,
+                                                 &s.resident,
+                                                 &s.epoch,
+                                                 &s.num_leaves,
+                                                 &s.num_queued,
+                                                 &s.counts.num_visits,
+                                                 &s.counts.num_points,
+                                                 &s.counts.num_cells,
+                                                 &s.counts.num_unresolved,
+                                                 &s.counts.num_deletions};
   for (std::size_t c = 0; c < kNumConditions; ++c)
-    numbers[kNumSampleNumbers - kNumConditions + c] = &s.num_insertions[c];
+    numbers[kNumSampleNumbers - kNumConditions + c] = &s.counts.num_insertions[c];
   return numbers;
 }
 

@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "engine/memory_budget.h"
+#include "engine/shared/memory_budget.h"
 #include "tools/generate.h"
 
 namespace locvol {

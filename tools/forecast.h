@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "engine/engine.h"
-#include "engine/run_estimate.h"
+#include "engine/plan/run_estimate.h"
 
 namespace locvol {
 

@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/unfinished_name.h"
+#include "engine/shared/unfinished_name.h"
 #include "octree/geometry.h"
 
 namespace locvol {

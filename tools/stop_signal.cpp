@@ -8,8 +8,8 @@
 #include <initializer_list>
 #include <string_view>
 
-#include "engine/unfinished_name.h"
-#include "tools/commands.h"
+#include "engine/shared/unfinished_name.h"
+#include "tools/exit_code.h"
 
 namespace locvol {
 namespace {

@@ -12,7 +12,7 @@
 #include <string>
 #include <type_traits>
 
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 #include "refine/leaf_fields.h"
 #include "tools/arguments.h"
 #include "tools/results.h"

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "engine/leaf_name.h"
-#include "engine/run_state.h"
+#include "engine/shared/lattice_of_run.h"
+#include "engine/shared/leaf_name.h"
 #include "refine/predicates.h"
 
 namespace locvol {

@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "engine/output/mesh_source.h"
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 
 namespace locvol {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "engine/formats/formats.h"
-#include "engine/output/encode_in_order.h"
 #include "engine/output/mesh_source.h"
+#include "engine/shared/encode_in_order.h"
 
 namespace locvol {
 

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/input_error.h"
+#include "engine/shared/input_error.h"
 
 namespace locvol {
 

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 
 namespace locvol {
 

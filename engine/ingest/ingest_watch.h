@@ -5,7 +5,7 @@
 #include <functional>
 #include <utility>
 
-#include "engine/stop_source.h"
+#include "engine/shared/stop_source.h"
 
 namespace locvol {
 

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <system_error>
 
-#include "engine/input_error.h"
+#include "engine/shared/input_error.h"
 
 namespace locvol {
 namespace {
@@ -112,6 +112,10 @@ void InputFile::refuse_line(const std::string& what) const {
 
 void InputFile::refuse_truncated() const {
   refuse(fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size_));
+}
+
+std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {
+  return InputFile(file, stop).digest();
 }
 
 }  // namespace locvol

@@ -10,12 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "engine/compensated_sum.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/surface_components.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
-#include "engine/workers.h"
+#include "engine/shared/compensated_sum.h"
+#include "engine/shared/workers.h"
 
 namespace locvol {
 

@@ -9,9 +9,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "engine/compensated_sum.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
+#include "engine/shared/compensated_sum.h"
 #include "octree/geometry.h"
 
 namespace locvol {

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "engine/disk_room.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
-#include "engine/input_error.h"
-#include "engine/workers.h"
+#include "engine/plan/disk_room.h"
+#include "engine/shared/input_error.h"
+#include "engine/shared/workers.h"
 #include "octree/frame.h"
 #include "octree/geometry.h"
 #include "storage/records.h"

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 #include "octree/geometry.h"
 
 namespace locvol {

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 #include "octree/geometry.h"
 
 namespace locvol {

@@ -9,12 +9,12 @@
 #include <span>
 #include <utility>
 
-#include "engine/idle_pool.h"
 #include "engine/inspect/cell_gauge.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
-#include "engine/run_state.h"
-#include "engine/workers.h"
+#include "engine/shared/idle_pool.h"
+#include "engine/shared/lattice_of_run.h"
+#include "engine/shared/workers.h"
 #include "octree/octree.h"
 
 namespace locvol {

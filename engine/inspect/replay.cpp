@@ -11,10 +11,10 @@
 #include <unordered_map>
 #include <utility>
 
-#include "engine/leaf_loader.h"
-#include "engine/leaf_name.h"
-#include "engine/point_grid.h"
-#include "engine/run_state.h"
+#include "engine/run/leaf_loader.h"
+#include "engine/run/point_grid.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/leaf_name.h"
 #include "octree/mix.h"
 #include "refine/leaf_fields.h"
 #include "refine/refine_leaf.h"
@@ -103,8 +103,8 @@ class VertexTable {
 
 std::vector<MeshPoint> all_points(RunState& state) {
   std::vector<MeshPoint> points;
-  for (const MortonKey leaf : state.octree.leaves()) {
-    const std::vector<MeshPoint>& own = state.leaves.points(leaf).points;
+  for (const MortonKey leaf : state.octree().leaves()) {
+    const std::vector<MeshPoint>& own = state.leaves().points(leaf).points;
     points.insert(points.end(), own.begin(), own.end());
   }
   return points;
@@ -158,13 +158,13 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
   LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
-  if (!state.leaves.info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
+  if (!state.leaves().info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
 
   StoredVisit visit;
   visit.leaf = leaf;
-  visit.is_clean = !state.leaves.info(leaf).queued;
-  visit.num_left_out = state.leaves.info(leaf).num_left_out;
-  visit.num_visits = state.leaves.info(leaf).num_visits;
+  visit.is_clean = !state.leaves().info(leaf).queued;
+  visit.num_left_out = state.leaves().info(leaf).num_left_out;
+  visit.num_visits = state.leaves().info(leaf).num_visits;
   visit.input = std::move(loaded.input);
   if (const SurfacePatch* const surface = loader.whole().surface) {
     visit.all_points = all_points(state);

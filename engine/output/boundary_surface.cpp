@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "engine/output/encode_in_order.h"
+#include "engine/shared/encode_in_order.h"
 
 namespace locvol {
 namespace {

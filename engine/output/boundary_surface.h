@@ -12,8 +12,8 @@
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
-#include "engine/partial_file.h"
-#include "engine/workers.h"
+#include "engine/shared/partial_file.h"
+#include "engine/shared/workers.h"
 #include "storage/store.h"
 
 namespace locvol {

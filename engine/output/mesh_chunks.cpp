@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "engine/leaf_name.h"
+#include "engine/shared/leaf_name.h"
 #include "octree/lattice.h"
 
 namespace locvol {

@@ -9,14 +9,14 @@
 #include <optional>
 #include <vector>
 
-#include "engine/idle_pool.h"
 #include "engine/output/boundary_surface.h"
-#include "engine/output/encode_in_order.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
-#include "engine/step_progress.h"
-#include "engine/workers.h"
+#include "engine/shared/encode_in_order.h"
+#include "engine/shared/idle_pool.h"
+#include "engine/shared/step_progress.h"
+#include "engine/shared/workers.h"
 #include "storage/store.h"
 
 namespace locvol {

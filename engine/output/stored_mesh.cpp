@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/leaf_name.h"
+#include "engine/shared/leaf_name.h"
 
 namespace locvol {
 namespace {

@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/leaf_name.h"
-#include "engine/run_state.h"
+#include "engine/shared/lattice_of_run.h"
+#include "engine/shared/leaf_name.h"
 
 namespace locvol {
 namespace {

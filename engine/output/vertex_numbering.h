@@ -8,7 +8,7 @@
 
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
-#include "engine/partial_file.h"
+#include "engine/shared/partial_file.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
 #include "octree/stop.h"

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/run_state.h"
+#include "engine/run/run_state.h"
 #include "octree/lattice.h"
 #include "octree/site_block.h"
 #include "storage/store.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/memory_budget.h"
+#include "engine/shared/memory_budget.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "engine/leaf_queue.h"
+#include "engine/run/leaf_queue.h"
 
 namespace locvol {
 namespace {

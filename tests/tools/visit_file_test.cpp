@@ -33,7 +33,7 @@ class VisitFile : public testing::Test {
     RunControl control;
     control.num_threads = 1;
     control.on_progress = [&](const Progress& p) {
-      is_enough |= p.phase == Phase::kRefine && p.num_visits >= num_visits;
+      is_enough |= p.phase == Phase::kRefine && p.counts.num_visits >= num_visits;
     };
     control.is_stopped = [&] { return is_enough; };
     EXPECT_EQ(mesh(options, control).outcome, RunOutcome::kInterrupted);

@@ -11,7 +11,7 @@
 #include <string>
 #include <system_error>
 
-#include "engine/output/writer.h"
+#include "engine/formats/writer.h"
 #include "storage/store.h"
 
 namespace locvol {

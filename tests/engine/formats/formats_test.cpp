@@ -12,8 +12,8 @@
 #include "engine/formats/mesh_arrays.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/output_estimate.h"
-#include "engine/output/writer.h"
-#include "engine/run_setup.h"
+#include "engine/formats/writer.h"
+#include "engine/plan/octree_plan.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/hand_made_mesh.h"
@@ -113,7 +113,7 @@ void mesh_sphere(const TempDir& dir) {
   options.size = {0.06, false};
   options.leaf_capacity = 500;
   const RunSummary run = mesh(options);
-  ASSERT_GT(run.num_cells, 40'000U);
+  ASSERT_GT(run.run.counts.num_cells, 40'000U);
 }
 
 class EveryFormat : public testing::TestWithParam<FormatInfo> {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/formats/writer.h"
 #include "engine/inspect/cell_mesh.h"
-#include "engine/output/writer.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/stops_at.h"

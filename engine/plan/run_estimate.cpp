@@ -1,0 +1,138 @@
+#include "engine/plan/run_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "engine/plan/octree_plan.h"
+#include "octree/lattice.h"
+
+namespace locvol {
+namespace {
+
+// At a smooth boundary, more than the lattice would have; and how that falls where the volume is
+// thin: at a mean thickness 2 V/A of 0.8 λ, half of it.
+constexpr double kCellsPerArea = 4.5, kThinness = 0.4;
+// At most, of a layer as deep as the core lies.
+constexpr double kListedPerArea = 12.1;
+constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.5, kFacetsPerArea = 2.2;
+
+// In the store: points, cells and the surface, compressed.
+constexpr double kBytesPerListedCell = 14, kBytesPerTriangle = 14, kLeastBytes = 1e5;
+// Without a core, and with the queue of a paper run.
+constexpr double kBytesPerPaperCell = 40;
+
+// Seconds on one core of 2.6 GHz.
+constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
+                 kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
+                 kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+// Of a VTU file, whatever is written.
+constexpr double kWriteByte = 1e-9;
+// Of each thread after the first: 9.8 s instead of 16.8 s on two.
+constexpr double kFurtherThread = 0.7;
+
+constexpr double kUsefulCells = 5e5, kManyCells = 5e6;
+
+double cells_of(double volume, double area) {  // over λ³ and λ²
+  if (!(volume > 0)) return 0;
+  return kLatticeCellsPerVolume * volume +
+         kCellsPerArea * area * volume / (volume + kThinness * area);
+}
+
+// Cells of the core take their share from where the volume is deeper than they lie.
+double listed_of(double num_cells, double area) {
+  if (!(num_cells > 0) || !std::isfinite(num_cells)) return num_cells;
+  const double deepest = kListedPerArea * area;
+  return num_cells / std::pow(1 + std::pow(num_cells / deepest, 4), 0.25);
+}
+
+// λ of a mesh with so many cells.
+double size_of(const SurfaceFacts& surface, double num_cells) {
+  double low = 0, high = std::sqrt(surface.area);
+  for (int i = 0; i < 100; ++i) {
+    const double size = 0.5 * (low + high);
+    (estimated_num_cells(surface, size) > num_cells ? low : high) = size;
+  }
+  return high;
+}
+
+double rounded_to_two_digits(double v) {
+  const double unit = std::pow(10, std::floor(std::log10(v)) - 1);
+  // A negative power of ten is no double, its reciprocal is.
+  return unit < 1 ? std::round(v / unit) / std::round(1 / unit) : std::round(v / unit) * unit;
+}
+
+MeshSizes sizes_of(const RunEstimate& estimate, const SurfaceFacts& surface,
+                   const RunParameters& parameters) {
+  return {.num_vertices = estimate.num_vertices,
+          .num_cells = estimate.num_cells,
+          .num_listed_cells = estimate.num_listed_cells,
+          .num_boundary_facets = estimate.num_boundary_facets,
+          .leaf_side = start_leaf_side(parameters) / parameters.size,
+          .box = surface.box};
+}
+
+}  // namespace
+
+double RunEstimate::total_seconds() const {
+  return std::accumulate(seconds.begin(), seconds.end(), 0.0);
+}
+
+double estimated_num_cells(const SurfaceFacts& surface, double size) {
+  return cells_of(std::abs(surface.volume) / (size * size * size), surface.area / (size * size));
+}
+
+RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
+                         int num_threads, const OutputOptions& output) {
+  const double area = surface.area / (parameters.size * parameters.size);
+  const auto num_triangles = static_cast<double>(surface.num_triangles);
+  const bool is_cover = parameters.init == Initialization::kCover;
+  RunEstimate estimate;
+  estimate.size = parameters.size;
+  estimate.is_thin = 2 * std::abs(surface.volume) < parameters.size * surface.area;
+  estimate.num_cells = estimated_num_cells(surface, parameters.size);
+  estimate.num_vertices = kVerticesPerCell * estimate.num_cells + kVerticesPerArea * area;
+  estimate.num_listed_cells = is_cover ? listed_of(estimate.num_cells, area) : estimate.num_cells;
+  estimate.store_bytes =
+      kLeastBytes + kBytesPerTriangle * num_triangles +
+      (is_cover ? kBytesPerListedCell : kBytesPerPaperCell) * estimate.num_listed_cells;
+  estimate.num_boundary_facets = kFacetsPerArea * area;
+  estimate.output = estimate_output(output, sizes_of(estimate, surface, parameters));
+
+  const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
+  const auto set = [&](RunStage stage, double cpu_seconds) {
+    estimate.seconds[static_cast<std::size_t>(stage)] = cpu_seconds / threads;
+  };
+  set(RunStage::kIngest, kIngestTriangle * num_triangles);
+  if (!is_cover) return estimate;
+  const double listed = estimate.num_listed_cells;
+  set(RunStage::kInitialize, kCoverTriangle * num_triangles + kCoverCell * listed);
+  set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
+  set(RunStage::kMeasure, kMeasureCell * listed);
+  set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
+  const OutputEstimate vtu =
+      estimate_output({MeshFormat::kVtu}, sizes_of(estimate, surface, parameters));
+  estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kWriteByte * vtu.file_bytes;
+  return estimate;
+}
+
+RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output) {
+  RunEstimate estimate = estimate_run(run.surface, run.parameters, 1, output);
+  if (run.phase != Phase::kDone) return estimate;
+  estimate.num_cells = static_cast<double>(run.counts.num_cells);
+  estimate.num_vertices = static_cast<double>(run.counts.num_points);
+  estimate.num_listed_cells = std::min(estimate.num_listed_cells, estimate.num_cells);
+  estimate.output = estimate_output(output, sizes_of(estimate, run.surface, run.parameters));
+  return estimate;
+}
+
+double default_size(const SurfaceFacts& surface) {
+  const double volume = std::abs(surface.volume);
+  if (!(volume > 0) || !(surface.area > 0)) return 0;
+  const double thin = volume / surface.area;  // half the mean thickness
+  const double size =
+      std::min(size_of(surface, kUsefulCells), std::max(thin, size_of(surface, kManyCells)));
+  return rounded_to_two_digits(size);
+}
+
+}  // namespace locvol

@@ -1,0 +1,56 @@
+// What a run will take, told before it: laws in the volume V and the area A of the surface, and in
+// λ, fitted to whole runs (engine/README.md, "Estimates").
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "engine/formats/output_estimate.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+// What takes time, one after another; in the first three is a run in some Phase.
+enum class RunStage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
+inline constexpr std::size_t kNumStages = 5;  // of a run: no audit
+// Mending is the end of refinement.
+constexpr RunStage stage_of(Phase phase) {
+  if (phase == Phase::kIngest) return RunStage::kIngest;
+  return phase < Phase::kRefine ? RunStage::kInitialize : RunStage::kRefine;
+}
+
+struct RunEstimate {
+  double size = 0;  // λ
+  // The mean thickness, 2 V/A, is below λ: too thin to tell.
+  bool is_thin = false;
+  // These may be infinite.
+  double num_cells = 0, num_vertices = 0;
+  double num_listed_cells = 0;  // not of the lattice core: nearly all the work is in them
+  double num_boundary_facets = 0;
+  double store_bytes = 0;  // at the end; it has been larger at no time
+  OutputEstimate output;
+  // Seconds of each stage, on as many cores of 2.6 GHz with a disk that takes 1 GB a second. In
+  // paper mode, of which no law is known, of no more than the ingest.
+  std::array<double, kNumStages> seconds{};
+
+  double total_seconds() const;
+};
+
+// From the estimate over this to the estimate times this: 9 of 10 runs of 31 models. It may be
+// several times as much where the surface is not smooth at the scale λ, or thin.
+inline constexpr double kCellsFactor = 1.15, kFileFactor = 1.2, kBytesFactor = 1.7,
+                        kSecondsFactor = 2.5;
+
+// `output`: what will be written of the mesh; it changes no time yet.
+RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
+                         int num_threads = 1, const OutputOptions& output = {});
+// Of a run, as far as it has come: once it is done, its own counts.
+RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output);
+double estimated_num_cells(const SurfaceFacts& surface, double size);
+
+// λ for a user who gives none: of a mesh with about half a million cells; or of more, up to five
+// million, if that is what it takes to have two or so λ of thickness where the surface is of
+// average thickness, 2 V/A. Rounded to two digits. 0 for a surface without volume.
+double default_size(const SurfaceFacts& surface);
+
+}  // namespace locvol

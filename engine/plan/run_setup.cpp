@@ -1,0 +1,179 @@
+#include "engine/plan/run_setup.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/plan/octree_plan.h"
+#include "engine/plan/run_estimate.h"
+#include "engine/shared/input_error.h"
+#include "engine/shared/number_text.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+namespace {
+
+// A determinant of the predicates multiplies five lengths: within these bounds it neither overflows
+// nor underflows.
+constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
+
+double smallest_side(const Box& box) {
+  const Point sides = box.max - box.min;
+  return std::min({sides.x, sides.y, sides.z});
+}
+
+double largest_coordinate(const Box& box) {
+  double largest = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    largest = std::max({largest, std::abs(box.min[axis]), std::abs(box.max[axis])});
+  return largest;
+}
+
+void check_lengths(const SurfaceFacts& surface, double size) {
+  if (!(largest_coordinate(surface.box) < kMaxLength) ||
+      !(max_norm(surface.box.max - surface.box.min) > kMinLength))
+    throw InputError(surface.file + ": coordinates of about " +
+                     rounded(largest_coordinate(surface.box)) +
+                     " are beyond double arithmetic: scale the model");
+  if (!(size > kMinLength) || !(size < kMaxLength))
+    throw InputError("size " + decimal(size) +
+                     " is beyond double arithmetic: choose a size between " + decimal(kMinLength) +
+                     " and " + decimal(kMaxLength) + ", or scale the model");
+}
+
+void check_options(const MeshOptions& options) {
+  if (!(options.radius_edge_bound >= 2) || !std::isfinite(options.radius_edge_bound))
+    throw InputError("radius-edge bound " + decimal(options.radius_edge_bound) +
+                     ": give a finite number of at least 2; below it refinement need not end");
+  if (!(options.spacing_floor >= 0) || !(options.spacing_floor <= 0.5))
+    throw InputError("spacing floor " + decimal(options.spacing_floor) +
+                     ": give a fraction of the size from 0 to 0.5");
+}
+
+// Of a box with the given side, grown by `distance` on all sides.
+double volume_growth(double side, double distance) { return std::pow(1 + 2 * distance / side, 3); }
+
+// What the visit of a leaf that wide will take, with some points more near the surface.
+std::uint64_t expected_visit(const RunParameters& parameters, double side, double num_points,
+                             double num_triangles) {
+  const double reach = kReach * parameters.size;
+  if (parameters.init == Initialization::kPaper)
+    num_points = std::max(num_points, 2 * static_cast<double>(parameters.leaf_capacity));
+  const VisitSize visit{
+      .volume = std::pow((side + reach) / parameters.size, 3),
+      .num_points = static_cast<std::uint64_t>(1.2 * num_points * volume_growth(side, reach)),
+      .num_triangles = static_cast<std::uint64_t>(num_triangles * volume_growth(side, reach / 2))};
+  return visit.bytes_to_refine();
+}
+
+// Points of the mesh, and of a leaf at the start.
+struct ExpectedPoints {
+  double all, of_leaf;
+};
+ExpectedPoints expected_points(const RunRecord& run) {
+  const double all = estimate_run(run.surface, run.parameters).num_vertices;
+  return {all, std::min(all, 0.5 * static_cast<double>(run.parameters.leaf_capacity))};
+}
+
+std::uint64_t expected_leaves(const RunRecord& run) {
+  const auto [all, of_leaf] = expected_points(run);
+  return static_cast<std::uint64_t>(std::min(all / of_leaf, 1e9));
+}
+
+std::uint64_t expected_largest_visit(const RunRecord& run) {
+  const auto [all, of_leaf] = expected_points(run);
+  const double side = std::min(start_leaf_side(run.parameters),
+                               max_norm(run.surface.box.max - run.surface.box.min));
+  const VisitSize whole{.num_points = static_cast<std::uint64_t>(std::min(all, 1e12))};
+  return std::min(expected_visit(run.parameters, side, of_leaf, 0), whole.bytes_to_refine());
+}
+
+const char* name_of(Initialization init) {
+  return init == Initialization::kCover ? "cover" : "paper";
+}
+
+}  // namespace
+
+double absolute_size(const SizeSpec& spec, const Box& box) {
+  if (!(spec.value > 0) || !std::isfinite(spec.value))
+    throw InputError("size " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
+                     ": give a finite number above 0");
+  return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
+}
+
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface) {
+  check_options(options);
+  RunRecord run;
+  run.surface.file =
+      options.input.empty() ? kInMemory : std::filesystem::absolute(options.input).string();
+  run.surface.box = surface;
+  run.parameters = {
+      .input_digest = digest,
+      .size = absolute_size(options.size, surface),
+      .radius_edge_bound = options.radius_edge_bound,
+      .spacing_floor = options.spacing_floor,
+      .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
+      .init = options.init,
+      .seed = options.seed};
+  check_lengths(run.surface, run.parameters.size);
+  // Ids below are those of lattice points.
+  if (options.init == Initialization::kCover) run.next_point_id = kFirstOtherId;
+  return run;
+}
+
+RunRecord planned_run(const MeshOptions& options, const std::string& digest,
+                      const SurfaceFacts& surface) {
+  RunRecord run = planned_run(options, digest, surface.box);
+  run.surface = surface;
+  return run;
+}
+
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {
+  return {cap, expected_leaves(run), expected_largest_visit(run)};
+}
+
+std::uint64_t least_memory(const RunRecord& run) {
+  constexpr std::uint64_t kAnyRun = std::uint64_t{1} << 50;
+  const std::uint64_t visit = expected_largest_visit(run);
+  return std::max(
+      kLeastMemory,
+      MemoryPlan(kAnyRun, expected_leaves(run), visit).cap_with_heap(visit + kLeastCacheBytes));
+}
+
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {
+  const RunRecord run = reader.run().value();
+  std::uint64_t num_leaves = 0, largest_visit = 0;
+  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
+    const double side = run.frame.side(key.level());
+    ++num_leaves;
+    if (info.num_triangles > 0 || info.num_points > 0)
+      largest_visit = std::max(
+          largest_visit, expected_visit(run.parameters, side, static_cast<double>(info.num_points),
+                                        static_cast<double>(info.num_triangles)));
+    return true;
+  });
+  return {cap, num_leaves, largest_visit};
+}
+
+void require_same_run(const RunParameters& held, const RunParameters& asked,
+                      const std::filesystem::path& store) {
+  std::string differences;
+  const auto compare = [&](const char* name, const std::string& held_value,
+                           const std::string& asked_value) {
+    if (held_value == asked_value) return;
+    differences += std::string(differences.empty() ? "" : "; ") + name + ": " + held_value +
+                   " in the store, " + asked_value + " asked for";
+  };
+  compare("digest of the input", held.input_digest, asked.input_digest);
+  compare("size", decimal(held.size), decimal(asked.size));
+  compare("radius-edge bound", decimal(held.radius_edge_bound), decimal(asked.radius_edge_bound));
+  compare("spacing floor", decimal(held.spacing_floor), decimal(asked.spacing_floor));
+  compare("leaf capacity", std::to_string(held.leaf_capacity), std::to_string(asked.leaf_capacity));
+  compare("initialization", name_of(held.init), name_of(asked.init));
+  compare("seed", std::to_string(held.seed), std::to_string(asked.seed));
+  if (differences.empty()) return;
+  throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +
+                      "): give the same input and parameters to go on with it, another store, or "
+                      "force a new run over it");
+}
+
+}  // namespace locvol

@@ -1,0 +1,46 @@
+// What is decided before a run starts: its parameters, and whether it can be done at all.
+#pragma once
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include "engine/plan/options.h"
+#include "engine/shared/memory_budget.h"
+#include "storage/store.h"
+
+namespace locvol {
+
+inline constexpr std::uint64_t kDefaultLeafCapacity = 30000;
+
+// λ in the units of the coordinates. Throws InputError unless it is positive and finite.
+double absolute_size(const SizeSpec& size, const Box& box);
+
+// The record of a run that has yet to ingest the surface whose file has this digest, and which has
+// this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
+// double arithmetic cannot handle on this surface.
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface);
+// With all that is known of a surface which was checked before.
+RunRecord planned_run(const MeshOptions& options, const std::string& digest,
+                      const SurfaceFacts& surface);
+
+// How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
+// parameters tell what its visits will take, and one in a store, leaf by leaf.
+// Throws OverBudget, naming the least cap that would do.
+MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap);
+MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
+
+// The least cap on memory under which a run can be planned that has yet to be ingested.
+std::uint64_t least_memory(const RunRecord& run);
+
+// Another input or other parameters than the store's; the message names the difference.
+class StoreMismatch : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// Throws StoreMismatch, naming each parameter that differs and both its values.
+void require_same_run(const RunParameters& held, const RunParameters& asked,
+                      const std::filesystem::path& store);
+
+}  // namespace locvol

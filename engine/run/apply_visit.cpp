@@ -1,0 +1,197 @@
+#include "engine/run/apply_visit.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/run/core_around.h"
+#include "engine/run/leaf_sides.h"
+#include "engine/run/unresolved_sites.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+namespace {
+
+class Visit {
+ public:
+  Visit(RunState& state, LeafLoader& loader, MortonKey leaf)
+      : state_(state), loader_(loader), leaf_(leaf), box_(state.box(leaf)) {}
+
+  void apply(const LeafDelta& delta) {
+    state_.dequeue(leaf_);
+    for (const InsertedPoint& point : delta.inserted) insert(point);
+    for (const MeshPoint& point : delta.deleted) erase(point);
+    state_.add_visit(leaf_, delta.stats);
+    if (!delta.is_overfull) {
+      store_cells(delta.cells);
+      store_unresolved(delta.unresolved);
+      if (delta.unresolved.empty())
+        state_.allow_short_visit(leaf_);
+      else
+        state_.require_whole_visit(leaf_);
+    }
+    for (const std::uint64_t id : delta.met_core) make_explicit(state_, site_of(id));
+    if (delta.is_overfull) split();
+  }
+
+ private:
+  void insert(const InsertedPoint& point) {
+    if (point.is_deleted) return ids_.push_back(std::nullopt);
+    const MeshPoint added = state_.add_point(point.position, point.kind);
+    ids_.push_back(added.id);
+    loader_.note_inserted(added);
+    if (point.changed)
+      enqueue_owners(*point.changed);
+    else
+      enqueue_around(point.position, kNeighborhood * state_.size());
+  }
+
+  void erase(const MeshPoint& point) {
+    state_.remove_point(point);
+    loader_.note_deleted(point);
+    enqueue_around(point.position, kReach * state_.size());
+    // A later visit knows the points that came by their ids; of those that went it would know
+    // nothing.
+    for (const MortonKey other : leaves_within(point.position, kReach * state_.size()))
+      if (other != leaf_) state_.require_whole_visit(other);
+  }
+
+  std::vector<MortonKey> leaves_within(const Point& p, double distance) const {
+    return state_.octree().leaves_within(state_.run().frame, Box::around(p), distance);
+  }
+
+  // The other leaves within the distance. Leaves without points have nothing to restore: they are
+  // enqueued with the point that gives them one.
+  void enqueue_around(const Point& changed, double distance) {
+    if (is_deeper(changed, distance)) return;
+    for (const MortonKey other : leaves_within(changed, distance))
+      if (other != leaf_ && state_.leaves().info(other).num_points > 0) state_.enqueue(other);
+  }
+
+  // Of other leaves' points.
+  void enqueue_owners(const std::vector<Point>& points) {
+    for (const Point& p : points)
+      if (const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
+          owner != leaf_)
+        state_.enqueue(owner);
+  }
+
+  // Spares most points the search.
+  bool is_deeper(const Point& p, double distance) const {
+    return box_.expanded(-distance).contains(p);
+  }
+
+  // The ids of new points ascend in order of insertion, and are larger than all others: the list of
+  // vertices stays in order.
+  void store_cells(const CellList& list) {
+    LeafCells cells;
+    cells.vertices.reserve(list.vertices.size());
+    for (const VertexRef ref : list.vertices) cells.vertices.push_back(id_of(ref));
+    cells.cells = list.cells;
+    state_.put_cells(leaf_, std::move(cells));
+  }
+
+  std::uint64_t id_of(VertexRef ref) const {
+    if ((ref & kNewPoint) == 0) return ref;
+    const auto id = ids_.at(ref & ~kNewPoint);
+    if (!id) throw RefineError("a cell has a vertex that was deleted");
+    return *id;
+  }
+
+  void store_unresolved(const std::vector<Violation>& violations) {
+    if (violations.empty() && state_.leaves().info(leaf_).num_unresolved == 0) return;
+    std::vector<UnresolvedSite> sites;
+    for (const Violation& v : violations)
+      sites.push_back({static_cast<std::uint8_t>(v.condition), v.position, v.radius});
+    state_.put_unresolved(leaf_, {thinned(sites, {}, state_.size())});
+  }
+
+  // The leaf's points, triangles and known side go to its children.
+  void split() {
+    std::array<RunState::Child, 8> children;
+    const LeafPoints& own = state_.leaves().points(leaf_);
+    for (const MeshPoint& point : own.points) {
+      const MortonKey owner = state_.run().frame.key_of(point.position, leaf_.level() + 1);
+      children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
+    }
+    std::array<std::uint8_t, 8> parities{};
+    const std::vector<Triangle>& triangles = state_.leaves().surface(leaf_).triangles;
+    for (int octant = 0; octant < 8; ++octant) {
+      const auto i = static_cast<std::size_t>(octant);
+      const Box box = state_.box(leaf_.child(octant));
+      auto& met = children[i].surface.triangles;
+      std::ranges::copy_if(triangles, std::back_inserter(met),
+                           [&](const Triangle& t) { return meets(t, box); });
+      parities[i] = center_to_corner_parities(met, box);
+      children[i].points.core = clipped(own.core, state_.sites(leaf_.child(octant)));
+    }
+    const std::vector<bool> sides =
+        center_sides_of_children(state_.leaves().info(leaf_).is_center_inside, parities);
+    for (std::size_t i = 0; i < children.size(); ++i) children[i].is_center_inside = sides[i];
+    state_.split(leaf_, std::move(children));
+    for (int octant = 0; octant < 8; ++octant) count_core_cells(leaf_.child(octant));
+  }
+
+  void count_core_cells(MortonKey leaf) {
+    state_.put_num_core_cells(leaf, num_core_cells(state_, leaf));
+  }
+
+  RunState& state_;
+  LeafLoader& loader_;
+  MortonKey leaf_;
+  Box box_;
+  std::vector<std::optional<std::uint64_t>> ids_;  // of the inserted points, unless deleted again
+};
+
+}  // namespace
+
+void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
+  Visit(state, loader, leaf).apply(delta);
+}
+
+void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
+  const auto require_own = [&](const Point& position) {
+    if (state.run().frame.key_of(position, leaf.level()) != leaf)
+      throw RefineError("its cover has a point outside its box");
+  };
+  state.dequeue(leaf);
+  for (const LatticeSite& site : points.lattice)
+    require_own(state.add_lattice_point(site).position);
+  for (const Point& p : points.samples) {
+    require_own(p);
+    state.add_point(p, PointKind::kSurface);
+  }
+  if (!points.samples.empty() || !points.lattice.empty()) state.enqueue(leaf);
+  if (!points.core.is_empty()) state.put_core(leaf, points.core);
+}
+
+void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points) {
+  state.dequeue(leaf);
+  for (const Point& center : points.centers) state.add_point(center, PointKind::kVolume);
+  for (const std::uint64_t id : points.met_core) list_core_point(state, site_of(id));
+}
+
+void enqueue_for_refinement(RunState& state, const StopToken* stop) {
+  const auto leaves = state.octree().leaves();
+  std::vector<std::uint64_t> num_cells;  // of the core: to count them takes most of the time
+  num_cells.reserve(leaves.size());
+  for (const MortonKey leaf : leaves) {
+    throw_if_stopped(stop);
+    num_cells.push_back(num_core_cells(state, leaf));
+    state.leaves().trim();
+  }
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    const MortonKey leaf = leaves[i];
+    if (state.leaves().info(leaf).num_points > 0) state.enqueue(leaf);
+    state.put_num_core_cells(leaf, num_cells[i]);
+    state.leaves().trim();
+  }
+}
+
+}  // namespace locvol

@@ -1,0 +1,166 @@
+#include "engine/run/leaf_cache.h"
+
+#include <cassert>
+#include <utility>
+
+#include "engine/shared/leaf_name.h"
+
+namespace locvol {
+namespace {
+
+template <class T>
+std::size_t vector_bytes(const std::vector<T>& v) {
+  return v.size() * sizeof(T);
+}
+
+}  // namespace
+
+std::size_t LeafCache::Entry::bytes() const {
+  std::size_t bytes = kEntryBytes;
+  if (points.record) bytes += vector_bytes(points.record->points);
+  if (surface.record) bytes += vector_bytes(surface.record->triangles);
+  if (cells.record)
+    bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);
+  if (unresolved.record) bytes += vector_bytes(unresolved.record->sites);
+  return bytes;
+}
+
+LeafCache::Entry& LeafCache::touch(MortonKey leaf) {
+  const auto [place, is_new] = entries_.try_emplace(leaf);
+  Entry& entry = place->second;
+  if (is_new) {
+    entry.place = used_.insert(used_.begin(), leaf);
+    most_bytes_ += kEntryBytes;
+  } else {
+    used_.splice(used_.begin(), used_, entry.place);
+  }
+  return entry;
+}
+
+LeafCache::Entry& LeafCache::touch_changed(MortonKey leaf) {
+  changed_.insert(leaf);
+  return touch(leaf);
+}
+
+const LeafInfo& LeafCache::info(MortonKey leaf) {
+  auto& info = touch(leaf).info;
+  if (!info.record) {
+    info.record = store_.snapshot().leaf(leaf);
+    if (!info.record) throw StoreError("the store has no record of " + leaf_name(leaf));
+  }
+  return *info.record;
+}
+
+const LeafPoints& LeafCache::points(MortonKey leaf) {
+  auto& points = touch(leaf).points;
+  if (!points.record) {
+    points.record = store_.snapshot().points(leaf);
+    most_bytes_ += vector_bytes(points.record->points);
+  }
+  return *points.record;
+}
+
+const LeafSurface& LeafCache::surface(MortonKey leaf) {
+  auto& surface = touch(leaf).surface;
+  if (!surface.record) {
+    surface.record = store_.snapshot().surface(leaf);
+    most_bytes_ += vector_bytes(surface.record->triangles);
+  }
+  return *surface.record;
+}
+
+LeafCells LeafCache::cells(MortonKey leaf) {
+  const auto& cells = touch(leaf).cells;
+  return cells.record ? *cells.record : store_.snapshot().cells(leaf);
+}
+
+LeafUnresolved LeafCache::unresolved(MortonKey leaf) {
+  const auto& unresolved = touch(leaf).unresolved;
+  return unresolved.record ? *unresolved.record : store_.snapshot().unresolved(leaf);
+}
+
+LeafInfo& LeafCache::edit_info(MortonKey leaf) {
+  info(leaf);
+  auto& info = touch_changed(leaf).info;
+  info.is_changed = true;
+  return *info.record;
+}
+
+LeafPoints& LeafCache::edit_points(MortonKey leaf) {
+  points(leaf);
+  auto& points = touch_changed(leaf).points;
+  points.is_changed = true;
+  return *points.record;
+}
+
+void LeafCache::put_cells(MortonKey leaf, LeafCells cells) {
+  touch_changed(leaf).cells = {std::move(cells), true};
+}
+
+void LeafCache::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
+  touch_changed(leaf).unresolved = {std::move(unresolved), true};
+}
+
+void LeafCache::add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points,
+                         LeafSurface surface) {
+  assert(!erased_.contains(leaf));
+  Entry& entry = touch_changed(leaf);
+  entry.info = {info, true};
+  entry.points = {std::move(points), true};
+  entry.surface = {std::move(surface), true};
+}
+
+void LeafCache::erase_leaf(MortonKey leaf) {
+  if (const auto entry = entries_.find(leaf); entry != entries_.end()) {
+    used_.erase(entry->second.place);
+    entries_.erase(entry);
+  }
+  changed_.erase(leaf);
+  erased_.insert(leaf);
+}
+
+std::size_t LeafCache::unwritten_bytes() const {
+  std::size_t bytes = 0;
+  for (const MortonKey leaf : changed_) bytes += entries_.at(leaf).bytes();
+  return bytes;
+}
+
+void LeafCache::write(Batch& batch, MortonKey leaf, Entry& entry) {
+  if (entry.info.is_changed) batch.put_leaf(leaf, *entry.info.record);
+  if (entry.points.is_changed) batch.put_points(leaf, *entry.points.record);
+  if (entry.surface.is_changed) batch.put_surface(leaf, *entry.surface.record);
+  if (entry.cells.is_changed) batch.put_cells(leaf, *entry.cells.record);
+  if (entry.unresolved.is_changed) batch.put_unresolved(leaf, *entry.unresolved.record);
+  entry.info.is_changed = entry.points.is_changed = entry.surface.is_changed = false;
+  entry.cells = {};
+  entry.unresolved = {};
+}
+
+void LeafCache::write_to(Batch& batch) {
+  for (const MortonKey leaf : erased_) batch.erase_leaf(leaf);
+  most_bytes_ += unwritten_bytes();
+  for (const MortonKey leaf : changed_) write(batch, leaf, entries_.at(leaf));
+  erased_.clear();
+  changed_.clear();
+}
+
+void LeafCache::trim() {
+  if (most_bytes_ <= max_bytes_) return;
+  const std::size_t kept_bytes = max_bytes_ / 4 * 3;  // so that not every call has to walk the list
+  std::size_t bytes = 0;
+  for (auto leaf = used_.begin(); leaf != used_.end();) {
+    const auto entry = entries_.find(*leaf);
+    const bool is_changed = changed_.contains(*leaf);
+    if (!is_changed) bytes += entry->second.bytes();
+    if (is_changed || bytes <= kept_bytes) {
+      ++leaf;
+    } else {
+      bytes -= entry->second.bytes();
+      entries_.erase(entry);
+      leaf = used_.erase(leaf);
+    }
+  }
+  most_bytes_ = bytes;
+}
+
+}  // namespace locvol

@@ -1,0 +1,240 @@
+#include "engine/run/leaf_loader.h"
+
+#include <algorithm>
+#include <iterator>
+#include <span>
+#include <utility>
+
+#include "engine/plan/octree_plan.h"
+#include "engine/run/core_around.h"
+
+namespace locvol {
+namespace {
+
+constexpr double kSlack = 1.01;  // on distances whose exact value does not matter
+
+// Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
+// held against it; first points and the few facets of a later visit ask less.
+constexpr GridFineness kFine{3.2, 48}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
+
+constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
+
+// In a leaf's box, and on its triangles at the density of a maximal sample (at most one in each
+// disk of radius r_s / 2, which is some 1.8 times what it gets to).
+std::uint64_t most_lattice_points(const Box& box, double size) {
+  const Point sides = (1 / (kLatticeSpacing * size)) * (box.max - box.min);
+  return static_cast<std::uint64_t>(2 * (sides.x + 1) * (sides.y + 1) * (sides.z + 1));
+}
+std::uint64_t most_samples(std::span<const Triangle> triangles, double size) {
+  double area = 0;
+  for (const auto& [id, c] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+  return static_cast<std::uint64_t>(2 * area / (size * size));
+}
+
+// A visit that inserts more than any mesh needs is a bug.
+std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_capacity + 100000; }
+
+}  // namespace
+
+LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop)
+    : state_(state), budget_(budget), stop_(stop) {
+  if (state_.is_cover()) return;
+  const Box root = state_.run().frame.root_box();
+  std::vector<Triangle> triangles = triangles_meeting(root);
+  budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
+                   .bytes_to_refine());
+  whole_surface_ = std::make_unique<SurfacePatch>(SurfacePiece{.triangles = std::move(triangles),
+                                                               .region = root,
+                                                               .reference = root.min,
+                                                               .is_reference_inside = false,
+                                                               .fineness = {state_.size()}},
+                                                  stop_);
+  all_points_.emplace(state_.size());
+  for (const MortonKey leaf : state_.octree().leaves()) {
+    throw_if_stopped(stop_);
+    for (const MeshPoint& point : state_.leaves().points(leaf).points) note_inserted(point);
+  }
+}
+
+LoadedCover LeafLoader::load_cover(MortonKey leaf) {
+  const double size = state_.size();
+  const Box box = state_.box(leaf);
+  std::vector<MeshPoint> around;
+  if (state_.leaves().info(leaf).num_triangles > 0)
+    around = points_around(leaf, kSampleRadius * size);
+  const double patch_distance = kSlack * kCoreDepth * size;
+  const Box region = box.expanded(patch_distance);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  const VisitSize visit{
+      .volume = volume_over_size(region),
+      .num_points = around.size() + most_lattice_points(box, size) + most_samples(triangles, size),
+      .num_triangles = triangles.size()};
+  LoadedCover loaded;
+  loaded.bytes = visit.bytes_to_cover();
+  loaded.input = {.size = size,
+                  .seed = state_.run().parameters.seed,
+                  .lattice = state_.lattice(),
+                  .box = box,
+                  .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover),
+                  .nearby_samples = {}};
+  for (const MeshPoint& point : around)
+    if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
+  return loaded;
+}
+
+LoadedFill LeafLoader::load_fill(MortonKey leaf) {
+  const double size = state_.size(), patch_distance = kSlack * size;
+  std::vector<MeshPoint> points = points_around(leaf, kFillReach * size);
+  const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
+  points.insert(points.end(), own.begin(), own.end());
+  std::ranges::sort(points, {}, &MeshPoint::id);
+  CoreRows core = core_around(state_, leaf, kCoreReach * size);
+  const Box region = state_.box(leaf).expanded(patch_distance);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  const VisitSize visit{.volume = volume_over_size(region),
+                        .num_points = points.size(),
+                        .num_triangles = triangles.size()};
+  return {
+      .bytes = visit.bytes_to_cover(),
+      .input = {.size = size,
+                .box = state_.box(leaf),
+                .points = std::move(points),
+                .core = std::move(core),
+                .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill)}};
+}
+
+LoadedLeaf LeafLoader::load(MortonKey leaf) {
+  const double size = state_.size();
+  const double ghost_distance = state_.is_cover() ? kReach * size : kNeighborhood * size;
+  const double patch_distance = kSlack * kReach / 2 * size;
+  keep_memory_of_points();
+  std::vector<MeshPoint> own = state_.leaves().points(leaf).points;
+  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
+  const Box region = state_.box(leaf).expanded(patch_distance);
+  std::vector<Triangle> triangles;
+  if (state_.is_cover()) triangles = triangles_meeting(region);
+  const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
+                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
+                        .num_triangles = triangles.size()};
+  std::optional<LastVisit> last = last_visit(leaf);
+  const GridFineness fineness = last ? kCoarse : kFine;
+  LoadedLeaf loaded;
+  loaded.bytes = visit.bytes_to_refine();
+  loaded.input = {.criteria = criteria(),
+                  .box = state_.box(leaf),
+                  .own = std::move(own),
+                  .ghosts = std::move(ghosts),
+                  .surface = {},
+                  .core = {},
+                  .max_own_points = max_own_points(leaf),
+                  .last_visit = std::move(last),
+                  .max_insertions = max_insertions(state_.run().parameters.leaf_capacity)};
+  if (!state_.is_cover()) return loaded;
+  loaded.input.surface = surface_around(leaf, patch_distance, std::move(triangles), fineness);
+  loaded.input.core = core_around(state_, leaf, kCoreReach * size);
+  return loaded;
+}
+
+void LeafLoader::note_inserted(const MeshPoint& point) {
+  if (!all_points_) return;
+  ++num_points_;
+  all_points_->insert(point);
+}
+
+void LeafLoader::note_deleted(const MeshPoint& point) {
+  if (!all_points_) return;
+  --num_points_;
+  all_points_->erase(point);
+}
+
+// Before a visit, and not as its points come: what is half applied must not be given up.
+void LeafLoader::keep_memory_of_points() {
+  while (num_points_ > num_points_reserved_) {
+    budget_.keep(kPointsOfReservation * kGridBytesPerPoint);
+    num_points_reserved_ += kPointsOfReservation;
+  }
+}
+
+std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
+  const LeafInfo& info = state_.leaves().info(leaf);
+  if (info.first_new_id == 0) return std::nullopt;
+  LeafCells held = state_.leaves().cells(leaf);
+  return LastVisit{info.first_new_id, {std::move(held.vertices), std::move(held.cells)}};
+}
+
+double LeafLoader::volume_over_size(const Box& box) const {
+  const Point sides = (1 / state_.size()) * (box.max - box.min);
+  return sides.x * sides.y * sides.z;
+}
+
+// In cover mode few points are added to those that cover the domain; in paper mode a leaf fills up
+// until it is split.
+std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
+                                               std::uint64_t num_ghosts) const {
+  const std::uint64_t num_local = num_own + num_ghosts;
+  if (state_.is_cover()) return num_local + num_local / 5 + 100;
+  const std::uint64_t capacity = state_.run().parameters.leaf_capacity;
+  return 2 * std::max(num_own, capacity) + num_ghosts;
+}
+
+Criteria LeafLoader::criteria() const {
+  const RunParameters& p = state_.run().parameters;
+  const auto of = state_.is_cover() ? Criteria::of_cover : Criteria::of_paper;
+  return of(p.size, p.radius_edge_bound, p.spacing_floor);
+}
+
+// κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are
+// at the start, they load so many ghosts that a dense sheet takes twice as long, to save a third of
+// the memory.
+std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
+  if (leaf.level() == MortonKey::kMaxLevel) return 0;
+  const RunParameters& parameters = state_.run().parameters;
+  const double start = state_.is_cover() ? start_leaf_side(parameters) : 0;
+  const double least = std::max(kMinChildSide * state_.size(), 0.1 * start);
+  return state_.run().frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
+}
+
+SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
+                                        std::vector<Triangle> triangles, GridFineness fineness) {
+  fineness.resolution *= state_.size();
+  const Box box = state_.box(leaf);
+  return {.triangles = std::move(triangles),
+          .region = box.expanded(distance),
+          .reference = box.center(),
+          .is_reference_inside = state_.leaves().info(leaf).is_center_inside,
+          .fineness = fineness};
+}
+
+// Each once, in order of id; and some more, that only come close.
+std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
+  std::vector<Triangle> triangles;
+  for (const MortonKey leaf : state_.octree().leaves_within(state_.run().frame, region, 0)) {
+    throw_if_stopped(stop_);
+    if (state_.leaves().info(leaf).num_triangles == 0) continue;
+    std::ranges::copy_if(state_.leaves().surface(leaf).triangles, std::back_inserter(triangles),
+                         [&](const Triangle& t) { return t.box().overlaps(region); });
+    state_.leaves().trim();
+  }
+  std::ranges::sort(triangles, {}, &Triangle::id);
+  const auto repeated = std::ranges::unique(triangles, {}, &Triangle::id);
+  triangles.erase(repeated.begin(), repeated.end());
+  return triangles;
+}
+
+std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance) {
+  const Box box = state_.box(leaf), nearly = box.expanded(distance);
+  std::vector<MeshPoint> around;
+  for (const MortonKey other : state_.octree().leaves_within(state_.run().frame, box, distance)) {
+    if (other == leaf || state_.leaves().info(other).num_points == 0) continue;
+    std::ranges::copy_if(state_.leaves().points(other).points, std::back_inserter(around),
+                         [&](const MeshPoint& p) {
+                           return nearly.contains(p.position) &&
+                                  box.squared_distance(p.position) <= distance * distance;
+                         });
+    state_.leaves().trim();
+  }
+  std::ranges::sort(around, {}, &MeshPoint::id);
+  return around;
+}
+
+}  // namespace locvol

@@ -1,0 +1,64 @@
+// LeafLoader gathers what cover_leaf, fill_leaf and refine_leaf need to know of a leaf and its
+// surroundings.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "engine/run/point_grid.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/memory_budget.h"
+#include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
+#include "refine/leaf.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+// All that a visit reads, copied from the run.
+template <class Input>
+struct Loaded {
+  std::uint64_t bytes = 0;  // that the visit takes at its peak
+  Input input;
+};
+using LoadedLeaf = Loaded<LeafInput>;
+using LoadedCover = Loaded<CoverInput>;
+using LoadedFill = Loaded<FillInput>;
+
+class LeafLoader {
+ public:
+  // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget, Stopped.
+  LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
+
+  LoadedCover load_cover(MortonKey leaf);
+  LoadedFill load_fill(MortonKey leaf);
+  LoadedLeaf load(MortonKey leaf);  // in paper mode throws OverBudget: P has outgrown the memory
+  // Keeps up with P.
+  void note_inserted(const MeshPoint& point);
+  void note_deleted(const MeshPoint& point);
+  WholeModel whole() const { return {whole_surface_.get(), all_points_ ? &*all_points_ : nullptr}; }
+
+ private:
+  Criteria criteria() const;
+  std::uint64_t max_own_points(MortonKey leaf) const;
+  std::optional<LastVisit> last_visit(MortonKey leaf);
+  void keep_memory_of_points();
+  double volume_over_size(const Box& box) const;
+  std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
+  SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,
+                              GridFineness fineness);
+  std::vector<Triangle> triangles_meeting(const Box& region);
+  // Points of other leaves at most `distance` from the leaf's box, in order of id.
+  std::vector<MeshPoint> points_around(MortonKey leaf, double distance);
+
+  RunState& state_;
+  MemoryBudget& budget_;
+  const StopToken* stop_;
+  // All below is for paper mode.
+  std::unique_ptr<const SurfacePatch> whole_surface_;
+  std::uint64_t num_points_reserved_ = 0, num_points_ = 0;
+  std::optional<PointGrid> all_points_;
+};
+
+}  // namespace locvol

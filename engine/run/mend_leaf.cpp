@@ -1,0 +1,190 @@
+#include "engine/run/mend_leaf.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "engine/run/unresolved_sites.h"
+#include "refine/leaf.h"
+
+namespace locvol {
+namespace {
+
+constexpr std::uint64_t kBytesPerCell = 120;  // with lists of the cells at each vertex
+constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
+
+// Those that have a vertex in a cell at the leaf's points, and their cells in the mesh: circumradii
+// are below half of the reach (in paper mode there is no such bound).
+std::vector<MortonKey> leaves_around(const RunState& state, MortonKey leaf) {
+  if (!state.is_cover()) {
+    const auto all = state.octree().leaves();
+    return {all.begin(), all.end()};
+  }
+  return state.octree().leaves_within(state.run().frame, state.box(leaf), kReach * state.size());
+}
+
+std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
+  std::vector<std::uint64_t> ids;
+  ids.reserve(points.points.size());
+  for (const MeshPoint& p : points.points) ids.push_back(p.id);
+  return ids;
+}
+
+// Gathers the cells at own points.
+class MendLoader {
+ public:
+  MendLoader(RunState& state, MortonKey leaf)
+      : state_(state), own_(ids_of(state.leaves().points(leaf))) {
+    for (const MortonKey other : leaves_around(state, leaf))
+      if (state.leaves().info(other).num_cells > 0) take_from(other);
+    std::ranges::sort(others_);
+    const auto repeated = std::ranges::unique(others_);
+    others_.erase(repeated.begin(), repeated.end());
+    is_on_surface_.resize(own_.size() + others_.size());
+    for (const MortonKey other : leaves_around(state, leaf))
+      for (const MeshPoint& p : state.leaves().points(other).points)
+        if (const auto v = index_of(p.id)) is_on_surface_[*v] = p.kind == PointKind::kSurface;
+  }
+
+  LoadedMend loaded() {
+    LoadedMend result;
+    result.input.num_own = static_cast<std::uint32_t>(own_.size());
+    result.input.is_on_surface = std::move(is_on_surface_);
+    result.input.cells.reserve(cells_.size());
+    for (const auto& cell : cells_) {
+      auto& corners = result.input.cells.emplace_back();
+      for (std::size_t i = 0; i < 4; ++i) corners[i] = index_of(cell[i]).value();
+    }
+    result.bytes = kBytesPerCell * cells_.size();
+    result.ids = std::move(own_);
+    result.ids.insert(result.ids.end(), others_.begin(), others_.end());
+    result.origins = std::move(origins_);
+    return result;
+  }
+
+ private:
+  void take_from(MortonKey leaf) {
+    const LeafCells held = state_.leaves().cells(leaf);
+    std::vector<bool> is_own(held.vertices.size());
+    for (std::size_t i = 0; i < is_own.size(); ++i)
+      is_own[i] = std::ranges::binary_search(own_, held.vertices[i]);
+    LoadedMend::Origin origin{leaf, static_cast<std::uint32_t>(cells_.size()), {}};
+    for (std::uint32_t place = 0; place < held.cells.size(); ++place) {
+      const auto& cell = held.cells[place];
+      if (std::ranges::none_of(cell, [&](std::uint32_t v) { return is_own[v]; })) continue;
+      origin.places.push_back(place);
+      auto& ids = cells_.emplace_back();
+      for (std::size_t i = 0; i < 4; ++i) {
+        ids[i] = held.vertices[cell[i]];
+        if (!is_own[cell[i]]) others_.push_back(ids[i]);
+      }
+    }
+    if (!origin.places.empty()) origins_.push_back(std::move(origin));
+  }
+
+  std::optional<std::uint32_t> index_of(std::uint64_t id) const {
+    if (const auto own = std::ranges::lower_bound(own_, id); own != own_.end() && *own == id)
+      return static_cast<std::uint32_t>(own - own_.begin());
+    const auto other = std::ranges::lower_bound(others_, id);
+    if (other == others_.end() || *other != id) return std::nullopt;
+    return static_cast<std::uint32_t>(own_.size() + std::size_t(other - others_.begin()));
+  }
+
+  RunState& state_;
+  std::vector<std::uint64_t> own_, others_;
+  std::vector<bool> is_on_surface_;
+  std::vector<std::array<std::uint64_t, 4>> cells_;
+  std::vector<LoadedMend::Origin> origins_;
+};
+
+// Without the cells at the places, and the vertices that only they had.
+LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& places) {
+  LeafCells left;
+  std::vector<std::uint32_t> new_index(held.vertices.size(), kNotOwn);
+  std::vector<bool> is_used(held.vertices.size());
+  for (std::uint32_t place = 0; place < held.cells.size(); ++place) {
+    if (std::ranges::binary_search(places, place)) continue;
+    left.cells.push_back(held.cells[place]);
+    for (const std::uint32_t v : held.cells[place]) is_used[v] = true;
+  }
+  for (std::size_t v = 0; v < is_used.size(); ++v) {
+    if (!is_used[v]) continue;
+    new_index[v] = static_cast<std::uint32_t>(left.vertices.size());
+    left.vertices.push_back(held.vertices[v]);
+  }
+  for (auto& cell : left.cells)
+    for (std::uint32_t& v : cell) v = new_index[v];
+  return left;
+}
+
+}  // namespace
+
+LoadedMend load_mend(RunState& state, MortonKey leaf) { return MendLoader(state, leaf).loaded(); }
+
+MendedCells mended_cells(const LoadedMend& loaded) {
+  MendedCells result;
+  const std::vector<std::uint32_t> left_out = mend_boundary(loaded.input);
+  auto origin = loaded.origins.begin();
+  for (const std::uint32_t c : left_out) {
+    while (c - origin->first >= origin->places.size()) ++origin;
+    if (result.left_out.empty() || result.left_out.back().leaf != origin->leaf)
+      result.left_out.push_back({origin->leaf, {}});
+    result.left_out.back().places.push_back(origin->places[c - origin->first]);
+    for (const std::uint32_t v : loaded.input.cells[c])
+      if (v >= loaded.input.num_own) result.others.push_back(loaded.ids[v]);
+  }
+  std::ranges::sort(result.others);
+  const auto repeated = std::ranges::unique(result.others);
+  result.others.erase(repeated.begin(), repeated.end());
+  return result;
+}
+
+void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
+  state.dequeue(leaf);
+  if (cells.left_out.empty()) return;
+  for (const auto& [home, places] : cells.left_out)
+    state.leave_out_cells(home, without(state.leaves().cells(home), places));
+  for (const MortonKey other : leaves_around(state, leaf)) {
+    if (other == leaf || state.leaves().info(other).num_points == 0) continue;
+    const auto& points = state.leaves().points(other).points;
+    if (std::ranges::any_of(cells.others, [&](std::uint64_t id) {
+          return std::ranges::binary_search(points, id, {}, &MeshPoint::id);
+        }))
+      state.enqueue(other);
+  }
+}
+
+void enqueue_for_mending(RunState& state) {
+  for (const MortonKey leaf : state.octree().leaves()) {
+    if (state.leaves().info(leaf).num_unresolved > 0) state.enqueue(leaf);
+    state.leaves().trim();
+  }
+}
+
+void merge_sites(RunState& state) {
+  const double size = state.size();
+  // A visit's sites lie within its reach of its leaf.
+  const double distance =
+      state.is_cover() ? (2 * kReach + 1) * size : std::numeric_limits<double>::infinity();
+  for (const MortonKey leaf : state.octree().leaves()) {
+    state.leaves().trim();
+    if (state.leaves().info(leaf).num_unresolved == 0) continue;
+    std::vector<UnresolvedSite> kept;
+    for (const MortonKey other :
+         state.octree().leaves_within(state.run().frame, state.box(leaf), distance)) {
+      if (other >= leaf) break;
+      if (state.leaves().info(other).num_unresolved == 0) continue;
+      const auto sites = state.leaves().unresolved(other).sites;
+      kept.insert(kept.end(), sites.begin(), sites.end());
+    }
+    LeafUnresolved own = state.leaves().unresolved(leaf);
+    const auto num_before = own.sites.size();
+    own.sites = thinned(own.sites, kept, size);
+    if (own.sites.size() < num_before) state.put_unresolved(leaf, std::move(own));
+  }
+}
+
+}  // namespace locvol

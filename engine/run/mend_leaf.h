@@ -1,0 +1,48 @@
+// The boundary's last repairs, leaf by leaf, where refinement left sites unresolved: what
+// mend_boundary needs to know of a leaf, and what it does to the run.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/run/run_state.h"
+#include "refine/mend_boundary.h"
+
+namespace locvol {
+
+// All cells at a leaf's own points, copied from the run.
+struct LoadedMend {
+  std::uint64_t bytes = 0;  // that the visit takes at its peak
+  MendInput input;
+  std::vector<std::uint64_t> ids;  // of the vertices
+  // The cells from `first` on are of that leaf's record, at these places.
+  struct Origin {
+    MortonKey leaf;
+    std::uint32_t first = 0;
+    std::vector<std::uint32_t> places;
+  };
+  std::vector<Origin> origins;
+};
+
+// What a visit leaves out of the mesh.
+struct MendedCells {
+  struct OfLeaf {
+    MortonKey leaf;
+    std::vector<std::uint32_t> places;  // in its record, ascending
+  };
+  std::vector<OfLeaf> left_out;       // in Morton order
+  std::vector<std::uint64_t> others;  // ids of their vertices in other leaves, ascending
+};
+
+LoadedMend load_mend(RunState& state, MortonKey leaf);
+MendedCells mended_cells(const LoadedMend& loaded);
+// Takes cells out of the records; leaves with a vertex of theirs wait for the next epoch.
+void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells);
+
+// Leaves with unresolved sites wait: only there may the boundary be torn.
+void enqueue_for_mending(RunState& state);
+// Sites within λ of each other become one, the first in Morton order. Of a run whose leaves have
+// been thinned already, changes nothing.
+void merge_sites(RunState& state);
+
+}  // namespace locvol

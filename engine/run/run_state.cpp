@@ -1,0 +1,233 @@
+#include "engine/run/run_state.h"
+
+#include <algorithm>
+#include <cassert>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "engine/run/coloring.h"
+#include "refine/cover_leaf.h"
+#include "refine/refine_leaf.h"
+
+namespace locvol {
+namespace {
+
+constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
+constexpr std::chrono::seconds kMaxTimeOfCommit{1};
+
+// Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
+constexpr double kCoverConflict = 1.01 * kSampleRadius;
+
+RunRecord read_run(const Store& store) {
+  const auto run = store.snapshot().run();
+  assert(run && run->phase != Phase::kIngest);
+  return *run;
+}
+
+// A leaf's count, in the run's total.
+void put_count(std::uint64_t& count, std::uint64_t now, std::uint64_t& total) {
+  total = total - count + now;
+  count = now;
+}
+
+}  // namespace
+
+RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
+    : store_(store),
+      run_(read_run(store)),
+      lattice_(lattice_of(run_)),
+      octree_(store.snapshot().leaf_keys()),
+      leaves_(store, cache_bytes),
+      queue_(store.snapshot()),
+      max_unwritten_bytes_(max_unwritten_bytes) {}
+
+void RunState::enqueue(MortonKey leaf) {
+  if (leaves_.info(leaf).queued) return;
+  const QueuePosition position{run_.epoch + 1, kNoColor};
+  leaves_.edit_info(leaf).queued = position;
+  queue_.put({position, leaf});
+}
+
+void RunState::dequeue(MortonKey leaf) {
+  auto& queued = leaves_.edit_info(leaf).queued;
+  assert(queued);
+  queue_.erase({*queued, leaf});
+  queued.reset();
+}
+
+bool RunState::open_epoch(const StopToken* stop) {
+  if (queue_.is_empty() || queue_.front().color != kNoColor) return false;
+  const QueuePosition waiting = queue_.front();
+  const std::vector<MortonKey> epoch = queue_.front_leaves();
+  const std::vector<std::uint32_t> colors = colors_of(epoch, stop);
+  for (std::size_t i = 0; i < epoch.size(); ++i) {
+    const QueuePosition position{waiting.epoch, colors[i]};
+    queue_.erase({waiting, epoch[i]});
+    queue_.put({position, epoch[i]});
+    leaves_.edit_info(epoch[i]).queued = position;
+  }
+  run_.epoch = waiting.epoch;
+  return true;
+}
+
+std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its_leaves,
+                                               const StopToken* stop) const {
+  if (is_cover()) return color_leaves(octree_, run_.frame, its_leaves, conflict_distance(), stop);
+  // Any leaf may write into the reach of any other.
+  std::vector<std::uint32_t> colors(its_leaves.size());
+  std::iota(colors.begin(), colors.end(), 0U);
+  return colors;
+}
+
+double RunState::conflict_distance() const {
+  return (run_.phase == Phase::kCover ? kCoverConflict : kConflict) * size();
+}
+
+bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) const {
+  if (a.position == b.position) return true;
+  if (!is_cover()) return false;
+  const double distance = conflict_distance();
+  return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
+}
+
+MeshPoint RunState::add_point(const Point& position, PointKind kind) {
+  const MeshPoint point{run_.next_point_id++, position, kind};
+  add_to_leaf(point);
+  return point;
+}
+
+MeshPoint RunState::add_lattice_point(const LatticeSite& site) {
+  const MeshPoint point = lattice_.point(site);
+  add_to_leaf(point);
+  return point;
+}
+
+MortonKey RunState::owner_of(const Point& p) const {
+  if (!run_.frame.contains(p))
+    throw RefineError("the point (" + std::to_string(p.x) + ", " + std::to_string(p.y) + ", " +
+                      std::to_string(p.z) + ") lies outside the octree");
+  return octree_.leaf_owning(run_.frame, p);
+}
+
+void RunState::add_to_leaf(const MeshPoint& point) {
+  const MortonKey owner = owner_of(point.position);
+  auto& points = leaves_.edit_points(owner).points;
+  points.insert(std::ranges::upper_bound(points, point.id, {}, &MeshPoint::id), point);
+  ++leaves_.edit_info(owner).num_points;
+  ++run_.counts.num_points;
+}
+
+void RunState::remove_point(const MeshPoint& point) {
+  const MortonKey owner = owner_of(point.position);
+  auto& points = leaves_.edit_points(owner).points;
+  const auto place = std::ranges::lower_bound(points, point.id, {}, &MeshPoint::id);
+  if (place == points.end() || place->id != point.id)
+    throw RefineError("deleted point " + std::to_string(point.id) + " is not in P");
+  points.erase(place);
+  --leaves_.edit_info(owner).num_points;
+  --run_.counts.num_points;
+}
+
+void RunState::put_core(MortonKey leaf, const LatticeCore& core) {
+  leaves_.edit_points(leaf).core = core;
+  put_count(leaves_.edit_info(leaf).num_core_points, num_points(core, sites(leaf)),
+            run_.counts.num_points);
+}
+
+void RunState::list_core_point(MortonKey leaf, const LatticeSite& site) {
+  LatticeCore& core = leaves_.edit_points(leaf).core;
+  core = without(core, sites(leaf), site);
+  --leaves_.edit_info(leaf).num_core_points;
+  --run_.counts.num_points;
+  add_lattice_point(site);
+}
+
+void RunState::add_visit(MortonKey leaf, const VisitStats& stats) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  ++info.num_visits;
+  ++run_.counts.num_visits;
+  info.num_deletions += stats.deletions;
+  run_.counts.num_deletions += stats.deletions;
+  for (std::size_t c = 0; c < kNumConditions; ++c) {
+    info.num_insertions[c] += stats.insertions[c];
+    run_.counts.num_insertions[c] += stats.insertions[c];
+  }
+}
+
+void RunState::allow_short_visit(MortonKey leaf) {
+  leaves_.edit_info(leaf).first_new_id = run_.next_point_id;
+}
+
+void RunState::require_whole_visit(MortonKey leaf) {
+  if (leaves_.info(leaf).first_new_id != 0) leaves_.edit_info(leaf).first_new_id = 0;
+}
+
+void RunState::put_cells(MortonKey leaf, LeafCells cells) {
+  put_count(leaves_.edit_info(leaf).num_cells, cells.cells.size(), run_.counts.num_cells);
+  leaves_.put_cells(leaf, std::move(cells));
+}
+
+void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  info.num_left_out += info.num_cells - left.cells.size();
+  put_cells(leaf, std::move(left));
+}
+
+void RunState::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
+  put_count(leaves_.edit_info(leaf).num_unresolved, unresolved.sites.size(),
+            run_.counts.num_unresolved);
+  leaves_.put_unresolved(leaf, std::move(unresolved));
+}
+
+void RunState::put_num_core_cells(MortonKey leaf, std::uint64_t num_cells) {
+  if (leaves_.info(leaf).num_core_cells != num_cells)
+    put_count(leaves_.edit_info(leaf).num_core_cells, num_cells, run_.counts.num_cells);
+}
+
+void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
+  const LeafInfo& parent = leaves_.info(leaf);
+  run_.counts.num_cells -= parent.num_cells + parent.num_core_cells;
+  run_.counts.num_unresolved -= parent.num_unresolved;
+  if (parent.queued) dequeue(leaf);
+  leaves_.erase_leaf(leaf);
+  octree_.split(leaf);
+  for (int octant = 0; octant < 8; ++octant) {
+    auto& [is_center_inside, points, surface] = children[static_cast<std::size_t>(octant)];
+    const MortonKey key = leaf.child(octant);
+    LeafInfo info;
+    info.is_center_inside = is_center_inside;
+    info.num_points = points.points.size();
+    info.num_core_points = num_points(points.core, sites(key));
+    info.num_triangles = surface.triangles.size();
+    leaves_.add_leaf(key, info, std::move(points), std::move(surface));
+    if (info.num_points > 0) enqueue(key);
+  }
+}
+
+void RunState::note_visit() {
+  ++num_unwritten_visits_;
+  leaves_.trim();
+}
+
+bool RunState::is_commit_due() const {
+  return num_unwritten_visits_ >= kMaxVisitsOfCommit ||
+         leaves_.unwritten_bytes() > max_unwritten_bytes_ ||
+         std::chrono::steady_clock::now() - last_commit_ > kMaxTimeOfCommit;
+}
+
+void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
+  Batch batch = store_.begin();
+  leaves_.write_to(batch);
+  queue_.write_to(batch);
+  batch.put_run(run_);
+  if (memory) batch.put_memory(*memory);
+  if (timeline) batch.put_timeline(*timeline);
+  batch.commit();
+  num_unwritten_visits_ = 0;
+  last_commit_ = std::chrono::steady_clock::now();
+  leaves_.trim();
+  store_.release_pages();
+}
+
+}  // namespace locvol
