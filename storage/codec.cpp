@@ -32,19 +32,15 @@
 //
 //   | count u64 | byte 0 of every value | byte 1 of every value | ... |
 //
-// Fields, version 1 of every kind but leaf, which has version 4, and points, which have version 2
-// (columns in brackets; "steps" are differences to the value before, "changed bits" the exclusive
-// or with it, both from 0):
+// Fields (columns in brackets; "steps" are differences to the value before, "changed bits" the
+// exclusive or with it, both from 0):
 //
 // clang-format off
 //   0 format      version u32
 //   1 run         parameters, surface facts, frame, progress: in the order of fields() below
-//   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
-//                 first_new_id from version 2 on, the core's counts from version 3 on,
-//                 num_left_out from version 4 on
-//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8];
-//                 the core from version 2 on: whole u8, [i] [j] [k of the rows' first sites,
-//                 steps u32] [counts u32]
+//   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32
+//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8]; the core: whole u8,
+//                 [i] [j] [k of the rows' first sites, steps u32] [counts u32]
 //   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32]
 //                 [third - first] [fourth - first]
 //   5 surface     [id steps u64] [x] [y] [z of each distinct corner, in order of appearance:
@@ -57,8 +53,7 @@
 //  10 timeline    [each number of a TimelineSample in order, steps u64], and last [phase u8]
 // clang-format on
 //
-// A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
-// (tests/storage/golden).
+// A change of fields raises the version of that kind and adds a golden file (tests/storage/golden).
 
 namespace locvol {
 namespace {
@@ -79,9 +74,9 @@ inline constexpr Kind kKind<StoreFormat>{0, 1};
 template <>
 inline constexpr Kind kKind<RunRecord>{1, 1};
 template <>
-inline constexpr Kind kKind<LeafInfo>{2, 4};
+inline constexpr Kind kKind<LeafInfo>{2, 1};
 template <>
-inline constexpr Kind kKind<LeafPoints>{3, 2};
+inline constexpr Kind kKind<LeafPoints>{3, 1};
 template <>
 inline constexpr Kind kKind<LeafCells>{4, 1};
 template <>
@@ -335,26 +330,12 @@ struct StoredLeafInfo {
   QueuePosition position;
 };
 
-void fields_of_version_1(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
+void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
   auto& info = leaf.info;
   archive(info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
           info.num_triangles, info.num_insertions, info.num_deletions, info.num_unresolved,
-          leaf.is_queued, leaf.position);
-}
-
-void fields_of_version_2(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_1(archive, leaf);
-  archive(leaf.info.first_new_id);
-}
-
-void fields_of_version_3(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_2(archive, leaf);
-  archive(leaf.info.num_core_points, leaf.info.num_core_cells);
-}
-
-void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_3(archive, leaf);
-  archive(leaf.info.num_left_out);
+          leaf.is_queued, leaf.position, info.first_new_id, info.num_core_points,
+          info.num_core_cells, info.num_left_out);
 }
 
 struct PositionColumns {
@@ -415,12 +396,8 @@ void fields(auto& archive, Maybe<PositionColumns> auto& c) { archive(c.x, c.y, c
 void fields(auto& archive, Maybe<CoreColumns> auto& c) {
   archive(c.is_whole, c.i, c.j, c.k, c.counts);
 }
-void fields_of_version_1(auto& archive, Maybe<PointColumns> auto& c) {
-  archive(c.ids, c.positions, c.kinds);
-}
 void fields(auto& archive, Maybe<PointColumns> auto& c) {
-  fields_of_version_1(archive, c);
-  archive(c.core);
+  archive(c.ids, c.positions, c.kinds, c.core);
 }
 void fields(auto& archive, Maybe<CellColumns> auto& c) { archive(c.vertices, c.corners); }
 void fields(auto& archive, Maybe<TriangleColumns> auto& c) {
@@ -853,22 +830,6 @@ Content decompress(std::string_view frame) {
   return content;
 }
 
-// Fields of an older version, if it is known; what is newer stays as it is made.
-bool read_older(ContentReader& in, std::uint16_t version, StoredLeafInfo& leaf) {
-  if (version == 1) fields_of_version_1(in, leaf);
-  if (version == 2) fields_of_version_2(in, leaf);
-  if (version == 3) fields_of_version_3(in, leaf);
-  return 1 <= version && version <= 3;
-}
-bool read_older(ContentReader& in, std::uint16_t version, PointColumns& points) {
-  if (version == 1) fields_of_version_1(in, points);
-  return version == 1;
-}
-template <class Stored>
-bool read_older(ContentReader&, std::uint16_t, Stored&) {
-  return false;
-}
-
 }  // namespace
 
 template <class Record>
@@ -888,12 +849,11 @@ Record decode(std::string_view bytes, MortonKey leaf) try {
   in(kind, version, stored_leaf);
   if (kind != kKind<Record>.number) throw DecodeError("a record of another kind");
   if (stored_leaf != leaf) throw DecodeError("a record of another leaf");
-  std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
-  if (version == kKind<Record>.version)
-    in(stored);
-  else if (!read_older(in, version, stored))
+  if (version != kKind<Record>.version)
     throw DecodeError("record version " + std::to_string(version) +
                       ", which this program does not know");
+  std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
+  in(stored);
   if (!in.is_at_end()) throw DecodeError("bytes left over");
   return record_of(std::move(stored));
 } catch (const boost::archive::archive_exception&) {
