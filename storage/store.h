@@ -42,9 +42,6 @@ class CorruptRecord : public StoreError {
 // Upper bounds, measured (storage/README.md).
 inline constexpr std::uint64_t kStoreFixedBytes = std::uint64_t{4} << 20;   // an open Store
 inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // zstd's contexts
-// Encoding or decoding a record takes this many times its bytes as a struct while it lasts, with
-// the result.
-inline constexpr std::uint64_t kCodecFactor = 4;
 
 // The end of every message about damage.
 inline constexpr const char* kDamageCure =

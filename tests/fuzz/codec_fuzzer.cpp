@@ -25,7 +25,7 @@ namespace {
 
 enum Stage { kStored = 0, kContent = 1, kFields = 2 };
 
-constexpr std::size_t kHeaderBytes = 11;  // kind, version, leaf
+constexpr std::size_t kHeaderBytes = 13;  // kind, leaf, version
 constexpr MortonKey kLeaf = MortonKey::from_bits(0x0123456789abc000);
 
 template <class Record>
