@@ -29,6 +29,8 @@
 #include <utility>
 #include <vector>
 
+#include "octree/table_hash.h"
+
 // The bytes of a record
 // =====================
 // A record is one zstd frame (RFC 8878) with content size and content checksum (XXH64). In it, an
@@ -334,13 +336,6 @@ void serialize(Archive& archive, Columns<Items, Numbers...>& list, unsigned vers
 
 // Points by their bits: 0 and -0 differ, and so both survive.
 using PointBits = std::array<std::uint64_t, 3>;
-struct HashPointBits {
-  std::size_t operator()(const PointBits& bits) const {
-    std::uint64_t hash = 0;
-    for (const std::uint64_t word : bits) hash = std::rotl((hash ^ word) * 0x9E3779B97F4A7C15u, 29);
-    return hash;
-  }
-};
 
 struct DistinctCorners {
   std::vector<Point> corners;
@@ -350,7 +345,7 @@ struct DistinctCorners {
 DistinctCorners distinct_corners(const std::vector<Triangle>& triangles) {
   DistinctCorners distinct;
   distinct.references.reserve(3 * triangles.size());
-  std::unordered_map<PointBits, std::uint32_t, HashPointBits> index;  // looked up, never iterated
+  std::unordered_map<PointBits, std::uint32_t, TableHash> index;  // looked up, never iterated
   for (const Triangle& triangle : triangles)
     for (const Point& corner : triangle.corners) {
       const auto num_known = static_cast<std::uint32_t>(index.size());
