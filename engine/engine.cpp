@@ -23,35 +23,35 @@
 namespace locvol {
 namespace {
 
-int num_threads(const RunControl& control) {
-  return control.num_threads > 0 ? control.num_threads : num_usable_threads();
-}
+using TellProgress = std::function<void(const Progress&)>;
 
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
   // Throws Stopped.
-  Engine(Store& store, const MemoryPlan& plan, const RunControl& control, const StopSource& stop,
-         const WorkClock& clock)
-      : control_(control),
+  Engine(Store& store, const MemoryPlan& plan, int num_threads, const TellProgress& on_progress,
+         const StopSource& stop, const WorkClock& clock)
+      : on_progress_(on_progress),
         stop_(stop),
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
         loader_(state_, budget_, &stop),
-        num_threads_(plan.num_threads(num_threads(control))),
+        num_threads_(plan.num_threads(num_threads > 0 ? num_threads : num_usable_threads())),
         visits_(state_, budget_, num_threads_),
         clock_(clock),
         timeline_(store.snapshot().timeline(), clock.started()) {
-    note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run.phase);
+    note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run().phase);
   }
 
   // Until all is done, or the user stops it: then all visits that were applied are committed, and
   // Stopped is thrown.
   void run() try {
-    if (state_.run.phase == Phase::kInitialize) initialize();
-    if (state_.run.phase == Phase::kRefine) refine();
-    if (state_.run.phase == Phase::kMend) mend();
+    if (state_.run().phase == Phase::kScatter) scatter();
+    if (state_.run().phase == Phase::kCover) cover();
+    if (state_.run().phase == Phase::kFill) fill();
+    if (state_.run().phase == Phase::kRefine) refine();
+    if (state_.run().phase == Phase::kMend) mend();
   } catch (const Stopped&) {
     commit();
     throw;
@@ -69,7 +69,7 @@ class Engine {
           });
     };
     visit_all(load);
-    const bool is_whole = state_.run.num_unresolved == 0;
+    const bool is_whole = state_.run().counts.num_unresolved == 0;
     if (!is_whole) enqueue_for_mending(state_);
     end_phase(is_whole ? Phase::kDone : Phase::kMend);
   }
@@ -88,25 +88,29 @@ class Engine {
     end_phase(Phase::kDone);
   }
 
-  void initialize() { state_.is_cover() ? cover() : scatter(); }
-
-  // Each leaf that the domain may meet gets its share of a point set that covers it: in one epoch
-  // what does not depend on its neighbors' share, in the next what does.
+  // Each leaf that the domain may meet gets its share of a point set that covers it: first what
+  // does not depend on its neighbors' share. Covered leaves wait for the next epoch.
   void cover() {
     const auto load = [this](MortonKey leaf) {
-      if (state_.run.epoch != kCoverEpoch)
-        return make_visit(
-            loader_.load_fill(leaf),
-            [](LoadedFill& loaded) { return fill_leaf(loaded.complete()); },
-            [this, leaf](const FillPoints& points) {
-              apply_fill(state_, leaf, points);
-              note_visit();
-            });
       return make_visit(
           loader_.load_cover(leaf),
           [](LoadedCover& loaded) { return cover_leaf(loaded.complete()); },
           [this, leaf](const CoverPoints& points) {
             apply_cover(state_, leaf, points);
+            note_visit();
+          });
+    };
+    if (state_.queue().num_in_epoch(state_.run().epoch) > 0 && open_epoch()) visit_epoch(load);
+    end_phase(Phase::kFill);
+  }
+
+  // Then what does.
+  void fill() {
+    const auto load = [this](MortonKey leaf) {
+      return make_visit(
+          loader_.load_fill(leaf), [](LoadedFill& loaded) { return fill_leaf(loaded.complete()); },
+          [this, leaf](const FillPoints& points) {
+            apply_fill(state_, leaf, points);
             note_visit();
           });
     };
@@ -117,7 +121,7 @@ class Engine {
   // All or nothing: a second time, the same points would come again.
   void scatter() {
     const auto& surface = loader_.whole_surface();
-    for (const Point& point : scatter_on_surface(surface.triangles(), state_.run.parameters.seed))
+    for (const Point& point : scatter_on_surface(surface.triangles(), state_.run().parameters.seed))
       loader_.note_inserted(state_.add_point(point, PointKind::kSurface));
     begin_refinement(nullptr);
   }
@@ -130,7 +134,7 @@ class Engine {
   // False: no leaves wait.
   bool open_epoch() {
     if (state_.open_epoch(&stop_)) commit();
-    return !state_.queue.is_empty();
+    return !state_.queue().is_empty();
   }
 
   void visit_epoch(const VisitPipeline::Load& load) try {
@@ -138,7 +142,7 @@ class Engine {
   } catch (const VisitError& e) {
     commit();  // so that the visit can be made again, as it was
     throw VisitError(e.leaf(), std::string(e.what()) + "; this is a bug of locvol. The store " +
-                                   state_.store.directory().string() +
+                                   state_.store().directory().string() +
                                    " holds all that was done before");
   } catch (const OverBudget& e) {
     commit();
@@ -162,47 +166,40 @@ class Engine {
   }
 
   void end_phase(Phase next) {
-    note_sample(state_.run.phase);
-    state_.run.phase = next;
+    note_sample(state_.run().phase);
+    state_.begin_phase(next);
     commit();
   }
 
   void commit() {
-    note_sample(state_.run.phase);
+    note_sample(state_.run().phase);
     state_.commit(memory_use(), &timeline_.record());
     tell_progress();
   }
 
   void tell_progress() const {
-    if (!control_.on_progress) return;
-    const RunRecord& run = state_.run;
-    control_.on_progress({.phase = run.phase,
-                          .num_leaves = state_.octree.size(),
-                          .num_queued = state_.queue.size(),
-                          .num_visits = run.num_visits,
-                          .num_in_epoch = state_.queue.num_in_epoch(run.epoch),
-                          .num_points = run.num_points,
-                          .num_cells = run.num_cells,
-                          .epoch = run.epoch,
-                          .first_epoch = state_.is_cover() ? kCoverEpoch + 2 : 1});
+    if (!on_progress_) return;
+    const RunRecord& run = state_.run();
+    on_progress_({.phase = run.phase,
+                  .counts = run.counts,
+                  .num_leaves = state_.octree().size(),
+                  .num_queued = state_.queue().size(),
+                  .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
+                  .epoch = run.epoch,
+                  .first_epoch = state_.is_cover() ? 2U : 1U});  // after covering, filling
   }
 
   // `phase`: what took the time since the last sample.
   void note_sample(Phase phase) {
-    const RunRecord& run = state_.run;
+    const RunRecord& run = state_.run();
     timeline_.add({.num_threads = static_cast<std::uint64_t>(num_threads_),
                    .memory_cap = plan_.cap(),
                    .resident = resident_memory(),
                    .phase = phase,
                    .epoch = run.epoch,
-                   .num_leaves = state_.octree.size(),
-                   .num_queued = state_.queue.size(),
-                   .num_visits = run.num_visits,
-                   .num_points = run.num_points,
-                   .num_cells = run.num_cells,
-                   .num_unresolved = run.num_unresolved,
-                   .num_insertions = run.num_insertions,
-                   .num_deletions = run.num_deletions},
+                   .num_leaves = state_.octree().size(),
+                   .num_queued = state_.queue().size(),
+                   .counts = run.counts},
                   clock_.milliseconds());
   }
 
@@ -214,7 +211,7 @@ class Engine {
     return memory;
   }
 
-  const RunControl& control_;
+  const TellProgress& on_progress_;
   const StopSource& stop_;
   const MemoryPlan& plan_;
   MemoryBudget budget_;
@@ -239,35 +236,41 @@ void check_output(const RunRecord& run, const std::filesystem::path& store,
   require_room(run, store, control.output, control.output_options, disk);
 }
 
+IngestWatch watch_of(const RunControl& control, const StopSource& stop) {
+  std::function<void(std::uint64_t)> tell;
+  if (control.on_progress)
+    tell = [&control](std::uint64_t num_triangles) {
+      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    };
+  return IngestWatch(&stop, tell);
+}
+
 // Takes in the surface for a run that `planned` makes of its digest and bounding box. Throws
 // Stopped before that is known, with nothing changed.
 Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
                const std::function<Store()>& open_store, const RunControl& control,
                const StopSource& stop) {
-  memory_cap(control.memory_bytes);
+  const std::uint64_t cap = memory_cap(control.memory_bytes);
   IngestWatch watch = watch_of(control, stop);
   RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
-  return ingest(
-      std::move(raw), run,
-      [&](const RunRecord& known, std::uint64_t spilled) {
-        // Temporary files, which will be gone.
-        const std::uint64_t disk = disk_of(directory).id;
-        check_output(known, directory, control, [&](const std::filesystem::path& place) {
-          Disk found = disk_of(place);
-          if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
-          return found;
-        });
-      },
-      open_store, control, stop);
-}
-
-// A run without first points yet whose lattice points would have numbers of their own, as they had
-// before the core was kept apart.
-bool is_outdated(const RunRecord& run) {
-  return run.phase == Phase::kInitialize && run.parameters.init == Initialization::kCover &&
-         run.next_point_id < kFirstOtherId;
+  const auto check = [&](const RunRecord& known, std::uint64_t spilled) {
+    if (control.on_note) std::ranges::for_each(known.surface.notes, control.on_note);
+    // Temporary files, which will be gone.
+    const std::uint64_t disk = disk_of(directory).id;
+    check_output(known, directory, control, [&](const std::filesystem::path& place) {
+      Disk found = disk_of(place);
+      if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
+      return found;
+    });
+  };
+  const auto begin = [&](const RunRecord& known) {
+    planned_memory(known, cap);
+    if (control.on_run) control.on_run(known);
+  };
+  Workers workers(num_streaming_threads(control.num_threads, cap));
+  return ingest(std::move(raw), run, {check, begin, open_store}, watch, workers);
 }
 
 RunSummary interrupted(const Store& store) {
@@ -280,18 +283,15 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
                   const WorkClock& clock) {
   const RunRecord run = store.snapshot().run().value();
   if (run.phase == Phase::kIngest) return interrupted(store);
-  if (is_outdated(run))
-    throw StoreError("the store " + store.directory().string() +
-                     " was begun by an earlier version of locvol: force a new run over it");
   check_output(run, store.directory(), control);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   try {
-    Engine(store, plan, control, stop, clock).run();
+    Engine(store, plan, control.num_threads, control.on_progress, stop, clock).run();
   } catch (const Stopped&) {
     return interrupted(store);
   }
   RunSummary summary = summarize(store.snapshot());
-  if (summary.num_cells == 0)
+  if (summary.run.counts.num_cells == 0)
     throw InputError(summary.run.surface.file +
                      ": no cell fits the surface at this size; choose a smaller one");
   return summary;
@@ -322,7 +322,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
         planned_run(options, surface.digest(&stop), held->surface.box).parameters;
-    if ((held->parameters == asked && !is_outdated(*held)) || !options.is_forced) {
+    if (held->parameters == asked || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
       if (control.on_run) control.on_run(*held);
@@ -390,14 +390,8 @@ RunSummary summarize(const Reader& reader) {
   const auto run = reader.run();
   if (!run) throw StoreError("the store holds no run");
   RunSummary summary{
-      .outcome = run->num_unresolved > 0 ? RunOutcome::kUnresolved : RunOutcome::kDone,
-      .run = *run,
-      .num_points = run->num_points,
-      .num_cells = run->num_cells,
-      .num_unresolved = run->num_unresolved,
-      .num_visits = run->num_visits,
-      .num_deletions = run->num_deletions,
-      .num_insertions = run->num_insertions};
+      .outcome = run->counts.num_unresolved > 0 ? RunOutcome::kUnresolved : RunOutcome::kDone,
+      .run = *run};
   if (run->phase != Phase::kDone) summary.outcome = RunOutcome::kInterrupted;
   reader.for_each_leaf([&](MortonKey, const LeafInfo& info) {
     ++summary.num_leaves;

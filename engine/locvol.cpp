@@ -13,7 +13,6 @@
 
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
-#include "engine/ingest/ingest.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/output/boundary_surface.h"
@@ -136,11 +135,13 @@ class ScratchDirectory {
   std::filesystem::path path_;
 };
 
-Stage stage_of(Phase phase) {
+Stage public_stage(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return Stage::kIngest;
-    case Phase::kInitialize:
+    case Phase::kScatter:
+    case Phase::kCover:
+    case Phase::kFill:
       return Stage::kInitialize;
     case Phase::kRefine:
     case Phase::kMend:
@@ -152,13 +153,13 @@ Stage stage_of(Phase phase) {
 }
 
 Status status_of(const Progress& progress) {
-  return {.stage = stage_of(progress.phase),
+  return {.stage = public_stage(progress.phase),
           .num_triangles = progress.num_triangles,
           .num_leaves = progress.num_leaves,
           .num_waiting = progress.num_queued,
-          .num_visits = progress.num_visits,
-          .num_points = progress.num_points,
-          .num_cells = progress.num_cells};
+          .num_visits = progress.counts.num_visits,
+          .num_points = progress.counts.num_points,
+          .num_cells = progress.counts.num_cells};
 }
 
 RunControl run_control(const Control& control, Thrown& thrown) {
@@ -246,11 +247,11 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
 Summary summary_of(const RunSummary& run) {
   const SurfaceFacts& surface = run.run.surface;
   return {.size = run.run.parameters.size,
-          .num_cells = run.num_cells,
-          .num_points = run.num_points,
+          .num_cells = run.run.counts.num_cells,
+          .num_points = run.run.counts.num_points,
           .num_leaves = run.num_leaves,
-          .num_visits = run.num_visits,
-          .num_unresolved = run.num_unresolved,
+          .num_visits = run.run.counts.num_visits,
+          .num_unresolved = run.run.counts.num_unresolved,
           .num_surface_triangles = surface.num_triangles,
           .num_surface_vertices = surface.num_vertices,
           .num_surface_components = surface.num_components,
@@ -461,7 +462,10 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
     const StopSource stop(run.is_stopped);
-    IngestWatch watch = watch_of(run, stop);
+    IngestWatch watch(&stop, [&](std::uint64_t num_triangles) {
+      if (run.on_progress)
+        run.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, thrown),
                                               scratch_directory(scratch), watch, workers)

@@ -61,7 +61,7 @@
 //                 appearance] [references u32, three to a triangle: distinct corners so far -
 //                 index; 0 is the next new one]
 //   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
-//   7 queue       position, leaf, dirty box
+//   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord
 //   9 keys        [sum u64]
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
@@ -84,7 +84,7 @@ constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
-constexpr Phase last_of(Phase) { return Phase::kMend; }
+constexpr Phase last_of(Phase) { return Phase::kDone; }
 
 template <class T>
 concept Enumeration = std::is_enum_v<T>;
@@ -441,14 +441,18 @@ void serialize(auto& archive, SurfaceFacts& s, unsigned) {
        s.area, s.volume, s.box, s.notes);
 }
 
+void serialize(auto& archive, RunCounts& counts, unsigned) {
+  each(archive, counts.num_visits, counts.num_points, counts.num_cells, counts.num_unresolved,
+       items_of(counts.num_insertions), counts.num_deletions);
+}
+
 // -- Records --------------------------------------------------------------------------------------
 
 void serialize(auto& archive, StoreFormat& format, unsigned) { each(archive, format.version); }
 
 void serialize(auto& archive, RunRecord& run, unsigned) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
-       run.num_visits, run.num_points, run.num_cells, run.num_unresolved,
-       items_of(run.num_insertions), run.num_deletions);
+       run.counts);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned) {
@@ -501,7 +505,7 @@ void serialize(auto& archive, LeafUnresolved& record, unsigned) {
 }
 
 void serialize(auto& archive, QueueEntry& entry, unsigned) {
-  each(archive, entry.position, entry.leaf, entry.dirty);
+  each(archive, entry.position, entry.leaf);
 }
 
 void serialize(auto& archive, MemoryRecord& m, unsigned) {
@@ -514,18 +518,22 @@ void serialize(auto& archive, KeySums& keys, unsigned) {
 
 void serialize(auto& archive, TimelineRecord& record, unsigned) {
   using Sample = TimelineSample;
-  constexpr auto kInsertions = &Sample::num_insertions;
-  each(archive, columns(record.samples, Steps(field<&Sample::milliseconds>),
-                        Steps(field<&Sample::sitting>), Steps(field<&Sample::started>),
-                        Steps(field<&Sample::num_threads>), Steps(field<&Sample::memory_cap>),
-                        Steps(field<&Sample::resident>), Steps(field<&Sample::epoch>),
-                        Steps(field<&Sample::num_leaves>), Steps(field<&Sample::num_queued>),
-                        Steps(field<&Sample::num_visits>), Steps(field<&Sample::num_points>),
-                        Steps(field<&Sample::num_cells>), Steps(field<&Sample::num_unresolved>),
-                        Steps(field<&Sample::num_deletions>), Steps(element<0, kInsertions>),
-                        Steps(element<1, kInsertions>), Steps(element<2, kInsertions>),
-                        Steps(element<3, kInsertions>), Steps(element<4, kInsertions>),
-                        Steps(element<5, kInsertions>), Plain(field<&Sample::phase>)));
+  constexpr auto kCounts = &Sample::counts;
+  constexpr auto kInsertions = &RunCounts::num_insertions;
+  each(archive,
+       columns(record.samples, Steps(field<&Sample::milliseconds>), Steps(field<&Sample::sitting>),
+               Steps(field<&Sample::started>), Steps(field<&Sample::num_threads>),
+               Steps(field<&Sample::memory_cap>), Steps(field<&Sample::resident>),
+               Steps(field<&Sample::epoch>), Steps(field<&Sample::num_leaves>),
+               Steps(field<&Sample::num_queued>), Steps(field<kCounts, &RunCounts::num_visits>),
+               Steps(field<kCounts, &RunCounts::num_points>),
+               Steps(field<kCounts, &RunCounts::num_cells>),
+               Steps(field<kCounts, &RunCounts::num_unresolved>),
+               Steps(field<kCounts, &RunCounts::num_deletions>),
+               Steps(element<0, kCounts, kInsertions>), Steps(element<1, kCounts, kInsertions>),
+               Steps(element<2, kCounts, kInsertions>), Steps(element<3, kCounts, kInsertions>),
+               Steps(element<4, kCounts, kInsertions>), Steps(element<5, kCounts, kInsertions>),
+               Plain(field<&Sample::phase>)));
 }
 
 }  // namespace locvol
@@ -540,6 +548,7 @@ BOOST_CLASS_IMPLEMENTATION(std::optional<locvol::QueuePosition>, object_serializ
 BOOST_CLASS_IMPLEMENTATION(locvol::LatticeCore, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::RunParameters, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::SurfaceFacts, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::RunCounts, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(std::vector<std::string>, object_serializable)
 
 namespace locvol {

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "storage/codec.h"
+#include "storage/store_error.h"
 
 namespace locvol {
 namespace {
@@ -122,10 +123,9 @@ Environment::Environment(const std::filesystem::path& directory, Id id, const St
     throw StoreError(place() + "is on a network file system (" + *network +
                      "), where a memory-mapped database is not safe; use a local disk");
   const bool may_create = options.create && !options.read_only;
-  if (!Store::exists(directory) && !may_create)
-    throw StoreError(place() + "there is no store here");
+  if (!exists(directory) && !may_create) throw StoreError(place() + "there is no store here");
   if (!options.read_only) lock_ = WriterLock::acquire(directory);
-  const bool has_data = Store::exists(directory);
+  const bool has_data = exists(directory);
   // What a creation leaves that was cut short may end within the meta pages.
   if (!has_data) std::filesystem::remove(directory / kDataName);
   const FileDescriptor data(::open((directory / kDataName).c_str(), O_RDONLY | O_CLOEXEC));

@@ -28,7 +28,7 @@
 #include "storage/file_system.h"
 #include "storage/mapped_pages.h"
 #include "storage/page_check.h"
-#include "storage/store.h"
+#include "storage/store_options.h"
 
 struct MDB_cursor;
 struct MDB_env;

@@ -16,7 +16,7 @@
 #include <system_error>
 #include <thread>
 
-#include "storage/store.h"
+#include "storage/store_error.h"
 
 namespace locvol {
 namespace {

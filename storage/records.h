@@ -75,20 +75,18 @@ struct LeafUnresolved {
   friend bool operator==(const LeafUnresolved&, const LeafUnresolved&) = default;
 };
 
+// A leaf that waits, in the order of the queue.
 struct QueueEntry {
   QueuePosition position;
   MortonKey leaf;
-  Box dirty;  // contains all points changed near the leaf since its last visit
-  friend bool operator==(const QueueEntry&, const QueueEntry&) = default;
+  friend auto operator<=>(const QueueEntry&, const QueueEntry&) = default;
 };
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
-// One after another, but for kMend, which comes between kRefine and kDone, and only if sites are
-// unresolved: then cells are left out where the boundary is no 2-manifold.
-enum class Phase : std::uint8_t { kIngest = 0, kInitialize = 1, kRefine = 2, kDone = 3, kMend = 4 };
-// For those who measure or draw a run, in the order of their numbers: mending is the end of
-// refinement.
-constexpr Phase working(Phase phase) { return phase > Phase::kRefine ? Phase::kRefine : phase; }
+// One after another. The first points are scattered in paper mode; in cover mode leaves are covered
+// and then, once all of these points are known, the holes between them filled. kMend comes only if
+// sites are unresolved: then cells are left out where the boundary is no 2-manifold.
+enum class Phase : std::uint8_t { kIngest, kScatter, kCover, kFill, kRefine, kMend, kDone };
 
 // What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.
 struct RunParameters {
@@ -101,6 +99,9 @@ struct RunParameters {
   std::uint64_t seed = 0;
   friend bool operator==(const RunParameters&, const RunParameters&) = default;
 };
+
+// What messages and stores call a surface that is in no file.
+inline constexpr const char* kInMemory = "surface in memory";
 
 // What is known of the repaired input surface.
 struct SurfaceFacts {
@@ -116,6 +117,17 @@ struct SurfaceFacts {
   friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
 };
 
+// Totals of a run so far, with the core's; they outlive the leaves that were split.
+struct RunCounts {
+  std::uint64_t num_visits = 0;
+  std::uint64_t num_points = 0;
+  std::uint64_t num_cells = 0;
+  std::uint64_t num_unresolved = 0;
+  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
+  std::uint64_t num_deletions = 0;
+  friend bool operator==(const RunCounts&, const RunCounts&) = default;
+};
+
 struct RunRecord {
   RunParameters parameters;
   SurfaceFacts surface;
@@ -123,13 +135,7 @@ struct RunRecord {
   Phase phase = Phase::kIngest;
   std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
-  std::uint64_t num_visits = 0;
-  // Totals of the run so far, with the core's; they outlive the leaves that were split.
-  std::uint64_t num_points = 0;
-  std::uint64_t num_cells = 0;
-  std::uint64_t num_unresolved = 0;
-  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
-  std::uint64_t num_deletions = 0;
+  RunCounts counts;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 
@@ -146,7 +152,7 @@ struct MemoryRecord {
   friend bool operator==(const MemoryRecord&, const MemoryRecord&) = default;
 };
 
-// Where a run stood at one moment of its work. Counts are totals so far, of all sittings.
+// Where a run stood at one moment of its work.
 struct TimelineSample {
   std::uint64_t milliseconds = 0;  // of work, over all sittings
   std::uint64_t sitting = 0;       // which of the processes that worked on the run, from 0 on
@@ -157,9 +163,7 @@ struct TimelineSample {
   Phase phase = Phase::kIngest;    // that took the time since the sample before
   std::uint64_t epoch = 0;
   std::uint64_t num_leaves = 0, num_queued = 0;
-  std::uint64_t num_visits = 0, num_points = 0, num_cells = 0, num_unresolved = 0;
-  std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
-  std::uint64_t num_deletions = 0;
+  RunCounts counts;  // of all sittings
   friend bool operator==(const TimelineSample&, const TimelineSample&) = default;
 };
 

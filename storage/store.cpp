@@ -69,11 +69,11 @@ std::string chunk_key(std::string_view leaf, std::uint32_t chunk) {
   return key;
 }
 
-std::string queue_key(QueuePosition position, MortonKey leaf) {
+std::string queue_key(const QueueEntry& entry) {
   std::string key;
-  append_big_endian(key, position.epoch);
-  append_big_endian(key, position.color);
-  append_big_endian(key, leaf.bits());
+  append_big_endian(key, entry.position.epoch);
+  append_big_endian(key, entry.position.color);
+  append_big_endian(key, entry.leaf.bits());
   return key;
 }
 
@@ -395,7 +395,7 @@ QueueEntry decode_queue_entry(const Path& store, const std::string& key,
                               const std::string& record) {
   const MortonKey leaf = leaf_of_key(store, Database::kQueue, key, 2 * sizeof(std::uint32_t));
   const auto entry = decode_in<QueueEntry>(store, Database::kQueue, record, leaf);
-  if (queue_key(entry.position, entry.leaf) != key)
+  if (queue_key(entry) != key)
     report_damage(store, Database::kQueue, leaf, "a record of another place in the queue");
   return entry;
 }
@@ -408,24 +408,24 @@ void Reader::for_each_queued(const std::function<bool(const QueueEntry&)>& visit
   });
 }
 
-std::vector<QueuePlace> Reader::queue_places(const QueuePlace& from, std::size_t max) const {
-  std::vector<QueuePlace> places;
+std::vector<QueueEntry> Reader::queue_keys(const QueueEntry& from, std::size_t max) const {
+  std::vector<QueueEntry> entries;
   const auto take = [&](const std::string& key, const std::string&) {
     const MortonKey leaf = leaf_of_key(impl_->environment->directory(), Database::kQueue, key,
                                        2 * sizeof(std::uint32_t));
-    places.push_back(
+    entries.push_back(
         {{big_endian_at<std::uint32_t>(key, 0), big_endian_at<std::uint32_t>(key, 4)}, leaf});
-    return places.size() < max;
+    return entries.size() < max;
   };
-  if (max > 0) impl_->for_each(Database::kQueue, take, queue_key(from.position, from.leaf));
-  return places;
+  if (max > 0) impl_->for_each(Database::kQueue, take, queue_key(from));
+  return entries;
 }
 
-std::optional<QueueEntry> Reader::queue_entry(QueuePosition position, MortonKey leaf) const {
-  const std::string key = queue_key(position, leaf);
+bool Reader::has_queue_entry(const QueueEntry& entry) const {
+  const std::string key = queue_key(entry);
   const auto bytes = impl_->find(Database::kQueue, key);
-  if (!bytes) return std::nullopt;
-  return decode_queue_entry(impl_->environment->directory(), key, *bytes);
+  if (bytes) decode_queue_entry(impl_->environment->directory(), key, *bytes);
+  return bytes.has_value();
 }
 
 // -- Snapshot and Batch ---------------------------------------------------------------------------
@@ -479,11 +479,11 @@ void Batch::erase_leaf(MortonKey key) {
 
 void Batch::put_queue_entry(const QueueEntry& entry) {
   assert(entry.leaf.is_valid());
-  impl_->put(Database::kQueue, queue_key(entry.position, entry.leaf), encode(entry, entry.leaf));
+  impl_->put(Database::kQueue, queue_key(entry), encode(entry, entry.leaf));
 }
 
-void Batch::erase_queue_entry(QueuePosition position, MortonKey leaf) {
-  impl_->put(Database::kQueue, queue_key(position, leaf), std::nullopt);
+void Batch::erase_queue_entry(const QueueEntry& entry) {
+  impl_->put(Database::kQueue, queue_key(entry), std::nullopt);
 }
 
 std::uint64_t Batch::bytes_written() const { return impl_->bytes_written; }

@@ -16,63 +16,19 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "octree/morton_key.h"
 #include "storage/records.h"
+#include "storage/store_error.h"
+#include "storage/store_options.h"
 
 namespace locvol {
-
-class StoreError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-class CorruptRecord : public StoreError {
- public:
-  CorruptRecord(const std::string& what, MortonKey leaf) : StoreError(what), leaf_(leaf) {}
-  MortonKey leaf() const { return leaf_; }  // not valid: the record belongs to no leaf
-
- private:
-  MortonKey leaf_;
-};
 
 // Upper bounds, measured (storage/README.md).
 inline constexpr std::uint64_t kStoreFixedBytes = std::uint64_t{4} << 20;   // an open Store
 inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // zstd's contexts
-
-// The end of every message about damage.
-inline constexpr const char* kDamageCure =
-    "; it cannot be mended: remove the store, and mesh the surface again, or put back a copy";
-
-struct StoreOptions {
-  bool create = false;  // make the directory and an empty store if there is none
-  bool read_only = false;
-  bool is_durable = true;  // false only in tests and benchmarks that measure what durability costs
-  // Address space to begin with, not memory; doubled when full, halved if there is not so much.
-  std::uint64_t map_bytes = std::uint64_t{64} << 30;
-  // Bound on the pages of the map that are in memory (Store::mapped_bytes()): beyond it, all are
-  // given back to the system, which costs less than what was read to get there. A directory that
-  // is open already in this process keeps its bound.
-  std::uint64_t memory_bytes = std::uint64_t{8} << 20;
-};
-
-// Bytes on disk and entries of one named database; a record of points, cells, surface or unresolved
-// sites is one entry per chunk of 4,080 bytes.
-struct DatabaseSize {
-  std::string name;
-  std::uint64_t bytes = 0;
-  std::uint64_t num_entries = 0;
-};
-
-// Where an entry of the queue lies, in the order of the queue.
-struct QueuePlace {
-  QueuePosition position;
-  MortonKey leaf;
-  friend auto operator<=>(const QueuePlace&, const QueuePlace&) = default;
-};
 
 // What both a Snapshot and a Batch can read.
 class Reader {
@@ -87,15 +43,15 @@ class Reader {
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
-  // The first `max` leaves, or places in the queue, from `from` on, in order. Decodes no record, so
-  // a damaged one is listed like any other; a damaged key may be no valid one.
+  // The first `max` leaves, or entries of the queue, from `from` on, in order. Decodes no record,
+  // so a damaged one is listed like any other; a damaged key may be no valid one.
   std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
-  std::vector<QueuePlace> queue_places(const QueuePlace& from, std::size_t max) const;
+  std::vector<QueueEntry> queue_keys(const QueueEntry& from, std::size_t max) const;
   // Every leaf with its info, in Morton order; stops when `visit` returns false.
   void for_each_leaf(const std::function<bool(MortonKey, const LeafInfo&)>& visit) const;
   // Queue entries in queue order; stops when `visit` returns false.
   void for_each_queued(const std::function<bool(const QueueEntry&)>& visit) const;
-  std::optional<QueueEntry> queue_entry(QueuePosition position, MortonKey leaf) const;
+  bool has_queue_entry(const QueueEntry& entry) const;
 
  protected:
   struct Impl;
@@ -133,7 +89,7 @@ class Batch : public Reader {
   void put_unresolved(MortonKey key, const LeafUnresolved& unresolved);
   void erase_leaf(MortonKey key);  // the leaf's info and all its records; not its queue entry
   void put_queue_entry(const QueueEntry& entry);
-  void erase_queue_entry(QueuePosition position, MortonKey leaf);
+  void erase_queue_entry(const QueueEntry& entry);
   std::uint64_t bytes_written() const;  // compressed, since the batch began
   std::uint64_t memory_bytes() const;   // what the batch holds until it is over
   // What commit() takes besides, at most: LMDB's copies of the pages that change. LMDB keeps what

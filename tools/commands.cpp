@@ -62,16 +62,12 @@ ProgressStyle progress_style(const auto& command) {
   return command.is_json ? ProgressStyle::kJson : ProgressStyle::kText;
 }
 
-int threads_of(const auto& command) {
-  return command.num_threads > 0 ? command.num_threads : num_usable_threads();
-}
-
 // Says which run begins or goes on, and what it will take.
-void tell_run(const RunRecord& run, const auto& command, ProgressLine& line) {
-  const int num_threads = threads_of(command);
+void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& line) {
+  const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
   const RunEstimate estimate =
-      estimate_run(run.surface, run.parameters, num_threads, command.output_options);
-  line.expect(estimate, !command.output.empty());
+      estimate_run(run.surface, run.parameters, num_threads, control.output_options);
+  line.expect(estimate, !control.output.empty());
   const bool begins = run.phase == Phase::kIngest;
   line.tell("run",
             {{"begins", begins},
@@ -83,23 +79,18 @@ void tell_run(const RunRecord& run, const auto& command, ProgressLine& line) {
                                  phase_name(run.phase)));
 }
 
-// `command`: a MeshCommand or a ResumeCommand.
-TimedRun run_with_progress(const auto& command, std::uint64_t cap, ProgressLine& line,
+// Under the cap on memory.
+TimedRun run_with_progress(RunControl control, std::uint64_t cap, ProgressLine& line,
                            const std::function<RunSummary(const RunControl&)>& run) {
-  const RunControl control{
-      .on_progress = [&](const Progress& progress) { line.update(progress); },
-      .is_stopped = StopSignal::is_requested,
-      .on_note = [&](const std::string& text) { line.note(text); },
-      .on_run = [&](const RunRecord& record) { tell_run(record, command, line); },
-      .output = command.output,
-      .output_options = command.output_options,
-      .memory_bytes = cap,
-      .num_threads = command.num_threads,
-  };
-  TimedRun timed{run(control), {}, num_streaming_threads(command.num_threads, cap)};
-  const auto seconds = line.phases().seconds_by_phase(line.seconds());
+  control.on_progress = [&](const Progress& progress) { line.update(progress); };
+  control.is_stopped = StopSignal::is_requested;
+  control.on_note = [&](const std::string& text) { line.note(text); };
+  control.on_run = [&](const RunRecord& record) { tell_run(record, control, line); };
+  control.memory_bytes = cap;
+  TimedRun timed{run(control), {}, num_streaming_threads(control.num_threads, cap)};
+  const auto seconds = line.stages().seconds_by_stage(line.seconds());
   for (std::size_t i = 0; i < seconds.size(); ++i)
-    timed.seconds.emplace_back(phase_name(static_cast<Phase>(i)), seconds[i]);
+    timed.seconds.emplace_back(stage_name(static_cast<RunStage>(i)), seconds[i]);
   return timed;
 }
 
@@ -289,28 +280,28 @@ struct MeasuredMesh {
   std::optional<WriteSummary> written;
 };
 
-// `command`: a MeshCommand or a ResumeCommand. Throws Stopped.
+// Throws Stopped.
 MeasuredMesh measure_and_write(const TimedRun& run, const std::filesystem::path& directory,
-                               const auto& command, const StopSignal& stop, ProgressLine& line,
-                               Seconds& seconds) {
+                               const RunCommand& command, const StopSignal& stop,
+                               ProgressLine& line, Seconds& seconds) {
   const Store store = open_to_read(directory);
   MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
     return mesh_statistics(store, run.num_writers, on_step, &stop);
   });
-  if (!command.output.empty())
+  if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
-      return write_mesh(store, command.output, command.output_options, run.num_writers, on_step,
-                        &stop);
+      return write_mesh(store, command.control.output, command.control.output_options,
+                        run.num_writers, on_step, &stop);
     });
   if (run.summary.outcome == RunOutcome::kUnresolved) tell_unresolved(store, command.is_json, line);
   return mesh;
 }
 
 void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh& mesh,
-                  const Seconds& seconds, const auto& command) {
+                  const Seconds& seconds, const RunCommand& command) {
   const auto& [memory, statistics, written] = mesh;
-  const MeshFormat format = command.output_options.format;
+  const MeshFormat format = command.control.output_options.format;
   if (command.is_json) {
     Json json = {{"outcome", outcome_name(outcome)},
                  {"seconds", total(seconds)},
@@ -319,19 +310,19 @@ void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh&
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
     if (statistics) json["statistics"] = to_json(*statistics);
-    if (written) json["written"] = written_json(command.output, format, *written);
+    if (written) json["written"] = written_json(command.control.output, format, *written);
     print_json(json);
   } else {
     fmt::print("{}{}", summary_text(run), line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
-    if (written) fmt::print("{}", written_text(command.output, format, *written));
+    if (written) fmt::print("{}", written_text(command.control.output, format, *written));
     if (statistics) fmt::print("{}", statistics_text(*statistics, run.run.surface));
   }
 }
 
 // What is the same after `mesh` and `resume`: the output, the lists, the result. Returns the exit
 // code.
-int finish(const TimedRun& run, const std::filesystem::path& directory, const auto& command,
+int finish(const TimedRun& run, const std::filesystem::path& directory, const RunCommand& command,
            const StopSignal& stop, ProgressLine& line) {
   RunOutcome outcome = run.summary.outcome;
   MeasuredMesh mesh;
@@ -343,7 +334,8 @@ int finish(const TimedRun& run, const std::filesystem::path& directory, const au
     outcome = RunOutcome::kInterrupted;
   }
   if (outcome == RunOutcome::kInterrupted)
-    tell_how_to_resume(directory, command.output, command.output_options, command.is_json, line);
+    tell_how_to_resume(directory, command.control.output, command.control.output_options,
+                       command.is_json, line);
   line.clear();
   print_result(run.summary, outcome, mesh, seconds, command);
   return exit_code(outcome);
@@ -370,13 +362,14 @@ int finish(const TimedRun& run, const std::filesystem::path& directory, const au
 std::filesystem::path store_of(const MeshCommand& command) {
   const std::filesystem::path& named = command.options.store;
   if (!named.empty()) return named;
-  return command.output.string() + ".locvol";
+  return command.control.output.string() + ".locvol";
 }
 
 int run_mesh(const MeshCommand& command) try {
   const StopSignal& stop = StopSignal::install();
-  require_output(command.output, command.output_options.format, command.options.input);
-  const std::uint64_t cap = memory_cap(command.memory_bytes);
+  require_output(command.control.output, command.control.output_options.format,
+                 command.options.input);
+  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
   ProgressLine line(progress_style(command), cap);
   MeshOptions options = command.options;
   options.size = command.size ? *command.size : chosen_size(options.input, cap, line);
@@ -384,8 +377,9 @@ int run_mesh(const MeshCommand& command) try {
   const bool is_removable =
       command.options.store.empty() && !command.is_store_kept && is_absent_or_store(options.store);
 
-  const TimedRun run = run_with_progress(
-      command, cap, line, [&](const RunControl& control) { return mesh(options, control); });
+  const TimedRun run =
+      run_with_progress(command.control, cap, line,
+                        [&](const RunControl& control) { return mesh(options, control); });
   const int code = finish(run, options.store, command, stop, line);
   if (code == kExitDone && is_removable) remove_store(options.store);
   return code;
@@ -397,14 +391,14 @@ int run_mesh(const MeshCommand& command) try {
 
 int run_resume(const ResumeCommand& command) try {
   const StopSignal& stop = StopSignal::install();
-  if (!command.output.empty())
-    require_output(command.output, command.output_options.format,
+  if (!command.control.output.empty())
+    require_output(command.control.output, command.control.output_options.format,
                    run_of(open_to_read(command.store)).surface.file);
-  const std::uint64_t cap = memory_cap(command.memory_bytes);
+  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
   ProgressLine line(progress_style(command), cap);
-  const TimedRun run = run_with_progress(command, cap, line, [&](const RunControl& control) {
-    return resume(command.store, control);
-  });
+  const TimedRun run =
+      run_with_progress(command.control, cap, line,
+                        [&](const RunControl& control) { return resume(command.store, control); });
   return finish(run, command.store, command, stop, line);
 } catch (const VisitError& error) {
   fail(error, command.store);

@@ -10,39 +10,26 @@
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
 #include "tools/arguments.h"
+#include "tools/exit_code.h"
 #include "tools/leaf_filter.h"
 
 namespace locvol {
 
-// Documented in --help and the README.
-enum ExitCode : int {
-  kExitDone = 0,
-  kExitError = 1,
-  kExitUsage = 2,
-  kExitUnresolved = 3,
-  kExitInterrupted = 4,
+// What goes on with a run, and writes its mesh.
+struct RunCommand {
+  RunControl control;  // its functions are the command's
+  bool is_quiet = false;
+  bool is_json = false;
 };
 
-struct MeshCommand {
+struct MeshCommand : RunCommand {
   MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below
   std::optional<SizeSpec> size;  // absent: chosen for the surface
-  std::filesystem::path output;
-  OutputOptions output_options;
-  std::uint64_t memory_bytes = 0;  // 0: the default
-  int num_threads = 0;             // 0: all that the process may use
-  bool is_store_kept = false;      // a store that the user names is kept in any case
-  bool is_quiet = false;
-  bool is_json = false;
+  bool is_store_kept = false;    // a store that the user names is kept in any case
 };
 
-struct ResumeCommand {
+struct ResumeCommand : RunCommand {  // whose output may be empty: none is written
   std::filesystem::path store;
-  std::filesystem::path output;  // empty: none is written
-  OutputOptions output_options;
-  std::uint64_t memory_bytes = 0;  // 0: the default
-  int num_threads = 0;             // 0: all that the process may use
-  bool is_quiet = false;
-  bool is_json = false;
 };
 
 struct InspectCommand {

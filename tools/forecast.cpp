@@ -23,7 +23,8 @@ std::size_t index(RunStage stage) { return static_cast<std::size_t>(stage); }
 
 // What a visit of the open epoch takes, in those of its phase's first one.
 double unit_of(const Progress& progress) {
-  if (progress.phase == Phase::kInitialize) return progress.epoch == 0 ? 1 : kFill;
+  if (progress.phase == Phase::kFill) return kFill;
+  if (progress.phase < Phase::kRefine) return 1;
   return progress.epoch <= progress.first_epoch ? 1 : kLaterVisit;
 }
 
@@ -31,8 +32,8 @@ double unit_of(const Progress& progress) {
 double units_left(const Progress& progress) {
   const auto now = static_cast<double>(progress.num_in_epoch);
   const auto next = static_cast<double>(progress.num_queued - progress.num_in_epoch);
-  if (progress.phase == Phase::kInitialize)
-    return progress.epoch == 0 ? now + kFill * (next + now) : kFill * now;
+  if (progress.phase == Phase::kFill) return kFill * (now + next);
+  if (progress.phase < Phase::kRefine) return now + kFill * (next + now);
   if (progress.epoch <= progress.first_epoch)
     return now + kLaterVisit * (next + kSecondVisits * now);
   return kLaterVisit * (now + next + kFurtherVisits * now);
@@ -67,7 +68,7 @@ void Forecast::expect(const RunEstimate& estimate, bool writes) {
 
 void Forecast::note(const Progress& progress, double seconds) {
   if (progress.phase == Phase::kDone) return enter(RunStage::kMeasure, seconds);
-  enter(static_cast<RunStage>(working(progress.phase)), seconds);
+  enter(stage_of(progress.phase), seconds);
   if (stage_ == RunStage::kIngest) return;
   if (progress.epoch != epoch_ || num_in_epoch_ == 0) {
     units_before_ += unit_ * static_cast<double>(num_in_epoch_);

@@ -46,20 +46,18 @@ void print(const LeafRow& row) {
 }
 
 Json to_json(const QueueRow& row) {
-  Json json = to_json(row.place.position);
-  json["leaf"] = key_text(row.place.leaf);
-  json["dirty"] = nullptr;
-  if (row.dirty) json["dirty"] = to_json(*row.dirty);
+  Json json = to_json(row.entry.position);
+  json["leaf"] = key_text(row.entry.leaf);
   if (!row.faults.empty()) json["faults"] = to_json(row.faults);
   return json;
 }
 
-void print_queue_head() { fmt::print("{:>6} {:>6} {:<16} dirty\n", "epoch", "color", "leaf"); }
+void print_queue_head() { fmt::print("{:>6} {:>6} leaf\n", "epoch", "color"); }
 
 void print(const QueueRow& row) {
-  const auto& [epoch, color] = row.place.position;
-  fmt::print("{:>6} {:>6} {:<16} {}\n", epoch, color == kNoColor ? "-" : fmt::to_string(color),
-             key_text(row.place.leaf), row.dirty ? box_text(*row.dirty) : "");
+  const auto& [epoch, color] = row.entry.position;
+  fmt::print("{:>6} {:>6} {}\n", epoch, color == kNoColor ? "-" : fmt::to_string(color),
+             key_text(row.entry.leaf));
   for (const Fault& fault : row.faults) fmt::print("  {}\n", fault_text(fault));
 }
 

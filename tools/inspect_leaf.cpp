@@ -60,7 +60,6 @@ Json to_json(const LeafReport& leaf, double size) {
                {"state", state_name(row_of(leaf).state())},
                {"box", to_json(leaf.box)}};
   if (leaf.info) json.update(to_json(*leaf.info));
-  if (leaf.queued) json["queued"]["dirty"] = to_json(leaf.queued->dirty);
   json["points_by_kind"] = kinds_json(counts_by_kind(leaf.points.points));
   json["ghosts_by_kind"] = kinds_json(leaf.ghosts);
   json["neighbors"] = Json::array();
@@ -84,10 +83,8 @@ Json to_json(const LeafReport& leaf, double size) {
 
 std::string waiting_text(const LeafReport& leaf) {
   const std::string_view state = state_name(row_of(leaf).state());
-  if (!leaf.queued) return std::string(state);
-  return fmt::format("{}, for {}; {} {}", state, position_text(leaf.queued->position),
-                     leaf.info->num_visits == 0 ? "depends on" : "points changed within",
-                     box_text(leaf.queued->dirty));
+  if (!leaf.info || !leaf.info->queued) return std::string(state);
+  return fmt::format("{}, for {}", state, position_text(*leaf.info->queued));
 }
 
 std::string cells_text(const LeafReport& leaf, double size) {

@@ -12,7 +12,6 @@
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
-#include "tools/progress.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 
@@ -47,7 +46,7 @@ struct Summary {
   LevelCounts all;
   std::uint64_t max_visits_of_a_leaf = 0;
   std::map<std::uint32_t, std::uint64_t> num_waiting;  // by epoch
-  std::optional<QueuePlace> front;
+  std::optional<QueueEntry> front;
   std::array<std::uint64_t, kNumConditions> num_unresolved{};  // by condition
   std::vector<LeafSite> first_sites;
   std::vector<DatabaseSize> databases;
@@ -61,8 +60,8 @@ struct Summary {
     return sum;
   }
   std::optional<double> bytes_per_cell() const {
-    if (!run || run->num_cells == 0) return std::nullopt;
-    return static_cast<double>(bytes()) / static_cast<double>(run->num_cells);
+    if (!run || run->run.counts.num_cells == 0) return std::nullopt;
+    return static_cast<double>(bytes()) / static_cast<double>(run->run.counts.num_cells);
   }
 };
 
@@ -83,17 +82,9 @@ void count_leaf(const LeafRow& row, Summary& summary) {
 }
 
 RunSummary totals_of(const RunRecord& run, const Summary& summary) {
-  RunSummary totals;
-  totals.run = run;
-  totals.num_leaves = summary.all.num_leaves;
-  totals.num_points = run.num_points;
-  totals.num_cells = run.num_cells;
-  totals.num_unresolved = run.num_unresolved;
-  totals.num_visits = run.num_visits;
-  totals.max_visits_of_a_leaf = summary.max_visits_of_a_leaf;
-  totals.num_deletions = run.num_deletions;
-  totals.num_insertions = run.num_insertions;
-  return totals;
+  return {.run = run,
+          .num_leaves = summary.all.num_leaves,
+          .max_visits_of_a_leaf = summary.max_visits_of_a_leaf};
 }
 
 // Reads the queue's records, too, and compares it with what the leaves say.
@@ -132,7 +123,7 @@ Summary summary_of(const Store& store, bool reads_all) {
   };
   scan_leaves(store, count, summary.faults, {.reads_unresolved = true, .reads_all = reads_all});
   const auto front =
-      read_around(summary.faults, [&] { return store.snapshot().queue_places({}, 1); });
+      read_around(summary.faults, [&] { return store.snapshot().queue_keys({}, 1); });
   if (front && !front->empty()) summary.front = front->front();
   summary.databases = store.sizes();
   summary.file_bytes = data_file_bytes(store);

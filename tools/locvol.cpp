@@ -146,12 +146,12 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   mesh->add_option("SURFACE", options.input, "Closed surface: STL, OBJ, OFF or PLY")
       ->type_name("")
       ->required();
-  add_mesh_output(*mesh, command.output, command.output_options)->required();
+  add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
   add_parsed(*mesh, "-s,--size", parse_size, command.size,
              fmt::format("{}; default: one for about half a million cells", kSizeHelp))
       ->type_name("SIZE");
-  add_memory(*mesh, command.memory_bytes);
-  add_threads(*mesh, command.num_threads);
+  add_memory(*mesh, command.control.memory_bytes);
+  add_threads(*mesh, command.control.num_threads);
   mesh->add_option("--store", options.store,
                    "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
                    "when the run is done with exit code 0)")
@@ -179,9 +179,9 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
 CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
   CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
   add_store(*resume, command.store);
-  add_mesh_output(*resume, command.output, command.output_options);
-  add_memory(*resume, command.memory_bytes);
-  add_threads(*resume, command.num_threads);
+  add_mesh_output(*resume, command.control.output, command.control.output_options);
+  add_memory(*resume, command.control.memory_bytes);
+  add_threads(*resume, command.control.num_threads);
   add_quiet(*resume, command.is_quiet);
   add_json(*resume, command.is_json);
   return resume;

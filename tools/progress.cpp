@@ -33,29 +33,6 @@ void print_event(const Json& json) { fmt::print(stderr, "{}\n", json_line(json))
 
 }  // namespace
 
-std::string_view phase_name(Phase phase) {
-  switch (phase) {
-    case Phase::kIngest:
-      return "ingest";
-    case Phase::kInitialize:
-      return "initialize";
-    case Phase::kRefine:
-      return "refine";
-    case Phase::kMend:
-      return "mend";
-    case Phase::kDone:
-      return "done";
-  }
-  return "unknown";
-}
-
-std::string duration_text(double seconds) {
-  const auto total = static_cast<std::uint64_t>(std::llround(seconds));
-  const std::uint64_t hours = total / 3600, minutes = total / 60 % 60;
-  return hours > 0 ? fmt::format("{}:{:02}:{:02}", hours, minutes, total % 60)
-                   : fmt::format("{}:{:02}", minutes, total % 60);
-}
-
 std::string progress_text(const Standing& standing) {
   const Progress& progress = standing.progress;
   const auto count = [](std::uint64_t number) { return count_text(static_cast<double>(number)); };
@@ -70,7 +47,7 @@ std::string progress_text(const Standing& standing) {
   if (standing.seconds_left)
     text += fmt::format(", about {} left", duration_text(*standing.seconds_left));
   if (is_run && standing.stage != RunStage::kIngest) {
-    text += fmt::format(", {} cells", count(progress.num_cells));
+    text += fmt::format(", {} cells", count(progress.counts.num_cells));
     if (standing.cells_per_second.value_or(0) > 0)
       text += fmt::format(" ({}/s)", count_text(*standing.cells_per_second));
     text += fmt::format(", {} of {} leaves wait", progress.num_queued, progress.num_leaves);
@@ -97,9 +74,9 @@ Json progress_json(const Standing& standing) {
                {"num_waiting", progress.num_queued},
                {"num_in_epoch", progress.num_in_epoch},
                {"epoch", progress.epoch},
-               {"num_visits", progress.num_visits},
-               {"num_points", progress.num_points},
-               {"num_cells", progress.num_cells},
+               {"num_visits", progress.counts.num_visits},
+               {"num_points", progress.counts.num_points},
+               {"num_cells", progress.counts.num_cells},
                {"cells_per_second", nullptr},
                {"seconds_left", nullptr},
                {"resident_bytes", standing.resident},
@@ -110,17 +87,16 @@ Json progress_json(const Standing& standing) {
   return json;
 }
 
-void PhaseClock::note(Phase phase, double seconds) {
-  const Phase now = working(phase);
-  if (now == phase_) return;
-  seconds_ = seconds_by_phase(seconds);
-  phase_ = now;
+void StageClock::note(RunStage stage, double seconds) {
+  if (stage == stage_) return;
+  seconds_ = seconds_by_stage(seconds);
+  stage_ = stage;
   last_seconds_ = seconds;
 }
 
-std::array<double, PhaseClock::kNumPhases> PhaseClock::seconds_by_phase(double seconds) const {
+std::array<double, StageClock::kNumStages> StageClock::seconds_by_stage(double seconds) const {
   auto all = seconds_;
-  all[static_cast<std::size_t>(phase_)] += seconds - last_seconds_;
+  all[static_cast<std::size_t>(stage_)] += seconds - last_seconds_;
   return all;
 }
 
@@ -143,17 +119,17 @@ void ProgressLine::expect(const RunEstimate& estimate, bool writes) {
 
 void ProgressLine::update(const Progress& progress) {
   const double now = seconds(), worked = this->worked(now);
-  phases_.note(progress.phase, now);
+  stages_.note(stage_of(progress.phase), now);
   forecast_.note(progress, worked);
   if (progress.phase == Phase::kDone) return;  // the measures are next
   const std::uint64_t num_triangles = standing_.progress.num_triangles;
   standing_.progress = progress;
   standing_.progress.num_triangles = std::max(progress.num_triangles, num_triangles);
   if (progress.phase != Phase::kIngest) {
-    if (!run_seen_) num_cells_before_ = progress.num_cells;
+    if (!run_seen_) num_cells_before_ = progress.counts.num_cells;
     if (!run_seen_) run_seen_ = worked;
     const auto num_new =
-        static_cast<double>(progress.num_cells) - static_cast<double>(num_cells_before_);
+        static_cast<double>(progress.counts.num_cells) - static_cast<double>(num_cells_before_);
     const double took = worked - *run_seen_;
     if (took > kLeastOfARate) standing_.cells_per_second = num_new / took;
   }

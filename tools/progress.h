@@ -13,9 +13,6 @@
 
 namespace locvol {
 
-std::string_view phase_name(Phase phase);
-// "1:02:03", "4:05"; rounded to seconds. REQUIRES: seconds >= 0
-std::string duration_text(double seconds);
 // Where a command stands.
 struct Standing {
   RunStage stage = RunStage::kIngest;
@@ -33,21 +30,21 @@ std::string progress_text(const Standing& standing);
 // One event (tools/README.md).
 Json progress_json(const Standing& standing);
 
-// Seconds spent in each phase, as far as a run's progress tells: what passes before a phase is
+// Seconds spent in each stage of a run, as far as its progress tells: what passes before a stage is
 // first seen belongs to the one before it. So opening the store that `resume` goes on with counts
 // as ingest, and closing that of a finished run as refinement.
-class PhaseClock {
+class StageClock {
  public:
-  static constexpr std::size_t kNumPhases = 3;  // those in which there is work: up to kRefine
+  static constexpr std::size_t kNumStages = 3;  // up to kRefine
 
-  void note(Phase phase, double seconds);  // since the start of the run, as of Pace
+  void note(RunStage stage, double seconds);  // since the start of the run, as of Pace
   // REQUIRES: `seconds` is not less than in the last note().
-  std::array<double, kNumPhases> seconds_by_phase(double seconds) const;
+  std::array<double, kNumStages> seconds_by_stage(double seconds) const;
 
  private:
-  Phase phase_ = Phase::kIngest;
-  double last_seconds_ = 0;  // when phase_ began
-  std::array<double, kNumPhases> seconds_{};
+  RunStage stage_ = RunStage::kIngest;
+  double last_seconds_ = 0;  // when stage_ began
+  std::array<double, kNumStages> seconds_{};
 };
 
 enum class ProgressStyle { kNone, kText, kJson };
@@ -70,7 +67,7 @@ class ProgressLine {
   void tell(std::string_view event, const Json& json, const std::string& text);
   void clear();            // leaves stderr at the start of a line
   double seconds() const;  // since construction
-  const PhaseClock& phases() const { return phases_; }
+  const StageClock& stages() const { return stages_; }
 
  private:
   double worked(double now);  // seconds of work until now
@@ -82,7 +79,7 @@ class ProgressLine {
   const std::chrono::steady_clock::time_point start_;
   Forecast forecast_;
   WorkingTime working_time_;
-  PhaseClock phases_;
+  StageClock stages_;
   Standing standing_;
   std::uint64_t num_cells_before_ = 0;  // of a run that goes on
   std::optional<double> run_seen_;      // in seconds of work

@@ -9,7 +9,6 @@
 #include "engine/run/leaf_queue.h"
 #include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
-#include "tools/progress.h"
 
 namespace locvol {
 namespace {
@@ -150,6 +149,24 @@ std::string_view init_name(Initialization init) {
   return init == Initialization::kPaper ? "paper" : "cover";
 }
 
+std::string_view phase_name(Phase phase) {
+  switch (phase) {
+    case Phase::kIngest:
+      return "ingest";
+    case Phase::kScatter:
+    case Phase::kCover:
+    case Phase::kFill:
+      return "initialize";
+    case Phase::kRefine:
+      return "refine";
+    case Phase::kMend:
+      return "mend";
+    case Phase::kDone:
+      return "done";
+  }
+  return "unknown";
+}
+
 std::string_view kind_name(PointKind kind) {
   switch (kind) {
     case PointKind::kSurface:
@@ -167,6 +184,13 @@ std::string count_text(double count) {
   for (const auto& [unit, name] : {std::pair(1e3, "thousand"), {1e6, "million"}})
     if (count < 999.5 * unit) return fmt::format("{:.3g} {}", count / unit, name);
   return fmt::format("{:.3g} billion", count / 1e9);
+}
+
+std::string duration_text(double seconds) {
+  const auto total = static_cast<std::uint64_t>(std::llround(seconds));
+  const std::uint64_t hours = total / 3600, minutes = total / 60 % 60;
+  return hours > 0 ? fmt::format("{}:{:02}:{:02}", hours, minutes, total % 60)
+                   : fmt::format("{}:{:02}", minutes, total % 60);
 }
 
 std::string bytes_text(std::uint64_t bytes) {
@@ -248,13 +272,13 @@ std::string parameters_text(const RunParameters& parameters) {
 
 std::string summary_text(const RunSummary& summary) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
-         row("mesh", "{}, {}", plural(summary.num_cells, "cell"),
-             plural(summary.num_points, "point")) +
-         row("visits", "{}, at most {} to one of {} leaves", summary.num_visits,
+         row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
+             plural(summary.run.counts.num_points, "point")) +
+         row("visits", "{}, at most {} to one of {} leaves", summary.run.counts.num_visits,
              summary.max_visits_of_a_leaf, summary.num_leaves) +
-         row("insertions", "{}", insertions_text(summary.num_insertions)) +
-         row("deletions", "{}", summary.num_deletions) +
-         row("unresolved", "{}", plural(summary.num_unresolved, "site"));
+         row("insertions", "{}", insertions_text(summary.run.counts.num_insertions)) +
+         row("deletions", "{}", summary.run.counts.num_deletions) +
+         row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site"));
 }
 
 std::string audit_text(const AuditReport& report) {
@@ -421,14 +445,14 @@ Json to_json(const DatabaseSize& size) {
 
 Json to_json(const RunSummary& summary) {
   return {{"phase", phase_name(summary.run.phase)},
-          {"num_points", summary.num_points},
-          {"num_cells", summary.num_cells},
+          {"num_points", summary.run.counts.num_points},
+          {"num_cells", summary.run.counts.num_cells},
           {"num_leaves", summary.num_leaves},
-          {"num_visits", summary.num_visits},
+          {"num_visits", summary.run.counts.num_visits},
           {"max_visits_of_a_leaf", summary.max_visits_of_a_leaf},
-          {"insertions", insertions_json(summary.num_insertions)},
-          {"num_deletions", summary.num_deletions},
-          {"num_unresolved", summary.num_unresolved},
+          {"insertions", insertions_json(summary.run.counts.num_insertions)},
+          {"num_deletions", summary.run.counts.num_deletions},
+          {"num_unresolved", summary.run.counts.num_unresolved},
           {"parameters", to_json(summary.run.parameters)},
           {"surface", to_json(summary.run.surface)}};
 }

@@ -45,8 +45,11 @@ Json to_json(const RunEstimate& estimate);
 Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions);
 
 std::string_view init_name(Initialization init);
+std::string_view phase_name(Phase phase);
 std::string_view kind_name(PointKind kind);
-std::string count_text(double count);           // "999", "12.3 thousand", "9.94 million"
+std::string count_text(double count);  // "999", "12.3 thousand", "9.94 million"
+// "1:02:03", "4:05"; rounded to seconds. REQUIRES: seconds >= 0
+std::string duration_text(double seconds);
 std::string bytes_text(std::uint64_t bytes);    // "999 B", "1.2 MB": powers of 1000
 std::string in_mebibytes(std::uint64_t bytes);  // "1.5 MiB": the unit of --memory
 std::string point_text(const Point& point);     // round-trips

@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "engine/shared/unfinished_name.h"
-#include "tools/commands.h"
+#include "tools/exit_code.h"
 
 namespace locvol {
 namespace {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "engine/inspect/leaf_scan.h"
-#include "tools/progress.h"
+#include "tools/results.h"
 
 namespace locvol {
 namespace {

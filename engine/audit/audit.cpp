@@ -81,7 +81,7 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     if (on_step) on_step(i, leaves.size());
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
-    if (run.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
+    if (run.counts.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
     report.num_vertices += num_used_own_points(*leaf);
@@ -95,15 +95,6 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
 }
 
 }  // namespace
-
-std::uint64_t AuditReport::num_violations() const {
-  return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
-         num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +
-         num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells + num_misplaced_cells +
-         num_unknown_vertices + num_misplaced_points + num_repeated_points + num_run_faults;
-}
-
-bool AuditReport::is_valid() const { return num_violations() == 0 && num_cells > 0; }
 
 AuditReport audit(const Store& store, const StepProgress& on_step) {
   AuditReport report;

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "refine/predicates.h"
 

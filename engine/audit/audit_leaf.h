@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "engine/audit/audit.h"
 #include "engine/audit/audit_grid.h"
+#include "engine/audit/audit_report.h"
 #include "engine/output/leaf_window.h"
 
 namespace locvol {

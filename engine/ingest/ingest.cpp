@@ -12,10 +12,9 @@
 
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
-#include "engine/run/run_state.h"
 #include "refine/surface_patch.h"
 #include "refine/triangle_box.h"
 
@@ -61,8 +60,7 @@ void erase_all(Store& store, const StopToken* stop) {
   });
   const std::vector<MortonKey> leaves = store.snapshot().leaf_keys();
   BoundedBatches batches(store, stop);
-  for (const QueueEntry& entry : queued)
-    batches.next().erase_queue_entry(entry.position, entry.leaf);
+  for (const QueueEntry& entry : queued) batches.next().erase_queue_entry(entry);
   for (const MortonKey leaf : leaves) batches.next().erase_leaf(leaf);
   batches.commit();
 }
@@ -247,7 +245,7 @@ void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatche
     info.is_center_inside = leaves.is_center_inside[i];
     if (is_cover && (info.num_triangles > 0 || info.is_center_inside)) {
       info.queued = waiting;
-      batch.put_queue_entry({waiting, leaf, run.frame.box(leaf)});
+      batch.put_queue_entry({waiting, leaf});
     }
     batch.put_leaf(leaf, info);
   }
@@ -263,49 +261,35 @@ void put_run(Store& store, const RunRecord& run) {
 
 }  // namespace
 
-Store ingest(RawSurface raw, RunRecord run, const RunCheck& check_run,
-             const std::function<Store()>& open_store, const RunControl& control,
-             const StopSource& stop, std::uint64_t bucket_capacity) {
+Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatch& watch,
+             Workers& workers, std::uint64_t bucket_capacity) {
   const OctreePlan plan = plan_octree(run.parameters, raw.box);
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
-  IngestWatch watch = watch_of(control, stop);
-  Workers workers(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes)));
   std::optional<Store> store;
   try {
     const CheckedSurface surface =
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
-    if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
-    check_run(run, surface.spill.bytes());
+    calls.check(run, surface.spill.bytes());
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
-    planned_memory(run, memory_cap(control.memory_bytes));
-    if (control.on_run) control.on_run(run);
+    calls.begin(run);
 
-    store.emplace(open_store());
+    store.emplace(calls.open_store());
     put_run(*store, run);
-    erase_all(*store, &stop);
-    BoundedBatches batches(*store, &stop);
+    erase_all(*store, watch.stop());
+    BoundedBatches batches(*store, watch.stop());
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
     store_leaves(completed(cut, plan.level), run, batches);
-    run.phase = Phase::kInitialize;
+    run.phase = run.parameters.init == Initialization::kCover ? Phase::kCover : Phase::kScatter;
     batches.next().put_run(run);
     batches.commit();
   } catch (const Stopped&) {
-    if (!store) store.emplace(open_store());
+    if (!store) store.emplace(calls.open_store());
     put_run(*store, run);
   }
   return std::move(*store);
-}
-
-IngestWatch watch_of(const RunControl& control, const StopSource& stop) {
-  std::function<void(std::uint64_t)> tell;
-  if (control.on_progress)
-    tell = [&control](std::uint64_t num_triangles) {
-      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
-    };
-  return IngestWatch(&stop, tell);
 }
 
 }  // namespace locvol

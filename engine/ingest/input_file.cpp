@@ -114,4 +114,8 @@ void InputFile::refuse_truncated() const {
   refuse(fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size_));
 }
 
+std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {
+  return InputFile(file, stop).digest();
+}
+
 }  // namespace locvol

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/ingest/file_digest.h"
+#include "engine/ingest/sha256.h"
 #include "octree/stop.h"
 
 namespace locvol {
@@ -60,5 +60,8 @@ class InputFile {
   Sha256 hash_;                      // of the bytes loaded
   std::size_t begin_ = 0, end_ = 0;  // of the bytes in the buffer that are not taken yet
 };
+
+// Of its bytes. Throws InputError as InputFile does, Stopped.
+std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "engine/ingest/surface_check.h"
+#include "engine/plan/octree_plan.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {

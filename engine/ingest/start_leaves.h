@@ -6,7 +6,6 @@
 
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/surface_input.h"
-#include "engine/plan/run_setup.h"
 #include "octree/octree.h"
 
 namespace locvol {

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "engine/ingest/input_file.h"
-#include "engine/ingest/surface_reader.h"
+#include "engine/ingest/surface_sink.h"
 
 namespace locvol {
 

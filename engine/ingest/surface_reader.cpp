@@ -100,10 +100,6 @@ SurfaceFormat format_of(InputFile& file) {
 
 }  // namespace
 
-std::string to_string(const FilePlace& place) {
-  return fmt::format("{} {}", place.unit == FilePlace::Unit::kLine ? "line" : "face", place.number);
-}
-
 std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink,
                           const StopToken* stop) {
   InputFile file(path, stop);

@@ -8,8 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "engine/ingest/file_digest.h"
+#include "engine/ingest/input_file.h"
 #include "engine/shared/input_error.h"
+#include "storage/records.h"
 
 namespace locvol {
 namespace {

@@ -28,9 +28,6 @@ SurfaceSource surface_in_file(const std::filesystem::path& file);
 using TriangleVisitor = std::function<void(const std::array<Point, 3>& corners)>;
 using TriangleSource = std::function<void(const TriangleVisitor& visit)>;
 
-// What messages and stores call a surface that is in no file.
-inline constexpr const char* kInMemory = "surface in memory";
-
 // The digest is of the coordinates as they are given. Both functions call `triangles` once, and
 // parse() throws InputError for coordinates that are not finite.
 SurfaceSource surface_in_memory(TriangleSource triangles);

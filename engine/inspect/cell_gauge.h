@@ -1,15 +1,39 @@
-// CellGauge measures the cells of a mesh, one by one and together. Internal to engine/inspect.
+// CellGauge measures the cells of a mesh, one by one and together.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
-#include "engine/inspect/mesh_statistics.h"
 #include "engine/shared/compensated_sum.h"
 #include "octree/geometry.h"
 
 namespace locvol {
+
+// counts[i]: how many lie in edges[i] <= value < edges[i + 1]; the last bin also holds all above.
+struct Histogram {
+  std::vector<double> edges;  // ascending, one more than counts
+  std::vector<std::uint64_t> counts;
+
+  std::uint64_t total() const;
+};
+
+struct MeshStatistics {
+  MeshStatistics();  // of a mesh without cells
+
+  std::uint64_t num_cells = 0;  // with those of the lattice core
+  std::uint64_t num_core_cells = 0;
+  double volume = 0;
+  double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
+  double max_radius_edge_ratio = 0;
+  double max_circumradius = 0;  // over λ
+  // In degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's cells, 60 and
+  // 90 degrees, are in the middle of a bin.
+  Histogram dihedral_angles;      // six a cell
+  Histogram min_dihedral_angles;  // one a cell, its smallest
+  Histogram radius_edge_ratios;   // edges at 0.6, 0.65, ..., 2, 2.05
+};
 
 // What is known of some cells. Counts and extremes know no order; volumes are added up in the order
 // that they come in.

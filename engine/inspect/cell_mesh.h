@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/shared/cell_quality.h"
 #include "octree/geometry.h"
 
 namespace locvol {
@@ -24,12 +25,6 @@ struct CellMesh {
   std::array<Point, 4> corners(std::size_t cell) const;
 };
 
-// A flat cell has an infinite radius and ratio, and angles of 0 and 180 degrees.
-struct CellQuality {
-  double circumradius = 0, radius_edge_ratio = 0;
-  double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
-};
-CellQuality quality_of(const std::array<Point, 4>& corners);
 // The largest radius, ratio and angle, and the least angle, of the cells; as it is made without
 // any.
 CellQuality worst_quality(const CellMesh& mesh);

@@ -10,9 +10,10 @@
 #include <utility>
 
 #include "engine/inspect/vtu_file.h"
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/site_block.h"
+#include "refine/refine_leaf.h"
 
 namespace locvol {
 namespace {
@@ -55,7 +56,7 @@ class Reporter {
     report_.num_triangles = value_of([&] { return reader_.surface(key); }).triangles.size();
     report_.unresolved = value_of([&] { return reader_.unresolved(key); });
     if (report_.info && report_.info->queued)
-      report_.queued = value_of([&] { return reader_.queue_entry(*report_.info->queued, key); });
+      value_of([&] { return reader_.has_queue_entry({*report_.info->queued, key}); });
   }
 
   void read_surroundings() {

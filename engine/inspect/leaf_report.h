@@ -32,7 +32,6 @@ struct LeafReport {
   CellMesh mesh;
   std::uint64_t num_stale_cells = 0;  // those
   LeafUnresolved unresolved;
-  std::optional<QueueEntry> queued;
   std::vector<Fault> faults;  // of the leaf, and of its surroundings
 };
 

@@ -3,7 +3,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 
 namespace locvol {
@@ -95,13 +95,11 @@ Piece read_piece(const Reader& reader, MortonKey from, std::vector<Fault>& fault
   return piece;
 }
 
-std::vector<QueueRow> read_queue_piece(const Reader& reader, const QueuePlace& from) {
+std::vector<QueueRow> read_queue_piece(const Reader& reader, const QueueEntry& from) {
   std::vector<QueueRow> rows;
-  for (const QueuePlace& place : reader.queue_places(from, kPieceLeaves)) {
-    QueueRow row{.place = place, .dirty = {}, .faults = {}};
-    const auto entry =
-        read_around(row.faults, [&] { return reader.queue_entry(place.position, place.leaf); });
-    if (entry && *entry) row.dirty = (*entry)->dirty;
+  for (const QueueEntry& entry : reader.queue_keys(from, kPieceLeaves)) {
+    QueueRow row{.entry = entry, .faults = {}};
+    read_around(row.faults, [&] { return reader.has_queue_entry(entry); });
     rows.push_back(std::move(row));
   }
   return rows;
@@ -161,12 +159,12 @@ void scan_leaves(const Store& store, const std::function<bool(const LeafRow&)>& 
 
 void scan_queue(const Store& store, const std::function<bool(const QueueRow&)>& visit,
                 std::vector<Fault>& faults) {
-  QueuePlace from;
+  QueueEntry from;
   for (bool is_last = false; !is_last;) {
     const auto rows = read_around(faults, [&] { return read_queue_piece(store.snapshot(), from); });
     if (!rows) return;
     is_last = rows->size() < kPieceLeaves;
-    if (!is_last) from = {rows->back().place.position, after(rows->back().place.leaf)};
+    if (!is_last) from = {rows->back().entry.position, after(rows->back().entry.leaf)};
     for (const QueueRow& row : *rows)
       if (!visit(row)) return;
   }

@@ -52,9 +52,8 @@ struct LeafRow {
 };
 
 struct QueueRow {
-  QueuePlace place;
-  std::optional<Box> dirty;  // absent if the entry is damaged
-  std::vector<Fault> faults;
+  QueueEntry entry;
+  std::vector<Fault> faults;  // of its record
 };
 
 struct ScanOptions {

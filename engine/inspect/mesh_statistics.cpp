@@ -12,8 +12,8 @@
 #include "engine/inspect/cell_gauge.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
-#include "engine/run/run_state.h"
 #include "engine/shared/idle_pool.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
 

@@ -13,7 +13,7 @@
 #include "engine/inspect/cell_mesh.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
@@ -29,11 +29,6 @@ constexpr int kMaxPlanesOfAxis = 15;
 // Steps of the finest grid along the longest side: what a page with 16 bits a coordinate can tell
 // apart.
 constexpr double kFinestSteps = 65535;
-
-double longest_side(const Box& box) {
-  const Point side = box.max - box.min;
-  return std::max({side.x, side.y, side.z});
-}
 
 bool meets(const ViewPlane& plane, const Box& box) {
   return box.min[plane.axis] <= plane.position && plane.position <= box.max[plane.axis];
@@ -338,7 +333,7 @@ class Viewer {
   }
 
   void read_cells() {
-    if (run_.num_cells <= limits_.max_cells) {
+    if (run_.counts.num_cells <= limits_.max_cells) {
       view_.cells.emplace_back();
       gather_cells({}, true);
       return;
@@ -405,7 +400,7 @@ class Viewer {
 
   void read_surface() {
     const Point origin = run_.surface.box.min;
-    const double finest = longest_side(run_.surface.box) / kFinestSteps;
+    const double finest = max_norm(run_.surface.box.max - run_.surface.box.min) / kFinestSteps;
     const auto wanted = static_cast<double>(std::max<std::uint64_t>(limits_.max_triangles, 8));
     const bool is_small = run_.surface.num_triangles <= limits_.max_triangles;
     // A grid of side h has about 1.8 cubes to h² of surface, and twice as many triangles.

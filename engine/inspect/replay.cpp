@@ -111,8 +111,8 @@ class CoreList : public CoreIndex {
 
 std::vector<MeshPoint> all_points(RunState& state) {
   std::vector<MeshPoint> points;
-  for (const MortonKey leaf : state.octree.leaves()) {
-    const std::vector<MeshPoint>& own = state.leaves.points(leaf).points;
+  for (const MortonKey leaf : state.octree().leaves()) {
+    const std::vector<MeshPoint>& own = state.leaves().points(leaf).points;
     points.insert(points.end(), own.begin(), own.end());
   }
   return points;
@@ -135,13 +135,13 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
   LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
-  if (!state.leaves.info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
+  if (!state.leaves().info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
 
   StoredVisit visit;
   visit.leaf = leaf;
-  visit.is_clean = !state.leaves.info(leaf).queued;
-  visit.num_left_out = state.leaves.info(leaf).num_left_out;
-  visit.num_visits = state.leaves.info(leaf).num_visits;
+  visit.is_clean = !state.leaves().info(leaf).queued;
+  visit.num_left_out = state.leaves().info(leaf).num_left_out;
+  visit.num_visits = state.leaves().info(leaf).num_visits;
   const SurfacePatch& surface = *loaded.complete().surface;
   visit.triangles.assign(surface.triangles().begin(), surface.triangles().end());
   visit.region = surface.region();

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <string>
 
-#include "engine/inspect/cell_mesh.h"
 #include "engine/output/stored_mesh.h"
+#include "engine/shared/cell_quality.h"
 #include "engine/shared/leaf_name.h"
 
 namespace locvol {

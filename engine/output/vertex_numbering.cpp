@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "engine/run/run_state.h"
+#include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 
 namespace locvol {

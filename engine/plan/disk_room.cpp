@@ -136,7 +136,8 @@ void require_room(const RunRecord& run, const std::filesystem::path& store,
 void require_format(const RunRecord& run, const std::filesystem::path& output,
                     const OutputOptions& options) {
   if (run.phase == Phase::kDone)
-    return check_limits(options.format, {run.num_points, run.num_cells, 0, 0}, output);
+    return check_limits(options.format, {run.counts.num_points, run.counts.num_cells, 0, 0},
+                        output);
   constexpr double kMostError = 2;  // the mesh has more than the estimate over this
   const RunEstimate estimate = estimate_run(run, options);
   const auto least = [](double estimated) {

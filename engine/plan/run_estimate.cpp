@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 #include "octree/lattice.h"
 
 namespace locvol {
@@ -119,8 +119,8 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
 RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output) {
   RunEstimate estimate = estimate_run(run.surface, run.parameters, 1, output);
   if (run.phase != Phase::kDone) return estimate;
-  estimate.num_cells = static_cast<double>(run.num_cells);
-  estimate.num_vertices = static_cast<double>(run.num_points);
+  estimate.num_cells = static_cast<double>(run.counts.num_cells);
+  estimate.num_vertices = static_cast<double>(run.counts.num_points);
   estimate.num_listed_cells = std::min(estimate.num_listed_cells, estimate.num_cells);
   estimate.output = estimate_output(output, sizes_of(estimate, run.surface, run.parameters));
   return estimate;

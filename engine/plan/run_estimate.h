@@ -10,9 +10,14 @@
 
 namespace locvol {
 
-// What takes time, one after another; the first three are the Phases of a run.
+// What takes time, one after another; in the first three is a run in some Phase.
 enum class RunStage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
 inline constexpr std::size_t kNumStages = 5;  // of a run: no audit
+// Mending is the end of refinement.
+constexpr RunStage stage_of(Phase phase) {
+  if (phase == Phase::kIngest) return RunStage::kIngest;
+  return phase < Phase::kRefine ? RunStage::kInitialize : RunStage::kRefine;
+}
 
 struct RunEstimate {
   double size = 0;  // λ

@@ -1,14 +1,13 @@
 #include "engine/plan/run_setup.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
-#include <stdexcept>
 
+#include "engine/plan/octree_plan.h"
 #include "engine/plan/run_estimate.h"
-#include "engine/run/run_state.h"
-#include "refine/cover_leaf.h"
+#include "engine/shared/input_error.h"
+#include "engine/shared/number_text.h"
+#include "refine/refine_leaf.h"
 
 namespace locvol {
 namespace {
@@ -17,26 +16,9 @@ namespace {
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
 
-std::string decimal(double v) {  // the shortest that reads back as v
-  std::array<char, 32> text;
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), v).ptr};
-}
-
-std::string rounded(double v) {
-  std::array<char, 32> text;
-  return {
-      text.data(),
-      std::to_chars(text.data(), text.data() + text.size(), v, std::chars_format::general, 3).ptr};
-}
-
 double smallest_side(const Box& box) {
   const Point sides = box.max - box.min;
   return std::min({sides.x, sides.y, sides.z});
-}
-
-double largest_side(const Box& box) {
-  const Point sides = box.max - box.min;
-  return std::max({sides.x, sides.y, sides.z});
 }
 
 double largest_coordinate(const Box& box) {
@@ -47,7 +29,8 @@ double largest_coordinate(const Box& box) {
 }
 
 void check_lengths(const SurfaceFacts& surface, double size) {
-  if (!(largest_coordinate(surface.box) < kMaxLength) || !(largest_side(surface.box) > kMinLength))
+  if (!(largest_coordinate(surface.box) < kMaxLength) ||
+      !(max_norm(surface.box.max - surface.box.min) > kMinLength))
     throw InputError(surface.file + ": coordinates of about " +
                      rounded(largest_coordinate(surface.box)) +
                      " are beyond double arithmetic: scale the model");
@@ -64,16 +47,6 @@ void check_options(const MeshOptions& options) {
   if (!(options.spacing_floor >= 0) || !(options.spacing_floor <= 0.5))
     throw InputError("spacing floor " + decimal(options.spacing_floor) +
                      ": give a fraction of the size from 0 to 0.5");
-}
-
-Frame frame_around(const RunParameters& parameters, const Box& surface, double leaf_side) {
-  const double margin = 0.5 * parameters.size + 0.01 * largest_side(surface);
-  try {
-    return Frame::around(surface, margin, leaf_side);
-  } catch (const std::invalid_argument& e) {
-    throw InputError("size " + decimal(parameters.size) + " is too small for this surface (" +
-                     e.what() + "): choose a larger size or move the model to the origin");
-  }
 }
 
 // Of a box with the given side, grown by `distance` on all sides.
@@ -108,7 +81,8 @@ std::uint64_t expected_leaves(const RunRecord& run) {
 
 std::uint64_t expected_largest_visit(const RunRecord& run) {
   const auto [all, of_leaf] = expected_points(run);
-  const double side = std::min(start_leaf_side(run.parameters), largest_side(run.surface.box));
+  const double side = std::min(start_leaf_side(run.parameters),
+                               max_norm(run.surface.box.max - run.surface.box.min));
   const VisitSize whole{.num_points = static_cast<std::uint64_t>(std::min(all, 1e12))};
   return std::min(expected_visit(run.parameters, side, of_leaf, 0), whole.bytes_to_refine());
 }
@@ -118,13 +92,6 @@ const char* name_of(Initialization init) {
 }
 
 }  // namespace
-
-double start_leaf_side(const RunParameters& parameters) {
-  const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
-  const double side =
-      std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density);
-  return std::max(side, kMinLeafSide) * parameters.size;
-}
 
 double absolute_size(const SizeSpec& spec, const Box& box) {
   if (!(spec.value > 0) || !std::isfinite(spec.value))
@@ -158,20 +125,6 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest,
   RunRecord run = planned_run(options, digest, surface.box);
   run.surface = surface;
   return run;
-}
-
-OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
-  const double leaf_side = start_leaf_side(parameters);
-  OctreePlan plan{.frame = frame_around(parameters, surface, leaf_side)};
-  if (parameters.init == Initialization::kPaper) return plan;
-  const double least_size = plan.frame.side(0) / (kLatticeSpacing * (kMaxSiteIndex - 8));
-  if (parameters.size < least_size)
-    throw InputError("size " + decimal(parameters.size) +
-                     " is too small for this surface: the lattice would have more than 2^20 cells "
-                     "to a side; choose a size of at least " +
-                     rounded(1.01 * least_size));
-  plan.level = plan.frame.level_of_side(leaf_side);
-  return plan;
 }
 
 MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {

@@ -27,12 +27,14 @@ class Visit {
     state_.dequeue(leaf_);
     for (const InsertedPoint& point : delta.inserted) insert(point);
     for (const MeshPoint& point : delta.deleted) erase(point);
-    count(delta);
+    state_.add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
       store_cells(delta.cells);
       store_unresolved(delta.unresolved);
-      state_.leaves.edit_info(leaf_).first_new_id =
-          delta.unresolved.empty() ? state_.run.next_point_id : 0;
+      if (delta.unresolved.empty())
+        state_.allow_short_visit(leaf_);
+      else
+        state_.require_whole_visit(leaf_);
     }
     for (const std::uint64_t id : delta.met_core) make_explicit(state_, site_of(id));
     if (delta.is_overfull) split();
@@ -45,65 +47,44 @@ class Visit {
     ids_.push_back(added.id);
     loader_.note_inserted(added);
     if (point.changed)
-      enqueue_owners(*point.changed, point.position);
+      enqueue_owners(*point.changed);
     else
       enqueue_around(point.position, kNeighborhood * state_.size());
   }
 
   void erase(const MeshPoint& point) {
-    const MortonKey owner = state_.octree.leaf_owning(state_.run.frame, point.position);
-    auto& points = state_.leaves.edit_points(owner).points;
-    const auto place = std::ranges::lower_bound(points, point.id, {}, &MeshPoint::id);
-    if (place == points.end() || place->id != point.id)
-      throw RefineError("deleted point " + std::to_string(point.id) + " is not in P");
-    points.erase(place);
-    --state_.leaves.edit_info(owner).num_points;
-    --state_.run.num_points;
+    state_.remove_point(point);
     loader_.note_deleted(point);
     enqueue_around(point.position, kReach * state_.size());
-    forbid_shorter_visits(point.position);
+    // A later visit knows the points that came by their ids; of those that went it would know
+    // nothing.
+    for (const MortonKey other : leaves_within(point.position, kReach * state_.size()))
+      if (other != leaf_) state_.require_whole_visit(other);
   }
 
-  // A later visit knows the points that came by their ids; of those that went it would know
-  // nothing.
-  void forbid_shorter_visits(const Point& deleted) {
-    for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, Box::around(deleted),
-                                                             kReach * state_.size()))
-      if (other != leaf_ && state_.leaves.info(other).first_new_id != 0)
-        state_.leaves.edit_info(other).first_new_id = 0;
+  std::vector<MortonKey> leaves_within(const Point& p, double distance) const {
+    return state_.octree().leaves_within(state_.run().frame, Box::around(p), distance);
   }
 
   // The other leaves within the distance. Leaves without points have nothing to restore: they are
   // enqueued with the point that gives them one.
   void enqueue_around(const Point& changed, double distance) {
     if (is_deeper(changed, distance)) return;
-    const Box dirty = Box::around(changed);
-    for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, dirty, distance))
-      if (other != leaf_ && state_.leaves.info(other).num_points > 0) state_.enqueue(other, dirty);
+    for (const MortonKey other : leaves_within(changed, distance))
+      if (other != leaf_ && state_.leaves().info(other).num_points > 0) state_.enqueue(other);
   }
 
   // Of other leaves' points.
-  void enqueue_owners(const std::vector<Point>& points, const Point& changed) {
+  void enqueue_owners(const std::vector<Point>& points) {
     for (const Point& p : points)
-      if (const MortonKey owner = state_.octree.leaf_owning(state_.run.frame, p); owner != leaf_)
-        state_.enqueue(owner, Box::around(changed));
+      if (const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
+          owner != leaf_)
+        state_.enqueue(owner);
   }
 
   // Spares most points the search.
   bool is_deeper(const Point& p, double distance) const {
     return box_.expanded(-distance).contains(p);
-  }
-
-  void count(const LeafDelta& delta) {
-    LeafInfo& info = state_.leaves.edit_info(leaf_);
-    ++info.num_visits;
-    ++state_.run.num_visits;
-    info.num_deletions += delta.stats.deletions;
-    state_.run.num_deletions += delta.stats.deletions;
-    for (std::size_t c = 0; c < kNumConditions; ++c) {
-      info.num_insertions[c] += delta.stats.insertions[c];
-      state_.run.num_insertions[c] += delta.stats.insertions[c];
-    }
   }
 
   // The ids of new points ascend in order of insertion, and are larger than all others: the list of
@@ -113,10 +94,7 @@ class Visit {
     cells.vertices.reserve(list.vertices.size());
     for (const VertexRef ref : list.vertices) cells.vertices.push_back(id_of(ref));
     cells.cells = list.cells;
-    LeafInfo& info = state_.leaves.edit_info(leaf_);
-    state_.run.num_cells += cells.cells.size() - info.num_cells;  // modulo 2^64, as it should be
-    info.num_cells = cells.cells.size();
-    state_.leaves.put_cells(leaf_, std::move(cells));
+    state_.put_cells(leaf_, std::move(cells));
   }
 
   std::uint64_t id_of(VertexRef ref) const {
@@ -127,61 +105,41 @@ class Visit {
   }
 
   void store_unresolved(const std::vector<Violation>& violations) {
-    if (violations.empty() && state_.leaves.info(leaf_).num_unresolved == 0) return;
+    if (violations.empty() && state_.leaves().info(leaf_).num_unresolved == 0) return;
     std::vector<UnresolvedSite> sites;
     for (const Violation& v : violations)
       sites.push_back({static_cast<std::uint8_t>(v.condition), v.position, v.radius});
     state_.put_unresolved(leaf_, {thinned(sites, {}, state_.size())});
   }
 
-  // The leaf's points, triangles and known side go to its children; those with points are enqueued.
+  // The leaf's points, triangles and known side go to its children.
   void split() {
-    const LeafInfo parent = state_.leaves.info(leaf_);
-    const auto [points, core] = state_.leaves.points(leaf_);
-    const std::vector<Triangle> triangles = state_.leaves.surface(leaf_).triangles;
-    if (parent.queued) state_.dequeue(leaf_);
-    state_.run.num_cells -= parent.num_cells + parent.num_core_cells;
-    state_.run.num_unresolved -= parent.num_unresolved;
-    state_.leaves.erase_leaf(leaf_);
-    state_.octree.split(leaf_);
-
-    std::array<LeafPoints, 8> child_points;
-    for (const MeshPoint& point : points) {
-      const MortonKey owner = state_.run.frame.key_of(point.position, leaf_.level() + 1);
-      child_points[static_cast<std::size_t>(owner.octant())].points.push_back(point);
+    std::array<RunState::Child, 8> children;
+    const LeafPoints& own = state_.leaves().points(leaf_);
+    for (const MeshPoint& point : own.points) {
+      const MortonKey owner = state_.run().frame.key_of(point.position, leaf_.level() + 1);
+      children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
     }
-    for (int octant = 0; octant < 8; ++octant)
-      child_points[static_cast<std::size_t>(octant)].core =
-          clipped(core, state_.sites(leaf_.child(octant)));
-    std::array<LeafSurface, 8> child_surfaces;
     std::array<std::uint8_t, 8> parities{};
+    const std::vector<Triangle>& triangles = state_.leaves().surface(leaf_).triangles;
     for (int octant = 0; octant < 8; ++octant) {
       const auto i = static_cast<std::size_t>(octant);
-      const Box child_box = state_.box(leaf_.child(octant));
-      std::ranges::copy_if(triangles, std::back_inserter(child_surfaces[i].triangles),
-                           [&](const Triangle& t) { return meets(t, child_box); });
-      parities[i] = center_to_corner_parities(child_surfaces[i].triangles, child_box);
+      const Box box = state_.box(leaf_.child(octant));
+      auto& met = children[i].surface.triangles;
+      std::ranges::copy_if(triangles, std::back_inserter(met),
+                           [&](const Triangle& t) { return meets(t, box); });
+      parities[i] = center_to_corner_parities(met, box);
+      children[i].points.core = clipped(own.core, state_.sites(leaf_.child(octant)));
     }
-    const std::vector<bool> sides = center_sides_of_children(parent.is_center_inside, parities);
-    for (int octant = 0; octant < 8; ++octant) {
-      const auto i = static_cast<std::size_t>(octant);
-      add_child(leaf_.child(octant), sides[i], std::move(child_points[i]),
-                std::move(child_surfaces[i]));
-    }
-    for (int octant = 0; octant < 8; ++octant) {
-      const MortonKey child = leaf_.child(octant);
-      note_core_cells(state_, child, num_core_cells(state_, child));
-    }
+    const std::vector<bool> sides =
+        center_sides_of_children(state_.leaves().info(leaf_).is_center_inside, parities);
+    for (std::size_t i = 0; i < children.size(); ++i) children[i].is_center_inside = sides[i];
+    state_.split(leaf_, std::move(children));
+    for (int octant = 0; octant < 8; ++octant) count_core_cells(leaf_.child(octant));
   }
 
-  void add_child(MortonKey child, bool is_center_inside, LeafPoints points, LeafSurface surface) {
-    LeafInfo info;
-    info.is_center_inside = is_center_inside;
-    info.num_points = points.points.size();
-    info.num_core_points = num_points(points.core, state_.sites(child));
-    info.num_triangles = surface.triangles.size();
-    state_.leaves.add_leaf(child, info, std::move(points), std::move(surface));
-    if (info.num_points > 0) state_.enqueue(child, state_.surroundings(child));
+  void count_core_cells(MortonKey leaf) {
+    state_.put_num_core_cells(leaf, num_core_cells(state_, leaf));
   }
 
   RunState& state_;
@@ -199,7 +157,7 @@ void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const Leaf
 
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
   const auto require_own = [&](const Point& position) {
-    if (state.run.frame.key_of(position, leaf.level()) != leaf)
+    if (state.run().frame.key_of(position, leaf.level()) != leaf)
       throw RefineError("its cover has a point outside its box");
   };
   state.dequeue(leaf);
@@ -209,13 +167,8 @@ void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {
     require_own(p);
     state.add_point(p, PointKind::kSurface);
   }
-  if (!points.samples.empty() || !points.lattice.empty())
-    state.enqueue(leaf, state.surroundings(leaf));
-  if (points.core.is_empty()) return;
-  const auto num_core_points = num_points(points.core, state.sites(leaf));
-  state.leaves.edit_points(leaf).core = points.core;
-  state.leaves.edit_info(leaf).num_core_points = num_core_points;
-  state.run.num_points += num_core_points;
+  if (!points.samples.empty() || !points.lattice.empty()) state.enqueue(leaf);
+  if (!points.core.is_empty()) state.put_core(leaf, points.core);
 }
 
 void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points) {
@@ -225,19 +178,19 @@ void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points) {
 }
 
 void enqueue_for_refinement(RunState& state, const StopToken* stop) {
-  const auto leaves = state.octree.leaves();
+  const auto leaves = state.octree().leaves();
   std::vector<std::uint64_t> num_cells;  // of the core: to count them takes most of the time
   num_cells.reserve(leaves.size());
   for (const MortonKey leaf : leaves) {
     throw_if_stopped(stop);
     num_cells.push_back(num_core_cells(state, leaf));
-    state.leaves.trim();
+    state.leaves().trim();
   }
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     const MortonKey leaf = leaves[i];
-    if (state.leaves.info(leaf).num_points > 0) state.enqueue(leaf, state.surroundings(leaf));
-    note_core_cells(state, leaf, num_cells[i]);
-    state.leaves.trim();
+    if (state.leaves().info(leaf).num_points > 0) state.enqueue(leaf);
+    state.put_num_core_cells(leaf, num_cells[i]);
+    state.leaves().trim();
   }
 }
 

@@ -7,14 +7,14 @@ namespace locvol {
 namespace {
 
 MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
-  return state.octree.leaf_owning(state.run.frame, state.lattice.undisplaced(site));
+  return state.octree().leaf_owning(state.run().frame, state.lattice().undisplaced(site));
 }
 
 bool is_whole_all_around(RunState& state, MortonKey leaf) {
   const double star = kLatticeStar * state.size();
   return std::ranges::all_of(
-      state.octree.leaves_within(state.run.frame, state.box(leaf), star),
-      [&](MortonKey other) { return state.leaves.points(other).core.is_whole; });
+      state.octree().leaves_within(state.run().frame, state.box(leaf), star),
+      [&](MortonKey other) { return state.leaves().points(other).core.is_whole; });
 }
 
 // How many of a site's six cells there are; bit n: larger neighbor n is there.
@@ -30,11 +30,12 @@ LatticeSite negated(const LatticeSite& s) { return {-s.i, -s.j, -s.k}; }
 
 }  // namespace
 
-CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance) : lattice_(state.lattice) {
+CoreAround::CoreAround(RunState& state, MortonKey leaf, double distance)
+    : lattice_(state.lattice()) {
   const Box box = state.box(leaf);
   const SiteBox around = lattice_.sites_in(box.expanded(distance));
-  for (const MortonKey other : state.octree.leaves_within(state.run.frame, box, distance)) {
-    const LatticeCore& core = state.leaves.points(other).core;
+  for (const MortonKey other : state.octree().leaves_within(state.run().frame, box, distance)) {
+    const LatticeCore& core = state.leaves().points(other).core;
     if (core.is_empty()) continue;
     if (is_empty_) is_core_ = {around, 0};
     is_empty_ = false;
@@ -67,13 +68,13 @@ bool CoreAround::has_within(const Point& q, double radius) const {
 }
 
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
-  const std::uint64_t num_points = state.leaves.info(leaf).num_core_points;
+  const std::uint64_t num_points = state.leaves().info(leaf).num_core_points;
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
   const CoreAround around(state, leaf, kLatticeStar * state.size());
   const SiteBox sites = state.sites(leaf);
   std::uint64_t num_cells = 0;
-  for_each_core_site(state.leaves.points(leaf).core, sites, sites,
+  for_each_core_site(state.leaves().points(leaf).core, sites, sites,
                      [&](const LatticeSite& site, std::uint64_t) {
                        std::size_t larger = 0;
                        for (std::size_t n = 0; n < kLargerNeighbors.size(); ++n)
@@ -83,29 +84,18 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   return num_cells;
 }
 
-void note_core_cells(RunState& state, MortonKey leaf, std::uint64_t num_cells) {
-  if (num_cells == 0) return;
-  state.leaves.edit_info(leaf).num_core_cells = num_cells;
-  state.run.num_cells += num_cells;
-}
-
 bool is_core(RunState& state, const LatticeSite& site) {
-  if (!state.run.frame.contains(state.lattice.undisplaced(site))) return false;
+  if (!state.run().frame.contains(state.lattice().undisplaced(site))) return false;
   const MortonKey leaf = leaf_of(state, site);
   bool is_found = false;
-  for_each_core_site(state.leaves.points(leaf).core, state.sites(leaf),
+  for_each_core_site(state.leaves().points(leaf).core, state.sites(leaf),
                      {site, site + LatticeSite{1, 1, 1}},
                      [&](const LatticeSite&, std::uint64_t) { is_found = true; });
   return is_found;
 }
 
 void list_core_point(RunState& state, const LatticeSite& site) {
-  const MortonKey leaf = leaf_of(state, site);
-  LatticeCore& core = state.leaves.edit_points(leaf).core;
-  core = without(core, state.sites(leaf), site);
-  --state.leaves.edit_info(leaf).num_core_points;
-  --state.run.num_points;
-  state.add_lattice_point(site);
+  state.list_core_point(leaf_of(state, site), site);
 }
 
 void make_explicit(RunState& state, const LatticeSite& site) {
@@ -118,17 +108,17 @@ void make_explicit(RunState& state, const LatticeSite& site) {
       if (!std::ranges::all_of(corners,
                                [&](const LatticeSite& s) { return is_core(state, smallest + s); }))
         continue;
-      --state.leaves.edit_info(leaf_of(state, smallest)).num_core_cells;
-      --state.run.num_cells;
+      const MortonKey leaf = leaf_of(state, smallest);
+      state.put_num_core_cells(leaf, state.leaves().info(leaf).num_core_cells - 1);
     }
   }
   list_core_point(state, site);
-  const Box dirty = Box::around(state.lattice.position(site));
+  const Box around = Box::around(state.lattice().position(site));
   for (const MortonKey other :
-       state.octree.leaves_within(state.run.frame, dirty, kNeighborhood * state.size())) {
-    if (state.leaves.info(other).num_points == 0) continue;
-    state.enqueue(other, dirty);
-    state.leaves.edit_info(other).first_new_id = 0;
+       state.octree().leaves_within(state.run().frame, around, kNeighborhood * state.size())) {
+    if (state.leaves().info(other).num_points == 0) continue;
+    state.enqueue(other);
+    state.require_whole_visit(other);
   }
 }
 

@@ -33,8 +33,6 @@ class CoreAround : public CoreIndex {
 
 // How many cells the leaf has whose vertices are all of the core, the smallest one its own.
 std::uint64_t num_core_cells(RunState& state, MortonKey leaf);
-// Notes that number with the leaf and in the run's total. REQUIRES: none was noted yet
-void note_core_cells(RunState& state, MortonKey leaf, std::uint64_t num_cells);
 
 // Makes a point of the core one that the leaf's record lists, for it has a new neighbor: leaves at
 // points around it are to be visited again, as a whole. REQUIRES: it is of the core

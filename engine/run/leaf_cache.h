@@ -27,6 +27,16 @@ class LeafCache {
   LeafCells cells(MortonKey leaf);            // not kept
   LeafUnresolved unresolved(MortonKey leaf);  // likewise
 
+  // Of what is unchanged; to be enforced by the next trim().
+  void set_max_bytes(std::size_t max_bytes) { max_bytes_ = max_bytes; }
+
+  void trim();  // lets go of the least recently used
+
+  std::size_t unwritten_bytes() const;  // decoded, roughly
+
+ private:
+  friend class RunState;  // makes all changes, and keeps what is counted of them
+
   LeafInfo& edit_info(MortonKey leaf);
   LeafPoints& edit_points(MortonKey leaf);
   void put_cells(MortonKey leaf, LeafCells cells);
@@ -34,15 +44,8 @@ class LeafCache {
   // A leaf that the store has not had before.
   void add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points, LeafSurface surface);
   void erase_leaf(MortonKey leaf);  // with all its records
+  void write_to(Batch& batch);      // the changes, in Morton order
 
-  // Of what is unchanged; to be enforced by the next trim().
-  void set_max_bytes(std::size_t max_bytes) { max_bytes_ = max_bytes; }
-
-  std::size_t unwritten_bytes() const;  // decoded, roughly
-  void write_to(Batch& batch);          // the changes, in Morton order
-  void trim();                          // lets go of the least recently used
-
- private:
   // A record as decoded, and whether the store has yet to see it.
   template <class Record>
   struct Cached {

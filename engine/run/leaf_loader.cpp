@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 
 namespace locvol {
 namespace {
@@ -54,16 +54,16 @@ template struct Loaded<FillInput>;
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop)
     : state_(state), budget_(budget), stop_(stop) {
   if (state_.is_cover()) return;
-  const Box root = state_.run.frame.root_box();
+  const Box root = state_.run().frame.root_box();
   std::vector<Triangle> triangles = triangles_meeting(root);
   budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
                    .bytes_to_refine());
   whole_surface_ = std::make_unique<SurfacePatch>(std::move(triangles), root, root.min, false,
                                                   GridFineness{state_.size()}, stop_);
   all_points_.emplace(state_.size());
-  for (const MortonKey leaf : state_.octree.leaves()) {
+  for (const MortonKey leaf : state_.octree().leaves()) {
     throw_if_stopped(stop_);
-    for (const MeshPoint& point : state_.leaves.points(leaf).points) note_inserted(point);
+    for (const MeshPoint& point : state_.leaves().points(leaf).points) note_inserted(point);
   }
 }
 
@@ -71,7 +71,7 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double size = state_.size();
   const Box box = state_.box(leaf);
   std::vector<MeshPoint> around;
-  if (state_.leaves.info(leaf).num_triangles > 0)
+  if (state_.leaves().info(leaf).num_triangles > 0)
     around = points_around(leaf, kSampleRadius * size);
   const double patch_distance = kSlack * kCoreDepth * size;
   const Box region = box.expanded(patch_distance);
@@ -84,8 +84,8 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   loaded.bytes = visit.bytes_to_cover();
   loaded.surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover);
   loaded.input = {.size = size,
-                  .seed = state_.run.parameters.seed,
-                  .lattice = &state_.lattice,
+                  .seed = state_.run().parameters.seed,
+                  .lattice = &state_.lattice(),
                   .box = box,
                   .surface = nullptr,
                   .nearby_samples = {},
@@ -104,7 +104,7 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
                   .core = nullptr,
                   .surface = nullptr,
                   .stop = stop_};
-  const std::vector<MeshPoint>& own = state_.leaves.points(leaf).points;
+  const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
   std::vector<MeshPoint>& points = loaded.input.points;
   points.insert(points.end(), own.begin(), own.end());
   std::ranges::sort(points, {}, &MeshPoint::id);
@@ -125,7 +125,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double ghost_distance = state_.is_cover() ? kReach * size : kNeighborhood * size;
   const double patch_distance = kSlack * kReach / 2 * size;
   keep_memory_of_points();
-  std::vector<MeshPoint> own = state_.leaves.points(leaf).points;
+  std::vector<MeshPoint> own = state_.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles;
@@ -150,7 +150,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .core = loaded.core && !loaded.core->is_empty() ? loaded.core.get() : nullptr,
                   .max_own_points = max_own_points(leaf),
                   .last_visit = std::move(last),
-                  .max_insertions = max_insertions(state_.run.parameters.leaf_capacity),
+                  .max_insertions = max_insertions(state_.run().parameters.leaf_capacity),
                   .on_step = {},
                   .stop = stop_};
   return loaded;
@@ -177,9 +177,9 @@ void LeafLoader::keep_memory_of_points() {
 }
 
 std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
-  const LeafInfo& info = state_.leaves.info(leaf);
+  const LeafInfo& info = state_.leaves().info(leaf);
   if (info.first_new_id == 0) return std::nullopt;
-  LeafCells held = state_.leaves.cells(leaf);
+  LeafCells held = state_.leaves().cells(leaf);
   return LastVisit{info.first_new_id, {}, {std::move(held.vertices), std::move(held.cells)}};
 }
 
@@ -194,16 +194,16 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
                                                std::uint64_t num_ghosts) const {
   const std::uint64_t num_local = num_own + num_ghosts;
   if (state_.is_cover()) return num_local + num_local / 5 + 100;
-  const std::uint64_t capacity = state_.run.parameters.leaf_capacity;
+  const std::uint64_t capacity = state_.run().parameters.leaf_capacity;
   return 2 * std::max(num_own, capacity) + num_ghosts;
 }
 
 Criteria LeafLoader::criteria() const {
   const double size = state_.size();
   return {.size = size,
-          .radius_edge_bound = state_.run.parameters.radius_edge_bound,
+          .radius_edge_bound = state_.run().parameters.radius_edge_bound,
           .reach = state_.is_cover() ? kReach * size : std::numeric_limits<double>::infinity(),
-          .spacing_floor = state_.run.parameters.spacing_floor * size,
+          .spacing_floor = state_.run().parameters.spacing_floor * size,
           .cover_radius = state_.is_cover() ? kSlack * kSampleRadius * size
                                             : std::numeric_limits<double>::infinity()};
 }
@@ -213,10 +213,10 @@ Criteria LeafLoader::criteria() const {
 // the memory.
 std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
   if (leaf.level() == MortonKey::kMaxLevel) return 0;
-  const RunParameters& parameters = state_.run.parameters;
+  const RunParameters& parameters = state_.run().parameters;
   const double start = state_.is_cover() ? start_leaf_side(parameters) : 0;
   const double least = std::max(kMinChildSide * state_.size(), 0.1 * start);
-  return state_.run.frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
+  return state_.run().frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
 }
 
 SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
@@ -226,19 +226,19 @@ SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
   return {.triangles = std::move(triangles),
           .region = box.expanded(distance),
           .reference = box.center(),
-          .is_reference_inside = state_.leaves.info(leaf).is_center_inside,
+          .is_reference_inside = state_.leaves().info(leaf).is_center_inside,
           .fineness = fineness};
 }
 
 // Each once, in order of id; and some more, that only come close.
 std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   std::vector<Triangle> triangles;
-  for (const MortonKey leaf : state_.octree.leaves_within(state_.run.frame, region, 0)) {
+  for (const MortonKey leaf : state_.octree().leaves_within(state_.run().frame, region, 0)) {
     throw_if_stopped(stop_);
-    if (state_.leaves.info(leaf).num_triangles == 0) continue;
-    std::ranges::copy_if(state_.leaves.surface(leaf).triangles, std::back_inserter(triangles),
+    if (state_.leaves().info(leaf).num_triangles == 0) continue;
+    std::ranges::copy_if(state_.leaves().surface(leaf).triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
-    state_.leaves.trim();
+    state_.leaves().trim();
   }
   std::ranges::sort(triangles, {}, &Triangle::id);
   const auto repeated = std::ranges::unique(triangles, {}, &Triangle::id);
@@ -249,14 +249,14 @@ std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
 std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance) {
   const Box box = state_.box(leaf), nearly = box.expanded(distance);
   std::vector<MeshPoint> around;
-  for (const MortonKey other : state_.octree.leaves_within(state_.run.frame, box, distance)) {
-    if (other == leaf || state_.leaves.info(other).num_points == 0) continue;
-    std::ranges::copy_if(state_.leaves.points(other).points, std::back_inserter(around),
+  for (const MortonKey other : state_.octree().leaves_within(state_.run().frame, box, distance)) {
+    if (other == leaf || state_.leaves().info(other).num_points == 0) continue;
+    std::ranges::copy_if(state_.leaves().points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
                            return nearly.contains(p.position) &&
                                   box.squared_distance(p.position) <= distance * distance;
                          });
-    state_.leaves.trim();
+    state_.leaves().trim();
   }
   std::ranges::sort(around, {}, &MeshPoint::id);
   return around;

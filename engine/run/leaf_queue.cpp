@@ -6,7 +6,7 @@ namespace locvol {
 
 LeafQueue::LeafQueue(const Reader& reader) {
   reader.for_each_queued([&](const QueueEntry& entry) {
-    entries_.emplace_hint(entries_.end(), Place{entry.position, entry.leaf}, entry.dirty);
+    entries_.insert(entries_.end(), entry);
     ++num_in_epoch_[entry.position.epoch];
     return true;
   });
@@ -19,65 +19,45 @@ std::size_t LeafQueue::num_in_epoch(std::uint32_t epoch) const {
 
 QueuePosition LeafQueue::front() const {
   assert(!is_empty());
-  return entries_.begin()->first.first;
+  return entries_.begin()->position;
 }
 
 std::vector<MortonKey> LeafQueue::front_leaves() const {
   std::vector<MortonKey> leaves;
-  for (const auto& [place, dirty] : entries_) {
-    if (place.first != front()) break;
-    leaves.push_back(place.second);
+  for (const QueueEntry& entry : entries_) {
+    if (entry.position != front()) break;
+    leaves.push_back(entry.leaf);
   }
   return leaves;
 }
 
-std::vector<QueuePlace> LeafQueue::front_epoch() const {
-  std::vector<QueuePlace> places;
-  for (const auto& [place, dirty] : entries_) {
-    if (place.first.epoch != front().epoch) break;
-    places.push_back({place.first, place.second});
+std::vector<QueueEntry> LeafQueue::front_epoch() const {
+  std::vector<QueueEntry> entries;
+  for (const QueueEntry& entry : entries_) {
+    if (entry.position.epoch != front().epoch) break;
+    entries.push_back(entry);
   }
-  return places;
+  return entries;
 }
 
 void LeafQueue::put(const QueueEntry& entry) {
-  const Place place{entry.position, entry.leaf};
-  if (entries_.insert_or_assign(place, entry.dirty).second) ++num_in_epoch_[entry.position.epoch];
-  changed_.insert(place);
+  if (entries_.insert(entry).second) ++num_in_epoch_[entry.position.epoch];
+  changed_.insert(entry);
 }
 
-void LeafQueue::grow(QueuePosition position, MortonKey leaf, const Box& dirty) {
-  const auto entry = entries_.find({position, leaf});
-  assert(entry != entries_.end());
-  const Box joined = entry->second.joined(dirty);
-  if (joined == entry->second) return;
-  entry->second = joined;
-  changed_.insert(entry->first);
-}
-
-void LeafQueue::move(QueuePosition from, QueuePosition to, MortonKey leaf) {
-  const auto entry = entries_.find({from, leaf});
-  assert(entry != entries_.end());
-  const Box dirty = entry->second;
-  erase(from, leaf);
-  put({to, leaf, dirty});
-}
-
-void LeafQueue::erase(QueuePosition position, MortonKey leaf) {
-  const Place place{position, leaf};
-  [[maybe_unused]] const auto num_erased = entries_.erase(place);
+void LeafQueue::erase(const QueueEntry& entry) {
+  [[maybe_unused]] const auto num_erased = entries_.erase(entry);
   assert(num_erased == 1);
-  if (--num_in_epoch_[position.epoch] == 0) num_in_epoch_.erase(position.epoch);
-  changed_.insert(place);
+  if (--num_in_epoch_[entry.position.epoch] == 0) num_in_epoch_.erase(entry.position.epoch);
+  changed_.insert(entry);
 }
 
 void LeafQueue::write_to(Batch& batch) {
-  for (const Place& place : changed_) {
-    const auto entry = entries_.find(place);
-    if (entry == entries_.end())
-      batch.erase_queue_entry(place.first, place.second);
+  for (const QueueEntry& entry : changed_) {
+    if (entries_.contains(entry))
+      batch.put_queue_entry(entry);
     else
-      batch.put_queue_entry({place.first, place.second, entry->second});
+      batch.erase_queue_entry(entry);
   }
   changed_.clear();
 }

@@ -20,10 +20,10 @@ constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
 // are below half of the reach (in paper mode there is no such bound).
 std::vector<MortonKey> leaves_around(const RunState& state, MortonKey leaf) {
   if (!state.is_cover()) {
-    const auto all = state.octree.leaves();
+    const auto all = state.octree().leaves();
     return {all.begin(), all.end()};
   }
-  return state.octree.leaves_within(state.run.frame, state.box(leaf), kReach * state.size());
+  return state.octree().leaves_within(state.run().frame, state.box(leaf), kReach * state.size());
 }
 
 std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
@@ -37,15 +37,15 @@ std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
 class MendLoader {
  public:
   MendLoader(RunState& state, MortonKey leaf)
-      : state_(state), own_(ids_of(state.leaves.points(leaf))) {
+      : state_(state), own_(ids_of(state.leaves().points(leaf))) {
     for (const MortonKey other : leaves_around(state, leaf))
-      if (state.leaves.info(other).num_cells > 0) take_from(other);
+      if (state.leaves().info(other).num_cells > 0) take_from(other);
     std::ranges::sort(others_);
     const auto repeated = std::ranges::unique(others_);
     others_.erase(repeated.begin(), repeated.end());
     is_on_surface_.resize(own_.size() + others_.size());
     for (const MortonKey other : leaves_around(state, leaf))
-      for (const MeshPoint& p : state.leaves.points(other).points)
+      for (const MeshPoint& p : state.leaves().points(other).points)
         if (const auto v = index_of(p.id)) is_on_surface_[*v] = p.kind == PointKind::kSurface;
   }
 
@@ -67,7 +67,7 @@ class MendLoader {
 
  private:
   void take_from(MortonKey leaf) {
-    const LeafCells held = state_.leaves.cells(leaf);
+    const LeafCells held = state_.leaves().cells(leaf);
     std::vector<bool> is_own(held.vertices.size());
     for (std::size_t i = 0; i < is_own.size(); ++i)
       is_own[i] = std::ranges::binary_search(own_, held.vertices[i]);
@@ -145,27 +145,22 @@ MendedCells mended_cells(const LoadedMend& loaded) {
 void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
   state.dequeue(leaf);
   if (cells.left_out.empty()) return;
-  for (const auto& [home, places] : cells.left_out) {
-    state.leaves.put_cells(home, without(state.leaves.cells(home), places));
-    LeafInfo& info = state.leaves.edit_info(home);
-    info.num_cells -= places.size();
-    info.num_left_out += places.size();
-    state.run.num_cells -= places.size();
-  }
+  for (const auto& [home, places] : cells.left_out)
+    state.leave_out_cells(home, without(state.leaves().cells(home), places));
   for (const MortonKey other : leaves_around(state, leaf)) {
-    if (other == leaf || state.leaves.info(other).num_points == 0) continue;
-    const auto& points = state.leaves.points(other).points;
+    if (other == leaf || state.leaves().info(other).num_points == 0) continue;
+    const auto& points = state.leaves().points(other).points;
     if (std::ranges::any_of(cells.others, [&](std::uint64_t id) {
           return std::ranges::binary_search(points, id, {}, &MeshPoint::id);
         }))
-      state.enqueue(other, state.box(leaf));
+      state.enqueue(other);
   }
 }
 
 void enqueue_for_mending(RunState& state) {
-  for (const MortonKey leaf : state.octree.leaves()) {
-    if (state.leaves.info(leaf).num_unresolved > 0) state.enqueue(leaf, state.box(leaf));
-    state.leaves.trim();
+  for (const MortonKey leaf : state.octree().leaves()) {
+    if (state.leaves().info(leaf).num_unresolved > 0) state.enqueue(leaf);
+    state.leaves().trim();
   }
 }
 
@@ -174,18 +169,18 @@ void merge_sites(RunState& state) {
   // A visit's sites lie within its reach of its leaf.
   const double distance =
       state.is_cover() ? (2 * kReach + 1) * size : std::numeric_limits<double>::infinity();
-  for (const MortonKey leaf : state.octree.leaves()) {
-    state.leaves.trim();
-    if (state.leaves.info(leaf).num_unresolved == 0) continue;
+  for (const MortonKey leaf : state.octree().leaves()) {
+    state.leaves().trim();
+    if (state.leaves().info(leaf).num_unresolved == 0) continue;
     std::vector<UnresolvedSite> kept;
     for (const MortonKey other :
-         state.octree.leaves_within(state.run.frame, state.box(leaf), distance)) {
+         state.octree().leaves_within(state.run().frame, state.box(leaf), distance)) {
       if (other >= leaf) break;
-      if (state.leaves.info(other).num_unresolved == 0) continue;
-      const auto sites = state.leaves.unresolved(other).sites;
+      if (state.leaves().info(other).num_unresolved == 0) continue;
+      const auto sites = state.leaves().unresolved(other).sites;
       kept.insert(kept.end(), sites.begin(), sites.end());
     }
-    LeafUnresolved own = state.leaves.unresolved(leaf);
+    LeafUnresolved own = state.leaves().unresolved(leaf);
     const auto num_before = own.sites.size();
     own.sites = thinned(own.sites, kept, size);
     if (own.sites.size() < num_before) state.put_unresolved(leaf, std::move(own));

@@ -25,127 +25,209 @@ RunRecord read_run(const Store& store) {
   return *run;
 }
 
-}  // namespace
-
-Lattice lattice_of(const RunRecord& run) {
-  const double size = run.parameters.size;
-  return {run.frame, size, kMinChildSide * size};
+// A leaf's count, in the run's total.
+void put_count(std::uint64_t& count, std::uint64_t now, std::uint64_t& total) {
+  total = total - count + now;
+  count = now;
 }
 
-RunState::RunState(Store& the_store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
-    : store(the_store),
-      run(read_run(the_store)),
-      lattice(lattice_of(run)),
-      octree(the_store.snapshot().leaf_keys()),
-      leaves(the_store, cache_bytes),
-      queue(the_store.snapshot()),
+}  // namespace
+
+RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
+    : store_(store),
+      run_(read_run(store)),
+      lattice_(lattice_of(run_)),
+      octree_(store.snapshot().leaf_keys()),
+      leaves_(store, cache_bytes),
+      queue_(store.snapshot()),
       max_unwritten_bytes_(max_unwritten_bytes) {}
 
-void RunState::enqueue(MortonKey leaf, const Box& dirty) {
-  if (const auto position = leaves.info(leaf).queued) return queue.grow(*position, leaf, dirty);
-  const QueuePosition position{run.epoch + 1, kNoColor};
-  leaves.edit_info(leaf).queued = position;
-  queue.put({position, leaf, dirty});
+void RunState::enqueue(MortonKey leaf) {
+  if (leaves_.info(leaf).queued) return;
+  const QueuePosition position{run_.epoch + 1, kNoColor};
+  leaves_.edit_info(leaf).queued = position;
+  queue_.put({position, leaf});
 }
 
 void RunState::dequeue(MortonKey leaf) {
-  auto& queued = leaves.edit_info(leaf).queued;
+  auto& queued = leaves_.edit_info(leaf).queued;
   assert(queued);
-  queue.erase(*queued, leaf);
+  queue_.erase({*queued, leaf});
   queued.reset();
 }
 
 bool RunState::open_epoch(const StopToken* stop) {
-  if (queue.is_empty() || queue.front().color != kNoColor) return false;
-  const QueuePosition waiting = queue.front();
-  const std::vector<MortonKey> epoch = queue.front_leaves();
-  const std::vector<std::uint32_t> colors = colors_of(waiting.epoch, epoch, stop);
+  if (queue_.is_empty() || queue_.front().color != kNoColor) return false;
+  const QueuePosition waiting = queue_.front();
+  const std::vector<MortonKey> epoch = queue_.front_leaves();
+  const std::vector<std::uint32_t> colors = colors_of(epoch, stop);
   for (std::size_t i = 0; i < epoch.size(); ++i) {
     const QueuePosition position{waiting.epoch, colors[i]};
-    queue.move(waiting, position, epoch[i]);
-    leaves.edit_info(epoch[i]).queued = position;
+    queue_.erase({waiting, epoch[i]});
+    queue_.put({position, epoch[i]});
+    leaves_.edit_info(epoch[i]).queued = position;
   }
-  run.epoch = waiting.epoch;
+  run_.epoch = waiting.epoch;
   return true;
 }
 
-std::vector<std::uint32_t> RunState::colors_of(std::uint32_t epoch,
-                                               const std::vector<MortonKey>& its_leaves,
+std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its_leaves,
                                                const StopToken* stop) const {
-  if (is_cover())
-    return color_leaves(octree, run.frame, its_leaves, conflict_distance(epoch), stop);
-  std::vector<std::uint32_t> colors(
-      its_leaves.size());  // any leaf may write into the reach of any other
+  if (is_cover()) return color_leaves(octree_, run_.frame, its_leaves, conflict_distance(), stop);
+  // Any leaf may write into the reach of any other.
+  std::vector<std::uint32_t> colors(its_leaves.size());
   std::iota(colors.begin(), colors.end(), 0U);
   return colors;
 }
 
-double RunState::conflict_distance(std::uint32_t epoch) const {
-  return (epoch == kCoverEpoch ? kCoverConflict : kConflict) * size();
+double RunState::conflict_distance() const {
+  return (run_.phase == Phase::kCover ? kCoverConflict : kConflict) * size();
 }
 
-bool RunState::are_independent(const QueuePlace& a, const QueuePlace& b) const {
+bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) const {
   if (a.position == b.position) return true;
   if (!is_cover()) return false;
-  const double distance = conflict_distance(a.position.epoch);
+  const double distance = conflict_distance();
   return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
 }
 
 MeshPoint RunState::add_point(const Point& position, PointKind kind) {
-  const MeshPoint point{run.next_point_id++, position, kind};
+  const MeshPoint point{run_.next_point_id++, position, kind};
   add_to_leaf(point);
   return point;
 }
 
 MeshPoint RunState::add_lattice_point(const LatticeSite& site) {
-  const MeshPoint point = lattice.point(site);
+  const MeshPoint point = lattice_.point(site);
   add_to_leaf(point);
   return point;
 }
 
-void RunState::add_to_leaf(const MeshPoint& point) {
-  const Point& p = point.position;
-  if (!run.frame.contains(p))
-    throw RefineError("the new point (" + std::to_string(p.x) + ", " + std::to_string(p.y) + ", " +
+MortonKey RunState::owner_of(const Point& p) const {
+  if (!run_.frame.contains(p))
+    throw RefineError("the point (" + std::to_string(p.x) + ", " + std::to_string(p.y) + ", " +
                       std::to_string(p.z) + ") lies outside the octree");
-  const MortonKey owner = octree.leaf_owning(run.frame, p);
-  auto& points = leaves.edit_points(owner).points;
+  return octree_.leaf_owning(run_.frame, p);
+}
+
+void RunState::add_to_leaf(const MeshPoint& point) {
+  const MortonKey owner = owner_of(point.position);
+  auto& points = leaves_.edit_points(owner).points;
   points.insert(std::ranges::upper_bound(points, point.id, {}, &MeshPoint::id), point);
-  ++leaves.edit_info(owner).num_points;
-  ++run.num_points;
+  ++leaves_.edit_info(owner).num_points;
+  ++run_.counts.num_points;
+}
+
+void RunState::remove_point(const MeshPoint& point) {
+  const MortonKey owner = owner_of(point.position);
+  auto& points = leaves_.edit_points(owner).points;
+  const auto place = std::ranges::lower_bound(points, point.id, {}, &MeshPoint::id);
+  if (place == points.end() || place->id != point.id)
+    throw RefineError("deleted point " + std::to_string(point.id) + " is not in P");
+  points.erase(place);
+  --leaves_.edit_info(owner).num_points;
+  --run_.counts.num_points;
+}
+
+void RunState::put_core(MortonKey leaf, const LatticeCore& core) {
+  leaves_.edit_points(leaf).core = core;
+  put_count(leaves_.edit_info(leaf).num_core_points, num_points(core, sites(leaf)),
+            run_.counts.num_points);
+}
+
+void RunState::list_core_point(MortonKey leaf, const LatticeSite& site) {
+  LatticeCore& core = leaves_.edit_points(leaf).core;
+  core = without(core, sites(leaf), site);
+  --leaves_.edit_info(leaf).num_core_points;
+  --run_.counts.num_points;
+  add_lattice_point(site);
+}
+
+void RunState::add_visit(MortonKey leaf, const VisitStats& stats) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  ++info.num_visits;
+  ++run_.counts.num_visits;
+  info.num_deletions += stats.deletions;
+  run_.counts.num_deletions += stats.deletions;
+  for (std::size_t c = 0; c < kNumConditions; ++c) {
+    info.num_insertions[c] += stats.insertions[c];
+    run_.counts.num_insertions[c] += stats.insertions[c];
+  }
+}
+
+void RunState::allow_short_visit(MortonKey leaf) {
+  leaves_.edit_info(leaf).first_new_id = run_.next_point_id;
+}
+
+void RunState::require_whole_visit(MortonKey leaf) {
+  if (leaves_.info(leaf).first_new_id != 0) leaves_.edit_info(leaf).first_new_id = 0;
+}
+
+void RunState::put_cells(MortonKey leaf, LeafCells cells) {
+  put_count(leaves_.edit_info(leaf).num_cells, cells.cells.size(), run_.counts.num_cells);
+  leaves_.put_cells(leaf, std::move(cells));
+}
+
+void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  info.num_left_out += info.num_cells - left.cells.size();
+  put_cells(leaf, std::move(left));
 }
 
 void RunState::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
-  LeafInfo& info = leaves.edit_info(leaf);
-  run.num_unresolved -= info.num_unresolved;
-  info.num_unresolved = unresolved.sites.size();
-  run.num_unresolved += info.num_unresolved;
-  leaves.put_unresolved(leaf, std::move(unresolved));
+  put_count(leaves_.edit_info(leaf).num_unresolved, unresolved.sites.size(),
+            run_.counts.num_unresolved);
+  leaves_.put_unresolved(leaf, std::move(unresolved));
+}
+
+void RunState::put_num_core_cells(MortonKey leaf, std::uint64_t num_cells) {
+  if (leaves_.info(leaf).num_core_cells != num_cells)
+    put_count(leaves_.edit_info(leaf).num_core_cells, num_cells, run_.counts.num_cells);
+}
+
+void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
+  const LeafInfo& parent = leaves_.info(leaf);
+  run_.counts.num_cells -= parent.num_cells + parent.num_core_cells;
+  run_.counts.num_unresolved -= parent.num_unresolved;
+  if (parent.queued) dequeue(leaf);
+  leaves_.erase_leaf(leaf);
+  octree_.split(leaf);
+  for (int octant = 0; octant < 8; ++octant) {
+    auto& [is_center_inside, points, surface] = children[static_cast<std::size_t>(octant)];
+    const MortonKey key = leaf.child(octant);
+    LeafInfo info;
+    info.is_center_inside = is_center_inside;
+    info.num_points = points.points.size();
+    info.num_core_points = num_points(points.core, sites(key));
+    info.num_triangles = surface.triangles.size();
+    leaves_.add_leaf(key, info, std::move(points), std::move(surface));
+    if (info.num_points > 0) enqueue(key);
+  }
 }
 
 void RunState::note_visit() {
   ++num_unwritten_visits_;
-  leaves.trim();
+  leaves_.trim();
 }
 
 bool RunState::is_commit_due() const {
   return num_unwritten_visits_ >= kMaxVisitsOfCommit ||
-         leaves.unwritten_bytes() > max_unwritten_bytes_ ||
+         leaves_.unwritten_bytes() > max_unwritten_bytes_ ||
          std::chrono::steady_clock::now() - last_commit_ > kMaxTimeOfCommit;
 }
 
 void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
-  Batch batch = store.begin();
-  leaves.write_to(batch);
-  queue.write_to(batch);
-  batch.put_run(run);
+  Batch batch = store_.begin();
+  leaves_.write_to(batch);
+  queue_.write_to(batch);
+  batch.put_run(run_);
   if (memory) batch.put_memory(*memory);
   if (timeline) batch.put_timeline(*timeline);
   batch.commit();
   num_unwritten_visits_ = 0;
   last_commit_ = std::chrono::steady_clock::now();
-  leaves.trim();
-  store.release_pages();
+  leaves_.trim();
+  store_.release_pages();
 }
 
 }  // namespace locvol

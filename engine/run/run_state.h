@@ -1,8 +1,13 @@
 // RunState is the run in memory: what the engine has read of the store, and what the next commit
 // will write. There is no other state: dropped at any time and read again from the store, it goes
 // on from the last commit with the same result.
+//
+// Whatever changes the run is a verb of this class, which keeps what belongs together: a leaf's
+// counts (LeafInfo) are those of its records, the run's (RunCounts) the sums over its leaves, and
+// `LeafInfo::queued` says where in the queue the leaf waits.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -11,6 +16,7 @@
 
 #include "engine/run/leaf_cache.h"
 #include "engine/run/leaf_queue.h"
+#include "engine/shared/lattice_of_run.h"
 #include "octree/lattice.h"
 #include "octree/octree.h"
 #include "refine/refine_leaf.h"
@@ -26,48 +32,77 @@ inline constexpr double kCoreReach = kInsertion + 2.1;
 // what it inserts: these are the farthest that it writes. What it reads of the core is the farthest
 // that it reads. Leaves farther apart than both together are independent of each other.
 inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
-// In cover mode, epoch 0 covers the surface and the inside, and epoch 1 fills the holes that are
-// left between leaves' first points; in between, all samples come to be known.
-inline constexpr std::uint32_t kCoverEpoch = 0;
-inline constexpr double kMinLeafSide = 4;   // of a leaf at the start
-inline constexpr double kMinChildSide = 2;  // of a leaf after splits
-
-// The lattice of a run in cover mode: its points' positions are a function of the run alone.
-Lattice lattice_of(const RunRecord& run);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
 
-struct RunState {
+class RunState {
+ public:
   // `max_unwritten_bytes`: of changes as decoded, before a commit is due.
   // REQUIRES: the store holds a run that is past Phase::kIngest
   explicit RunState(Store& store, std::size_t cache_bytes = kDefaultCacheBytes,
                     std::size_t max_unwritten_bytes = kDefaultUnwrittenBytes);
 
-  double size() const { return run.parameters.size; }  // λ
-  bool is_cover() const { return run.parameters.init == Initialization::kCover; }
-  Box box(MortonKey leaf) const { return run.frame.box(leaf); }
-  SiteBox sites(MortonKey leaf) const { return lattice.sites_in(box(leaf)); }
-  // Where listed points matter to the leaf's first visit.
-  Box surroundings(MortonKey leaf) const { return box(leaf).expanded(kReach * size()); }
+  const Store& store() const { return store_; }
+  const RunRecord& run() const { return run_; }
+  const Lattice& lattice() const { return lattice_; }  // in paper mode without points
+  const LinearOctree& octree() const { return octree_; }
+  const LeafQueue& queue() const { return queue_; }
+  LeafCache& leaves() { return leaves_; }  // to be read, and trimmed
 
-  // A leaf that waits keeps its place, and its dirty box grows; another waits for the next epoch.
-  void enqueue(MortonKey leaf, const Box& dirty);
+  double size() const { return run_.parameters.size; }  // λ
+  bool is_cover() const { return run_.parameters.init == Initialization::kCover; }
+  Box box(MortonKey leaf) const { return run_.frame.box(leaf); }
+  SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(box(leaf)); }
+
+  // -- Phases and the queue
+
+  void begin_phase(Phase next) { run_.phase = next; }
+  // A leaf that waits keeps its place; another waits for the next epoch.
+  void enqueue(MortonKey leaf);
   void dequeue(MortonKey leaf);  // REQUIRES: it waits
   // If the leaves at the front wait for an epoch that has not begun, begins it: gives them colors.
   // That is to be committed before any of them is visited. Throws Stopped before any change.
   bool open_epoch(const StopToken* stop = nullptr);
-
   // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
-  bool are_independent(const QueuePlace& a, const QueuePlace& b) const;
+  bool are_independent(const QueueEntry& a, const QueueEntry& b) const;
+
+  // -- Points
 
   // Appends to the points of the leaf that owns `position`, and gives the next id.
   MeshPoint add_point(const Point& position, PointKind kind);
   // A point of the lattice has the site's id.
   MeshPoint add_lattice_point(const LatticeSite& site);
+  void remove_point(const MeshPoint& point);  // throws RefineError unless it is in P
+  // REQUIRES: the leaf had no core
+  void put_core(MortonKey leaf, const LatticeCore& core);
+  // From now on the leaf's record lists the point. REQUIRES: the site is of its core
+  void list_core_point(MortonKey leaf, const LatticeSite& site);
 
-  // In place of those that the leaf had.
+  // -- What visits leave
+
+  void add_visit(MortonKey leaf, const VisitStats& stats);
+  // Of what a visit may build on: a later one may look at what is new since now; or it may not, for
+  // of points that go nothing is known.
+  void allow_short_visit(MortonKey leaf);
+  void require_whole_visit(MortonKey leaf);
+  // Each in place of what the leaf had.
+  void put_cells(MortonKey leaf, LeafCells cells);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
+  void put_num_core_cells(MortonKey leaf, std::uint64_t num_cells);
+  // As put_cells(); what is missing is left out of the mesh.
+  void leave_out_cells(MortonKey leaf, LeafCells left);
+
+  // What the children of a leaf have of it.
+  struct Child {
+    bool is_center_inside = false;
+    LeafPoints points;
+    LeafSurface surface;
+  };
+  // Its cells and unresolved sites are gone, children with points wait.
+  void split(MortonKey leaf, std::array<Child, 8> children);
+
+  // -- Commits
 
   bool is_commit_due() const;
   void note_visit();
@@ -75,20 +110,19 @@ struct RunState {
   void commit(const std::optional<MemoryRecord>& memory = std::nullopt,
               const TimelineRecord* timeline = nullptr);
 
-  Store& store;
-  RunRecord run;
-  Lattice lattice;  // in paper mode without points
-  LinearOctree octree;
-  LeafCache leaves;
-  LeafQueue queue;
-
  private:
+  MortonKey owner_of(const Point& position) const;
   void add_to_leaf(const MeshPoint& point);
-  double conflict_distance(std::uint32_t epoch) const;  // REQUIRES: cover mode
-  std::vector<std::uint32_t> colors_of(std::uint32_t epoch,
-                                       const std::vector<MortonKey>& its_leaves,
+  double conflict_distance() const;  // REQUIRES: cover mode
+  std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& its_leaves,
                                        const StopToken* stop) const;
 
+  Store& store_;
+  RunRecord run_;
+  Lattice lattice_;
+  LinearOctree octree_;
+  LeafCache leaves_;
+  LeafQueue queue_;
   std::size_t max_unwritten_bytes_;
   int num_unwritten_visits_ = 0;
   std::chrono::steady_clock::time_point last_commit_ = std::chrono::steady_clock::now();

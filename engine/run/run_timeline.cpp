@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "engine/plan/run_estimate.h"
+
 namespace locvol {
 namespace {
 
@@ -60,12 +62,12 @@ void RunTimeline::drop_one() {
   samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(least));
 }
 
-std::array<std::uint64_t, 3> milliseconds_by_phase(const TimelineRecord& timeline) {
+std::array<std::uint64_t, 3> milliseconds_by_stage(const TimelineRecord& timeline) {
   std::array<std::uint64_t, 3> milliseconds{};
   std::uint64_t before = 0;
   for (const TimelineSample& sample : timeline.samples) {
-    const auto phase = static_cast<std::size_t>(working(sample.phase));
-    milliseconds[phase] += sample.milliseconds - std::exchange(before, sample.milliseconds);
+    const auto stage = static_cast<std::size_t>(stage_of(sample.phase));
+    milliseconds[stage] += sample.milliseconds - std::exchange(before, sample.milliseconds);
   }
   return milliseconds;
 }

@@ -46,7 +46,7 @@ class RunTimeline {
   std::uint64_t sitting_ = 0, milliseconds_before_ = 0;
 };
 
-// Of work in each phase up to kRefine.
-std::array<std::uint64_t, 3> milliseconds_by_phase(const TimelineRecord& timeline);
+// Of work in each stage up to RunStage::kRefine.
+std::array<std::uint64_t, 3> milliseconds_by_stage(const TimelineRecord& timeline);
 
 }  // namespace locvol

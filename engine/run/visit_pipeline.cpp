@@ -32,7 +32,7 @@ class VisitPipeline::Run {
         budget_(pipeline.budget_),
         load_(load),
         is_stopped_(is_stopped),
-        waiting_(state_.queue.front_epoch()) {}
+        waiting_(state_.queue().front_epoch()) {}
 
   // One visit among acute folds may take as long as fifty others. They have memory reserved.
   void run(Workers& workers) {
@@ -74,12 +74,12 @@ class VisitPipeline::Run {
     return named(waiting_[num_begun_].leaf, [&] { return begin(waiting_[num_begun_]); });
   }
 
-  bool may_load(const QueuePlace& next) const {
+  bool may_load(const QueueEntry& next) const {
     return std::ranges::all_of(
-        under_way_, [&](const QueuePlace& other) { return state_.are_independent(next, other); });
+        under_way_, [&](const QueueEntry& other) { return state_.are_independent(next, other); });
   }
 
-  std::unique_ptr<Task> begin(const QueuePlace& place) {
+  std::unique_ptr<Task> begin(const QueueEntry& place) {
     if (!under_way_.empty() && budget_.free_bytes() < bytes_wanted_) return nullptr;
     auto visit = load_(place.leaf);
     bytes_wanted_ = 0;
@@ -99,8 +99,8 @@ class VisitPipeline::Run {
       bytes_wanted_ = bytes + kLeastCacheBytes;
       if (budget_.free_bytes() >= bytes_wanted_) memory = budget_.reserve(bytes);
     }
-    state_.leaves.set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
-    state_.leaves.trim();
+    state_.leaves().set_max_bytes(std::min(budget_.free_bytes(), kMostCacheBytes));
+    state_.leaves().trim();
     return memory;
   }
 
@@ -108,9 +108,9 @@ class VisitPipeline::Run {
   MemoryBudget& budget_;
   const Load& load_;
   const IsStopped& is_stopped_;
-  const std::vector<QueuePlace> waiting_;
+  const std::vector<QueueEntry> waiting_;
   std::size_t num_begun_ = 0;  // of those waiting
-  std::deque<QueuePlace> under_way_;
+  std::deque<QueueEntry> under_way_;
   std::uint64_t bytes_wanted_ = 0;
 };
 

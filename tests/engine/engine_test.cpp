@@ -9,6 +9,7 @@
 
 #include "engine/audit/audit.h"
 #include "engine/inspect/replay.h"
+#include "engine/plan/run_setup.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/skip_reasons.h"
@@ -178,9 +179,9 @@ void expect_consistent(const Contents& contents) {
     num_unresolved += leaf.info.num_unresolved;
     num_queued += leaf.info.queued.has_value();
   }
-  EXPECT_EQ(contents.run.num_points, num_points);
-  EXPECT_EQ(contents.run.num_cells, num_cells);
-  EXPECT_EQ(contents.run.num_unresolved, num_unresolved);
+  EXPECT_EQ(contents.run.counts.num_points, num_points);
+  EXPECT_EQ(contents.run.counts.num_cells, num_cells);
+  EXPECT_EQ(contents.run.counts.num_unresolved, num_unresolved);
   EXPECT_EQ(contents.queue.size(), num_queued);
   for (const QueueEntry& entry : contents.queue)
     EXPECT_EQ(contents.leaves.at(entry.leaf).info.queued, entry.position);
@@ -269,8 +270,8 @@ TEST_F(EngineTest, KeepsTheTorusGenusInTwoOrThreeVisitsOfALeaf) {
   const auto num_with_points = static_cast<std::uint64_t>(std::ranges::count_if(
       contents.leaves, [](const auto& leaf) { return leaf.second.info.num_points > 0; }));
   EXPECT_GT(num_with_points, 20U);
-  EXPECT_GE(summary.num_visits, num_with_points);
-  EXPECT_LE(summary.num_visits, 3 * num_with_points);
+  EXPECT_GE(summary.run.counts.num_visits, num_with_points);
+  EXPECT_LE(summary.run.counts.num_visits, 3 * num_with_points);
   EXPECT_LE(summary.max_visits_of_a_leaf, 5U);
 }
 
@@ -291,7 +292,7 @@ TEST_F(EngineTest, GivesTheSameRecordsAgainWithDeletions) {
     run.size.is_percent = true;
     return run;
   };
-  EXPECT_GT(mesh(turbine("first")).num_deletions, 0U);
+  EXPECT_GT(mesh(turbine("first")).run.counts.num_deletions, 0U);
   const Contents first = contents_of(scratch_ / "first");
   for (const int num_threads : {1, 2, 4}) {
     const std::string again = std::to_string(num_threads) + " threads";
@@ -311,7 +312,8 @@ TEST_F(EngineTest, GoesOnAfterInterruptionsToTheSameRecords) {
     mesh_in_pieces(run, num_visits);
     EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_visits;
   }
-  EXPECT_EQ(mesh(options("undisturbed", 0.2, 60)).num_visits, undisturbed.num_visits);
+  EXPECT_EQ(mesh(options("undisturbed", 0.2, 60)).run.counts.num_visits,
+            undisturbed.run.counts.num_visits);
 }
 
 // Threads, the least memory, and interruptions that find several visits under way.
@@ -327,7 +329,7 @@ TEST_F(EngineTest, GivesTheSameRecordsWithAnyNumberOfThreads) {
   };
   mesh(options("one", 0.1, 60), with_threads(1));
   const Contents expected = contents_of(scratch_ / "one");
-  EXPECT_GT(expected.run.num_visits, 80U);
+  EXPECT_GT(expected.run.counts.num_visits, 80U);
   for (const int num_threads : {2, 3, 8}) {
     const std::string name = std::to_string(num_threads);
     RunControl control = with_threads(num_threads);
@@ -436,10 +438,10 @@ TEST_F(EngineTest, MendsTheBoundaryWhereFoldsStayUnresolved) {
   std::uint64_t num_left_out = 0;
   for (const auto& [key, leaf] : contents.leaves) num_left_out += leaf.info.num_left_out;
   EXPECT_GT(num_left_out, 0U);
-  EXPECT_LT(num_left_out, summary.num_cells / 20);
+  EXPECT_LT(num_left_out, summary.run.counts.num_cells / 20);
   const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
   EXPECT_TRUE(report.is_valid()) << (report.violations.empty() ? "" : report.violations.front());
-  EXPECT_EQ(report.num_unresolved, summary.num_unresolved);
+  EXPECT_EQ(report.num_unresolved, summary.run.counts.num_unresolved);
   EXPECT_GT(report.volume / report.surface_volume, 0.85);  // knives are less than λ thick
 }
 
@@ -503,7 +505,7 @@ TEST_F(EngineTest, GivesUpEarlyOnSheetsThinnerThanTheFloor) {
   const RunSummary summary = mesh(options("store", 1, 0));
   EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved);
   // Two to a sample at the most: 2 · 144 λ² have 1.2 samples each. Down to the floor it is 2500.
-  EXPECT_LT(summary.num_insertions[2] + summary.num_insertions[3], 2000U);
+  EXPECT_LT(summary.run.counts.num_insertions[2] + summary.run.counts.num_insertions[3], 2000U);
   EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
 }
 
@@ -571,26 +573,6 @@ TEST_F(EngineTest, IngestsAgainWhatWasCutShort) {
   EXPECT_THROW(resume(run.store), StoreMismatch);
 }
 
-// Lattice points once had ids like all others: those of new ones could not be told from them.
-TEST_F(EngineTest, RefusesACoverBegunWithOtherIds) {
-  write(sphere(1, 15, 32));
-  const auto run = options("store", 0.3, 60);
-  mesh(run);
-  {
-    Store store = Store::open(run.store);
-    RunRecord record = store.snapshot().run().value();
-    record.phase = Phase::kInitialize;
-    record.next_point_id = 17;
-    Batch batch = store.begin();
-    batch.put_run(record);
-    batch.commit();
-  }
-  EXPECT_THROW(resume(run.store), StoreError);
-  auto anew = run;
-  anew.is_forced = true;
-  EXPECT_EQ(mesh(anew).outcome, RunOutcome::kDone);
-}
-
 TEST_F(EngineTest, LeavesNoStoreBehindWhenItRefuses) {
   write(sphere(1, 15, 32));
   EXPECT_THROW(mesh(options("store", 1e-7, 1000000)), InputError);
@@ -608,8 +590,9 @@ TEST_F(EngineTest, ReportsProgressAndStopsWhenAsked) {
   ASSERT_GT(reports.size(), 3U);
   EXPECT_EQ(reports.back().phase, Phase::kDone);
   EXPECT_EQ(reports.back().num_queued, 0U);
-  EXPECT_EQ(reports.back().num_cells, summary.num_cells);
-  EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::num_visits));
+  EXPECT_EQ(reports.back().counts.num_cells, summary.run.counts.num_cells);
+  EXPECT_TRUE(
+      std::ranges::is_sorted(reports, {}, [](const Progress& p) { return p.counts.num_visits; }));
   EXPECT_TRUE(std::ranges::is_sorted(reports, {}, &Progress::epoch));
 
   bool is_known = false;
@@ -619,7 +602,7 @@ TEST_F(EngineTest, ReportsProgressAndStopsWhenAsked) {
                                            .on_note = {},
                                            .on_run = [&](const RunRecord&) { is_known = true; }});
   EXPECT_EQ(stopped.outcome, RunOutcome::kInterrupted);
-  EXPECT_EQ(stopped.num_visits, 0U);
+  EXPECT_EQ(stopped.run.counts.num_visits, 0U);
 }
 
 }  // namespace

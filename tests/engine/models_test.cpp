@@ -37,7 +37,7 @@ TEST_P(MeshedModel, PassesTheAudit) {
   const AuditReport report = audit(Store::open(options.store, {.read_only = true}));
   for (const std::string& violation : report.violations)
     EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved) << violation;
-  EXPECT_EQ(report.num_unresolved, summary.num_unresolved);
+  EXPECT_EQ(report.num_unresolved, summary.run.counts.num_unresolved);
   EXPECT_GT(report.num_cells, 1000u);
   EXPECT_NEAR(report.volume / report.surface_volume, 1, 0.05);
   // An acute fold across a border is worked at from both sides in turn (dragon: 2 to 10 by seed).

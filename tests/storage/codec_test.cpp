@@ -209,7 +209,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
   std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
-  timeline.back() = 5;  // the last sample's phase
+  timeline.back() = 7;  // the last sample's phase
   EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
 }
 

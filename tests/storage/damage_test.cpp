@@ -61,9 +61,8 @@ const std::vector<LeafRecords>& expected_leaves() {
     std::vector<LeafRecords> made(kNumLeaves);
     for (int i = 0; i < kNumLeaves; ++i) {
       const auto size = static_cast<std::size_t>(i);
-      made[size] = {random.info(),        random.points(20 + 60 * size),
-                    random.cells(300),    random.surface(200),
-                    random.unresolved(3), {{1, 2}, leaf_number(i), {}}};
+      made[size] = {random.info(),       random.points(20 + 60 * size), random.cells(300),
+                    random.surface(200), random.unresolved(3),          {{1, 2}, leaf_number(i)}};
     }
     return made;
   }();
@@ -122,8 +121,7 @@ Reading read_store(const std::filesystem::path& path) {
     read_one(reading, leaf.cells, [&] { return snapshot.cells(key); });
     read_one(reading, leaf.surface, [&] { return snapshot.surface(key); });
     read_one(reading, leaf.unresolved, [&] { return snapshot.unresolved(key); });
-    read_one(reading, std::optional(leaf.entry),
-             [&] { return snapshot.queue_entry(leaf.entry.position, key); });
+    read_one(reading, true, [&] { return snapshot.has_queue_entry(leaf.entry); });
   }
   try {
     std::size_t num_seen = 0;
@@ -452,7 +450,7 @@ TEST_F(ForeignRecords, AnotherLeafsRecordIsNoticed) {
 }
 
 TEST_F(ForeignRecords, AQueueEntryOfAnotherPlaceIsNoticed) {
-  const QueueEntry entry{{1, 2}, MortonKey::root(), {}};
+  const QueueEntry entry{{1, 2}, MortonKey::root()};
   put("queue", std::string(7, '\0') + '\x09' + std::string("\x80\0\0\0\0\0\0\0", 8),
       encode(entry, entry.leaf));
   close();

@@ -32,7 +32,7 @@ inline RunRecord sample_run() {
   run.phase = Phase::kRefine;
   run.epoch = 3;
   run.next_point_id = 123456789012;
-  run.num_visits = 77;
+  run.counts.num_visits = 77;
   return run;
 }
 
@@ -79,31 +79,29 @@ inline MemoryRecord sample_memory() {
 }
 
 inline TimelineRecord sample_timeline() {
-  TimelineSample first{.milliseconds = 1200,
-                       .started = 1700000000,
-                       .num_threads = 2,
-                       .memory_cap = 512 << 20,
-                       .resident = 40 << 20,
-                       .phase = Phase::kInitialize,
-                       .num_leaves = 64,
-                       .num_queued = 30,
-                       .num_visits = 5,
-                       .num_points = 1000,
-                       .num_insertions = {},
-                       .num_deletions = 3};
+  TimelineSample first{
+      .milliseconds = 1200,
+      .started = 1700000000,
+      .num_threads = 2,
+      .memory_cap = 512 << 20,
+      .resident = 40 << 20,
+      .phase = Phase::kCover,
+      .num_leaves = 64,
+      .num_queued = 30,
+      .counts = {.num_visits = 5, .num_points = 1000, .num_insertions = {}, .num_deletions = 3}};
   TimelineSample last = first;
   last.milliseconds = 65000;
   last.sitting = 1;
   last.phase = Phase::kDone;
   last.resident = 30 << 20;
   last.epoch = 2;
-  last.num_cells = 123456;
-  last.num_unresolved = 1;
-  last.num_insertions = {1, 2, 3, 4, 5, 6};
+  last.counts.num_cells = 123456;
+  last.counts.num_unresolved = 1;
+  last.counts.num_insertions = {1, 2, 3, 4, 5, 6};
   return {{first, last}};
 }
 
-inline QueueEntry sample_queue_entry() { return {{3, 5}, sample_leaf(), {{0, 0, 0}, {1, 2, 3}}}; }
+inline QueueEntry sample_queue_entry() { return {{3, 5}, sample_leaf()}; }
 
 // Random records; a Generator gives the same ones for the same seed.
 class Generator {
@@ -129,7 +127,7 @@ class Generator {
   QueuePosition position() {
     return {static_cast<std::uint32_t>(integer(4)), static_cast<std::uint32_t>(integer(9))};
   }
-  QueueEntry queue_entry() { return {position(), leaf(), box()}; }
+  QueueEntry queue_entry() { return {position(), leaf()}; }
 
   LeafInfo info() {
     LeafInfo info;
@@ -157,7 +155,7 @@ class Generator {
     for (std::string& note : run.surface.notes) note = text();
     run.surface.box = box();
     run.surface.euler_characteristic = -static_cast<std::int64_t>(integer(1000));
-    run.phase = static_cast<Phase>(integer(4));
+    run.phase = static_cast<Phase>(integer(7));
     return run;
   }
 
@@ -170,17 +168,17 @@ class Generator {
                             .num_threads = bits(),
                             .memory_cap = bits(),
                             .resident = bits(),
-                            .phase = static_cast<Phase>(integer(4)),
+                            .phase = static_cast<Phase>(integer(7)),
                             .epoch = bits(),
                             .num_leaves = bits(),
                             .num_queued = bits(),
-                            .num_visits = bits(),
-                            .num_points = bits(),
-                            .num_cells = bits(),
-                            .num_unresolved = bits(),
-                            .num_insertions = {},
-                            .num_deletions = bits()};
-      for (auto& number : sample.num_insertions) number = bits();
+                            .counts = {.num_visits = bits(),
+                                       .num_points = bits(),
+                                       .num_cells = bits(),
+                                       .num_unresolved = bits(),
+                                       .num_insertions = {},
+                                       .num_deletions = bits()}};
+      for (auto& number : sample.counts.num_insertions) number = bits();
       record.samples.push_back(sample);
     }
     return record;

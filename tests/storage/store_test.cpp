@@ -66,7 +66,7 @@ struct Model {
   std::optional<RunRecord> run;
   std::map<MortonKey, LeafInfo> infos;
   std::map<MortonKey, Leaf> leaves;
-  std::map<std::pair<QueuePosition, MortonKey>, QueueEntry> queue;
+  std::set<QueueEntry> queue;
 };
 
 void expect_same_lists(const Reader& reader, const Model& model) {
@@ -86,19 +86,16 @@ void expect_same_lists(const Reader& reader, const Model& model) {
             std::vector(keys.begin() + static_cast<std::ptrdiff_t>(middle), keys.end()));
   EXPECT_EQ(reader.leaf_keys(MortonKey(), middle),
             std::vector(keys.begin(), keys.begin() + static_cast<std::ptrdiff_t>(middle)));
-  std::vector<QueueEntry> queue, expected;
+  std::vector<QueueEntry> queue;
   reader.for_each_queued([&](const QueueEntry& entry) {
     queue.push_back(entry);
     return true;
   });
-  for (const auto& [place, entry] : model.queue) expected.push_back(entry);
-  EXPECT_EQ(queue, expected);
-  std::vector<QueuePlace> places;
-  for (const auto& [place, entry] : model.queue) places.push_back({place.first, place.second});
-  EXPECT_EQ(reader.queue_places({}, places.size() + 1), places);
-  if (places.empty()) return;
-  EXPECT_EQ(reader.queue_places(places.back(), 9), std::vector(1, places.back()));
-  EXPECT_EQ(reader.queue_places(places[0], 1), std::vector(1, places[0]));
+  EXPECT_TRUE(std::ranges::equal(queue, model.queue));
+  EXPECT_EQ(reader.queue_keys({}, queue.size() + 1), queue);
+  if (queue.empty()) return;
+  EXPECT_EQ(reader.queue_keys(queue.back(), 9), std::vector(1, queue.back()));
+  EXPECT_EQ(reader.queue_keys(queue[0], 1), std::vector(1, queue[0]));
 }
 
 void expect_same(const Reader& reader, const Model& model, const std::vector<MortonKey>& keys) {
@@ -147,16 +144,15 @@ void change(Generator& random, const std::vector<MortonKey>& keys, Batch& batch,
       model.infos.erase(key);
       break;
     case 7: {
-      const QueueEntry entry{random.position(), key, random.box()};
+      const QueueEntry entry{random.position(), key};
       batch.put_queue_entry(entry);
-      model.queue[{entry.position, key}] = entry;
+      model.queue.insert(entry);
       break;
     }
     default:
       if (model.queue.empty()) break;
-      const auto [position, queued] = model.queue.begin()->first;
-      batch.erase_queue_entry(position, queued);
-      model.queue.erase({position, queued});
+      batch.erase_queue_entry(*model.queue.begin());
+      model.queue.erase(model.queue.begin());
   }
 }
 
@@ -202,7 +198,7 @@ TEST(Store, StartsEmpty) {
   const Store store = Store::open(dir / "s", kCreate);
   EXPECT_TRUE(Store::exists(dir / "s"));
   expect_same(store.snapshot(), Model(), {MortonKey::root()});
-  EXPECT_FALSE(store.snapshot().queue_entry({0, 0}, MortonKey::root()));
+  EXPECT_FALSE(store.snapshot().has_queue_entry({{0, 0}, MortonKey::root()}));
 }
 
 TEST(Store, QueueIsInOrderAcrossManyEntries) {
@@ -211,13 +207,13 @@ TEST(Store, QueueIsInOrderAcrossManyEntries) {
   Generator random(seed);
   const TempDir dir;
   Store store = Store::open(dir / "s", kTiny);
-  std::map<std::pair<QueuePosition, MortonKey>, QueueEntry> entries;
+  std::set<QueueEntry> entries;
   const auto add = [&](Batch& batch, int count) {
     for (int i = 0; i < count; ++i) {
       QueueEntry entry = random.queue_entry();
       entry.position.epoch *= 0x12345;  // all bytes of the key count
       batch.put_queue_entry(entry);
-      entries[{entry.position, entry.leaf}] = entry;
+      entries.insert(entry);
     }
   };
   Batch first = store.begin();
@@ -228,15 +224,15 @@ TEST(Store, QueueIsInOrderAcrossManyEntries) {
   const auto erase = [&](std::size_t begin, std::size_t end) {
     auto from = std::next(entries.begin(), static_cast<std::ptrdiff_t>(begin));
     for (std::size_t i = begin; i < end; ++i, from = entries.erase(from))
-      batch.erase_queue_entry(from->first.first, from->first.second);
+      batch.erase_queue_entry(*from);
   };
   erase(3000, 3500);
   erase(0, 1000);  // whole strides of erased entries
   const auto expect_in_order = [&](const Reader& reader) {
     auto expected = entries.begin();
     reader.for_each_queued([&](const QueueEntry& entry) {
-      EXPECT_TRUE(expected != entries.end() && expected->second == entry);
-      EXPECT_EQ(reader.queue_entry(entry.position, entry.leaf), entry);
+      EXPECT_TRUE(expected != entries.end() && *expected == entry);
+      EXPECT_TRUE(reader.has_queue_entry(entry));
       return expected++ != entries.end();
     });
     EXPECT_TRUE(expected == entries.end());

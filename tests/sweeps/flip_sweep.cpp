@@ -74,7 +74,7 @@ class Samples {
         name, bytes_of(store / "data.mdb"), {}, summary.outcome != RunOutcome::kInterrupted};
     resume(store);
     sample.mesh = mesh_of(store);
-    require(summary.num_unresolved == 0, "the sample has unresolved sites");
+    require(summary.run.counts.num_unresolved == 0, "the sample has unresolved sites");
     return sample;
   }
 
@@ -109,7 +109,7 @@ void inspect(const Store& store) {
                 snapshot.unresolved(leaf).sites.size() == info->num_unresolved,
             "a leaf's records are not as many as it says");
     if (info->queued)
-      require(snapshot.queue_entry(*info->queued, leaf).has_value(), "a queue entry is missing");
+      require(snapshot.has_queue_entry({*info->queued, leaf}), "a queue entry is missing");
   }
   std::size_t num_queued = 0;
   snapshot.for_each_queued([&](const QueueEntry&) { return ++num_queued > 0; });

@@ -69,7 +69,7 @@ class Lives {
 
 const char* name_of(std::optional<Phase> phase) {
   if (!phase) return "no run in the store";
-  constexpr std::array kNames = {"ingest", "initialize", "refine", "done"};
+  constexpr std::array kNames = {"ingest", "scatter", "cover", "fill", "refine", "mend", "done"};
   return kNames[static_cast<std::size_t>(*phase)];
 }
 

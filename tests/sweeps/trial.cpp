@@ -235,7 +235,7 @@ StoreState Trial::store_state() const {
     if (std::string(error.what()).find("not a locvol store") == std::string::npos) throw;
   }
   if (!run) return {};
-  return {run->phase, run->num_visits};
+  return {run->phase, run->counts.num_visits};
 }
 
 Ending Trial::require_same_bytes(const std::string& after) {

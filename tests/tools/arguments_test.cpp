@@ -7,6 +7,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "engine/plan/run_setup.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {

@@ -174,7 +174,7 @@ TEST(Command, AFinishedMeshTooLargeForItsFormatIsRefused) {
   {
     Store held = Store::open(store);
     RunRecord run = held.snapshot().run().value();
-    run.num_cells = 3'000'000'000;
+    run.counts.num_cells = 3'000'000'000;
     Batch batch = held.begin();
     batch.put_run(run);
     batch.commit();

@@ -38,7 +38,7 @@ TEST(Forecast, OfARunThatKeepsTheLawIsRightAllAlong) {
   double covered = 0;
   for (int i = 0; i <= 20; ++i) {
     const double now = 1 + 2 / 31.0 * i;
-    forecast.note({.phase = Phase::kInitialize, .num_queued = 20, .num_in_epoch = 20u - i}, now);
+    forecast.note({.phase = Phase::kCover, .num_queued = 20, .num_in_epoch = 20u - i}, now);
     EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.3) << i;
     EXPECT_GE(forecast.fraction_done(), covered);
     covered = forecast.fraction_done();
@@ -46,8 +46,7 @@ TEST(Forecast, OfARunThatKeepsTheLawIsRightAllAlong) {
   for (int i = 0; i <= 20; ++i) {
     const double now = 1 + 2 / 31.0 * (20 + 0.55 * i);
     forecast.note(
-        {.phase = Phase::kInitialize, .num_queued = 20u - i, .num_in_epoch = 20u - i, .epoch = 1},
-        now);
+        {.phase = Phase::kFill, .num_queued = 20u - i, .num_in_epoch = 20u - i, .epoch = 1}, now);
     EXPECT_NEAR(*forecast.seconds_left(now), 18 - now, 0.3) << i;
     EXPECT_GE(forecast.fraction_done(), covered);
     covered = forecast.fraction_done();
@@ -85,7 +84,7 @@ TEST(Forecast, LearnsThatAMachineIsSlower) {
   Forecast forecast;
   forecast.note({.phase = Phase::kIngest}, 0);
   forecast.expect(law(0.1, 1, 10, 0.2, 1), false);
-  forecast.note({.phase = Phase::kInitialize, .num_queued = 10, .num_in_epoch = 10}, 0.5);
+  forecast.note({.phase = Phase::kCover, .num_queued = 10, .num_in_epoch = 10}, 0.5);
   forecast.note(refining(0, 0, 50), 5.5);  // five times as slow
   const double at_first = *forecast.seconds_left(5.5);
   EXPECT_NEAR(at_first, 5 * 10.2, 12);
@@ -163,8 +162,8 @@ Recording recorded(const std::string& name) {
     } else if (kind == 'P') {
       Progress p;
       int phase = 0;
-      text >> phase >> p.epoch >> p.num_leaves >> p.num_queued >> p.num_in_epoch >> p.num_visits >>
-          p.num_cells;
+      text >> phase >> p.epoch >> p.num_leaves >> p.num_queued >> p.num_in_epoch >>
+          p.counts.num_visits >> p.counts.num_cells;
       p.phase = static_cast<Phase>(phase);
       forecast.note(p, now);
     } else if (kind == 'S') {

@@ -46,7 +46,8 @@ class InspectTest : public testing::Test {
   RunSummary finish() { return mesh(options()); }
   void stop_after(int num_visits) {
     bool is_refining = false;
-    RunControl control{.num_threads = 1};
+    RunControl control;
+    control.num_threads = 1;
     control.is_stopped = [&] {
       if (!is_refining && Store::exists(store_))
         is_refining =
@@ -86,15 +87,15 @@ TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
   const RunSummary summary = finish();
   const Json json = inspect();
   EXPECT_EQ(json["phase"], "done");
-  EXPECT_EQ(json["num_cells"], summary.num_cells);
-  EXPECT_EQ(json["num_points"], summary.num_points);
+  EXPECT_EQ(json["num_cells"], summary.run.counts.num_cells);
+  EXPECT_EQ(json["num_points"], summary.run.counts.num_points);
   EXPECT_EQ(json["num_leaves"], summary.num_leaves);
-  EXPECT_EQ(json["num_visits"], summary.num_visits);
+  EXPECT_EQ(json["num_visits"], summary.run.counts.num_visits);
   EXPECT_EQ(json["max_visits_of_a_leaf"], summary.max_visits_of_a_leaf);
   EXPECT_EQ(json["epoch"], summary.run.epoch);
   const std::array conditions = {"C1", "C2", "C3", "C4", "C5", "C6"};
   for (std::size_t c = 0; c < kNumConditions; ++c)
-    EXPECT_EQ(json["insertions"][conditions[c]], summary.num_insertions[c]);
+    EXPECT_EQ(json["insertions"][conditions[c]], summary.run.counts.num_insertions[c]);
   EXPECT_EQ(json["writer"], nullptr);
   EXPECT_EQ(json["has_gone_on"], false);
   EXPECT_EQ(json["queue"]["num_waiting"], 0);
@@ -112,7 +113,7 @@ TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
   for (const Json& database : json["databases"]) bytes += database["bytes"].get<std::uint64_t>();
   EXPECT_EQ(json["bytes"], bytes);
   EXPECT_EQ(json["file_bytes"], std::filesystem::file_size(dir_ / "store" / "data.mdb"));
-  EXPECT_DOUBLE_EQ(json["bytes_per_cell"], double(bytes) / double(summary.num_cells));
+  EXPECT_DOUBLE_EQ(json["bytes_per_cell"], double(bytes) / double(summary.run.counts.num_cells));
   EXPECT_EQ(json["faults"], Json::array());
   const auto memory = Store::open(store_, {.read_only = true}).snapshot().memory();
   ASSERT_TRUE(memory);
@@ -199,8 +200,8 @@ TEST_F(InspectTest, CountsTheLatticeCore) {
     if (leaf["num_core_cells"] > 0) leaf_with_core = leaf["leaf"];
   }
   EXPECT_GT(num_core_cells, 0U);
-  EXPECT_EQ(num_points, summary.num_points);
-  EXPECT_EQ(num_cells + num_core_cells, summary.num_cells);
+  EXPECT_EQ(num_points, summary.run.counts.num_points);
+  EXPECT_EQ(num_cells + num_core_cells, summary.run.counts.num_cells);
   ASSERT_FALSE(leaf_with_core.empty());
   const Json leaf = inspect({"--leaf", leaf_with_core});
   EXPECT_EQ(leaf["faults"], Json::array());
@@ -234,7 +235,7 @@ TEST_F(InspectTest, WritesBoxesAndCells) {
   const auto core_cells = tree.array<std::int64_t>("Int64", "core_cells");
   EXPECT_GT(std::ranges::max(core_cells), 0);
   for (const std::int64_t num : core_cells) num_cells += num;
-  EXPECT_EQ(static_cast<std::uint64_t>(num_cells), summary.num_cells);
+  EXPECT_EQ(static_cast<std::uint64_t>(num_cells), summary.run.counts.num_cells);
 
   const Json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
   const Json few = inspect({"--vtu", boxes, "--where", "cells>=" + largest["num_cells"].dump()});
@@ -286,7 +287,6 @@ TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
 
   const Json leaf = inspect({"--leaf", queue[0]["leaf"]});
   EXPECT_EQ(leaf["queued"]["epoch"], queue[0]["epoch"]);
-  EXPECT_EQ(leaf["queued"]["dirty"], queue[0]["dirty"]);
   const Json next = replay(queue[0]["leaf"]);
   EXPECT_EQ(next["is_clean"], false);
   EXPECT_EQ(next["error"], nullptr);
@@ -367,7 +367,7 @@ TEST_F(InspectTest, DamageIsShownInItsPlace) {
 
   const Json queue = inspect({"--queue"}, 1);
   for (const Json& entry : queue)
-    EXPECT_EQ(entry["dirty"].is_null(), entry["leaf"] == text(damaged_entry.leaf)) << entry;
+    EXPECT_EQ(entry.contains("faults"), entry["leaf"] == text(damaged_entry.leaf)) << entry;
   const Json summary = inspect({}, 1);
   EXPECT_EQ(summary["leaves"]["damaged"], 1);
   EXPECT_EQ(summary["faults"].size(), 1U);
@@ -390,9 +390,9 @@ TEST_F(InspectTest, CheckMissesQueueEntries) {
   EXPECT_EQ(inspect({"--check"})["faults"], Json::array());
   {
     Store store = Store::open(store_);
-    const QueuePlace front = store.snapshot().queue_places({}, 1).at(0);
+    const QueueEntry front = store.snapshot().queue_keys({}, 1).at(0);
     Batch batch = store.begin();
-    batch.erase_queue_entry(front.position, front.leaf);
+    batch.erase_queue_entry(front);
     batch.commit();
   }
   const Json faults = inspect({"--check"}, 1)["faults"];

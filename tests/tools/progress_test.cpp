@@ -19,12 +19,10 @@ Standing refining() {
   standing.seconds = 61;
   standing.fraction = 0.629;
   standing.progress = {.phase = Phase::kRefine,
+                       .counts = {.num_visits = 500, .num_points = 70'000, .num_cells = 8'237'025},
                        .num_leaves = 800,
                        .num_queued = 300,
-                       .num_visits = 500,
                        .num_in_epoch = 290,
-                       .num_points = 70'000,
-                       .num_cells = 8'237'025,
                        .epoch = 1};
   return standing;
 }
@@ -64,25 +62,24 @@ TEST(ProgressJson, HasTheDocumentedFields) {
   EXPECT_EQ(Json::parse(json_line(json)), json);
 }
 
-using Seconds = std::array<double, PhaseClock::kNumPhases>;
+using Seconds = std::array<double, StageClock::kNumStages>;
 
-TEST(PhaseClock, CountsWhatPassesBeforeAPhaseIsSeenToTheOneBefore) {
-  PhaseClock clock;
-  EXPECT_EQ(clock.seconds_by_phase(2), (Seconds{2, 0, 0}));
-  clock.note(Phase::kIngest, 3);
-  clock.note(Phase::kInitialize, 5);
-  clock.note(Phase::kInitialize, 6);
-  EXPECT_EQ(clock.seconds_by_phase(8), (Seconds{5, 3, 0}));
-  clock.note(Phase::kRefine, 9);
-  clock.note(Phase::kRefine, 10);
-  clock.note(Phase::kDone, 20);
-  EXPECT_EQ(clock.seconds_by_phase(21), (Seconds{5, 4, 12}));
+TEST(StageClock, CountsWhatPassesBeforeAStageIsSeenToTheOneBefore) {
+  StageClock clock;
+  EXPECT_EQ(clock.seconds_by_stage(2), (Seconds{2, 0, 0}));
+  clock.note(RunStage::kIngest, 3);
+  clock.note(RunStage::kInitialize, 5);
+  clock.note(RunStage::kInitialize, 6);
+  EXPECT_EQ(clock.seconds_by_stage(8), (Seconds{5, 3, 0}));
+  clock.note(RunStage::kRefine, 9);
+  clock.note(RunStage::kRefine, 10);
+  EXPECT_EQ(clock.seconds_by_stage(21), (Seconds{5, 4, 12}));
 }
 
-TEST(PhaseClock, OfAResumedRunBeginsWithOpeningTheStore) {
-  PhaseClock clock;
-  clock.note(Phase::kRefine, 1);
-  EXPECT_EQ(clock.seconds_by_phase(4), (Seconds{1, 0, 3}));
+TEST(StageClock, OfAResumedRunBeginsWithOpeningTheStore) {
+  StageClock clock;
+  clock.note(RunStage::kRefine, 1);
+  EXPECT_EQ(clock.seconds_by_stage(4), (Seconds{1, 0, 3}));
 }
 
 }  // namespace

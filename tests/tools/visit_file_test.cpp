@@ -28,8 +28,8 @@ class VisitFile : public testing::Test {
     bool is_enough = false;
     const RunControl control{.on_progress =
                                  [&](const Progress& p) {
-                                   is_enough |=
-                                       p.phase == Phase::kRefine && p.num_visits >= num_visits;
+                                   is_enough |= p.phase == Phase::kRefine &&
+                                                p.counts.num_visits >= num_visits;
                                  },
                              .is_stopped = [&] { return is_enough; },
                              .num_threads = 1};

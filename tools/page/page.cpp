@@ -21,10 +21,10 @@
 #include "engine/shared/partial_file.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
+#include "tools/forecast.h"
 #include "tools/page/page_charts.h"
 #include "tools/page/page_data.h"
 #include "tools/page/page_resources.h"
-#include "tools/progress.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 
@@ -106,7 +106,7 @@ class Page {
   }
 
   PageSummary write(const std::filesystem::path& file) {
-    PageSummary summary{.num_mesh_cells = run_.num_cells};
+    PageSummary summary{.num_mesh_cells = run_.counts.num_cells};
     for (const ViewCells& cells : view_.cells) summary.num_cells += cells.cells.size();
     PageFile out(file);
     std::string_view rest = page_template();
@@ -145,12 +145,12 @@ class Page {
         {"summary", [&] { return summary(); }},
         {"viewer_class", [] { return std::string(three_library().empty() ? "is-failed" : ""); }},
         {"failure", [] { return failure(); }},
-        {"num_sites", [&] { return grouped(run_.num_unresolved); }},
+        {"num_sites", [&] { return grouped(run_.counts.num_unresolved); }},
         {"shown", [&] { return shown(); }},
         {"section_note",
          [&] {
            return std::string(
-               run_.num_unresolved > 0
+               run_.counts.num_unresolved > 0
                    ? "Dots are unresolved sites, wherever they lie along the line of sight."
                    : "");
          }},
@@ -168,14 +168,15 @@ class Page {
 
   std::string summary() const {
     std::string text =
-        fmt::format("{} tetrahedra, {} vertices, λ = {:.6g}", grouped(run_.num_cells),
-                    grouped(run_.num_points), run_.parameters.size);
+        fmt::format("{} tetrahedra, {} vertices, λ = {:.6g}", grouped(run_.counts.num_cells),
+                    grouped(run_.counts.num_points), run_.parameters.size);
     if (!is_done())
       text = fmt::format("<strong>not finished</strong> (phase: {}); so far ",
                          phase_name(run_.phase)) +
              text;
-    if (run_.num_unresolved > 0)
-      text += fmt::format("; <strong>{} unresolved sites</strong>", grouped(run_.num_unresolved));
+    if (run_.counts.num_unresolved > 0)
+      text += fmt::format("; <strong>{} unresolved sites</strong>",
+                          grouped(run_.counts.num_unresolved));
     return text;
   }
 
@@ -205,15 +206,15 @@ class Page {
         text += " The run is not finished: no cells are shown.";
       else if (view_.cells.empty())
         text += fmt::format(" Even the cells at one plane are too many for a page, of {}.",
-                            grouped(run_.num_cells));
+                            grouped(run_.counts.num_cells));
       else
         text += fmt::format(
             " Of the {} cells, the page holds the {} that meet {} planes across "
             "the axes; the slider catches at them, and ◂ ▸ go from one to the "
             "next.",
-            grouped(run_.num_cells), grouped(num_shown_cells()), view_.cells.size());
+            grouped(run_.counts.num_cells), grouped(num_shown_cells()), view_.cells.size());
     }
-    if (view_.sites.size() < run_.num_unresolved)
+    if (view_.sites.size() < run_.counts.num_unresolved)
       text += fmt::format(" The first {} unresolved sites are marked.", view_.sites.size());
     return text;
   }
@@ -307,17 +308,18 @@ class Page {
         {"phase", std::string(phase_name(run_.phase))},
         {"leaves", fmt::format("{}, of which {} are not empty", grouped(leaves_.num_leaves),
                                grouped(num_nonempty()))},
-        {"visits", fmt::format("{}, the last in epoch {}", grouped(run_.num_visits), run_.epoch)},
-        {"insertions", insertions_text(run_.num_insertions)},
-        {"deletions", grouped(run_.num_deletions)},
+        {"visits",
+         fmt::format("{}, the last in epoch {}", grouped(run_.counts.num_visits), run_.epoch)},
+        {"insertions", insertions_text(run_.counts.num_insertions)},
+        {"deletions", grouped(run_.counts.num_deletions)},
     };
     if (!timeline_.samples.empty()) run.emplace_back("time", time_text());
     if (memory_)
       run.emplace_back("memory", fmt::format("most {}, cap {}", mebibytes(memory_->peak_resident),
                                              mebibytes(memory_->cap)));
-    Rows mesh = {{"tetrahedra", grouped(run_.num_cells)},
-                 {"vertices", grouped(run_.num_points)},
-                 {"unresolved", fmt::format("{} sites", grouped(run_.num_unresolved))}};
+    Rows mesh = {{"tetrahedra", grouped(run_.counts.num_cells)},
+                 {"vertices", grouped(run_.counts.num_points)},
+                 {"unresolved", fmt::format("{} sites", grouped(run_.counts.num_unresolved))}};
     if (statistics_) {
       const MeshStatistics& m = *statistics_;
       mesh.emplace_back("of the lattice core",
@@ -340,11 +342,11 @@ class Page {
   }
 
   std::string time_text() const {
-    const auto phases = milliseconds_by_phase(timeline_);
+    const auto stages = milliseconds_by_stage(timeline_);
     std::string text = duration_text(seconds()) + sittings() + ":";
-    for (std::size_t i = 0; i < phases.size(); ++i)
-      text += fmt::format("{} {} {:.1f} s", i == 0 ? "" : ",", phase_name(static_cast<Phase>(i)),
-                          static_cast<double>(phases[i]) / 1000);
+    for (std::size_t i = 0; i < stages.size(); ++i)
+      text += fmt::format("{} {} {:.1f} s", i == 0 ? "" : ",", stage_name(static_cast<RunStage>(i)),
+                          static_cast<double>(stages[i]) / 1000);
     return text;
   }
   static std::string mebibytes(std::uint64_t bytes) {
@@ -362,9 +364,9 @@ class Page {
           fmt::format("({:.6g}, {:.6g}, {:.6g}), radius {:.4g} λ", site.position.x, site.position.y,
                       site.position.z, site.radius / run_.parameters.size));
     }
-    if (run_.num_unresolved > rows.size())
+    if (run_.counts.num_unresolved > rows.size())
       rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --unresolved",
-                                        grouped(run_.num_unresolved - rows.size())));
+                                        grouped(run_.counts.num_unresolved - rows.size())));
     return table("Unresolved sites", rows);
   }
 

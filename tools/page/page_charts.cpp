@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "tools/arguments.h"
-#include "tools/progress.h"
+#include "tools/forecast.h"
 #include "tools/results.h"
 
 namespace locvol {
@@ -209,12 +209,12 @@ class TimelineFigure {
         x_{0, seconds(samples_.back()), kLeft, kTimelineWidth - kRight} {}
 
   std::string text() {
-    add_phases();
+    add_stages();
     add_rate();
     add_memory();
     add_lines("leaves that wait",
               {{kBlue, "", [](const TimelineSample& s) { return s.num_queued; }}});
-    add_lines("cells", {{kBlue, "", [](const TimelineSample& s) { return s.num_cells; }}});
+    add_lines("cells", {{kBlue, "", [](const TimelineSample& s) { return s.counts.num_cells; }}});
     add_insertions();
     const double bottom = top_ - kPanelGap + 12;
     add_sittings(bottom);
@@ -264,19 +264,19 @@ class TimelineFigure {
                     kTimelineWidth - kRight + 8, y, color, color, html_text(text));
   }
 
-  void add_phases() {
+  void add_stages() {
     constexpr std::array<std::string_view, 3> kFills = {"#dfe6ee", "#e9e2d3", "#dcead9"};
     for (std::size_t i = 0, first = 0; i < samples_.size(); ++i) {
-      const Phase phase = working(samples_[i].phase);
-      if (i + 1 < samples_.size() && working(samples_[i + 1].phase) == phase) continue;
+      const RunStage stage = stage_of(samples_[i].phase);
+      if (i + 1 < samples_.size() && stage_of(samples_[i + 1].phase) == stage) continue;
       const double from = first == 0 ? 0 : seconds(samples_[first - 1]);
       const double left = x_(from), right = x_(seconds(samples_[i]));
       content_ += fmt::format(
           "<rect x=\"{:.1f}\" y=\"4\" width=\"{:.1f}\" height=\"16\" fill=\"{}\"><title>{}: {:.1f} "
           "s</title></rect>",
-          left, std::max(right - left, 0.5), kFills[static_cast<std::size_t>(phase)],
-          phase_name(phase), seconds(samples_[i]) - from);
-      if (right - left > 60) content_ += text_at((left + right) / 2, 16, phase_name(phase));
+          left, std::max(right - left, 0.5), kFills[static_cast<std::size_t>(stage)],
+          stage_name(stage), seconds(samples_[i]) - from);
+      if (right - left > 60) content_ += text_at((left + right) / 2, 16, stage_name(stage));
       first = i + 1;
     }
   }
@@ -291,9 +291,10 @@ class TimelineFigure {
       // Commits that follow one another closely are taken together.
       if (to - from < 0.004 * x_.high && &sample != &samples_.back()) continue;
       if (to > from)
-        rates.push_back({from, to, static_cast<double>(sample.num_visits - before) / (to - from)});
+        rates.push_back(
+            {from, to, static_cast<double>(sample.counts.num_visits - before) / (to - from)});
       from = to;
-      before = sample.num_visits;
+      before = sample.counts.num_visits;
     }
     double most = 0;
     for (const auto& rate : rates) most = std::max(most, rate[2]);
@@ -304,7 +305,7 @@ class TimelineFigure {
       path.push_back({x_(end), y(rate)});
     }
     add_path(path, kBlue);
-    const double total = static_cast<double>(samples_.back().num_visits);
+    const double total = static_cast<double>(samples_.back().counts.num_visits);
     add_label(y(0) - 4, kBlue, fmt::format("{} visits", short_text(total)));
   }
 
@@ -362,13 +363,13 @@ class TimelineFigure {
   void add_insertions() {
     std::vector<Line> lines;
     for (std::size_t c = 0; c < kNumConditions; ++c) {
-      if (samples_.back().num_insertions[c] == 0) continue;
+      if (samples_.back().counts.num_insertions[c] == 0) continue;
       lines.push_back({kConditionColors[c], fmt::format("C{}", c + 1),
-                       [c](const TimelineSample& s) { return s.num_insertions[c]; }});
+                       [c](const TimelineSample& s) { return s.counts.num_insertions[c]; }});
     }
-    if (samples_.back().num_deletions > 0)
+    if (samples_.back().counts.num_deletions > 0)
       lines.push_back(
-          {"#6b7280", "deleted", [](const TimelineSample& s) { return s.num_deletions; }});
+          {"#6b7280", "deleted", [](const TimelineSample& s) { return s.counts.num_deletions; }});
     std::ranges::sort(lines, {}, [&](const Line& l) { return l.value(samples_.back()); });
     add_lines(lines.empty() ? "points inserted: none" : "points inserted, by condition", lines);
   }

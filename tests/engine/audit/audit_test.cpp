@@ -413,7 +413,7 @@ TEST(AuditDamage, UnfinishedRun) {
   store.phase = Phase::kRefine;
   expect_only(audit_of(store), &AuditReport::num_run_faults, 1);
   store.phase = Phase::kDone;
-  store.queue.push_back({{3, 1}, store.leaves.begin()->first, Box::around(kCenter)});
+  store.queue.push_back({{3, 1}, store.leaves.begin()->first});
   expect_only(audit_of(store), &AuditReport::num_run_faults, 1);
 }
 

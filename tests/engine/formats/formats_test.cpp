@@ -12,7 +12,7 @@
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/output_estimate.h"
 #include "engine/formats/writer.h"
-#include "engine/plan/run_setup.h"
+#include "engine/plan/octree_plan.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/formats/meshed_sphere.h"
 #include "tests/engine/hand_made_mesh.h"
@@ -107,7 +107,7 @@ class EveryFormat : public testing::TestWithParam<FormatInfo> {
  protected:
   static void SetUpTestSuite() {
     dir_.emplace();
-    ASSERT_GT(mesh_sphere(*dir_, 0.06).num_cells, 40'000U);
+    ASSERT_GT(mesh_sphere(*dir_, 0.06).run.counts.num_cells, 40'000U);
   }
   static void TearDownTestSuite() { dir_.reset(); }
 
@@ -310,7 +310,7 @@ TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
 // Blocks are what compressed files are made of; they end anywhere in a piece.
 TEST(Vtu, HasTheSameMeshInEveryWidthRawAndInBlocks) {
   const TempDir dir;
-  ASSERT_GT(mesh_sphere(dir, 0.06).num_cells, 40'000U);
+  ASSERT_GT(mesh_sphere(dir, 0.06).run.counts.num_cells, 40'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   MeshSource source(store, dir / "mesh.vtu", 2);
   const std::uint64_t num_vertices = source.num_vertices(), num_cells = source.num_cells();

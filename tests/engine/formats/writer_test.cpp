@@ -184,11 +184,11 @@ TEST(Writer, TheSameStoreGivesTheSameBytes) {
 TEST(Writer, AnyNumberOfThreadsGivesTheSameBytes) {
   const TempDir dir;
   const RunSummary run = mesh_sphere(dir, 0.05);
-  ASSERT_GT(run.num_cells, 80'000U);
+  ASSERT_GT(run.run.counts.num_cells, 80'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   write_vtu(store, dir / "mesh.vtu");
   const Vtu vtu(dir / "mesh.vtu");
-  ASSERT_EQ(vtu.cells.size(), run.num_cells);
+  ASSERT_EQ(vtu.cells.size(), run.run.counts.num_cells);
   EXPECT_TRUE(std::ranges::is_sorted(vtu.leaves));
   for (std::size_t i = 0; i < vtu.cells.size(); ++i) {
     ASSERT_EQ(vtu.types[i], 10);

@@ -1,5 +1,4 @@
 // What does not depend on how a surface is cut into buckets: facts, refusals, the leaves' records.
-
 #include "engine/ingest/ingest.h"
 
 #include <gtest/gtest.h>
@@ -15,11 +14,12 @@
 #include <system_error>
 #include <vector>
 
+#include "engine/engine.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/triangle_spill.h"
 #include "engine/ingest/vertex_spill.h"
+#include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
-#include "engine/run/run_state.h"
 #include "refine/triangle_box.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/ingest/surface_fixtures.h"
@@ -373,14 +373,17 @@ class IngestTest : public testing::Test {
   }
 
   Store ingested(const MeshOptions& options, const std::string& name,
-                 std::uint64_t capacity = kBucketCapacity, const RunControl& control = {}) const {
+                 std::uint64_t capacity = kBucketCapacity) const {
     IngestWatch watch;
+    Workers workers(num_usable_threads());
     RawSurface raw = read_surface(options.input, std::filesystem::temp_directory_path(), watch);
     const RunRecord run = planned_run(options, raw.digest, raw.box);
-    return ingest(
-        std::move(raw), run, [](const RunRecord&, std::uint64_t) {},
-        [&] { return Store::open(scratch_ / name, {.create = true, .is_durable = false}); },
-        control, StopSource({}), capacity);
+    const auto open = [&] {
+      return Store::open(scratch_ / name, {.create = true, .is_durable = false});
+    };
+    return ingest(std::move(raw), run,
+                  {[](const RunRecord&, std::uint64_t) {}, [](const RunRecord&) {}, open}, watch,
+                  workers, capacity);
   }
 
   void write(const Polygons& s) const { std::ofstream(input_, std::ios::binary) << to_off(s); }
@@ -407,7 +410,7 @@ TEST_F(IngestTest, LeavesAreTheSameFromOneBucketAndFromMany) {
     for (const double size : {3.0, 0.4, 0.15}) {
       const auto run = options(size, 50);
       const Stored whole = stored(ingested(run, std::to_string(++num_stores)));
-      EXPECT_EQ(whole.run.phase, Phase::kInitialize);
+      EXPECT_EQ(whole.run.phase, Phase::kCover);
       for (const std::uint64_t capacity : {300u, 30u})
         EXPECT_TRUE(stored(ingested(run, std::to_string(++num_stores), capacity)) == whole)
             << size << " " << capacity;

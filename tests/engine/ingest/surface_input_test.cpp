@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/ingest/file_digest.h"
+#include "engine/ingest/input_file.h"
 #include "tests/engine/ingest/surface_fixtures.h"
 
 namespace locvol {

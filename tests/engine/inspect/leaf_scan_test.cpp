@@ -156,25 +156,23 @@ TEST(LeafRow, HasTheStateOfItsRecord) {
 }
 
 TEST_F(LeafScan, ListsTheQueueWhileItMovesOn) {
-  std::vector<QueuePlace> places;
+  std::vector<QueueEntry> places;
   Batch batch = store_.begin();
   for (std::uint32_t i = 0; i < 4000; ++i) {
-    const QueueEntry entry{
-        {i / 2000, i / 500}, octree_.leaves()[i], Box::around({double(i), 0, 0})};
-    places.push_back({entry.position, entry.leaf});
-    batch.put_queue_entry(entry);
+    places.push_back({{i / 2000, i / 500}, octree_.leaves()[i]});
+    batch.put_queue_entry(places.back());
   }
   batch.commit();
-  std::vector<QueuePlace> shown;
+  std::vector<QueueEntry> shown;
   const auto take = [&](const QueueRow& row) {
-    EXPECT_TRUE(row.dirty);
+    EXPECT_TRUE(row.faults.empty());
     if (shown.size() % 50 == 0) {  // the front is visited
       Batch visit = store_.begin();
       for (std::size_t i = shown.size(); i < shown.size() + 20; ++i)
-        visit.erase_queue_entry(places[i].position, places[i].leaf);
+        visit.erase_queue_entry(places[i]);
       visit.commit();
     }
-    shown.push_back(row.place);
+    shown.push_back(row.entry);
     return true;
   };
   scan_queue(store_, take, faults_);

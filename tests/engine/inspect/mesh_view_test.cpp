@@ -87,7 +87,7 @@ TEST_P(MeshViewOf, HasAllCellsOfASmallMeshAndItsBoundary) {
   ASSERT_TRUE(view.has_all_cells());
   const ViewCells& set = view.cells[0];
   const auto expected = cells_of(store);
-  EXPECT_EQ(set.cells.size(), store.snapshot().run()->num_cells);
+  EXPECT_EQ(set.cells.size(), store.snapshot().run()->counts.num_cells);
   EXPECT_EQ(cells_of(set), expected);
   EXPECT_TRUE(view.surface.triangles.empty());
 
@@ -170,7 +170,7 @@ TEST_F(MeshViewTest, HasTheCellsThatMeetSomePlanesOfALargeMesh) {
 // and then more than there is room for.
 TEST_F(MeshViewTest, HasFewerPlanesWhereThoseChosenMeetTooManyCells) {
   const Store store = meshed(torus(1, 0.15, 96, 16), 0.08, 1000);
-  const std::uint64_t num_cells = store.snapshot().run()->num_cells;
+  const std::uint64_t num_cells = store.snapshot().run()->counts.num_cells;
   std::size_t num_planes = 0;
   for (std::uint64_t part = 40; part < 200; ++part) {
     ViewLimits limits;
@@ -200,7 +200,7 @@ TEST_F(MeshViewTest, JoinsSmallLeaves) {
   }
   EXPECT_TRUE(std::ranges::is_sorted(view.leaves, {}, &ViewLeaf::key));
   EXPECT_EQ(num_leaves, whole.leaves.size());
-  EXPECT_EQ(num_cells, store.snapshot().run()->num_cells);
+  EXPECT_EQ(num_cells, store.snapshot().run()->counts.num_cells);
   std::map<std::uint32_t, std::uint64_t> cells_of_leaf;
   for (const auto& [leaf, count] : view.cells[0].leaves) cells_of_leaf[leaf] += count;
   for (const auto& [leaf, count] : cells_of_leaf) EXPECT_EQ(view.leaves[leaf].num_cells, count);

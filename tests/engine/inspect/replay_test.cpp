@@ -41,7 +41,8 @@ class TorusRun {
   void stop_after(std::uint64_t num_visits) {
     bool is_refining = false;
     std::uint64_t num_asked = 0;
-    RunControl control{.num_threads = 1};
+    RunControl control;
+    control.num_threads = 1;
     control.is_stopped = [&] {
       if (!is_refining && Store::exists(options_.store)) {
         const Store store = Store::open(options_.store, kReadOnly);
@@ -84,7 +85,7 @@ TEST_P(ReplayOf, EachCleanLeafIsTheSameAgain) {
     EXPECT_EQ(again.mesh.cells.size(), info.num_cells);
     num_cells += again.mesh.cells.size();
   }
-  EXPECT_EQ(num_cells, store.snapshot().run()->num_cells);
+  EXPECT_EQ(num_cells, store.snapshot().run()->counts.num_cells);
 }
 
 // What a waiting leaf's replay shows is what the run does to it next.
@@ -100,8 +101,8 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
       Store store = Store::open(run.store());
       RunState state(store, 1 << 20);
       if (state.open_epoch()) state.commit();
-      before = state.run;
-      visit = stored_visit(store, state.queue.front_leaves().front());
+      before = state.run();
+      visit = stored_visit(store, state.queue().front_leaves().front());
     }
     EXPECT_FALSE(visit.is_clean);
     const Replay next = replay(visit);
@@ -109,9 +110,10 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
     run.stop_after(1);
     const Store store = Store::open(run.store(), kReadOnly);
     const RunRecord after = *store.snapshot().run();
-    EXPECT_EQ(after.num_visits, before.num_visits + 1);
+    EXPECT_EQ(after.counts.num_visits, before.counts.num_visits + 1);
     for (std::size_t c = 0; c < kNumConditions; ++c)
-      EXPECT_EQ(after.num_insertions[c] - before.num_insertions[c], next.delta.stats.insertions[c]);
+      EXPECT_EQ(after.counts.num_insertions[c] - before.counts.num_insertions[c],
+                next.delta.stats.insertions[c]);
     const auto is_insertion = [](const RefineStep& s) { return s.action == Action::kInsert; };
     EXPECT_EQ(static_cast<std::size_t>(std::ranges::count_if(next.steps, is_insertion)),
               next.delta.inserted.size());

@@ -52,11 +52,11 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
     options.size = {size, false};
     const RunSummary made = mesh(options);
     const RunEstimate estimate = estimate_run(made.run.surface, made.run.parameters);
-    const auto num_cells = static_cast<double>(made.num_cells);
+    const auto num_cells = static_cast<double>(made.run.counts.num_cells);
     EXPECT_GT(kCellsFactor * estimate.num_cells, num_cells);
     EXPECT_LT(estimate.num_cells / kCellsFactor, num_cells);
-    EXPECT_NEAR(estimate.num_vertices, static_cast<double>(made.num_points),
-                0.15 * static_cast<double>(made.num_points));
+    EXPECT_NEAR(estimate.num_vertices, static_cast<double>(made.run.counts.num_points),
+                0.15 * static_cast<double>(made.run.counts.num_points));
     std::uint64_t num_listed = 0;
     const Store store = Store::open(options.store, {.read_only = true});
     store.snapshot().for_each_leaf([&](MortonKey, const LeafInfo& info) {

@@ -7,8 +7,8 @@
 #include <fstream>
 
 #include "engine/plan/disk_room.h"
+#include "engine/plan/octree_plan.h"
 #include "engine/plan/run_estimate.h"
-#include "engine/run/run_state.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -190,8 +190,8 @@ TEST(RequireRoom, NamesNoSizeForADiskThatIsFull) {
 TEST(RequireRoom, OfAFinishedRunIsByItsCounts) {
   RunRecord run = planned_in_box(options_with({1, true}), {1, 1, 1});  // for 2.4 million cells
   run.phase = Phase::kDone;
-  run.num_cells = 100'000'000;
-  run.num_points = 18'000'000;
+  run.counts.num_cells = 100'000'000;
+  run.counts.num_points = 18'000'000;
   const auto message = refusal(run, "a.vtu", disks(2.9e9, 0));
   EXPECT_NE(message.find("the mesh a.vtu would take about 2.93 GB"), std::string::npos) << message;
   EXPECT_NE(message.find("choose another format"), std::string::npos) << message;

@@ -70,9 +70,9 @@ class CoreOfARun : public testing::Test {
             [&](MortonKey leaf) { return snapshot.points(leaf).core; }};
   }
   static CoreByBruteForce core_of(RunState& state) {
-    const auto leaves = state.octree.leaves();
-    return {state.run, {leaves.begin(), leaves.end()}, [&](MortonKey leaf) {
-              return state.leaves.points(leaf).core;
+    const auto leaves = state.octree().leaves();
+    return {state.run(), {leaves.begin(), leaves.end()}, [&](MortonKey leaf) {
+              return state.leaves().points(leaf).core;
             }};
   }
 
@@ -95,17 +95,17 @@ void expect_counts_of(RunState& state, const CoreByBruteForce& core) {
   const auto count = [](const auto& counts, MortonKey leaf) {
     return counts.contains(leaf) ? counts.at(leaf) : std::uint64_t{0};
   };
-  for (const MortonKey leaf : state.octree.leaves()) {
-    const LeafInfo info = state.leaves.info(leaf);
+  for (const MortonKey leaf : state.octree().leaves()) {
+    const LeafInfo info = state.leaves().info(leaf);
     EXPECT_EQ(info.num_core_points, count(core.num_points, leaf));
     EXPECT_EQ(info.num_core_cells, count(core.num_cells, leaf));
     EXPECT_EQ(num_core_cells(state, leaf), info.num_core_cells);
-    EXPECT_EQ(info.num_points, state.leaves.points(leaf).points.size());
+    EXPECT_EQ(info.num_points, state.leaves().points(leaf).points.size());
     num_points += info.num_points + info.num_core_points;
     num_cells += info.num_cells + info.num_core_cells;
   }
-  EXPECT_EQ(state.run.num_points, num_points);
-  EXPECT_EQ(state.run.num_cells, num_cells);
+  EXPECT_EQ(state.run().counts.num_points, num_points);
+  EXPECT_EQ(state.run().counts.num_cells, num_cells);
 }
 
 TEST_F(CoreOfARun, IsCountedAsItIs) {
@@ -114,8 +114,8 @@ TEST_F(CoreOfARun, IsCountedAsItIs) {
   const CoreByBruteForce core = core_of(state);
   EXPECT_GT(core.sites.size(), 500U);
   bool has_whole_leaf = false;
-  for (const MortonKey leaf : state.octree.leaves())
-    has_whole_leaf |= state.leaves.points(leaf).core.is_whole;
+  for (const MortonKey leaf : state.octree().leaves())
+    has_whole_leaf |= state.leaves().points(leaf).core.is_whole;
   EXPECT_TRUE(has_whole_leaf);
   expect_counts_of(state, core);
 }
@@ -126,21 +126,21 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
   const auto sites = core_of(state).sites;
   std::size_t num_in = 0, num_empty = 0, num_within = 0;
   std::vector<MeshPoint> listed_points;
-  for (const MortonKey leaf : state.octree.leaves())
-    std::ranges::copy(state.leaves.points(leaf).points, std::back_inserter(listed_points));
-  for (const MortonKey leaf : state.octree.leaves()) {
+  for (const MortonKey leaf : state.octree().leaves())
+    std::ranges::copy(state.leaves().points(leaf).points, std::back_inserter(listed_points));
+  for (const MortonKey leaf : state.octree().leaves()) {
     const double distance = kCoreReach * state.size();
     const CoreAround around(state, leaf, distance);
     const Box box = state.box(leaf);
     std::set<LatticeSite> expected;  // in leaves at most so far away, and the box around
     std::set<MortonKey> near;
-    for (const MortonKey other : state.octree.leaves_within(state.run.frame, box, distance))
+    for (const MortonKey other : state.octree().leaves_within(state.run().frame, box, distance))
       near.insert(other);
-    const SiteBox region = state.lattice.sites_in(box.expanded(distance));
+    const SiteBox region = state.lattice().sites_in(box.expanded(distance));
     for_each_site(region.expanded(2), [&](const LatticeSite& site) {
-      const Point p = state.lattice.position(site);
+      const Point p = state.lattice().position(site);
       const bool is_in = sites.contains(site) && region.contains(site) &&
-                         near.contains(state.octree.leaf_owning(state.run.frame, p));
+                         near.contains(state.octree().leaf_owning(state.run().frame, p));
       ASSERT_EQ(around.contains(site), is_in);
       if (sites.contains(site) && box.squared_distance(p) <= distance * distance) {
         ASSERT_TRUE(is_in);
@@ -157,7 +157,7 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
     std::vector<MeshPoint> points = around.points();
     EXPECT_TRUE(std::ranges::is_sorted(points, {}, &MeshPoint::id));
     for (const MeshPoint& p : points) {
-      EXPECT_EQ(p.position, state.lattice.position(site_of(p.id)));
+      EXPECT_EQ(p.position, state.lattice().position(site_of(p.id)));
       EXPECT_EQ(p.kind, PointKind::kLattice);
       listed.insert(site_of(p.id));
     }
@@ -232,10 +232,10 @@ TEST_F(CoreOfARun, PointsMadeExplicitChangeNoMesh) {
     for (const LatticeSite& site : sites) expected.erase(site);
     EXPECT_EQ(core.sites, expected);
     expect_counts_of(state, core);
-    EXPECT_EQ(state.run.num_points, run_before.num_points);
+    EXPECT_EQ(state.run().counts.num_points, run_before.counts.num_points);
     // The cells at these points are gone until they are listed.
     EXPECT_EQ(
-        run_before.num_cells - state.run.num_cells,
+        run_before.counts.num_cells - state.run().counts.num_cells,
         static_cast<std::uint64_t>(std::ranges::count_if(all_core.cells, [&](const SiteCell& cell) {
           return std::ranges::any_of(cell, [&](const LatticeSite& s) {
             return std::ranges::find(sites, s) != sites.end();
@@ -243,13 +243,13 @@ TEST_F(CoreOfARun, PointsMadeExplicitChangeNoMesh) {
         })));
     for (const LatticeSite& site : sites) {
       const MortonKey leaf =
-          state.octree.leaf_owning(state.run.frame, state.lattice.position(site));
-      EXPECT_TRUE(state.leaves.info(leaf).queued);
-      EXPECT_EQ(state.leaves.info(leaf).first_new_id, 0U);
-      EXPECT_TRUE(std::ranges::binary_search(state.leaves.points(leaf).points, site_id(site), {},
+          state.octree().leaf_owning(state.run().frame, state.lattice().position(site));
+      EXPECT_TRUE(state.leaves().info(leaf).queued);
+      EXPECT_EQ(state.leaves().info(leaf).first_new_id, 0U);
+      EXPECT_TRUE(std::ranges::binary_search(state.leaves().points(leaf).points, site_id(site), {},
                                              &MeshPoint::id));
     }
-    state.run.phase = Phase::kRefine;
+    state.begin_phase(Phase::kRefine);
     state.commit();
   }
   EXPECT_EQ(resume(scratch_ / "store").outcome, RunOutcome::kDone);
@@ -260,7 +260,7 @@ TEST_F(CoreOfARun, PointsMadeExplicitChangeNoMesh) {
   EXPECT_EQ(report.num_cells, before.size());
   RunState state(store);
   expect_counts_of(state, core_of(state));
-  EXPECT_EQ(state.run.num_cells, run_before.num_cells);
+  EXPECT_EQ(state.run().counts.num_cells, run_before.counts.num_cells);
 }
 
 TEST_F(CoreOfARun, MayBeMadeExplicitAltogether) {
@@ -272,7 +272,7 @@ TEST_F(CoreOfARun, MayBeMadeExplicitAltogether) {
     const CoreByBruteForce core = core_of(state);
     EXPECT_TRUE(core.sites.empty());
     expect_counts_of(state, core);
-    state.run.phase = Phase::kRefine;
+    state.begin_phase(Phase::kRefine);
     state.commit();
   }
   EXPECT_EQ(resume(scratch_ / "store").outcome, RunOutcome::kDone);
@@ -288,7 +288,7 @@ TEST_F(CoreOfARun, IsSplitWithItsLeaf) {
   ASSERT_EQ(num_with_core.size(), 2U) << "no leaf with a core was split";
   const AuditReport report = audit(store);
   EXPECT_TRUE(report.is_valid()) << described(report);
-  EXPECT_EQ(report.num_cells, run.num_cells);
+  EXPECT_EQ(report.num_cells, run.counts.num_cells);
 }
 
 TEST_F(CoreOfARun, IsWrittenWithTheRest) {
@@ -296,8 +296,8 @@ TEST_F(CoreOfARun, IsWrittenWithTheRest) {
   const std::uint64_t num_cells = all_cells(store.snapshot()).size();
   const WriteSummary written = write_vtu(store, scratch_ / "mesh.vtu");
   EXPECT_EQ(written.num_cells, num_cells);
-  EXPECT_EQ(written.num_cells, store.snapshot().run()->num_cells);
-  EXPECT_EQ(written.num_vertices, store.snapshot().run()->num_points);
+  EXPECT_EQ(written.num_cells, store.snapshot().run()->counts.num_cells);
+  EXPECT_EQ(written.num_vertices, store.snapshot().run()->counts.num_points);
 }
 
 // ---- Damage

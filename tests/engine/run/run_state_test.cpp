@@ -11,8 +11,6 @@ namespace {
 
 using namespace testing_shapes;
 
-const Box kBox{{0, 0, 0}, {1, 1, 1}};
-
 class RunStateTest : public testing::Test {
  protected:
   RunStateTest() {
@@ -41,33 +39,32 @@ class RunStateTest : public testing::Test {
   Store store_ = Store::open(scratch_ / "store", {.create = true});
 };
 
-TEST_F(RunStateTest, EnqueuesForTheNextEpochAndGrowsTheDirtyBox) {
+TEST_F(RunStateTest, EnqueuesOnceForTheNextEpoch) {
   RunState state(store_, 1 << 20);
-  state.enqueue(leaf(5), Box::around({0, 0, 0}));
-  state.enqueue(leaf(3), kBox);
-  state.enqueue(leaf(5), Box::around({1, 2, 3}));
+  state.enqueue(leaf(5));
+  state.enqueue(leaf(3));
+  state.enqueue(leaf(5));
   EXPECT_TRUE(stored_queue().empty());
   state.commit();
   const QueuePosition waiting{2, kNoColor};
-  EXPECT_EQ(stored_queue(), (std::vector<QueueEntry>{{waiting, leaf(3), kBox},
-                                                     {waiting, leaf(5), {{0, 0, 0}, {1, 2, 3}}}}));
+  EXPECT_EQ(stored_queue(), (std::vector<QueueEntry>{{waiting, leaf(3)}, {waiting, leaf(5)}}));
   EXPECT_EQ(store_.snapshot().leaf(leaf(5))->queued, waiting);
 }
 
 TEST_F(RunStateTest, OpensAnEpochWithColors) {
   RunState state(store_, 1 << 20);
   EXPECT_FALSE(state.open_epoch());
-  for (const std::size_t i : {0, 1, 63}) state.enqueue(leaf(i), kBox);
+  for (const std::size_t i : {0, 1, 63}) state.enqueue(leaf(i));
   EXPECT_TRUE(state.open_epoch());
   EXPECT_FALSE(state.open_epoch());
-  EXPECT_EQ(state.run.epoch, 2U);
+  EXPECT_EQ(state.run().epoch, 2U);
   // Neighbors differ in color, the far leaf shares one.
-  EXPECT_EQ(state.queue.front(), (QueuePosition{2, 0}));
-  EXPECT_EQ(state.queue.front_leaves(), (std::vector{leaf(0), leaf(63)}));
+  EXPECT_EQ(state.queue().front(), (QueuePosition{2, 0}));
+  EXPECT_EQ(state.queue().front_leaves(), (std::vector{leaf(0), leaf(63)}));
   // A leaf that still waits keeps its place, a visited one waits for the next epoch.
   state.dequeue(leaf(0));
-  state.enqueue(leaf(0), kBox);
-  state.enqueue(leaf(1), kBox);
+  state.enqueue(leaf(0));
+  state.enqueue(leaf(1));
   state.commit();
   const auto queue = stored_queue();
   ASSERT_EQ(queue.size(), 3U);
@@ -78,28 +75,32 @@ TEST_F(RunStateTest, OpensAnEpochWithColors) {
 
   // Read again from the store, it goes on there.
   const RunState again(store_, 1 << 20);
-  EXPECT_EQ(again.run.epoch, 2U);
-  EXPECT_EQ(again.queue.size(), 3U);
-  EXPECT_EQ(again.queue.front_leaves(), std::vector{leaf(63)});
+  EXPECT_EQ(again.run().epoch, 2U);
+  EXPECT_EQ(again.queue().size(), 3U);
+  EXPECT_EQ(again.queue().front_leaves(), std::vector{leaf(63)});
 }
 
 // Leaves that wait for each other are those whose colors had to differ.
 TEST_F(RunStateTest, TellsWhichVisitsMayOverlap) {
   constexpr double kFar = kConflict * 0.05;
   for (const bool is_cover : {true, false}) {
+    RunRecord run = *store_.snapshot().run();
+    run.parameters.size = 0.05;
+    run.parameters.init = is_cover ? Initialization::kCover : Initialization::kPaper;
+    Batch batch = store_.begin();
+    batch.put_run(run);
+    batch.commit();
     RunState state(store_, 1 << 20);
-    state.run.parameters.size = 0.05;
-    state.run.parameters.init = is_cover ? Initialization::kCover : Initialization::kPaper;
-    for (const MortonKey leaf : octree_.leaves()) state.enqueue(leaf, kBox);
+    for (const MortonKey leaf : octree_.leaves()) state.enqueue(leaf);
     EXPECT_TRUE(state.open_epoch());
     state.dequeue(leaf(0));
-    state.enqueue(leaf(0), kBox);
-    const std::vector<QueuePlace> epoch = state.queue.front_epoch();
+    state.enqueue(leaf(0));
+    const std::vector<QueueEntry> epoch = state.queue().front_epoch();
     ASSERT_EQ(epoch.size(), 63U);  // and none of the next
     EXPECT_TRUE(std::ranges::is_sorted(epoch));
     int num_independent = 0;
-    for (const QueuePlace& a : epoch)
-      for (const QueuePlace& b : epoch) {
+    for (const QueueEntry& a : epoch)
+      for (const QueueEntry& b : epoch) {
         if (a == b) continue;
         const double squared = state.box(a.leaf).squared_distance(state.box(b.leaf));
         EXPECT_EQ(state.are_independent(a, b), is_cover && squared > kFar * kFar);
@@ -116,7 +117,7 @@ TEST_F(RunStateTest, AddsPointsToTheLeafThatOwnsThem) {
   RunState state(store_, 1 << 20);
   const MeshPoint a = state.add_point({0.3, 0.3, 0.3}, PointKind::kSurface);
   const MeshPoint b = state.add_point({0.25, 0.25, 0.25}, PointKind::kVolume);
-  const MortonKey owner = state.octree.leaf_owning(state.run.frame, a.position);
+  const MortonKey owner = state.octree().leaf_owning(state.run().frame, a.position);
   state.commit();
   EXPECT_EQ(store_.snapshot().points(owner).points, (std::vector{a, b}));
   EXPECT_EQ(store_.snapshot().leaf(owner)->num_points, 2U);
@@ -128,31 +129,63 @@ TEST_F(RunStateTest, WritesChangesThroughATinyCache) {
   for (std::size_t i = 0; i < octree_.size(); ++i) {
     const Point center = state.box(leaf(i)).center();
     state.add_point(center, PointKind::kVolume);
-    state.leaves.put_unresolved(leaf(i), {{{1, center, 0.5}}});
-    state.leaves.trim();
-    EXPECT_EQ(state.leaves.points(leaf(i)).points.size(), 1U) << "an unwritten change was lost";
+    state.put_unresolved(leaf(i), {{{1, center, 0.5}}});
+    state.leaves().trim();
+    EXPECT_EQ(state.leaves().points(leaf(i)).points.size(), 1U) << "an unwritten change was lost";
     if (i % 10 == 9) state.commit();
   }
   state.commit();
-  EXPECT_EQ(state.leaves.unwritten_bytes(), 0U);
+  EXPECT_EQ(state.leaves().unwritten_bytes(), 0U);
   for (std::size_t i = 0; i < octree_.size(); ++i) {
     EXPECT_EQ(store_.snapshot().points(leaf(i)).points.front().position,
               state.box(leaf(i)).center());
     EXPECT_EQ(store_.snapshot().unresolved(leaf(i)).sites.size(), 1U);
-    EXPECT_EQ(state.leaves.info(leaf(i)).num_points, 1U);
+    EXPECT_EQ(state.leaves().info(leaf(i)).num_points, 1U);
   }
 }
 
-TEST_F(RunStateTest, ErasesLeavesAndNamesThoseThatAreMissing) {
+TEST_F(RunStateTest, SplitsLeavesAndNamesThoseThatAreMissing) {
   RunState state(store_, 1 << 20);
-  state.add_point({0.1, 0.1, 0.1}, PointKind::kVolume);
-  state.leaves.erase_leaf(leaf(0));
-  state.leaves.add_leaf(leaf(0).child(0), {}, {}, {});
+  const MeshPoint point = state.add_point({0.1, 0.1, 0.1}, PointKind::kVolume);
+  state.put_cells(leaf(0), {{0, 1, 2, 3}, {{0, 1, 2, 3}}});
+  state.put_unresolved(leaf(0), {{{1, point.position, 0.5}}});
+  std::array<RunState::Child, 8> children;
+  children[0].points.points = {point};
+  state.split(leaf(0), children);
   state.commit();
   EXPECT_FALSE(store_.snapshot().leaf(leaf(0)));
   EXPECT_TRUE(store_.snapshot().points(leaf(0)).points.empty());
-  EXPECT_TRUE(store_.snapshot().leaf(leaf(0).child(0)));
-  EXPECT_THROW(state.leaves.info(leaf(0)), StoreError);
+  EXPECT_EQ(stored_queue(), (std::vector<QueueEntry>{{{2, kNoColor}, leaf(0).child(0)}}));
+  EXPECT_EQ(store_.snapshot().leaf(leaf(0).child(0))->num_points, 1U);
+  EXPECT_TRUE(store_.snapshot().leaf(leaf(0).child(7)));
+  EXPECT_EQ(store_.snapshot().run()->counts, RunCounts{.num_points = 1});
+  EXPECT_THROW(state.leaves().info(leaf(0)), StoreError);
+}
+
+// The run's counts are the sums over its leaves, whatever replaces what.
+TEST_F(RunStateTest, KeepsTheCountsOfWhatItIsGiven) {
+  RunState state(store_, 1 << 20);
+  const MeshPoint gone = state.add_point({0.1, 0.1, 0.1}, PointKind::kVolume);
+  state.add_point({0.1, 0.2, 0.1}, PointKind::kVolume);
+  state.remove_point(gone);
+  EXPECT_THROW(state.remove_point(gone), RefineError);
+  for (const std::size_t i : {0, 1}) {
+    state.put_cells(leaf(i), {{0, 1, 2, 3, 4}, {{0, 1, 2, 3}, {1, 2, 3, 4}}});
+    state.put_num_core_cells(leaf(i), 10);
+    state.put_unresolved(leaf(i), {{{1, {}, 0.5}, {2, {}, 0.5}}});
+    state.add_visit(leaf(i), {.insertions = {1, 0, 0, 0, 0, 2}, .deletions = 3});
+  }
+  state.put_num_core_cells(leaf(0), 4);
+  state.put_unresolved(leaf(1), {});
+  state.leave_out_cells(leaf(1), {{0, 1, 2, 3}, {{0, 1, 2, 3}}});
+  EXPECT_EQ(state.leaves().info(leaf(1)).num_cells, 1U);
+  EXPECT_EQ(state.leaves().info(leaf(1)).num_left_out, 1U);
+  EXPECT_EQ(state.run().counts, (RunCounts{.num_visits = 2,
+                                           .num_points = 1,
+                                           .num_cells = 17,
+                                           .num_unresolved = 2,
+                                           .num_insertions = {2, 0, 0, 0, 0, 4},
+                                           .num_deletions = 6}));
 }
 
 }  // namespace

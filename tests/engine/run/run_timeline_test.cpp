@@ -14,26 +14,26 @@ namespace {
 using namespace testing_shapes;
 
 TimelineSample sample(Phase phase, std::uint64_t num_visits) {
-  return {.phase = phase, .num_visits = num_visits, .num_insertions = {}};
+  return {.phase = phase, .counts = {.num_visits = num_visits, .num_insertions = {}}};
 }
 
 TEST(RunTimeline, KeepsABoundedNumberOfSamplesSpreadOverTheRun) {
   constexpr std::uint64_t kStep = 40, kNum = 20'000;
   RunTimeline timeline({}, 0);
   for (std::uint64_t i = 1; i <= kNum; ++i)
-    timeline.add(sample(i <= kNum / 10 ? Phase::kInitialize : Phase::kRefine, i), kStep * i);
+    timeline.add(sample(i <= kNum / 10 ? Phase::kCover : Phase::kRefine, i), kStep * i);
   const auto& samples = timeline.record().samples;
   ASSERT_EQ(samples.size(), RunTimeline::kMaxSamples);
-  EXPECT_EQ(samples.front().num_visits, 1U);
-  EXPECT_EQ(samples.back().num_visits, kNum);
+  EXPECT_EQ(samples.front().counts.num_visits, 1U);
+  EXPECT_EQ(samples.back().counts.num_visits, kNum);
   const std::uint64_t fair = kStep * kNum / RunTimeline::kMaxSamples;
   for (std::size_t i = 1; i < samples.size(); ++i) {
     EXPECT_LT(samples[i - 1].milliseconds, samples[i].milliseconds);
     EXPECT_LE(samples[i].milliseconds - samples[i - 1].milliseconds, 4 * fair) << i;
   }
   const auto end = std::ranges::find(samples, Phase::kRefine, &TimelineSample::phase);
-  EXPECT_EQ((end - 1)->num_visits, kNum / 10) << "the end of the phase is kept";
-  EXPECT_EQ(milliseconds_by_phase(timeline.record()),
+  EXPECT_EQ((end - 1)->counts.num_visits, kNum / 10) << "the end of the phase is kept";
+  EXPECT_EQ(milliseconds_by_stage(timeline.record()),
             (std::array<std::uint64_t, 3>{0, kStep * kNum / 10, kStep * kNum * 9 / 10}));
 }
 
@@ -52,7 +52,7 @@ TEST(RunTimeline, GoesOnWhereTheLastSittingEnded) {
   EXPECT_EQ(samples[3].milliseconds, 950U);
   EXPECT_EQ(samples[1].started, 1000U);
   EXPECT_EQ(samples[3].started, 5000U);
-  EXPECT_EQ(milliseconds_by_phase(second.record()), (std::array<std::uint64_t, 3>{300, 0, 650}));
+  EXPECT_EQ(milliseconds_by_stage(second.record()), (std::array<std::uint64_t, 3>{300, 0, 650}));
 }
 
 // Thousands of sittings must not outgrow the bound either.
@@ -85,20 +85,18 @@ TEST(RunTimeline, TellsOfAnInterruptedRun) {
   const auto samples = held_samples();
   ASSERT_GE(samples.size(), 6U);
   EXPECT_EQ(samples.front().phase, Phase::kIngest);
-  EXPECT_EQ(samples.front().num_visits, 0U);
+  EXPECT_EQ(samples.front().counts.num_visits, 0U);
   EXPECT_GT(samples.front().started, 1'600'000'000U);
   EXPECT_GT(samples.front().resident, 1U << 20);
   for (std::size_t i = 1; i < samples.size(); ++i) {
     EXPECT_LE(samples[i - 1].milliseconds, samples[i].milliseconds);
     EXPECT_LE(samples[i - 1].sitting, samples[i].sitting);
-    EXPECT_LE(samples[i - 1].num_visits, samples[i].num_visits);
+    EXPECT_LE(samples[i - 1].counts.num_visits, samples[i].counts.num_visits);
   }
   const TimelineSample& last = samples.back();
   EXPECT_EQ(last.sitting, 1U);
   EXPECT_EQ(last.phase, Phase::kDone);
-  EXPECT_EQ(last.num_visits, summary.num_visits);
-  EXPECT_EQ(last.num_cells, summary.num_cells);
-  EXPECT_EQ(last.num_insertions, summary.num_insertions);
+  EXPECT_EQ(last.counts, summary.run.counts);
   EXPECT_EQ(last.num_queued, 0U);
   EXPECT_LT(samples.size(), RunTimeline::kMaxSamples);
 

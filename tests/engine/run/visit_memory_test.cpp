@@ -60,29 +60,43 @@ class VisitMemory : public testing::TestWithParam<Case> {
     MemoryBudget budget(std::numeric_limits<std::uint64_t>::max() / 4);
     RunState state(store);
     LeafLoader loader(state, budget);
-    while (state.run.phase != Phase::kDone) {
+    while (state.run().phase != Phase::kDone) {
       if (state.open_epoch()) state.commit();
-      if (state.queue.is_empty()) end_phase(state);
-      if (state.run.phase == Phase::kDone || state.queue.is_empty()) continue;
-      for (const MortonKey leaf : state.queue.front_leaves()) {
-        if (state.run.phase == Phase::kRefine)
-          refine(state, loader, leaf);
-        else if (state.run.epoch == kCoverEpoch)
+      if (!state.queue().is_empty()) visit_front(state, loader);
+      const bool is_covered =
+          state.run().phase == Phase::kCover && state.queue().num_in_epoch(state.run().epoch) == 0;
+      if (is_covered || state.queue().is_empty()) end_phase(state);
+    }
+  }
+
+  void visit_front(RunState& state, LeafLoader& loader) {
+    for (const MortonKey leaf : state.queue().front_leaves()) {
+      switch (state.run().phase) {
+        case Phase::kCover:
           cover(state, loader, leaf);
-        else
+          break;
+        case Phase::kFill:
           fill(state, loader, leaf);
-        state.note_visit();
-        if (state.is_commit_due()) state.commit();
+          break;
+        default:
+          refine(state, loader, leaf);
       }
+      state.note_visit();
+      if (state.is_commit_due()) state.commit();
     }
   }
 
   void end_phase(RunState& state) {
-    if (state.run.phase == Phase::kInitialize) {
-      enqueue_for_refinement(state);
-      state.run.phase = Phase::kRefine;
-    } else {
-      state.run.phase = Phase::kDone;
+    switch (state.run().phase) {
+      case Phase::kCover:
+        state.begin_phase(Phase::kFill);
+        break;
+      case Phase::kRefine:
+        state.begin_phase(Phase::kDone);
+        break;
+      default:
+        enqueue_for_refinement(state);
+        state.begin_phase(Phase::kRefine);
     }
     state.commit();
   }
@@ -92,8 +106,8 @@ class VisitMemory : public testing::TestWithParam<Case> {
   template <class Load, class Compute>
   auto measured(RunState& state, MortonKey leaf, double reach, Load load, Compute compute) {
     for (const MortonKey near :
-         state.octree.leaves_within(state.run.frame, state.box(leaf), reach * state.size()))
-      state.leaves.surface(near), state.leaves.points(near);
+         state.octree().leaves_within(state.run().frame, state.box(leaf), reach * state.size()))
+      state.leaves().surface(near), state.leaves().points(near);
     const std::size_t before = begin_measuring();
     auto loaded = load();
     auto result = compute(loaded.complete());

@@ -1,12 +1,9 @@
-// SHA-256 of a file's bytes: the name by which a store knows its input.
+// SHA-256: the name by which a store knows its input.
 #pragma once
 
 #include <cstddef>
-#include <filesystem>
 #include <memory>
 #include <string>
-
-#include "octree/stop.h"
 
 namespace locvol {
 
@@ -23,8 +20,5 @@ class Sha256 {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// Throws InputError as InputFile does, Stopped.
-std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -3,14 +3,12 @@
 // made).
 #define OPENSSL_SUPPRESS_DEPRECATED
 
-#include "engine/ingest/file_digest.h"
+#include "engine/ingest/sha256.h"
 
 #include <fmt/format.h>
 #include <openssl/sha.h>
 
 #include <array>
-
-#include "engine/ingest/input_file.h"
 
 namespace locvol {
 
@@ -33,10 +31,6 @@ std::string Sha256::hex_digest() {
   std::string digits;
   for (const unsigned char byte : digest) digits += fmt::format("{:02x}", byte);
   return digits;
-}
-
-std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {
-  return InputFile(file, stop).digest();
 }
 
 }  // namespace locvol

@@ -1,0 +1,55 @@
+// What the audit of a mesh has found.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace locvol {
+
+struct AuditReport {
+  std::uint64_t num_cells = 0, num_vertices = 0, num_boundary_facets = 0, num_boundary_vertices = 0;
+  double volume = 0, surface_volume = 0;
+  double max_circumradius = 0;  // over λ
+  double max_radius_edge_ratio = 0;
+  double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
+  double max_surface_distance = 0;  // of a boundary vertex, over λ
+  // Of the boundaries; `surface_…`: of the input. A difference is no violation: parts of the input
+  // smaller than λ may be lost.
+  std::int64_t euler_characteristic = 0, surface_euler_characteristic = 0;
+  std::uint64_t num_components = 0, surface_num_components = 0;
+  std::uint64_t num_unresolved = 0;  // as listed in the store
+  // Near unresolved sites, and so no violations: cells too large or badly shaped, boundary vertices
+  // off the surface. Boundary and cells fit together there as everywhere.
+  std::uint64_t num_open = 0;
+
+  // Violations, counted; the first few of each kind are described in `violations` with leaf and
+  // coordinates. Bounds allow for rounding, a relative 1e-9; signs and emptiness are exact.
+  std::uint64_t num_nonempty_circumballs = 0;
+  std::uint64_t num_overused_facets = 0;        // in more than two cells, or twice on one side
+  std::uint64_t num_bad_boundary_edges = 0;     // not in exactly two boundary facets
+  std::uint64_t num_bad_boundary_vertices = 0;  // link is not a single cycle
+  std::uint64_t num_off_surface_vertices = 0;   // boundary vertices not on the surface
+  std::uint64_t num_large_cells = 0;            // circumradius >= λ
+  std::uint64_t num_badly_shaped_cells = 0;     // radius-edge ratio above the bound
+  std::uint64_t num_misoriented_cells = 0;      // flat or negative
+  std::uint64_t num_repeated_cells = 0;
+  std::uint64_t num_misplaced_cells = 0;   // their smallest vertex is not of their leaf
+  std::uint64_t num_unknown_vertices = 0;  // named by a cell, but in no leaf within 2λ
+  std::uint64_t num_misplaced_points = 0;  // outside the box of their leaf, or not finite
+  std::uint64_t num_repeated_points = 0;   // an id or a position that came before, within 2λ
+  std::uint64_t num_run_faults = 0;        // not finished; leaves that do not tile the root
+  std::vector<std::string> violations;
+
+  std::uint64_t num_violations() const {
+    return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
+           num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +
+           num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells +
+           num_misplaced_cells + num_unknown_vertices + num_misplaced_points + num_repeated_points +
+           num_run_faults;
+  }
+  // No violation, and at least one cell.
+  bool is_valid() const { return num_violations() == 0 && num_cells > 0; }
+};
+
+}  // namespace locvol

@@ -1,0 +1,36 @@
+// SurfaceSink takes what a surface file holds, as it stands there.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// Where in the file something stands, for messages.
+struct FilePlace {
+  enum class Unit { kLine, kFace } unit = Unit::kLine;
+  std::uint64_t number = 0;  // from 1
+};
+inline std::string to_string(const FilePlace& place) {
+  return (place.unit == FilePlace::Unit::kLine ? "line " : "face ") + std::to_string(place.number);
+}
+
+class SurfaceSink {
+ public:
+  virtual ~SurfaceSink() = default;
+  // So many polygons or facets are to come, for all that the file says: called before any of them,
+  // if at all.
+  virtual void announce(std::uint64_t /*num_faces*/) {}
+  // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
+  virtual void vertex(const Point& position) = 0;
+  // Any number of corners, with any numbers: they may name a vertex that comes later, or never.
+  virtual void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) = 0;
+  // A triangle with corners of its own, which are no numbered vertices. They are finite.
+  virtual void facet(const std::array<Point, 3>& corners) = 0;
+};
+
+}  // namespace locvol

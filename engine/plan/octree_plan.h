@@ -1,0 +1,24 @@
+// Where a run's leaves lie at the start.
+#pragma once
+
+#include "octree/frame.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+inline constexpr double kMinLeafSide = 4;  // over λ, of a leaf at the start
+
+// Near the surface and inside, leaves are nodes of `level`.
+struct OctreePlan {
+  Frame frame;
+  int level = 0;
+};
+
+// So wide that a leaf filled with lattice points has half as many as κ, but at least 4 λ.
+double start_leaf_side(const RunParameters& parameters);
+
+// Cover: leaves that will hold about half of κ lattice points, at least 4 λ wide; paper: one leaf.
+// Throws InputError, with the cure, if the surface is too large for leaves that small at all.
+OctreePlan plan_octree(const RunParameters& parameters, const Box& surface);
+
+}  // namespace locvol

@@ -1,0 +1,65 @@
+// What a user asks of a run, and is told while it goes on.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "engine/formats/mesh_format.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+// λ as the user gives it: an absolute length, or a percentage of the smallest side of the bounding
+// box of the surface.
+struct SizeSpec {
+  double value = 0;
+  bool is_percent = false;
+};
+
+struct MeshOptions {
+  std::filesystem::path input;  // empty: the surface is in no file
+  std::filesystem::path store;
+  SizeSpec size;
+  std::uint64_t leaf_capacity = 0;  // κ; 0: the default
+  Initialization init = Initialization::kCover;
+  std::uint64_t seed = 0;
+  double radius_edge_bound = 2;
+  double spacing_floor = 0.02;  // as a fraction of λ
+  bool is_forced = false;       // start anew over a store of another run
+};
+
+struct Progress {
+  Phase phase = Phase::kIngest;
+  RunCounts counts = {};
+  std::uint64_t num_leaves = 0, num_queued = 0;
+  std::uint64_t num_in_epoch = 0;  // of num_queued: in the open epoch, which nothing joins
+  std::uint32_t epoch = 0;
+  std::uint32_t first_epoch = 1;    // of kRefine
+  std::uint64_t num_triangles = 0;  // read, checked and cut so far, one after another; of kIngest
+};
+
+// The functions are called by one thread at a time, not always the same one: with num_threads 1,
+// the caller.
+struct RunControl {
+  // Called after each visit and each commit, and now and then while a large surface is ingested;
+  // may be empty.
+  std::function<void(const Progress&)> on_progress;
+  // Asked between visits, and ten times a second wherever something takes long: true ends the run
+  // after a commit. A visit in hand is dropped, to be made again. May be empty.
+  std::function<bool()> is_stopped;
+  std::function<void(const std::string&)> on_note;  // repairs of the input, and such
+  // Called once, with the surface and the parameters of the run that begins or goes on. What it
+  // throws ends the run; one that begins has written nothing by then. May be empty.
+  std::function<void(const RunRecord&)> on_run = {};
+  // The file that the mesh will be written to, if it will: its disk must have room for it.
+  std::filesystem::path output = {};
+  OutputOptions output_options = {};
+  // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
+  // no influence on the result.
+  std::uint64_t memory_bytes = 0;
+  int num_threads = 0;  // 0: all that the process may use. No influence on the result either
+};
+
+}  // namespace locvol

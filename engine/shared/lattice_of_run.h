@@ -1,0 +1,16 @@
+#pragma once
+
+#include "octree/lattice.h"
+#include "storage/records.h"
+
+namespace locvol {
+
+inline constexpr double kMinChildSide = 2;  // over λ, of a leaf after splits
+
+// The lattice of a run in cover mode: its points' positions are a function of the run alone.
+inline Lattice lattice_of(const RunRecord& run) {
+  const double size = run.parameters.size;
+  return {run.frame, size, kMinChildSide * size};
+}
+
+}  // namespace locvol
