@@ -42,6 +42,10 @@ struct Box {
             {std::max(max.x, p.x), std::max(max.y, p.y), std::max(max.z, p.z)}};
   }
   Box joined(const Box& b) const { return joined(b.min).joined(b.max); }
+  Box common(const Box& b) const {  // turned inside out if they do not overlap
+    return {{std::max(min.x, b.min.x), std::max(min.y, b.min.y), std::max(min.z, b.min.z)},
+            {std::min(max.x, b.max.x), std::min(max.y, b.max.y), std::min(max.z, b.max.z)}};
+  }
   Box expanded(double d) const {
     return {{min.x - d, min.y - d, min.z - d}, {max.x + d, max.y + d, max.z + d}};
   }

@@ -5,60 +5,70 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <boost/archive/archive_exception.hpp>
-#include <boost/archive/binary_iarchive.hpp>
-#include <boost/archive/binary_oarchive.hpp>
+#include <boost/archive/detail/common_iarchive.hpp>
+#include <boost/archive/detail/common_oarchive.hpp>
+#include <boost/mp11/algorithm.hpp>
+#include <boost/mp11/list.hpp>
+#include <boost/serialization/array_wrapper.hpp>
+#include <boost/serialization/item_version_type.hpp>
+#include <boost/serialization/level.hpp>
+#include <boost/serialization/split_free.hpp>
+#include <boost/serialization/string.hpp>
+#include <boost/serialization/vector.hpp>
+#include <boost/serialization/version.hpp>
+#include <boost/serialization/wrapper.hpp>
 #include <cassert>
-#include <concepts>
 #include <limits>
 #include <memory>
 #include <mutex>
 #include <new>
-#include <streambuf>
+#include <optional>
+#include <tuple>
 #include <type_traits>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "octree/table_hash.h"
+
 // The bytes of a record
 // =====================
-// A record is one zstd frame (RFC 8878) with content size and content checksum (XXH64). In it:
+// A record is one zstd frame (RFC 8878) with content size and content checksum (XXH64). In it, an
+// archive of Boost.Serialization, in which the record comes with its class version:
 //
-//   | kind u8 | version u16 | leaf u64 | fields ... |          (a Boost binary archive, no header)
+//   | kind u8 | leaf u64 | version u32 | fields ... |
 //
-// Numbers are little-endian and unpadded, bool and enumerations u8, double 8 bytes, text a column
-// of characters. A column holds many values of one kind, lowest bytes first (byte-shuffled), for
-// neighbors differ in their low bytes only and zstd finds the runs in the high ones:
+// Fields are those that serialize() names, in its order. Numbers are little-endian and unpadded,
+// bool and enumerations u8, double 8 bytes, text its length u64 and its characters. A long list is
+// columns, each of one value of every item, lowest bytes first (byte-shuffled), for neighbors
+// differ in their low bytes only and zstd finds the runs in the high ones:
 //
-//   | count u64 | byte 0 of every value | byte 1 of every value | ... |
+//   list:   | number of items u64 | column | column | ... |
+//   column: | byte 0 of every value | byte 1 of every value | ... |
 //
-// Fields, version 1 of every kind but leaf, which has version 4, and points, which have version 2
-// (columns in brackets; "steps" are differences to the value before, "changed bits" the exclusive
-// or with it, both from 0):
+// Kinds, with lists in brackets ("steps" are differences to the value before, "changed bits" the
+// exclusive or with it, both from 0):
 //
 // clang-format off
 //   0 format      version u32
-//   1 run         parameters, surface facts, frame, progress: in the order of fields() below
-//   2 leaf        the fields of LeafInfo in order; `queued` as present u8, epoch u32, color u32;
-//                 first_new_id from version 2 on, the core's counts from version 3 on,
-//                 num_left_out from version 4 on
-//   3 points      [id steps u64] [x] [y] [z: changed bits u64] [kind u8];
-//                 the core from version 2 on: whole u8, [i] [j] [k of the rows' first sites,
-//                 steps u32] [counts u32]
-//   4 cells       [vertex steps u64] [first corners, steps u32] [second - first u32]
-//                 [third - first] [fourth - first]
-//   5 surface     [id steps u64] [x] [y] [z of each distinct corner, in order of appearance:
-//                 changed bits u64] [references u32, three to a triangle:
-//                 distinct corners so far - index; 0 is the next new one]
-//   6 unresolved  [condition u8] [x] [y] [z] [radius: changed bits u64]
+//   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress
+//   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32
+//   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
+//                 [steps u32 of a row's first i | j | k | number of sites u32]
+//   4 cells       [vertex steps u64]
+//                 [first corner's steps u32 | second - first u32 | third - first | fourth - first]
+//   5 surface     [id steps u64] [x | y | z changed bits u64, of each distinct corner, in order of
+//                 appearance] [references u32, three to a triangle: distinct corners so far -
+//                 index; 0 is the next new one]
+//   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
 //   7 queue       position, leaf
-//   8 memory      the fields of MemoryRecord in order
-//   9 keys        [sums u64]
-//  10 timeline    [each number of a TimelineSample in order, steps u64], and last [phase u8]
+//   8 memory      the fields of MemoryRecord
+//   9 keys        [sum u64]
+//  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
 // clang-format on
 //
-// A change of fields raises the version of that kind, keeps the old decoder, and adds a golden file
-// (tests/storage/golden).
+// A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
+// version of its record, and a golden file joins those in tests/storage/golden.
 
 namespace locvol {
 namespace {
@@ -66,660 +76,483 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the archive writes numbers as they are");
 static_assert(std::numeric_limits<double>::is_iec559);
 
-// -- Kinds of records ----------------------------------------------------------------------------
-
-struct Kind {
-  std::uint8_t number;
-  std::uint16_t version;
-};
-template <class Record>
-inline constexpr Kind kKind{};
-template <>
-inline constexpr Kind kKind<StoreFormat>{0, 1};
-template <>
-inline constexpr Kind kKind<RunRecord>{1, 1};
-template <>
-inline constexpr Kind kKind<LeafInfo>{2, 4};
-template <>
-inline constexpr Kind kKind<LeafPoints>{3, 2};
-template <>
-inline constexpr Kind kKind<LeafCells>{4, 1};
-template <>
-inline constexpr Kind kKind<LeafSurface>{5, 1};
-template <>
-inline constexpr Kind kKind<LeafUnresolved>{6, 1};
-template <>
-inline constexpr Kind kKind<QueueEntry>{7, 1};
-template <>
-inline constexpr Kind kKind<MemoryRecord>{8, 1};
-template <>
-inline constexpr Kind kKind<KeySums>{9, 1};
-template <>
-inline constexpr Kind kKind<TimelineRecord>{10, 1};
+using Kinds =
+    boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
+                         LeafUnresolved, QueueEntry, MemoryRecord, KeySums, TimelineRecord>;
+template <class Record>  // of Kinds
+constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
 constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
 constexpr Phase last_of(Phase) { return Phase::kDone; }
 
-// -- Archives ------------------------------------------------------------------------------------
+template <class T>
+concept Enumeration = std::is_enum_v<T>;
 
-constexpr unsigned kArchiveFlags = boost::archive::no_header | boost::archive::no_codecvt |
-                                   boost::archive::no_xml_tag_checking |
-                                   boost::archive::no_tracking;
+template <Enumeration T>
+T enumerator(std::underlying_type_t<T> number) {
+  const auto value = static_cast<T>(number);
+  if (value > last_of(value)) throw DecodeError("a value that means nothing");
+  return value;
+}
 
-class AppendBuffer : public std::streambuf {
+// -- Archives of Boost.Serialization --------------------------------------------------------------
+
+// Of what Boost.Serialization knows of a class, its version alone is written.
+class ContentWriter : public boost::archive::detail::common_oarchive<ContentWriter> {
  public:
   const std::string& bytes() const { return bytes_; }
-  // For `size` bytes more, which the caller writes. Valid until anything else is appended.
+  // For `size` bytes more, which the caller writes. Valid until anything else is saved.
   char* grow(std::size_t size) {
     bytes_.resize(bytes_.size() + size);
     return bytes_.data() + bytes_.size() - size;
   }
 
  private:
-  std::streamsize xsputn(const char* data, std::streamsize size) override {
-    bytes_.append(data, static_cast<std::size_t>(size));
-    return size;
+  using Base = boost::archive::detail::common_oarchive<ContentWriter>;
+  friend class boost::archive::save_access;
+  friend Base;
+  friend class boost::archive::detail::interface_oarchive<ContentWriter>;
+
+  template <class Number>
+  void save(const Number& number) {
+    bytes_.append(reinterpret_cast<const char*>(&number), sizeof number);
   }
-  int_type overflow(int_type c) override {
-    if (!traits_type::eq_int_type(c, traits_type::eof())) bytes_ += traits_type::to_char_type(c);
-    return traits_type::not_eof(c);
+  void save(const std::string& text) {
+    save(std::uint64_t{text.size()});
+    bytes_ += text;
   }
+
+  template <class T>
+  void save_override(const T& value) {
+    Base::save_override(value);
+  }
+  template <Enumeration T>
+  void save_override(const T& value) {
+    assert(value <= last_of(value));
+    save(static_cast<std::underlying_type_t<T>>(value));
+  }
+  void save_override(const boost::archive::class_id_optional_type&) {}
+  void save_override(const boost::archive::tracking_type&) {}
+  void save_override(const boost::serialization::item_version_type&) {}
 
   std::string bytes_;
 };
 
-class ViewBuffer : public std::streambuf {
+// Whatever the bytes say, reads nothing beyond their end, and counts no items that they cannot
+// hold.
+class ContentReader : public boost::archive::detail::common_iarchive<ContentReader> {
  public:
-  explicit ViewBuffer(std::string_view bytes) {
-    char* const begin = const_cast<char*>(bytes.data());  // a streambuf that only reads
-    setg(begin, begin, begin + bytes.size());
+  ContentReader(std::string_view bytes, unsigned newest_version)
+      : bytes_(bytes), newest_version_(newest_version) {}
+  std::size_t bytes_left() const { return bytes_.size(); }
+  std::string_view take(std::size_t size) {
+    if (size > bytes_.size()) throw DecodeError("a record cut short");
+    const std::string_view taken = bytes_.substr(0, size);
+    bytes_.remove_prefix(size);
+    return taken;
   }
-  std::size_t bytes_left() const { return static_cast<std::size_t>(egptr() - gptr()); }
-  // The next bytes. REQUIRES: there are as many
-  const char* take(std::size_t size) {
-    const char* const begin = gptr();
-    setg(eback(), gptr() + size, egptr());
-    return begin;
+  std::size_t load_count(std::size_t bytes_each) {
+    std::uint64_t count = 0;
+    load(count);
+    if (count > bytes_left() / bytes_each) throw DecodeError("a list beyond its end");
+    return static_cast<std::size_t>(count);
   }
-};
-
-template <class T>
-concept Number = (std::integral<T> && !std::same_as<T, bool>) || std::same_as<T, double>;
-template <class T>
-concept Enumeration = std::is_enum_v<T>;
-template <class T, class Record>
-concept Maybe = std::same_as<std::remove_const_t<T>, Record>;  // Record or const Record
-
-// Writes fields in the order they are named: out(a, b, c). A struct is its fields().
-class ContentWriter {
- public:
-  template <class... Fields>
-  void operator()(const Fields&... values) {
-    (put(values), ...);
-  }
-  const std::string& bytes() const { return buffer_.bytes(); }
 
  private:
-  template <Number T>
-  void put(const T& value) {
-    archive_.save_binary(&value, sizeof value);
-  }
-  template <Enumeration T>
-  void put(const T& value) {
-    assert(value <= last_of(value));
-    put(static_cast<std::underlying_type_t<T>>(value));
-  }
-  void put(const bool& value) { put(static_cast<std::uint8_t>(value)); }
-  void put(const MortonKey& key) { put(key.bits()); }
-  void put(const std::string& text) { put_column(text.data(), text.size()); }
-  template <std::unsigned_integral T>
-  void put(const std::vector<T>& column) {
-    put_column(column.data(), column.size());
-  }
-  void put(const std::vector<std::string>& texts) {
-    put(std::uint64_t{texts.size()});
-    for (const std::string& text : texts) put(text);
-  }
-  template <class T, std::size_t N>
-  void put(const std::array<T, N>& values) {
-    for (const T& value : values) put(value);
-  }
-  void put(const Frame& frame) { (*this)(frame.origin(), frame.unit()); }
-  template <class Struct>
-  void put(const Struct& record) {
-    fields(*this, record);
-  }
+  using Base = boost::archive::detail::common_iarchive<ContentReader>;
+  friend class boost::archive::load_access;
+  friend Base;
+  friend class boost::archive::detail::interface_iarchive<ContentReader>;
 
-  template <class T>
-  void put_column(const T* values, std::size_t count);
-
-  AppendBuffer buffer_;
-  boost::archive::binary_oarchive archive_{buffer_, kArchiveFlags};
-};
-
-template <class T>
-void ContentWriter::put_column(const T* values, std::size_t count) {
-  put(std::uint64_t{count});
-  char* plane = buffer_.grow(count * sizeof(T));
-  for (std::size_t byte = 0; byte < sizeof(T); ++byte, plane += count)
-    for (std::size_t i = 0; i < count; ++i) plane[i] = static_cast<char>(values[i] >> (8 * byte));
-}
-
-// Reads fields in the order they are named. Sizes are checked against the bytes left before
-// anything is allocated.
-class ContentReader {
- public:
-  explicit ContentReader(std::string_view content) : buffer_(content) {}
-  template <class... Fields>
-  void operator()(Fields&... values) {
-    (get(values), ...);
+  template <class Number>
+  void load(Number& number) {
+    take(sizeof number).copy(reinterpret_cast<char*>(&number), sizeof number);
   }
-  bool is_at_end() const { return buffer_.bytes_left() == 0; }
-
- private:
-  template <Number T>
-  void get(T& value) {
-    archive_.load_binary(&value, sizeof value);
-  }
-  template <Enumeration T>
-  void get(T& value) {
-    std::underlying_type_t<T> number = 0;
-    get(number);
-    value = static_cast<T>(number);
-    if (value > last_of(value)) throw DecodeError("a value that means nothing");
-  }
-  void get(bool& value) {
+  void load(bool& value) {
     std::uint8_t number = 0;
-    get(number);
+    load(number);
     if (number > 1) throw DecodeError("a value that means nothing");
     value = number != 0;
   }
-  void get(MortonKey& key) {
-    std::uint64_t bits = 0;
-    get(bits);
-    key = MortonKey::from_bits(bits);
-  }
-  void get(std::string& text) { get_column(text); }
-  template <std::unsigned_integral T>
-  void get(std::vector<T>& column) {
-    get_column(column);
-  }
-  void get(std::vector<std::string>& texts) {
-    texts.resize(get_count(sizeof(std::uint64_t)));
-    for (std::string& text : texts) get(text);
-  }
-  template <class T, std::size_t N>
-  void get(std::array<T, N>& values) {
-    for (T& value : values) get(value);
-  }
-  void get(Frame& frame) {
-    Point origin;
-    double unit = 0;
-    (*this)(origin, unit);
-    if (!(unit > 0 && unit < std::numeric_limits<double>::infinity()))
-      throw DecodeError("an octree frame without size");
-    frame = Frame(origin, unit);
-  }
-  template <class Struct>
-  void get(Struct& record) {
-    fields(*this, record);
+  void load(std::string& text) { text = take(load_count(1)); }
+  void load(boost::serialization::collection_size_type& count) {
+    count = boost::serialization::collection_size_type(load_count(1));
   }
 
-  std::size_t get_count(std::size_t bytes_each) {
-    std::uint64_t count = 0;
-    get(count);
-    if (count > buffer_.bytes_left() / bytes_each) throw DecodeError("a list beyond its end");
-    return static_cast<std::size_t>(count);
+  template <class T>
+  void load_override(T& value) {
+    Base::load_override(value);
   }
-  template <class Column>
-  void get_column(Column& column);
-
-  ViewBuffer buffer_;
-  boost::archive::binary_iarchive archive_{buffer_, kArchiveFlags};
-};
-
-template <class Column>
-void ContentReader::get_column(Column& column) {
-  using T = typename Column::value_type;
-  using Bits = std::make_unsigned_t<T>;
-  const std::size_t count = get_count(sizeof(T));
-  column.resize(count);
-  const char* const planes = buffer_.take(count * sizeof(T));
-  for (std::size_t i = 0; i < count; ++i) {
-    Bits bits = 0;
-    for (std::size_t byte = 0; byte < sizeof(T); ++byte) {
-      const auto here = static_cast<unsigned char>(planes[byte * count + i]);
-      bits = static_cast<Bits>(bits | static_cast<Bits>(Bits{here} << (8 * byte)));
-    }
-    column[i] = static_cast<T>(bits);
+  template <Enumeration T>
+  void load_override(T& value) {
+    std::underlying_type_t<T> number = 0;
+    load(number);
+    value = enumerator<T>(number);
   }
-}
+  void load_override(boost::archive::version_type& version) {
+    unsigned number = 0;
+    load(number);
+    if (number > newest_version_)
+      throw DecodeError("record version " + std::to_string(number) +
+                        ", which this program does not know");
+    version = boost::archive::version_type(number);
+  }
+  void load_override(boost::archive::class_id_optional_type&) {}
+  void load_override(boost::archive::tracking_type& is_tracked) { is_tracked = false; }
+  void load_override(boost::serialization::item_version_type&) {}
 
-// -- Fields of the plain structs: one list for both directions ------------------------------------
-
-void fields(auto& archive, Maybe<Point> auto& p) { archive(p.x, p.y, p.z); }
-void fields(auto& archive, Maybe<Box> auto& box) { archive(box.min, box.max); }
-void fields(auto& archive, Maybe<QueuePosition> auto& p) { archive(p.epoch, p.color); }
-void fields(auto& archive, Maybe<StoreFormat> auto& format) { archive(format.version); }
-void fields(auto& archive, Maybe<KeySums> auto& keys) { archive(keys.sums); }
-
-void fields(auto& archive, Maybe<QueueEntry> auto& entry) { archive(entry.position, entry.leaf); }
-
-void fields(auto& archive, Maybe<RunParameters> auto& p) {
-  archive(p.input_digest, p.size, p.radius_edge_bound, p.spacing_floor, p.leaf_capacity, p.init,
-          p.seed);
-}
-
-void fields(auto& archive, Maybe<SurfaceFacts> auto& s) {
-  archive(s.file, s.num_vertices, s.num_triangles, s.num_components, s.euler_characteristic, s.area,
-          s.volume, s.box, s.notes);
-}
-
-void fields(auto& archive, Maybe<RunCounts> auto& c) {
-  archive(c.num_visits, c.num_points, c.num_cells, c.num_unresolved, c.num_insertions,
-          c.num_deletions);
-}
-
-void fields(auto& archive, Maybe<RunRecord> auto& run) {
-  archive(run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
-          run.counts);
-}
-
-void fields(auto& archive, Maybe<MemoryRecord> auto& m) {
-  archive(m.cap, m.program, m.leaves, m.commits, m.visits, m.cache, m.peak_resident);
-}
-
-// LeafInfo as stored: the optional is a flag and a value that is 0 when absent.
-struct StoredLeafInfo {
-  LeafInfo info;  // `queued` is not looked at
-  bool is_queued = false;
-  QueuePosition position;
+  std::string_view bytes_;
+  unsigned newest_version_;
 };
-
-void fields_of_version_1(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  auto& info = leaf.info;
-  archive(info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
-          info.num_triangles, info.num_insertions, info.num_deletions, info.num_unresolved,
-          leaf.is_queued, leaf.position);
-}
-
-void fields_of_version_2(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_1(archive, leaf);
-  archive(leaf.info.first_new_id);
-}
-
-void fields_of_version_3(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_2(archive, leaf);
-  archive(leaf.info.num_core_points, leaf.info.num_core_cells);
-}
-
-void fields(auto& archive, Maybe<StoredLeafInfo> auto& leaf) {
-  fields_of_version_3(archive, leaf);
-  archive(leaf.info.num_left_out);
-}
-
-struct PositionColumns {
-  std::vector<std::uint64_t> x, y, z;  // changed bits
-};
-
-struct CoreColumns {
-  bool is_whole = false;
-  std::vector<std::uint32_t> i, j, k;  // steps
-  std::vector<std::uint32_t> counts;
-};
-
-struct PointColumns {
-  std::vector<std::uint64_t> ids;  // steps
-  PositionColumns positions;
-  std::vector<std::uint8_t> kinds;
-  CoreColumns core;
-};
-
-struct CellColumns {
-  std::vector<std::uint64_t> vertices;                // steps
-  std::array<std::vector<std::uint32_t>, 4> corners;  // steps; the others minus the first
-};
-
-struct TriangleColumns {
-  std::vector<std::uint64_t> ids;  // steps
-  PositionColumns corners;
-  std::vector<std::uint32_t> references;
-};
-
-struct SiteColumns {
-  std::vector<std::uint8_t> conditions;
-  PositionColumns positions;
-  std::vector<std::uint64_t> radii;  // changed bits
-};
-
-// The numbers of a sample, in the order in which they are stored.
-constexpr std::size_t kNumSampleNumbers = 14 + kNumConditions;
-auto numbers_of(Maybe<TimelineSample> auto& s) {
-  using Number = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(s)>>,
-                                    const std::uint64_t, std::uint64_t>;
-  std::array<Number*, kNumSampleNumbers> numbers{&s.milliseconds,
-                                                 &s.sitting,
-                                                 &s.started,
-                                                 &s.num_threads,
-                                                 &s.memory_cap,
-                                                 &s.resident,
-                                                 &s.epoch,
-                                                 &s.num_leaves,
-                                                 &s.num_queued,
-                                                 &s.counts.num_visits,
-                                                 &s.counts.num_points,
-                                                 &s.counts.num_cells,
-                                                 &s.counts.num_unresolved,
-                                                 &s.counts.num_deletions};
-  for (std::size_t c = 0; c < kNumConditions; ++c)
-    numbers[kNumSampleNumbers - kNumConditions + c] = &s.counts.num_insertions[c];
-  return numbers;
-}
-
-struct SampleColumns {
-  std::array<std::vector<std::uint64_t>, kNumSampleNumbers> numbers;  // steps
-  std::vector<std::uint8_t> phases;
-};
-void fields(auto& archive, Maybe<SampleColumns> auto& c) { archive(c.numbers, c.phases); }
-
-void fields(auto& archive, Maybe<PositionColumns> auto& c) { archive(c.x, c.y, c.z); }
-void fields(auto& archive, Maybe<CoreColumns> auto& c) {
-  archive(c.is_whole, c.i, c.j, c.k, c.counts);
-}
-void fields_of_version_1(auto& archive, Maybe<PointColumns> auto& c) {
-  archive(c.ids, c.positions, c.kinds);
-}
-void fields(auto& archive, Maybe<PointColumns> auto& c) {
-  fields_of_version_1(archive, c);
-  archive(c.core);
-}
-void fields(auto& archive, Maybe<CellColumns> auto& c) { archive(c.vertices, c.corners); }
-void fields(auto& archive, Maybe<TriangleColumns> auto& c) {
-  archive(c.ids, c.corners, c.references);
-}
-void fields(auto& archive, Maybe<SiteColumns> auto& c) {
-  archive(c.conditions, c.positions, c.radii);
-}
 
 // -- Columns: structure of arrays, and the differences that compress well -------------------------
 
-template <class T>
-class Steps {  // to_step and to_value, called in turn, undo each other; arithmetic modulo 2^bits
- public:
-  T to_step(T value) { return static_cast<T>(value - std::exchange(last_, value)); }
-  T to_value(T step) { return last_ = static_cast<T>(last_ + step); }
-
- private:
-  T last_ = 0;
+// Which number of an item: the member (of a member) that is named, or the item itself; or the i-th
+// element of that.
+template <auto... members>
+constexpr auto field = [](auto& item) -> auto& {
+  return (item.*....*members);
+};
+template <std::size_t i, auto... members>
+constexpr auto element = [](auto& item) -> auto& {
+  return (item.*....*members)[i];
 };
 
-class ChangedBits {
- public:
-  std::uint64_t to_change(double value) {
-    const auto bits = std::bit_cast<std::uint64_t>(value);
-    return bits ^ std::exchange(last_, bits);
+// What is stored of it: to_bits() and from_bits(), called for item after item, undo each other.
+template <class Field>
+struct Plain {
+  explicit Plain(Field which) : field(which) {}
+  auto to_bits(const auto& item) {
+    return static_cast<std::make_unsigned_t<std::remove_cvref_t<decltype(field(item))>>>(
+        field(item));
   }
-  double to_value(std::uint64_t change) { return std::bit_cast<double>(last_ ^= change); }
-
- private:
-  std::uint64_t last_ = 0;
+  void from_bits(auto& item, auto bits) {
+    using Number = std::remove_cvref_t<decltype(field(item))>;
+    if constexpr (Enumeration<Number>)
+      field(item) = enumerator<Number>(bits);
+    else
+      field(item) = static_cast<Number>(bits);
+  }
+  Field field;
 };
 
-class PositionWriter {
- public:
-  // `num`: of positions that may come
-  PositionWriter(PositionColumns& columns, std::size_t num) : columns_(columns) {
-    for (auto* column : {&columns_.x, &columns_.y, &columns_.z}) column->reserve(num);
+template <class Field>
+struct Steps {  // modulo 2^bits
+  explicit Steps(Field which) : field(which) {}
+  auto to_bits(const auto& item) {
+    const auto bits = field.to_bits(item);
+    return static_cast<std::remove_const_t<decltype(bits)>>(bits - std::exchange(last, bits));
   }
-  void add(const Point& p) {
-    columns_.x.push_back(x_.to_change(p.x));
-    columns_.y.push_back(y_.to_change(p.y));
-    columns_.z.push_back(z_.to_change(p.z));
+  void from_bits(auto& item, auto step) {
+    last += step;
+    field.from_bits(item, static_cast<decltype(step)>(last));
   }
-
- private:
-  PositionColumns& columns_;
-  ChangedBits x_, y_, z_;
+  Plain<Field> field;
+  std::uint64_t last = 0;
 };
 
-void check_length(std::size_t length, std::size_t expected) {
-  if (length != expected) throw DecodeError("lists of different lengths");
+template <class Field>
+struct ChangedBits {
+  explicit ChangedBits(Field which) : field(which) {}
+  std::uint64_t to_bits(const auto& item) {
+    const auto bits = std::bit_cast<std::uint64_t>(field(item));
+    return bits ^ std::exchange(last, bits);
+  }
+  void from_bits(auto& item, std::uint64_t change) {
+    field(item) = std::bit_cast<double>(last ^= change);
+  }
+  Field field;
+  std::uint64_t last = 0;
+};
+
+template <std::size_t i>
+struct BeyondFirst {
+  std::uint32_t to_bits(const auto& item) { return item[i] - item[0]; }
+  void from_bits(auto& item, std::uint32_t difference) { item[i] = item[0] + difference; }
+};
+
+template <class Items, class... Numbers>
+struct Columns : boost::serialization::wrapper_traits<const Columns<Items, Numbers...>> {
+  Columns(Items& some, Numbers... of_each) : items(some), numbers(of_each...) {}
+  Items& items;
+  std::tuple<Numbers...> numbers;
+};
+template <class Items, class... Numbers>
+const Columns<Items, Numbers...> columns(Items& items, Numbers... numbers) {
+  return {items, numbers...};
 }
 
-std::vector<Point> positions_of(const PositionColumns& columns) {
-  const std::size_t count = columns.x.size();
-  check_length(columns.y.size(), count);
-  check_length(columns.z.size(), count);
-  std::vector<Point> positions(count);
-  ChangedBits x, y, z;
+constexpr std::size_t kBlock = 256;  // values that are shuffled at a time
+
+void save_column(ContentWriter& out, const auto& items, auto number) {
+  using Bits = decltype(number.to_bits(items[0]));
+  const std::size_t count = items.size();
+  char* const planes = out.grow(count * sizeof(Bits));
+  std::array<Bits, kBlock> block;
+  for (std::size_t from = 0; from < count; from += kBlock) {
+    const std::size_t num = std::min(kBlock, count - from);
+    for (std::size_t i = 0; i < num; ++i) block[i] = number.to_bits(items[from + i]);
+    char* plane = planes + from;
+    for (std::size_t byte = 0; byte < sizeof(Bits); ++byte, plane += count)
+      for (std::size_t i = 0; i < num; ++i) plane[i] = static_cast<char>(block[i] >> (8 * byte));
+  }
+}
+
+void load_column(ContentReader& in, auto& items, auto number) {
+  using Bits = decltype(number.to_bits(items[0]));
+  const std::size_t count = items.size();
+  const std::string_view planes = in.take(count * sizeof(Bits));
   for (std::size_t i = 0; i < count; ++i) {
-    positions[i] = {x.to_value(columns.x[i]), y.to_value(columns.y[i]), z.to_value(columns.z[i])};
+    Bits bits = 0;
+    for (std::size_t byte = 0; byte < sizeof(Bits); ++byte) {
+      const auto here = static_cast<unsigned char>(planes[byte * count + i]);
+      bits = static_cast<Bits>(bits | static_cast<Bits>(Bits{here} << (8 * byte)));
+    }
+    number.from_bits(items[i], bits);
   }
-  return positions;
 }
 
-CoreColumns columns_of(const LatticeCore& core) {
-  CoreColumns columns;
-  columns.is_whole = core.is_whole;
-  Steps<std::uint32_t> i, j, k;
-  for (const auto& [first, count] : core.rows) {
-    columns.i.push_back(i.to_step(static_cast<std::uint32_t>(first.i)));
-    columns.j.push_back(j.to_step(static_cast<std::uint32_t>(first.j)));
-    columns.k.push_back(k.to_step(static_cast<std::uint32_t>(first.k)));
-    columns.counts.push_back(count);
-  }
-  return columns;
+template <class Items, class... Numbers>
+void save(ContentWriter& out, const Columns<Items, Numbers...>& list, unsigned) {
+  out << std::uint64_t{list.items.size()};
+  std::apply([&](auto... number) { (save_column(out, list.items, number), ...); }, list.numbers);
 }
 
-LatticeCore core_of(const CoreColumns& columns) {
-  for (const auto* column : {&columns.j, &columns.k, &columns.counts})
-    check_length(column->size(), columns.i.size());
-  LatticeCore core{.is_whole = columns.is_whole, .rows = {}};
-  if (core.is_whole && !columns.i.empty()) throw DecodeError("rows of a core that is whole");
-  core.rows.reserve(columns.i.size());
-  Steps<std::uint32_t> i, j, k;
-  for (std::size_t n = 0; n < columns.i.size(); ++n)
-    core.rows.push_back({{static_cast<std::int32_t>(i.to_value(columns.i[n])),
-                          static_cast<std::int32_t>(j.to_value(columns.j[n])),
-                          static_cast<std::int32_t>(k.to_value(columns.k[n]))},
-                         columns.counts[n]});
-  return core;
+template <class Items, class... Numbers>
+void load(ContentReader& in, Columns<Items, Numbers...>& list, unsigned) {
+  const auto& items = list.items;
+  const auto load_all = [&](auto... number) {
+    list.items.resize(in.load_count((sizeof(number.to_bits(items[0])) + ...)));
+    (load_column(in, list.items, number), ...);
+  };
+  std::apply(load_all, list.numbers);
 }
 
-PointColumns stored_form(const LeafPoints& record) {
-  PointColumns columns;
-  columns.core = columns_of(record.core);
-  Steps<std::uint64_t> ids;
-  PositionWriter positions(columns.positions, record.points.size());
-  columns.ids.reserve(record.points.size());
-  columns.kinds.reserve(record.points.size());
-  for (const MeshPoint& point : record.points) {
-    assert(point.kind <= last_of(point.kind));
-    columns.ids.push_back(ids.to_step(point.id));
-    positions.add(point.position);
-    columns.kinds.push_back(static_cast<std::uint8_t>(point.kind));
-  }
-  return columns;
-}
-
-LeafPoints record_of(const PointColumns& columns) {
-  const std::vector<Point> positions = positions_of(columns.positions);
-  check_length(columns.ids.size(), positions.size());
-  check_length(columns.kinds.size(), positions.size());
-  LeafPoints record;
-  record.core = core_of(columns.core);
-  record.points.reserve(positions.size());
-  Steps<std::uint64_t> ids;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const auto kind = static_cast<PointKind>(columns.kinds[i]);
-    if (kind > last_of(kind)) throw DecodeError("a point of no known kind");
-    record.points.push_back({ids.to_value(columns.ids[i]), positions[i], kind});
-  }
-  return record;
-}
-
-CellColumns stored_form(const LeafCells& record) {
-  CellColumns columns;
-  Steps<std::uint64_t> ids;
-  columns.vertices.reserve(record.vertices.size());
-  for (const std::uint64_t id : record.vertices) columns.vertices.push_back(ids.to_step(id));
-  Steps<std::uint32_t> first;
-  for (auto& corners : columns.corners) corners.resize(record.cells.size());
-  for (std::size_t c = 0; c < record.cells.size(); ++c) {
-    const auto& cell = record.cells[c];
-    assert(std::ranges::all_of(cell, [&](auto corner) { return corner < record.vertices.size(); }));
-    columns.corners[0][c] = first.to_step(cell[0]);
-    for (std::size_t i = 1; i < 4; ++i) columns.corners[i][c] = cell[i] - cell[0];
-  }
-  return columns;
-}
-
-LeafCells record_of(const CellColumns& columns) {
-  LeafCells record;
-  record.vertices.reserve(columns.vertices.size());
-  Steps<std::uint64_t> ids;
-  for (const std::uint64_t step : columns.vertices) record.vertices.push_back(ids.to_value(step));
-  for (const auto& corners : columns.corners)
-    check_length(corners.size(), columns.corners[0].size());
-  record.cells.resize(columns.corners[0].size());
-  Steps<std::uint32_t> first;
-  for (std::size_t c = 0; c < record.cells.size(); ++c) {
-    auto& cell = record.cells[c];
-    cell[0] = first.to_value(columns.corners[0][c]);
-    for (std::size_t i = 1; i < 4; ++i) cell[i] = columns.corners[i][c] + cell[0];
-    for (const std::uint32_t corner : cell)
-      if (corner >= record.vertices.size()) throw DecodeError("a cell of unknown vertices");
-  }
-  return record;
+template <class Archive, class Items, class... Numbers>
+void serialize(Archive& archive, Columns<Items, Numbers...>& list, unsigned version) {
+  boost::serialization::split_free(archive, list, version);
 }
 
 // Points by their bits: 0 and -0 differ, and so both survive.
 using PointBits = std::array<std::uint64_t, 3>;
-struct HashPointBits {
-  std::size_t operator()(const PointBits& bits) const {
-    std::uint64_t hash = 0;
-    for (const std::uint64_t word : bits) hash = std::rotl((hash ^ word) * 0x9E3779B97F4A7C15u, 29);
-    return hash;
-  }
+
+struct DistinctCorners {
+  std::vector<Point> corners;
+  std::vector<std::uint32_t> references;
 };
 
-TriangleColumns stored_form(const LeafSurface& record) {
-  TriangleColumns columns;
-  Steps<std::uint64_t> ids;
-  PositionWriter corners(columns.corners, record.triangles.size());
-  std::unordered_map<PointBits, std::uint32_t, HashPointBits> index;  // looked up, never iterated
-  for (const Triangle& triangle : record.triangles) {
-    columns.ids.push_back(ids.to_step(triangle.id));
+DistinctCorners distinct_corners(const std::vector<Triangle>& triangles) {
+  DistinctCorners distinct;
+  distinct.references.reserve(3 * triangles.size());
+  std::unordered_map<PointBits, std::uint32_t, TableHash> index;  // looked up, never iterated
+  for (const Triangle& triangle : triangles)
     for (const Point& corner : triangle.corners) {
       const auto num_known = static_cast<std::uint32_t>(index.size());
       const auto [known, is_new] = index.try_emplace(std::bit_cast<PointBits>(corner), num_known);
-      if (is_new) corners.add(corner);
-      columns.references.push_back(num_known - known->second);
+      if (is_new) distinct.corners.push_back(corner);
+      distinct.references.push_back(num_known - known->second);
     }
-  }
-  return columns;
+  return distinct;
 }
 
-LeafSurface record_of(const TriangleColumns& columns) {
-  const std::vector<Point> corners = positions_of(columns.corners);
-  check_length(columns.references.size(), 3 * columns.ids.size());
-  LeafSurface record;
-  record.triangles.resize(columns.ids.size());
-  Steps<std::uint64_t> ids;
+void set_corners(std::vector<Triangle>& triangles, const DistinctCorners& distinct) {
+  if (distinct.references.size() != 3 * triangles.size())
+    throw DecodeError("triangles without three corners");
+  auto reference = distinct.references.begin();
   std::uint32_t num_known = 0;
-  for (std::size_t t = 0; t < record.triangles.size(); ++t) {
-    record.triangles[t].id = ids.to_value(columns.ids[t]);
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::uint32_t reference = columns.references[3 * t + i];
-      if (reference > num_known || (reference == 0 && num_known >= corners.size()))
+  for (Triangle& triangle : triangles)
+    for (Point& corner : triangle.corners) {
+      if (*reference > num_known || (*reference == 0 && num_known >= distinct.corners.size()))
         throw DecodeError("a triangle of unknown corners");
-      record.triangles[t].corners[i] = corners[num_known - reference];
-      if (reference == 0) ++num_known;
+      corner = distinct.corners[num_known - *reference];
+      if (*reference++ == 0) ++num_known;
     }
-  }
-  check_length(num_known, corners.size());
-  return record;
+  if (num_known != distinct.corners.size()) throw DecodeError("corners of no triangle");
 }
 
-SiteColumns stored_form(const LeafUnresolved& record) {
-  SiteColumns columns;
-  PositionWriter positions(columns.positions, record.sites.size());
-  ChangedBits radius;
-  for (const UnresolvedSite& site : record.sites) {
-    assert(1 <= site.condition && site.condition <= kNumConditions);
-    columns.conditions.push_back(site.condition);
-    positions.add(site.position);
-    columns.radii.push_back(radius.to_change(site.radius));
-  }
-  return columns;
+// archive & parts & ..., which the formatter would take for references.
+template <class Archive, class... Parts>
+void each(Archive& archive, Parts&&... parts) {
+  (archive & ... & parts);
 }
 
-LeafUnresolved record_of(const SiteColumns& columns) {
-  const std::vector<Point> positions = positions_of(columns.positions);
-  check_length(columns.conditions.size(), positions.size());
-  check_length(columns.radii.size(), positions.size());
-  LeafUnresolved record;
-  record.sites.reserve(positions.size());
-  ChangedBits radius;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const std::uint8_t condition = columns.conditions[i];
-    if (condition < 1 || condition > kNumConditions)
+template <std::size_t n>
+auto items_of(std::array<std::uint64_t, n>& counts) {
+  return boost::serialization::make_array(counts.data(), n);
+}
+
+template <class Archive>
+constexpr bool is_loading = Archive::is_loading::value;
+
+}  // namespace
+
+// -- What records are made of, for both directions; what is loaded is checked
+// ----------------------
+
+void serialize(auto& archive, Point& p, unsigned) { each(archive, p.x, p.y, p.z); }
+void serialize(auto& archive, Box& box, unsigned) { each(archive, box.min, box.max); }
+
+template <class Archive>
+void serialize(Archive& archive, MortonKey& key, unsigned) {
+  std::uint64_t bits = key.bits();
+  each(archive, bits);
+  if constexpr (is_loading<Archive>) key = MortonKey::from_bits(bits);
+}
+
+template <class Archive>
+void serialize(Archive& archive, Frame& frame, unsigned) {
+  Point origin = frame.origin();
+  double unit = frame.unit();
+  each(archive, origin, unit);
+  if (!(unit > 0 && unit < std::numeric_limits<double>::infinity()))
+    throw DecodeError("an octree frame without size");
+  if constexpr (is_loading<Archive>) frame = Frame(origin, unit);
+}
+
+void serialize(auto& archive, QueuePosition& position, unsigned) {
+  each(archive, position.epoch, position.color);
+}
+
+void serialize(auto& archive, std::optional<QueuePosition>& queued, unsigned) {
+  bool is_queued = queued.has_value();
+  each(archive, is_queued);
+  if (!is_queued) return;
+  if (!queued) queued.emplace();
+  each(archive, *queued);
+}
+
+void serialize(auto& archive, LatticeCore& core, unsigned) {
+  using Row = LatticeRow;
+  each(archive, core.is_whole,
+       columns(core.rows, Steps(field<&Row::first, &LatticeSite::i>),
+               Steps(field<&Row::first, &LatticeSite::j>),
+               Steps(field<&Row::first, &LatticeSite::k>), Plain(field<&Row::count>)));
+  if (core.is_whole && !core.rows.empty()) throw DecodeError("rows of a core that is whole");
+}
+
+void serialize(auto& archive, RunParameters& p, unsigned) {
+  each(archive, p.input_digest, p.size, p.radius_edge_bound, p.spacing_floor, p.leaf_capacity,
+       p.init, p.seed);
+}
+
+void serialize(auto& archive, SurfaceFacts& s, unsigned) {
+  each(archive, s.file, s.num_vertices, s.num_triangles, s.num_components, s.euler_characteristic,
+       s.area, s.volume, s.box, s.notes);
+}
+
+void serialize(auto& archive, RunCounts& counts, unsigned) {
+  each(archive, counts.num_visits, counts.num_points, counts.num_cells, counts.num_unresolved,
+       items_of(counts.num_insertions), counts.num_deletions);
+}
+
+// -- Records --------------------------------------------------------------------------------------
+
+void serialize(auto& archive, StoreFormat& format, unsigned) { each(archive, format.version); }
+
+void serialize(auto& archive, RunRecord& run, unsigned) {
+  each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
+       run.counts);
+}
+
+void serialize(auto& archive, LeafInfo& info, unsigned) {
+  each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
+       info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_unresolved,
+       info.queued, info.first_new_id, info.num_core_points, info.num_core_cells,
+       info.num_left_out);
+}
+
+void serialize(auto& archive, LeafPoints& record, unsigned) {
+  constexpr auto kPosition = &MeshPoint::position;
+  each(archive,
+       columns(record.points, Steps(field<&MeshPoint::id>),
+               ChangedBits(field<kPosition, &Point::x>), ChangedBits(field<kPosition, &Point::y>),
+               ChangedBits(field<kPosition, &Point::z>), Plain(field<&MeshPoint::kind>)),
+       record.core);
+}
+
+void serialize(auto& archive, LeafCells& record, unsigned) {
+  each(archive, columns(record.vertices, Steps(field<>)),
+       columns(record.cells, Steps(element<0>), BeyondFirst<1>(), BeyondFirst<2>(),
+               BeyondFirst<3>()));
+  bool is_known = true;
+  for (const auto& cell : record.cells)
+    for (const std::uint32_t corner : cell) is_known &= corner < record.vertices.size();
+  if (!is_known) throw DecodeError("a cell of unknown vertices");
+}
+
+template <class Archive>
+void serialize(Archive& archive, LeafSurface& record, unsigned) {
+  DistinctCorners distinct;
+  if constexpr (!is_loading<Archive>) distinct = distinct_corners(record.triangles);
+  each(archive, columns(record.triangles, Steps(field<&Triangle::id>)),
+       columns(distinct.corners, ChangedBits(field<&Point::x>), ChangedBits(field<&Point::y>),
+               ChangedBits(field<&Point::z>)),
+       columns(distinct.references, Plain(field<>)));
+  if constexpr (is_loading<Archive>) set_corners(record.triangles, distinct);
+}
+
+void serialize(auto& archive, LeafUnresolved& record, unsigned) {
+  constexpr auto kPosition = &UnresolvedSite::position;
+  each(archive,
+       columns(record.sites, Plain(field<&UnresolvedSite::condition>),
+               ChangedBits(field<kPosition, &Point::x>), ChangedBits(field<kPosition, &Point::y>),
+               ChangedBits(field<kPosition, &Point::z>),
+               ChangedBits(field<&UnresolvedSite::radius>)));
+  for (const UnresolvedSite& site : record.sites)
+    if (site.condition < 1 || site.condition > kNumConditions)
       throw DecodeError("a site of no known condition");
-    record.sites.push_back({condition, positions[i], radius.to_value(columns.radii[i])});
-  }
-  return record;
 }
 
-SampleColumns stored_form(const TimelineRecord& record) {
-  SampleColumns columns;
-  std::array<Steps<std::uint64_t>, kNumSampleNumbers> steps;
-  for (const TimelineSample& sample : record.samples) {
-    const auto numbers = numbers_of(sample);
-    for (std::size_t n = 0; n < kNumSampleNumbers; ++n)
-      columns.numbers[n].push_back(steps[n].to_step(*numbers[n]));
-    columns.phases.push_back(static_cast<std::uint8_t>(sample.phase));
-  }
-  return columns;
+void serialize(auto& archive, QueueEntry& entry, unsigned) {
+  each(archive, entry.position, entry.leaf);
 }
 
-TimelineRecord record_of(const SampleColumns& columns) {
-  for (const auto& column : columns.numbers) check_length(column.size(), columns.phases.size());
-  TimelineRecord record;
-  record.samples.resize(columns.phases.size());
-  std::array<Steps<std::uint64_t>, kNumSampleNumbers> steps;
-  for (std::size_t i = 0; i < record.samples.size(); ++i) {
-    TimelineSample& sample = record.samples[i];
-    const auto numbers = numbers_of(sample);
-    for (std::size_t n = 0; n < kNumSampleNumbers; ++n)
-      *numbers[n] = steps[n].to_value(columns.numbers[n][i]);
-    sample.phase = static_cast<Phase>(columns.phases[i]);
-    if (sample.phase > last_of(sample.phase)) throw DecodeError("a phase that there is not");
-  }
-  return record;
+void serialize(auto& archive, MemoryRecord& m, unsigned) {
+  each(archive, m.cap, m.program, m.leaves, m.commits, m.visits, m.cache, m.peak_resident);
 }
 
-StoredLeafInfo stored_form(const LeafInfo& info) {
-  return {info, info.queued.has_value(), info.queued.value_or(QueuePosition())};
+void serialize(auto& archive, KeySums& keys, unsigned) {
+  each(archive, columns(keys.sums, Plain(field<>)));
 }
 
-LeafInfo record_of(StoredLeafInfo leaf) {
-  if (leaf.is_queued)
-    leaf.info.queued = leaf.position;
-  else if (leaf.position != QueuePosition())
-    throw DecodeError("a place in the queue of a leaf that is not queued");
-  return leaf.info;
+void serialize(auto& archive, TimelineRecord& record, unsigned) {
+  using Sample = TimelineSample;
+  constexpr auto kCounts = &Sample::counts;
+  constexpr auto kInsertions = &RunCounts::num_insertions;
+  each(archive,
+       columns(record.samples, Steps(field<&Sample::milliseconds>), Steps(field<&Sample::sitting>),
+               Steps(field<&Sample::started>), Steps(field<&Sample::num_threads>),
+               Steps(field<&Sample::memory_cap>), Steps(field<&Sample::resident>),
+               Steps(field<&Sample::epoch>), Steps(field<&Sample::num_leaves>),
+               Steps(field<&Sample::num_queued>), Steps(field<kCounts, &RunCounts::num_visits>),
+               Steps(field<kCounts, &RunCounts::num_points>),
+               Steps(field<kCounts, &RunCounts::num_cells>),
+               Steps(field<kCounts, &RunCounts::num_unresolved>),
+               Steps(field<kCounts, &RunCounts::num_deletions>),
+               Steps(element<0, kCounts, kInsertions>), Steps(element<1, kCounts, kInsertions>),
+               Steps(element<2, kCounts, kInsertions>), Steps(element<3, kCounts, kInsertions>),
+               Steps(element<4, kCounts, kInsertions>), Steps(element<5, kCounts, kInsertions>),
+               Plain(field<&Sample::phase>)));
 }
 
-// The others are stored as they are.
-template <class Record>
-const Record& stored_form(const Record& record) {
-  return record;
-}
-template <class Record>
-Record record_of(Record record) {
-  return record;
-}
+}  // namespace locvol
+
+// Parts of records come without a version of their own.
+BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::Frame, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::QueuePosition, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(std::optional<locvol::QueuePosition>, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::LatticeCore, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::RunParameters, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::SurfaceFacts, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(locvol::RunCounts, object_serializable)
+BOOST_CLASS_IMPLEMENTATION(std::vector<std::string>, object_serializable)
+
+namespace locvol {
+namespace {
 
 // -- zstd -----------------------------------------------------------------------------------------
 
@@ -865,51 +698,28 @@ Content decompress(std::string_view frame) {
   return content;
 }
 
-// Fields of an older version, if it is known; what is newer stays as it is made.
-bool read_older(ContentReader& in, std::uint16_t version, StoredLeafInfo& leaf) {
-  if (version == 1) fields_of_version_1(in, leaf);
-  if (version == 2) fields_of_version_2(in, leaf);
-  if (version == 3) fields_of_version_3(in, leaf);
-  return 1 <= version && version <= 3;
-}
-bool read_older(ContentReader& in, std::uint16_t version, PointColumns& points) {
-  if (version == 1) fields_of_version_1(in, points);
-  return version == 1;
-}
-template <class Stored>
-bool read_older(ContentReader&, std::uint16_t, Stored&) {
-  return false;
-}
-
 }  // namespace
 
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf) {
   ContentWriter out;
-  out(kKind<Record>.number, kKind<Record>.version, leaf, stored_form(record));
+  out << kKind<Record> << leaf << record;
   return compress(out.bytes());
 }
 
 template <class Record>
-Record decode(std::string_view bytes, MortonKey leaf) try {
+Record decode(std::string_view bytes, MortonKey leaf) {
   const Content content = decompress(bytes);
-  ContentReader in(content.view());
+  ContentReader in(content.view(), boost::serialization::version<Record>::value);
   std::uint8_t kind = 0;
-  std::uint16_t version = 0;
   MortonKey stored_leaf;
-  in(kind, version, stored_leaf);
-  if (kind != kKind<Record>.number) throw DecodeError("a record of another kind");
+  in >> kind >> stored_leaf;
+  if (kind != kKind<Record>) throw DecodeError("a record of another kind");
   if (stored_leaf != leaf) throw DecodeError("a record of another leaf");
-  std::remove_cvref_t<decltype(stored_form(std::declval<Record>()))> stored;
-  if (version == kKind<Record>.version)
-    in(stored);
-  else if (!read_older(in, version, stored))
-    throw DecodeError("record version " + std::to_string(version) +
-                      ", which this program does not know");
-  if (!in.is_at_end()) throw DecodeError("bytes left over");
-  return record_of(std::move(stored));
-} catch (const boost::archive::archive_exception&) {
-  throw DecodeError("a record cut short");
+  Record record;
+  in >> record;
+  if (in.bytes_left() != 0) throw DecodeError("bytes left over");
+  return record;
 }
 
 template std::string encode(const StoreFormat&, MortonKey);

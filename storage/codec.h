@@ -13,12 +13,10 @@
 
 namespace locvol {
 
-// The first record of every store: what reads it must know how all others are laid out.
-//   1  as drawn in store.cpp, without the sums of keys
-//   2  with them
+// The first record of every store: what reads it must know how all others are laid out, which is
+// drawn in store.cpp.
 struct StoreFormat {
-  static constexpr std::uint32_t kCurrent = 2;
-  static constexpr std::uint32_t kWithKeySums = 2;
+  static constexpr std::uint32_t kCurrent = 1;
   std::uint32_t version = kCurrent;
   friend bool operator==(const StoreFormat&, const StoreFormat&) = default;
 };

@@ -229,7 +229,6 @@ void Environment::find_databases(int data_file) {
 }
 
 void Environment::open_databases(MDB_txn* transaction, const KeySumByName& found) {
-  StoreFormat format;
   for (std::size_t i = 0; i < kNumDatabases; ++i) {
     if (!found.contains(kNames[i])) {
       if (i == 0) throw StoreError(place() + "is a database, but not a locvol store");
@@ -237,25 +236,24 @@ void Environment::open_databases(MDB_txn* transaction, const KeySumByName& found
     }
     check(mdb_dbi_open(transaction, kNames[i], 0, &databases_[i]), "open a named database");
     if (i > 0) continue;
-    // The format comes first: a newer one may have other databases.
-    format = meta_record<StoreFormat>(transaction, kFormatKey);
-    if (format.version > StoreFormat::kCurrent)
+    // The format comes first: another one may have other databases.
+    const auto format = meta_record<StoreFormat>(transaction, kFormatKey);
+    if (format.version != StoreFormat::kCurrent)
       throw StoreError(place() + "has format " + std::to_string(format.version) +
-                       ", written by a newer locvol; this one reads up to format " +
+                       ", written by another locvol; this one reads format " +
                        std::to_string(StoreFormat::kCurrent));
   }
-  if (format.version >= StoreFormat::kWithKeySums) check_key_sums(transaction, found);
+  check_key_sums(transaction, found);
 }
 
 void Environment::check_key_sums(MDB_txn* transaction, const KeySumByName& found) {
   const auto stored = meta_record<KeySums>(transaction, kKeySumsKey);
   if (stored.sums.size() != kNumDatabases) throw DamagedFile("sums of keys of other databases");
-  key_sums_.emplace();
   for (std::size_t i = 0; i < kNumDatabases; ++i) {
     const std::uint64_t own = i == 0 ? key_hash(kKeySumsKey) : 0;
     if (found.at(kNames[i]) - own != stored.sums[i])
       throw DamagedFile(std::string("a key in database `") + kNames[i] + "` is not what it was");
-    (*key_sums_)[i] = stored.sums[i];
+    key_sums_[i] = stored.sums[i];
   }
 }
 
@@ -275,7 +273,6 @@ Record Environment::meta_record(MDB_txn* transaction, std::string_view name) con
 }
 
 void Environment::create_databases() {
-  key_sums_.emplace();
   write([this](Transaction& transaction) {
     for (std::size_t i = 0; i < kNumDatabases; ++i)
       check(mdb_dbi_open(transaction.transaction_, kNames[i], MDB_CREATE, &databases_[i]),
@@ -353,7 +350,7 @@ bool Environment::is_written(const std::function<void(Transaction&)>& write) try
   check(mdb_txn_begin(handle_.get(), nullptr, 0, &begun), "begin to write");
   TransactionHandle handle(begun);
   if (!pages_.is_located()) locate_map(begun);
-  std::optional<KeySumOf> key_sums;
+  KeySumOf key_sums{};
   {
     Transaction transaction(*this, handle.get());  // its cursors must go before LMDB's own
     write(transaction);
@@ -494,12 +491,11 @@ bool Environment::Transaction::find(Database database, MDB_val& key, MDB_val& va
 }
 
 void Environment::Transaction::add_to_sum(Database database, std::uint64_t term) {
-  if (key_sums_) (*key_sums_)[static_cast<std::size_t>(database)] += term;
+  key_sums_[static_cast<std::size_t>(database)] += term;
 }
 
 void Environment::Transaction::finish() {
-  if (!key_sums_) return;
-  const std::string record = encode(KeySums{{key_sums_->begin(), key_sums_->end()}}, MortonKey());
+  const std::string record = encode(KeySums{{key_sums_.begin(), key_sums_.end()}}, MortonKey());
   MDB_val key = to_value(kKeySumsKey), value = to_value(record);
   environment_.check(mdb_cursor_put(cursor(Database::kMeta), &key, &value, 0), "write");
 }

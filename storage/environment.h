@@ -128,9 +128,8 @@ class Environment {
   EnvironmentHandle handle_;
   std::array<unsigned, kNumDatabases> databases_{};
   std::uint32_t page_bytes_ = 0;
-  // As of the last commit, for who has the write turn; a store of the first format has none.
   using KeySumOf = std::array<std::uint64_t, kNumDatabases>;
-  std::optional<KeySumOf> key_sums_;
+  KeySumOf key_sums_{};  // as of the last commit, for who has the write turn
 
   std::mutex turnstile_;  // before the gate, so that readers that keep coming let growth in
   std::shared_mutex gate_;
@@ -181,7 +180,7 @@ class Environment::Transaction {
 
   Environment& environment_;
   MDB_txn* transaction_;
-  std::optional<KeySumOf> key_sums_;  // as of now
+  KeySumOf key_sums_;  // as of now
   std::unique_ptr<Cursors> cursors_;
 };
 

@@ -29,9 +29,6 @@ namespace locvol {
 // Upper bounds, measured (storage/README.md).
 inline constexpr std::uint64_t kStoreFixedBytes = std::uint64_t{4} << 20;   // an open Store
 inline constexpr std::uint64_t kStoreThreadBytes = std::uint64_t{2} << 20;  // zstd's contexts
-// Encoding or decoding a record takes this many times its bytes as a struct while it lasts, with
-// the result.
-inline constexpr std::uint64_t kCodecFactor = 4;
 
 // What both a Snapshot and a Batch can read.
 class Reader {

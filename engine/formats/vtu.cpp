@@ -6,54 +6,25 @@
 #include "engine/formats/formats.h"
 #include "engine/formats/mesh_arrays.h"
 #include "engine/formats/outputs.h"
+#include "engine/formats/vtu_header.h"
 
 namespace locvol {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the header says LittleEndian");
-
-// A file is this, where each array is a head and its bytes:
-//
-//   header, padded | _ | arrays, one after another | footer
-constexpr std::string_view kFooter = "\n  </AppendedData>\n</VTKFile>\n";
-
-// As long whatever the offset.
-void add_array(const ArrayInfo& array, std::uint64_t offset, Text& text) {
-  constexpr std::size_t kOffsetLength = 20;
-  std::string digits = std::to_string(offset) + "\"";
-  digits.resize(kOffsetLength + 1, ' ');
-  text.add("        <DataArray type=\"").add(array.vtk_type).add("\" Name=\"").add(array.name);
-  if (array.array == ArrayName::kPoints) text.add("\" NumberOfComponents=\"3");
-  text.add("\" format=\"appended\" offset=\"").add(digits).add("/>\n");
-}
-
-// Up to and with the mark, which is the last byte before a multiple of eight. `offsets`: of the
-// arrays, after the mark
+// `offsets`: of the arrays, after the mark
 std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::uint64_t>& offsets,
                    const MeshSource& mesh, bool is_compressed) {
-  Text text;
-  const auto add_arrays = [&](auto is_meant) {
-    for (std::size_t i = 0; i < arrays.size(); ++i)
-      if (is_meant(arrays[i])) add_array(arrays[i], offsets[i], text);
-  };
-  text.add(
-      "<?xml version=\"1.0\"?>\n"
-      "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
-      "header_type=\"UInt64\"");
-  if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
-  text.add(">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"").add(mesh.num_vertices());
-  text.add("\" NumberOfCells=\"").add(mesh.num_cells()).add("\">\n      <Points>\n");
-  add_arrays([](const ArrayInfo& a) { return a.array == ArrayName::kPoints; });
-  text.add("      </Points>\n      <Cells>\n");
-  add_arrays([](const ArrayInfo& a) { return a.array != ArrayName::kPoints && !a.is_cell_data; });
-  text.add("      </Cells>\n      <CellData Scalars=\"leaf\">\n");
-  add_arrays([](const ArrayInfo& a) { return a.is_cell_data; });
-  text.add(
-      "      </CellData>\n    </Piece>\n  </UnstructuredGrid>\n"
-      "  <AppendedData encoding=\"raw\">\n");
-  std::string result = text.text();
-  result.append(7 - result.size() % 8, ' ');
-  return result + '_';
+  std::vector<VtuArrayEntry> entries;
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    const ArrayInfo& info = arrays[i];
+    const bool is_points = info.array == ArrayName::kPoints;
+    entries.push_back({is_points           ? VtuSection::kPoints
+                       : info.is_cell_data ? VtuSection::kCellData
+                                           : VtuSection::kCells,
+                       std::string(info.name), std::string(info.vtk_type),
+                       is_points ? info.num_components : 1, offsets[i]});
+  }
+  return vtu_header(mesh.num_vertices(), mesh.num_cells(), entries, is_compressed);
 }
 
 std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, bool has_quality,
@@ -82,7 +53,7 @@ class RawArrays {
     }
     const std::string head = header(arrays_, offsets_, mesh_, false);
     data_ = head.size();
-    const std::uint64_t bytes = data_ + end + kFooter.size();
+    const std::uint64_t bytes = data_ + end + kVtuFooter.size();
     file_.reserve(bytes);
     file_.write_at(0, std::as_bytes(std::span(head)));
     for (std::size_t i = 0; i < arrays_.size(); ++i) {
@@ -97,7 +68,7 @@ class RawArrays {
           return true;
         },
         [](bool) {});
-    file_.write_at(data_ + end, std::as_bytes(std::span(kFooter)));
+    file_.write_at(data_ + end, std::as_bytes(std::span(kVtuFooter)));
     return bytes;
   }
 
@@ -191,8 +162,8 @@ std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFi
   }
   const std::string head = header(arrays, offsets, mesh, true);
   file.write_at(0, std::as_bytes(std::span(head)));
-  file.write_at(end, std::as_bytes(std::span(kFooter)));
-  return end + kFooter.size();
+  file.write_at(end, std::as_bytes(std::span(kVtuFooter)));
+  return end + kVtuFooter.size();
 }
 
 }  // namespace locvol

@@ -103,17 +103,12 @@ class CellGrid {
   std::array<std::vector<double>, 3> bounds_;
 };
 
-Box common(const Box& a, const Box& b) {
-  return {{std::max(a.min.x, b.min.x), std::max(a.min.y, b.min.y), std::max(a.min.z, b.min.z)},
-          {std::min(a.max.x, b.max.x), std::min(a.max.y, b.max.y), std::min(a.max.z, b.max.z)}};
-}
-
 // A part of a cell while it is cut.
 struct Part {
   explicit Part(TriangleSpill& spill, const Triangle& first, const Box& cell)
       : list(std::make_unique<TriangleList>()),
         writer(spill, *list),
-        box(common(first.box(), cell)) {}
+        box(first.box().common(cell)) {}
 
   std::unique_ptr<TriangleList> list;
   TriangleWriter writer;
@@ -210,7 +205,7 @@ class Distribution {
           if (is_in_one ? !box.overlaps(cell) : !touches(t, cell)) continue;
           auto& part = parts[grid.index(i, j, k)];
           if (part)
-            part->box = part->box.joined(common(box, cell));
+            part->box = part->box.joined(box.common(cell));
           else
             part.emplace(spill_, t, cell);
           part->writer.append(t);

@@ -4,16 +4,10 @@
 #include <cstddef>
 #include <utility>
 
+#include "octree/table_hash.h"
+
 namespace locvol {
 namespace {
-
-std::uint64_t hash_of(const Point& p) {
-  constexpr std::uint64_t kOdd = 0x9e3779b97f4a7c15;
-  std::uint64_t hash = std::bit_cast<std::uint64_t>(p.x) * kOdd;
-  hash = (std::rotl(hash, 29) ^ std::bit_cast<std::uint64_t>(p.y)) * kOdd;
-  hash = (std::rotl(hash, 29) ^ std::bit_cast<std::uint64_t>(p.z)) * kOdd;
-  return hash ^ hash >> 32;
-}
 
 // Finds out which corners are equal, by a hash table with open addressing.
 class VertexMerger {
@@ -44,7 +38,7 @@ class VertexMerger {
   // Where it is, or belongs.
   std::size_t slot_of(const Point& position) const {
     const std::size_t mask = slots_.size() - 1;
-    std::size_t slot = hash_of(position) & mask;
+    std::size_t slot = TableHash()(position) & mask;
     while (slots_[slot] != 0 && vertices_[slots_[slot] - 1] != position) slot = (slot + 1) & mask;
     return slot;
   }

@@ -257,11 +257,6 @@ class CellGatherer {
 
  private:
   using Facet = std::array<std::uint32_t, 3>;
-  struct HashFacet {
-    std::size_t operator()(const Facet& f) const {
-      return (f[0] * 0x9E3779B97F4A7C15u + f[1]) * 0xBF58476D1CE4E5B9u + f[2];
-    }
-  };
 
   // A facet that comes twice is inside. Those of core points alone always are.
   void toggle_facets(const LeafMesh& mesh, std::size_t cell) {
@@ -285,7 +280,7 @@ class CellGatherer {
   ViewCells& out_;
   bool finds_boundary_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;    // of vertices, by id; never listed
-  std::unordered_map<Facet, std::uint32_t, HashFacet> open_;  // 4 * cell + opposite vertex
+  std::unordered_map<Facet, std::uint32_t, TableHash> open_;  // 4 * cell + opposite vertex
 };
 
 bool straddles(const LeafMesh& mesh, std::size_t cell, const ViewPlane& plane) {
@@ -460,10 +455,6 @@ std::vector<ViewPlane> view_planes(const Box& box, std::uint64_t max_cells,
     best = std::move(planes);
   }
   return best;
-}
-
-std::size_t SurfaceThinner::HashTriple::operator()(const std::array<std::uint32_t, 3>& t) const {
-  return (t[0] * 0x9E3779B97F4A7C15u + t[1]) * 0xBF58476D1CE4E5B9u + t[2];
 }
 
 std::uint32_t SurfaceThinner::vertex_at(const Point& p) {

@@ -10,6 +10,7 @@
 
 #include "engine/inspect/leaf_scan.h"
 #include "octree/geometry.h"
+#include "octree/table_hash.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -103,15 +104,12 @@ class SurfaceThinner {
   };
   std::uint32_t vertex_at(const Point& p);
 
-  struct HashTriple {
-    std::size_t operator()(const std::array<std::uint32_t, 3>& t) const;
-  };
   Point origin_;
   double grid_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // of the cubes; asked, never listed
   std::vector<Vertex> vertices_;
   // How many triangles there are with these vertices (the least first), less those turned around.
-  std::unordered_map<std::array<std::uint32_t, 3>, int, HashTriple> triangles_;
+  std::unordered_map<std::array<std::uint32_t, 3>, int, TableHash> triangles_;
 };
 
 }  // namespace locvol

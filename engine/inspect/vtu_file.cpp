@@ -1,17 +1,14 @@
 #include "engine/inspect/vtu_file.h"
 
-#include <bit>
 #include <span>
-#include <sstream>
-#include <string_view>
 #include <utility>
+
+#include "engine/formats/vtu_header.h"
 
 namespace locvol {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the header says LittleEndian");
-
-// The appended data: after the mark "_", each array as a 64-bit count of its bytes and the bytes.
+// The head of an array is the number of its bytes.
 class GridWriter {
  public:
   explicit GridWriter(const VtuGrid& grid) : grid_(grid) {}
@@ -19,7 +16,7 @@ class GridWriter {
   std::uint64_t write(const std::filesystem::path& file) {
     const std::string head = header();
     PartialFile out(file);
-    const std::uint64_t bytes = head.size() + data_bytes_ + kFooter.size();
+    const std::uint64_t bytes = head.size() + data_bytes_ + kVtuFooter.size();
     out.reserve(bytes);
     FileSection section(out, 0);
     section.append(std::as_bytes(std::span(head)));
@@ -27,40 +24,28 @@ class GridWriter {
       section.append_value(array.bytes);
       array.write(section);
     }
-    section.append(std::as_bytes(std::span(kFooter)));
+    section.append(std::as_bytes(std::span(kVtuFooter)));
     section.flush();
     out.publish();
     return bytes;
   }
 
  private:
-  static constexpr std::string_view kFooter = "\n  </AppendedData>\n</VTKFile>\n";
-
   // Fills arrays_ with what the header lists, in this order.
   std::string header() {
-    std::ostringstream text;
-    text << "<?xml version=\"1.0\"?>\n"
-            "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
-            "header_type=\"UInt64\">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\""
-         << grid_.num_points << "\" NumberOfCells=\"" << grid_.num_cells << "\">\n";
-    list(text, "Points", {points()});
-    list(text, "Cells", {connectivity(), offsets(), types()});
-    list(text, "PointData", grid_.point_data);
-    list(text, "CellData", grid_.cell_data);
-    text << "    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_";
-    return text.str();
+    add(VtuSection::kPoints, points());
+    add(VtuSection::kCells, connectivity());
+    add(VtuSection::kCells, offsets());
+    add(VtuSection::kCells, types());
+    for (const VtuArray& array : grid_.point_data) add(VtuSection::kPointData, array);
+    for (const VtuArray& array : grid_.cell_data) add(VtuSection::kCellData, array);
+    return vtu_header(grid_.num_points, grid_.num_cells, entries_);
   }
 
-  void list(std::ostream& text, std::string_view section, const std::vector<VtuArray>& arrays) {
-    text << "      <" << section << ">\n";
-    for (const VtuArray& array : arrays) {
-      text << "        <DataArray type=\"" << array.type << "\" Name=\"" << array.name
-           << "\" NumberOfComponents=\"" << array.num_components
-           << "\" format=\"appended\" offset=\"" << data_bytes_ << "\"/>\n";
-      data_bytes_ += sizeof(std::uint64_t) + array.bytes;
-      arrays_.push_back(array);
-    }
-    text << "      </" << section << ">\n";
+  void add(VtuSection section, const VtuArray& array) {
+    entries_.push_back({section, array.name, array.type, array.num_components, data_bytes_});
+    data_bytes_ += sizeof(std::uint64_t) + array.bytes;
+    arrays_.push_back(array);
   }
 
   VtuArray points() const {
@@ -90,6 +75,7 @@ class GridWriter {
 
   const VtuGrid& grid_;
   std::vector<VtuArray> arrays_;
+  std::vector<VtuArrayEntry> entries_;
   std::uint64_t data_bytes_ = 0;
 };
 

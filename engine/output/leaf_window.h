@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <memory>
 #include <span>
-#include <unordered_map>
 #include <utility>
 
+#include "engine/shared/recent_map.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -53,35 +52,22 @@ class LeafWindow {
 
   // The value outlives its place in the window.
   std::shared_ptr<const Value> get(std::size_t leaf) {
-    if (const auto found = places_.find(leaf); found != places_.end()) {
-      entries_.splice(entries_.begin(), entries_, found->second);
-      return found->second->value;
-    }
-    entries_.push_front({leaf, std::make_shared<const Value>(make_(leaf))});
-    places_[leaf] = entries_.begin();
-    const std::shared_ptr<const Value> value = entries_.front().value;
-    bytes_ += value->bytes() + kEntryBytes;
-    while (bytes_ > max_bytes_) forget_oldest();
+    if (const auto* const held = values_.find(leaf)) return *held;
+    const auto value = values_.add(leaf, std::make_shared<const Value>(make_(leaf)));
+    for (bytes_ += bytes_of(*value); bytes_ > max_bytes_; values_.erase_oldest())
+      bytes_ -= bytes_of(*values_.oldest());
     return value;
   }
 
  private:
-  struct Entry {
-    std::size_t leaf;
-    std::shared_ptr<const Value> value;
-  };
-  static constexpr std::size_t kEntryBytes = 128;  // list and map nodes
-
-  void forget_oldest() {
-    bytes_ -= entries_.back().value->bytes() + kEntryBytes;
-    places_.erase(entries_.back().leaf);
-    entries_.pop_back();
+  static std::size_t bytes_of(const Value& value) {
+    constexpr std::size_t kEntryBytes = 128;  // list and map nodes
+    return value.bytes() + kEntryBytes;
   }
 
   std::size_t max_bytes_, bytes_ = 0;
   Make make_;
-  std::list<Entry> entries_;  // the last one used comes first
-  std::unordered_map<std::size_t, typename std::list<Entry>::iterator> places_;
+  RecentMap<std::size_t, std::shared_ptr<const Value>> values_;
 };
 
 // Gives the store's mapped pages back to the system each time enough has been read: they count as

@@ -26,15 +26,9 @@ std::size_t LeafCache::Entry::bytes() const {
 }
 
 LeafCache::Entry& LeafCache::touch(MortonKey leaf) {
-  const auto [place, is_new] = entries_.try_emplace(leaf);
-  Entry& entry = place->second;
-  if (is_new) {
-    entry.place = used_.insert(used_.begin(), leaf);
-    most_bytes_ += kEntryBytes;
-  } else {
-    used_.splice(used_.begin(), used_, entry.place);
-  }
-  return entry;
+  if (Entry* const held = entries_.find(leaf)) return *held;
+  most_bytes_ += kEntryBytes;
+  return entries_.add(leaf);
 }
 
 LeafCache::Entry& LeafCache::touch_changed(MortonKey leaf) {
@@ -111,10 +105,7 @@ void LeafCache::add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points
 }
 
 void LeafCache::erase_leaf(MortonKey leaf) {
-  if (const auto entry = entries_.find(leaf); entry != entries_.end()) {
-    used_.erase(entry->second.place);
-    entries_.erase(entry);
-  }
+  entries_.erase(leaf);
   changed_.erase(leaf);
   erased_.insert(leaf);
 }
@@ -148,18 +139,12 @@ void LeafCache::trim() {
   if (most_bytes_ <= max_bytes_) return;
   const std::size_t kept_bytes = max_bytes_ / 4 * 3;  // so that not every call has to walk the list
   std::size_t bytes = 0;
-  for (auto leaf = used_.begin(); leaf != used_.end();) {
-    const auto entry = entries_.find(*leaf);
-    const bool is_changed = changed_.contains(*leaf);
-    if (!is_changed) bytes += entry->second.bytes();
-    if (is_changed || bytes <= kept_bytes) {
-      ++leaf;
-    } else {
-      bytes -= entry->second.bytes();
-      entries_.erase(entry);
-      leaf = used_.erase(leaf);
-    }
-  }
+  entries_.erase_if([&](MortonKey leaf, const Entry& entry) {
+    if (changed_.contains(leaf)) return false;
+    const bool is_kept = bytes + entry.bytes() <= kept_bytes;
+    if (is_kept) bytes += entry.bytes();
+    return !is_kept;
+  });
   most_bytes_ = bytes;
 }
 

@@ -8,11 +8,11 @@
 #pragma once
 
 #include <cstddef>
-#include <list>
 #include <optional>
 #include <set>
-#include <unordered_map>
 
+#include "engine/shared/recent_map.h"
+#include "octree/table_hash.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -58,11 +58,7 @@ class LeafCache {
     Cached<LeafSurface> surface;
     Cached<LeafCells> cells;            // only until they are written
     Cached<LeafUnresolved> unresolved;  // likewise
-    std::list<MortonKey>::iterator place;
     std::size_t bytes() const;
-  };
-  struct Hash {
-    std::size_t operator()(MortonKey key) const { return key.bits() * 0x9e3779b97f4a7c15 >> 8; }
   };
 
   static constexpr std::size_t kEntryBytes = sizeof(Entry) + 64;  // and what the containers add
@@ -74,8 +70,7 @@ class LeafCache {
   const Store& store_;
   std::size_t max_bytes_;
   std::size_t most_bytes_ = 0;  // the unchanged records take no more
-  std::list<MortonKey> used_;   // most recently used first
-  std::unordered_map<MortonKey, Entry, Hash> entries_;
+  RecentMap<MortonKey, Entry, TableHash> entries_;
   std::set<MortonKey> changed_;  // leaves with a record to write
   std::set<MortonKey> erased_;   // leaves to erase from the store
 };

@@ -7,15 +7,6 @@
 
 namespace locvol {
 
-std::size_t PointGrid::Hash::operator()(const CellIndex& cell) const {
-  std::uint64_t hash = 0;
-  for (const std::int64_t i : cell) {
-    hash = (hash ^ static_cast<std::uint64_t>(i)) * 0x9e3779b97f4a7c15;
-    hash ^= hash >> 29;
-  }
-  return hash;
-}
-
 PointGrid::CellIndex PointGrid::cell_of(const Point& p) const {
   const auto index = [&](double v) {
     return static_cast<std::int64_t>(std::floor(v / cell_side_));

@@ -9,6 +9,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "octree/table_hash.h"
 #include "refine/leaf.h"
 
 namespace locvol {
@@ -27,13 +28,10 @@ class PointGrid : public PointIndex {
 
  private:
   using CellIndex = std::array<std::int64_t, 3>;
-  struct Hash {
-    std::size_t operator()(const CellIndex& cell) const;
-  };
   CellIndex cell_of(const Point& p) const;
 
   double cell_side_;
-  std::unordered_map<CellIndex, std::vector<MeshPoint>, Hash> cells_;
+  std::unordered_map<CellIndex, std::vector<MeshPoint>, TableHash> cells_;
 };
 
 }  // namespace locvol

@@ -6,8 +6,7 @@
 //
 // The kind of record is the first byte's low 3 bits. The next 2 say at which stage the bytes stand
 // in for the true ones, for neither a checksum nor a leaf's key is hit by chance:
-//   0  as they are stored;   1  before compression;   2  fields only, behind the header of version
-//   1; 3  behind that of the newest version.
+//   0  as they are stored;   1  before compression;   2 and 3  fields only, behind the header.
 
 #include <zstd.h>
 
@@ -24,8 +23,9 @@
 namespace locvol {
 namespace {
 
-enum Stage { kStored = 0, kContent = 1, kFieldsOfVersion1 = 2, kFields = 3 };
+enum Stage { kStored = 0, kContent = 1, kFields = 2 };
 
+constexpr std::size_t kHeaderBytes = 13;  // kind, leaf, version
 constexpr MortonKey kLeaf = MortonKey::from_bits(0x0123456789abc000);
 
 template <class Record>
@@ -56,12 +56,8 @@ std::string content_of(std::string_view frame) {
 }
 
 template <class Record>
-std::string header_of(std::uint8_t kind, bool is_newest) {
-  constexpr MortonKey leaf = leaf_of<Record>();
-  const char newest = content_of(encode(Record(), leaf))[1];
-  std::string header = {static_cast<char>(kind), is_newest ? newest : char{1}, 0};
-  for (int shift = 0; shift < 64; shift += 8) header += static_cast<char>(leaf.bits() >> shift);
-  return header;
+std::string header_of() {
+  return content_of(encode(Record(), leaf_of<Record>())).substr(0, kHeaderBytes);
 }
 
 // -- What codec.h promises of a record; its order is for those to check who rely on it ------------
@@ -111,43 +107,39 @@ void decode_stored(std::string_view stored) {
   const std::string again = encode(record, leaf);
   expect(encode(decode<Record>(again, leaf), leaf) == again, "a record survives its encoding");
   // LeafSurface alone may have been written in two ways, one of them longer: with a corner twice.
-  const std::string before = content_of(stored), now = content_of(again);
-  constexpr std::size_t kKindAndVersion = 3;
   if constexpr (!std::is_same_v<Record, LeafSurface>)
-    if (before.substr(0, kKindAndVersion) == now.substr(0, kKindAndVersion))
-      expect(before == now, "a record is written in one way");
+    expect(content_of(stored) == content_of(again), "a record is written in one way");
 }
 
 template <class Record>
-void decode_at(int stage, std::uint8_t kind, std::string_view bytes) {
+void decode_at(int stage, std::string_view bytes) {
   if (stage == kStored)
     decode_stored<Record>(bytes);
   else if (stage == kContent)
     decode_stored<Record>(frame_of(bytes));
   else
-    decode_stored<Record>(frame_of(header_of<Record>(kind, stage == kFields).append(bytes)));
+    decode_stored<Record>(frame_of(header_of<Record>().append(bytes)));
 }
 
 void decode_any(std::uint8_t selector, std::string_view bytes) {
-  const std::uint8_t kind = selector & 7;
   const int stage = selector >> 3 & 3;
-  switch (kind) {
+  switch (selector & 7) {
     case 0:
-      return decode_at<StoreFormat>(stage, kind, bytes);
+      return decode_at<StoreFormat>(stage, bytes);
     case 1:
-      return decode_at<RunRecord>(stage, kind, bytes);
+      return decode_at<RunRecord>(stage, bytes);
     case 2:
-      return decode_at<LeafInfo>(stage, kind, bytes);
+      return decode_at<LeafInfo>(stage, bytes);
     case 3:
-      return decode_at<LeafPoints>(stage, kind, bytes);
+      return decode_at<LeafPoints>(stage, bytes);
     case 4:
-      return decode_at<LeafCells>(stage, kind, bytes);
+      return decode_at<LeafCells>(stage, bytes);
     case 5:
-      return decode_at<LeafSurface>(stage, kind, bytes);
+      return decode_at<LeafSurface>(stage, bytes);
     case 6:
-      return decode_at<LeafUnresolved>(stage, kind, bytes);
+      return decode_at<LeafUnresolved>(stage, bytes);
     default:
-      return decode_at<QueueEntry>(stage, kind, bytes);
+      return decode_at<QueueEntry>(stage, bytes);
   }
 }
 

@@ -7,20 +7,12 @@
 #include <random>
 #include <vector>
 
+#include "tests/integer_vector.h"
+
 namespace locvol {
 namespace {
 
-using Vector = std::array<std::int64_t, 3>;
-
-Vector operator-(const Vector& a, const Vector& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Vector cross(const Vector& a, const Vector& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-std::int64_t dot(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+using namespace integer_vectors;
 
 // The separating axis theorem in integers: all thirteen axes, both ways.
 bool touch(const std::array<Vector, 3>& triangle, const Vector& low, const Vector& high) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "storage/codec.h"
+#include "storage/page_check.h"
 #include "storage/store.h"
 #include "tests/file_bytes.h"
 #include "tests/storage/child_process.h"
@@ -319,6 +320,7 @@ class ForeignFile : public testing::Test {
     EXPECT_EQ(mdb_dbi_open(transaction_, database, MDB_CREATE, &handle), 0);
     MDB_val k{key.size(), key.data()}, v{value.size(), value.data()};
     EXPECT_EQ(mdb_put(transaction_, handle, &k, &v, 0), 0);
+    key_sums_[database] += key_hash(key);
   }
   void close() {
     EXPECT_EQ(mdb_txn_commit(transaction_), 0);
@@ -328,12 +330,13 @@ class ForeignFile : public testing::Test {
   TempDir dir_;
   MDB_env* environment_ = nullptr;
   MDB_txn* transaction_ = nullptr;
+  KeySumByName key_sums_;
 };
 
-TEST_F(ForeignFile, NewerFormatIsRefused) {
-  put("meta", "format", encode(StoreFormat{3}, MortonKey()));
+TEST_F(ForeignFile, AnotherFormatIsRefused) {
+  put("meta", "format", encode(StoreFormat{StoreFormat::kCurrent + 1}, MortonKey()));
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "format 3, written by a newer locvol");
+  expect_error([&] { Store::open(dir_.path()); }, "format 2, written by another locvol");
 }
 
 TEST_F(ForeignFile, DamagedFormatIsRefused) {
@@ -389,11 +392,17 @@ TEST(Creation, OwnsNothingElse) {
 class ForeignRecords : public ForeignFile {
  protected:
   ForeignRecords() {
-    put("meta", "format", encode(StoreFormat{1}, MortonKey()));  // without sums of the keys
-    for (const char* name : {"leaves", "points", "cells", "surface", "queue", "unresolved"}) {
+    put("meta", "format", encode(StoreFormat(), MortonKey()));
+    for (const char* name : kNames) {
       MDB_dbi handle = 0;
       EXPECT_EQ(mdb_dbi_open(transaction_, name, MDB_CREATE, &handle), 0);
     }
+  }
+  void close() {
+    KeySums keys;
+    for (const char* name : kNames) keys.sums.push_back(key_sums_[name]);
+    put("meta", "keys", encode(keys, MortonKey()));
+    ForeignFile::close();
   }
   static std::string chunk_key(char chunk) {  // of the root
     return std::string("\x80\0\0\0\0\0\0\0\0\0\0", 11).replace(0, 1, 1, '\x80') + chunk;
@@ -408,6 +417,8 @@ class ForeignRecords : public ForeignFile {
     const Store store = Store::open(dir_.path());
     EXPECT_THROW(store.snapshot().points(MortonKey::root()), CorruptRecord);
   }
+  static constexpr const char* kNames[] = {"meta",    "leaves", "points",    "cells",
+                                           "surface", "queue",  "unresolved"};
   const std::string record_ = encode(sample_points(), MortonKey::root());
 };
 

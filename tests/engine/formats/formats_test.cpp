@@ -8,14 +8,13 @@
 #include <fstream>
 #include <string>
 
-#include "engine/engine.h"
 #include "engine/formats/mesh_arrays.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/output_estimate.h"
 #include "engine/formats/writer.h"
 #include "engine/plan/octree_plan.h"
-#include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
+#include "tests/engine/formats/meshed_sphere.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/file_bytes.h"
 #include "tests/stops_at.h"
@@ -104,23 +103,11 @@ TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
   }
 }
 
-// Large enough to be written in several pieces, and with a lattice core.
-void mesh_sphere(const TempDir& dir) {
-  testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), dir / "sphere.off");
-  MeshOptions options;
-  options.input = dir / "sphere.off";
-  options.store = dir / "store";
-  options.size = {0.06, false};
-  options.leaf_capacity = 500;
-  const RunSummary run = mesh(options);
-  ASSERT_GT(run.run.counts.num_cells, 40'000U);
-}
-
 class EveryFormat : public testing::TestWithParam<FormatInfo> {
  protected:
   static void SetUpTestSuite() {
     dir_.emplace();
-    mesh_sphere(*dir_);
+    ASSERT_GT(mesh_sphere(*dir_, 0.06).run.counts.num_cells, 40'000U);
   }
   static void TearDownTestSuite() { dir_.reset(); }
 
@@ -323,7 +310,7 @@ TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
 // Blocks are what compressed files are made of; they end anywhere in a piece.
 TEST(Vtu, HasTheSameMeshInEveryWidthRawAndInBlocks) {
   const TempDir dir;
-  mesh_sphere(dir);
+  ASSERT_GT(mesh_sphere(dir, 0.06).run.counts.num_cells, 40'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   MeshSource source(store, dir / "mesh.vtu", 2);
   const std::uint64_t num_vertices = source.num_vertices(), num_cells = source.num_cells();

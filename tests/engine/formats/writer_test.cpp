@@ -6,9 +6,8 @@
 #include <fstream>
 #include <string>
 
-#include "engine/engine.h"
-#include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
+#include "tests/engine/formats/meshed_sphere.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
@@ -182,16 +181,9 @@ TEST(Writer, TheSameStoreGivesTheSameBytes) {
   EXPECT_EQ(bytes_of(dir / "once.vtu"), bytes_of(dir / "twice.vtu"));
 }
 
-// Large enough to be written in several pieces.
 TEST(Writer, AnyNumberOfThreadsGivesTheSameBytes) {
   const TempDir dir;
-  testing_shapes::write_off(testing_shapes::sphere(1, 31, 64), dir / "sphere.off");
-  MeshOptions options;
-  options.input = dir / "sphere.off";
-  options.store = dir / "store";
-  options.size = {0.05, false};
-  options.leaf_capacity = 500;
-  const RunSummary run = mesh(options);
+  const RunSummary run = mesh_sphere(dir, 0.05);
   ASSERT_GT(run.run.counts.num_cells, 80'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   write_vtu(store, dir / "mesh.vtu");

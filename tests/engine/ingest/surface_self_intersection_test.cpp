@@ -12,22 +12,14 @@
 
 #include "refine/exact_predicates.h"
 #include "refine/self_intersection.h"
+#include "tests/integer_vector.h"
 
 namespace locvol {
 namespace {
 
-using Vector = std::array<std::int64_t, 3>;
+using namespace integer_vectors;
 using Corners = std::array<std::uint32_t, 3>;
 
-Vector operator-(const Vector& a, const Vector& b) {
-  return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-}
-Vector cross(const Vector& a, const Vector& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-std::int64_t dot(const Vector& a, const Vector& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 std::int64_t side(const Vector& a, const Vector& b, const Vector& c, const Vector& d) {
   return dot(cross(b - a, c - a), d - a);
 }

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
+
+#include "octree/mix.h"
 
 namespace locvol::sweeps {
 
@@ -14,11 +17,8 @@ class Dice {
   // Independent of those of other numbers.
   Dice(std::uint64_t seed, std::uint64_t number) : Dice(Dice(seed).bits() ^ Dice(~number).bits()) {}
 
-  std::uint64_t bits() {  // splitmix64
-    std::uint64_t z = state_ += 0x9e3779b97f4a7c15;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
-    return z ^ (z >> 31);
+  std::uint64_t bits() {  // SplitMix64
+    return mix(std::exchange(state_, state_ + 0x9e3779b97f4a7c15));
   }
   double uniform(double low, double high) {
     return low + (high - low) * (static_cast<double>(bits() >> 11) * 0x1p-53);

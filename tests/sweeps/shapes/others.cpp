@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <vector>
 
@@ -15,8 +14,6 @@
 
 namespace locvol::sweeps {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 

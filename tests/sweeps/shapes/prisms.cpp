@@ -8,7 +8,6 @@
 #include <cmath>
 #include <deque>
 #include <map>
-#include <numbers>
 #include <utility>
 
 namespace locvol::sweeps {
@@ -97,7 +96,7 @@ Ring rectangle(const Point2& min, const Point2& max) {
 Ring regular_polygon(const Point2& center, double radius, int num_sides, double phase) {
   Ring ring;
   for (int i = 0; i < num_sides; ++i) {
-    const double angle = 2 * std::numbers::pi * (i + phase) / num_sides;
+    const double angle = 2 * kPi * (i + phase) / num_sides;
     ring.push_back({center.x + radius * std::cos(angle), center.y + radius * std::sin(angle)});
   }
   return ring;
@@ -158,7 +157,7 @@ Solid twisted_prism(const Region& region, double height, double angle, int num_s
 
 Solid turned(const Ring& profile, int num_sides) {
   ShapeBuilder builder;
-  const double step = 2 * std::numbers::pi / num_sides;
+  const double step = 2 * kPi / num_sides;
   double moment = 0;  // ∮ r² dz
   bool meets_axis = false;
   for (std::size_t i = 0; i < profile.size(); ++i) {

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "tests/sweeps/shapes/families.h"
@@ -10,8 +9,6 @@
 
 namespace locvol::sweeps {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 Point2 polar(double radius, double angle) {
   return {radius * std::cos(angle), radius * std::sin(angle)};

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "tests/sweeps/shapes/blocks.h"
@@ -11,8 +10,6 @@
 
 namespace locvol::sweeps {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 int num_sides_of_round(Dice& dice) {
   return dice.one_of(std::array{6, 8, 12, 16, 24, 32, 48, 64, 96});

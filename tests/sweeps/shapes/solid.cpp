@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <numbers>
 #include <string>
 #include <utility>
 
@@ -108,7 +107,7 @@ Shape rotated(Shape shape, const Axes& axes) {
 
 Axes random_rotation(Dice& dice) {
   const auto direction = [&] {
-    const double z = dice.uniform(-1, 1), angle = dice.uniform(0, 2 * std::numbers::pi);
+    const double z = dice.uniform(-1, 1), angle = dice.uniform(0, 2 * kPi);
     const double radius = std::sqrt(1 - z * z);
     return Point{radius * std::cos(angle), radius * std::sin(angle), z};
   };
@@ -121,8 +120,8 @@ Axes random_rotation(Dice& dice) {
 
 Axes simple_rotation(Dice& dice) {
   constexpr std::array kDegrees = {45.0, 30.0, 1.0, 1e-3, 1e-6, 1e-9, 1e-13};
-  const double angle = dice.one_of(kDegrees) * std::numbers::pi / 180;
-  const double tilt = dice.chance(0.5) ? dice.one_of(kDegrees) * std::numbers::pi / 180 : 0;
+  const double angle = dice.one_of(kDegrees) * kPi / 180;
+  const double tilt = dice.chance(0.5) ? dice.one_of(kDegrees) * kPi / 180 : 0;
   const double c = std::cos(angle), s = std::sin(angle), d = std::cos(tilt), t = std::sin(tilt);
   return {{{c, s * d, s * t}, {-s, c * d, c * t}, {0, -t, d}}};
 }

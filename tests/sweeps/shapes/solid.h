@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <vector>
@@ -18,6 +19,8 @@
 namespace locvol::sweeps {
 
 using testing_shapes::Shape;
+
+inline constexpr double kPi = std::numbers::pi;
 
 // A surface that is closed, manifold and oriented outwards, and claims about it that do not come
 // from its triangles.

@@ -1,0 +1,60 @@
+#include "engine/formats/vtu_header.h"
+
+#include <bit>
+#include <utility>
+
+#include "engine/formats/outputs.h"
+
+namespace locvol {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the header says LittleEndian");
+
+void add_array(const VtuArrayEntry& array, Text& text) {
+  constexpr std::size_t kOffsetLength = 20;
+  std::string digits = std::to_string(array.offset) + "\"";
+  digits.resize(kOffsetLength + 1, ' ');
+  text.add("        <DataArray type=\"").add(array.vtk_type).add("\" Name=\"").add(array.name);
+  if (array.num_components > 1) text.add("\" NumberOfComponents=\"").add(array.num_components);
+  text.add("\" format=\"appended\" offset=\"").add(digits).add("/>\n");
+}
+
+// The first array of cells is the one that viewers show. A section without arrays is left out.
+void add_section(VtuSection section, std::string_view name,
+                 const std::vector<VtuArrayEntry>& arrays, Text& text) {
+  bool is_open = false;
+  for (const VtuArrayEntry& array : arrays) {
+    if (array.section != section) continue;
+    if (!std::exchange(is_open, true)) {
+      text.add("      <").add(name);
+      if (section == VtuSection::kCellData) text.add(" Scalars=\"").add(array.name).add('"');
+      text.add(">\n");
+    }
+    add_array(array, text);
+  }
+  if (is_open) text.add("      </").add(name).add(">\n");
+}
+
+}  // namespace
+
+std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
+                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed) {
+  Text text;
+  text.add(
+      "<?xml version=\"1.0\"?>\n"
+      "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\"");
+  if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
+  text.add(">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"").add(num_points);
+  text.add("\" NumberOfCells=\"").add(num_cells).add("\">\n");
+  add_section(VtuSection::kPoints, "Points", arrays, text);
+  add_section(VtuSection::kCells, "Cells", arrays, text);
+  add_section(VtuSection::kPointData, "PointData", arrays, text);
+  add_section(VtuSection::kCellData, "CellData", arrays, text);
+  text.add("    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n");
+  std::string result = text.text();
+  result.append(7 - result.size() % 8, ' ');
+  return result + '_';
+}
+
+}  // namespace locvol

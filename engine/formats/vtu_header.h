@@ -1,0 +1,30 @@
+// What a VTU file says before its arrays, and after them:
+//
+//   header | arrays, each a head and its bytes | footer
+//
+// VTK's XML with raw appended data; the last byte of the header is the mark "_".
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace locvol {
+
+enum class VtuSection { kPoints, kCells, kPointData, kCellData };
+
+struct VtuArrayEntry {
+  VtuSection section;
+  std::string name, vtk_type;        // "Float64"
+  std::uint64_t num_components = 1;  // of points: 3
+  std::uint64_t offset = 0;          // of its head, after the mark
+};
+
+// A multiple of eight bytes; as many whatever the offsets.
+std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
+                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed = false);
+
+inline constexpr std::string_view kVtuFooter = "\n  </AppendedData>\n</VTKFile>\n";
+
+}  // namespace locvol
