@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "refine/ball_filter.h"
 #include "refine/near_sphere.h"
 
 namespace locvol {
@@ -31,18 +32,18 @@ struct VertexInfo {
 // Of a cell.
 struct CellInfo {
   Delaunay::Cell number = Delaunay::kNone;
-  // Twice the way from vertex 3 to the circumcenter, if it is known to 2^-20 of its length; else
-  // not numbers.
-  std::array<float, 3> to_center{kUnknown, kUnknown, kUnknown};
-  static constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+  WayToCenter to_center;  // from vertex 3
 };
 using VertexBase = CGAL::Triangulation_vertex_base_with_info_3<VertexInfo, Kernel>;
 using CellBase =
     CGAL::Triangulation_cell_base_with_info_3<CellInfo, Kernel,
                                               CGAL::Delaunay_triangulation_cell_base_3<Kernel>>;
-using Triangulation =
+using CgalDelaunay =
     CGAL::Delaunay_triangulation_3<Kernel,
                                    CGAL::Triangulation_data_structure_3<VertexBase, CellBase>>;
+struct Triangulation : CgalDelaunay {
+  using CgalDelaunay::side_of_oriented_sphere;  // with symbolic perturbation, for cells yet to be
+};
 using CellHandle = Triangulation::Cell_handle;
 using VertexHandle = Triangulation::Vertex_handle;
 
@@ -53,33 +54,10 @@ std::array<Point, 4> corners_of(CellHandle c) {
           ours(c->vertex(3)->point())};
 }
 
-// From a cell's corner to its other ones: to_center.
-// Of D and N, whose quotient it is, rounding changes 60 ε |a|³ and 220 ε |a|⁴ at most, with the
-// longest a; and as twice the radius is no less than |a|, that is 3e-7 of each where D is not
-// small, and 2^-20 with what rounding to floats adds.
-std::array<float, 3> to_center(const Point& a, const Point& b, const Point& c) {
-  constexpr double kFlat = 1e-7, kLeast = 1e-30, kMost = 1e30;  // floats do not underflow, overflow
-  const double a2 = dot(a, a), b2 = dot(b, b), c2 = dot(c, c);
-  const Point bc = cross(b, c);
-  const double determinant = dot(a, bc), longest2 = std::max(std::max(a2, b2), c2);
-  const Point way = 1 / determinant * (a2 * bc + b2 * cross(c, a) + c2 * cross(a, b));
-  const double length = max_norm(way);
-  if (!(determinant * determinant > kFlat * kFlat * longest2 * longest2 * longest2) ||
-      !(length > kLeast && length < kMost))
-    return {CellInfo::kUnknown, CellInfo::kUnknown, CellInfo::kUnknown};
-  return {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z)};
-}
-
 // Is p in the cell's circumball, and so no vertex? Empty where to_center does not tell.
 [[gnu::always_inline]] inline std::optional<bool> is_in_ball(CellHandle c,
                                                              const Kernel::Point_3& p) {
-  const auto& [x, y, z] = c->info().to_center;
-  const Point q = ours(p) - ours(c->vertex(3)->point()), way{x, y, z};
-  // Inside if |q|² < q·way.
-  const double q2 = dot(q, q), difference = q2 - dot(q, way);
-  constexpr double kError = 0x1p-18;  // over |q| |way|
-  if (difference * difference > kError * kError * q2 * dot(way, way)) return difference < 0;
-  return std::nullopt;
+  return locvol::is_in_ball(c->info().to_center, ours(c->vertex(3)->point()), ours(p));
 }
 
 // In which to insert points that follow a space-filling curve: an eighth of them after an eighth of
@@ -96,6 +74,8 @@ std::vector<std::uint32_t> insertion_order(std::size_t num_points) {
 }
 
 using Vertices = std::array<Delaunay::Vertex, 4>;
+
+Delaunay::Vertex vertex_number(CellHandle c, int i) { return c->vertex(i)->info().number; }
 
 Vertices vertices_of(CellHandle c) {
   return {c->vertex(0)->info().number, c->vertex(1)->info().number, c->vertex(2)->info().number,
@@ -139,6 +119,12 @@ struct Delaunay::Impl {
   VertexHandle insert(const Kernel::Point_3& p, CellHandle hint);
   Start start_for(const Kernel::Point_3& p, CellHandle hint) const;
   Start locate(const Kernel::Point_3& p, CellHandle from) const;
+  bool is_in_conflict(CellHandle c, const Kernel::Point_3& p) const {
+    if (const auto is_inside = is_in_ball(c, p)) return *is_inside;
+    if (!triangulation.is_infinite(c))
+      if (const auto is_inside = is_in_near_sphere(corners_of(c), ours(p))) return *is_inside;
+    return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
+  }
   void find_cavity(const Kernel::Point_3& p, CellHandle in_conflict);
   VertexHandle fill_cavity(const Kernel::Point_3& p);
   void find_new_cells(std::span<const CellHandle> rim);
@@ -233,12 +219,6 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
       __builtin_prefetch(next + sizeof(Triangulation::Cell) - 1);
     }
   };
-  const auto is_in_conflict = [&](CellHandle c) {
-    if (const auto is_inside = is_in_ball(c, p)) return *is_inside;
-    if (!triangulation.is_infinite(c))
-      if (const auto is_inside = is_in_near_sphere(corners_of(c), ours(p))) return *is_inside;
-    return triangulation.side_of_sphere(c, p, true) == CGAL::ON_BOUNDED_SIDE;
-  };
   take_in(in_conflict);
   for (std::size_t n = 0; n < inside.size(); ++n) {
     const CellHandle c = inside[n];
@@ -246,7 +226,7 @@ void Delaunay::Impl::find_cavity(const Kernel::Point_3& p, CellHandle in_conflic
       const CellHandle next = c->neighbor(i);
       if (next->tds_data().is_in_conflict()) continue;
       if (next->tds_data().is_clear()) {
-        if (is_in_conflict(next)) {
+        if (is_in_conflict(next, p)) {
           take_in(next);
           continue;
         }
@@ -292,8 +272,8 @@ VertexHandle Delaunay::Impl::fill_small_cavity(const Point& p) {
     CellInfo& info = new_cells[n]->info();
     info = {};
     if (std::ranges::find(corner, triangulation.infinite_vertex()) == corner.end())
-      info.to_center = to_center(ours(corner[0]->point()) - p, ours(corner[1]->point()) - p,
-                                 ours(corner[2]->point()) - p);
+      info.to_center = way_to_center(ours(corner[0]->point()) - p, ours(corner[1]->point()) - p,
+                                     ours(corner[2]->point()) - p);
     for (std::size_t k = 0; k < 3; ++k) {
       corners[n][k] = place_on_border(corner[k]);
       if (corners[n][k] >= kMaxVertices) throw_no_ball(p);
@@ -531,6 +511,53 @@ Delaunay::Vertex Delaunay::insert(const Point& q, const Conflict& conflict) {
   free_cells(conflict.cells);
   number_new();
   return number;
+}
+
+bool Delaunay::is_in_conflict(Cell c, const Point& q) const {
+  return impl_->is_in_conflict(impl_->cells[c], cgal(q));
+}
+
+bool Delaunay::is_in_circumball(const std::array<Point, 4>& cell, const Point& p) const {
+  if (const auto is_inside = is_in_near_sphere(cell, p)) return *is_inside;
+  const auto& [a, b, c, d] = cell;
+  return impl_->triangulation.side_of_oriented_sphere(cgal(a), cgal(b), cgal(c), cgal(d), cgal(p),
+                                                      true) == CGAL::ON_POSITIVE_SIDE;
+}
+
+// CGAL's cells are made anew, for the ones that go may be fewer.
+void Delaunay::move(const Change& change) {
+  auto& tds = impl_->triangulation.tds();
+  const auto v = impl_->vertices[change.vertex];
+  points_[change.vertex] = change.place;
+  v->set_point(cgal(change.place));
+  std::vector<CellHandle>& made = impl_->new_cells;
+  made.clear();
+  for (const NewCell& cell : change.made) {
+    std::array<VertexHandle, 4> corner;
+    for (std::size_t i = 0; i < 4; ++i) corner[i] = impl_->vertices[cell.vertex[i]];
+    made.push_back(tds.create_cell(corner[0], corner[1], corner[2], corner[3]));
+    made.back()->info().to_center = cell.way;
+    for (const VertexHandle& w : corner) w->set_cell(made.back());
+  }
+  for (std::size_t n = 0; n < made.size(); ++n)
+    for (int i = 0; i < 4; ++i) {
+      const std::uint32_t beyond = change.made[n].neighbor[std::size_t(i)];
+      if (beyond & kNewCell) {
+        made[n]->set_neighbor(i, made[beyond & ~kNewCell]);
+        continue;
+      }
+      const CellHandle other = impl_->cells[beyond];
+      made[n]->set_neighbor(i, other);
+      int off = 0;  // of the other cell's vertices, the one that is not on the facet
+      while (std::ranges::find(change.made[n].vertex, vertex_number(other, off)) !=
+             change.made[n].vertex.end())
+        ++off;
+      other->set_neighbor(off, made[n]);
+    }
+  for (const Cell c : change.gone) tds.delete_cell(impl_->cells[c]);
+  has_removed_ = true;
+  free_cells(change.gone);
+  number_new();
 }
 
 bool Delaunay::remove(std::span<const Vertex> vertices) {

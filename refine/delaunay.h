@@ -22,15 +22,17 @@
 
 #include "octree/geometry.h"
 #include "octree/stop.h"
+#include "refine/ball_filter.h"
 
 namespace locvol {
 
 // Sorts the vertices of a cell; true if that took an odd number of exchanges. Without branches,
 // which nobody could foretell.
-inline bool sort_oddly(std::array<std::uint32_t, 4>& v) {
+template <class Name>
+bool sort_oddly(std::array<Name, 4>& v) {
   bool is_odd = false;
   const auto order = [&](std::size_t a, std::size_t b) {
-    const std::uint32_t first = v[a], second = v[b];
+    const Name first = v[a], second = v[b];
     v[a] = std::min(first, second);
     v[b] = std::max(first, second);
     is_odd ^= second < first;
@@ -106,8 +108,32 @@ class Delaunay {
   // again. False if all cells were numbered anew, and their old numbers mean nothing.
   // REQUIRES: different vertices, at least one
   bool remove(std::span<const Vertex> vertices);
-  const std::vector<Cell>& new_cells() const { return new_cells_; }  // of the last insert or remove
-  Cell newest_cell() const { return new_cells_.back(); }             // REQUIRES: has_cells()
+
+  // A cell that a change would make.
+  struct NewCell {
+    std::array<Vertex, 4> vertex;           // positively oriented
+    std::array<std::uint32_t, 4> neighbor;  // opposite the vertex: a cell, or kNewCell | an index
+    WayToCenter way;                        // from vertex 3
+  };
+  static constexpr std::uint32_t kNewCell = std::uint32_t{1} << 31;
+  // The triangulation as it is once `vertex` is at `place`.
+  struct Change {
+    Vertex vertex = kNone;
+    Point place;
+    std::vector<Cell> gone;
+    std::vector<NewCell> made;
+  };
+  // Is q in the cell's circumball? Told by symbolic perturbation if it is on it.
+  bool is_in_conflict(Cell c, const Point& q) const;
+  // The same of a cell that may not be there, positively oriented.
+  bool is_in_circumball(const std::array<Point, 4>& cell, const Point& p) const;
+  // REQUIRES: what `change` says is so; vertex_move finds it
+  void move(const Change& change);
+
+  const std::vector<Cell>& new_cells() const {
+    return new_cells_;
+  }                                                       // of the last insert, move or remove
+  Cell newest_cell() const { return new_cells_.back(); }  // REQUIRES: has_cells()
 
  private:
   struct Impl;

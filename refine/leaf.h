@@ -41,6 +41,8 @@ struct Criteria {
   // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for
   // an artifact of points that were not loaded, and ends of dual edges are cut there.
   double reach = 0;
+  // Of the dihedral angles of cells, in degrees (C7); 0: none.
+  double min_dihedral = 0;
   double spacing_floor = 0;  // no insertion closer than this to a point of P, same units
   // Every point of the surface is this close to a point of P, or closer. Spares questions of the
   // surface farther from P; infinite: none.
@@ -93,11 +95,12 @@ struct LastVisit {
 // One change that a visit makes, or finds forbidden. The points that an insertion deletes come
 // right before it.
 struct RefineStep {
-  enum class Action { kInsert, kDelete, kTakeIn, kBlocked };
+  enum class Action { kInsert, kDelete, kTakeIn, kBlocked, kMove };
   Action action = Action::kInsert;
-  int condition = 0;  // 1 … 6, the one that is restored
+  int condition = 0;  // 1 … 7, the one that is restored
   double radius = 0;  // of its surface ball or circumsphere; 0 if it has none
-  // The point inserted, deleted, or taken in from P; kBlocked: that the spacing floor forbids.
+  // The point inserted, deleted, moved to this position, or taken in from P; kBlocked: that the
+  // spacing floor forbids.
   VertexRef point = 0;  // kBlocked: nothing
   Point position;
   PointKind kind = PointKind::kSurface;  // kBlocked: nothing
@@ -138,7 +141,8 @@ struct InsertedPoint {
   Point position;
   PointKind kind = PointKind::kSurface;
   bool is_deleted = false;  // again, by a later insertion of the same visit
-  // Other leaves' points within 2 λ whose stars it changed. Unknown: any that near may be.
+  // Other leaves' points within 2 λ whose stars it changed, other than for C7. Unknown: any that
+  // near may be.
   std::optional<std::vector<Point>> changed;
   friend bool operator==(const InsertedPoint&, const InsertedPoint&) = default;
 };
@@ -150,8 +154,19 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
   friend bool operator==(const Violation&, const Violation&) = default;
 };
 
+// A cell that C7 could not improve.
+struct PoorCell {
+  Point position;      // of its circumcenter
+  double degrees = 0;  // its smallest dihedral angle
+  friend bool operator==(const PoorCell&, const PoorCell&) = default;
+};
+
+// Cells by their vertices, which ascend as far as the positive orientation permits; ascending.
+using CellNames = std::vector<std::array<VertexRef, 4>>;
+
 struct VisitStats {
-  std::array<std::uint64_t, 6> insertions{};  // by condition
+  std::array<std::uint64_t, 7> insertions{};  // by condition
+  std::uint64_t moves = 0;                    // of points, for C7
   std::uint64_t deletions = 0;
   std::uint64_t points_added = 0;  // points of P that were not triangulated at first, and taken in
   std::uint64_t cells_made = 0;    // by the triangulation, in all
@@ -161,6 +176,11 @@ struct VisitStats {
 struct LeafDelta {
   std::vector<InsertedPoint> inserted;  // in order of insertion
   std::vector<MeshPoint> deleted;       // points of the input
+  // Points of the input that C7 moved: each is inserted anew, at its new place. Stars that moves
+  // and insertions for C7 change need no visit, for all conditions hold there: what other leaves
+  // list changes as `others_gone` and `others_made` say.
+  std::vector<MeshPoint> moved;
+  CellNames others_gone, others_made;
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
   // positively oriented.
   CellList cells;
@@ -168,6 +188,7 @@ struct LeafDelta {
   // no longer the lattice's.
   std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
+  std::vector<PoorCell> poor;  // with an own vertex, and an angle below the bound
   VisitStats stats;
   bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
   friend bool operator==(const LeafDelta&, const LeafDelta&) = default;

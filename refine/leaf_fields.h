@@ -70,10 +70,10 @@ auto fields(Maybe<CoreRows> auto& core) {
 }
 
 auto fields(Maybe<Criteria> auto& criteria) {
-  auto& [size, radius_edge_bound, reach, spacing_floor, cover_radius] = criteria;
+  auto& [size, radius_edge_bound, reach, min_dihedral, spacing_floor, cover_radius] = criteria;
   return std::tuple(Field("size", size), Field("radius_edge_bound", radius_edge_bound),
-                    Field("reach", reach), Field("spacing_floor", spacing_floor),
-                    Field("cover_radius", cover_radius));
+                    Field("reach", reach), Field("min_dihedral", min_dihedral),
+                    Field("spacing_floor", spacing_floor), Field("cover_radius", cover_radius));
 }
 auto fields(Maybe<CellList> auto& list) {
   auto& [vertices, cells] = list;
@@ -102,16 +102,24 @@ auto fields(Maybe<Violation> auto& violation) {
   return std::tuple(Field("condition", condition), Field("position", position),
                     Field("radius", radius));
 }
+auto fields(Maybe<PoorCell> auto& cell) {
+  auto& [position, degrees] = cell;
+  return std::tuple(Field("position", position), Field("degrees", degrees));
+}
 auto fields(Maybe<VisitStats> auto& stats) {
-  auto& [insertions, deletions, points_added, cells_made] = stats;
-  return std::tuple(Field("insertions", insertions), Field("deletions", deletions),
-                    Field("points_added", points_added), Field("cells_made", cells_made));
+  auto& [insertions, moves, deletions, points_added, cells_made] = stats;
+  return std::tuple(Field("insertions", insertions), Field("moves", moves),
+                    Field("deletions", deletions), Field("points_added", points_added),
+                    Field("cells_made", cells_made));
 }
 auto fields(Maybe<LeafDelta> auto& delta) {
-  auto& [inserted, deleted, cells, met_core, unresolved, stats, is_overfull] = delta;
-  return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("cells", cells),
-                    Field("met_core", met_core), Field("unresolved", unresolved),
-                    Field("stats", stats), Field("is_overfull", is_overfull));
+  auto& [inserted, deleted, moved, others_gone, others_made, cells, met_core, unresolved, poor,
+         stats, is_overfull] = delta;
+  return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("moved", moved),
+                    Field("others_gone", others_gone), Field("others_made", others_made),
+                    Field("cells", cells), Field("met_core", met_core),
+                    Field("unresolved", unresolved), Field("poor", poor), Field("stats", stats),
+                    Field("is_overfull", is_overfull));
 }
 
 template <class T>

@@ -82,6 +82,13 @@ std::array<Point, 8> fence_around(const Box& leaf, double reach) {
   return fence;
 }
 
+// Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
+// facet (null: infinite) is outside the facet's smallest circumball. Flat cells of nearly
+// cocircular points are far, and rounding would take some for others.
+bool leads_past(const Point* off, const std::array<Point, 3>& corners) {
+  return off == nullptr || is_outside_smallest_ball(corners, *off);
+}
+
 // A facet's corners, counterclockwise seen from the vertex off the facet.
 constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
 
@@ -179,21 +186,28 @@ bool LeafMesh::has_core_point(const Point& center, double squared_radius) const 
                                         std::min(std::sqrt(least), kLatticeCircumradius * size));
 }
 
+// All marks at once, each in a byte of its own: bit i is vertex i's.
+CellState LeafMesh::fresh_state(const std::array<Marks, 4>& marks) {
+  CellState state;
+  std::uint32_t bits = 0;
+  for (std::size_t i = 0; i < 4; ++i) bits |= std::bit_cast<std::uint32_t>(marks[i]) << i;
+  const auto marked = std::bit_cast<std::array<std::uint8_t, 4>>(bits);
+  state.own = marked[0], state.hidden = marked[1];
+  state.on_surface = marked[2], state.at_core = marked[3];
+  return state;
+}
+
 void LeafMesh::make_fresh(Cell c) {
   if (c >= states_.size()) {
     states_.resize(delaunay_.cell_bound());
     balls_.resize(delaunay_.cell_bound());
   }
-  CellState state;
-  state.stamp = ++stamp_;
-  // All marks at once, each in a byte of its own: bit i is vertex i's.
-  std::uint32_t bits = 0;
+  std::array<Marks, 4> marks;
   for (int i = 0; i < 4; ++i)
     if (const LocalIndex v = delaunay_.vertex(c, i); v != kInfiniteVertex)
-      bits |= std::bit_cast<std::uint32_t>(marks_[v]) << i;
-  const auto marked = std::bit_cast<std::array<std::uint8_t, 4>>(bits);
-  state.own = marked[0], state.hidden = marked[1];
-  state.on_surface = marked[2], state.at_core = marked[3];
+      marks[std::size_t(i)] = marks_[v];
+  CellState state = fresh_state(marks);
+  state.stamp = ++stamp_;
   states_[c] = state;
   if (state.own != 0) fresh_.push_back({c, stamp_});
 }
@@ -234,13 +248,10 @@ void LeafMesh::clear_fresh_cells() {
 // and no such place is: the center is inside as well.
 //
 // Only points that have neighbors in the core have other stars for want of it.
-Side LeafMesh::find_side(Cell c) const {
-  CellState& state = states_[c];
+Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
+                         CellBall& ball) const {
   state.side = Side::kFar;
-  if (delaunay_.is_infinite(c)) return state.side;
-  const Circumball circumball =
-      locvol::circumball({point(c, 0), point(c, 1), point(c, 2), point(c, 3)}, far_radius_);
-  CellBall& ball = balls_[c];
+  const Circumball circumball = locvol::circumball(corners, far_radius_);
   ball.center = circumball.center;
   ball.squared_radius = circumball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return state.side;
@@ -256,19 +267,10 @@ Side LeafMesh::find_side(Cell c) const {
 }
 
 // Of a near cell's center.
-double LeafMesh::clearance(Cell c) const {
-  CellBall& ball = balls_[c];
-  if (!std::exchange(states_[c].has_clearance, true))
+double LeafMesh::clearance(CellState& state, CellBall& ball) const {
+  if (!std::exchange(state.has_clearance, true))
     ball.clearance = surroundings_.surface.distance_bound(ball.center);
   return ball.clearance;
-}
-
-// Whether a far cell's circumcenter lies on the cell's side of its facet: where the vertex off the
-// facet is outside the facet's smallest circumball. Flat cells of nearly cocircular points are far,
-// and rounding would take some for others.
-bool LeafMesh::leads_past(Cell c, int index, const std::array<Point, 3>& corners) const {
-  return delaunay_.vertex(c, index) == kInfiniteVertex ||
-         is_outside_smallest_ball(corners, point(c, index));
 }
 
 Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
@@ -280,9 +282,9 @@ Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
 // Whether the dual edge from `from` to `to` cannot meet the surface: around each of its points
 // there is an empty ball that touches `corner`, and none around a point of the surface is that
 // large. Where a part of the domain may end, or the mesh, the surface is asked all the same.
-bool LeafMesh::is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
+bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Point& to,
                               const Point& corner) const {
-  if (is_member(here) != is_member(there)) return false;
+  if ((here == Side::kInside) != (there == Side::kInside)) return false;
   const Point edge = to - from, offset = corner - from;
   const double length = dot(edge, edge);
   const double t = length > 0 ? std::clamp(dot(offset, edge) / length, 0.0, 1.0) : 0.0;
@@ -293,28 +295,36 @@ bool LeafMesh::is_off_surface(Cell here, Cell there, const Point& from, const Po
 // The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
 // the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
 LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
+  const Cell there = delaunay_.neighbor(f.cell, f.index);
+  side(f.cell), side(there);
+  if (is_hidden(f)) return {};
+  std::array<Point, 3> corners;
+  for (std::size_t k = 0; k < 3; ++k) corners[k] = point(f.cell, kTriple[std::size_t(f.index)][k]);
+  return dual_crossings(corners, at_facet(f),
+                        at_facet({there, delaunay_.index_of_neighbor(there, f.cell)}),
+                        has_hidden_own_vertex(f));
+}
+
+LeafMesh::DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners,
+                                                 const CellAtFacet& here, const CellAtFacet& there,
+                                                 bool is_past_surface) const {
   DualCrossings result;
-  const Cell here = f.cell, there = delaunay_.neighbor(here, f.index);
-  const bool is_here_near = side(here) != Side::kFar, is_there_near = side(there) != Side::kFar;
-  if (is_hidden(f)) return result;
-  const bool is_past_surface = has_hidden_own_vertex(f);
+  const Side side_here = here.state->side, side_there = there.state->side;
+  const bool is_here_near = side_here != Side::kFar, is_there_near = side_there != Side::kFar;
   double clear = 0;
   if (!is_past_surface)
-    clear = (is_here_near ? clearance(here) : 0) + (is_there_near ? clearance(there) : 0);
-  if (is_here_near && is_there_near &&
-      is_clear_between(balls_[here].center, balls_[there].center, clear))
-    return result;
-  std::array<Point, 3> corners;
-  for (std::size_t k = 0; k < 3; ++k) corners[k] = point(here, kTriple[std::size_t(f.index)][k]);
-  Point from = balls_[here].center, to = balls_[there].center;
+    clear = (is_here_near ? clearance(*here.state, *here.ball) : 0) +
+            (is_there_near ? clearance(*there.state, *there.ball) : 0);
+  Point from = here.ball->center, to = there.ball->center;
+  if (is_here_near && is_there_near && is_clear_between(from, to, clear)) return result;
   if (!is_here_near && !is_there_near && has_edge_longer_than(2.001 * far_radius_, corners))
     return result;  // its circumcircle is too large for a near point of the axis
   if (!is_here_near || !is_there_near) {
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
     if (!is_here_near && !is_there_near &&
-        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here, f.index, corners) &&
-          leads_past(there, delaunay_.index_of_neighbor(there, here), corners)))
+        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here.off, corners) &&
+          leads_past(there.off, corners)))
       return result;
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
     // which side of the facet it points.
@@ -327,7 +337,7 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
     if (!is_there_near && !is_past_surface) clear += surroundings_.surface.distance_bound(to);
   }
   if (is_past_surface || is_clear_between(from, to, clear) ||
-      is_off_surface(here, there, from, to, corners[0]))
+      is_off_surface(side_here, side_there, from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
     surroundings_.surface.crossings(std::min(from, to), std::max(from, to), crossings_);
@@ -342,7 +352,7 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   if (is_here_near && is_there_near) return result;
   const bool is_odd = crossings_.size() % 2 == 1;
   const bool is_from_inside =
-      is_here_near ? is_member(here) : surroundings_.surface.is_inside(from);
+      is_here_near ? side_here == Side::kInside : surroundings_.surface.is_inside(from);
   if (!is_there_near && is_from_inside != is_odd)
     result.open_end = to;
   else if (!is_here_near && is_from_inside)
@@ -351,6 +361,62 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   if (result.open_end && has_core_point(*result.open_end, far_radius_ * far_radius_))
     result.open_end.reset();
   return result;
+}
+
+Side LeafMesh::find_side(Cell c) const {
+  if (delaunay_.is_infinite(c)) return states_[c].side = Side::kFar;
+  return find_side(corners(c), states_[c], balls_[c]);
+}
+
+void LeafMesh::appraise(const Delaunay::Change& change, PointKind kind,
+                        std::vector<Prospect>& out) const {
+  const Marks moved{true, is_hidden({0, change.place, kind}), kind == PointKind::kSurface, false};
+  out.clear();
+  for (const Delaunay::NewCell& cell : change.made) {
+    std::array<Marks, 4> marks;
+    std::array<Point, 4> corners;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const LocalIndex v = cell.vertex[i];
+      marks[i] = v == change.vertex ? moved : marks_[v];
+      corners[i] = v == change.vertex ? change.place : delaunay_.point(v);
+    }
+    Prospect& prospect = out.emplace_back(Prospect{fresh_state(marks), {}});
+    find_side(corners, prospect.state, prospect.ball);
+  }
+}
+
+LeafMesh::DualCrossings LeafMesh::dual_crossings(const Delaunay::Change& change,
+                                                 const std::vector<Prospect>& prospects,
+                                                 std::size_t cell, int index) const {
+  const Delaunay::NewCell& here = change.made[cell];
+  const auto place = [&](LocalIndex v) -> const Point& {
+    return v == change.vertex ? change.place : delaunay_.point(v);
+  };
+  std::array<Point, 3> corners;
+  std::array<LocalIndex, 3> vertices;
+  for (std::size_t k = 0; k < 3; ++k) {
+    vertices[k] = here.vertex[std::size_t(kTriple[std::size_t(index)][k])];
+    corners[k] = place(vertices[k]);
+  }
+  // The states are their caller's, who has more of them: what they learn here is lost.
+  Prospect mine = prospects[cell], others;
+  const CellAtFacet at_here{&mine.state, &mine.ball, &place(here.vertex[std::size_t(index)])};
+  const bool is_past_surface = has_vertex(mine.state.own & mine.state.hidden, {0, index});
+  const std::uint32_t beyond = here.neighbor[std::size_t(index)];
+  if ((beyond & Delaunay::kNewCell) == 0) {
+    side(beyond);
+    const auto& other = delaunay_.vertices(beyond);
+    int off = 0;
+    while (std::ranges::find(vertices, other[std::size_t(off)]) != vertices.end()) ++off;
+    return dual_crossings(corners, at_here, at_facet({beyond, off}), is_past_surface);
+  }
+  const std::size_t n = beyond & ~Delaunay::kNewCell;
+  others = prospects[n];
+  const auto& other = change.made[n].vertex;
+  std::size_t off = 0;
+  while (std::ranges::find(vertices, other[off]) != vertices.end()) ++off;
+  return dual_crossings(corners, at_here, {&others.state, &others.ball, &place(other[off])},
+                        is_past_surface);
 }
 
 void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {
@@ -408,6 +474,28 @@ void LeafMesh::remove(std::span<const LocalIndex> leaving) {
   }
   if (!delaunay_.remove(leaving)) return make_all_fresh();
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
+}
+
+void LeafMesh::move(const Delaunay::Change& change, VertexRef ref) {
+  are_all_fresh_ = false;
+  for (const Cell c : change.gone) note_gone(c);
+  Local& local = locals_[change.vertex];
+  if (local.point.kind == PointKind::kVolume && change.vertex < num_in_grid_)
+    std::erase(volume_points_[grid_cell(local.point.position)], change.vertex);
+  local.point = {ref, change.place, PointKind::kVolume};
+  local.ref = ref;
+  local.is_at_core = false;
+  marks_[change.vertex] = {true, is_hidden(local.point), false, false};
+  if (change.vertex < num_in_grid_)
+    volume_points_[grid_cell(change.place)].push_back(change.vertex);
+  delaunay_.move(change);
+  for (const Cell c : delaunay_.new_cells()) make_fresh(c);
+}
+
+void LeafMesh::insert(const Delaunay::Change& change, PointKind kind, VertexRef ref) {
+  Conflict conflict;
+  find_conflict(change.place, change.gone.front(), conflict);
+  insert({ref, change.place, kind}, ref, conflict);
 }
 
 void LeafMesh::take_out_near(const Point& q, std::vector<MeshPoint>& out) {

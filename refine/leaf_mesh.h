@@ -121,6 +121,17 @@ class LeafMesh {
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
+  // ---- The same of cells that a change would make (Delaunay::Change).
+  struct Prospect {
+    CellState state;
+    CellBall ball;
+  };
+  // What `change` makes, if its vertex is then an own point of this kind. Sides are known.
+  void appraise(const Delaunay::Change& change, PointKind kind, std::vector<Prospect>& out) const;
+  DualCrossings dual_crossings(const Delaunay::Change& change,
+                               const std::vector<Prospect>& prospects, std::size_t cell,
+                               int index) const;
+
   void note_facet_seen(Facet f) {
     states_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
   }
@@ -154,6 +165,11 @@ class LeafMesh {
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(std::span<const LocalIndex> leaving);
+  // An own point that is not on the surface comes to another place as a volume point; `ref` names
+  // it from now on.
+  void move(const Delaunay::Change& change, VertexRef ref);
+  // An own point comes where there was none.
+  void insert(const Delaunay::Change& change, PointKind kind, VertexRef ref);
   // Ghosts that were left out and are within the reach of q, in order of id; they are to be
   // inserted before anything is at q.
   void take_out_near(const Point& q, std::vector<MeshPoint>& out);
@@ -170,6 +186,9 @@ class LeafMesh {
 
  private:
   using GridCell = std::array<std::int64_t, 3>;  // cubes of side λ
+  struct Marks {
+    bool is_own = false, is_hidden = false, is_on_surface = false, is_at_core = false;
+  };
 
   GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
@@ -178,6 +197,10 @@ class LeafMesh {
   void make_fresh(Cell c);
   void make_all_fresh();
   Side find_side(Cell c) const;
+  Side find_side(const std::array<Point, 4>& corners, CellState& state, CellBall& ball) const;
+  std::array<Point, 4> corners(Cell c) const {
+    return {point(c, 0), point(c, 1), point(c, 2), point(c, 3)};
+  }
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;
   bool is_at_core(const MeshPoint& p, bool is_own) const;
@@ -186,10 +209,24 @@ class LeafMesh {
   bool has_hidden_own_vertex(Facet f) const {
     return has_vertex(states_[f.cell].own, f) && has_vertex(states_[f.cell].hidden, f);
   }
-  double clearance(Cell c) const;
-  bool is_off_surface(Cell here, Cell there, const Point& from, const Point& to,
+  // A cell at a facet, and its vertex off that; null if that is infinite.
+  struct CellAtFacet {
+    CellState* state;
+    CellBall* ball;
+    const Point* off;
+  };
+  CellAtFacet at_facet(Facet f) const {
+    const LocalIndex off = delaunay_.vertex(f.cell, f.index);
+    return {&states_[f.cell], &balls_[f.cell],
+            off == kInfiniteVertex ? nullptr : &delaunay_.point(off)};
+  }
+  // `corners`: with the vertex off the facet in `here`, positively oriented.
+  DualCrossings dual_crossings(const std::array<Point, 3>& corners, const CellAtFacet& here,
+                               const CellAtFacet& there, bool is_past_surface) const;
+  static CellState fresh_state(const std::array<Marks, 4>& marks);
+  double clearance(CellState& state, CellBall& ball) const;
+  bool is_off_surface(Side here, Side there, const Point& from, const Point& to,
                       const Point& corner) const;
-  bool leads_past(Cell c, int index, const std::array<Point, 3>& corners) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
 
@@ -198,9 +235,6 @@ class LeafMesh {
   double far_radius_;
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
-  struct Marks {
-    bool is_own = false, is_hidden = false, is_on_surface = false, is_at_core = false;
-  };
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for
   std::set<std::uint64_t> taken_in_;          // ids of other points of P

@@ -12,9 +12,11 @@
 #include <variant>
 
 #include "octree/site_block.h"
+#include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
 #include "refine/predicates.h"
 #include "refine/revisit.h"
+#include "refine/vertex_link.h"
 
 namespace locvol {
 namespace {
@@ -30,35 +32,12 @@ struct FacetRef {
   Facet facet() const { return {here.cell, index}; }
 };
 
-// Opposite a vertex, in a boundary facet at it. All of these edges are the vertex's link.
-struct LinkEdge {
-  LocalIndex a = kInfiniteVertex, b = kInfiniteVertex;
-};
-
 // Of the facet of the cell opposite its vertex i; the vertex is `at`.
 LinkEdge link_edge(const std::array<LocalIndex, 4>& cell, int i, int at) {
   LinkEdge edge;
   for (int k = 0; k < 4; ++k)
     if (k != i && k != at) (edge.a == kInfiniteVertex ? edge.a : edge.b) = cell[std::size_t(k)];
   return edge;
-}
-
-// Whether the edges make one cycle: from edge to edge, each has one that goes on. They change
-// places.
-bool is_cycle(std::span<LinkEdge> link) {
-  if (link.empty()) return false;
-  LocalIndex here = link[0].b;
-  for (std::size_t n = 1; n < link.size(); ++n) {
-    std::size_t num_next = 0;
-    for (std::size_t k = n; k < link.size(); ++k)
-      if (link[k].a == here || link[k].b == here) {
-        ++num_next;
-        std::swap(link[n], link[k]);
-      }
-    if (num_next != 1) return false;
-    here = link[n].a == here ? link[n].b : link[n].a;
-  }
-  return here == link[0].a;
 }
 
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
@@ -101,7 +80,11 @@ class Refinement {
   // All must outlive it.
   Refinement(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
              LeafMesh::OwnPoints own)
-      : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {}
+      : input_(input),
+        surroundings_(around),
+        on_step_(on_step),
+        mesh_(input, around, own),
+        is_whole_(own == LeafMesh::OwnPoints::kInBox) {}
 
   LeafDelta run();
 
@@ -183,6 +166,7 @@ class Refinement {
   const Surroundings& surroundings_;
   const OnStep& on_step_;
   LeafMesh mesh_;
+  bool is_whole_;  // the leaf's own points are all looked at
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
@@ -231,6 +215,8 @@ LeafDelta Refinement::run() {
     }
   delta_.is_overfull = is_overfull();
   forget_changed();
+  if (is_whole_ && !delta_.is_overfull && mesh_.has_cells() && input_.criteria.min_dihedral > 0)
+    ImproveAngles(input_, surroundings_, on_step_, mesh_, delta_).run();
   std::ranges::sort(delta_.met_core);
   const auto repeated = std::ranges::unique(delta_.met_core);
   delta_.met_core.erase(repeated.begin(), repeated.end());

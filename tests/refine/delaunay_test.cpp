@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "refine/vertex_move.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"
 
@@ -298,6 +299,59 @@ TEST_P(DelaunayOf, WithoutPointsRemovedAtOnceIsThatOfCgal) {
   }
   expect_sound(delaunay);
   EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+}
+
+// To places near and far, some of them to where another vertex was (in grids: ties everywhere).
+TEST_P(DelaunayOf, WithMovedPointsIsThatOfCgal) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points_));
+  VertexMove move(delaunay);
+  Delaunay::Change change;
+  std::vector<Delaunay::Cell> around;
+  std::size_t num_inside = 0, num_moves = 0;
+  for (Delaunay::Vertex v = 0; v < points_.size(); v += 2) {
+    if (!move.take_out(v)) continue;
+    ++num_inside;
+    delaunay.cells_around(v, around);
+    double longest = 0;
+    Point away;
+    for (const auto w : delaunay.vertices(around[random_() % around.size()]))
+      if (const Point way = delaunay.point(w) - points_[v]; norm(way) > longest)
+        longest = norm(way), away = way;
+    for (const double step : {1e-9, 0.05, 0.3, 0.5, 1.5}) {
+      const Point shift{uniform(random_, -1, 1), uniform(random_, -1, 1), uniform(random_, -1, 1)};
+      const Point q = step == 0.5 ? points_[v] + 0.5 * away : points_[v] + (step * longest) * shift;
+      Delaunay::Conflict conflict;
+      delaunay.find_conflict(q, around[0], conflict);
+      if (conflict.coincident != Delaunay::kNone || !move.find(q, change)) continue;
+      delaunay.move(change);
+      points_[v] = q;
+      ++num_moves;
+      break;
+    }
+  }
+  expect_sound(delaunay);
+  EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
+  EXPECT_GE(num_moves, num_inside * 9 / 10);
+}
+
+TEST_P(DelaunayOf, WithPointsPutInIsThatOfCgal) {
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(std::span(points_).first(points_.size() / 2)));
+  VertexMove move(delaunay);
+  Delaunay::Change change;
+  Delaunay::Conflict conflict;
+  for (std::size_t n = points_.size() / 2; n < points_.size(); ++n) {
+    delaunay.find_conflict(points_[n], delaunay.newest_cell(), conflict);
+    move.put_in_new();
+    if (move.find_insertion(points_[n], conflict.cells[0], change)) {
+      std::ranges::sort(conflict.cells);
+      std::ranges::sort(change.gone);
+      ASSERT_EQ(change.gone, conflict.cells);
+      ASSERT_EQ(change.made.size(), conflict.border.size());
+    }
+    delaunay.insert(points_[n], conflict);
+  }
 }
 
 TEST_P(DelaunayOf, FindsCoincidentPoints) {

@@ -223,7 +223,7 @@ World thin_torus() { return {shapes::torus(1, 0.3, 48, 16), 0.65}; }
 
 TEST(RefineLeaf, RestoresC3AndC4OnAThinTorus) {
   const World world = thin_torus();
-  std::array<std::uint64_t, 6> insertions{};
+  std::array<std::uint64_t, 7> insertions{};
   std::array<int, 2> num_broken_before{};
   for (unsigned seed = 0; seed < 10; ++seed) {
     const auto points = random_surface_points(world, 12 + 3 * seed, seed);
@@ -345,7 +345,7 @@ TEST(RefineLeafTrace, TellsEachInsertionAndDeletionInOrder) {
     LeafDelta delta;
     const auto steps = traced(input, delta);
     EXPECT_EQ(delta.cells, refine_leaf(input).cells);
-    std::array<std::uint64_t, 6> insertions{};
+    std::array<std::uint64_t, 7> insertions{};
     std::size_t next = 0;
     for (const RefineStep& step : steps) {
       ASSERT_TRUE(1 <= step.condition && step.condition <= 6);

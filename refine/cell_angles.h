@@ -1,0 +1,29 @@
+// Dihedral angles of cells, by their cosines. Internal to refine/.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// The largest cosine of the cell's six dihedral angles: that of the smallest angle. 1 for a cell
+// without volume.
+inline double largest_cosine(const std::array<Point, 4>& cell) {
+  const Point a = cell[1] - cell[0], b = cell[2] - cell[0], c = cell[3] - cell[0];
+  // Normals of the facets opposite the corners, all outwards or all inwards, as long as twice the
+  // facet's area.
+  const Point nb = cross(b, c), nc = cross(c, a), nd = cross(a, b);
+  const Point na = -1.0 * (nb + nc + nd);
+  const double aa = dot(na, na), bb = dot(nb, nb), cc = dot(nc, nc), dd = dot(nd, nd);
+  if (!(std::min(std::min(aa, bb), std::min(cc, dd)) > 0)) return 1;
+  const double ia = 1 / std::sqrt(aa), ib = 1 / std::sqrt(bb), ic = 1 / std::sqrt(cc),
+               id = 1 / std::sqrt(dd);
+  const double ab = dot(na, nb) * ia * ib, ac = dot(na, nc) * ia * ic, ad = dot(na, nd) * ia * id;
+  const double bc = dot(nb, nc) * ib * ic, bd = dot(nb, nd) * ib * id, cd = dot(nc, nd) * ic * id;
+  return -std::min(std::min(std::min(ab, ac), std::min(ad, bc)), std::min(bd, cd));
+}
+
+}  // namespace locvol

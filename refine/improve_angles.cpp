@@ -1,0 +1,551 @@
+#include "refine/improve_angles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "octree/mix.h"
+#include "refine/cell_angles.h"
+#include "refine/vertex_link.h"
+
+namespace locvol {
+namespace {
+
+constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
+constexpr int kNumRounds = 3;    // with other places each time, for the cells that are left
+// Places tried: steps along a direction, over λ; within a ball, over its radius; numbers of others.
+constexpr std::array<double, 4> kSteps{0.1, 0.18, 0.05, 0.28};
+constexpr std::array<double, 6> kIntoBall{0.97, 0.9, 0.8, 0.65, 0.5, 0.3};
+constexpr int kNumAround = 8, kNumInBall = 24;
+constexpr double kAround = 0.4;         // over λ
+constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
+
+// Looks random, and is a function of its seeds.
+class Noise {
+ public:
+  Noise(std::uint64_t a, std::uint64_t b, int round)
+      : state_(mix(a ^ mix(b ^ mix(static_cast<std::uint64_t>(round))))) {}
+  double in_unit_interval() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
+  std::size_t below(std::size_t bound) { return bits() % bound; }
+  Point in_unit_ball() {
+    for (;;) {
+      const double x = in_unit_interval(), y = in_unit_interval(), z = in_unit_interval();
+      const Point p{2 * x - 1, 2 * y - 1, 2 * z - 1};
+      if (dot(p, p) <= 1) return p;
+    }
+  }
+
+ private:
+  std::uint64_t bits() { return state_ = mix(state_); }
+  std::uint64_t state_;
+};
+
+}  // namespace
+
+ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
+                             const OnStep& on_step, LeafMesh& mesh, LeafDelta& delta)
+    : input_(input),
+      surroundings_(around),
+      on_step_(on_step),
+      mesh_(mesh),
+      delta_(delta),
+      move_(mesh.delaunay()) {
+  constexpr double kRadians = std::numbers::pi / 180;
+  for (std::size_t k = 0; k < kFractions.size(); ++k)
+    cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kSlack));
+  bound_ = cosines_.back();
+}
+
+void ImproveAngles::run() {
+  for (Cell c = 0; c < mesh_.delaunay().cell_bound(); ++c)
+    if (mesh_.delaunay().is_cell(c)) look_at(c);
+  StopPoll poll(surroundings_.stop, 8);
+  for (round_ = 0; round_ < kNumRounds && !waiting_.empty(); ++round_) {
+    while (!waiting_.empty()) {
+      poll();
+      const Poor poor = waiting_.top();
+      waiting_.pop();
+      if (mesh_.is_alive(poor.cell) && !improve(poor.cell.cell)) left_.push_back(poor);
+    }
+    for (const Poor& poor : std::exchange(left_, {}))
+      if (mesh_.is_alive(poor.cell)) waiting_.push(poor);
+  }
+  for (; !waiting_.empty(); waiting_.pop())
+    delta_.poor.push_back(
+        {mesh_.ball(waiting_.top().cell.cell).center,
+         std::acos(std::min(1.0, waiting_.top().cosine)) * 180 / std::numbers::pi});
+  // Cells of points that came in this visit were in no list.
+  std::ranges::copy_if(others_gone_, std::back_inserter(delta_.others_gone), [](const auto& cell) {
+    return std::ranges::none_of(cell, [](VertexRef v) { return (v & kNewPoint) != 0; });
+  });
+  delta_.others_made.assign(others_made_.begin(), others_made_.end());
+}
+
+std::array<Point, 4> ImproveAngles::corners(Cell c) const {
+  return {mesh_.point(c, 0), mesh_.point(c, 1), mesh_.point(c, 2), mesh_.point(c, 3)};
+}
+
+std::array<Point, 4> ImproveAngles::corners(const NewCell& cell) const {
+  return {place(cell.vertex[0]), place(cell.vertex[1]), place(cell.vertex[2]),
+          place(cell.vertex[3])};
+}
+
+ImproveAngles::Facet ImproveAngles::facet(const std::array<LocalIndex, 4>& cell, int off) const {
+  Facet result{};
+  for (std::size_t k = 0, n = 0; k < 4; ++k)
+    if (k != std::size_t(off)) result[n++] = cell[k];
+  std::ranges::sort(result);
+  return result;
+}
+
+void ImproveAngles::look_at(Cell c) {
+  if (!mesh_.has_own_vertex(c) || mesh_.delaunay().is_infinite(c)) return;
+  const double cosine = largest_cosine(corners(c));
+  if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
+  Poor poor{cosine, mesh_.ref(c), mesh_.delaunay().vertices(c)};
+  std::ranges::sort(poor.vertices);
+  waiting_.push(poor);
+}
+
+// ---- What is tried ------------------------------------------------------------------------------
+
+bool ImproveAngles::improve(Cell poor) {
+  has_best_ = false;
+  kind_ = PointKind::kVolume;
+  const auto vertices = mesh_.delaunay().vertices(poor);
+  for (const LocalIndex v : vertices)
+    if (is_movable(v) && try_places(v, poor)) return true;
+  for (const LocalIndex v : movable_around(poor))
+    if (try_places(v, poor)) return true;
+  if (has_best_) {
+    change_ = best_;
+    make();
+    return true;
+  }
+  return try_in_volume(poor) || try_on_surface(poor);
+}
+
+// Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core
+// come last, for then core points must be listed.
+bool ImproveAngles::is_movable(LocalIndex v) const {
+  if (v == kInfiniteVertex) return false;
+  const LeafMesh::Local& local = mesh_.local(v);
+  return local.is_own && local.point.kind != PointKind::kSurface &&
+         !(local.is_at_core && !may_meet_core());
+}
+
+// Neighbors of its vertices, the closest to its ball first.
+std::span<const LocalIndex> ImproveAngles::movable_around(Cell poor) {
+  const Delaunay& delaunay = mesh_.delaunay();
+  const auto vertices = delaunay.vertices(poor);
+  const Point center = mesh_.ball(poor).center;
+  movable_.clear();
+  for (const LocalIndex v : vertices) {
+    delaunay.cells_around(v, around_);
+    for (const Cell near : around_)
+      for (const LocalIndex w : delaunay.vertices(near))
+        if (is_movable(w) && std::ranges::find(vertices, w) == vertices.end())
+          movable_.push_back(w);
+  }
+  std::ranges::sort(movable_);
+  const auto repeated = std::ranges::unique(movable_);
+  movable_.erase(repeated.begin(), repeated.end());
+  std::ranges::stable_sort(
+      movable_, {}, [&](LocalIndex v) { return squared_distance(delaunay.point(v), center); });
+  return std::span(movable_).first(std::min(movable_.size(), kNumMovable));
+}
+
+// The first place that leaves no cell below the bound is taken.
+bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
+  const Point before = mesh_.delaunay().point(v);
+  take_in_core(before);
+  if (!move_.take_out(v)) return false;
+  list_places(v, poor);
+  const double known = input_.criteria.reach - kNeighborhood * input_.criteria.size;
+  for (const Point& q : places_) {
+    if (!is_in_leaf(input_.box, q)) continue;
+    const bool is_far = squared_distance(q, before) > known * known;
+    if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
+    if (!move_.find(q, change_)) continue;
+    const Verdict verdict = judge(poor);
+    if (verdict == Verdict::kNone) continue;
+    if (verdict == Verdict::kGood) {
+      make();
+      return true;
+    }
+    best_ = change_;
+    best_counts_ = counts_of_made();
+    has_best_ = true;
+  }
+  return false;
+}
+
+// Of the cell's vertex: down the gradient of the squared circumradius, which has others come into
+// the ball, and up that of its height; to the place that is best for an optimal Delaunay
+// triangulation (Chen and Xu, 2004); some around. Of another: into the cell's ball.
+void ImproveAngles::list_places(LocalIndex v, Cell poor) {
+  const Delaunay& delaunay = mesh_.delaunay();
+  const double size = input_.criteria.size;
+  const Point p = delaunay.point(v);
+  const CellBall& ball = mesh_.ball(poor);
+  const auto& vertices = delaunay.vertices(poor);
+  places_.clear();
+  const auto at = std::ranges::find(vertices, v);
+  if (at == vertices.end()) {
+    const Point away = p - ball.center;
+    const double radius = std::sqrt(ball.squared_radius) / norm(away);
+    for (const double part : kIntoBall) places_.push_back(ball.center + (part * radius) * away);
+    return;
+  }
+  const auto i = static_cast<std::size_t>(at - vertices.begin());
+  const Point a = delaunay.point(vertices[(i + 1) % 4]), b = delaunay.point(vertices[(i + 2) % 4]),
+              c = delaunay.point(vertices[(i + 3) % 4]);
+  Point up = cross(b - a, c - a);
+  up = (dot(up, p - a) < 0 ? -1 : 1) / norm(up) * up;
+  // R² = r² + t², with the radius r of the facet's circle and the center's height t above it: the
+  // gradient is 2 t (p - center) over p's height.
+  const Point out = p - ball.center;
+  const Point down = (dot(up, ball.center - a) > 0 ? -1 : 1) / norm(out) * out;
+  for (const double step : kSteps) {
+    places_.push_back(p + (step * size) * down);
+    places_.push_back(p + (step * size) * up);
+  }
+  Point sum;
+  double volume = 0;
+  for (const Cell near : move_.star()) {
+    const auto& [k, l, m, n] = corners(near);
+    const double part = dot(cross(l - k, m - k), n - k);
+    volume += part;
+    sum = sum + part * mesh_.ball(near).center;
+  }
+  if (volume > 0) places_.push_back(1 / volume * sum);
+  Noise noise(mesh_.local(v).ref, mesh_.local(vertices[i ^ 1]).ref, round_);
+  for (int n = 0; n < kNumAround; ++n)
+    places_.push_back(p + (kAround * size) * noise.in_unit_ball());
+}
+
+bool ImproveAngles::try_in_volume(Cell poor) {
+  const CellBall ball = mesh_.ball(poor);
+  const auto vertices = mesh_.delaunay().vertices(poor);
+  Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
+  for (int n = 0; n < kNumInBall; ++n) {
+    const Point q = ball.center + std::sqrt(ball.squared_radius) * noise.in_unit_ball();
+    if (!is_in_leaf(input_.box, q)) continue;
+    take_in_ghosts(q);
+    take_in_core(q);
+    move_.put_in_new();
+    if (!move_.find_insertion(q, poor, change_) || judge(poor) == Verdict::kNone) continue;
+    make();
+    return true;
+  }
+  return false;
+}
+
+// The last resort for cells of four surface points: one more between them.
+bool ImproveAngles::try_on_surface(Cell poor) {
+  list_places_on_surface(poor);
+  kind_ = PointKind::kSurface;
+  for (const Point& q : places_) {
+    if (!is_in_leaf(input_.box, q)) continue;
+    take_in_ghosts(q);
+    take_in_core(q);
+    move_.put_in_new();
+    if (!move_.find_insertion(q, poor, change_) || judge(poor) == Verdict::kNone) continue;
+    make();
+    return true;
+  }
+  return false;
+}
+
+// In its circumball: centers of its surface balls, and some on the triangles.
+void ImproveAngles::list_places_on_surface(Cell poor) {
+  const Delaunay& delaunay = mesh_.delaunay();
+  const CellBall& ball = mesh_.ball(poor);
+  places_.clear();
+  for (int i = 0; i < 4; ++i) {
+    if (mesh_.is_member(delaunay.neighbor(poor, i)) ||
+        !mesh_.has_own_vertex(LeafMesh::Facet{poor, i}))
+      continue;
+    const auto dual = mesh_.dual_crossings({poor, i});
+    if (dual.count > 0) places_.push_back(dual.ball_center);
+  }
+  surroundings_.surface.triangles_near(ball.center, std::sqrt(ball.squared_radius), triangles_);
+  if (triangles_.empty()) return;
+  const auto& vertices = delaunay.vertices(poor);
+  Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
+  for (int n = 0; n < kNumInBall; ++n) {
+    const auto& [a, b, c] = triangles_[noise.below(triangles_.size())].corners;
+    double u = noise.in_unit_interval(), v = noise.in_unit_interval();
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Point q = a + u * (b - a) + v * (c - a);
+    if (squared_distance(q, ball.center) < ball.squared_radius) places_.push_back(q);
+  }
+}
+
+// All points within 2λ of q must be there; true if some were not.
+bool ImproveAngles::take_in_ghosts(const Point& q) {
+  mesh_.take_out_near(q, near_);
+  for (const MeshPoint& p : near_) {
+    mesh_.find_conflict(p.position, mesh_.delaunay().newest_cell(), conflict_);
+    mesh_.insert(p, p.id, conflict_);
+    note_taken_in(p);
+  }
+  return !near_.empty();
+}
+
+bool ImproveAngles::take_in_core(const Point& q) {
+  if (!may_meet_core()) return false;
+  surroundings_.core->within(q, kNeighborhood * input_.criteria.size, near_);
+  std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
+  for (const MeshPoint& p : near_) {
+    mesh_.find_conflict(p.position, mesh_.delaunay().newest_cell(), conflict_);
+    mesh_.insert_core(p, conflict_);
+    note_taken_in(p);
+  }
+  return !near_.empty();
+}
+
+// ---- What a change would do ---------------------------------------------------------------------
+
+// Shapes come first, where they decide alone: what is at a volume point must be inside.
+ImproveAngles::Verdict ImproveAngles::judge(Cell poor) {
+  if (std::ranges::find(change_.gone, poor) == change_.gone.end()) return Verdict::kNone;
+  prospects_.clear();
+  if (kind_ == PointKind::kVolume) {
+    const Verdict verdict = judge_shapes();
+    return verdict != Verdict::kNone && are_cells_good() && are_facets_good() ? verdict
+                                                                              : Verdict::kNone;
+  }
+  if (!are_cells_good()) return Verdict::kNone;
+  const Verdict verdict = judge_counts();
+  return verdict != Verdict::kNone && are_facets_good() ? verdict : Verdict::kNone;
+}
+
+ImproveAngles::Verdict ImproveAngles::judge_shapes() {
+  for (const NewCell& cell : change_.made) {
+    if (cell.vertex[3] != change_.vertex) continue;
+    const auto corner = corners(cell);
+    if (largest_cosine(corner) > cosines_[kMuchBelow] || !cell.way.is_known())
+      return Verdict::kNone;
+    const Point way = cell.way.vector();
+    if (!is_small_and_round(corner, 0.25 * (1 + kSlack) * (1 + kSlack) * dot(way, way)))
+      return Verdict::kNone;
+  }
+  return judge_counts();
+}
+
+ImproveAngles::Verdict ImproveAngles::judge_counts() {
+  const Counts made = counts_of_made();
+  if (made == Counts{}) return Verdict::kGood;
+  const bool is_better = !(has_best_ && made >= best_counts_) && made < counts_of_gone();
+  return is_better ? Verdict::kBetter : Verdict::kNone;
+}
+
+bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
+                                       double squared_radius) const {
+  const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
+  double shortest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j)
+      shortest = std::min(shortest, squared_distance(corners[i], corners[j]));
+  return squared_radius < size * size && squared_radius <= ratio * ratio * shortest;
+}
+
+void ImproveAngles::count(double cosine, Counts& counts) const {
+  for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += cosine > cosines_[k];
+}
+
+// Before sides are known, of all.
+ImproveAngles::Counts ImproveAngles::counts_of_made() const {
+  Counts counts{};
+  for (std::size_t n = 0; n < change_.made.size(); ++n)
+    if (prospects_.empty() || prospects_[n].state.side == Side::kInside)
+      count(largest_cosine(corners(change_.made[n])), counts);
+  return counts;
+}
+
+ImproveAngles::Counts ImproveAngles::counts_of_gone() const {
+  Counts counts{};
+  for (const Cell c : change_.gone)
+    if (!mesh_.delaunay().is_infinite(c) && mesh_.is_member(c) && !mesh_.is_hollow(c))
+      count(largest_cosine(corners(c)), counts);
+  return counts;
+}
+
+// C5, C6; and C2 in so far as all cells at a volume point are inside. Of the core nothing changes,
+// or all of it around is there.
+bool ImproveAngles::are_cells_good() {
+  for (const Cell c : change_.gone) {
+    if (mesh_.is_hollow(c)) return false;
+    for (const LocalIndex v : mesh_.delaunay().vertices(c))
+      if (v == kInfiniteVertex || (mesh_.local(v).is_core && !may_meet_core())) return false;
+  }
+  mesh_.appraise(change_, kind_, prospects_);
+  for (std::size_t n = 0; n < prospects_.size(); ++n) {
+    const auto& [state, ball] = prospects_[n];
+    if (state.side == Side::kBeyond || state.is_hollow) return false;
+    if (state.side == Side::kInside
+            ? !is_small_and_round(corners(change_.made[n]), ball.squared_radius)
+            : state.on_surface != 0b1111)
+      return false;
+  }
+  return true;
+}
+
+// C1 to C4: dual edges cross the surface once where sides differ, in a small ball of surface
+// points; elsewhere not at all. Where the boundary changes, its facets are disks as before.
+bool ImproveAngles::are_facets_good() {
+  constexpr std::uint32_t kNew = Delaunay::kNewCell;
+  const double size = input_.criteria.size;
+  const auto is_inside = [&](std::uint32_t cell) {
+    return cell & kNew ? prospects_[cell & ~kNew].state.side == Side::kInside
+                       : mesh_.is_member(cell);
+  };
+  facets_made_.clear();
+  for (std::uint32_t n = 0; n < change_.made.size(); ++n) {
+    const NewCell& cell = change_.made[n];
+    const CellState& state = prospects_[n].state;
+    for (int i = 0; i < 4; ++i) {
+      const std::uint32_t beyond = cell.neighbor[std::size_t(i)];
+      if ((beyond & kNew) && (beyond & ~kNew) < n) continue;  // seen from there
+      const bool is_on_boundary = is_inside(kNew | n) != is_inside(beyond);
+      if (((state.own & state.hidden) & ~(1 << i)) != 0) {
+        if (is_on_boundary) return false;
+        continue;
+      }
+      if (is_on_boundary && (state.on_surface | 1 << i) != 0b1111) return false;
+      const auto dual = mesh_.dual_crossings(change_, prospects_, n, i);
+      if (dual.open_end || dual.count != (is_on_boundary ? 1 : 0)) return false;
+      if (!is_on_boundary) continue;
+      if (!(dual.squared_radius < size * size)) return false;
+      facets_made_.push_back(facet(cell.vertex, i));
+    }
+  }
+  facets_gone_.clear();
+  for (const Cell c : change_.gone)
+    for (int i = 0; i < 4; ++i)
+      if (mesh_.is_member(c) != mesh_.is_member(mesh_.delaunay().neighbor(c, i)))
+        facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
+  std::ranges::sort(facets_made_);
+  std::ranges::sort(facets_gone_);
+  const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
+  facets_gone_.erase(repeated.begin(), repeated.end());
+  return facets_made_ == facets_gone_ || is_boundary_kept();
+}
+
+// With the same vertices (and the new one) as before, so as many facets (and two more).
+bool ImproveAngles::is_boundary_kept() const {
+  const auto vertices_of = [](const std::vector<Facet>& facets) {
+    std::vector<LocalIndex> vertices;
+    for (const Facet& f : facets) vertices.insert(vertices.end(), f.begin(), f.end());
+    std::ranges::sort(vertices);
+    const auto repeated = std::ranges::unique(vertices);
+    vertices.erase(repeated.begin(), repeated.end());
+    return vertices;
+  };
+  std::vector<LocalIndex> before = vertices_of(facets_gone_);
+  const std::vector<LocalIndex> after = vertices_of(facets_made_);
+  const bool is_new = kind_ == PointKind::kSurface;
+  if (is_new) before.push_back(change_.vertex);
+  return before == after && facets_made_.size() == facets_gone_.size() + (is_new ? 2 : 0) &&
+         std::ranges::all_of(after, [&](LocalIndex v) { return is_disk_after(v); });
+}
+
+// Whether the boundary facets at v will be a disk. Of a ghost that is known only where the balls of
+// cells at them do not reach beyond what is loaded.
+bool ImproveAngles::is_disk_after(LocalIndex v) const {
+  const Delaunay& delaunay = mesh_.delaunay();
+  around_.clear();
+  if (v < delaunay.num_vertices()) delaunay.cells_around(v, around_);
+  std::vector<Facet> star;
+  for (const Cell c : around_) {
+    if (!mesh_.is_member(c)) continue;
+    const int at = delaunay.index_of(c, v);
+    for (int i = 0; i < 4; ++i) {
+      if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
+      const auto& [center, squared_radius, clearance] = mesh_.ball(c);
+      if (!mesh_.is_own(v) &&
+          std::sqrt(input_.box.squared_distance(center)) + std::sqrt(squared_radius) >=
+              input_.criteria.reach)
+        return false;
+      star.push_back(facet(delaunay.vertices(c), i));
+    }
+  }
+  std::erase_if(star, [&](const Facet& f) { return std::ranges::binary_search(facets_gone_, f); });
+  std::ranges::copy_if(facets_made_, std::back_inserter(star),
+                       [&](const Facet& f) { return std::ranges::find(f, v) != f.end(); });
+  std::vector<LinkEdge> link;
+  for (const auto& [a, b, c] : star)
+    link.push_back(a == v ? LinkEdge{b, c} : b == v ? LinkEdge{a, c} : LinkEdge{a, b});
+  return is_cycle(link);
+}
+
+// ---- Changing -----------------------------------------------------------------------------------
+
+void ImproveAngles::make() {
+  CellNames gone, made;
+  for (const Cell c : change_.gone) {
+    note_others(c, gone);
+    note_met_core(c);
+  }
+  const bool is_new = change_.vertex == mesh_.num_locals();
+  const MeshPoint before = is_new ? MeshPoint{} : mesh_.local(change_.vertex).point;
+  VertexRef ref = is_new ? 0 : mesh_.local(change_.vertex).ref;
+  if ((ref & kNewPoint) != 0) {
+    delta_.inserted[ref & ~kNewPoint].position = change_.place;
+  } else {
+    if (!is_new) delta_.moved.push_back(before);
+    ref = kNewPoint | delta_.inserted.size();
+    delta_.inserted.push_back({change_.place, kind_, false, std::vector<Point>{}});
+  }
+  if (is_new) {
+    ++delta_.stats.insertions[6];
+    mesh_.insert(change_, kind_, ref);
+  } else {
+    ++delta_.stats.moves;
+    mesh_.move(change_, ref);
+  }
+  tell(is_new ? RefineStep::Action::kInsert : RefineStep::Action::kMove, ref,
+       {0, change_.place, kind_});
+  for (const Cell c : mesh_.delaunay().new_cells()) {
+    note_others(c, made);
+    note_met_core(c);
+    look_at(c);
+  }
+  // What comes and goes again is nothing to others.
+  for (const auto& cell : gone)
+    if (others_made_.erase(cell) == 0) others_gone_.insert(cell);
+  for (const auto& cell : made)
+    if (others_gone_.erase(cell) == 0) others_made_.insert(cell);
+}
+
+void ImproveAngles::note_others(Cell c, CellNames& changed) const {
+  if (!is_of_others(c)) return;
+  auto& names = changed.emplace_back();
+  for (int i = 0; i < 4; ++i)
+    names[std::size_t(i)] = mesh_.local(mesh_.delaunay().vertex(c, i)).ref;
+  if (sort_oddly(names)) std::swap(names[2], names[3]);
+}
+
+void ImproveAngles::note_met_core(Cell c) {
+  for (const LocalIndex v : mesh_.delaunay().vertices(c))
+    if (v != kInfiniteVertex && mesh_.local(v).is_core)
+      delta_.met_core.push_back(mesh_.local(v).point.id);
+}
+
+// Is it listed by another leaf, that of its smallest vertex? Leaves of cells at core points will be
+// visited, for these are met.
+bool ImproveAngles::is_of_others(Cell c) const {
+  if (mesh_.state(c).own == 0b1111 || !mesh_.is_member(c) || mesh_.is_hollow(c)) return false;
+  int smallest = 0;
+  for (int i = 0; i < 4; ++i) {
+    if (mesh_.local(mesh_.delaunay().vertex(c, i)).is_core) return false;
+    if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
+  }
+  return !mesh_.is_own(mesh_.delaunay().vertex(c, smallest));
+}
+
+}  // namespace locvol
