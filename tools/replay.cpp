@@ -23,6 +23,8 @@ std::string_view action_name(Action action) {
       return "take in";
     case Action::kBlocked:
       return "unresolved";
+    case Action::kMove:
+      return "move";
   }
   return "unknown";
 }
