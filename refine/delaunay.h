@@ -41,6 +41,11 @@ bool sort_oddly(std::array<Name, 4>& v) {
   return is_odd;
 }
 
+// A facet's corners by the index of the vertex off it, counterclockwise seen from that: with it,
+// last, they are positively oriented.
+inline constexpr std::array<std::array<int, 3>, 4> kFacetCorners{
+    {{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
+
 // The predicates contradict each other: a bug, or arithmetic that is not what it should be. What is
 // left of the triangulation is of no use.
 class DelaunayError : public std::runtime_error {

@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <numbers>
 #include <utility>
 
 #include "octree/mix.h"
-#include "refine/cell_angles.h"
+#include "refine/cell_shape.h"
 #include "refine/vertex_link.h"
 
 namespace locvol {
@@ -84,10 +83,6 @@ void ImproveAngles::run() {
   delta_.others_made.assign(others_made_.begin(), others_made_.end());
 }
 
-std::array<Point, 4> ImproveAngles::corners(Cell c) const {
-  return {mesh_.point(c, 0), mesh_.point(c, 1), mesh_.point(c, 2), mesh_.point(c, 3)};
-}
-
 std::array<Point, 4> ImproveAngles::corners(const NewCell& cell) const {
   return {place(cell.vertex[0]), place(cell.vertex[1]), place(cell.vertex[2]),
           place(cell.vertex[3])};
@@ -103,7 +98,7 @@ ImproveAngles::Facet ImproveAngles::facet(const std::array<LocalIndex, 4>& cell,
 
 void ImproveAngles::look_at(Cell c) {
   if (!mesh_.has_own_vertex(c) || mesh_.delaunay().is_infinite(c)) return;
-  const double cosine = largest_cosine(corners(c));
+  const double cosine = largest_cosine(mesh_.corners(c));
   if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
   Poor poor{cosine, mesh_.ref(c), mesh_.delaunay().vertices(c)};
   std::ranges::sort(poor.vertices);
@@ -125,7 +120,10 @@ bool ImproveAngles::improve(Cell poor) {
     make();
     return true;
   }
-  return try_in_volume(poor) || try_on_surface(poor);
+  list_places_in_ball(poor);
+  if (try_insertions(poor, PointKind::kVolume)) return true;
+  list_places_on_surface(poor);
+  return try_insertions(poor, PointKind::kSurface);
 }
 
 // Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core
@@ -216,7 +214,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   Point sum;
   double volume = 0;
   for (const Cell near : move_.star()) {
-    const auto& [k, l, m, n] = corners(near);
+    const auto& [k, l, m, n] = mesh_.corners(near);
     const double part = dot(cross(l - k, m - k), n - k);
     volume += part;
     sum = sum + part * mesh_.ball(near).center;
@@ -227,27 +225,8 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
     places_.push_back(p + (kAround * size) * noise.in_unit_ball());
 }
 
-bool ImproveAngles::try_in_volume(Cell poor) {
-  const CellBall ball = mesh_.ball(poor);
-  const auto vertices = mesh_.delaunay().vertices(poor);
-  Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
-  for (int n = 0; n < kNumInBall; ++n) {
-    const Point q = ball.center + std::sqrt(ball.squared_radius) * noise.in_unit_ball();
-    if (!is_in_leaf(input_.box, q)) continue;
-    take_in_ghosts(q);
-    take_in_core(q);
-    move_.put_in_new();
-    if (!move_.find_insertion(q, poor, change_) || judge(poor) == Verdict::kNone) continue;
-    make();
-    return true;
-  }
-  return false;
-}
-
-// The last resort for cells of four surface points: one more between them.
-bool ImproveAngles::try_on_surface(Cell poor) {
-  list_places_on_surface(poor);
-  kind_ = PointKind::kSurface;
+bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
+  kind_ = kind;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
     take_in_ghosts(q);
@@ -260,7 +239,17 @@ bool ImproveAngles::try_on_surface(Cell poor) {
   return false;
 }
 
-// In its circumball: centers of its surface balls, and some on the triangles.
+void ImproveAngles::list_places_in_ball(Cell poor) {
+  const CellBall& ball = mesh_.ball(poor);
+  const auto& vertices = mesh_.delaunay().vertices(poor);
+  Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
+  places_.clear();
+  for (int n = 0; n < kNumInBall; ++n)
+    places_.push_back(ball.center + std::sqrt(ball.squared_radius) * noise.in_unit_ball());
+}
+
+// The last resort, mostly for cells of four surface points: in the circumball, centers of the
+// cell's surface balls, and some on the triangles.
 void ImproveAngles::list_places_on_surface(Cell poor) {
   const Delaunay& delaunay = mesh_.delaunay();
   const CellBall& ball = mesh_.ball(poor);
@@ -287,25 +276,21 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
 
 // All points within 2λ of q must be there; true if some were not.
 bool ImproveAngles::take_in_ghosts(const Point& q) {
-  mesh_.take_out_near(q, near_);
-  for (const MeshPoint& p : near_) {
-    mesh_.find_conflict(p.position, mesh_.delaunay().newest_cell(), conflict_);
-    mesh_.insert(p, p.id, conflict_);
-    note_taken_in(p);
-  }
-  return !near_.empty();
+  mesh_.take_in_ghosts(q, mesh_.delaunay().newest_cell(), near_);
+  return note_taken_in();
 }
 
 bool ImproveAngles::take_in_core(const Point& q) {
   if (!may_meet_core()) return false;
-  surroundings_.core->within(q, kNeighborhood * input_.criteria.size, near_);
-  std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
-  for (const MeshPoint& p : near_) {
-    mesh_.find_conflict(p.position, mesh_.delaunay().newest_cell(), conflict_);
-    mesh_.insert_core(p, conflict_);
-    note_taken_in(p);
-  }
-  return !near_.empty();
+  mesh_.take_in_core(q, mesh_.delaunay().newest_cell(), near_);
+  return note_taken_in();
+}
+
+bool ImproveAngles::note_taken_in() {
+  if (near_.empty()) return false;
+  delta_.stats.points_added += near_.size();
+  for (const MeshPoint& p : near_) tell(RefineStep::Action::kTakeIn, p.id, p);
+  return true;
 }
 
 // ---- What a change would do ---------------------------------------------------------------------
@@ -347,11 +332,8 @@ ImproveAngles::Verdict ImproveAngles::judge_counts() {
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
                                        double squared_radius) const {
   const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
-  double shortest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t j = i + 1; j < 4; ++j)
-      shortest = std::min(shortest, squared_distance(corners[i], corners[j]));
-  return squared_radius < size * size && squared_radius <= ratio * ratio * shortest;
+  return squared_radius < size * size &&
+         squared_radius <= ratio * ratio * shortest_edge_squared(corners);
 }
 
 void ImproveAngles::count(double cosine, Counts& counts) const {
@@ -371,7 +353,7 @@ ImproveAngles::Counts ImproveAngles::counts_of_gone() const {
   Counts counts{};
   for (const Cell c : change_.gone)
     if (!mesh_.delaunay().is_infinite(c) && mesh_.is_member(c) && !mesh_.is_hollow(c))
-      count(largest_cosine(corners(c)), counts);
+      count(largest_cosine(mesh_.corners(c)), counts);
   return counts;
 }
 

@@ -58,8 +58,7 @@ class ImproveAngles {
   void look_at(Cell c);
   bool improve(Cell poor);
   bool try_places(LocalIndex v, Cell poor);
-  bool try_in_volume(Cell poor);
-  bool try_on_surface(Cell poor);
+  bool try_insertions(Cell poor, PointKind kind);
   bool take_in_ghosts(const Point& q);
   bool take_in_core(const Point& q);
   // Not at once: it has leaves visited again.
@@ -67,6 +66,7 @@ class ImproveAngles {
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);
   void list_places(LocalIndex v, Cell poor);
+  void list_places_in_ball(Cell poor);
   void list_places_on_surface(Cell poor);
 
   Verdict judge(Cell poor);
@@ -85,10 +85,7 @@ class ImproveAngles {
   void tell(RefineStep::Action action, VertexRef ref, const MeshPoint& point) const {
     if (on_step_) on_step_({action, 7, 0, ref, point.position, point.kind});
   }
-  void note_taken_in(const MeshPoint& p) {
-    ++delta_.stats.points_added;
-    tell(RefineStep::Action::kTakeIn, p.id, p);
-  }
+  bool note_taken_in();
   void note_others(Cell c, CellNames& changed) const;
   bool is_of_others(Cell c) const;
   void note_met_core(Cell c);
@@ -96,7 +93,6 @@ class ImproveAngles {
   const Point& place(LocalIndex v) const {
     return v == change_.vertex ? change_.place : mesh_.delaunay().point(v);
   }
-  std::array<Point, 4> corners(Cell c) const;
   std::array<Point, 4> corners(const NewCell& cell) const;
   Facet facet(const std::array<LocalIndex, 4>& cell, int off) const;
 
@@ -126,7 +122,6 @@ class ImproveAngles {
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
   std::vector<Triangle> triangles_;
   std::vector<MeshPoint> near_;  // taken in
-  LeafMesh::Conflict conflict_;
   mutable std::vector<Cell> around_;
 };
 

@@ -89,9 +89,6 @@ bool leads_past(const Point* off, const std::array<Point, 3>& corners) {
   return off == nullptr || is_outside_smallest_ball(corners, *off);
 }
 
-// A facet's corners, counterclockwise seen from the vertex off the facet.
-constexpr std::array<std::array<int, 3>, 4> kTriple{{{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
-
 }  // namespace
 
 // The reach of the leaf's box is farther than that of its points: a third of the ghosts is out of
@@ -299,7 +296,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   side(f.cell), side(there);
   if (is_hidden(f)) return {};
   std::array<Point, 3> corners;
-  for (std::size_t k = 0; k < 3; ++k) corners[k] = point(f.cell, kTriple[std::size_t(f.index)][k]);
+  for (std::size_t k = 0; k < 3; ++k)
+    corners[k] = point(f.cell, kFacetCorners[std::size_t(f.index)][k]);
   return dual_crossings(corners, at_facet(f),
                         at_facet({there, delaunay_.index_of_neighbor(there, f.cell)}),
                         has_hidden_own_vertex(f));
@@ -395,7 +393,7 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(const Delaunay::Change& change,
   std::array<Point, 3> corners;
   std::array<LocalIndex, 3> vertices;
   for (std::size_t k = 0; k < 3; ++k) {
-    vertices[k] = here.vertex[std::size_t(kTriple[std::size_t(index)][k])];
+    vertices[k] = here.vertex[std::size_t(kFacetCorners[std::size_t(index)][k])];
     corners[k] = place(vertices[k]);
   }
   // The states are their caller's, who has more of them: what they learn here is lost.
@@ -498,14 +496,33 @@ void LeafMesh::insert(const Delaunay::Change& change, PointKind kind, VertexRef 
   insert({ref, change.place, kind}, ref, conflict);
 }
 
-void LeafMesh::take_out_near(const Point& q, std::vector<MeshPoint>& out) {
-  out.clear();
+void LeafMesh::take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>& taken) {
   const double reach = input_.criteria.reach;
   const auto near = std::ranges::stable_partition(left_out_, [&](const MeshPoint& p) {
     return squared_distance(p.position, q) > reach * reach;
   });
-  out.assign(near.begin(), near.end());
+  taken.assign(near.begin(), near.end());
   left_out_.erase(near.begin(), near.end());
+  Conflict conflict;
+  for (const MeshPoint& p : taken) {
+    find_conflict(p.position, hint, conflict);
+    insert(p, p.id, conflict);
+    hint = delaunay_.newest_cell();
+  }
+}
+
+// All cells at q that belong to the mesh have vertices within 2λ.
+void LeafMesh::take_in_core(const Point& q, Cell hint, std::vector<MeshPoint>& taken) {
+  taken.clear();
+  if (surroundings_.core == nullptr) return;
+  surroundings_.core->within(q, kNeighborhood * input_.criteria.size, taken);
+  std::erase_if(taken, [&](const MeshPoint& p) { return is_known(p.id); });
+  Conflict conflict;
+  for (const MeshPoint& p : taken) {
+    find_conflict(p.position, hint, conflict);
+    insert_core(p, conflict);
+    hint = delaunay_.newest_cell();
+  }
 }
 
 bool LeafMesh::is_known(std::uint64_t id) const {

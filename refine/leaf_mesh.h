@@ -95,6 +95,9 @@ class LeafMesh {
   bool has_cells() const { return delaunay_.has_cells(); }
   bool is_known(std::uint64_t id) const;  // a point of P that is there, or was
   const Point& point(Cell c, int i) const { return delaunay_.point(delaunay_.vertex(c, i)); }
+  std::array<Point, 4> corners(Cell c) const {
+    return {point(c, 0), point(c, 1), point(c, 2), point(c, 3)};
+  }
   bool is_own(LocalIndex v) const { return v != kInfiniteVertex && locals_[v].is_own; }
   bool has_own_vertex(Cell c) const { return states_[c].own != 0; }
   bool has_own_vertex(Facet f) const { return has_vertex(states_[f.cell].own, f); }
@@ -161,7 +164,6 @@ class LeafMesh {
   void find_conflict(const Point& q, Cell hint, Conflict& conflict) const;
   // `conflict` is that of q.
   LocalIndex insert(const MeshPoint& q, VertexRef ref, const Conflict& conflict);
-  LocalIndex insert_core(const MeshPoint& q, const Conflict& conflict);
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(std::span<const LocalIndex> leaving);
@@ -170,9 +172,11 @@ class LeafMesh {
   void move(const Delaunay::Change& change, VertexRef ref);
   // An own point comes where there was none.
   void insert(const Delaunay::Change& change, PointKind kind, VertexRef ref);
-  // Ghosts that were left out and are within the reach of q, in order of id; they are to be
-  // inserted before anything is at q.
-  void take_out_near(const Point& q, std::vector<MeshPoint>& out);
+  // Ghosts that were left out and are within the reach of q come, before anything is inserted
+  // there; `taken`: they, in order of id.
+  void take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>& taken);
+  // The same of the lattice core, within 2λ.
+  void take_in_core(const Point& q, Cell hint, std::vector<MeshPoint>& taken);
   // Volume points closer to q than `distance`, ascending. REQUIRES: distance <= λ
   void volume_points_near(const Point& q, double distance, std::vector<LocalIndex>& out) const;
   // Of the points in the Voronoi cell of the vertex `i`, the one farthest from it, farther than
@@ -193,14 +197,12 @@ class LeafMesh {
   GridCell grid_cell(const Point& p) const;
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
   void add_to_triangulation(std::vector<Local> locals);
+  LocalIndex insert_core(const MeshPoint& q, const Conflict& conflict);
   LocalIndex insert_last_local(const Conflict& conflict);
   void make_fresh(Cell c);
   void make_all_fresh();
   Side find_side(Cell c) const;
   Side find_side(const std::array<Point, 4>& corners, CellState& state, CellBall& ball) const;
-  std::array<Point, 4> corners(Cell c) const {
-    return {point(c, 0), point(c, 1), point(c, 2), point(c, 3)};
-  }
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;
   bool is_at_core(const MeshPoint& p, bool is_own) const;

@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "octree/site_block.h"
+#include "refine/cell_shape.h"
 #include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
 #include "refine/predicates.h"
@@ -140,7 +141,6 @@ class Refinement {
   bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
   bool is_in_fold(const Point& q) const;
   bool is_in_fold(Facet f) const;  // all of its vertices are
-  double shortest_edge_squared(Cell c) const;
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
@@ -337,7 +337,7 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   const double squared_radius = mesh_.ball(cell).squared_radius;
   if (squared_radius >= size * size)
     c5_.push_back(ref);
-  else if (squared_radius > ratio * ratio * shortest_edge_squared(cell))
+  else if (squared_radius > ratio * ratio * shortest_edge_squared(mesh_.corners(cell)))
     c6_.push_back(ref);
 }
 
@@ -366,14 +366,6 @@ void Refinement::look_at_vertex(LocalIndex v) {
   if (is_in_c3_[v]) return;
   is_in_c3_[v] = true;
   c3_.push_back(v);
-}
-
-double Refinement::shortest_edge_squared(Cell c) const {
-  double shortest = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 4; ++i)
-    for (int j = i + 1; j < 4; ++j)
-      shortest = std::min(shortest, squared_distance(mesh_.point(c, i), mesh_.point(c, j)));
-  return shortest;
 }
 
 // Whether the boundary facets at v (in `star`) form a disk around it: their edges opposite v make
@@ -523,27 +515,15 @@ bool Refinement::take_in_unloaded(const Point& q, Cell hint) {
 
 // The same for ghosts that are within reach of q, and of no own point so far.
 bool Refinement::take_in_ghosts(const Point& q, Cell hint) {
-  mesh_.take_out_near(q, near_);
-  for (const MeshPoint& p : near_) {
-    mesh_.find_conflict(p.position, hint, conflict_);
-    mesh_.insert(p, p.id, conflict_);
-    hint = mesh_.delaunay().newest_cell();
-    note_taken_in(p);
-  }
+  mesh_.take_in_ghosts(q, hint, near_);
+  for (const MeshPoint& p : near_) note_taken_in(p);
   return !near_.empty();
 }
 
-// The same for the lattice core. All cells at q that belong to the mesh have vertices within 2λ.
+// The same for the lattice core.
 bool Refinement::take_in_core(const Point& q, Cell hint) {
-  if (surroundings_.core == nullptr) return false;
-  surroundings_.core->within(q, 2 * input_.criteria.size, near_);
-  std::erase_if(near_, [&](const MeshPoint& p) { return mesh_.is_known(p.id); });
-  for (const MeshPoint& p : near_) {
-    mesh_.find_conflict(p.position, hint, conflict_);
-    mesh_.insert_core(p, conflict_);
-    hint = mesh_.delaunay().newest_cell();
-    note_taken_in(p);
-  }
+  mesh_.take_in_core(q, hint, near_);
+  for (const MeshPoint& p : near_) note_taken_in(p);
   return !near_.empty();
 }
 

@@ -8,9 +8,11 @@
 namespace locvol {
 namespace {
 
-// A facet's corners so that with the vertex off the facet, last, they are positively oriented.
-constexpr std::array<std::array<std::size_t, 3>, 4> kTriple{
-    {{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
+// Of the facet opposite the vertex `off`.
+std::array<Delaunay::Vertex, 3> corners_of(const std::array<Delaunay::Vertex, 4>& cell, int off) {
+  const auto& [a, b, c] = kFacetCorners[std::size_t(off)];
+  return {cell[std::size_t(a)], cell[std::size_t(b)], cell[std::size_t(c)]};
+}
 
 bool is_same_facet(const std::array<Delaunay::Vertex, 3>& a,
                    const std::array<Delaunay::Vertex, 3>& b) {
@@ -42,11 +44,9 @@ bool VertexMove::take_out(Vertex v) {
     marks_[c].star = star_stamp_;
     const int at = delaunay_.index_of(c, v);
     Open facet;
-    for (std::size_t k = 0; k < 3; ++k) {
-      facet.corner[k] = delaunay_.vertex(c, int(kTriple[std::size_t(at)][k]));
-      if (std::ranges::find(link_, facet.corner[k]) == link_.end())
-        link_.push_back(facet.corner[k]);
-    }
+    facet.corner = corners_of(delaunay_.vertices(c), at);
+    for (const Vertex w : facet.corner)
+      if (std::ranges::find(link_, w) == link_.end()) link_.push_back(w);
     facet.beyond = delaunay_.neighbor(c, at);
     facet.index = delaunay_.index_of_neighbor(facet.beyond, c);
     open_.push_back(facet);
@@ -76,8 +76,8 @@ bool VertexMove::fill_hole() {
     };
     meet(facet);
     for (std::size_t i = 0; i < 3; ++i) {
-      const auto& [a, b, c] = kTriple[i];
-      const Open next{{cell.vertex[a], cell.vertex[c], cell.vertex[b]}, kNew | h, int(i)};
+      const auto corner = corners_of(cell.vertex, int(i));
+      const Open next{{corner[0], corner[2], corner[1]}, kNew | h, int(i)};
       const auto other = std::ranges::find_if(
           open_, [&](const Open& o) { return is_same_facet(o.corner, next.corner); });
       if (other == open_.end()) {
@@ -201,9 +201,7 @@ bool VertexMove::spread(const Point& q) {
         if (known == Seen::kInside) inside_.push_back(next);
       }
       if (known == Seen::kInside) continue;
-      const auto& corner = vertices(here);
-      const auto& [a, b, c] = kTriple[std::size_t(i)];
-      border_.push_back({here, next, {corner[a], corner[b], corner[c]}});
+      border_.push_back({here, next, corners_of(vertices(here), i)});
     }
     if (border_.size() > kMaxFacets) return false;
   }

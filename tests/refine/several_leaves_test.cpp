@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "refine/cell_angles.h"
+#include "refine/cell_shape.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
 #include "tests/refine/brute_force.h"

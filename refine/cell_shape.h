@@ -1,9 +1,11 @@
-// Dihedral angles of cells, by their cosines. Internal to refine/.
+// Dihedral angles of cells, by their cosines, and edges. Internal to refine/.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 
 #include "octree/geometry.h"
 
@@ -24,6 +26,14 @@ inline double largest_cosine(const std::array<Point, 4>& cell) {
   const double ab = dot(na, nb) * ia * ib, ac = dot(na, nc) * ia * ic, ad = dot(na, nd) * ia * id;
   const double bc = dot(nb, nc) * ib * ic, bd = dot(nb, nd) * ib * id, cd = dot(nc, nd) * ic * id;
   return -std::min(std::min(std::min(ab, ac), std::min(ad, bc)), std::min(bd, cd));
+}
+
+inline double shortest_edge_squared(const std::array<Point, 4>& cell) {
+  double shortest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j)
+      shortest = std::min(shortest, squared_distance(cell[i], cell[j]));
+  return shortest;
 }
 
 }  // namespace locvol
