@@ -286,8 +286,10 @@ bool ImproveAngles::take_in_core(const Point& q) {
   return note_taken_in();
 }
 
+// What was found before names cells that may be gone.
 bool ImproveAngles::note_taken_in() {
   if (near_.empty()) return false;
+  has_best_ = false;
   delta_.stats.points_added += near_.size();
   for (const MeshPoint& p : near_) tell(RefineStep::Action::kTakeIn, p.id, p);
   return true;
