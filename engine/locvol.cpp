@@ -182,6 +182,7 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .size = {options.size.value, options.size.is_percent},
           .leaf_capacity = options.leaf_capacity,
           .seed = options.seed,
+          .min_dihedral = options.min_dihedral,
           .spacing_floor = options.spacing_floor,
           .is_forced = options.is_forced};
 }

@@ -113,6 +113,7 @@ struct Options {
   bool is_forced = false;           ///< Start anew over the store of another run.
   std::uint64_t leaf_capacity = 0;  ///< κ: a leaf with more points is split. 0: the default.
   std::uint64_t seed = 0;           ///< Of the sample of the surface.
+  double min_dihedral = 15;         ///< Of cells, in degrees; 0: any.
   double spacing_floor = 0.02;      ///< No point comes closer than this to another; over λ.
 };
 

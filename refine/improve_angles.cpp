@@ -72,15 +72,28 @@ void ImproveAngles::run() {
     for (const Poor& poor : std::exchange(left_, {}))
       if (mesh_.is_alive(poor.cell)) waiting_.push(poor);
   }
-  for (; !waiting_.empty(); waiting_.pop())
-    delta_.poor.push_back(
-        {mesh_.ball(waiting_.top().cell.cell).center,
-         std::acos(std::min(1.0, waiting_.top().cosine)) * 180 / std::numbers::pi});
+  list_poor();
   // Cells of points that came in this visit were in no list.
-  std::ranges::copy_if(others_gone_, std::back_inserter(delta_.others_gone), [](const auto& cell) {
-    return std::ranges::none_of(cell, [](VertexRef v) { return (v & kNewPoint) != 0; });
-  });
-  delta_.others_made.assign(others_made_.begin(), others_made_.end());
+  for (const auto& [name, smallest] : others_gone_)
+    if (std::ranges::none_of(name, [](VertexRef v) { return (v & kNewPoint) != 0; }))
+      delta_.others_gone.push_back({name, smallest});
+  for (const auto& [name, smallest] : others_made_) delta_.others_made.push_back({name, smallest});
+}
+
+// Others try what is new only if something is: so it ends.
+void ImproveAngles::list_poor() {
+  const bool is_changed = !delta_.inserted.empty() || !delta_.deleted.empty();
+  for (; !waiting_.empty(); waiting_.pop()) {
+    const auto& [cosine, ref, vertices] = waiting_.top();
+    PoorCell poor{.position = mesh_.ball(ref.cell).center,
+                  .degrees = std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi,
+                  .others = {}};
+    if (is_changed && mesh_.is_made_later(ref))
+      for (const LocalIndex v : vertices)
+        if (!mesh_.is_own(v) && !mesh_.local(v).is_core)
+          poor.others.push_back(mesh_.local(v).point.position);
+    delta_.poor.push_back(std::move(poor));
+  }
 }
 
 std::array<Point, 4> ImproveAngles::corners(const NewCell& cell) const {
@@ -395,6 +408,7 @@ bool ImproveAngles::are_facets_good() {
     for (int i = 0; i < 4; ++i) {
       const std::uint32_t beyond = cell.neighbor[std::size_t(i)];
       if ((beyond & kNew) && (beyond & ~kNew) < n) continue;  // seen from there
+      if ((beyond & kNew) == 0 && mesh_.side(beyond) == Side::kBeyond) return false;
       const bool is_on_boundary = is_inside(kNew | n) != is_inside(beyond);
       if (((state.own & state.hidden) & ~(1 << i)) != 0) {
         if (is_on_boundary) return false;
@@ -438,8 +452,8 @@ bool ImproveAngles::is_boundary_kept() const {
          std::ranges::all_of(after, [&](LocalIndex v) { return is_disk_after(v); });
 }
 
-// Whether the boundary facets at v will be a disk. Of a ghost that is known only where the balls of
-// cells at them do not reach beyond what is loaded.
+// Whether the boundary facets at v will be a disk. Of a ghost that is known only where all in the
+// balls of cells at them is loaded.
 bool ImproveAngles::is_disk_after(LocalIndex v) const {
   const Delaunay& delaunay = mesh_.delaunay();
   around_.clear();
@@ -450,10 +464,8 @@ bool ImproveAngles::is_disk_after(LocalIndex v) const {
     const int at = delaunay.index_of(c, v);
     for (int i = 0; i < 4; ++i) {
       if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
-      const auto& [center, squared_radius, clearance] = mesh_.ball(c);
-      if (!mesh_.is_own(v) &&
-          std::sqrt(input_.box.squared_distance(center)) + std::sqrt(squared_radius) >=
-              input_.criteria.reach)
+      if (!mesh_.is_own(v) && (!mesh_.is_loaded(mesh_.ball(c)) ||
+                               mesh_.side(delaunay.neighbor(c, i)) == Side::kBeyond))
         return false;
       star.push_back(facet(delaunay.vertices(c), i));
     }
@@ -470,7 +482,7 @@ bool ImproveAngles::is_disk_after(LocalIndex v) const {
 // ---- Changing -----------------------------------------------------------------------------------
 
 void ImproveAngles::make() {
-  CellNames gone, made;
+  CellsByName gone, made;
   for (const Cell c : change_.gone) {
     note_others(c, gone);
     note_met_core(c);
@@ -501,35 +513,32 @@ void ImproveAngles::make() {
   }
   // What comes and goes again is nothing to others.
   for (const auto& cell : gone)
-    if (others_made_.erase(cell) == 0) others_gone_.insert(cell);
+    if (others_made_.erase(cell.first) == 0) others_gone_.insert(cell);
   for (const auto& cell : made)
-    if (others_gone_.erase(cell) == 0) others_made_.insert(cell);
+    if (others_gone_.erase(cell.first) == 0) others_made_.insert(cell);
 }
 
-void ImproveAngles::note_others(Cell c, CellNames& changed) const {
-  if (!is_of_others(c)) return;
-  auto& names = changed.emplace_back();
-  for (int i = 0; i < 4; ++i)
-    names[std::size_t(i)] = mesh_.local(mesh_.delaunay().vertex(c, i)).ref;
-  if (sort_oddly(names)) std::swap(names[2], names[3]);
+// The leaf of its smallest vertex lists it. Leaves of cells at core points will be visited, for
+// these are met.
+void ImproveAngles::note_others(Cell c, CellsByName& changed) const {
+  if (mesh_.state(c).own == 0b1111 || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
+  std::array<VertexRef, 4> name{};
+  int smallest = 0;
+  for (int i = 0; i < 4; ++i) {
+    const LeafMesh::Local& local = mesh_.local(mesh_.delaunay().vertex(c, i));
+    if (local.is_core) return;
+    name[std::size_t(i)] = local.ref;
+    if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
+  }
+  if (mesh_.is_own(mesh_.delaunay().vertex(c, smallest))) return;
+  if (sort_oddly(name)) std::swap(name[2], name[3]);
+  changed.emplace(name, mesh_.point(c, smallest));
 }
 
 void ImproveAngles::note_met_core(Cell c) {
   for (const LocalIndex v : mesh_.delaunay().vertices(c))
     if (v != kInfiniteVertex && mesh_.local(v).is_core)
       delta_.met_core.push_back(mesh_.local(v).point.id);
-}
-
-// Is it listed by another leaf, that of its smallest vertex? Leaves of cells at core points will be
-// visited, for these are met.
-bool ImproveAngles::is_of_others(Cell c) const {
-  if (mesh_.state(c).own == 0b1111 || !mesh_.is_member(c) || mesh_.is_hollow(c)) return false;
-  int smallest = 0;
-  for (int i = 0; i < 4; ++i) {
-    if (mesh_.local(mesh_.delaunay().vertex(c, i)).is_core) return false;
-    if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
-  }
-  return !mesh_.is_own(mesh_.delaunay().vertex(c, smallest));
 }
 
 }  // namespace locvol

@@ -13,8 +13,8 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <queue>
-#include <set>
 #include <span>
 #include <vector>
 
@@ -86,8 +86,9 @@ class ImproveAngles {
     if (on_step_) on_step_({action, 7, 0, ref, point.position, point.kind});
   }
   bool note_taken_in();
-  void note_others(Cell c, CellNames& changed) const;
-  bool is_of_others(Cell c) const;
+  using CellsByName = std::map<std::array<VertexRef, 4>, Point>;  // and their smallest vertices
+  void note_others(Cell c, CellsByName& changed) const;
+  void list_poor();
   void note_met_core(Cell c);
 
   const Point& place(LocalIndex v) const {
@@ -116,7 +117,7 @@ class ImproveAngles {
   Counts best_counts_{};
   bool has_best_ = false;
 
-  std::set<std::array<VertexRef, 4>> others_gone_, others_made_;
+  CellsByName others_gone_, others_made_;
   std::vector<Point> places_;
   std::vector<LocalIndex> movable_;
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary

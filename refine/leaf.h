@@ -68,6 +68,12 @@ struct WholeModel {
   const PointIndex* points = nullptr;     // null: the ghosts are all that can matter
 };
 
+// A bug or a rounding fault, never bad input: with the leaf's place in the message.
+class RefineError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
 // Names a vertex: the id of a point of the input, or kNewPoint | index into LeafDelta::inserted.
 using VertexRef = std::uint64_t;
 inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
@@ -83,6 +89,13 @@ struct CellList {
   }
   friend bool operator==(const CellList&, const CellList&) = default;
 };
+
+// Takes cells out of a list, and puts others in; vertices that no cell has any more go.
+struct CellChanges {
+  std::vector<std::array<VertexRef, 4>> gone, made;  // positively oriented
+  bool is_strict = true;  // what goes is there, and what comes is not: throws RefineError otherwise
+};
+void apply(const CellChanges& changes, CellList& list);
 
 // How the last visit of a leaf left it. REQUIRES: no point within `reach` of the leaf was deleted
 // since, and no core point within 2λ became explicit
@@ -158,11 +171,17 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
 struct PoorCell {
   Point position;      // of its circumcenter
   double degrees = 0;  // its smallest dihedral angle
+  // If it came with this visit: its vertices that are other leaves', which have not tried yet.
+  std::vector<Point> others;
   friend bool operator==(const PoorCell&, const PoorCell&) = default;
 };
 
-// Cells by their vertices, which ascend as far as the positive orientation permits; ascending.
-using CellNames = std::vector<std::array<VertexRef, 4>>;
+// A cell that another leaf lists.
+struct OthersCell {
+  std::array<VertexRef, 4> vertices;  // ascending as far as the positive orientation permits
+  Point smallest;                     // of them: the leaf that owns it lists the cell
+  friend bool operator==(const OthersCell&, const OthersCell&) = default;
+};
 
 struct VisitStats {
   std::array<std::uint64_t, 7> insertions{};  // by condition
@@ -180,7 +199,7 @@ struct LeafDelta {
   // and insertions for C7 change need no visit, for all conditions hold there: what other leaves
   // list changes as `others_gone` and `others_made` say.
   std::vector<MeshPoint> moved;
-  CellNames others_gone, others_made;
+  std::vector<OthersCell> others_gone, others_made;  // ascending
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
   // positively oriented.
   CellList cells;
@@ -192,12 +211,6 @@ struct LeafDelta {
   VisitStats stats;
   bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
   friend bool operator==(const LeafDelta&, const LeafDelta&) = default;
-};
-
-// A bug or a rounding fault, never bad input: with the leaf's place in the message.
-class RefineError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
 };
 
 }  // namespace locvol

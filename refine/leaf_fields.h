@@ -103,8 +103,13 @@ auto fields(Maybe<Violation> auto& violation) {
                     Field("radius", radius));
 }
 auto fields(Maybe<PoorCell> auto& cell) {
-  auto& [position, degrees] = cell;
-  return std::tuple(Field("position", position), Field("degrees", degrees));
+  auto& [position, degrees, others] = cell;
+  return std::tuple(Field("position", position), Field("degrees", degrees),
+                    Field("others", others));
+}
+auto fields(Maybe<OthersCell> auto& cell) {
+  auto& [vertices, smallest] = cell;
+  return std::tuple(Field("vertices", vertices), Field("smallest", smallest));
 }
 auto fields(Maybe<VisitStats> auto& stats) {
   auto& [insertions, moves, deletions, points_added, cells_made] = stats;

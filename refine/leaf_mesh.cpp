@@ -99,7 +99,7 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
       far_radius_(far_radius_of(input.criteria, around.surface)) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
-  if (own == OwnPoints::kInBox && std::isfinite(reach)) {
+  if (std::isfinite(reach)) {
     std::vector<Point> positions;
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
@@ -120,10 +120,12 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
     for (const Point& p : fence_around(input.box, reach))
       locals.push_back({{kFenceId, p, PointKind::kSurface}, kFenceId, false});
   add_to_triangulation(std::move(locals));
-  if (has_cells() || left_out_.empty()) return;
-  locals.clear();
-  for (const MeshPoint& p : std::exchange(left_out_, {})) locals.push_back({p, p.id});
-  add_to_triangulation(std::move(locals));
+  if (!has_cells() && !left_out_.empty()) {
+    locals.clear();
+    for (const MeshPoint& p : std::exchange(left_out_, {})) locals.push_back({p, p.id});
+    add_to_triangulation(std::move(locals));
+  }
+  first_stamp_ = stamp_;
 }
 
 // Local points are numbered along a curve.
@@ -509,6 +511,15 @@ void LeafMesh::take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>&
     insert(p, p.id, conflict);
     hint = delaunay_.newest_cell();
   }
+}
+
+bool LeafMesh::is_loaded(const CellBall& ball) const {
+  const double reach = input_.criteria.reach, radius = std::sqrt(ball.squared_radius);
+  const double loaded = std::isfinite(reach) ? reach : kNeighborhood * input_.criteria.size;
+  return std::sqrt(input_.box.squared_distance(ball.center)) + radius < loaded &&
+         std::ranges::none_of(left_out_, [&](const MeshPoint& p) {
+           return squared_distance(p.position, ball.center) <= ball.squared_radius;
+         });
 }
 
 // All cells at q that belong to the mesh have vertices within 2λ.

@@ -106,6 +106,8 @@ class LeafMesh {
   }
   const CellState& state(Cell c) const { return states_[c]; }
   const CellBall& ball(Cell c) const { return balls_[c]; }
+  // Are all points of P in the ball there, so that it is known whether it is empty?
+  bool is_loaded(const CellBall& ball) const;
 
   // ---- The cells and facets against the surface.
   Side side(Cell c) const {
@@ -148,6 +150,8 @@ class LeafMesh {
   bool is_alive(const CellRef& ref) const {
     return ref.cell < states_.size() && states_[ref.cell].stamp == ref.stamp;
   }
+  // Than the first triangulation.
+  bool is_made_later(const CellRef& ref) const { return ref.stamp > first_stamp_; }
   const std::vector<CellRef>& fresh_cells() const { return fresh_; }
   // Are these all there are with an own vertex?
   bool are_all_fresh() const { return are_all_fresh_; }
@@ -245,7 +249,7 @@ class LeafMesh {
   mutable std::map<GridCell, std::vector<LocalIndex>> volume_points_;
   mutable LocalIndex num_in_grid_ = 0;
   std::uint64_t num_own_ = 0;
-  std::uint32_t stamp_ = 0;
+  std::uint32_t stamp_ = 0, first_stamp_ = 0;
   Delaunay delaunay_;
   mutable std::vector<CellState> states_;  // of cells
   mutable std::vector<CellBall> balls_;    // likewise

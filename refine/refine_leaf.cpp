@@ -84,10 +84,11 @@ class Refinement {
       : input_(input),
         surroundings_(around),
         on_step_(on_step),
-        mesh_(input, around, own),
-        is_whole_(own == LeafMesh::OwnPoints::kInBox) {}
+        mesh_(input, around, own) {}
 
-  LeafDelta run();
+  void restore();                                    // C1–C6
+  const LeafDelta& delta() const { return delta_; }  // so far
+  LeafDelta finish();                                // restores C7, and lists what there is
 
  private:
   enum class Outcome { kChanged, kBlocked };
@@ -101,7 +102,7 @@ class Refinement {
   template <class Ref>
   std::optional<Ref> pop_alive(std::deque<Ref>& waiting) const;
   template <class Ref>
-  bool restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore);
+  bool restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> cure);
   bool restore_next_disk();
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
@@ -166,7 +167,6 @@ class Refinement {
   const Surroundings& surroundings_;
   const OnStep& on_step_;
   LeafMesh mesh_;
-  bool is_whole_;  // the leaf's own points are all looked at
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
@@ -208,14 +208,17 @@ std::optional<Ref> Refinement::pop_alive(std::deque<Ref>& waiting) const {
   return std::nullopt;
 }
 
-LeafDelta Refinement::run() {
+void Refinement::restore() {
   if (!mesh_.has_cells()) start_from_corners();
   if (!is_overfull() && mesh_.has_cells())
     while (!is_overfull() && restore_next()) {
     }
   delta_.is_overfull = is_overfull();
   forget_changed();
-  if (is_whole_ && !delta_.is_overfull && mesh_.has_cells() && input_.criteria.min_dihedral > 0)
+}
+
+LeafDelta Refinement::finish() {
+  if (!delta_.is_overfull && mesh_.has_cells() && input_.criteria.min_dihedral > 0)
     ImproveAngles(input_, surroundings_, on_step_, mesh_, delta_).run();
   std::ranges::sort(delta_.met_core);
   const auto repeated = std::ranges::unique(delta_.met_core);
@@ -250,11 +253,11 @@ bool Refinement::restore_next() {
 
 // What survives its cure (the center of a surface ball was inserted in its place) is tried again.
 template <class Ref>
-bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> restore) {
+bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> cure) {
   const auto ref = pop_alive(waiting);
   if (!ref) return false;
   const std::size_t num_before = mesh_.num_locals();
-  if ((this->*restore)(*ref, condition) == Outcome::kBlocked) {
+  if ((this->*cure)(*ref, condition) == Outcome::kBlocked) {
     blocked_.push_back({*ref, attempt_});
     tell_blocked();
   } else if (is_alive(*ref)) {
@@ -817,14 +820,20 @@ LeafDelta visited(const LeafInput& input, const Surroundings& around,
     std::vector<RefineStep> steps;  // told only if they count
     Refinement::OnStep keep;
     if (on_step) keep = [&](const RefineStep& step) { steps.push_back(step); };
-    LeafDelta delta = Refinement(revisit->part(), around, keep, LeafMesh::OwnPoints::kListed).run();
-    if (revisit->is_complete(delta)) {
-      std::ranges::for_each(steps, [&](const RefineStep& step) { on_step(step); });
-      revisit->add_kept_cells(delta, around.core);
-      return delta;
+    Refinement part(revisit->part(), around, keep, LeafMesh::OwnPoints::kListed);
+    part.restore();
+    if (revisit->is_complete(part.delta())) {
+      LeafDelta delta = part.finish();
+      if (std::ranges::all_of(delta.poor, [](const PoorCell& c) { return c.others.empty(); })) {
+        std::ranges::for_each(steps, [&](const RefineStep& step) { on_step(step); });
+        revisit->add_kept_cells(delta, around.core);
+        return delta;
+      }
     }
   }
-  return Refinement(input, around, on_step, LeafMesh::OwnPoints::kInBox).run();
+  Refinement whole(input, around, on_step, LeafMesh::OwnPoints::kInBox);
+  whole.restore();
+  return whole.finish();
 }
 
 }  // namespace

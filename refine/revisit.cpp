@@ -103,8 +103,10 @@ void Revisit::gather_part() {
         is_in_part_[k] = true;
         return true;
       });
+  // What C7 may ask for besides is left out until it does.
+  const bool is_all_given = input_->criteria.min_dihedral > 0 && num_active_ > 0;
   for (std::size_t i = 0; i < is_in_part_.size(); ++i) {
-    if (!is_in_part_[i]) continue;
+    if (!is_in_part_[i] && !is_all_given) continue;
     const bool is_own = i < is_active_.size() && is_active_[i];
     (is_own ? part_.own : part_.ghosts).push_back(point(i));
   }
@@ -149,26 +151,42 @@ Point Revisit::place_among_smallest(VertexRef id, const CoreIndex* core) const {
                     ", which is not loaded");
 }
 
-std::vector<bool> Revisit::is_active_vertex() const {
+std::vector<Revisit::VertexKind> Revisit::kinds_of_vertices() const {
   const std::vector<VertexRef>& vertices = input_->last_visit->cells.vertices;
-  std::vector<bool> is_active(vertices.size());
+  std::vector<VertexKind> kinds(vertices.size(), VertexKind::kOther);
   for (std::size_t i = 0; i < is_active_.size(); ++i) {
-    if (!is_active_[i]) continue;
     const auto found = std::ranges::lower_bound(vertices, input_->own[i].id);
     if (found != vertices.end() && *found == input_->own[i].id)
-      is_active[static_cast<std::size_t>(found - vertices.begin())] = true;
+      kinds[static_cast<std::size_t>(found - vertices.begin())] =
+          is_active_[i] ? VertexKind::kActive : VertexKind::kInactive;
   }
-  return is_active;
+  return kinds;
 }
 
-// A cell is of the point that is its smallest vertex, not counting those of the core.
-bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<bool>& is_active,
-                      const CoreIndex* core) const {
-  if (std::ranges::none_of(cell, [&](std::uint32_t v) { return is_active[v]; })) return true;
+// A cell is of the point that is its smallest vertex, not counting those of the core: an own one.
+// One whose own vertices are all active may be gone, and other vertices of it, too.
+bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
+                      const std::vector<VertexKind>& kinds, const CoreIndex* core) const {
+  const auto has = [&](VertexKind kind) {
+    return std::ranges::any_of(cell, [&](std::uint32_t v) { return kinds[v] == kind; });
+  };
+  if (!has(VertexKind::kActive)) return true;
+  if (!has(VertexKind::kInactive)) return false;
   const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) {
     return place_among_smallest(input_->last_visit->cells.vertices[v], core);
   });
-  return !is_active[smallest];
+  return kinds[smallest] != VertexKind::kActive;
+}
+
+// Those that the leaf itself lists.
+std::vector<std::array<VertexRef, 4>> Revisit::taken_own(std::vector<OthersCell>& cells) const {
+  std::vector<std::array<VertexRef, 4>> own;
+  std::erase_if(cells, [&](const OthersCell& cell) {
+    if (!is_in_leaf(input_->box, cell.smallest)) return false;
+    own.push_back(cell.vertices);
+    return true;
+  });
+  return own;
 }
 
 void Revisit::add_kept_cells(LeafDelta& delta, const CoreIndex* core) const {
@@ -176,18 +194,22 @@ void Revisit::add_kept_cells(LeafDelta& delta, const CoreIndex* core) const {
   CellList kept;
   const CellList& last = input_->last_visit->cells;
   std::ranges::copy_if(last.cells, std::back_inserter(kept.cells),
-                       [&, is_active = is_active_vertex()](const auto& cell) {
-                         return is_kept(cell, is_active, core);
+                       [&, kinds = kinds_of_vertices()](const auto& cell) {
+                         return is_kept(cell, kinds, core);
                        });
   std::vector<bool> is_used(last.vertices.size());
   for (const auto& cell : kept.cells)
     for (const std::uint32_t v : cell) is_used[v] = true;
   for (std::size_t v = 0; v < is_used.size(); ++v)
     if (is_used[v]) kept.vertices.push_back(last.vertices[v]);
+  rename(kept.cells, last.vertices, kept.vertices);
+  // To the part, the leaf's other points are others'.
+  CellChanges changes{.gone = taken_own(delta.others_gone), .made = taken_own(delta.others_made)};
+  if (!changes.gone.empty() || !changes.made.empty()) apply(changes, kept);
 
   CellList all;
   std::ranges::set_union(kept.vertices, delta.cells.vertices, std::back_inserter(all.vertices));
-  rename(kept.cells, last.vertices, all.vertices);
+  rename(kept.cells, kept.vertices, all.vertices);
   rename(delta.cells.cells, delta.cells.vertices, all.vertices);
   all.cells.reserve(kept.size() + delta.cells.size());
   std::ranges::merge(kept.cells, delta.cells.cells, std::back_inserter(all.cells));

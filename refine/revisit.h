@@ -48,9 +48,11 @@ class Revisit {
   void for_each_near(const Point& q, double distance, Visit visit) const;
   void find_active();
   void gather_part();
-  std::vector<bool> is_active_vertex() const;  // of the last visit's cells
-  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<bool>& is_active,
+  enum class VertexKind : std::uint8_t { kOther, kActive, kInactive };  // own: active or not
+  std::vector<VertexKind> kinds_of_vertices() const;  // of the last visit's cells
+  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<VertexKind>& kinds,
                const CoreIndex* core) const;
+  std::vector<std::array<VertexRef, 4>> taken_own(std::vector<OthersCell>& cells) const;
   Point place_among_smallest(VertexRef id, const CoreIndex* core) const;
 
   const LeafInput* input_;

@@ -432,8 +432,8 @@ void serialize(auto& archive, LatticeCore& core, unsigned) {
 }
 
 void serialize(auto& archive, RunParameters& p, unsigned) {
-  each(archive, p.input_digest, p.size, p.radius_edge_bound, p.spacing_floor, p.leaf_capacity,
-       p.init, p.seed);
+  each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
+       p.leaf_capacity, p.init, p.seed);
 }
 
 void serialize(auto& archive, SurfaceFacts& s, unsigned) {
@@ -443,7 +443,7 @@ void serialize(auto& archive, SurfaceFacts& s, unsigned) {
 
 void serialize(auto& archive, RunCounts& counts, unsigned) {
   each(archive, counts.num_visits, counts.num_points, counts.num_cells, counts.num_unresolved,
-       items_of(counts.num_insertions), counts.num_deletions);
+       items_of(counts.num_insertions), counts.num_deletions, counts.num_moves);
 }
 
 // -- Records --------------------------------------------------------------------------------------
@@ -457,9 +457,9 @@ void serialize(auto& archive, RunRecord& run, unsigned) {
 
 void serialize(auto& archive, LeafInfo& info, unsigned) {
   each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
-       info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_unresolved,
-       info.queued, info.first_new_id, info.num_core_points, info.num_core_cells,
-       info.num_left_out);
+       info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
+       info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
+       info.num_core_cells, info.num_left_out);
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -530,9 +530,11 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
                Steps(field<kCounts, &RunCounts::num_cells>),
                Steps(field<kCounts, &RunCounts::num_unresolved>),
                Steps(field<kCounts, &RunCounts::num_deletions>),
+               Steps(field<kCounts, &RunCounts::num_moves>),
                Steps(element<0, kCounts, kInsertions>), Steps(element<1, kCounts, kInsertions>),
                Steps(element<2, kCounts, kInsertions>), Steps(element<3, kCounts, kInsertions>),
                Steps(element<4, kCounts, kInsertions>), Steps(element<5, kCounts, kInsertions>),
+               Steps(element<6, kCounts, kInsertions>),
                Plain(field<&Sample::phase>)));
 }
 

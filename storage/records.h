@@ -14,7 +14,7 @@
 
 namespace locvol {
 
-inline constexpr int kNumConditions = 6;  // C1 … C6 of refine/ALGORITHM.md; index 0 is C1
+inline constexpr int kNumConditions = 7;  // C1 … C7 of refine/ALGORITHM.md; index 0 is C1
 
 // Where in the queue a leaf waits; the order of the queue is (epoch, color, Morton key).
 struct QueuePosition {
@@ -31,6 +31,7 @@ struct LeafInfo {
   std::uint64_t num_triangles = 0;
   std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition, over all visits
   std::uint64_t num_deletions = 0;
+  std::uint64_t num_moves = 0;  // of its points, for C7
   std::uint64_t num_unresolved = 0;
   std::optional<QueuePosition> queued;  // absent: clean
   // Points from this id on came after the last visit. 0: there was none that a later one may build
@@ -93,6 +94,7 @@ struct RunParameters {
   std::string input_digest;  // hexadecimal, of the input file's bytes
   double size = 0;           // λ
   double radius_edge_bound = 2;
+  double min_dihedral = 0;          // of cells, in degrees; 0: any
   double spacing_floor = 0;         // as a fraction of λ
   std::uint64_t leaf_capacity = 0;  // κ
   Initialization init = Initialization::kCover;
@@ -125,6 +127,7 @@ struct RunCounts {
   std::uint64_t num_unresolved = 0;
   std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition
   std::uint64_t num_deletions = 0;
+  std::uint64_t num_moves = 0;
   friend bool operator==(const RunCounts&, const RunCounts&) = default;
 };
 

@@ -113,6 +113,15 @@ double parse_fraction(const std::string& text) {
   return *value;
 }
 
+double parse_angle(const std::string& text) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= 0 && *value <= 40)) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is no angle to ask for: give degrees from 0, any, to 40", text));
+  }
+  return *value;
+}
+
 std::uint64_t parse_seed(const std::string& text) {
   const auto value = parse_number<std::uint64_t>(text);
   if (!value) {

@@ -27,6 +27,7 @@ std::uint64_t parse_memory(const std::string& text);
 int parse_threads(const std::string& text);
 // Above 0 and below 1.
 double parse_fraction(const std::string& text);
+double parse_angle(const std::string& text);  // degrees, from 0 to 40
 // A whole number from 0 to 2^64 - 1.
 std::uint64_t parse_seed(const std::string& text);
 Initialization parse_init(const std::string& text);  // "cover" or "paper"

@@ -165,6 +165,11 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
       ->type_name("cover|paper");
   add_parsed(*mesh, "--seed", parse_seed, options.seed, "Seed of the surface sample (default: 0)")
       ->type_name("N");
+  add_parsed(*mesh, "--min-dihedral", parse_angle, options.min_dihedral,
+             fmt::format("Leave no cell with a dihedral angle below this, in degrees; 0: any "
+                         "(default: {}; with --init paper 0)",
+                         kDefaultMinDihedral))
+      ->type_name("DEG");
   add_parsed(*mesh, "--spacing-floor", parse_fraction, options.spacing_floor,
              fmt::format("Insert no point closer than this to another, as a fraction of λ "
                          "(default: {})",

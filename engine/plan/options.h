@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "engine/formats/mesh_format.h"
@@ -18,6 +19,9 @@ struct SizeSpec {
   bool is_percent = false;
 };
 
+// Degrees. What refinement alone leaves are slivers, which no solver takes.
+inline constexpr double kDefaultMinDihedral = 15;
+
 struct MeshOptions {
   std::filesystem::path input;  // empty: the surface is in no file
   std::filesystem::path store;
@@ -26,6 +30,9 @@ struct MeshOptions {
   Initialization init = Initialization::kCover;
   std::uint64_t seed = 0;
   double radius_edge_bound = 2;
+  // Of the dihedral angles of cells, in degrees; 0: none. Absent: kDefaultMinDihedral, and none in
+  // paper mode.
+  std::optional<double> min_dihedral = std::nullopt;
   double spacing_floor = 0.02;  // as a fraction of λ
   bool is_forced = false;       // start anew over a store of another run
 };

@@ -44,6 +44,9 @@ void check_options(const MeshOptions& options) {
   if (!(options.radius_edge_bound >= 2) || !std::isfinite(options.radius_edge_bound))
     throw InputError("radius-edge bound " + decimal(options.radius_edge_bound) +
                      ": give a finite number of at least 2; below it refinement need not end");
+  if (options.min_dihedral && (!(*options.min_dihedral >= 0) || !(*options.min_dihedral <= 40)))
+    throw InputError("smallest dihedral angle " + decimal(*options.min_dihedral) +
+                     ": give degrees from 0, which asks for none, to 40; 15 to 25 can be had");
   if (!(options.spacing_floor >= 0) || !(options.spacing_floor <= 0.5))
     throw InputError("spacing floor " + decimal(options.spacing_floor) +
                      ": give a fraction of the size from 0 to 0.5");
@@ -110,6 +113,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .input_digest = digest,
       .size = absolute_size(options.size, surface),
       .radius_edge_bound = options.radius_edge_bound,
+      .min_dihedral = options.min_dihedral.value_or(
+          options.init == Initialization::kCover ? kDefaultMinDihedral : 0),
       .spacing_floor = options.spacing_floor,
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
       .init = options.init,
@@ -166,6 +171,7 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
   compare("digest of the input", held.input_digest, asked.input_digest);
   compare("size", decimal(held.size), decimal(asked.size));
   compare("radius-edge bound", decimal(held.radius_edge_bound), decimal(asked.radius_edge_bound));
+  compare("smallest dihedral angle", decimal(held.min_dihedral), decimal(asked.min_dihedral));
   compare("spacing floor", decimal(held.spacing_floor), decimal(asked.spacing_floor));
   compare("leaf capacity", std::to_string(held.leaf_capacity), std::to_string(asked.leaf_capacity));
   compare("initialization", name_of(held.init), name_of(asked.init));

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -27,9 +28,12 @@ class Visit {
     state_.dequeue(leaf_);
     for (const InsertedPoint& point : delta.inserted) insert(point);
     for (const MeshPoint& point : delta.deleted) erase(point);
+    for (const MeshPoint& point : delta.moved) take_away(point);
     state_.add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
       store_cells(delta.cells);
+      replace_cells_of_others(delta);
+      for (const PoorCell& cell : delta.poor) have_others_try(cell);
       store_unresolved(delta.unresolved);
       if (delta.unresolved.empty())
         state_.allow_short_visit(leaf_);
@@ -60,6 +64,42 @@ class Visit {
     // nothing.
     for (const MortonKey other : leaves_within(point.position, kReach * state_.size()))
       if (other != leaf_) state_.require_whole_visit(other);
+  }
+
+  // What that changes of other leaves, the delta tells.
+  void take_away(const MeshPoint& point) {
+    state_.remove_point(point);
+    loader_.note_deleted(point);
+  }
+
+  void have_others_try(const PoorCell& cell) {
+    for (const Point& p : cell.others) {
+      const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
+      state_.enqueue(owner);
+      state_.require_whole_visit(owner);
+    }
+  }
+
+  // A leaf that waits for a whole visit will list its cells anew. Of one that waits for a short one
+  // some cells may be gone, which that visit finds.
+  void replace_cells_of_others(const LeafDelta& delta) {
+    std::map<MortonKey, CellChanges> changes;
+    const auto add = [&](const std::vector<OthersCell>& cells, auto list) {
+      for (const OthersCell& cell : cells) {
+        std::array<std::uint64_t, 4> ids;
+        std::ranges::transform(cell.vertices, ids.begin(), [&](VertexRef v) { return id_of(v); });
+        const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, cell.smallest);
+        (changes[owner].*list).push_back(ids);
+      }
+    };
+    add(delta.others_gone, &CellChanges::gone);
+    add(delta.others_made, &CellChanges::made);
+    for (auto& [owner, change] : changes) {
+      const LeafInfo& info = state_.leaves().info(owner);
+      if (info.queued && info.first_new_id == 0) continue;
+      change.is_strict = !info.queued;
+      state_.change_cells(owner, change);
+    }
   }
 
   std::vector<MortonKey> leaves_within(const Point& p, double distance) const {

@@ -149,6 +149,8 @@ void RunState::add_visit(MortonKey leaf, const VisitStats& stats) {
   ++run_.counts.num_visits;
   info.num_deletions += stats.deletions;
   run_.counts.num_deletions += stats.deletions;
+  info.num_moves += stats.moves;
+  run_.counts.num_moves += stats.moves;
   for (std::size_t c = 0; c < kNumConditions; ++c) {
     info.num_insertions[c] += stats.insertions[c];
     run_.counts.num_insertions[c] += stats.insertions[c];
@@ -166,6 +168,13 @@ void RunState::require_whole_visit(MortonKey leaf) {
 void RunState::put_cells(MortonKey leaf, LeafCells cells) {
   put_count(leaves_.edit_info(leaf).num_cells, cells.cells.size(), run_.counts.num_cells);
   leaves_.put_cells(leaf, std::move(cells));
+}
+
+void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
+  LeafCells held = leaves_.cells(leaf);
+  CellList list{std::move(held.vertices), std::move(held.cells)};
+  apply(changes, list);
+  put_cells(leaf, {std::move(list.vertices), std::move(list.cells)});
 }
 
 void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {

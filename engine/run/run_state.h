@@ -85,6 +85,7 @@ class RunState {
   void require_whole_visit(MortonKey leaf);
   // Each in place of what the leaf had.
   void put_cells(MortonKey leaf, LeafCells cells);
+  void change_cells(MortonKey leaf, const CellChanges& changes);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
   void put_num_core_cells(MortonKey leaf, std::uint64_t num_cells);
   // As put_cells(); what is missing is left out of the mesh.

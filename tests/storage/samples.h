@@ -18,7 +18,7 @@ inline MortonKey sample_leaf() { return MortonKey::from_bits(0x0123456789abc000)
 
 inline RunRecord sample_run() {
   RunRecord run;
-  run.parameters = {"00ff17", 0.125, 2.0, 0.02, 20000, Initialization::kPaper, 42};
+  run.parameters = {"00ff17", 0.125, 2.0, 15, 0.02, 20000, Initialization::kPaper, 42};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -43,8 +43,9 @@ inline LeafInfo sample_info() {
   info.num_points = 1000;
   info.num_cells = 4000;
   info.num_triangles = 300;
-  info.num_insertions = {1, 2, 3, 4, 5, 6};
+  info.num_insertions = {1, 2, 3, 4, 5, 6, 7};
   info.num_deletions = 9;
+  info.num_moves = 8;
   info.num_unresolved = 1;
   info.queued = QueuePosition{3, 5};
   info.first_new_id = 4711;
@@ -88,7 +89,7 @@ inline TimelineRecord sample_timeline() {
       .phase = Phase::kCover,
       .num_leaves = 64,
       .num_queued = 30,
-      .counts = {.num_visits = 5, .num_points = 1000, .num_insertions = {}, .num_deletions = 3}};
+      .counts = {.num_visits = 5, .num_points = 1000, .num_insertions = {}, .num_deletions = 3, .num_moves = 4}};
   TimelineSample last = first;
   last.milliseconds = 65000;
   last.sitting = 1;
@@ -97,7 +98,7 @@ inline TimelineRecord sample_timeline() {
   last.epoch = 2;
   last.counts.num_cells = 123456;
   last.counts.num_unresolved = 1;
-  last.counts.num_insertions = {1, 2, 3, 4, 5, 6};
+  last.counts.num_insertions = {1, 2, 3, 4, 5, 6, 7};
   return {{first, last}};
 }
 
@@ -138,6 +139,7 @@ class Generator {
     info.num_triangles = bits();
     for (auto& count : info.num_insertions) count = bits();
     info.num_deletions = bits();
+    info.num_moves = bits();
     info.num_unresolved = bits();
     if (integer(2) != 0) info.queued = position();
     info.first_new_id = bits();
@@ -149,7 +151,7 @@ class Generator {
 
   RunRecord run() {
     RunRecord run = sample_run();
-    run.parameters = {text(), real(), real(), real(), bits(), Initialization::kCover, bits()};
+    run.parameters = {text(), real(), real(), real(), real(), bits(), Initialization::kCover, bits()};
     run.surface.file = text();
     run.surface.notes.resize(integer(5));
     for (std::string& note : run.surface.notes) note = text();
@@ -177,7 +179,8 @@ class Generator {
                                        .num_cells = bits(),
                                        .num_unresolved = bits(),
                                        .num_insertions = {},
-                                       .num_deletions = bits()}};
+                                       .num_deletions = bits(),
+                                       .num_moves = bits()}};
       for (auto& number : sample.counts.num_insertions) number = bits();
       record.samples.push_back(sample);
     }
