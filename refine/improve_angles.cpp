@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "octree/mix.h"
@@ -18,7 +20,9 @@ constexpr int kNumRounds = 3;    // with other places each time, for the cells t
 // Places tried: steps along a direction, over λ; within a ball, over its radius; numbers of others.
 constexpr std::array<double, 4> kSteps{0.1, 0.18, 0.05, 0.28};
 constexpr std::array<double, 6> kIntoBall{0.97, 0.9, 0.8, 0.65, 0.5, 0.3};
-constexpr int kNumAround = 8, kNumInBall = 24;
+constexpr int kNumAround = 8;
+constexpr std::size_t kNumInBall = 24;
+constexpr int kNumThrown = 240;         // to have so many in the ball, the leaf and on the surface
 constexpr double kAround = 0.4;         // over λ
 constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
 
@@ -41,6 +45,45 @@ class Noise {
   std::uint64_t bits() { return state_ = mix(state_); }
   std::uint64_t state_;
 };
+
+// Of a facet of the vertex.
+LinkEdge link_edge(const std::array<LocalIndex, 3>& facet, LocalIndex v) {
+  const auto& [a, b, c] = facet;
+  return a == v ? LinkEdge{b, c} : b == v ? LinkEdge{a, c} : LinkEdge{a, b};
+}
+
+struct LinkPath {
+  std::array<LocalIndex, 2> ends;  // ascending
+  std::vector<LocalIndex> between;
+};
+
+// That edges make, if they make one.
+std::optional<LinkPath> path_of(const std::vector<LinkEdge>& edges) {
+  std::map<LocalIndex, int> degrees;
+  for (const auto& [a, b] : edges) ++degrees[a], ++degrees[b];
+  LinkPath path{};
+  std::size_t num_ends = 0;
+  for (const auto& [v, degree] : degrees) {
+    if (degree > 2) return std::nullopt;
+    if (degree == 2)
+      path.between.push_back(v);
+    else if (num_ends < 2)
+      path.ends[num_ends++] = v;
+    else
+      return std::nullopt;
+  }
+  // With two ends and no vertex of three edges, what is not on the path between them is cycles.
+  if (num_ends != 2) return std::nullopt;
+  std::size_t length = 0;
+  for (LocalIndex at = path.ends[0], from = at; length < edges.size(); ++length) {
+    const auto next = std::ranges::find_if(edges, [&](const LinkEdge& e) {
+      return (e.a == at && e.b != from) || (e.b == at && e.a != from);
+    });
+    if (next == edges.end()) break;
+    from = std::exchange(at, next->a == at ? next->b : next->a);
+  }
+  return length == edges.size() ? std::optional(path) : std::nullopt;
+}
 
 }  // namespace
 
@@ -257,8 +300,10 @@ void ImproveAngles::list_places_in_ball(Cell poor) {
   const auto& vertices = mesh_.delaunay().vertices(poor);
   Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
   places_.clear();
-  for (int n = 0; n < kNumInBall; ++n)
-    places_.push_back(ball.center + std::sqrt(ball.squared_radius) * noise.in_unit_ball());
+  for (int n = 0; n < kNumThrown && places_.size() < kNumInBall; ++n) {
+    const Point q = ball.center + std::sqrt(ball.squared_radius) * noise.in_unit_ball();
+    if (is_in_leaf(input_.box, q)) places_.push_back(q);
+  }
 }
 
 // The last resort, mostly for cells of four surface points: in the circumball, centers of the
@@ -278,12 +323,14 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
   if (triangles_.empty()) return;
   const auto& vertices = delaunay.vertices(poor);
   Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
-  for (int n = 0; n < kNumInBall; ++n) {
+  const std::size_t most = places_.size() + kNumInBall;
+  for (int n = 0; n < kNumThrown && places_.size() < most; ++n) {
     const auto& [a, b, c] = triangles_[noise.below(triangles_.size())].corners;
     double u = noise.in_unit_interval(), v = noise.in_unit_interval();
     if (u + v > 1) u = 1 - u, v = 1 - v;
     const Point q = a + u * (b - a) + v * (c - a);
-    if (squared_distance(q, ball.center) < ball.squared_radius) places_.push_back(q);
+    if (squared_distance(q, ball.center) < ball.squared_radius && is_in_leaf(input_.box, q))
+      places_.push_back(q);
   }
 }
 
@@ -452,9 +499,9 @@ bool ImproveAngles::is_boundary_kept() const {
          std::ranges::all_of(after, [&](LocalIndex v) { return is_disk_after(v); });
 }
 
-// Whether the boundary facets at v will be a disk. Of a ghost that is known only where all in the
-// balls of cells at them is loaded.
+// Whether the boundary facets at v will be a disk.
 bool ImproveAngles::is_disk_after(LocalIndex v) const {
+  if (v < mesh_.num_locals() && !mesh_.is_own(v)) return is_disk_kept(v);
   const Delaunay& delaunay = mesh_.delaunay();
   around_.clear();
   if (v < delaunay.num_vertices()) delaunay.cells_around(v, around_);
@@ -462,21 +509,55 @@ bool ImproveAngles::is_disk_after(LocalIndex v) const {
   for (const Cell c : around_) {
     if (!mesh_.is_member(c)) continue;
     const int at = delaunay.index_of(c, v);
-    for (int i = 0; i < 4; ++i) {
-      if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
-      if (!mesh_.is_own(v) && (!mesh_.is_loaded(mesh_.ball(c)) ||
-                               mesh_.side(delaunay.neighbor(c, i)) == Side::kBeyond))
-        return false;
-      star.push_back(facet(delaunay.vertices(c), i));
-    }
+    for (int i = 0; i < 4; ++i)
+      if (i != at && !mesh_.is_member(delaunay.neighbor(c, i)))
+        star.push_back(facet(delaunay.vertices(c), i));
   }
   std::erase_if(star, [&](const Facet& f) { return std::ranges::binary_search(facets_gone_, f); });
   std::ranges::copy_if(facets_made_, std::back_inserter(star),
                        [&](const Facet& f) { return std::ranges::find(f, v) != f.end(); });
   std::vector<LinkEdge> link;
-  for (const auto& [a, b, c] : star)
-    link.push_back(a == v ? LinkEdge{b, c} : b == v ? LinkEdge{a, c} : LinkEdge{a, b});
+  for (const Facet& f : star) link.push_back(link_edge(f, v));
   return is_cycle(link);
+}
+
+// The same of a ghost, whose star is not known as a whole: where it is a disk now, it stays one if
+// a part of its link, a path, gives way to a path between the same ends. Of what lies between them,
+// nothing may be in the link already.
+bool ImproveAngles::is_disk_kept(LocalIndex v) const {
+  const auto link_of = [&](const std::vector<Facet>& facets, const std::vector<Facet>& others) {
+    std::vector<LinkEdge> link;
+    for (const Facet& f : facets)
+      if (std::ranges::find(f, v) != f.end() && !std::ranges::binary_search(others, f))
+        link.push_back(link_edge(f, v));
+    return link;
+  };
+  const std::vector<LinkEdge> gone = link_of(facets_gone_, facets_made_);
+  const std::vector<LinkEdge> made = link_of(facets_made_, facets_gone_);
+  if (gone.empty() && made.empty()) return true;
+  const auto before = path_of(gone), after = path_of(made);
+  if (!before || !after || before->ends != after->ends) return false;
+  return std::ranges::all_of(after->between, [&](LocalIndex w) {
+    return std::ranges::find(before->between, w) != before->between.end() || is_off_boundary(v, w);
+  });
+}
+
+// Is no boundary facet at the edge, as far as is known?
+bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) const {
+  const Delaunay& delaunay = mesh_.delaunay();
+  if (w >= delaunay.num_vertices()) return true;
+  delaunay.cells_around(v, around_);
+  std::erase_if(around_, [&](Cell c) {
+    return std::ranges::find(delaunay.vertices(c), w) == delaunay.vertices(c).end();
+  });
+  if (around_.empty()) return true;
+  const bool is_inside = mesh_.is_member(around_.front());
+  return std::ranges::all_of(around_, [&](Cell c) {
+    const Side side = mesh_.side(c);
+    const bool is_known = mesh_.is_own(w) || ((side == Side::kInside || side == Side::kOutside) &&
+                                              mesh_.is_loaded(mesh_.ball(c)));
+    return is_known && (side == Side::kInside) == is_inside;
+  });
 }
 
 // ---- Changing -----------------------------------------------------------------------------------

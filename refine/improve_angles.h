@@ -76,6 +76,8 @@ class ImproveAngles {
   bool are_facets_good();
   bool is_boundary_kept() const;
   bool is_disk_after(LocalIndex v) const;
+  bool is_disk_kept(LocalIndex v) const;
+  bool is_off_boundary(LocalIndex v, LocalIndex w) const;
   bool is_small_and_round(const std::array<Point, 4>& corners, double squared_radius) const;
   Counts counts_of_made() const;
   Counts counts_of_gone() const;
