@@ -458,7 +458,8 @@ bool ImproveAngles::are_facets_good() {
       if ((beyond & kNew) == 0 && mesh_.side(beyond) == Side::kBeyond) return false;
       const bool is_on_boundary = is_inside(kNew | n) != is_inside(beyond);
       if (((state.own & state.hidden) & ~(1 << i)) != 0) {
-        if (is_on_boundary) return false;
+        if ((is_on_boundary || ((beyond & kNew) == 0 && mesh_.is_hollow(beyond))) && changes_core())
+          return false;
         continue;
       }
       if (is_on_boundary && (state.on_surface | 1 << i) != 0b1111) return false;
@@ -479,6 +480,15 @@ bool ImproveAngles::are_facets_good() {
   const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
   facets_gone_.erase(repeated.begin(), repeated.end());
   return facets_made_ == facets_gone_ || is_boundary_kept();
+}
+
+// All is inside around a hidden point. What looks like the boundary there is next to core points
+// that are not loaded: the cells at these stay as they are, or it will not do.
+bool ImproveAngles::changes_core() {
+  if (surroundings_.core == nullptr) return true;
+  met_core_.clear();
+  surroundings_.core->append_met(change_.place, input_.criteria.size, met_core_);
+  return !met_core_.empty();
 }
 
 // With the same vertices (and the new one) as before, so as many facets (and two more).

@@ -74,6 +74,7 @@ class ImproveAngles {
   Verdict judge_counts();
   bool are_cells_good();
   bool are_facets_good();
+  bool changes_core();
   bool is_boundary_kept() const;
   bool is_disk_after(LocalIndex v) const;
   bool is_disk_kept(LocalIndex v) const;
@@ -125,6 +126,7 @@ class ImproveAngles {
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
   std::vector<Triangle> triangles_;
   std::vector<MeshPoint> near_;  // taken in
+  std::vector<std::uint64_t> met_core_;
   mutable std::vector<Cell> around_;
 };
 
