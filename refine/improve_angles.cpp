@@ -471,10 +471,13 @@ bool ImproveAngles::are_facets_good() {
     }
   }
   facets_gone_.clear();
-  for (const Cell c : change_.gone)
+  for (const Cell c : change_.gone) {
+    const unsigned hidden = mesh_.state(c).own & mesh_.state(c).hidden;
     for (int i = 0; i < 4; ++i)
-      if (mesh_.is_member(c) != mesh_.is_member(mesh_.delaunay().neighbor(c, i)))
+      if ((hidden & ~(1u << i)) == 0 &&
+          mesh_.is_member(c) != mesh_.is_member(mesh_.delaunay().neighbor(c, i)))
         facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
+  }
   std::ranges::sort(facets_made_);
   std::ranges::sort(facets_gone_);
   const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
