@@ -113,7 +113,7 @@ void ImproveAngles::run() {
       if (mesh_.is_alive(poor.cell) && !improve(poor.cell.cell)) left_.push_back(poor);
     }
     for (const Poor& poor : std::exchange(left_, {}))
-      if (mesh_.is_alive(poor.cell)) waiting_.push(poor);
+      if (mesh_.is_alive(poor.cell) && !is_left_to_others(poor.cell.cell)) waiting_.push(poor);
   }
   list_poor();
   // Cells of points that came in this visit were in no list.
@@ -123,7 +123,8 @@ void ImproveAngles::run() {
   for (const auto& [name, smallest] : others_made_) delta_.others_made.push_back({name, smallest});
 }
 
-// Others try what is new only if something is: so it ends.
+// Others try a cell if it is new, or if they have left it to this leaf; and only if something has
+// changed: so it ends.
 void ImproveAngles::list_poor() {
   const bool is_changed = !delta_.inserted.empty() || !delta_.deleted.empty();
   for (; !waiting_.empty(); waiting_.pop()) {
@@ -131,7 +132,7 @@ void ImproveAngles::list_poor() {
     PoorCell poor{.position = mesh_.ball(ref.cell).center,
                   .degrees = std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi,
                   .others = {}};
-    if (is_changed && mesh_.is_made_later(ref))
+    if (is_changed && (mesh_.is_made_later(ref) || is_in_leaf(input_.box, poor.position)))
       for (const LocalIndex v : vertices)
         if (!mesh_.is_own(v) && !mesh_.local(v).is_core)
           poor.others.push_back(mesh_.local(v).point.position);
@@ -169,17 +170,26 @@ bool ImproveAngles::improve(Cell poor) {
   const auto vertices = mesh_.delaunay().vertices(poor);
   for (const LocalIndex v : vertices)
     if (is_movable(v) && try_places(v, poor)) return true;
-  for (const LocalIndex v : movable_around(poor))
-    if (try_places(v, poor)) return true;
+  const bool is_left = is_left_to_others(poor);
+  if (!is_left)
+    for (const LocalIndex v : movable_around(poor))
+      if (try_places(v, poor)) return true;
   if (has_best_) {
     change_ = best_;
     make();
     return true;
   }
+  if (is_left) return false;
   list_places_in_ball(poor);
   if (try_insertions(poor, PointKind::kVolume)) return true;
   list_places_on_surface(poor);
   return try_insertions(poor, PointKind::kSurface);
+}
+
+bool ImproveAngles::is_left_to_others(Cell poor) const {
+  const Point& center = mesh_.ball(poor).center;
+  return std::ranges::any_of(input_.waiting,
+                             [&](const Box& box) { return is_in_leaf(box, center); });
 }
 
 // Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core
@@ -223,7 +233,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
     if (!is_in_leaf(input_.box, q)) continue;
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
-    if (!move_.find(q, change_)) continue;
+    if (!move_.find(q, cosines_[kMuchBelow], change_)) continue;
     const Verdict verdict = judge(poor);
     if (verdict == Verdict::kNone) continue;
     if (verdict == Verdict::kGood) {
@@ -275,7 +285,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
     volume += part;
     sum = sum + part * mesh_.ball(near).center;
   }
-  if (volume > 0) places_.push_back(1 / volume * sum);
+  if (volume > 0) places_.insert(places_.begin() + 2, 1 / volume * sum);
   Noise noise(mesh_.local(v).ref, mesh_.local(vertices[i ^ 1]).ref, round_);
   for (int n = 0; n < kNumAround; ++n)
     places_.push_back(p + (kAround * size) * noise.in_unit_ball());
@@ -283,12 +293,13 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
 
 bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
   kind_ = kind;
+  const double most = kind == PointKind::kVolume ? cosines_[kMuchBelow] : 1;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
-    if (!move_.find_insertion(q, poor, change_) || judge(poor) == Verdict::kNone) continue;
+    if (!move_.find_insertion(q, poor, most, change_) || judge(poor) == Verdict::kNone) continue;
     make();
     return true;
   }
@@ -375,8 +386,7 @@ ImproveAngles::Verdict ImproveAngles::judge_shapes() {
   for (const NewCell& cell : change_.made) {
     if (cell.vertex[3] != change_.vertex) continue;
     const auto corner = corners(cell);
-    if (largest_cosine(corner) > cosines_[kMuchBelow] || !cell.way.is_known())
-      return Verdict::kNone;
+    if (!cell.way.is_known()) return Verdict::kNone;
     const Point way = cell.way.vector();
     if (!is_small_and_round(corner, 0.25 * (1 + kSlack) * (1 + kSlack) * dot(way, way)))
       return Verdict::kNone;

@@ -63,6 +63,7 @@ class ImproveAngles {
   bool take_in_core(const Point& q);
   // Not at once: it has leaves visited again.
   bool may_meet_core() const { return round_ > 0 && surroundings_.core != nullptr; }
+  bool is_left_to_others(Cell poor) const;
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);
   void list_places(LocalIndex v, Cell poor);

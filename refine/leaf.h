@@ -141,6 +141,9 @@ struct LeafInput {
   // REQUIRES: that visit was not overfull, and left nothing unresolved
   std::optional<LastVisit> last_visit = std::nullopt;
   std::uint64_t max_insertions = 0;  // beyond it the visit is taken for a bug; 0: no bound
+  // Leaves around that have not been visited yet. C7 leaves most of the work on cells whose
+  // circumcenters lie there to them.
+  std::vector<Box> waiting = {};
   friend bool operator==(const LeafInput&, const LeafInput&) = default;
 };
 
@@ -167,11 +170,11 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
   friend bool operator==(const Violation&, const Violation&) = default;
 };
 
-// A cell that C7 could not improve.
+// A cell that C7 could not improve, and does not leave to a leaf that waits.
 struct PoorCell {
   Point position;      // of its circumcenter
   double degrees = 0;  // its smallest dihedral angle
-  // If it came with this visit: its vertices that are other leaves', which have not tried yet.
+  // Its vertices that are other leaves', if those have not tried it.
   std::vector<Point> others;
   friend bool operator==(const PoorCell&, const PoorCell&) = default;
 };

@@ -84,12 +84,12 @@ auto fields(Maybe<LastVisit> auto& last) {
   return std::tuple(Field("first_new_id", first_new_id), Field("cells", cells));
 }
 auto fields(Maybe<LeafInput> auto& input) {
-  auto& [criteria, box, own, ghosts, surface, core, max_own_points, last_visit, max_insertions] =
-      input;
+  auto& [criteria, box, own, ghosts, surface, core, max_own_points, last_visit, max_insertions,
+         waiting] = input;
   return std::tuple(Field("criteria", criteria), Field("box", box), Field("own", own),
                     Field("ghosts", ghosts), Field("surface", surface), Field("core", core),
                     Field("max_own_points", max_own_points), Field("last_visit", last_visit),
-                    Field("max_insertions", max_insertions));
+                    Field("max_insertions", max_insertions), Field("waiting", waiting));
 }
 
 auto fields(Maybe<InsertedPoint> auto& point) {

@@ -94,6 +94,7 @@ void Revisit::gather_part() {
   part_.criteria = input_->criteria;
   part_.box = input_->box;
   part_.max_insertions = input_->max_insertions;
+  part_.waiting = input_->waiting;
   if (input_->max_own_points > 0)
     part_.max_own_points = input_->max_own_points - (input_->own.size() - num_active_);
   is_in_part_.resize(num_points());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "refine/cell_shape.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {
@@ -168,7 +169,7 @@ VertexMove::Seen& VertexMove::seen(std::uint32_t cell) {
   return mark.seen;
 }
 
-bool VertexMove::find(const Point& q, Change& change) {
+bool VertexMove::find(const Point& q, double most, Change& change) {
   ++place_stamp_;
   seen_in_hole_.assign(hole_.size(), Seen::kNot);
   inside_.clear();
@@ -177,18 +178,20 @@ bool VertexMove::find(const Point& q, Change& change) {
       inside_.push_back(kNew | h);
     else
       seen_in_hole_[h] = Seen::kOutside;
-  return !inside_.empty() && spread(q) && make_cells(q, change);
+  return !inside_.empty() && spread(q, most) && make_cells(q, change);
 }
 
-bool VertexMove::find_insertion(const Point& q, Cell in_conflict, Change& change) {
+bool VertexMove::find_insertion(const Point& q, Cell in_conflict, double most,
+                                Change& change) {
   ++place_stamp_;
   seen_in_hole_.clear();
   inside_.assign(1, in_conflict);
-  return spread(q) && make_cells(q, change);
+  return spread(q, most) && make_cells(q, change);
 }
 
-// From the first cell in conflict to all of them, and their border.
-bool VertexMove::spread(const Point& q) {
+// From the first cell in conflict to all of them, and their border. Shapes are asked first: they
+// decide most often, and need only two cells to be known.
+bool VertexMove::spread(const Point& q, double most) {
   border_.clear();
   seen(inside_[0]) = Seen::kInside;
   for (std::size_t n = 0; n < inside_.size(); ++n) {
@@ -201,7 +204,12 @@ bool VertexMove::spread(const Point& q) {
         if (known == Seen::kInside) inside_.push_back(next);
       }
       if (known == Seen::kInside) continue;
-      border_.push_back({here, next, corners_of(vertices(here), i)});
+      const auto corner = corners_of(vertices(here), i);
+      if (std::ranges::find(corner, Delaunay::kInfinite) != corner.end()) return false;
+      if (most < 1 &&
+          largest_cosine({point(corner[0]), point(corner[1]), point(corner[2]), q}) > most)
+        return false;
+      border_.push_back({here, next, corner});
     }
     if (border_.size() > kMaxFacets) return false;
   }
@@ -226,8 +234,6 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
   num_on_border_ = 0;
   for (std::size_t n = 0; n < border_.size(); ++n) {
     const auto& [a, b, c] = border_[n].corner;
-    if (a == Delaunay::kInfinite || b == Delaunay::kInfinite || c == Delaunay::kInfinite)
-      return false;
     NewCell& cell = change.made.emplace_back();
     cell.vertex = {a, b, c, vertex_};
     cell.neighbor[3] = border_[n].beyond;

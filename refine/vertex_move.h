@@ -38,9 +38,10 @@ class VertexMove {
   const std::vector<Cell>& star() const { return star_; }  // the cells at the vertex
   // The change that puts the vertex at q. False if q is not in the hole, or too large a part of the
   // triangulation would change. Valid until the next call.
-  bool find(const Point& q, Change& change);
+  // `most`: nor if a cell at the vertex has a dihedral angle with a larger cosine.
+  bool find(const Point& q, double most, Change& change);
   // The same of a new vertex, from a cell in conflict with q.
-  bool find_insertion(const Point& q, Cell in_conflict, Change& change);
+  bool find_insertion(const Point& q, Cell in_conflict, double most, Change& change);
 
  private:
   static constexpr std::uint32_t kNew = Delaunay::kNewCell;
@@ -82,7 +83,7 @@ class VertexMove {
     return cell & kNew ? hole_[cell & ~kNew].vertex : delaunay_.vertices(cell);
   }
   Seen& seen(std::uint32_t cell);
-  bool spread(const Point& q);
+  bool spread(const Point& q, double most);
   bool make_cells(const Point& q, Change& change);
   std::uint32_t place_on_border(Vertex v);
 

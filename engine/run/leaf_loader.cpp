@@ -130,6 +130,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(state_.run().parameters.leaf_capacity)};
   if (!state_.is_cover()) return loaded;
+  loaded.input.waiting = waiting_around(leaf);
   loaded.input.surface = surface_around(leaf, patch_distance, std::move(triangles), fineness);
   loaded.input.core = core_around(state_, leaf, kCoreReach * size);
   return loaded;
@@ -194,6 +195,18 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
   const double start = state_.is_cover() ? start_leaf_side(parameters) : 0;
   const double least = std::max(kMinChildSide * state_.size(), 0.1 * start);
   return state_.run().frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
+}
+
+// As far as circumcenters of cells at own points lie.
+std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
+  std::vector<Box> waiting;
+  if (state_.run().parameters.min_dihedral == 0) return waiting;
+  for (const MortonKey other :
+       state_.octree().leaves_within(state_.run().frame, state_.box(leaf), state_.size()))
+    if (const LeafInfo& info = state_.leaves().info(other);
+        other != leaf && info.queued && info.num_visits == 0)
+      waiting.push_back(state_.box(other));
+  return waiting;
 }
 
 SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,

@@ -46,6 +46,7 @@ class LeafLoader {
   void keep_memory_of_points();
   double volume_over_size(const Box& box) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
+  std::vector<Box> waiting_around(MortonKey leaf);
   SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,
                               GridFineness fineness);
   std::vector<Triangle> triangles_meeting(const Box& region);
