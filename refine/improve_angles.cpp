@@ -186,10 +186,14 @@ bool ImproveAngles::improve(Cell poor) {
   return try_insertions(poor, PointKind::kSurface);
 }
 
+// To the leaf of its circumcenter, if that has a vertex of it.
 bool ImproveAngles::is_left_to_others(Cell poor) const {
   const Point& center = mesh_.ball(poor).center;
-  return std::ranges::any_of(input_.waiting,
-                             [&](const Box& box) { return is_in_leaf(box, center); });
+  return std::ranges::any_of(input_.waiting, [&](const Box& box) {
+    return is_in_leaf(box, center) &&
+           std::ranges::any_of(mesh_.corners(poor),
+                               [&](const Point& p) { return is_in_leaf(box, p); });
+  });
 }
 
 // Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core
