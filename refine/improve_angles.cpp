@@ -16,7 +16,7 @@ namespace locvol {
 namespace {
 
 constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
-constexpr int kNumRounds = 3;    // with other places each time, for the cells that are left
+constexpr int kNumRounds = 8;    // with other places each time, for the cells that are left
 // Places tried: steps along a direction, over λ; within a ball, over its radius; numbers of others.
 constexpr std::array<double, 4> kSteps{0.1, 0.18, 0.05, 0.28};
 constexpr std::array<double, 6> kIntoBall{0.97, 0.9, 0.8, 0.65, 0.5, 0.3};
@@ -376,14 +376,21 @@ bool ImproveAngles::note_taken_in() {
 ImproveAngles::Verdict ImproveAngles::judge(Cell poor) {
   if (std::ranges::find(change_.gone, poor) == change_.gone.end()) return Verdict::kNone;
   prospects_.clear();
-  if (kind_ == PointKind::kVolume) {
-    const Verdict verdict = judge_shapes();
-    return verdict != Verdict::kNone && are_cells_good() && are_facets_good() ? verdict
-                                                                              : Verdict::kNone;
-  }
-  if (!are_cells_good()) return Verdict::kNone;
-  const Verdict verdict = judge_counts();
-  return verdict != Verdict::kNone && are_facets_good() ? verdict : Verdict::kNone;
+  const bool is_volume = kind_ == PointKind::kVolume;
+  Verdict verdict = is_volume ? judge_shapes() : Verdict::kBetter;
+  if (verdict == Verdict::kNone || !are_cells_good()) return Verdict::kNone;
+  if (!is_volume) verdict = judge_counts();
+  if (verdict == Verdict::kNone || !are_facets_good()) return Verdict::kNone;
+  return verdict == Verdict::kBetter && leaves_poor_to_others() ? Verdict::kNone : verdict;
+}
+
+// Nobody would look at them again.
+bool ImproveAngles::leaves_poor_to_others() const {
+  for (std::size_t n = 0; n < prospects_.size(); ++n)
+    if (prospects_[n].state.own == 0 && prospects_[n].state.side == Side::kInside &&
+        largest_cosine(corners(change_.made[n])) > bound_)
+      return true;
+  return false;
 }
 
 ImproveAngles::Verdict ImproveAngles::judge_shapes() {

@@ -73,6 +73,7 @@ class ImproveAngles {
   Verdict judge(Cell poor);
   Verdict judge_shapes();
   Verdict judge_counts();
+  bool leaves_poor_to_others() const;
   bool are_cells_good();
   bool are_facets_good();
   bool changes_core();
