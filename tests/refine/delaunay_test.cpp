@@ -1,5 +1,6 @@
 // Delaunay against CGAL's triangulation, which breaks ties in the same way: the same cells from the
 // same points, however they came about.
+#include "refine/cell_shape.h"
 #include "refine/delaunay.h"
 
 #include <CGAL/Delaunay_triangulation_3.h>
@@ -301,6 +302,23 @@ TEST_P(DelaunayOf, WithoutPointsRemovedAtOnceIsThatOfCgal) {
   EXPECT_EQ(finite_cells(delaunay), reference_cells(points_));
 }
 
+// A bound just above the largest cosine at the vertex finds the same change, one below it none.
+void expect_bound(const Delaunay& delaunay, VertexMove& move, const Delaunay::Change& change) {
+  double largest = -1;
+  for (const Delaunay::NewCell& cell : change.made) {
+    if (cell.vertex[3] != change.vertex) continue;
+    const auto& [a, b, c, d] = cell.vertex;
+    largest = std::max(largest, largest_cosine({delaunay.point(a), delaunay.point(b),
+                                                delaunay.point(c), change.place}));
+  }
+  if (!(largest < 0.999)) return;  // flat cells, which rounding would decide
+  Delaunay::Change bounded;
+  EXPECT_FALSE(move.find(change.place, largest - 1e-9, bounded));
+  ASSERT_TRUE(move.find(change.place, largest + 1e-9, bounded));
+  EXPECT_EQ(bounded.gone, change.gone);
+  EXPECT_EQ(bounded.made.size(), change.made.size());
+}
+
 // To places near and far, some of them to where another vertex was (in grids: ties everywhere).
 TEST_P(DelaunayOf, WithMovedPointsIsThatOfCgal) {
   Delaunay delaunay;
@@ -323,7 +341,8 @@ TEST_P(DelaunayOf, WithMovedPointsIsThatOfCgal) {
       const Point q = step == 0.5 ? points_[v] + 0.5 * away : points_[v] + (step * longest) * shift;
       Delaunay::Conflict conflict;
       delaunay.find_conflict(q, around[0], conflict);
-      if (conflict.coincident != Delaunay::kNone || !move.find(q, change)) continue;
+      if (conflict.coincident != Delaunay::kNone || !move.find(q, 1, change)) continue;
+      expect_bound(delaunay, move, change);
       delaunay.move(change);
       points_[v] = q;
       ++num_moves;
@@ -344,7 +363,7 @@ TEST_P(DelaunayOf, WithPointsPutInIsThatOfCgal) {
   for (std::size_t n = points_.size() / 2; n < points_.size(); ++n) {
     delaunay.find_conflict(points_[n], delaunay.newest_cell(), conflict);
     move.put_in_new();
-    if (move.find_insertion(points_[n], conflict.cells[0], change)) {
+    if (move.find_insertion(points_[n], conflict.cells[0], 1, change)) {
       std::ranges::sort(conflict.cells);
       std::ranges::sort(change.gone);
       ASSERT_EQ(change.gone, conflict.cells);
