@@ -99,6 +99,10 @@ ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
   for (std::size_t k = 0; k < kFractions.size(); ++k)
     cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kSlack));
   bound_ = cosines_.back();
+  const double size = input.criteria.size, ratio = input.criteria.radius_edge_bound;
+  limits_ = {.cosine = cosines_[kMuchBelow],
+             .squared_radius = size * size,
+             .squared_ratio = ratio * ratio};
 }
 
 void ImproveAngles::run() {
@@ -237,7 +241,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
     if (!is_in_leaf(input_.box, q)) continue;
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
-    if (!move_.find(q, cosines_[kMuchBelow], change_)) continue;
+    if (!move_.find(q, limits_, change_)) continue;
     const Verdict verdict = judge(poor);
     if (verdict == Verdict::kNone) continue;
     if (verdict == Verdict::kGood) {
@@ -297,13 +301,14 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
 
 bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
   kind_ = kind;
-  const double most = kind == PointKind::kVolume ? cosines_[kMuchBelow] : 1;
+  // Of cells at a surface point, those outside may have any shape.
+  const VertexMove::Limits limits = kind == PointKind::kVolume ? limits_ : VertexMove::Limits{};
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
-    if (!move_.find_insertion(q, poor, most, change_) || judge(poor) == Verdict::kNone) continue;
+    if (!move_.find_insertion(q, poor, limits, change_) || judge(poor) == Verdict::kNone) continue;
     make();
     return true;
   }
@@ -372,12 +377,12 @@ bool ImproveAngles::note_taken_in() {
 
 // ---- What a change would do ---------------------------------------------------------------------
 
-// Shapes come first, where they decide alone: what is at a volume point must be inside.
+// Of a volume point, all around which must be inside, limits_ have been asked by then.
 ImproveAngles::Verdict ImproveAngles::judge(Cell poor) {
   if (std::ranges::find(change_.gone, poor) == change_.gone.end()) return Verdict::kNone;
   prospects_.clear();
   const bool is_volume = kind_ == PointKind::kVolume;
-  Verdict verdict = is_volume ? judge_shapes() : Verdict::kBetter;
+  Verdict verdict = is_volume ? judge_counts() : Verdict::kBetter;
   if (verdict == Verdict::kNone || !are_cells_good()) return Verdict::kNone;
   if (!is_volume) verdict = judge_counts();
   if (verdict == Verdict::kNone || !are_facets_good()) return Verdict::kNone;
@@ -391,18 +396,6 @@ bool ImproveAngles::leaves_poor_to_others() const {
         largest_cosine(corners(change_.made[n])) > bound_)
       return true;
   return false;
-}
-
-ImproveAngles::Verdict ImproveAngles::judge_shapes() {
-  for (const NewCell& cell : change_.made) {
-    if (cell.vertex[3] != change_.vertex) continue;
-    const auto corner = corners(cell);
-    if (!cell.way.is_known()) return Verdict::kNone;
-    const Point way = cell.way.vector();
-    if (!is_small_and_round(corner, 0.25 * (1 + kSlack) * (1 + kSlack) * dot(way, way)))
-      return Verdict::kNone;
-  }
-  return judge_counts();
 }
 
 ImproveAngles::Verdict ImproveAngles::judge_counts() {

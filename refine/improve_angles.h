@@ -71,7 +71,6 @@ class ImproveAngles {
   void list_places_on_surface(Cell poor);
 
   Verdict judge(Cell poor);
-  Verdict judge_shapes();
   Verdict judge_counts();
   bool leaves_poor_to_others() const;
   bool are_cells_good();
@@ -110,6 +109,7 @@ class ImproveAngles {
   VertexMove move_;
   std::array<double, kFractions.size()> cosines_;  // of the angles
   double bound_;                                   // the last of them
+  VertexMove::Limits limits_;                      // of cells at a volume point that moves or comes
   int round_ = 0;
 
   std::priority_queue<Poor> waiting_;

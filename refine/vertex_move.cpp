@@ -169,7 +169,7 @@ VertexMove::Seen& VertexMove::seen(std::uint32_t cell) {
   return mark.seen;
 }
 
-bool VertexMove::find(const Point& q, double most, Change& change) {
+bool VertexMove::find(const Point& q, const Limits& limits, Change& change) {
   ++place_stamp_;
   seen_in_hole_.assign(hole_.size(), Seen::kNot);
   inside_.clear();
@@ -178,20 +178,35 @@ bool VertexMove::find(const Point& q, double most, Change& change) {
       inside_.push_back(kNew | h);
     else
       seen_in_hole_[h] = Seen::kOutside;
-  return !inside_.empty() && spread(q, most) && make_cells(q, change);
+  return !inside_.empty() && spread(q, limits) && make_cells(q, change);
 }
 
-bool VertexMove::find_insertion(const Point& q, Cell in_conflict, double most,
+bool VertexMove::find_insertion(const Point& q, Cell in_conflict, const Limits& limits,
                                 Change& change) {
   ++place_stamp_;
   seen_in_hole_.clear();
   inside_.assign(1, in_conflict);
-  return spread(q, most) && make_cells(q, change);
+  return spread(q, limits) && make_cells(q, change);
 }
+
+namespace {
+
+bool exceeds(const VertexMove::Limits& limits, const std::array<Point, 4>& corners,
+             const WayToCenter& way) {
+  constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
+  if (!way.is_known()) return true;
+  const Point twice = way.vector();
+  const double squared_radius = 0.25 * (1 + kSlack) * (1 + kSlack) * dot(twice, twice);
+  return !(squared_radius < limits.squared_radius) ||
+         squared_radius > limits.squared_ratio * shortest_edge_squared(corners) ||
+         largest_cosine(corners) > limits.cosine;
+}
+
+}  // namespace
 
 // From the first cell in conflict to all of them, and their border. Shapes are asked first: they
 // decide most often, and need only two cells to be known.
-bool VertexMove::spread(const Point& q, double most) {
+bool VertexMove::spread(const Point& q, const Limits& limits) {
   border_.clear();
   seen(inside_[0]) = Seen::kInside;
   for (std::size_t n = 0; n < inside_.size(); ++n) {
@@ -206,10 +221,10 @@ bool VertexMove::spread(const Point& q, double most) {
       if (known == Seen::kInside) continue;
       const auto corner = corners_of(vertices(here), i);
       if (std::ranges::find(corner, Delaunay::kInfinite) != corner.end()) return false;
-      if (most < 1 &&
-          largest_cosine({point(corner[0]), point(corner[1]), point(corner[2]), q}) > most)
-        return false;
-      border_.push_back({here, next, corner});
+      const Point &a = point(corner[0]), &b = point(corner[1]), &c = point(corner[2]);
+      const WayToCenter way = way_to_center(a - q, b - q, c - q);
+      if (limits.are_any() && exceeds(limits, {a, b, c, q}, way)) return false;
+      border_.push_back({here, next, corner, way});
     }
     if (border_.size() > kMaxFacets) return false;
   }
@@ -237,7 +252,7 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
     NewCell& cell = change.made.emplace_back();
     cell.vertex = {a, b, c, vertex_};
     cell.neighbor[3] = border_[n].beyond;
-    cell.way = way_to_center(point(a) - q, point(b) - q, point(c) - q);
+    cell.way = border_[n].way;
     const std::uint32_t i = place_on_border(a), j = place_on_border(b), k = place_on_border(c);
     if (num_on_border_ > kMaxVertices) return false;
     facet_at_edge_[i][j] = facet_at_edge_[j][k] = facet_at_edge_[k][i] =
@@ -265,7 +280,7 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
         beyond = index[beyond & ~kNew];
   }
   for (std::uint32_t n = 0; n < border_.size(); ++n) {
-    const auto& [inside, beyond, corner] = border_[n];
+    const auto& [inside, beyond, corner, way] = border_[n];
     if ((beyond & kNew) == 0) continue;
     const std::uint32_t h = beyond & ~kNew;
     const auto& before = hole_[h].neighbor;

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -26,6 +27,14 @@ class VertexMove {
   using NewCell = Delaunay::NewCell;
   using Change = Delaunay::Change;
 
+  // What a cell at the vertex must not go beyond.
+  struct Limits {
+    double cosine = 1;  // of its dihedral angles
+    double squared_radius = std::numeric_limits<double>::infinity();  // of its circumsphere
+    double squared_ratio = std::numeric_limits<double>::infinity();   // of that to its edges
+    bool are_any() const { return cosine < 1; }
+  };
+
   // Valid while the triangulation is as it is; take_out() begins anew after a change.
   explicit VertexMove(const Delaunay& delaunay) : delaunay_(delaunay) {}
 
@@ -38,10 +47,10 @@ class VertexMove {
   const std::vector<Cell>& star() const { return star_; }  // the cells at the vertex
   // The change that puts the vertex at q. False if q is not in the hole, or too large a part of the
   // triangulation would change. Valid until the next call.
-  // `most`: nor if a cell at the vertex has a dihedral angle with a larger cosine.
-  bool find(const Point& q, double most, Change& change);
+  // Nor if a cell at the vertex goes beyond the limits.
+  bool find(const Point& q, const Limits& limits, Change& change);
   // The same of a new vertex, from a cell in conflict with q.
-  bool find_insertion(const Point& q, Cell in_conflict, double most, Change& change);
+  bool find_insertion(const Point& q, Cell in_conflict, const Limits& limits, Change& change);
 
  private:
   static constexpr std::uint32_t kNew = Delaunay::kNewCell;
@@ -64,6 +73,7 @@ class VertexMove {
   struct Border {
     std::uint32_t inside = 0, beyond = 0;
     std::array<Vertex, 3> corner;
+    WayToCenter way;  // from the place, of the cell there
   };
   enum class Seen : std::uint8_t { kNot, kInside, kOutside };
 
@@ -83,7 +93,7 @@ class VertexMove {
     return cell & kNew ? hole_[cell & ~kNew].vertex : delaunay_.vertices(cell);
   }
   Seen& seen(std::uint32_t cell);
-  bool spread(const Point& q, double most);
+  bool spread(const Point& q, const Limits& limits);
   bool make_cells(const Point& q, Change& change);
   std::uint32_t place_on_border(Vertex v);
 

@@ -313,8 +313,8 @@ void expect_bound(const Delaunay& delaunay, VertexMove& move, const Delaunay::Ch
   }
   if (!(largest < 0.999)) return;  // flat cells, which rounding would decide
   Delaunay::Change bounded;
-  EXPECT_FALSE(move.find(change.place, largest - 1e-9, bounded));
-  ASSERT_TRUE(move.find(change.place, largest + 1e-9, bounded));
+  EXPECT_FALSE(move.find(change.place, {.cosine = largest - 1e-9}, bounded));
+  ASSERT_TRUE(move.find(change.place, {.cosine = largest + 1e-9}, bounded));
   EXPECT_EQ(bounded.gone, change.gone);
   EXPECT_EQ(bounded.made.size(), change.made.size());
 }
@@ -341,7 +341,7 @@ TEST_P(DelaunayOf, WithMovedPointsIsThatOfCgal) {
       const Point q = step == 0.5 ? points_[v] + 0.5 * away : points_[v] + (step * longest) * shift;
       Delaunay::Conflict conflict;
       delaunay.find_conflict(q, around[0], conflict);
-      if (conflict.coincident != Delaunay::kNone || !move.find(q, 1, change)) continue;
+      if (conflict.coincident != Delaunay::kNone || !move.find(q, {}, change)) continue;
       expect_bound(delaunay, move, change);
       delaunay.move(change);
       points_[v] = q;
@@ -363,7 +363,7 @@ TEST_P(DelaunayOf, WithPointsPutInIsThatOfCgal) {
   for (std::size_t n = points_.size() / 2; n < points_.size(); ++n) {
     delaunay.find_conflict(points_[n], delaunay.newest_cell(), conflict);
     move.put_in_new();
-    if (move.find_insertion(points_[n], conflict.cells[0], 1, change)) {
+    if (move.find_insertion(points_[n], conflict.cells[0], {}, change)) {
       std::ranges::sort(conflict.cells);
       std::ranges::sort(change.gone);
       ASSERT_EQ(change.gone, conflict.cells);
