@@ -96,7 +96,8 @@ bool leads_past(const Point* off, const std::array<Point, 3>& corners) {
 LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints own)
     : input_(input),
       surroundings_(around),
-      far_radius_(far_radius_of(input.criteria, around.surface)) {
+      far_radius_(far_radius_of(input.criteria, around.surface)),
+      is_around_(own == OwnPoints::kInBox) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
   if (std::isfinite(reach)) {
@@ -500,6 +501,8 @@ void LeafMesh::insert(const Delaunay::Change& change, PointKind kind, VertexRef 
 
 void LeafMesh::take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>& taken) {
   const double reach = input_.criteria.reach;
+  taken.clear();
+  if (left_out_.empty() || (is_around_ && input_.box.expanded(-reach).contains(q))) return;
   const auto near = std::ranges::stable_partition(left_out_, [&](const MeshPoint& p) {
     return squared_distance(p.position, q) > reach * reach;
   });

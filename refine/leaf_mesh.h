@@ -239,6 +239,7 @@ class LeafMesh {
   const LeafInput& input_;
   const Surroundings& surroundings_;
   double far_radius_;
+  bool is_around_;  // no point of the box is left out
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices

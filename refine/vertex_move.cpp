@@ -17,6 +17,7 @@ std::array<Delaunay::Vertex, 3> corners_of(const std::array<Delaunay::Vertex, 4>
 
 bool is_same_facet(const std::array<Delaunay::Vertex, 3>& a,
                    const std::array<Delaunay::Vertex, 3>& b) {
+  if ((a[0] ^ a[1] ^ a[2]) != (b[0] ^ b[1] ^ b[2])) return false;  // most are not
   return std::ranges::all_of(
       a, [&](Delaunay::Vertex v) { return v == b[0] || v == b[1] || v == b[2]; });
 }
