@@ -500,7 +500,7 @@ void serialize(auto& archive, LeafUnresolved& record, unsigned) {
                ChangedBits(field<kPosition, &Point::z>),
                ChangedBits(field<&UnresolvedSite::radius>)));
   for (const UnresolvedSite& site : record.sites)
-    if (site.condition < 1 || site.condition > kNumConditions)
+    if (site.condition < 1 || site.condition > kNumSiteConditions)
       throw DecodeError("a site of no known condition");
 }
 
