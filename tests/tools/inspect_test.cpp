@@ -265,7 +265,8 @@ TEST_F(InspectTest, ReplayRepeatsEachCleanLeaf) {
     EXPECT_EQ(again["reproduces"], true);
     EXPECT_EQ(again["num_cells"], leaf["num_cells"]);
     EXPECT_EQ(again["num_inserted"], 0);
-    EXPECT_EQ(again["steps"], Json::array());
+    for (const Json& step : again["steps"])  // a poor cell is tried again, in vain
+      EXPECT_EQ(step["action"], "take in");
   }
 }
 
