@@ -534,8 +534,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
                Steps(element<0, kCounts, kInsertions>), Steps(element<1, kCounts, kInsertions>),
                Steps(element<2, kCounts, kInsertions>), Steps(element<3, kCounts, kInsertions>),
                Steps(element<4, kCounts, kInsertions>), Steps(element<5, kCounts, kInsertions>),
-               Steps(element<6, kCounts, kInsertions>),
-               Plain(field<&Sample::phase>)));
+               Steps(element<6, kCounts, kInsertions>), Plain(field<&Sample::phase>)));
 }
 
 }  // namespace locvol
