@@ -238,6 +238,7 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
   return {.volume = mesh.volume,
           .min_dihedral_degrees = mesh.min_dihedral_degrees,
           .max_dihedral_degrees = mesh.max_dihedral_degrees,
+          .num_poor_cells = mesh.num_poor_cells,
           .max_radius_edge_ratio = mesh.max_radius_edge_ratio,
           .max_circumradius = mesh.max_circumradius * size,
           .dihedral_angles = distribution(mesh.dihedral_angles),
@@ -253,6 +254,7 @@ Summary summary_of(const RunSummary& run) {
           .num_leaves = run.num_leaves,
           .num_visits = run.run.counts.num_visits,
           .num_unresolved = run.run.counts.num_unresolved,
+          .min_dihedral = run.run.parameters.min_dihedral,
           .num_surface_triangles = surface.num_triangles,
           .num_surface_vertices = surface.num_vertices,
           .num_surface_components = surface.num_components,
@@ -389,6 +391,20 @@ Statistics Mesh::statistics() const {
   return translated({}, [&] {
     impl_->require_complete();
     return statistics_of(mesh_statistics(impl_->open(), impl_->num_threads), impl_->summary.size);
+  });
+}
+
+std::vector<PoorCellPlace> Mesh::poor_cells(std::uint64_t max) const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    std::vector<PoorCellPlace> places;
+    const auto take = [&](const LeafPoorCell& cell) {
+      if (places.size() == max) return false;
+      places.push_back({cell.degrees, coordinates(cell.position), cell.radius});
+      return true;
+    };
+    for_each_poor_cell(impl_->open(), take, impl_->num_threads);
+    return places;
   });
 }
 

@@ -113,8 +113,10 @@ struct Options {
   bool is_forced = false;           ///< Start anew over the store of another run.
   std::uint64_t leaf_capacity = 0;  ///< κ: a leaf with more points is split. 0: the default.
   std::uint64_t seed = 0;           ///< Of the sample of the surface.
-  double min_dihedral = 15;         ///< Of cells, in degrees; 0: any.
-  double spacing_floor = 0.02;      ///< No point comes closer than this to another; over λ.
+  /// Cells get no dihedral angle below this, in degrees, 0 (any) to 40. Up to 20 is kept nearly
+  /// everywhere; a cell that nothing improves stays, and is told by Statistics::num_poor_cells.
+  double min_dihedral = 15;
+  double spacing_floor = 0.02;  ///< No point comes closer than this to another; over λ.
 };
 
 /// What a run is doing.
@@ -200,6 +202,7 @@ struct Summary {
   std::uint64_t num_leaves = 0;              ///< Of the octree.
   std::uint64_t num_visits = 0;              ///< Of leaves.
   std::uint64_t num_unresolved = 0;          ///< See Mesh::unresolved().
+  double min_dihedral = 0;                   ///< Of the options: in degrees; 0: any.
   std::uint64_t num_surface_triangles = 0;   ///< Of the input, repaired.
   std::uint64_t num_surface_vertices = 0;    ///< Of the input.
   std::uint64_t num_surface_components = 0;  ///< Of the input.
@@ -213,6 +216,13 @@ struct UnresolvedPlace {
   int condition = 0;          ///< 1 to 6: which of the conditions C1 to C6 could not be met.
   Coordinates position = {};  ///< Where.
   double radius = 0;          ///< Of the ball in question.
+};
+
+/// A cell with a dihedral angle below Options::min_dihedral, which nothing improved.
+struct PoorCellPlace {
+  double min_dihedral_degrees = 0;  ///< Its smallest angle.
+  Coordinates position = {};        ///< The center of its circumball.
+  double radius = 0;                ///< Of its circumball.
 };
 
 /// Some cells with all their vertices. Spans are valid until the next chunk.
@@ -243,6 +253,7 @@ struct Statistics {
   double volume = 0;                      ///< Of all cells.
   double min_dihedral_degrees = 0;        ///< The smallest angle of all.
   double max_dihedral_degrees = 0;        ///< The largest angle of all.
+  std::uint64_t num_poor_cells = 0;       ///< See Mesh::poor_cells(). Normally 0.
   double max_radius_edge_ratio = 0;       ///< At most 2 where no place is unresolved.
   double max_circumradius = 0;            ///< A length: below λ where no place is unresolved.
   Distribution dihedral_angles = {};      ///< All angles, six a cell; in steps of two degrees.
@@ -282,6 +293,9 @@ class Mesh {
   /// Measures all cells, reading those that the store lists. Needs 10 MB besides for each thread of
   /// Control::num_threads. REQUIRES: is_complete()
   Statistics statistics() const;
+  /// At most `max` of the cells that are counted by Statistics::num_poor_cells. Measures all cells
+  /// up to those. REQUIRES: is_complete()
+  std::vector<PoorCellPlace> poor_cells(std::uint64_t max = 1000) const;
   /// Hands out the whole mesh, leaf by leaf along the octree: always the same chunks in the same
   /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
   /// a temporary file beside the store. REQUIRES: is_complete()

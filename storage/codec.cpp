@@ -500,7 +500,7 @@ void serialize(auto& archive, LeafUnresolved& record, unsigned) {
                ChangedBits(field<kPosition, &Point::z>),
                ChangedBits(field<&UnresolvedSite::radius>)));
   for (const UnresolvedSite& site : record.sites)
-    if (site.condition < 1 || site.condition > kNumConditions)
+    if (site.condition < 1 || site.condition > kNumSiteConditions)
       throw DecodeError("a site of no known condition");
 }
 
@@ -534,8 +534,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
                Steps(element<0, kCounts, kInsertions>), Steps(element<1, kCounts, kInsertions>),
                Steps(element<2, kCounts, kInsertions>), Steps(element<3, kCounts, kInsertions>),
                Steps(element<4, kCounts, kInsertions>), Steps(element<5, kCounts, kInsertions>),
-               Steps(element<6, kCounts, kInsertions>),
-               Plain(field<&Sample::phase>)));
+               Steps(element<6, kCounts, kInsertions>), Plain(field<&Sample::phase>)));
 }
 
 }  // namespace locvol

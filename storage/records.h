@@ -14,7 +14,8 @@
 
 namespace locvol {
 
-inline constexpr int kNumConditions = 7;  // C1 … C7 of refine/ALGORITHM.md; index 0 is C1
+inline constexpr int kNumConditions = 7;      // C1 … C7 of refine/ALGORITHM.md; index 0 is C1
+inline constexpr int kNumSiteConditions = 6;  // those that may leave unresolved sites: not C7
 
 // Where in the queue a leaf waits; the order of the queue is (epoch, color, Morton key).
 struct QueuePosition {

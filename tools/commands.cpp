@@ -238,6 +238,31 @@ void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   }
 }
 
+// The exit code stays 0, and with --quiet the count is in the summary.
+void tell_poor_cells(const Store& store, const MeshStatistics& statistics, int num_threads,
+                     ProgressLine& line) {
+  std::vector<LeafPoorCell> cells;
+  const auto take = [&](const LeafPoorCell& cell) {
+    cells.push_back(cell);
+    return cells.size() < kMaxListedSites;
+  };
+  for_each_poor_cell(store, take, num_threads);
+  Json json = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
+  std::string text = fmt::format(
+      "{} cell{} a dihedral angle below {}°, which nothing improved", statistics.num_poor_cells,
+      statistics.num_poor_cells == 1 ? " has" : "s have", statistics.min_dihedral_bound);
+  for (const LeafPoorCell& cell : cells) {
+    json["cells"].push_back(to_json(cell));
+    text += fmt::format("\n  {}", poor_cell_text(cell));
+  }
+  if (statistics.num_poor_cells > cells.size())
+    text += fmt::format(
+        "\n  and {} more: of a store that is kept, `locvol inspect DIR --unresolved` "
+        "lists all",
+        statistics.num_poor_cells - cells.size());
+  line.tell("poor_cells", json, text);
+}
+
 std::vector<std::string> names_of(const std::filesystem::path& output, MeshFormat format) {
   std::vector<std::string> names;
   for (const auto& file : files_of(format, output)) names.push_back(file.string());
@@ -295,6 +320,8 @@ MeasuredMesh measure_and_write(const TimedRun& run, const std::filesystem::path&
                         run.num_writers, on_step, &stop);
     });
   if (run.summary.outcome == RunOutcome::kUnresolved) tell_unresolved(store, command.is_json, line);
+  if (mesh.statistics->num_poor_cells > 0)
+    tell_poor_cells(store, *mesh.statistics, run.num_writers, line);
   return mesh;
 }
 

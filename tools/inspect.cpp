@@ -10,6 +10,7 @@
 
 #include "engine/inspect/leaf_report.h"
 #include "engine/inspect/leaf_scan.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/run/leaf_queue.h"
 #include "tools/commands.h"
 #include "tools/inspect_leaf.h"
@@ -63,6 +64,8 @@ void print(const QueueRow& row) {
 
 void print(const LeafSite& site) { fmt::print("{}\n", site_text(site)); }
 
+void print(const LeafPoorCell& cell) { fmt::print("{}\n", poor_cell_text(cell)); }
+
 // Faults of no row come last.
 void print(const Fault& fault) { fmt::print("{}\n", fault_text(fault)); }
 
@@ -75,10 +78,11 @@ class ListPrinter {
   void head(void (*print_head)()) const {
     if (!json_) print_head();
   }
+  bool is_full() const { return limit_ && num_printed_ == *limit_; }
   // False if no more is wanted.
   template <class Row>
   bool add(const Row& row) {
-    if (limit_ && num_printed_ == *limit_) return false;
+    if (is_full()) return false;
     ++num_printed_;
     put(row);
     return true;
@@ -146,6 +150,16 @@ std::uint64_t list_queue(const Store& store, const InspectCommand& command) {
   return num_faults + faults.size();
 }
 
+// Of a finished run: others may improve them yet.
+void list_poor_cells(const Store& store, ListPrinter& out, std::vector<Fault>& faults) {
+  const auto is_done = read_around(faults, [&] { return run_of(store).phase == Phase::kDone; });
+  if (!is_done.value_or(false)) return;
+  read_around(faults, [&] {
+    for_each_poor_cell(store, [&](const LeafPoorCell& cell) { return out.add(cell); });
+    return true;
+  });
+}
+
 std::uint64_t list_unresolved(const Store& store, const InspectCommand& command) {
   std::vector<Fault> faults;
   std::uint64_t num_faults = 0;
@@ -158,6 +172,7 @@ std::uint64_t list_unresolved(const Store& store, const InspectCommand& command)
     return true;
   };
   scan_leaves(store, take, faults, {.reads_unresolved = true});
+  if (num_faults == 0 && faults.empty() && !out.is_full()) list_poor_cells(store, out, faults);
   for (const Fault& fault : faults) out.put(fault);
   return num_faults + faults.size();
 }

@@ -101,9 +101,10 @@ void print_head(const LeafReport& leaf, double size) {
              line_text("leaf", fmt::format("{}, level {}", key_text(leaf.key), leaf.key.level())),
              line_text("box", box_text(leaf.box)), line_text("state", waiting_text(leaf)));
   if (leaf.info) {
-    fmt::print("{}{}{}", line_text("visits", fmt::to_string(leaf.info->num_visits)),
+    fmt::print("{}{}{}{}", line_text("visits", fmt::to_string(leaf.info->num_visits)),
                line_text("insertions", insertions_text(leaf.info->num_insertions)),
-               line_text("deletions", fmt::to_string(leaf.info->num_deletions)));
+               line_text("deletions", fmt::to_string(leaf.info->num_deletions)),
+               line_text("moves", fmt::to_string(leaf.info->num_moves)));
   }
   fmt::print("{}{}", line_text("points", kinds_text(counts_by_kind(leaf.points.points))),
              line_text("ghost points", kinds_text(leaf.ghosts)));

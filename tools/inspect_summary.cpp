@@ -47,8 +47,9 @@ struct Summary {
   std::uint64_t max_visits_of_a_leaf = 0;
   std::map<std::uint32_t, std::uint64_t> num_waiting;  // by epoch
   std::optional<QueueEntry> front;
-  std::array<std::uint64_t, kNumConditions> num_unresolved{};  // by condition
+  std::array<std::uint64_t, kNumSiteConditions> num_unresolved{};  // by condition
   std::vector<LeafSite> first_sites;
+  std::vector<LeafPoorCell> first_poor_cells;  // of a finished run
   std::vector<DatabaseSize> databases;
   std::uint64_t file_bytes = 0;
   std::optional<MeshStatistics> statistics;  // of a finished run
@@ -70,8 +71,8 @@ void count_leaf(const LeafRow& row, Summary& summary) {
   summary.all.add(row);
   summary.faults.insert(summary.faults.end(), row.faults.begin(), row.faults.end());
   for (const UnresolvedSite& site : row.unresolved.sites) {
-    if (1 <= site.condition && site.condition <= kNumConditions)
-      ++summary.num_unresolved[static_cast<std::size_t>(site.condition - 1)];
+    const auto condition = static_cast<std::size_t>(site.condition - 1);
+    if (condition < summary.num_unresolved.size()) ++summary.num_unresolved[condition];
     if (summary.first_sites.size() < kMaxListedSites)
       summary.first_sites.push_back({row.key, site});
   }
@@ -111,6 +112,18 @@ std::uint64_t data_file_bytes(const Store& store) {
   return unknown ? 0 : bytes;
 }
 
+void measure(const Store& store, Summary& summary) {
+  const int num_threads = num_streaming_threads(0, free_memory() / 2);
+  summary.statistics =
+      read_around(summary.faults, [&] { return mesh_statistics(store, num_threads); });
+  if (!summary.statistics || summary.statistics->num_poor_cells == 0) return;
+  const auto take = [&](const LeafPoorCell& cell) {
+    summary.first_poor_cells.push_back(cell);
+    return summary.first_poor_cells.size() < kMaxListedSites;
+  };
+  for_each_poor_cell(store, take, num_threads);
+}
+
 Summary summary_of(const Store& store, bool reads_all) {
   Summary summary;
   summary.writer = store.writer();
@@ -134,9 +147,7 @@ Summary summary_of(const Store& store, bool reads_all) {
   }
   if (reads_all) check_queue(store, summary);
   if (summary.run && summary.run->run.phase == Phase::kDone && summary.faults.empty())
-    summary.statistics = read_around(summary.faults, [&] {
-      return mesh_statistics(store, num_streaming_threads(0, free_memory() / 2));
-    });
+    measure(store, summary);
   return summary;
 }
 
@@ -268,6 +279,17 @@ void print_sites(const Summary& summary) {
   if (num_more > 0) fmt::print("  and {} more: --unresolved lists all\n", num_more);
 }
 
+void print_poor_cells(const Summary& summary) {
+  if (summary.first_poor_cells.empty()) return;
+  fmt::print("\npoor cells:\n");
+  for (const LeafPoorCell& cell : summary.first_poor_cells)
+    fmt::print("  {}\n", poor_cell_text(cell));
+  const std::uint64_t num = summary.statistics->num_poor_cells;
+  const std::uint64_t num_more =
+      num - std::min<std::uint64_t>(num, summary.first_poor_cells.size());
+  if (num_more > 0) fmt::print("  and {} more: --unresolved lists all\n", num_more);
+}
+
 void print(const Summary& summary) {
   if (summary.run) {
     const RunRecord& run = summary.run->run;
@@ -288,6 +310,7 @@ void print(const Summary& summary) {
   if (summary.statistics)
     fmt::print("\n{}", statistics_text(*summary.statistics, summary.run->run.surface));
   print_sites(summary);
+  print_poor_cells(summary);
   if (!summary.faults.empty()) fmt::print("\n");
   for (const Fault& fault : summary.faults) fmt::print("{}\n", fault_text(fault));
 }

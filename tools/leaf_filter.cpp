@@ -27,6 +27,7 @@ constexpr std::array kFields = {
                 return std::reduce(info.num_insertions.begin(), info.num_insertions.end());
               }},
     LeafField{"deletions", [](MortonKey, const LeafInfo& info) { return info.num_deletions; }},
+    LeafField{"moves", [](MortonKey, const LeafInfo& info) { return info.num_moves; }},
     LeafField{"unresolved", [](MortonKey, const LeafInfo& info) { return info.num_unresolved; }},
 };
 

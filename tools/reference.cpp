@@ -160,14 +160,18 @@ whether by a signal, a crash or a power cut, the same command goes on to the sam
 .PP
 The mesh is a subcomplex of the Delaunay triangulation of its vertices; its boundary is a 2\-manifold
 with every vertex on the surface; circumradii are below λ, the size asked for, and radius\-edge ratios
-at most 2. It does not depend on the number of threads, the cap on memory, or interruptions.
+at most 2. Cells get no dihedral angle below 15 degrees
+.RB ( \-\-min\-dihedral );
+the few that nothing improves are told. The mesh does not depend on the number of threads, the cap on
+memory, or interruptions.
 )";
 
 constexpr std::string_view kManEnd =
     R"(.SH EXIT STATUS
 .TP
 .B 0
-Done;
+Done, also where cells keep an angle below
+.BR \-\-min\-dihedral ;
 .BR audit :
 the mesh is valid.
 .TP

@@ -64,8 +64,9 @@ Json to_json(const RefineStep& step, std::uint64_t number, double size) {
   return json;
 }
 
-std::array<std::uint64_t, 4> num_steps(const Replay& replay) {
-  std::array<std::uint64_t, 4> counts{};
+// By Action.
+std::array<std::uint64_t, 5> num_steps(const Replay& replay) {
+  std::array<std::uint64_t, 5> counts{};
   for (const RefineStep& step : replay.steps) ++counts[static_cast<std::size_t>(step.action)];
   return counts;
 }
@@ -91,7 +92,7 @@ std::string verdict(const StoredVisit& visit, const Replay& replay) {
 
 Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::uint64_t> limit) {
   const double size = visit.input.criteria.size;
-  const auto [inserted, deleted, taken_in, unresolved] = num_steps(replay);
+  const auto [inserted, deleted, taken_in, unresolved, moved] = num_steps(replay);
   Json json = {{"leaf", key_text(visit.leaf)},
                {"is_clean", visit.is_clean},
                {"num_visits", visit.num_visits},
@@ -104,6 +105,7 @@ Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::
                  {"num_triangles", visit.input.surface.triangles.size()}}},
                {"num_inserted", inserted},
                {"num_deleted", deleted},
+               {"num_moved", moved},
                {"num_taken_in", taken_in},
                {"num_blocked", unresolved},
                {"num_unresolved", replay.delta.unresolved.size()},
@@ -155,10 +157,11 @@ void print(const StoredVisit& visit, const Replay& replay, std::optional<std::ui
                                             visit.input.own.size(), visit.input.ghosts.size(),
                                             visit.input.surface.triangles.size())));
   print_steps(replay, size, limit);
-  const auto [inserted, deleted, taken_in, blocked] = num_steps(replay);
+  const auto [inserted, deleted, taken_in, blocked, moved] = num_steps(replay);
   fmt::print("{}{}",
-             line_text("steps", fmt::format("{} inserted, {} deleted, {} taken in, {} unresolved",
-                                            inserted, deleted, taken_in, blocked)),
+             line_text("steps", fmt::format("{} inserted, {} deleted, {} moved, {} taken in, "
+                                            "{} unresolved",
+                                            inserted, deleted, moved, taken_in, blocked)),
              line_text("cells", fmt::format("{}; the store holds {}, of which {} go; {} come",
                                             replay.mesh.cells.size(), visit.cells.size(),
                                             replay.num_cells_gone, replay.num_cells_new)));

@@ -139,6 +139,15 @@ constexpr std::array kChecks = {
     Check{"unknown_vertices", "vertices that no leaf owns", &AuditReport::num_unknown_vertices},
 };
 
+std::string poor_cells_text(const AuditReport& report) {
+  std::string text = fmt::format("poor cells {}, with a dihedral angle below {}°",
+                                 report.num_poor_cells, report.min_dihedral_bound);
+  if (report.num_poor_cells > 0)
+    text += fmt::format("; the worst at {}, leaf {}", point_text(report.worst_place),
+                        key_text(report.worst_leaf));
+  return text + "\n";
+}
+
 }  // namespace
 
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic) {
@@ -222,7 +231,19 @@ std::string site_text(const LeafSite& site) {
                      point_text(site.site.position), site.site.radius, key_text(site.leaf));
 }
 
-std::string insertions_text(const std::array<std::uint64_t, kNumConditions>& num_insertions) {
+std::string poor_cell_text(const LeafPoorCell& cell) {
+  return fmt::format("angle {:.4g}° at {}, radius {:.6g}, leaf {}", cell.degrees,
+                     point_text(cell.position), cell.radius, key_text(cell.leaf));
+}
+
+std::string bounds_text(const RunParameters& parameters) {
+  const std::string angle =
+      parameters.min_dihedral > 0 ? fmt::format("at least {}°", parameters.min_dihedral) : "any";
+  return fmt::format("radius-edge ratio {}, dihedral angles {}, spacing floor {} λ",
+                     parameters.radius_edge_bound, angle, parameters.spacing_floor);
+}
+
+std::string insertions_text(std::span<const std::uint64_t> num_insertions) {
   std::string text;
   for (std::size_t i = 0; i < num_insertions.size(); ++i) {
     text += fmt::format("{}C{} {}", i == 0 ? "" : ", ", i + 1, num_insertions[i]);
@@ -266,8 +287,7 @@ std::string parameters_text(const RunParameters& parameters) {
   return row("size λ", "{}", parameters.size) +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +
          row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +
-         row("bounds", "radius-edge ratio {}, spacing floor {} λ", parameters.radius_edge_bound,
-             parameters.spacing_floor);
+         row("bounds", "{}", bounds_text(parameters));
 }
 
 std::string summary_text(const RunSummary& summary) {
@@ -278,6 +298,7 @@ std::string summary_text(const RunSummary& summary) {
              summary.max_visits_of_a_leaf, summary.num_leaves) +
          row("insertions", "{}", insertions_text(summary.run.counts.num_insertions)) +
          row("deletions", "{}", summary.run.counts.num_deletions) +
+         row("moves", "{}", summary.run.counts.num_moves) +
          row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site"));
 }
 
@@ -301,6 +322,7 @@ std::string audit_text(const AuditReport& report) {
       report.num_boundary_vertices, report.max_circumradius, report.max_radius_edge_ratio,
       report.min_dihedral_degrees, report.max_dihedral_degrees, report.max_surface_distance,
       report.num_unresolved);
+  if (report.min_dihedral_bound > 0) text += poor_cells_text(report);
   for (const Check& check : kChecks) {
     if (report.*check.count > 0)
       text += fmt::format("BAD: {} {}\n", report.*check.count, check.text);
@@ -318,6 +340,10 @@ std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts
           100 * (statistics.volume - input.volume) / input.volume, input.volume) +
       row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
           statistics.num_core_cells, statistics.max_circumradius) +
+      (statistics.min_dihedral_bound > 0
+           ? row("poor cells", "{}, with a dihedral angle below {}°", statistics.num_poor_cells,
+                 statistics.min_dihedral_bound)
+           : "") +
       fmt::format(
           "\n{:<33} {}\n",
           fmt::format("dihedral angles {:.2f}° to {:.2f}°", statistics.min_dihedral_degrees,
@@ -389,6 +415,7 @@ Json to_json(const RunParameters& parameters) {
           {"init", init_name(parameters.init)},
           {"seed", parameters.seed},
           {"radius_edge_bound", parameters.radius_edge_bound},
+          {"min_dihedral", parameters.min_dihedral},
           {"spacing_floor", parameters.spacing_floor}};
 }
 
@@ -401,6 +428,7 @@ Json to_json(const LeafInfo& info) {
                {"num_triangles", info.num_triangles},
                {"insertions", insertions_json(info.num_insertions)},
                {"num_deletions", info.num_deletions},
+               {"num_moves", info.num_moves},
                {"num_unresolved", info.num_unresolved},
                {"is_center_inside", info.is_center_inside}};
   if (info.queued) json["queued"] = to_json(*info.queued);
@@ -418,6 +446,14 @@ Json to_json(const LeafSite& site) {
           {"condition", fmt::format("C{}", site.site.condition)},
           {"position", to_json(site.site.position)},
           {"radius", site.site.radius}};
+}
+
+Json to_json(const LeafPoorCell& cell) {
+  return {{"leaf", key_text(cell.leaf)},
+          {"condition", "angle"},
+          {"position", to_json(cell.position)},
+          {"radius", cell.radius},
+          {"min_dihedral_degrees", cell.degrees}};
 }
 
 Json to_json(const Fault& fault) {
@@ -452,6 +488,7 @@ Json to_json(const RunSummary& summary) {
           {"max_visits_of_a_leaf", summary.max_visits_of_a_leaf},
           {"insertions", insertions_json(summary.run.counts.num_insertions)},
           {"num_deletions", summary.run.counts.num_deletions},
+          {"num_moves", summary.run.counts.num_moves},
           {"num_unresolved", summary.run.counts.num_unresolved},
           {"parameters", to_json(summary.run.parameters)},
           {"surface", to_json(summary.run.surface)}};
@@ -469,6 +506,8 @@ Json to_json(const MeshStatistics& statistics) {
           {"volume", statistics.volume},
           {"min_dihedral_degrees", statistics.min_dihedral_degrees},
           {"max_dihedral_degrees", statistics.max_dihedral_degrees},
+          {"min_dihedral_bound", statistics.min_dihedral_bound},
+          {"num_poor_cells", statistics.num_poor_cells},
           {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
           {"max_circumradius_over_size", statistics.max_circumradius},
           {"dihedral_angles", to_json(statistics.dihedral_angles)},
@@ -491,9 +530,11 @@ Json to_json(const RunEstimate& estimate) {
 }
 
 Json to_json(const AuditReport& report) {
-  Json violations;
+  Json violations, worst;
   for (const Check& check : kChecks) violations[std::string(check.key)] = report.*check.count;
   violations["examples"] = report.violations;
+  if (report.worst_leaf.is_valid())
+    worst = {{"leaf", key_text(report.worst_leaf)}, {"position", to_json(report.worst_place)}};
   return {{"is_valid", report.is_valid()},
           {"mesh",
            {{"num_cells", report.num_cells},
@@ -513,13 +554,16 @@ Json to_json(const AuditReport& report) {
           {"max_radius_edge_ratio", report.max_radius_edge_ratio},
           {"min_dihedral_degrees", report.min_dihedral_degrees},
           {"max_dihedral_degrees", report.max_dihedral_degrees},
+          {"min_dihedral_bound", report.min_dihedral_bound},
+          {"num_poor_cells", report.num_poor_cells},
+          {"smallest_angle_at", worst},
           {"max_surface_distance_over_size", report.max_surface_distance},
           {"num_unresolved", report.num_unresolved},
           {"num_open", report.num_open},
           {"violations", violations}};
 }
 
-Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions) {
+Json insertions_json(std::span<const std::uint64_t> num_insertions) {
   Json json;
   for (std::size_t i = 0; i < num_insertions.size(); ++i) {
     json[fmt::format("C{}", i + 1)] = num_insertions[i];

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,7 @@ Json to_json(const RunParameters& parameters);
 Json to_json(const LeafInfo& info);
 Json to_json(const QueuePosition& position);  // color: null until the epoch opens
 Json to_json(const LeafSite& site);
+Json to_json(const LeafPoorCell& cell);
 Json to_json(const Fault& fault);
 Json to_json(const std::vector<Fault>& faults);
 Json to_json(const CellQuality& quality, double size);
@@ -42,7 +44,7 @@ Json to_json(const WriteSummary& summary);
 Json to_json(const AuditReport& report);
 Json to_json(const MeshStatistics& statistics);
 Json to_json(const RunEstimate& estimate);
-Json insertions_json(const std::array<std::uint64_t, kNumConditions>& num_insertions);
+Json insertions_json(std::span<const std::uint64_t> num_insertions);  // by condition, from C1
 
 std::string_view init_name(Initialization init);
 std::string_view phase_name(Phase phase);
@@ -55,10 +57,12 @@ std::string in_mebibytes(std::uint64_t bytes);  // "1.5 MiB": the unit of --memo
 std::string point_text(const Point& point);     // round-trips
 std::string box_text(const Box& box);
 std::string site_text(const LeafSite& site);
+std::string poor_cell_text(const LeafPoorCell& cell);
+std::string bounds_text(const RunParameters& parameters);
 std::string fault_text(const Fault& fault);
 std::string position_text(const QueuePosition& position);
 std::string quality_text(const CellQuality& quality, double size);
-std::string insertions_text(const std::array<std::uint64_t, kNumConditions>& num_insertions);
+std::string insertions_text(std::span<const std::uint64_t> num_insertions);
 
 // Each ends its lines itself.
 std::string line_text(std::string_view name, std::string_view value);  // of a table

@@ -22,7 +22,7 @@ AuditBounds bounds_of(const RunRecord& run) {
   for (int axis = 0; axis < 3; ++axis) {
     largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
   }
-  return {run.parameters.size, run.parameters.radius_edge_bound,
+  return {run.parameters.size, run.parameters.radius_edge_bound, run.parameters.min_dihedral,
           kRoundingErrors * std::numeric_limits<double>::epsilon() * largest};
 }
 
@@ -76,6 +76,7 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
                   const RunRecord& run, AuditFindings& findings, const StepProgress& on_step) {
   const AuditBounds bounds = bounds_of(run);
   AuditReport& report = findings.report();
+  report.min_dihedral_bound = bounds.min_dihedral;
   AuditLoader loader(store, reader, leaves, run);
   BoundaryComponents components;
   for (std::size_t i = 0; i < leaves.size(); ++i) {

@@ -52,7 +52,11 @@ class CellCheck {
     check_repeated(sorted_cells);
     report_.volume += volume_;
     if (min_cosine_ > max_cosine_) return;
-    report_.min_dihedral_degrees = std::min(report_.min_dihedral_degrees, degrees(max_cosine_));
+    if (const double smallest = degrees(max_cosine_); smallest < report_.min_dihedral_degrees) {
+      report_.min_dihedral_degrees = smallest;
+      report_.worst_leaf = leaf_.key;
+      report_.worst_place = worst_place_;
+    }
     report_.max_dihedral_degrees = std::max(report_.max_dihedral_degrees, degrees(min_cosine_));
   }
 
@@ -112,7 +116,7 @@ class CellCheck {
     const Circumsphere ball = circumsphere_of(corners[0], corners[1], corners[2], corners[3]);
     check_sizes(v, corners, ball.radius);
     check_empty(v, corners, ball);
-    measure_dihedrals(corners);
+    measure_dihedrals(corners, ball.center);
   }
 
   void check_sizes(const Vertices& v, const Corners& c, double radius) {
@@ -152,7 +156,7 @@ class CellCheck {
   }
 
   // A dihedral angle is a straight angle less the one between the outward normals.
-  void measure_dihedrals(const Corners& c) {
+  void measure_dihedrals(const Corners& c, const Point& center) {
     std::array<Point, 4> normal = {cross(c[3] - c[1], c[2] - c[1]), cross(c[2] - c[0], c[3] - c[0]),
                                    cross(c[3] - c[0], c[1] - c[0]),
                                    cross(c[1] - c[0], c[2] - c[0])};
@@ -161,13 +165,18 @@ class CellCheck {
       if (!(length > 0)) return;  // underflow
       n = (1 / length) * n;
     }
+    double of_smallest = -1;
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = i + 1; j < 4; ++j) {
         const double cosine = -dot(normal[i], normal[j]);
         min_cosine_ = std::min(min_cosine_, cosine);
-        max_cosine_ = std::max(max_cosine_, cosine);
+        of_smallest = std::max(of_smallest, cosine);
       }
     }
+    if (degrees(of_smallest) * kBoundSlack < bounds_.min_dihedral) ++report_.num_poor_cells;
+    if (of_smallest <= max_cosine_) return;
+    max_cosine_ = of_smallest;
+    worst_place_ = center;
   }
 
   void check_repeated(std::vector<Vertices>& cells) {
@@ -185,6 +194,7 @@ class CellCheck {
   AuditGrid grid_;
   double volume_ = 0;
   double min_cosine_ = 2, max_cosine_ = -2;
+  Point worst_place_;  // of the cell with max_cosine_
 };
 
 }  // namespace

@@ -150,7 +150,8 @@ class AuditLoader {
 struct AuditBounds {
   double size = 0;  // λ
   double radius_edge = 0;
-  double rounding = 0;  // a few units in the last place of the largest coordinate
+  double min_dihedral = 0;  // in degrees; 0: any
+  double rounding = 0;      // a few units in the last place of the largest coordinate
 };
 
 // Each cell by itself: orientation, circumball, shape, place.

@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "octree/geometry.h"
+#include "octree/morton_key.h"
+
 namespace locvol {
 
 struct AuditReport {
@@ -13,6 +16,12 @@ struct AuditReport {
   double max_circumradius = 0;  // over λ
   double max_radius_edge_ratio = 0;
   double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
+  MortonKey worst_leaf;  // of the cell with the smallest angle
+  Point worst_place;     // the center of its circumball
+  // Cells with an angle below what the run asks for. No violations: such a cell stays where nothing
+  // helps it.
+  double min_dihedral_bound = 0;  // 0: any
+  std::uint64_t num_poor_cells = 0;
   double max_surface_distance = 0;  // of a boundary vertex, over λ
   // Of the boundaries; `surface_…`: of the input. A difference is no violation: parts of the input
   // smaller than λ may be lost.

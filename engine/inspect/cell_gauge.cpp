@@ -20,6 +20,8 @@ constexpr double kFirstRatio = 0.6, kRatioStep = 0.05;
 // Of six times the volume, squared, over that of a box with the same edges at the first corner.
 // Below that, a radius would show the rounding of a volume.
 constexpr double kNearlyFlat = 1e-16;
+// Of a bound on angles: what lies closer below it differs by rounding only.
+constexpr double kAngleSlack = 1e-9;
 
 double degrees(double cosine) {
   return std::acos(std::clamp(cosine, -1.0, 1.0)) * (180 / std::numbers::pi);
@@ -146,7 +148,12 @@ CellGauge::Measures CellGauge::measures_of(std::span<const Corners> cells, doubl
   return m;
 }
 
-CellGauge::CellGauge(double size) : size_(size) {}
+CellGauge::CellGauge(double size, double min_dihedral)
+    : size_(size),
+      poor_cosine_(min_dihedral > 0 ? cosine_of(min_dihedral * (1 - kAngleSlack))
+                                    : std::numeric_limits<double>::infinity()) {
+  counted_.min_dihedral_bound = min_dihedral;
+}
 
 void CellGauge::add(std::span<const Corners> cells) {
   assert(cells.size() <= kAtOnce);
@@ -182,6 +189,7 @@ void CellGauge::add_angles(const std::array<double, 6>& cosines) {
     of_most = std::min(of_most, cosine);
   }
   ++counted_.min_dihedral_angles.counts[bins.bin(of_least)];
+  if (of_least > poor_cosine_) ++counted_.num_poor_cells;
   max_cosine_ = std::max(max_cosine_, of_least);
   min_cosine_ = std::min(min_cosine_, of_most);
 }
@@ -219,6 +227,7 @@ void CellGauge::add(const CellGauge& other) {
   const MeshStatistics& from = other.counted_;
   to.num_cells += from.num_cells;
   to.num_core_cells += from.num_core_cells;
+  to.num_poor_cells += from.num_poor_cells;
   for (const auto histogram :
        {&MeshStatistics::dihedral_angles, &MeshStatistics::min_dihedral_angles,
         &MeshStatistics::radius_edge_ratios}) {

@@ -26,6 +26,8 @@ struct MeshStatistics {
   std::uint64_t num_core_cells = 0;
   double volume = 0;
   double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
+  double min_dihedral_bound = 0;     // what the run asks for, in degrees; 0: nothing
+  std::uint64_t num_poor_cells = 0;  // with a dihedral angle below that
   double max_radius_edge_ratio = 0;
   double max_circumradius = 0;  // over λ
   // In degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's cells, 60 and
@@ -42,8 +44,9 @@ class CellGauge {
   using Corners = std::array<Point, 4>;
   static constexpr std::size_t kAtOnce = 2;
 
-  // `size`: λ, in units of which cells are measured, so that nothing overflows.
-  explicit CellGauge(double size);
+  // `size`: λ, in units of which cells are measured, so that nothing overflows. `min_dihedral`: in
+  // degrees; cells with an angle below it, but for rounding, are poor.
+  explicit CellGauge(double size, double min_dihedral = 0);
 
   // At most kAtOnce, at little more than the price of one.
   void add(std::span<const Corners> cells);
@@ -52,6 +55,7 @@ class CellGauge {
   void add(const CellGauge& other);
 
   std::uint64_t num_cells() const { return counted_.num_cells; }
+  std::uint64_t num_poor_cells() const { return counted_.num_poor_cells; }
   MeshStatistics statistics() const;
 
  private:
@@ -61,6 +65,7 @@ class CellGauge {
   void add_radius(double radius, double ratio);
 
   double size_;
+  double poor_cosine_;      // of an angle that is just good enough
   MeshStatistics counted_;  // but for what the members below tell
   CompensatedSum volume_;
   double min_cosine_ = 1, max_cosine_ = -1;  // of dihedral angles

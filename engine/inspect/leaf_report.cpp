@@ -205,6 +205,7 @@ std::uint64_t write_leaves_vtu(std::span<const LeafRow> leaves, const Frame& fra
     return std::reduce(info.num_insertions.begin(), info.num_insertions.end());
   });
   add_count("deletions", [](const LeafInfo& info) { return info.num_deletions; });
+  add_count("moves", [](const LeafInfo& info) { return info.num_moves; });
   add_count("unresolved", [](const LeafInfo& info) { return info.num_unresolved; });
   add_count("queued", [](const LeafInfo& info) { return info.queued ? 1 : 0; });
   add_count("epoch", [](const LeafInfo& info) {

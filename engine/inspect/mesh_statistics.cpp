@@ -16,6 +16,7 @@
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
+#include "refine/predicates.h"
 
 namespace locvol {
 namespace {
@@ -40,9 +41,24 @@ struct Measured {
   const RunRecord& run;
   const LinearOctree& octree;
   const std::function<void()> on_piece;
+  const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
+  bool is_enough = false;  // on_poor wants no more
   IdlePool<Window> windows;
 };
+
+CellGauge gauge_for(const RunRecord& run) {
+  return CellGauge(run.parameters.size, run.parameters.min_dihedral);
+}
+
+LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge) {
+  const Circumsphere ball = circumsphere_of(c[0], c[1], c[2], c[3]);
+  const bool is_flat = !std::isfinite(ball.radius);
+  return {.leaf = leaf,
+          .position = is_flat ? 0.25 * (c[0] + c[1] + c[2] + c[3]) : ball.center,
+          .radius = ball.radius,
+          .degrees = its_gauge.statistics().min_dihedral_degrees};
+}
 
 // Neighboring leaves, measured by one thread.
 class Piece : public Task {
@@ -59,6 +75,8 @@ class Piece : public Task {
   void apply() override {
     measured_.all.add(gauge_);
     measured_.on_piece();
+    for (const LeafPoorCell& cell : poor_)
+      measured_.is_enough = measured_.is_enough || !measured_.on_poor(cell);
   }
 
  private:
@@ -73,10 +91,21 @@ class Piece : public Task {
         if (std::isnan(positions[i].x))
           throw_unknown_point(cells.vertices[i], octree_.leaves()[leaf]);
       if (num < some.size()) continue;
-      gauge_.add(some);
+      add(octree_.leaves()[leaf], some);
       num = 0;
     }
-    gauge_.add(std::span(some).first(num));
+    add(octree_.leaves()[leaf], std::span(some).first(num));
+  }
+
+  void add(MortonKey leaf, std::span<const CellGauge::Corners> some) {
+    const std::uint64_t num_poor = gauge_.num_poor_cells();
+    gauge_.add(some);
+    if (!measured_.on_poor || gauge_.num_poor_cells() == num_poor) return;
+    for (const CellGauge::Corners& corners : some) {
+      CellGauge one = gauge_for(run_);
+      one.add({&corners, 1});
+      if (one.num_poor_cells() > 0) poor_.push_back(poor_cell(leaf, corners, one));
+    }
   }
 
   // NaN where no leaf near has the point.
@@ -118,13 +147,12 @@ class Piece : public Task {
   const LinearOctree& octree_ = measured_.octree;
   std::vector<std::size_t> leaves_;  // places in Morton order
   Lattice lattice_ = lattice_of(run_);
-  CellGauge gauge_{run_.parameters.size};
+  CellGauge gauge_ = gauge_for(run_);
+  std::vector<LeafPoorCell> poor_;  // if they are asked for
 };
 
-}  // namespace
-
-MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
-                               const StopToken* stop) {
+MeshStatistics measure(const Store& store, int num_threads, const StepProgress& on_step,
+                       std::function<bool(const LeafPoorCell&)> on_poor, const StopToken* stop) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   const LinearOctree octree = stored_octree(store, snapshot);
@@ -144,11 +172,14 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepPr
                         [&] {
                           if (on_step) on_step(measured.all.num_cells(), num_listed_cells);
                         },
-                    .all = CellGauge(run.parameters.size),
+                    .on_poor = std::move(on_poor),
+                    .all = gauge_for(run),
+                    .is_enough = false,
                     .windows = {}};
   std::size_t leaf = 0;
   Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
     throw_if_stopped(stop);
+    if (measured.is_enough) return nullptr;
     std::vector<std::size_t> leaves;
     for (std::uint64_t num = 0; leaf < num_cells.size() && num < kCellsPerPiece; ++leaf) {
       if (num_cells[leaf] > 0) leaves.push_back(leaf);
@@ -159,6 +190,19 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepPr
   });
   measured.all.add_core(num_core_cells);
   return measured.all.statistics();
+}
+
+}  // namespace
+
+MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
+                               const StopToken* stop) {
+  return measure(store, num_threads, on_step, {}, stop);
+}
+
+void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
+                        int num_threads, const StopToken* stop) {
+  const RunRecord run = finished_run(store, store.snapshot());
+  if (run.parameters.min_dihedral > 0) measure(store, num_threads, {}, visit, stop);
 }
 
 }  // namespace locvol

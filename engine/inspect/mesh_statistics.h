@@ -1,6 +1,8 @@
 // What the cells of a finished mesh are like: histograms of their shapes, extremes, volume.
 #pragma once
 
+#include <functional>
+
 #include "engine/inspect/cell_gauge.h"
 #include "engine/shared/step_progress.h"
 #include "octree/stop.h"
@@ -15,5 +17,19 @@ namespace locvol {
 // Throws StoreError unless the store holds a finished run; CorruptRecord, Stopped.
 MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
                                const StepProgress& on_step = {}, const StopToken* stop = nullptr);
+
+// A cell with a dihedral angle below the run's bound, which C7 could not improve.
+struct LeafPoorCell {
+  MortonKey leaf;
+  Point position;      // of its circumcenter; of a flat cell, of its centroid
+  double radius = 0;   // of its circumball
+  double degrees = 0;  // its smallest angle
+};
+
+// All of them in the order of leaves, until `visit` returns false. They are found by measuring the
+// cells, which is what mesh_statistics() does: same memory, same errors. None if the run has no
+// bound.
+void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
+                        int num_threads = 1, const StopToken* stop = nullptr);
 
 }  // namespace locvol

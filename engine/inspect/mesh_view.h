@@ -60,7 +60,7 @@ struct ViewSurface {
 };
 
 struct ViewSite {
-  UnresolvedSite site;
+  UnresolvedSite site;     // or, of condition 7, a poor cell's ball
   std::uint32_t leaf = 0;  // place in MeshView::leaves
 };
 

@@ -363,7 +363,9 @@ TEST_F(EngineTest, SplitsLeavesThatOutgrowTheirCapacity) {
   for (const auto& [key, leaf] : contents.leaves) {
     if (leaf.info.num_points > 0) levels.insert(key.level());
     const bool may_split = contents.run.frame.side(key.level() + 1) >= 2 * kSize;
-    EXPECT_TRUE(leaf.info.num_points <= kCapacity || !may_split) << leaf.info.num_points;
+    // Those that C7 inserts come after the leaf was found to be small enough.
+    const std::uint64_t num_most = kCapacity + leaf.info.num_insertions[6];
+    EXPECT_TRUE(leaf.info.num_points <= num_most || !may_split) << leaf.info.num_points;
   }
   EXPECT_EQ(levels.size(), 2U);
   const Boundary boundary = boundary_of(contents);
@@ -486,7 +488,9 @@ TEST_F(EngineTest, ReplaysLeavesWhoseBoundaryWasMended) {
   for (const auto& [key, leaf] : contents_of(run.store).leaves) {
     if (leaf.info.num_points == 0) continue;
     const Replay again = replay(stored_visit(store, key));
-    EXPECT_TRUE(again.reproduces()) << again.error;
+    EXPECT_TRUE(again.reproduces())
+        << again.error << again.num_cells_gone << " gone, " << again.num_cells_new << " new, "
+        << again.num_left_out << " left out, " << again.delta.inserted.size() << " inserted";
     EXPECT_EQ(again.num_left_out, leaf.info.num_left_out);
   }
 }

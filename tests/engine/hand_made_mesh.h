@@ -275,6 +275,7 @@ class HandMadeStore {
     RunRecord run;
     run.parameters.size = size_;
     run.parameters.radius_edge_bound = radius_edge_bound_;
+    run.parameters.min_dihedral = min_dihedral;
     run.frame = hand_made_frame();
     run.phase = phase;
     run.surface.volume = 1.5;
@@ -307,6 +308,7 @@ class HandMadeStore {
   std::map<MortonKey, Leaf> leaves;
   std::vector<QueueEntry> queue;
   Phase phase = Phase::kDone;
+  double min_dihedral = 0;
 
  private:
   double size_, radius_edge_bound_;

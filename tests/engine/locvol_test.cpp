@@ -241,7 +241,19 @@ TEST(Library, MeasuresTheCells) {
   EXPECT_NEAR(statistics.volume, six_volumes / 6, 1e-7 * statistics.volume);
   EXPECT_NEAR(statistics.max_circumradius, max_circumradius, 1e-5 * max_circumradius);
   EXPECT_NEAR(statistics.max_radius_edge_ratio, max_ratio, 1e-4);
-  EXPECT_GT(statistics.min_dihedral_degrees, 0);
+  EXPECT_EQ(mesh.summary().min_dihedral, 15);
+  EXPECT_LT(statistics.num_poor_cells, 3u);
+  double least = 180;
+  for (const PoorCellPlace& cell : mesh.poor_cells()) {
+    EXPECT_LT(cell.min_dihedral_degrees, 15);
+    EXPECT_LT(cell.radius, 0.1);
+    least = std::min(least, cell.min_dihedral_degrees);
+  }
+  EXPECT_EQ(mesh.poor_cells().size(), statistics.num_poor_cells);
+  if (statistics.num_poor_cells > 0)
+    EXPECT_EQ(statistics.min_dihedral_degrees, least);
+  else
+    EXPECT_GE(statistics.min_dihedral_degrees, 15);
   EXPECT_LT(statistics.min_dihedral_degrees, 60);
   EXPECT_GT(statistics.max_dihedral_degrees, 90);
   EXPECT_LT(statistics.max_dihedral_degrees, 180);
@@ -398,6 +410,12 @@ TEST(Library, TellsErrorsApart) {
   EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options, {.memory_bytes = 1 << 20}); },
                     "give 96M or more"),
             ErrorCode::kMemory);
+  Options steep = options;
+  for (const double angle : {50.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    steep.min_dihedral = angle;
+    EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), steep); }, "smallest dihedral angle"),
+              ErrorCode::kInput);
+  }
   EXPECT_EQ(code_of([&] { resume_run(dir / "none"); }, "none"), ErrorCode::kStore);
   const Mesh mesh = mesh_surface(torus().surface(), options);
   EXPECT_EQ(code_of([&] { mesh.write(dir / "none/a.vtu"); }, "none/a.vtu"), ErrorCode::kSystem);

@@ -87,7 +87,8 @@ void expect_sound(const LeafSurface&) {}
 
 void expect_sound(const LeafUnresolved& record) {
   for (const UnresolvedSite& site : record.sites)
-    expect(1 <= site.condition && site.condition <= kNumConditions, "a condition that there is");
+    expect(1 <= site.condition && site.condition <= kNumSiteConditions,
+           "a condition that there is");
 }
 
 void expect_sound(const QueueEntry&) {}

@@ -80,16 +80,19 @@ inline MemoryRecord sample_memory() {
 }
 
 inline TimelineRecord sample_timeline() {
-  TimelineSample first{
-      .milliseconds = 1200,
-      .started = 1700000000,
-      .num_threads = 2,
-      .memory_cap = 512 << 20,
-      .resident = 40 << 20,
-      .phase = Phase::kCover,
-      .num_leaves = 64,
-      .num_queued = 30,
-      .counts = {.num_visits = 5, .num_points = 1000, .num_insertions = {}, .num_deletions = 3, .num_moves = 4}};
+  TimelineSample first{.milliseconds = 1200,
+                       .started = 1700000000,
+                       .num_threads = 2,
+                       .memory_cap = 512 << 20,
+                       .resident = 40 << 20,
+                       .phase = Phase::kCover,
+                       .num_leaves = 64,
+                       .num_queued = 30,
+                       .counts = {.num_visits = 5,
+                                  .num_points = 1000,
+                                  .num_insertions = {},
+                                  .num_deletions = 3,
+                                  .num_moves = 4}};
   TimelineSample last = first;
   last.milliseconds = 65000;
   last.sitting = 1;
@@ -151,7 +154,8 @@ class Generator {
 
   RunRecord run() {
     RunRecord run = sample_run();
-    run.parameters = {text(), real(), real(), real(), real(), bits(), Initialization::kCover, bits()};
+    run.parameters = {text(), real(), real(), real(), real(), bits(), Initialization::kCover,
+                      bits()};
     run.surface.file = text();
     run.surface.notes.resize(integer(5));
     for (std::string& note : run.surface.notes) note = text();

@@ -67,6 +67,14 @@ INSTANTIATE_TEST_SUITE_P(ParseMemory, BadMemory,
                          testing::Values("", "M", "iB", "512iB", "0", "-1G", "101%", "0%", "nanM",
                                          "1X", "1MM", "1e30", "512 M"));
 
+TEST(ParseAngle, LiesBetweenZeroAndForty) {
+  EXPECT_EQ(parse_angle("0"), 0);
+  EXPECT_EQ(parse_angle("17.5"), 17.5);
+  EXPECT_EQ(parse_angle("40"), 40);
+  for (const char* text : {"", "-1", "40.5", "50", "x", "15°", "nan", "inf"})
+    EXPECT_THROW(parse_angle(text), std::invalid_argument) << text;
+}
+
 TEST(ParseFraction, LiesBetweenZeroAndOne) {
   EXPECT_EQ(parse_fraction("0.02"), 0.02);
   for (const char* text : {"", "0", "1", "-0.1", "2", "nan", "2%"}) {

@@ -68,6 +68,9 @@ INSTANTIATE_TEST_SUITE_P(
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity",
                           "0"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "50"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "x"},
                     Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
                     Names{"resume"}, Names{"inspect", "dir", "--leaf", "2"},
                     Names{"inspect", "dir", "--leaves", "--queue"}, Names{"export", "dir"},
@@ -398,6 +401,104 @@ TEST(Command, MeshEndsWithWhatItsCellsAreLike) {
   EXPECT_EQ(Json::parse(inspected.out)["statistics"], statistics);
 }
 
+// A mesh made without a bound, in a store that says there was one.
+TEST(Command, CellsThatKeepASmallAngleAreToldAndTheExitCodeIs0) {
+  const TempDir dir;
+  const std::string store = (dir / "cube.vtu.locvol").string();
+  std::vector<std::string> command = {
+      "mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "10%", "--keep-store"};
+  auto without_bound = command;
+  without_bound.insert(without_bound.end(), {"--min-dihedral", "0", "--json"});
+  const Json any = Json::parse(run_locvol(without_bound).out);
+  EXPECT_EQ(any["parameters"]["min_dihedral"], 0);
+  EXPECT_EQ(any["num_moves"], 0);
+  EXPECT_EQ(any["statistics"]["num_poor_cells"], 0);
+  {
+    Store opened = Store::open(store);
+    Batch batch = opened.begin();
+    RunRecord run = batch.run().value();
+    run.parameters.min_dihedral = 15;
+    batch.put_run(run);
+    batch.commit();
+  }
+  const ProcessResult text = run_locvol(command);
+  EXPECT_EQ(text.exit_code, 0);
+  EXPECT_NE(text.err.find(" a dihedral angle below 15°, which nothing improved\n  angle "),
+            std::string::npos)
+      << text.err;
+  EXPECT_NE(text.out.find(", with a dihedral angle below 15°\n"), std::string::npos) << text.out;
+  command.push_back("--json");
+  const ProcessResult json = run_locvol(command);
+  EXPECT_EQ(json.exit_code, 0);
+  const Json statistics = Json::parse(json.out)["statistics"];
+  const auto num_poor = statistics["num_poor_cells"].get<std::uint64_t>();
+  EXPECT_GT(num_poor, 0u);
+  EXPECT_LT(statistics["min_dihedral_degrees"], 15);
+  bool is_told = false;
+  std::istringstream events(json.err);
+  for (std::string line; std::getline(events, line);) {
+    const Json event = Json::parse(line);
+    if (event["event"] != "poor_cells") continue;
+    is_told = true;
+    EXPECT_EQ(event["num_poor_cells"], num_poor);
+    EXPECT_EQ(event["cells"].size(), std::min<std::uint64_t>(num_poor, 20));
+  }
+  EXPECT_TRUE(is_told) << json.err;
+
+  const Json sites = Json::parse(run_locvol({"inspect", store, "--unresolved", "--json"}).out);
+  ASSERT_EQ(sites.size(), num_poor);
+  double smallest = 180;
+  for (const Json& site : sites) {
+    EXPECT_EQ(site["condition"], "angle");
+    smallest = std::min(smallest, site["min_dihedral_degrees"].get<double>());
+  }
+  EXPECT_EQ(statistics["min_dihedral_degrees"], smallest);
+  EXPECT_EQ(
+      Json::parse(run_locvol({"inspect", store, "--unresolved", "--limit", "1", "--json"}).out),
+      Json::array({sites[0]}));
+  EXPECT_NE(run_locvol({"inspect", store}).out.find("\npoor cells:\n  angle "), std::string::npos);
+  const ProcessResult audited = run_locvol({"audit", store, "--json"});
+  EXPECT_EQ(audited.exit_code, 0);
+  const Json audit = Json::parse(audited.out);
+  EXPECT_EQ(audit["is_valid"], true);
+  EXPECT_EQ(audit["num_poor_cells"], num_poor);
+  EXPECT_NEAR(audit["min_dihedral_degrees"], smallest, 1e-6);
+}
+
+// A sphere is smooth: all of its cells can be improved.
+TEST(Command, MeshKeepsTheBoundOnAngles) {
+  const TempDir dir;
+  const std::string sphere = (dir / "sphere.stl").string(), store = (dir / "store").string();
+  ASSERT_EQ(run_locvol({"generate", "sphere", "-o", sphere, "--triangles", "3k"}).exit_code, 0);
+  for (const char* bound : {"15", "18"}) {
+    std::vector<std::string> command = {"mesh",
+                                        sphere,
+                                        "-o",
+                                        (dir / "sphere.vtu").string(),
+                                        "-s",
+                                        "5%",
+                                        "--leaf-capacity",
+                                        "800",
+                                        "--store",
+                                        store,
+                                        "--force",
+                                        "--json"};
+    if (bound != std::string("15")) command.insert(command.end(), {"--min-dihedral", bound});
+    const ProcessResult result = run_locvol(command);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const Json json = Json::parse(result.out);
+    EXPECT_EQ(json["parameters"]["min_dihedral"], std::stod(bound));
+    EXPECT_GT(json["num_moves"], 0);
+    EXPECT_EQ(json["statistics"]["num_poor_cells"], 0);
+    EXPECT_GE(json["statistics"]["min_dihedral_degrees"], std::stod(bound));
+    const Json audit = Json::parse(run_locvol({"audit", store, "--json"}).out);
+    EXPECT_EQ(audit["is_valid"], true);
+    EXPECT_EQ(audit["num_poor_cells"], 0);
+    EXPECT_GE(audit["min_dihedral_degrees"], std::stod(bound));
+    EXPECT_EQ(audit["min_dihedral_bound"], std::stod(bound));
+  }
+}
+
 TEST(Command, MeshTellsTheTimeOfEachPhase) {
   const TempDir dir;
   const std::vector<std::string> command = {
@@ -502,6 +603,16 @@ TEST_F(CubeStore, OtherParametersAreRefusedUnlessForced) {
   arguments.push_back("--force");
   EXPECT_EQ(run_locvol(arguments).exit_code, 0);
   EXPECT_TRUE(std::filesystem::exists(dir_ / "other.vtu"));
+}
+
+TEST_F(CubeStore, AnotherBoundOnAnglesIsRefused) {
+  const ProcessResult refused =
+      run_locvol({"mesh", make_cube(dir_), "-o", (dir_ / "cube.vtu").string(), "-s", "20%",
+                  "--store", store_, "--min-dihedral", "20"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("smallest dihedral angle: 15 in the store, 20 asked for"),
+            std::string::npos)
+      << refused.err;
 }
 
 // Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.

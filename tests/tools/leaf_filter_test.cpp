@@ -14,6 +14,7 @@ LeafRow row(int octant, std::uint32_t num_visits, std::uint64_t num_cells) {
   info.num_cells = num_cells;
   info.num_points = num_cells;
   info.num_insertions = {1, 0, 2, 0, 0, num_cells};
+  info.num_moves = 3;
   return {.key = MortonKey::root().child(octant), .info = info, .unresolved = {}, .faults = {}};
 }
 
@@ -36,9 +37,9 @@ std::vector<LeafRow> sorted(const LeafListing& listing, const std::vector<LeafRo
 
 TEST(LeafCondition, ComparesEachField) {
   const LeafRow leaf = row(3, 2, 7);
-  for (const char* text :
-       {"visits=2", "visits==2", "visits >= 2", "visits<3", "visits!=1", "cells>6", "cells <= 7",
-        "points=7", "level=1", "insertions=10", "deletions=0", "unresolved=0", "triangles<1"}) {
+  for (const char* text : {"visits=2", "visits==2", "visits >= 2", "visits<3", "visits!=1",
+                           "cells>6", "cells <= 7", "points=7", "level=1", "insertions=10",
+                           "deletions=0", "moves=3", "unresolved=0", "triangles<1"}) {
     EXPECT_TRUE(parse_condition(text).holds(leaf)) << text;
   }
   for (const char* text : {"visits=3", "visits>2", "visits<2", "cells!=7", "level>1"}) {

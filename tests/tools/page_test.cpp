@@ -9,6 +9,7 @@
 #include <regex>
 #include <sstream>
 
+#include "storage/store.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
@@ -227,6 +228,40 @@ TEST_F(PageTest, HasFiguresThatNeedNoScript) {
                            "Leaves by visits", "radius-edge ratio"})
     EXPECT_NE(still.find(text), std::string::npos) << text;
   for (const char* text : {"nan", "inf\"", "-0°"}) EXPECT_EQ(still.find(text), std::string::npos);
+}
+
+// Of a mesh made without a bound on angles, in a store that says there was one.
+TEST_F(PageTest, MarksPoorCells) {
+  const std::string page = report();
+  EXPECT_NE(page.find("Smallest dihedral angle of each cell, none below 15°"), std::string::npos);
+  EXPECT_EQ(page.find("Poor cells"), std::string::npos);
+  const ProcessResult meshed = run_locvol({"mesh", path("a <b> & c.stl"), "-o", path("p.vtu"), "-s",
+                                           "8%", "--store", path("poor"), "--min-dihedral", "0"});
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  {
+    Store store = Store::open(path("poor"));
+    Batch batch = store.begin();
+    RunRecord run = batch.run().value();
+    run.parameters.min_dihedral = 15;
+    batch.put_run(run);
+    batch.commit();
+  }
+  ASSERT_EQ(run_locvol({"report", path("poor"), "-o", path("poor.html")}).exit_code, 0);
+  const std::string poor = bytes_of(path("poor.html"));
+  const ProcessResult inspected = run_locvol({"inspect", path("poor"), "--json"});
+  const auto num = Json::parse(inspected.out)["statistics"]["num_poor_cells"].get<std::uint64_t>();
+  ASSERT_GT(num, 1U);
+  ASSERT_LT(num, 1000U);  // one group of digits
+  const std::string count = std::to_string(num);
+  for (const std::string& text :
+       {"<strong>" + count + " cells have a dihedral angle below 15°</strong>",
+        "Smallest dihedral angle of each cell, " + count + " below 15°",
+        "unresolved sites (0), poor cells (" + count + ")",
+        std::string("Dots are poor cells, wherever"), std::string("<caption>Poor cells</caption>"),
+        std::string("<title>C7, (")})
+    EXPECT_NE(poor.find(text), std::string::npos) << text;
+  if (three_library().empty()) GTEST_SKIP() << kNoThree;
+  EXPECT_EQ(Json::parse(element(poor, "view-data"))["sites"].size(), num);
 }
 
 TEST_F(PageTest, PrintsWhatItWrote) {

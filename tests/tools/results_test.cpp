@@ -87,6 +87,61 @@ TEST(AuditText, NamesEveryViolation) {
   EXPECT_TRUE(text.ends_with("\nNOT VALID\n")) << text;
 }
 
+TEST(AuditText, TellsPoorCellsAndFindsTheMeshValid) {
+  AuditReport report = valid_report();
+  EXPECT_EQ(audit_text(report).find("poor cells"), std::string::npos);
+  report.min_dihedral_bound = 15;
+  EXPECT_NE(audit_text(report).find("\npoor cells 0, with a dihedral angle below 15°\n"),
+            std::string::npos);
+  report.num_poor_cells = 2;
+  report.min_dihedral_degrees = 12.5;
+  report.worst_leaf = MortonKey::root();
+  report.worst_place = {1, 2.5, -3};
+  const std::string text = audit_text(report);
+  EXPECT_NE(text.find("\npoor cells 2, with a dihedral angle below 15°; the worst at (1, 2.5, -3), "
+                      "leaf 8000000000000000\n"),
+            std::string::npos)
+      << text;
+  EXPECT_TRUE(text.ends_with("\nvalid\n")) << text;
+  const Json json = to_json(report);
+  EXPECT_EQ(json["is_valid"], true);
+  EXPECT_EQ(json["num_poor_cells"], 2);
+  EXPECT_EQ(json["min_dihedral_bound"], 15);
+  EXPECT_EQ(json["smallest_angle_at"]["leaf"], "8000000000000000");
+}
+
+TEST(StatisticsText, TellsPoorCellsIfThereIsABound) {
+  MeshStatistics statistics;
+  SurfaceFacts input;
+  input.volume = 1;
+  EXPECT_EQ(statistics_text(statistics, input).find("poor"), std::string::npos);
+  statistics.min_dihedral_bound = 15;
+  statistics.num_poor_cells = 3;
+  const std::string text = statistics_text(statistics, input);
+  EXPECT_NE(text.find("\npoor cells       3, with a dihedral angle below 15°\n"), std::string::npos)
+      << text;
+  EXPECT_EQ(to_json(statistics)["num_poor_cells"], 3);
+}
+
+TEST(ParametersText, TellsTheBoundOnAngles) {
+  RunParameters parameters;
+  const char* any =
+      "bounds           radius-edge ratio 2, dihedral angles any, spacing floor 0.02 λ";
+  parameters.spacing_floor = 0.02;
+  EXPECT_NE(parameters_text(parameters).find(any), std::string::npos);
+  parameters.min_dihedral = 15;
+  EXPECT_NE(parameters_text(parameters).find("dihedral angles at least 15°, "), std::string::npos);
+  EXPECT_EQ(to_json(parameters)["min_dihedral"], 15);
+}
+
+TEST(PoorCellText, NamesAnglePlaceAndLeaf) {
+  const LeafPoorCell cell{MortonKey::root(), {1, 2.5, -3}, 0.25, 12.5};
+  EXPECT_EQ(poor_cell_text(cell),
+            "angle 12.5° at (1, 2.5, -3), radius 0.25, leaf 8000000000000000");
+  EXPECT_EQ(to_json(cell)["condition"], "angle");
+  EXPECT_EQ(to_json(cell)["min_dihedral_degrees"], 12.5);
+}
+
 TEST(StatisticsText, DrawsBarsOfItsHistograms) {
   MeshStatistics statistics;
   statistics.num_cells = 1000;
@@ -133,7 +188,9 @@ TEST(SiteText, NamesConditionPlaceAndLeaf) {
 }
 
 TEST(InsertionsText, NamesConditionsFromC1) {
-  EXPECT_EQ(insertions_text({1, 2, 3, 4, 5, 6}), "C1 1, C2 2, C3 3, C4 4, C5 5, C6 6");
+  const std::vector<std::uint64_t> num_insertions = {1, 2, 3, 4, 5, 6, 7};
+  EXPECT_EQ(insertions_text(num_insertions), "C1 1, C2 2, C3 3, C4 4, C5 5, C6 6, C7 7");
+  EXPECT_EQ(insertions_json(num_insertions)["C7"], 7);
 }
 
 }  // namespace

@@ -103,6 +103,8 @@ class Page {
         leaves_(count_leaves(store.snapshot())) {
     if (is_done()) statistics_ = mesh_statistics(store, num_threads);
     view_ = mesh_view(store, limits);
+    num_sites_ = view_.sites.size();
+    if (num_poor_cells() > 0) mark_poor_cells(store, limits.max_sites, num_threads);
   }
 
   PageSummary write(const std::filesystem::path& file) {
@@ -134,6 +136,21 @@ class Page {
     return *std::move(run);
   }
 
+  std::uint64_t num_poor_cells() const { return statistics_ ? statistics_->num_poor_cells : 0; }
+
+  // Marked as sites are.
+  void mark_poor_cells(const Store& store, std::uint64_t max, int num_threads) {
+    const auto take = [&](const LeafPoorCell& cell) {
+      poor_cells_.push_back(cell);
+      const auto after = std::ranges::upper_bound(
+          view_.leaves, cell.leaf, {}, [](const ViewLeaf& leaf) { return leaf.key.range_min(); });
+      view_.sites.push_back({{kNumConditions, cell.position, cell.radius},
+                             static_cast<std::uint32_t>(after - view_.leaves.begin()) - 1});
+      return poor_cells_.size() < max;
+    };
+    for_each_poor_cell(store, take, num_threads);
+  }
+
   bool is_done() const { return run_.phase == Phase::kDone; }
   std::string name() const { return std::filesystem::path(run_.surface.file).filename().string(); }
 
@@ -145,14 +162,16 @@ class Page {
         {"summary", [&] { return summary(); }},
         {"viewer_class", [] { return std::string(three_library().empty() ? "is-failed" : ""); }},
         {"failure", [] { return failure(); }},
-        {"num_sites", [&] { return grouped(run_.counts.num_unresolved); }},
+        {"marked", [&] { return marked(); }},
         {"shown", [&] { return shown(); }},
         {"section_note",
          [&] {
-           return std::string(
-               run_.counts.num_unresolved > 0
-                   ? "Dots are unresolved sites, wherever they lie along the line of sight."
-                   : "");
+           return view_.sites.empty()
+                      ? ""
+                      : fmt::format("Dots are {}, wherever they lie along the line of sight.",
+                                    num_poor_cells() == 0 ? "unresolved sites"
+                                    : num_sites_ == 0     ? "poor cells"
+                                                          : "unresolved sites and poor cells");
          }},
         {"sections", [&] { return sections(); }},
         {"statistics", [&] { return statistics(); }},
@@ -177,6 +196,19 @@ class Page {
     if (run_.counts.num_unresolved > 0)
       text += fmt::format("; <strong>{} unresolved sites</strong>",
                           grouped(run_.counts.num_unresolved));
+    if (num_poor_cells() > 0) text += fmt::format("; <strong>{}</strong>", poor_cells_text());
+    return text;
+  }
+
+  std::string poor_cells_text() const {
+    return fmt::format("{} {} a dihedral angle below {}°", grouped(num_poor_cells()),
+                       num_poor_cells() == 1 ? "cell has" : "cells have",
+                       run_.parameters.min_dihedral);
+  }
+
+  std::string marked() const {
+    std::string text = fmt::format("unresolved sites ({})", grouped(run_.counts.num_unresolved));
+    if (num_poor_cells() > 0) text += fmt::format(", poor cells ({})", grouped(num_poor_cells()));
     return text;
   }
 
@@ -214,8 +246,10 @@ class Page {
             "next.",
             grouped(run_.counts.num_cells), grouped(num_shown_cells()), view_.cells.size());
     }
-    if (view_.sites.size() < run_.counts.num_unresolved)
-      text += fmt::format(" The first {} unresolved sites are marked.", view_.sites.size());
+    if (num_sites_ < run_.counts.num_unresolved)
+      text += fmt::format(" The first {} unresolved sites are marked.", num_sites_);
+    if (poor_cells_.size() < num_poor_cells())
+      text += fmt::format(" The first {} poor cells are marked.", poor_cells_.size());
     return text;
   }
 
@@ -251,12 +285,18 @@ class Page {
         "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic "
         "scale.{}</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to "
         "{:.2f}°</h3>{}"
-        "</figure>\n<figure><h3>Smallest dihedral angle of each cell</h3>{}</figure>\n"
+        "</figure>\n<figure><h3>Smallest dihedral angle of each cell{}</h3>{}</figure>\n"
         "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure></div></section>\n",
         core, statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
-        histogram_svg(statistics_->dihedral_angles, "°"),
+        histogram_svg(statistics_->dihedral_angles, "°"), below_bound(),
         histogram_svg(statistics_->min_dihedral_angles, "°"), statistics_->max_radius_edge_ratio,
         histogram_svg(statistics_->radius_edge_ratios, ""));
+  }
+
+  std::string below_bound() const {
+    if (run_.parameters.min_dihedral == 0) return "";
+    return fmt::format(", {} below {}°", num_poor_cells() == 0 ? "none" : grouped(num_poor_cells()),
+                       run_.parameters.min_dihedral);
   }
 
   std::string timeline() const {
@@ -303,8 +343,7 @@ class Page {
         {"size λ", fmt::format("{}", p.size)},
         {"leaf capacity κ", grouped(p.leaf_capacity)},
         {"initialization", fmt::format("{}, seed {}", init_name(p.init), p.seed)},
-        {"bounds", fmt::format("radius-edge ratio {}, spacing floor {} λ", p.radius_edge_bound,
-                               p.spacing_floor)},
+        {"bounds", bounds_text(p)},
         {"phase", std::string(phase_name(run_.phase))},
         {"leaves", fmt::format("{}, of which {} are not empty", grouped(leaves_.num_leaves),
                                grouped(num_nonempty()))},
@@ -312,6 +351,7 @@ class Page {
          fmt::format("{}, the last in epoch {}", grouped(run_.counts.num_visits), run_.epoch)},
         {"insertions", insertions_text(run_.counts.num_insertions)},
         {"deletions", grouped(run_.counts.num_deletions)},
+        {"moves", grouped(run_.counts.num_moves)},
     };
     if (!timeline_.samples.empty()) run.emplace_back("time", time_text());
     if (memory_)
@@ -328,11 +368,16 @@ class Page {
                                               100 * (m.volume - s.volume) / s.volume));
       mesh.emplace_back("dihedral angles", fmt::format("{:.3f}° to {:.3f}°", m.min_dihedral_degrees,
                                                        m.max_dihedral_degrees));
+      if (run_.parameters.min_dihedral > 0)
+        mesh.emplace_back("poor cells",
+                          fmt::format("{}, with a dihedral angle below {}°",
+                                      grouped(m.num_poor_cells), run_.parameters.min_dihedral));
       mesh.emplace_back("radius-edge ratio",
                         fmt::format("at most {:.4f}", m.max_radius_edge_ratio));
       mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
     }
-    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sites();
+    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sites() +
+           poor_cells();
   }
 
   std::uint64_t num_nonempty() const {
@@ -355,9 +400,9 @@ class Page {
 
   std::string sites() const {
     constexpr std::size_t kMaxListed = 20;
-    if (view_.sites.empty()) return "";
+    if (num_sites_ == 0) return "";
     Rows rows;
-    for (std::size_t i = 0; i < std::min(view_.sites.size(), kMaxListed); ++i) {
+    for (std::size_t i = 0; i < std::min(num_sites_, kMaxListed); ++i) {
       const UnresolvedSite& site = view_.sites[i].site;
       rows.emplace_back(
           fmt::format("C{}", site.condition),
@@ -370,6 +415,22 @@ class Page {
     return table("Unresolved sites", rows);
   }
 
+  std::string poor_cells() const {
+    constexpr std::size_t kMaxListed = 20;
+    if (poor_cells_.empty()) return "";
+    Rows rows;
+    for (std::size_t i = 0; i < std::min(poor_cells_.size(), kMaxListed); ++i) {
+      const auto& [leaf, position, radius, degrees] = poor_cells_[i];
+      rows.emplace_back(fmt::format("{:.3g}°", degrees),
+                        fmt::format("({:.6g}, {:.6g}, {:.6g}), radius {:.4g} λ", position.x,
+                                    position.y, position.z, radius / run_.parameters.size));
+    }
+    if (num_poor_cells() > rows.size())
+      rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --unresolved",
+                                        grouped(num_poor_cells() - rows.size())));
+    return table("Poor cells", rows);
+  }
+
   static std::string table(std::string_view caption, const Rows& rows) {
     std::string text = fmt::format("<table><caption>{}</caption>\n", caption);
     for (const auto& [name, value] : rows)
@@ -378,9 +439,10 @@ class Page {
   }
 
   std::string footer() const {
-    return "Written by locvol report from the store of the run alone. C1 to C6 are the conditions "
+    return "Written by locvol report from the store of the run alone. C1 to C7 are the conditions "
            "that a "
-           "visit restores: C1 to C4 of the boundary, C5 of circumradii, C6 of radius-edge ratios.";
+           "visit restores: C1 to C4 of the boundary, C5 of circumradii, C6 of radius-edge ratios, "
+           "C7 of dihedral angles.";
   }
 
   static std::string three() {
@@ -408,6 +470,8 @@ class Page {
   LeafCounts leaves_;
   std::optional<MeshStatistics> statistics_;
   MeshView view_;
+  std::size_t num_sites_ = 0;             // unresolved ones in view_.sites; poor cells follow
+  std::vector<LeafPoorCell> poor_cells_;  // as many as are marked
 };
 
 }  // namespace

@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::string_view kBlue = "#3b6ea5";
 constexpr std::array<std::string_view, kNumConditions> kConditionColors = {
-    "#3b6ea5", "#e1812c", "#3a923a", "#c03d3e", "#8064a2", "#7f6a5a"};
+    "#3b6ea5", "#e1812c", "#3a923a", "#c03d3e", "#8064a2", "#7f6a5a", "#1a9aa0"};
 
 // -- Axes ----------------------------------------------------------------------------------------
 
@@ -370,6 +370,9 @@ class TimelineFigure {
     if (samples_.back().counts.num_deletions > 0)
       lines.push_back(
           {"#6b7280", "deleted", [](const TimelineSample& s) { return s.counts.num_deletions; }});
+    if (samples_.back().counts.num_moves > 0)
+      lines.push_back(
+          {"#b5517f", "moved", [](const TimelineSample& s) { return s.counts.num_moves; }});
     std::ranges::sort(lines, {}, [&](const Line& l) { return l.value(samples_.back()); });
     add_lines(lines.empty() ? "points inserted: none" : "points inserted, by condition", lines);
   }

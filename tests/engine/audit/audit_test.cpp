@@ -7,6 +7,7 @@
 #include <numbers>
 #include <string>
 
+#include "engine/shared/cell_quality.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/temp_dir.h"
 
@@ -126,6 +127,45 @@ TEST(Audit, LatticeBallHasItsClosedForms) {
     EXPECT_EQ(report.num_components, 1u);
     EXPECT_EQ(report.euler_characteristic, 2);
   }
+}
+
+TEST(Audit, CountsCellsBelowTheBoundOnAnglesAndFindsThemNoViolation) {
+  const HandMadeMesh mesh = random_delaunay(3, 24);
+  double smallest = 180;
+  Point place;
+  std::uint64_t num_below = 0;
+  for (const CellIds& cell : mesh.cells) {
+    const auto p = mesh.corners(cell);
+    const double angle = quality_of(p).min_dihedral_degrees;
+    num_below += angle < 20;
+    if (angle >= smallest) continue;
+    smallest = angle;
+    place = circumsphere_of(p[0], p[1], p[2], p[3]).center;
+  }
+  ASSERT_GT(num_below, 0u);
+  for (const LinearOctree& octree : octrees()) {
+    SCOPED_TRACE(octree.size());
+    HandMadeStore store(mesh, octree);
+    AuditReport report = audit_of(store);
+    EXPECT_EQ(report.min_dihedral_bound, 0);
+    EXPECT_EQ(report.num_poor_cells, 0u);
+    store.min_dihedral = 20;
+    report = audit_of(store);
+    EXPECT_TRUE(report.is_valid()) << described(report);
+    EXPECT_EQ(report.min_dihedral_bound, 20);
+    EXPECT_EQ(report.num_poor_cells, num_below);
+    EXPECT_NEAR(report.min_dihedral_degrees, smallest, 1e-6);
+    EXPECT_LT(norm(report.worst_place - place), 1e-6 * mesh.size);
+    EXPECT_TRUE(report.worst_leaf.is_valid());
+  }
+}
+
+TEST(Audit, DoesNotTakeRoundingForAPoorCell) {
+  HandMadeStore store(ball(), mixed_octree());  // of cells with 60 degrees
+  store.min_dihedral = 60;
+  EXPECT_EQ(audit_of(store).num_poor_cells, 0u);
+  store.min_dihedral = 60.001;
+  EXPECT_EQ(audit_of(store).num_poor_cells, ball().cells.size());
 }
 
 TEST(Audit, AcceptsTheDelaunayTriangulationOfRandomPoints) {

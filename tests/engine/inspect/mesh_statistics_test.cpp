@@ -179,6 +179,66 @@ TEST(MeshStatistics, KnowTheRegularTetrahedronAndAFlatCell) {
   EXPECT_EQ(flat.dihedral_angles.counts.front() + flat.dihedral_angles.counts.back(), 6u);
 }
 
+// In the order of leaves, on any number of threads.
+TEST(MeshStatistics, CountCellsBelowTheBoundAndTellWhereTheyAre) {
+  const HandMadeMesh mesh = random_delaunay(7, 30);
+  std::vector<double> smallest;
+  for (const CellIds& cell : mesh.cells)
+    smallest.push_back(std::ranges::min(angles_of(mesh.corners(cell))));
+  for (const double bound : {0.0, 5.0, 20.0}) {
+    const auto num_poor = static_cast<std::uint64_t>(
+        std::ranges::count_if(smallest, [&](double angle) { return angle < bound; }));
+    EXPECT_EQ(num_poor > 0, bound > 0);
+    for (const int num_threads : {1, 3}) {
+      const TempDir dir;
+      HandMadeStore hand_made(mesh, mixed_octree());
+      hand_made.min_dihedral = bound;
+      const Store store = hand_made.write(dir / "store");
+      const MeshStatistics statistics = mesh_statistics(store, num_threads);
+      EXPECT_EQ(statistics.min_dihedral_bound, bound);
+      EXPECT_EQ(statistics.num_poor_cells, num_poor);
+      std::vector<LeafPoorCell> cells;
+      const auto take = [&](const LeafPoorCell& cell) {
+        cells.push_back(cell);
+        return true;
+      };
+      for_each_poor_cell(store, take, num_threads);
+      ASSERT_EQ(cells.size(), num_poor);
+      EXPECT_TRUE(std::ranges::is_sorted(cells, {}, &LeafPoorCell::leaf));
+      std::vector<bool> is_told(mesh.cells.size());
+      for (const LeafPoorCell& cell : cells) {
+        const auto c = std::ranges::find_if(mesh.cells, [&](const CellIds& ids) {
+          const Corners corners = mesh.corners(ids);
+          return std::ranges::all_of(corners, [&](const Point& p) {
+            return std::abs(norm(p - cell.position) - cell.radius) < 1e-6 * cell.radius;
+          });
+        });
+        ASSERT_NE(c, mesh.cells.end());
+        const auto i = static_cast<std::size_t>(c - mesh.cells.begin());
+        EXPECT_FALSE(is_told[i]);
+        is_told[i] = true;
+        EXPECT_NEAR(cell.degrees, smallest[i], 1e-6);
+        EXPECT_LT(cell.degrees, bound);
+      }
+      std::uint64_t num_taken = 0;
+      for_each_poor_cell(
+          store, [&](const LeafPoorCell&) { return ++num_taken < 2; }, num_threads);
+      EXPECT_EQ(num_taken, std::min<std::uint64_t>(num_poor, 2));
+    }
+  }
+}
+
+// 45 degrees in all cells but for rounding.
+TEST(MeshStatistics, DoNotTakeRoundingForAPoorCell) {
+  const TempDir dir;
+  HandMadeStore hand_made(cubes(3, [](int, int, int) { return true; }), mixed_octree());
+  hand_made.min_dihedral = 45;
+  EXPECT_EQ(mesh_statistics(hand_made.write(dir / "store")).num_poor_cells, 0u);
+  hand_made.min_dihedral = 45.001;
+  const MeshStatistics statistics = mesh_statistics(hand_made.write(dir / "other"));
+  EXPECT_EQ(statistics.num_poor_cells, statistics.num_cells);
+}
+
 TEST(MeshStatistics, AreStoppedAtAnyPiece) {
   const TempDir dir;
   const Store store =

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 
 #include "engine/engine.h"
 #include "engine/inspect/leaf_report.h"
@@ -114,9 +115,18 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
     for (std::size_t c = 0; c < kNumConditions; ++c)
       EXPECT_EQ(after.counts.num_insertions[c] - before.counts.num_insertions[c],
                 next.delta.stats.insertions[c]);
-    const auto is_insertion = [](const RefineStep& s) { return s.action == Action::kInsert; };
-    EXPECT_EQ(static_cast<std::size_t>(std::ranges::count_if(next.steps, is_insertion)),
-              next.delta.inserted.size());
+    EXPECT_EQ(after.counts.num_moves - before.counts.num_moves, next.delta.stats.moves);
+    const auto num_steps = [&](Action action) {
+      return static_cast<std::uint64_t>(
+          std::ranges::count(next.steps, action, &RefineStep::action));
+    };
+    const auto& insertions = next.delta.stats.insertions;
+    EXPECT_EQ(num_steps(Action::kInsert),
+              std::reduce(insertions.begin(), insertions.end(), std::uint64_t{0}));
+    EXPECT_EQ(num_steps(Action::kMove), next.delta.stats.moves);
+    // What is moved is inserted anew, once for all of its moves.
+    EXPECT_GE(next.delta.inserted.size(), num_steps(Action::kInsert));
+    EXPECT_LE(next.delta.inserted.size(), num_steps(Action::kInsert) + num_steps(Action::kMove));
     has_inserted |= !next.delta.inserted.empty();
     const auto info = store.snapshot().leaf(visit.leaf);
     EXPECT_EQ(info.has_value(), !next.delta.is_overfull);

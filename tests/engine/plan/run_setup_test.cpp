@@ -67,11 +67,31 @@ TEST(PlannedRun, RefusesOptionsOutOfRange) {
     options.radius_edge_bound = bound;
     EXPECT_THROW(planned_in_box(options, surface), InputError) << bound;
   }
+  for (const double angle : {-1.0, 40.5, std::nan(""), HUGE_VAL}) {
+    auto options = options_with({1, true});
+    options.min_dihedral = angle;
+    EXPECT_THROW(planned_in_box(options, surface), InputError) << angle;
+  }
   for (const double floor : {-0.1, 0.6, std::nan("")}) {
     auto options = options_with({1, true});
     options.spacing_floor = floor;
     EXPECT_THROW(planned_in_box(options, surface), InputError) << floor;
   }
+}
+
+TEST(PlannedRun, AsksForAnglesUnlessInPaperMode) {
+  const auto bound_of = [](const MeshOptions& options) {
+    return planned_in_box(options, Point{1, 1, 1}).parameters.min_dihedral;
+  };
+  auto options = options_with({5, true});
+  EXPECT_EQ(bound_of(options), kDefaultMinDihedral);
+  options.init = Initialization::kPaper;
+  EXPECT_EQ(bound_of(options), 0);
+  options.min_dihedral = 12;
+  EXPECT_EQ(bound_of(options), 12);
+  options.init = Initialization::kCover;
+  options.min_dihedral = 0;
+  EXPECT_EQ(bound_of(options), 0);
 }
 
 TEST(PlannedRun, RefusesCoordinatesBeyondDoubleArithmetic) {
@@ -256,7 +276,7 @@ TEST(RequireSameRun, NamesEachDifferenceWithBothValues) {
            [](auto& p) { p.input_digest = "cd"; }, [](auto& p) { p.size = 1; },
            [](auto& p) { p.radius_edge_bound = 3; }, [](auto& p) { p.spacing_floor = 0.3; },
            [](auto& p) { p.leaf_capacity = 7; }, [](auto& p) { p.init = Initialization::kPaper; },
-           [](auto& p) { p.seed = 4; }}) {
+           [](auto& p) { p.seed = 4; }, [](auto& p) { p.min_dihedral = 20; }}) {
     RunParameters other = held;
     change(other);
     EXPECT_THROW(require_same_run(held, other, "dir"), StoreMismatch);
