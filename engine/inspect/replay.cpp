@@ -158,7 +158,12 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
   LeafLoader loader(state, no_cap);
   LoadedLeaf loaded = loader.load(leaf);
-  if (!state.leaves().info(leaf).queued) loaded.input.last_visit.reset();  // shows all of the leaf
+  if (!state.leaves().info(leaf).queued) {
+    loaded.input.last_visit.reset();  // shows all of the leaf
+    // What C7 could not improve it might now, after what other leaves have done.
+    loaded.input.criteria.min_dihedral = 0;
+    loaded.input.waiting.clear();
+  }
 
   StoredVisit visit;
   visit.leaf = leaf;
