@@ -16,14 +16,22 @@ namespace locvol {
 namespace {
 
 constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
-constexpr int kNumRounds = 8;    // with other places each time, for the cells that are left
-// Places tried: steps along a direction, over λ; within a ball, over its radius; numbers of others.
+// Rounds, with other places each time, for the cells that are left; from kLastForMany on only for a
+// few.
+constexpr int kNumRounds = 8, kLastForMany = 2;
+constexpr std::size_t kFew = 16;
+// Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
+// only moves are tried, which cost far less than insertions.
+constexpr std::size_t kPatience = 50;
+// Places tried: steps along a direction, over the scale (λ, but less where cells are small); within
+// a ball, over its radius; numbers of others.
 constexpr std::array<double, 4> kSteps{0.1, 0.18, 0.05, 0.28};
 constexpr std::array<double, 6> kIntoBall{0.97, 0.9, 0.8, 0.65, 0.5, 0.3};
 constexpr int kNumAround = 8;
 constexpr std::size_t kNumInBall = 24;
 constexpr int kNumThrown = 240;         // to have so many in the ball, the leaf and on the surface
-constexpr double kAround = 0.4;         // over λ
+constexpr double kAround = 0.4;         // over the scale
+constexpr double kScale = 1.2;          // over the radius of the cell
 constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
 
 // Looks random, and is a function of its seeds.
@@ -110,11 +118,17 @@ void ImproveAngles::run() {
     if (mesh_.delaunay().is_cell(c)) look_at(c);
   StopPoll poll(surroundings_.stop, 8);
   for (round_ = 0; round_ < kNumRounds && !waiting_.empty(); ++round_) {
+    if (round_ >= kLastForMany && waiting_.size() > kFew) break;
     while (!waiting_.empty()) {
       poll();
       const Poor poor = waiting_.top();
       waiting_.pop();
-      if (mesh_.is_alive(poor.cell) && !improve(poor.cell.cell)) left_.push_back(poor);
+      if (!mesh_.is_alive(poor.cell)) continue;
+      if (improve(poor.cell.cell)) {
+        ++num_improved_;
+      } else {
+        left_.push_back(poor);
+      }
     }
     for (const Poor& poor : std::exchange(left_, {}))
       if (mesh_.is_alive(poor.cell) && !is_left_to_others(poor.cell.cell)) waiting_.push(poor);
@@ -174,7 +188,7 @@ bool ImproveAngles::improve(Cell poor) {
   const auto vertices = mesh_.delaunay().vertices(poor);
   for (const LocalIndex v : vertices)
     if (is_movable(v) && try_places(v, poor)) return true;
-  const bool is_left = is_left_to_others(poor);
+  const bool is_left = left_.size() > kPatience + num_improved_ || is_left_to_others(poor);
   if (!is_left)
     for (const LocalIndex v : movable_around(poor))
       if (try_places(v, poor)) return true;
@@ -194,9 +208,9 @@ bool ImproveAngles::improve(Cell poor) {
 bool ImproveAngles::is_left_to_others(Cell poor) const {
   const Point& center = mesh_.ball(poor).center;
   return std::ranges::any_of(input_.waiting, [&](const Box& box) {
-    return is_in_leaf(box, center) &&
-           std::ranges::any_of(mesh_.corners(poor),
-                               [&](const Point& p) { return is_in_leaf(box, p); });
+    return is_in_leaf(box, center) && std::ranges::any_of(mesh_.corners(poor), [&](const Point& p) {
+             return is_in_leaf(box, p);
+           });
   });
 }
 
@@ -260,9 +274,9 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
 // triangulation (Chen and Xu, 2004); some around. Of another: into the cell's ball.
 void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   const Delaunay& delaunay = mesh_.delaunay();
-  const double size = input_.criteria.size;
   const Point p = delaunay.point(v);
   const CellBall& ball = mesh_.ball(poor);
+  const double scale = std::min(input_.criteria.size, kScale * std::sqrt(ball.squared_radius));
   const auto& vertices = delaunay.vertices(poor);
   places_.clear();
   const auto at = std::ranges::find(vertices, v);
@@ -282,8 +296,8 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   const Point out = p - ball.center;
   const Point down = (dot(up, ball.center - a) > 0 ? -1 : 1) / norm(out) * out;
   for (const double step : kSteps) {
-    places_.push_back(p + (step * size) * down);
-    places_.push_back(p + (step * size) * up);
+    places_.push_back(p + (step * scale) * down);
+    places_.push_back(p + (step * scale) * up);
   }
   Point sum;
   double volume = 0;
@@ -296,7 +310,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   if (volume > 0) places_.insert(places_.begin() + 2, 1 / volume * sum);
   Noise noise(mesh_.local(v).ref, mesh_.local(vertices[i ^ 1]).ref, round_);
   for (int n = 0; n < kNumAround; ++n)
-    places_.push_back(p + (kAround * size) * noise.in_unit_ball());
+    places_.push_back(p + (kAround * scale) * noise.in_unit_ball());
 }
 
 bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {

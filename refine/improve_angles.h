@@ -111,6 +111,7 @@ class ImproveAngles {
   double bound_;                                   // the last of them
   VertexMove::Limits limits_;                      // of cells at a volume point that moves or comes
   int round_ = 0;
+  std::size_t num_improved_ = 0;
 
   std::priority_queue<Poor> waiting_;
   std::vector<Poor> left_;

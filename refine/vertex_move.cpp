@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "refine/cell_shape.h"
+#include "refine/circumcenter.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {
@@ -195,9 +196,10 @@ namespace {
 bool exceeds(const VertexMove::Limits& limits, const std::array<Point, 4>& corners,
              const WayToCenter& way) {
   constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
-  if (!way.is_known()) return true;
-  const Point twice = way.vector();
-  const double squared_radius = 0.25 * (1 + kSlack) * (1 + kSlack) * dot(twice, twice);
+  const Point twice = way.is_known() ? way.vector() : Point{};
+  const double squared_radius =
+      way.is_known() ? 0.25 * (1 + kSlack) * (1 + kSlack) * dot(twice, twice)
+                     : circumball(corners, std::numeric_limits<double>::infinity()).squared_radius;
   return !(squared_radius < limits.squared_radius) ||
          squared_radius > limits.squared_ratio * shortest_edge_squared(corners) ||
          largest_cosine(corners) > limits.cosine;

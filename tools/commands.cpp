@@ -69,11 +69,13 @@ void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& lin
       estimate_run(run.surface, run.parameters, num_threads, control.output_options);
   line.expect(estimate, !control.output.empty());
   const bool begins = run.phase == Phase::kIngest;
-  line.tell("run",
-            {{"begins", begins},
-             {"phase", phase_name(run.phase)},
-             {"num_threads", num_threads},
-             {"estimate", to_json(estimate)}},
+  const auto json = [&] {
+    return Json{{"begins", begins},
+                {"phase", phase_name(run.phase)},
+                {"num_threads", num_threads},
+                {"estimate", to_json(estimate)}};
+  };
+  line.tell("run", json,
             begins ? brief_estimate_text(estimate, num_threads)
                    : fmt::format("goes on with the run in its store, in phase {}",
                                  phase_name(run.phase)));
@@ -163,7 +165,10 @@ SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, Progr
                      ": its volume is 0, so no size can be chosen for it: give --size");
   const auto cells = [&](double s) { return count_text(estimated_num_cells(facts, s)); };
   line.tell(
-      "size", {{"size", size}},
+      "size",
+      [&] {
+        return Json{{"size", size}};
+      },
       fmt::format("no --size is given: {} is chosen, for about {} tetrahedra; --size {} makes "
                   "about {}, --size {} about {}",
                   size, cells(size), 2 * size, cells(2 * size), size / 2, cells(size / 2)));
@@ -196,7 +201,13 @@ int exit_code(RunOutcome outcome) {
 
 void tell_how_to_resume(const std::filesystem::path& store, const std::filesystem::path& output,
                         const OutputOptions& options, bool is_json, ProgressLine& line) {
-  if (is_json) return line.tell("interrupted", {{"store", store.string()}}, "");
+  if (is_json)
+    return line.tell(
+        "interrupted",
+        [&] {
+          return Json{{"store", store.string()}};
+        },
+        "");
   std::string arguments = store.string();
   if (!output.empty()) {
     arguments += fmt::format(" -o {}", output.string());
@@ -221,8 +232,11 @@ void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   const auto sites = unresolved_sites(store.snapshot());
   const std::size_t num_listed = std::min(sites.size(), kMaxListedSites);
   if (is_json) {
-    Json json = {{"num_unresolved", sites.size()}, {"sites", Json::array()}};
-    for (std::size_t i = 0; i < num_listed; ++i) json["sites"].push_back(to_json(sites[i]));
+    const auto json = [&] {
+      Json all = {{"num_unresolved", sites.size()}, {"sites", Json::array()}};
+      for (std::size_t i = 0; i < num_listed; ++i) all["sites"].push_back(to_json(sites[i]));
+      return all;
+    };
     return line.tell("unresolved", json, "");
   }
   line.clear();
@@ -247,14 +261,15 @@ void tell_poor_cells(const Store& store, const MeshStatistics& statistics, int n
     return cells.size() < kMaxListedSites;
   };
   for_each_poor_cell(store, take, num_threads);
-  Json json = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
+  const auto json = [&] {
+    Json all = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
+    for (const LeafPoorCell& cell : cells) all["cells"].push_back(to_json(cell));
+    return all;
+  };
   std::string text = fmt::format(
       "{} cell{} a dihedral angle below {}°, which nothing improved", statistics.num_poor_cells,
       statistics.num_poor_cells == 1 ? " has" : "s have", statistics.min_dihedral_bound);
-  for (const LeafPoorCell& cell : cells) {
-    json["cells"].push_back(to_json(cell));
-    text += fmt::format("\n  {}", poor_cell_text(cell));
-  }
+  for (const LeafPoorCell& cell : cells) text += fmt::format("\n  {}", poor_cell_text(cell));
   if (statistics.num_poor_cells > cells.size())
     text += fmt::format(
         "\n  and {} more: of a store that is kept, `locvol inspect DIR --unresolved` "

@@ -170,12 +170,20 @@ void ProgressLine::show(double now, double worked, bool is_last) {
     draw(progress_text(standing_));
 }
 
-void ProgressLine::note(const std::string& text) { tell("note", {{"text", text}}, text); }
+void ProgressLine::note(const std::string& text) {
+  tell(
+      "note",
+      [&] {
+        return Json{{"text", text}};
+      },
+      text);
+}
 
-void ProgressLine::tell(std::string_view event, const Json& json, const std::string& text) {
+void ProgressLine::tell(std::string_view event, const std::function<Json()>& json,
+                        const std::string& text) {
   if (style_ == ProgressStyle::kJson) {
     Json whole = {{"event", event}, {"seconds", seconds()}};
-    whole.update(json);
+    whole.update(json());
     print_event(whole);
   } else if (style_ == ProgressStyle::kText) {
     clear();

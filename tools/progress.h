@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -63,8 +64,9 @@ class ProgressLine {
   void update(const Progress& progress);
   void update(RunStage stage, std::uint64_t done, std::uint64_t all);
   void note(const std::string& text);
-  // In JSON, as an event of this name; as text, the text.
-  void tell(std::string_view event, const Json& json, const std::string& text);
+  // In JSON, as an event of this name; as text, the text. Only then `json` is asked: to destroy a
+  // Json takes memory, and where there is none, its library ends the process.
+  void tell(std::string_view event, const std::function<Json()>& json, const std::string& text);
   void clear();            // leaves stderr at the start of a line
   double seconds() const;  // since construction
   const StageClock& stages() const { return stages_; }
