@@ -13,11 +13,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <memory>
 #include <span>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -39,6 +41,24 @@ bool sort_oddly(std::array<Name, 4>& v) {
   };
   order(0, 1), order(2, 3), order(0, 2), order(1, 3), order(1, 2);
   return is_odd;
+}
+
+// Sorts the vertices of a cell as far as its orientation permits.
+template <class Name>
+void sort_oriented(std::array<Name, 4>& v) {
+  if (sort_oddly(v)) std::swap(v[2], v[3]);
+}
+
+// Of cells or facets: their vertices in ascending order, once each.
+template <class Name, std::size_t kNum>
+std::vector<Name> distinct_vertices(const std::vector<std::array<Name, kNum>>& items) {
+  std::vector<Name> vertices;
+  vertices.reserve(kNum * items.size());
+  for (const auto& item : items) vertices.insert(vertices.end(), item.begin(), item.end());
+  std::ranges::sort(vertices);
+  const auto repeated = std::ranges::unique(vertices);
+  vertices.erase(repeated.begin(), repeated.end());
+  return vertices;
 }
 
 // A facet's corners by the index of the vertex off it, counterclockwise seen from that: with it,

@@ -318,7 +318,6 @@ bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
   // Of cells at a surface point, those outside may have any shape.
   const VertexMove::Limits limits = kind == PointKind::kVolume ? limits_ : VertexMove::Limits{};
   for (const Point& q : places_) {
-    if (!is_in_leaf(input_.box, q)) continue;
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
@@ -351,7 +350,8 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
         !mesh_.has_own_vertex(LeafMesh::Facet{poor, i}))
       continue;
     const auto dual = mesh_.dual_crossings({poor, i});
-    if (dual.count > 0) places_.push_back(dual.ball_center);
+    if (dual.count > 0 && is_in_leaf(input_.box, dual.ball_center))
+      places_.push_back(dual.ball_center);
   }
   surroundings_.surface.triangles_near(ball.center, std::sqrt(ball.squared_radius), triangles_);
   if (triangles_.empty()) return;
@@ -421,9 +421,8 @@ ImproveAngles::Verdict ImproveAngles::judge_counts() {
 
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
                                        double squared_radius) const {
-  const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
-  return squared_radius < size * size &&
-         squared_radius <= ratio * ratio * shortest_edge_squared(corners);
+  return squared_radius < limits_.squared_radius &&
+         squared_radius <= limits_.squared_ratio * shortest_edge_squared(corners);
 }
 
 void ImproveAngles::count(double cosine, Counts& counts) const {
@@ -524,16 +523,8 @@ bool ImproveAngles::changes_core() {
 
 // With the same vertices (and the new one) as before, so as many facets (and two more).
 bool ImproveAngles::is_boundary_kept() const {
-  const auto vertices_of = [](const std::vector<Facet>& facets) {
-    std::vector<LocalIndex> vertices;
-    for (const Facet& f : facets) vertices.insert(vertices.end(), f.begin(), f.end());
-    std::ranges::sort(vertices);
-    const auto repeated = std::ranges::unique(vertices);
-    vertices.erase(repeated.begin(), repeated.end());
-    return vertices;
-  };
-  std::vector<LocalIndex> before = vertices_of(facets_gone_);
-  const std::vector<LocalIndex> after = vertices_of(facets_made_);
+  std::vector<LocalIndex> before = distinct_vertices(facets_gone_);
+  const std::vector<LocalIndex> after = distinct_vertices(facets_made_);
   const bool is_new = kind_ == PointKind::kSurface;
   if (is_new) before.push_back(change_.vertex);
   return before == after && facets_made_.size() == facets_gone_.size() + (is_new ? 2 : 0) &&
@@ -653,7 +644,7 @@ void ImproveAngles::note_others(Cell c, CellsByName& changed) const {
     if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
   }
   if (mesh_.is_own(mesh_.delaunay().vertex(c, smallest))) return;
-  if (sort_oddly(name)) std::swap(name[2], name[3]);
+  sort_oriented(name);
   changed.emplace(name, mesh_.point(c, smallest));
 }
 

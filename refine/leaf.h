@@ -32,8 +32,10 @@ inline constexpr double kNeighborhood = 2;
 
 struct Criteria {
   // Of a run's visits. `spacing_floor`: over λ
-  static Criteria of_cover(double size, double radius_edge_bound, double spacing_floor);
-  static Criteria of_paper(double size, double radius_edge_bound, double spacing_floor);
+  static Criteria of_cover(double size, double radius_edge_bound, double spacing_floor,
+                           double min_dihedral = 0);
+  static Criteria of_paper(double size, double radius_edge_bound, double spacing_floor,
+                           double min_dihedral = 0);
 
   double size = 0;  // λ, in the units of the coordinates
   double radius_edge_bound = 2;
@@ -81,6 +83,10 @@ inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 struct CellList {
   std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
   std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, ascending
+
+  // Has the cells refer to another list of vertices, ascending. REQUIRES: those in use are in it
+  void name_vertices(std::vector<VertexRef> names);
+  void drop_unused_vertices();
 
   std::size_t size() const { return cells.size(); }
   std::array<VertexRef, 4> refs(std::size_t i) const {

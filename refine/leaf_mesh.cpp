@@ -100,7 +100,8 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
       is_around_(own == OwnPoints::kInBox) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
-  if (std::isfinite(reach)) {
+  // A part without C7 is given nothing out of its points' reach.
+  if (std::isfinite(reach) && (is_around_ || input.criteria.min_dihedral > 0)) {
     std::vector<Point> positions;
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
@@ -508,10 +509,14 @@ void LeafMesh::take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>&
   });
   taken.assign(near.begin(), near.end());
   left_out_.erase(near.begin(), near.end());
+  insert_all(taken, false, hint);
+}
+
+void LeafMesh::insert_all(const std::vector<MeshPoint>& points, bool are_core, Cell hint) {
   Conflict conflict;
-  for (const MeshPoint& p : taken) {
+  for (const MeshPoint& p : points) {
     find_conflict(p.position, hint, conflict);
-    insert(p, p.id, conflict);
+    are_core ? insert_core(p, conflict) : insert(p, p.id, conflict);
     hint = delaunay_.newest_cell();
   }
 }
@@ -531,12 +536,7 @@ void LeafMesh::take_in_core(const Point& q, Cell hint, std::vector<MeshPoint>& t
   if (surroundings_.core == nullptr) return;
   surroundings_.core->within(q, kNeighborhood * input_.criteria.size, taken);
   std::erase_if(taken, [&](const MeshPoint& p) { return is_known(p.id); });
-  Conflict conflict;
-  for (const MeshPoint& p : taken) {
-    find_conflict(p.position, hint, conflict);
-    insert_core(p, conflict);
-    hint = delaunay_.newest_cell();
-  }
+  insert_all(taken, true, hint);
 }
 
 bool LeafMesh::is_known(std::uint64_t id) const {

@@ -202,6 +202,7 @@ class LeafMesh {
   void add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core = false);
   void add_to_triangulation(std::vector<Local> locals);
   LocalIndex insert_core(const MeshPoint& q, const Conflict& conflict);
+  void insert_all(const std::vector<MeshPoint>& points, bool are_core, Cell hint);
   LocalIndex insert_last_local(const Conflict& conflict);
   void make_fresh(Cell c);
   void make_all_fresh();
@@ -239,7 +240,7 @@ class LeafMesh {
   const LeafInput& input_;
   const Surroundings& surroundings_;
   double far_radius_;
-  bool is_around_;  // no point of the box is left out
+  bool is_around_;                   // no point of the box is left out
   std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices

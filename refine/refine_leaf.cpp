@@ -44,8 +44,7 @@ LinkEdge link_edge(const std::array<LocalIndex, 4>& cell, int i, int at) {
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
 // same set of cells, whose vertices are below `bound`.
 void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::size_t bound) {
-  for (auto& cell : cells)
-    if (sort_oddly(cell)) std::swap(cell[2], cell[3]);
+  for (auto& cell : cells) sort_oriented(cell);
   // By the second vertex and then the first, which leaves few with the same two.
   std::vector<std::array<std::uint32_t, 4>> sorted(cells.size());
   std::vector<std::uint32_t> next(bound + 1);  // place of the next cell by one of its vertices
@@ -81,10 +80,7 @@ class Refinement {
   // All must outlive it.
   Refinement(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
              LeafMesh::OwnPoints own)
-      : input_(input),
-        surroundings_(around),
-        on_step_(on_step),
-        mesh_(input, around, own) {}
+      : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {}
 
   void restore();                                    // C1–C6
   const LeafDelta& delta() const { return delta_; }  // so far

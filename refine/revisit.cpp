@@ -8,23 +8,6 @@
 #include <string>
 
 namespace locvol {
-namespace {
-
-// From indices into `old_names` to indices into `new_names`, both ascending; those in use are in
-// both.
-void rename(std::vector<std::array<std::uint32_t, 4>>& cells,
-            const std::vector<VertexRef>& old_names, const std::vector<VertexRef>& new_names) {
-  std::vector<std::uint32_t> place(old_names.size());
-  std::uint32_t next = 0;
-  for (std::size_t v = 0; v < old_names.size(); ++v) {
-    while (next < new_names.size() && new_names[next] < old_names[v]) ++next;
-    place[v] = next;
-  }
-  for (auto& cell : cells)
-    for (std::uint32_t& v : cell) v = place[v];
-}
-
-}  // namespace
 
 std::optional<Revisit> Revisit::of(const LeafInput& input) {
   if (!input.last_visit) return std::nullopt;
@@ -194,24 +177,19 @@ void Revisit::add_kept_cells(LeafDelta& delta, const CoreIndex* core) const {
   if (delta.is_overfull) return;
   CellList kept;
   const CellList& last = input_->last_visit->cells;
-  std::ranges::copy_if(last.cells, std::back_inserter(kept.cells),
-                       [&, kinds = kinds_of_vertices()](const auto& cell) {
-                         return is_kept(cell, kinds, core);
-                       });
-  std::vector<bool> is_used(last.vertices.size());
-  for (const auto& cell : kept.cells)
-    for (const std::uint32_t v : cell) is_used[v] = true;
-  for (std::size_t v = 0; v < is_used.size(); ++v)
-    if (is_used[v]) kept.vertices.push_back(last.vertices[v]);
-  rename(kept.cells, last.vertices, kept.vertices);
+  std::ranges::copy_if(
+      last.cells, std::back_inserter(kept.cells),
+      [&, kinds = kinds_of_vertices()](const auto& cell) { return is_kept(cell, kinds, core); });
+  kept.vertices = last.vertices;
+  kept.drop_unused_vertices();
   // To the part, the leaf's other points are others'.
   CellChanges changes{.gone = taken_own(delta.others_gone), .made = taken_own(delta.others_made)};
   if (!changes.gone.empty() || !changes.made.empty()) apply(changes, kept);
 
   CellList all;
   std::ranges::set_union(kept.vertices, delta.cells.vertices, std::back_inserter(all.vertices));
-  rename(kept.cells, kept.vertices, all.vertices);
-  rename(delta.cells.cells, delta.cells.vertices, all.vertices);
+  kept.name_vertices(all.vertices);
+  delta.cells.name_vertices(all.vertices);
   all.cells.reserve(kept.size() + delta.cells.size());
   std::ranges::merge(kept.cells, delta.cells.cells, std::back_inserter(all.cells));
   delta.cells = std::move(all);

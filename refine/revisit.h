@@ -49,7 +49,7 @@ class Revisit {
   void find_active();
   void gather_part();
   enum class VertexKind : std::uint8_t { kOther, kActive, kInactive };  // own: active or not
-  std::vector<VertexKind> kinds_of_vertices() const;  // of the last visit's cells
+  std::vector<VertexKind> kinds_of_vertices() const;                    // of the last visit's cells
   bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<VertexKind>& kinds,
                const CoreIndex* core) const;
   std::vector<std::array<VertexRef, 4>> taken_own(std::vector<OthersCell>& cells) const;

@@ -29,7 +29,7 @@ class VertexMove {
 
   // What a cell at the vertex must not go beyond.
   struct Limits {
-    double cosine = 1;  // of its dihedral angles
+    double cosine = 1;                                                // of its dihedral angles
     double squared_radius = std::numeric_limits<double>::infinity();  // of its circumsphere
     double squared_ratio = std::numeric_limits<double>::infinity();   // of that to its edges
     bool are_any() const { return cosine < 1; }

@@ -181,9 +181,7 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
 Criteria LeafLoader::criteria() const {
   const RunParameters& p = state_.run().parameters;
   const auto of = state_.is_cover() ? Criteria::of_cover : Criteria::of_paper;
-  Criteria criteria = of(p.size, p.radius_edge_bound, p.spacing_floor);
-  criteria.min_dihedral = p.min_dihedral;
-  return criteria;
+  return of(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are

@@ -1,6 +1,5 @@
 // Delaunay against CGAL's triangulation, which breaks ties in the same way: the same cells from the
 // same points, however they came about.
-#include "refine/cell_shape.h"
 #include "refine/delaunay.h"
 
 #include <CGAL/Delaunay_triangulation_3.h>
@@ -17,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "refine/cell_shape.h"
 #include "refine/vertex_move.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"

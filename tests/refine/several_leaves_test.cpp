@@ -272,16 +272,6 @@ LeafInput LeafRun::load(const Leaf& leaf) const {
   return input;
 }
 
-std::set<Cell> names_of(const CellList& cells) {
-  std::set<Cell> names;
-  for (std::size_t n = 0; n < cells.size(); ++n) {
-    Cell cell = cells.refs(n);
-    std::ranges::sort(cell);
-    names.insert(cell);
-  }
-  return names;
-}
-
 void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
   num_insertions_ += delta.inserted.size();
   num_deletions_ += delta.deleted.size();
