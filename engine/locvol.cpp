@@ -398,12 +398,8 @@ std::vector<PoorCellPlace> Mesh::poor_cells(std::uint64_t max) const {
   return translated({}, [&] {
     impl_->require_complete();
     std::vector<PoorCellPlace> places;
-    const auto take = [&](const LeafPoorCell& cell) {
-      if (places.size() == max) return false;
+    for (const LeafPoorCell& cell : first_poor_cells(impl_->open(), max, impl_->num_threads))
       places.push_back({cell.degrees, coordinates(cell.position), cell.radius});
-      return true;
-    };
-    for_each_poor_cell(impl_->open(), take, impl_->num_threads);
     return places;
   });
 }

@@ -255,12 +255,7 @@ void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
 // The exit code stays 0, and with --quiet the count is in the summary.
 void tell_poor_cells(const Store& store, const MeshStatistics& statistics, int num_threads,
                      ProgressLine& line) {
-  std::vector<LeafPoorCell> cells;
-  const auto take = [&](const LeafPoorCell& cell) {
-    cells.push_back(cell);
-    return cells.size() < kMaxListedSites;
-  };
-  for_each_poor_cell(store, take, num_threads);
+  const auto cells = first_poor_cells(store, kMaxListedSites, num_threads);
   const auto json = [&] {
     Json all = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
     for (const LeafPoorCell& cell : cells) all["cells"].push_back(to_json(cell));
@@ -335,7 +330,7 @@ MeasuredMesh measure_and_write(const TimedRun& run, const std::filesystem::path&
                         run.num_writers, on_step, &stop);
     });
   if (run.summary.outcome == RunOutcome::kUnresolved) tell_unresolved(store, command.is_json, line);
-  if (mesh.statistics->num_poor_cells > 0)
+  if (mesh.statistics->num_poor_cells > 0 && !command.is_quiet)  // to find them takes time
     tell_poor_cells(store, *mesh.statistics, run.num_writers, line);
   return mesh;
 }

@@ -117,11 +117,7 @@ void measure(const Store& store, Summary& summary) {
   summary.statistics =
       read_around(summary.faults, [&] { return mesh_statistics(store, num_threads); });
   if (!summary.statistics || summary.statistics->num_poor_cells == 0) return;
-  const auto take = [&](const LeafPoorCell& cell) {
-    summary.first_poor_cells.push_back(cell);
-    return summary.first_poor_cells.size() < kMaxListedSites;
-  };
-  for_each_poor_cell(store, take, num_threads);
+  summary.first_poor_cells = first_poor_cells(store, kMaxListedSites, num_threads);
 }
 
 Summary summary_of(const Store& store, bool reads_all) {

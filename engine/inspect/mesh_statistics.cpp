@@ -205,4 +205,14 @@ void for_each_poor_cell(const Store& store, const std::function<bool(const LeafP
   if (run.parameters.min_dihedral > 0) measure(store, num_threads, {}, visit, stop);
 }
 
+std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max, int num_threads) {
+  std::vector<LeafPoorCell> cells;
+  const auto take = [&](const LeafPoorCell& cell) {
+    cells.push_back(cell);
+    return cells.size() < max;
+  };
+  if (max > 0) for_each_poor_cell(store, take, num_threads);
+  return cells;
+}
+
 }  // namespace locvol

@@ -1,7 +1,9 @@
 // What the cells of a finished mesh are like: histograms of their shapes, extremes, volume.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "engine/inspect/cell_gauge.h"
 #include "engine/shared/step_progress.h"
@@ -31,5 +33,8 @@ struct LeafPoorCell {
 // bound.
 void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
                         int num_threads = 1, const StopToken* stop = nullptr);
+// At most `max` of them, the first.
+std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max,
+                                           int num_threads = 1);
 
 }  // namespace locvol

@@ -57,8 +57,7 @@ class Visit {
   }
 
   void erase(const MeshPoint& point) {
-    state_.remove_point(point);
-    loader_.note_deleted(point);
+    take_away(point);
     enqueue_around(point.position, kReach * state_.size());
     // A later visit knows the points that came by their ids; of those that went it would know
     // nothing.
@@ -66,7 +65,7 @@ class Visit {
       if (other != leaf_) state_.require_whole_visit(other);
   }
 
-  // What that changes of other leaves, the delta tells.
+  // What a move changes of other leaves, the delta tells.
   void take_away(const MeshPoint& point) {
     state_.remove_point(point);
     loader_.note_deleted(point);

@@ -140,15 +140,13 @@ class Page {
 
   // Marked as sites are.
   void mark_poor_cells(const Store& store, std::uint64_t max, int num_threads) {
-    const auto take = [&](const LeafPoorCell& cell) {
-      poor_cells_.push_back(cell);
+    poor_cells_ = first_poor_cells(store, max, num_threads);
+    for (const LeafPoorCell& cell : poor_cells_) {
       const auto after = std::ranges::upper_bound(
           view_.leaves, cell.leaf, {}, [](const ViewLeaf& leaf) { return leaf.key.range_min(); });
       view_.sites.push_back({{kNumConditions, cell.position, cell.radius},
                              static_cast<std::uint32_t>(after - view_.leaves.begin()) - 1});
-      return poor_cells_.size() < max;
-    };
-    for_each_poor_cell(store, take, num_threads);
+    }
   }
 
   bool is_done() const { return run_.phase == Phase::kDone; }
