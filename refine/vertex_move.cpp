@@ -148,6 +148,13 @@ VertexMove::Vertex VertexMove::exact_apex(const Open& facet) const {
   return best;
 }
 
+// Where a vertex is, there is no place for another: it would be in conflict with no cell, and a
+// cell that has both has no ball. A vertex further away is in no ball that is asked here.
+bool VertexMove::is_any_at(std::span<const Vertex> vertices, const Point& q) const {
+  return std::ranges::any_of(vertices,
+                             [&](Vertex v) { return v != Delaunay::kInfinite && point(v) == q; });
+}
+
 bool VertexMove::is_in_conflict(std::uint32_t cell, const Point& q) const {
   if ((cell & kNew) == 0) return delaunay_.is_in_conflict(cell, q);
   const NewCell& of_hole = hole_[cell & ~kNew];
@@ -172,6 +179,7 @@ VertexMove::Seen& VertexMove::seen(std::uint32_t cell) {
 }
 
 bool VertexMove::find(const Point& q, const Limits& limits, Change& change) {
+  if (is_any_at(link_, q)) return false;
   ++place_stamp_;
   seen_in_hole_.assign(hole_.size(), Seen::kNot);
   inside_.clear();
@@ -183,11 +191,11 @@ bool VertexMove::find(const Point& q, const Limits& limits, Change& change) {
   return !inside_.empty() && spread(q, limits) && make_cells(q, change);
 }
 
-bool VertexMove::find_insertion(const Point& q, Cell in_conflict, const Limits& limits,
-                                Change& change) {
+bool VertexMove::find_insertion(const Point& q, Cell start, const Limits& limits, Change& change) {
+  if (is_any_at(delaunay_.vertices(start), q) || !delaunay_.is_in_conflict(start, q)) return false;
   ++place_stamp_;
   seen_in_hole_.clear();
-  inside_.assign(1, in_conflict);
+  inside_.assign(1, start);
   return spread(q, limits) && make_cells(q, change);
 }
 

@@ -41,16 +41,15 @@ class VertexMove {
   // Takes v out in thought. False if it is not surrounded by finite cells, or has too many.
   bool take_out(Vertex v);
   // Puts a new vertex, whose number would be the next, where there is none yet; for insertions.
-  // `in_conflict`: with the place to be tried
   void put_in_new() { begin(static_cast<Vertex>(delaunay_.num_vertices())); }
 
   const std::vector<Cell>& star() const { return star_; }  // the cells at the vertex
-  // The change that puts the vertex at q. False if q is not in the hole, or too large a part of the
-  // triangulation would change. Valid until the next call.
-  // Nor if a cell at the vertex goes beyond the limits.
+  // The change that puts the vertex at q. False if q is not in the hole or at another vertex, if a
+  // cell at the vertex goes beyond the limits, or if too large a part of the triangulation would
+  // change. Valid until the next call.
   bool find(const Point& q, const Limits& limits, Change& change);
-  // The same of a new vertex, from a cell in conflict with q.
-  bool find_insertion(const Point& q, Cell in_conflict, const Limits& limits, Change& change);
+  // The same of a new vertex; false also if q is not in conflict with `start`, a finite cell.
+  bool find_insertion(const Point& q, Cell start, const Limits& limits, Change& change);
 
  private:
   static constexpr std::uint32_t kNew = Delaunay::kNewCell;
@@ -87,6 +86,7 @@ class VertexMove {
     return {point(cell.vertex[0]), point(cell.vertex[1]), point(cell.vertex[2]),
             point(cell.vertex[3])};
   }
+  bool is_any_at(std::span<const Vertex> vertices, const Point& q) const;
   bool is_in_conflict(std::uint32_t cell, const Point& q) const;
   std::uint32_t beyond(std::uint32_t cell, int index) const;
   const std::array<Vertex, 4>& vertices(std::uint32_t cell) const {

@@ -341,7 +341,9 @@ TEST_P(DelaunayOf, WithMovedPointsIsThatOfCgal) {
       const Point q = step == 0.5 ? points_[v] + 0.5 * away : points_[v] + (step * longest) * shift;
       Delaunay::Conflict conflict;
       delaunay.find_conflict(q, around[0], conflict);
-      if (conflict.coincident != Delaunay::kNone || !move.find(q, {}, change)) continue;
+      const bool is_found = move.find(q, {}, change);
+      EXPECT_FALSE(is_found && conflict.coincident != Delaunay::kNone);
+      if (!is_found) continue;
       expect_bound(delaunay, move, change);
       delaunay.move(change);
       points_[v] = q;
@@ -363,7 +365,16 @@ TEST_P(DelaunayOf, WithPointsPutInIsThatOfCgal) {
   for (std::size_t n = points_.size() / 2; n < points_.size(); ++n) {
     delaunay.find_conflict(points_[n], delaunay.newest_cell(), conflict);
     move.put_in_new();
-    if (move.find_insertion(points_[n], conflict.cells[0], {}, change)) {
+    const Delaunay::Cell start = conflict.cells[0];
+    for (const Delaunay::Vertex v : delaunay.vertices(start)) {  // no place for another
+      if (delaunay.is_infinite(start)) continue;
+      EXPECT_FALSE(move.find_insertion(delaunay.point(v), start, {}, change));
+    }
+    for (const auto& facet : conflict.border) {
+      if (delaunay.is_infinite(facet.cell)) continue;
+      EXPECT_FALSE(move.find_insertion(points_[n], facet.cell, {}, change));
+    }
+    if (move.find_insertion(points_[n], start, {}, change)) {
       std::ranges::sort(conflict.cells);
       std::ranges::sort(change.gone);
       ASSERT_EQ(change.gone, conflict.cells);
