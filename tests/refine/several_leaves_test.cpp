@@ -31,9 +31,9 @@ using shapes::Mesh;
 
 struct Scene {
   std::string name;
-  Mesh mesh;
-  double size = 0;     // λ
-  int num_leaves = 1;  // on each axis
+  Mesh (*make)() = nullptr;  // not the mesh itself: each process would make those of all scenes
+  double size = 0;           // λ
+  int num_leaves = 1;        // on each axis
   long euler_characteristic = 2;
   int num_disturbances = 0;
   double min_dihedral = 0;
@@ -65,6 +65,7 @@ class LeafRun {
   void expect_lists_as_found() const;
 
   // P, and the cells as indices into it; with those of the core.
+  const Mesh& mesh() const { return mesh_; }
   std::vector<MeshPoint> points() const;
   std::vector<IndexedCell> cells() const;
   std::size_t num_core() const { return core_.size(); }
@@ -107,6 +108,7 @@ class LeafRun {
   Leaf& leaf_owning(const Point& p);
 
   const Scene& scene_;
+  const Mesh mesh_;
   Visits visits_;
   SurfacePatch whole_;
   Lattice lattice_;
@@ -129,11 +131,12 @@ SurfacePiece whole_surface(const Mesh& mesh, double margin) {
 
 LeafRun::LeafRun(const Scene& scene, Visits visits, Core core)
     : scene_(scene),
+      mesh_(scene.make()),
       visits_(visits),
-      whole_(whole_surface(scene.mesh, 3 * scene.size)),
+      whole_(whole_surface(mesh_, 3 * scene.size)),
       lattice_(lattice_around(whole_.region(), scene.size)) {
   const CoverPoints cover = cover_leaf(
-      {scene.size, 1, lattice_, whole_.region(), whole_surface(scene.mesh, 3 * scene.size), {}});
+      {scene.size, 1, lattice_, whole_.region(), whole_surface(mesh_, 3 * scene.size), {}});
   for (const LatticeSite& site : lattice_sites(cover, lattice_.sites_in(whole_.region())))
     points_.push_back(lattice_.point(site));
   for (const Point& p : cover.samples) points_.push_back({next_id_++, p, PointKind::kSurface});
@@ -215,7 +218,7 @@ void LeafRun::disturb() {
   constexpr unsigned kSeed = 61;
   shapes::Random random(kSeed);
   const auto some = static_cast<std::size_t>(scene_.num_disturbances);
-  for (const Point& p : shapes::random_points_on(scene_.mesh, some, random)) {
+  for (const Point& p : shapes::random_points_on(mesh_, some, random)) {
     const Point beneath = p - 0.15 * scene_.size * ((1 / norm(p)) * p);
     if (whole_.is_inside(beneath)) points_.push_back({next_id_++, beneath, PointKind::kVolume});
   }
@@ -229,7 +232,7 @@ void LeafRun::disturb() {
 }
 
 void LeafRun::cut_into_leaves() {
-  const Box space = shapes::bounding_box(scene_.mesh).expanded(0.1 * scene_.size);
+  const Box space = shapes::bounding_box(mesh_).expanded(0.1 * scene_.size);
   const int n = scene_.num_leaves;
   const auto corner = [&](int i, int j, int k) {
     const Point d = space.max - space.min;
@@ -241,7 +244,7 @@ void LeafRun::cut_into_leaves() {
         const Box box{corner(i, j, k), corner(i + 1, j + 1, k + 1)};
         const Box region = box.expanded((0.5 * kReach + 0.02) * scene_.size);
         Mesh part;
-        for (const Triangle& t : scene_.mesh)
+        for (const Triangle& t : mesh_)
           if (meets(t, region)) part.push_back(t);
         leaves_.push_back(
             {box,
@@ -435,15 +438,36 @@ class SeveralLeaves : public testing::TestWithParam<Scene> {};
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, SeveralLeaves,
-    testing::Values(Scene{"SphereInOne", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 1, 2},
-                    Scene{"SphereIn8", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 2, 2},
-                    Scene{"SphereIn27", shapes::icosphere({0, 0, 0}, 1, 4), 0.1, 3, 2},
-                    Scene{"DisturbedSphereIn27", shapes::icosphere({0, 0, 0}, 1, 4), 0.1, 3, 2, 10},
-                    Scene{"TorusIn8", shapes::torus(1, 0.4, 96, 40), 0.15, 2, 0},
-                    Scene{"TorusIn27", shapes::torus(1, 0.25, 96, 32), 0.15, 3, 0},
-                    Scene{"DisturbedSphereIn8", shapes::icosphere({0, 0, 0}, 1, 4), 0.2, 2, 2, 25},
-                    Scene{"DisturbedTorusIn27", shapes::torus(1, 0.4, 96, 40), 0.15, 3, 0, 25},
-                    Scene{"ShellsIn8", shapes::nested_shells(1, 0.7, 3), 0.18, 2, 4}),
+    testing::Values(
+        Scene{"SphereInOne",
+              [] {
+                return shapes::icosphere({0, 0, 0}, 1, 4);
+              },
+              0.2, 1, 2},
+        Scene{"SphereIn8",
+              [] {
+                return shapes::icosphere({0, 0, 0}, 1, 4);
+              },
+              0.2, 2, 2},
+        Scene{"SphereIn27",
+              [] {
+                return shapes::icosphere({0, 0, 0}, 1, 4);
+              },
+              0.1, 3, 2},
+        Scene{"DisturbedSphereIn27",
+              [] {
+                return shapes::icosphere({0, 0, 0}, 1, 4);
+              },
+              0.1, 3, 2, 10},
+        Scene{"TorusIn8", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.15, 2, 0},
+        Scene{"TorusIn27", [] { return shapes::torus(1, 0.25, 96, 32); }, 0.15, 3, 0},
+        Scene{"DisturbedSphereIn8",
+              [] {
+                return shapes::icosphere({0, 0, 0}, 1, 4);
+              },
+              0.2, 2, 2, 25},
+        Scene{"DisturbedTorusIn27", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.15, 3, 0, 25},
+        Scene{"ShellsIn8", [] { return shapes::nested_shells(1, 0.7, 3); }, 0.18, 2, 4}),
     [](const auto& instance) { return instance.param.name; });
 
 void expect_one_mesh(const Scene& scene, const LeafRun& run) {
@@ -463,7 +487,7 @@ void expect_one_mesh(const Scene& scene, const LeafRun& run) {
   }
   std::ranges::sort(keys);
   EXPECT_EQ(std::ranges::adjacent_find(keys), keys.end()) << "a cell from two leaves";
-  const MeshChecker checker(points, scene.mesh);
+  const MeshChecker checker(points, run.mesh());
   const std::vector<CellKey> expected = checker.inside_cells();
   EXPECT_GT(expected.size(), 500u);
   EXPECT_EQ(keys.size(), expected.size());
@@ -526,10 +550,18 @@ TEST_P(SeveralLeaves, PartialVisitsAroundACoreFindWhatWholeOnesDo) {
 }
 
 const Scene kImproved[] = {
-    {"SphereIn8", shapes::icosphere({0, 0, 0}, 1, 4), 0.1, 2, 2, 0, 15},
-    {"TorusIn8", shapes::torus(1, 0.4, 96, 40), 0.1, 2, 0, 0, 15},
-    {"TorusIn27", shapes::torus(1, 0.4, 96, 40), 0.1, 3, 0, 0, 20},
-    {"BoxIn8", shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}}), 0.15, 2, 2, 0, 15},
+    {"SphereIn8",
+     [] {
+       return shapes::icosphere({0, 0, 0}, 1, 4);
+     },
+     0.1, 2, 2, 0, 15},
+    {"TorusIn8", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.1, 2, 0, 0, 15},
+    {"TorusIn27", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.1, 3, 0, 0, 20},
+    {"BoxIn8",
+     [] {
+       return shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}});
+     },
+     0.15, 2, 2, 0, 15},
 };
 
 class ImprovedInSeveralLeaves : public testing::TestWithParam<Scene> {};
@@ -545,7 +577,7 @@ TEST_P(ImprovedInSeveralLeaves, KeepTheConditionsAndEachOthersCells) {
   run.expect_lists_as_found();
   EXPECT_GT(run.num_moves(), 50u);
   EXPECT_GT(run.num_replaced(), 100u);
-  const MeshChecker checker(run.points(), GetParam().mesh);
+  const MeshChecker checker(run.points(), run.mesh());
   for (const auto& [condition, position, radius] : checker.broken_conditions(GetParam().size, 2))
     ADD_FAILURE() << "C" << condition << " at " << position.x << ' ' << position.y << ' '
                   << position.z << ", radius " << radius;
