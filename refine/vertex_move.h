@@ -48,7 +48,7 @@ class VertexMove {
   // cell at the vertex goes beyond the limits, or if too large a part of the triangulation would
   // change. Valid until the next call.
   bool find(const Point& q, const Limits& limits, Change& change);
-  // The same of a new vertex; false also if q is not in conflict with `start`, a finite cell.
+  // The same of a new vertex; false also if `start` is not in conflict with q.
   bool find_insertion(const Point& q, Cell start, const Limits& limits, Change& change);
 
  private:

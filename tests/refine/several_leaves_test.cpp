@@ -29,6 +29,9 @@ namespace {
 
 using shapes::Mesh;
 
+Mesh sphere() { return shapes::icosphere({0, 0, 0}, 1, 4); }
+Mesh torus() { return shapes::torus(1, 0.4, 96, 40); }
+
 struct Scene {
   std::string name;
   Mesh (*make)() = nullptr;  // not the mesh itself: each process would make those of all scenes
@@ -64,8 +67,8 @@ class LeafRun {
   // unless they wait for a visit.
   void expect_lists_as_found() const;
 
-  // P, and the cells as indices into it; with those of the core.
   const Mesh& mesh() const { return mesh_; }
+  // P, and the cells as indices into it; with those of the core.
   std::vector<MeshPoint> points() const;
   std::vector<IndexedCell> cells() const;
   std::size_t num_core() const { return core_.size(); }
@@ -438,36 +441,15 @@ class SeveralLeaves : public testing::TestWithParam<Scene> {};
 
 INSTANTIATE_TEST_SUITE_P(
     Scenes, SeveralLeaves,
-    testing::Values(
-        Scene{"SphereInOne",
-              [] {
-                return shapes::icosphere({0, 0, 0}, 1, 4);
-              },
-              0.2, 1, 2},
-        Scene{"SphereIn8",
-              [] {
-                return shapes::icosphere({0, 0, 0}, 1, 4);
-              },
-              0.2, 2, 2},
-        Scene{"SphereIn27",
-              [] {
-                return shapes::icosphere({0, 0, 0}, 1, 4);
-              },
-              0.1, 3, 2},
-        Scene{"DisturbedSphereIn27",
-              [] {
-                return shapes::icosphere({0, 0, 0}, 1, 4);
-              },
-              0.1, 3, 2, 10},
-        Scene{"TorusIn8", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.15, 2, 0},
-        Scene{"TorusIn27", [] { return shapes::torus(1, 0.25, 96, 32); }, 0.15, 3, 0},
-        Scene{"DisturbedSphereIn8",
-              [] {
-                return shapes::icosphere({0, 0, 0}, 1, 4);
-              },
-              0.2, 2, 2, 25},
-        Scene{"DisturbedTorusIn27", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.15, 3, 0, 25},
-        Scene{"ShellsIn8", [] { return shapes::nested_shells(1, 0.7, 3); }, 0.18, 2, 4}),
+    testing::Values(Scene{"SphereInOne", sphere, 0.2, 1, 2}, Scene{"SphereIn8", sphere, 0.2, 2, 2},
+                    Scene{"SphereIn27", sphere, 0.1, 3, 2},
+                    Scene{"DisturbedSphereIn27", sphere, 0.1, 3, 2, 10},
+                    Scene{"TorusIn8", torus, 0.15, 2, 0},
+                    Scene{"TorusIn27", [] { return shapes::torus(1, 0.25, 96, 32); }, 0.15, 3, 0},
+                    Scene{"DisturbedSphereIn8", sphere, 0.2, 2, 2, 25},
+                    Scene{"DisturbedTorusIn27", torus, 0.15, 3, 0, 25},
+                    Scene{"ShellsIn8", [] { return shapes::nested_shells(1, 0.7, 3); }, 0.18, 2,
+                          4}),
     [](const auto& instance) { return instance.param.name; });
 
 void expect_one_mesh(const Scene& scene, const LeafRun& run) {
@@ -550,13 +532,9 @@ TEST_P(SeveralLeaves, PartialVisitsAroundACoreFindWhatWholeOnesDo) {
 }
 
 const Scene kImproved[] = {
-    {"SphereIn8",
-     [] {
-       return shapes::icosphere({0, 0, 0}, 1, 4);
-     },
-     0.1, 2, 2, 0, 15},
-    {"TorusIn8", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.1, 2, 0, 0, 15},
-    {"TorusIn27", [] { return shapes::torus(1, 0.4, 96, 40); }, 0.1, 3, 0, 0, 20},
+    {"SphereIn8", sphere, 0.1, 2, 2, 0, 15},
+    {"TorusIn8", torus, 0.1, 2, 0, 0, 15},
+    {"TorusIn27", torus, 0.1, 3, 0, 0, 20},
     {"BoxIn8",
      [] {
        return shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}});
