@@ -15,7 +15,7 @@ namespace locvol {
 // Over λ. Every point of the surface has a sample within kSampleRadius, r_s, and samples are at
 // least kSampleSpacing apart: if the two were one, half of the work would go to slits between
 // discs.
-inline constexpr double kSampleRadius = 0.86, kSampleSpacing = 0.78;
+inline constexpr double kSampleRadius = 0.92, kSampleSpacing = 0.84;
 // Of lattice points below the surface, over λ. Between the two only those that a sample hides from
 // each point of the surface: others would be vertices of facets on the boundary (C2).
 inline constexpr double kLatticeDepth = kSampleRadius, kLeastLatticeDepth = 0.5;

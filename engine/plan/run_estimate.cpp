@@ -12,10 +12,10 @@ namespace {
 
 // At a smooth boundary, more than the lattice would have; and how that falls where the volume is
 // thin: at a mean thickness 2 V/A of 0.8 λ, half of it.
-constexpr double kCellsPerArea = 4.5, kThinness = 0.4;
+constexpr double kCellsPerArea = 3.75, kThinness = 0.4;
 // At most, of a layer as deep as the core lies.
-constexpr double kListedPerArea = 12.1;
-constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.5, kFacetsPerArea = 2.2;
+constexpr double kListedPerArea = 11.7;
+constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.43, kFacetsPerArea = 1.9;
 
 // In the store: points, cells and the surface, compressed.
 constexpr double kBytesPerListedCell = 14, kBytesPerTriangle = 14, kLeastBytes = 1e5;
@@ -25,7 +25,8 @@ constexpr double kBytesPerPaperCell = 40;
 // Seconds on one core of 2.6 GHz.
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
-                 kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+                 kImproveCell = 1.6e-6,  // to 15°
+    kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
 // Of a VTU file, whatever is written.
 constexpr double kWriteByte = 1e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
@@ -107,7 +108,9 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   if (!is_cover) return estimate;
   const double listed = estimate.num_listed_cells;
   set(RunStage::kInitialize, kCoverTriangle * num_triangles + kCoverCell * listed);
-  set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineCell * listed);
+  const double angle = parameters.min_dihedral / 15;
+  set(RunStage::kRefine,
+      kRefineTriangle * num_triangles + (kRefineCell + kImproveCell * angle * angle) * listed);
   set(RunStage::kMeasure, kMeasureCell * listed);
   set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
   const OutputEstimate vtu =

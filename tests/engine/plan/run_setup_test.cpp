@@ -222,7 +222,7 @@ TEST(RequireRoom, OfAFinishedRunIsByItsCounts) {
 TEST(RequireRoom, NamesASizeThatFits) {
   const RunRecord run = planned_in_box(options_with({0.1, true}), {1, 1, 1});
   for (const char* output : {"", "a.vtu", "other/a.vtu"}) {
-    const DiskOf disk = disks(1e9, 2e9);
+    const DiskOf disk = disks(9e8, 2e9);
     const auto message = refusal(run, output, disk);
     const std::string words = "choose a size of at least ";
     const auto place = message.find(words);
