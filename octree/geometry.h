@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
 
 namespace locvol {
@@ -90,12 +91,20 @@ struct Triangle {
   friend bool operator==(const Triangle&, const Triangle&) = default;
 };
 
-// Where a mesh point comes from decides what may happen to it: only volume points are deleted.
+// Where a mesh point comes from decides what may happen to it.
 enum class PointKind : std::uint8_t {
-  kSurface = 0,  // on the input surface
-  kVolume = 1,   // Steiner point inside, may be deleted by a surface point closer than λ
-  kLattice = 2,  // of the BCC lattice, at least 0.5 λ below the surface; never deleted
+  kSurface = 0,   // on the input surface
+  kVolume = 1,    // inside, there from the start, or where C7 wants it: others know what it changes
+  kLattice = 2,   // of the BCC lattice, at least 0.5 λ below the surface; never deleted
+  kInserted = 3,  // inside, for C2 to C6: leaves around have to look at what it changes
 };
+
+inline constexpr std::size_t kNumPointKinds = 4;
+
+// May a surface point closer than λ have it deleted?
+inline bool is_deletable(PointKind kind) {
+  return kind == PointKind::kVolume || kind == PointKind::kInserted;
+}
 
 // A point of P. `id` is mesh-wide, given at the commit that creates the point, in a fixed order.
 struct MeshPoint {

@@ -18,7 +18,7 @@ namespace {
 constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
 // Rounds, with other places each time, for the cells that are left; from kLastForMany on only for a
 // few.
-constexpr int kNumRounds = 8, kLastForMany = 2;
+constexpr int kNumRounds = 24, kLastForMany = 2;
 constexpr std::size_t kFew = 16;
 // Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
 // only moves are tried, which cost far less than insertions.
@@ -183,7 +183,7 @@ void ImproveAngles::look_at(Cell c) {
 // ---- What is tried ------------------------------------------------------------------------------
 
 bool ImproveAngles::improve(Cell poor) {
-  has_best_ = false;
+  better_.clear();
   kind_ = PointKind::kVolume;
   const auto vertices = mesh_.delaunay().vertices(poor);
   for (const LocalIndex v : vertices)
@@ -192,11 +192,7 @@ bool ImproveAngles::improve(Cell poor) {
   if (!is_left)
     for (const LocalIndex v : movable_around(poor))
       if (try_places(v, poor)) return true;
-  if (has_best_) {
-    change_ = best_;
-    make();
-    return true;
-  }
+  if (try_better()) return true;
   if (is_left) return false;
   list_places_in_ball(poor);
   if (try_insertions(poor, PointKind::kVolume)) return true;
@@ -255,16 +251,27 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
     if (!is_in_leaf(input_.box, q)) continue;
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
-    if (!move_.find(q, limits_, change_)) continue;
-    const Verdict verdict = judge(poor);
-    if (verdict == Verdict::kNone) continue;
-    if (verdict == Verdict::kGood) {
-      make();
-      return true;
-    }
-    best_ = change_;
-    best_counts_ = counts_of_made();
-    has_best_ = true;
+    if (!move_.find(q, limits_, change_) || !is_gone(poor)) continue;
+    const Counts counts = counts_of_made();
+    const Verdict verdict = judge(counts);
+    if (verdict == Verdict::kBetter) better_.push_back({counts, v, q});
+    if (verdict != Verdict::kGood || !are_cells_good() || !is_allowed(verdict)) continue;
+    make();
+    return true;
+  }
+  return false;
+}
+
+// The best place is taken that may be. They are judged no earlier: seldom is none good.
+bool ImproveAngles::try_better() {
+  std::ranges::stable_sort(better_, {}, &Better::counts);
+  LocalIndex out = kInfiniteVertex;
+  for (const auto& [counts, v, q] : better_) {
+    if (std::exchange(out, v) != v && !move_.take_out(v)) return false;
+    if (!move_.find(q, limits_, change_) || !are_cells_good() || !is_allowed(Verdict::kBetter))
+      continue;
+    make();
+    return true;
   }
   return false;
 }
@@ -321,7 +328,14 @@ bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
-    if (!move_.find_insertion(q, poor, limits, change_) || judge(poor) == Verdict::kNone) continue;
+    if (!move_.find_insertion(q, poor, limits, change_)) continue;
+    // A surface point makes cells outside, and these do not count.
+    const bool makes_outside = kind == PointKind::kSurface;
+    if (makes_outside && !are_cells_good()) continue;
+    const Counts counts = makes_outside ? counts_of_made_inside() : counts_of_made();
+    const Verdict verdict = judge(counts);
+    if (verdict == Verdict::kNone || !(makes_outside || are_cells_good()) || !is_allowed(verdict))
+      continue;
     make();
     return true;
   }
@@ -383,7 +397,7 @@ bool ImproveAngles::take_in_core(const Point& q) {
 // What was found before names cells that may be gone.
 bool ImproveAngles::note_taken_in() {
   if (near_.empty()) return false;
-  has_best_ = false;
+  better_.clear();
   delta_.stats.points_added += near_.size();
   for (const MeshPoint& p : near_) tell(RefineStep::Action::kTakeIn, p.id, p);
   return true;
@@ -391,32 +405,28 @@ bool ImproveAngles::note_taken_in() {
 
 // ---- What a change would do ---------------------------------------------------------------------
 
-// Of a volume point, all around which must be inside, limits_ have been asked by then.
-ImproveAngles::Verdict ImproveAngles::judge(Cell poor) {
-  if (std::ranges::find(change_.gone, poor) == change_.gone.end()) return Verdict::kNone;
-  prospects_.clear();
-  const bool is_volume = kind_ == PointKind::kVolume;
-  Verdict verdict = is_volume ? judge_counts() : Verdict::kBetter;
-  if (verdict == Verdict::kNone || !are_cells_good()) return Verdict::kNone;
-  if (!is_volume) verdict = judge_counts();
-  if (verdict == Verdict::kNone || !are_facets_good()) return Verdict::kNone;
-  return verdict == Verdict::kBetter && leaves_poor_to_others() ? Verdict::kNone : verdict;
+bool ImproveAngles::is_gone(Cell c) const {
+  return std::ranges::find(change_.gone, c) != change_.gone.end();
+}
+
+// Once its cells are good. Of a volume point, all around which must be inside, limits_ have been
+// asked by then.
+bool ImproveAngles::is_allowed(Verdict verdict) {
+  return are_facets_good() && !(verdict == Verdict::kBetter && leaves_poor_to_others());
 }
 
 // Nobody would look at them again.
 bool ImproveAngles::leaves_poor_to_others() const {
   for (std::size_t n = 0; n < prospects_.size(); ++n)
     if (prospects_[n].state.own == 0 && prospects_[n].state.side == Side::kInside &&
-        largest_cosine(corners(change_.made[n])) > bound_)
+        move_.cosines()[n] > bound_)
       return true;
   return false;
 }
 
-ImproveAngles::Verdict ImproveAngles::judge_counts() {
-  const Counts made = counts_of_made();
+ImproveAngles::Verdict ImproveAngles::judge(const Counts& made) const {
   if (made == Counts{}) return Verdict::kGood;
-  const bool is_better = !(has_best_ && made >= best_counts_) && made < counts_of_gone();
-  return is_better ? Verdict::kBetter : Verdict::kNone;
+  return made < counts_of_gone() ? Verdict::kBetter : Verdict::kNone;
 }
 
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
@@ -429,12 +439,17 @@ void ImproveAngles::count(double cosine, Counts& counts) const {
   for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += cosine > cosines_[k];
 }
 
-// Before sides are known, of all.
 ImproveAngles::Counts ImproveAngles::counts_of_made() const {
   Counts counts{};
+  for (const double cosine : move_.cosines()) count(cosine, counts);
+  return counts;
+}
+
+// REQUIRES: sides are known, for are_cells_good() was asked
+ImproveAngles::Counts ImproveAngles::counts_of_made_inside() const {
+  Counts counts{};
   for (std::size_t n = 0; n < change_.made.size(); ++n)
-    if (prospects_.empty() || prospects_[n].state.side == Side::kInside)
-      count(largest_cosine(corners(change_.made[n])), counts);
+    if (prospects_[n].state.side == Side::kInside) count(move_.cosines()[n], counts);
   return counts;
 }
 
@@ -601,24 +616,29 @@ void ImproveAngles::make() {
     note_met_core(c);
   }
   const bool is_new = change_.vertex == mesh_.num_locals();
+  PointKind kind = kind_;
   const MeshPoint before = is_new ? MeshPoint{} : mesh_.local(change_.vertex).point;
+  if (!is_new && before.kind == PointKind::kInserted) {
+    kind = before.kind;  // others may still have to look
+    delta_.left.push_back(before.position);
+  }
   VertexRef ref = is_new ? 0 : mesh_.local(change_.vertex).ref;
   if ((ref & kNewPoint) != 0) {
     delta_.inserted[ref & ~kNewPoint].position = change_.place;
   } else {
     if (!is_new) delta_.moved.push_back(before);
     ref = kNewPoint | delta_.inserted.size();
-    delta_.inserted.push_back({change_.place, kind_, false, std::vector<Point>{}});
+    delta_.inserted.push_back({change_.place, kind, false, std::vector<Point>{}});
   }
   if (is_new) {
     ++delta_.stats.insertions[6];
-    mesh_.insert(change_, kind_, ref);
+    mesh_.insert(change_, kind, ref);
   } else {
     ++delta_.stats.moves;
-    mesh_.move(change_, ref);
+    mesh_.move(change_, kind, ref);
   }
   tell(is_new ? RefineStep::Action::kInsert : RefineStep::Action::kMove, ref,
-       {0, change_.place, kind_});
+       {0, change_.place, kind});
   for (const Cell c : mesh_.delaunay().new_cells()) {
     note_others(c, made);
     note_met_core(c);

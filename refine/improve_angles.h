@@ -54,10 +54,17 @@ class ImproveAngles {
     }
   };
   enum class Verdict { kNone, kBetter, kGood };
+  // A place of a vertex that makes fewer cells below the bound.
+  struct Better {
+    Counts counts{};
+    LocalIndex vertex = 0;
+    Point place;
+  };
 
   void look_at(Cell c);
   bool improve(Cell poor);
   bool try_places(LocalIndex v, Cell poor);
+  bool try_better();
   bool try_insertions(Cell poor, PointKind kind);
   bool take_in_ghosts(const Point& q);
   bool take_in_core(const Point& q);
@@ -70,8 +77,9 @@ class ImproveAngles {
   void list_places_in_ball(Cell poor);
   void list_places_on_surface(Cell poor);
 
-  Verdict judge(Cell poor);
-  Verdict judge_counts();
+  Verdict judge(const Counts& made) const;
+  bool is_allowed(Verdict verdict);
+  bool is_gone(Cell c) const;
   bool leaves_poor_to_others() const;
   bool are_cells_good();
   bool are_facets_good();
@@ -82,6 +90,7 @@ class ImproveAngles {
   bool is_off_boundary(LocalIndex v, LocalIndex w) const;
   bool is_small_and_round(const std::array<Point, 4>& corners, double squared_radius) const;
   Counts counts_of_made() const;
+  Counts counts_of_made_inside() const;
   Counts counts_of_gone() const;
   void count(double cosine, Counts& counts) const;
 
@@ -119,9 +128,7 @@ class ImproveAngles {
   Change change_;
   PointKind kind_ = PointKind::kVolume;  // of its vertex
   std::vector<LeafMesh::Prospect> prospects_;
-  Change best_;  // that makes fewer cells below the bound, if none makes none
-  Counts best_counts_{};
-  bool has_best_ = false;
+  std::vector<Better> better_;
 
   CellsByName others_gone_, others_made_;
   std::vector<Point> places_;

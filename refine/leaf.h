@@ -104,10 +104,13 @@ struct CellChanges {
 void apply(const CellChanges& changes, CellList& list);
 
 // How the last visit of a leaf left it. REQUIRES: no point within `reach` of the leaf was deleted
-// since, and no core point within 2λ became explicit
+// since
 struct LastVisit {
   std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
   CellList cells;                  // LeafDelta::cells, with ids for all vertices
+  // Since then: within 2λ, core points that became explicit, and LeafDelta::left of others
+  // visits; and their PoorCell::others.
+  std::vector<Point> asked = {};
   friend bool operator==(const LastVisit&, const LastVisit&) = default;
 };
 
@@ -180,7 +183,7 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
 struct PoorCell {
   Point position;      // of its circumcenter
   double degrees = 0;  // its smallest dihedral angle
-  // Its vertices that are other leaves', if those have not tried it.
+  // Its vertices that are other leaves', if those have not tried it: each is to be asked to.
   std::vector<Point> others;
   friend bool operator==(const PoorCell&, const PoorCell&) = default;
 };
@@ -208,6 +211,9 @@ struct LeafDelta {
   // and insertions for C7 change need no visit, for all conditions hold there: what other leaves
   // list changes as `others_gone` and `others_made` say.
   std::vector<MeshPoint> moved;
+  // From where C7 moved points of the kind kInserted, this visit's or not. Leaves that wait to look
+  // at what such a point changed are to look around that place.
+  std::vector<Point> left;
   std::vector<OthersCell> others_gone, others_made;  // ascending
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
   // positively oriented.

@@ -80,8 +80,9 @@ auto fields(Maybe<CellList> auto& list) {
   return std::tuple(Field("vertices", vertices), Field("cells", cells));
 }
 auto fields(Maybe<LastVisit> auto& last) {
-  auto& [first_new_id, cells] = last;
-  return std::tuple(Field("first_new_id", first_new_id), Field("cells", cells));
+  auto& [first_new_id, cells, asked] = last;
+  return std::tuple(Field("first_new_id", first_new_id), Field("cells", cells),
+                    Field("asked", asked));
 }
 auto fields(Maybe<LeafInput> auto& input) {
   auto& [criteria, box, own, ghosts, surface, core, max_own_points, last_visit, max_insertions,
@@ -118,13 +119,13 @@ auto fields(Maybe<VisitStats> auto& stats) {
                     Field("cells_made", cells_made));
 }
 auto fields(Maybe<LeafDelta> auto& delta) {
-  auto& [inserted, deleted, moved, others_gone, others_made, cells, met_core, unresolved, poor,
-         stats, is_overfull] = delta;
+  auto& [inserted, deleted, moved, left, others_gone, others_made, cells, met_core, unresolved,
+         poor, stats, is_overfull] = delta;
   return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("moved", moved),
-                    Field("others_gone", others_gone), Field("others_made", others_made),
-                    Field("cells", cells), Field("met_core", met_core),
-                    Field("unresolved", unresolved), Field("poor", poor), Field("stats", stats),
-                    Field("is_overfull", is_overfull));
+                    Field("left", left), Field("others_gone", others_gone),
+                    Field("others_made", others_made), Field("cells", cells),
+                    Field("met_core", met_core), Field("unresolved", unresolved),
+                    Field("poor", poor), Field("stats", stats), Field("is_overfull", is_overfull));
 }
 
 template <class T>

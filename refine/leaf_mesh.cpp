@@ -478,13 +478,13 @@ void LeafMesh::remove(std::span<const LocalIndex> leaving) {
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);
 }
 
-void LeafMesh::move(const Delaunay::Change& change, VertexRef ref) {
+void LeafMesh::move(const Delaunay::Change& change, PointKind kind, VertexRef ref) {
   are_all_fresh_ = false;
   for (const Cell c : change.gone) note_gone(c);
   Local& local = locals_[change.vertex];
-  if (local.point.kind == PointKind::kVolume && change.vertex < num_in_grid_)
+  if (is_deletable(local.point.kind) && change.vertex < num_in_grid_)
     std::erase(volume_points_[grid_cell(local.point.position)], change.vertex);
-  local.point = {ref, change.place, PointKind::kVolume};
+  local.point = {ref, change.place, kind};
   local.ref = ref;
   local.is_at_core = false;
   marks_[change.vertex] = {true, is_hidden(local.point), false, false};
@@ -584,7 +584,7 @@ void LeafMesh::volume_points_near(const Point& q, double distance,
                                   std::vector<LocalIndex>& out) const {
   for (; num_in_grid_ < locals_.size(); ++num_in_grid_) {
     const MeshPoint& p = locals_[num_in_grid_].point;
-    if (p.kind == PointKind::kVolume) volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
+    if (is_deletable(p.kind)) volume_points_[grid_cell(p.position)].push_back(num_in_grid_);
   }
   out.clear();
   const auto [x, y, z] = grid_cell(q);

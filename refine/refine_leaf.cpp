@@ -551,7 +551,7 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
   }
   leaving_.clear();
   if (is_blocked(q)) return Outcome::kBlocked;
-  insert(q, PointKind::kVolume, condition);
+  insert(q, PointKind::kInserted, condition);
   return Outcome::kChanged;
 }
 

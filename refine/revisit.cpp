@@ -61,11 +61,14 @@ void Revisit::for_each_near(const Point& q, double distance, Visit visit) const 
   });
 }
 
+// Around what was inserted since, and what others ask to look at. Not of what C7 changed: this
+// leaf's list of cells knows it by now.
 void Revisit::find_active() {
-  std::vector<Point> inserted;
+  std::vector<Point> inserted = input_->last_visit->asked;
   for (const auto* points : {&input_->own, &input_->ghosts})
     for (const MeshPoint& p : *points)
-      if (p.id >= input_->last_visit->first_new_id) inserted.push_back(p.position);
+      if (p.id >= input_->last_visit->first_new_id && p.kind != PointKind::kVolume)
+        inserted.push_back(p.position);
   const auto insertions = cubes_of<Point>(*input_, inserted);
   for (std::size_t i = 0; i < is_active_.size(); ++i)
     is_active_[i] = !insertions.is_free(input_->own[i].position, insertion_matters_);

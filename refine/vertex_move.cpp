@@ -30,6 +30,7 @@ void VertexMove::begin(Vertex v) {
   star_.clear();
   link_.clear();
   hole_.clear();
+  hole_cosines_.clear();
   rim_.clear();
   open_.clear();
   ++star_stamp_;
@@ -42,6 +43,8 @@ bool VertexMove::take_out(Vertex v) {
   begin(v);
   delaunay_.cells_around(v, star_);
   if (star_.size() > kMaxFacets) return false;
+  ++border_stamp_;
+  num_on_border_ = 0;
   for (const Cell c : star_) {
     if (delaunay_.is_infinite(c)) return false;
     marks_[c].star = star_stamp_;
@@ -49,10 +52,19 @@ bool VertexMove::take_out(Vertex v) {
     Open facet;
     facet.corner = corners_of(delaunay_.vertices(c), at);
     for (const Vertex w : facet.corner)
-      if (std::ranges::find(link_, w) == link_.end()) link_.push_back(w);
+      if (place_on_border(w) == link_.size()) link_.push_back(w);
     facet.beyond = delaunay_.neighbor(c, at);
     facet.index = delaunay_.index_of_neighbor(facet.beyond, c);
     open_.push_back(facet);
+  }
+  heights_.resize((link_.size() + kLanes - 1) / kLanes);
+  for (std::vector<Lanes>& along : link_points_)
+    along.assign(heights_.size(), Lanes{} + std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t n = 0; n < link_.size(); ++n) {
+    const Point& p = point(link_[n]);
+    link_points_[0][n / kLanes][n % kLanes] = p.x;
+    link_points_[1][n / kLanes][n % kLanes] = p.y;
+    link_points_[2][n / kLanes][n % kLanes] = p.z;
   }
   return fill_hole();
 }
@@ -98,23 +110,31 @@ bool VertexMove::fill_hole() {
 
 // Of all spheres through the facet's corners, the first that meets a neighbor on the open side, as
 // its center comes along the axis from beyond.
-VertexMove::Vertex VertexMove::apex(const Open& facet) const {
+VertexMove::Vertex VertexMove::apex(const Open& facet) {
   const auto& [i, j, k] = facet.corner;
   const Point &p = point(i), a = point(j) - p, b = point(k) - p;
   const Point normal = cross(a, b);
   const double n2 = dot(normal, normal), a2 = dot(a, a), b2 = dot(b, b);
   const Point center = 0.5 / n2 * (a2 * cross(b, normal) + b2 * cross(normal, a));
+  // Of all at once, without branches.
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (std::size_t n = 0; n < heights_.size(); ++n) {
+    const Lanes x = link_points_[0][n] - p.x, y = link_points_[1][n] - p.y,
+                z = link_points_[2][n] - p.z;
+    const Lanes off = normal.x * x + normal.y * y + normal.z * z;
+    const Lanes to_center = center.x * x + center.y * y + center.z * z;
+    const Lanes height = (x * x + y * y + z * z - 2 * to_center) / off;
+    heights_[n] = off > 0 ? height : Lanes{} + kInfinity;
+  }
   Vertex best = Delaunay::kNone;
-  double least = 0;
-  for (const Vertex v : link_) {
+  double least = kInfinity;
+  for (std::size_t n = 0; n < link_.size(); ++n) {
+    const double height = heights_[n / kLanes][n % kLanes];
+    if (!(height < least)) continue;
+    const Vertex v = link_[n];
     if (v == i || v == j || v == k) continue;
-    const Point e = point(v) - p;
-    const double height = dot(normal, e);
-    if (!(height > 0)) continue;
-    const double t = (dot(e, e) - 2 * dot(e, center)) / height;
-    if (best != Delaunay::kNone && t >= least) continue;
     best = v;
-    least = t;
+    least = height;
   }
   if (best == Delaunay::kNone) return exact_apex(facet);
   const NewCell cell{
@@ -201,16 +221,16 @@ bool VertexMove::find_insertion(const Point& q, Cell start, const Limits& limits
 
 namespace {
 
-bool exceeds(const VertexMove::Limits& limits, const std::array<Point, 4>& corners,
-             const WayToCenter& way) {
+// All but the angles.
+bool is_too_large(const VertexMove::Limits& limits, const std::array<Point, 4>& corners,
+                  const WayToCenter& way) {
   constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
   const Point twice = way.is_known() ? way.vector() : Point{};
   const double squared_radius =
       way.is_known() ? 0.25 * (1 + kSlack) * (1 + kSlack) * dot(twice, twice)
                      : circumball(corners, std::numeric_limits<double>::infinity()).squared_radius;
   return !(squared_radius < limits.squared_radius) ||
-         squared_radius > limits.squared_ratio * shortest_edge_squared(corners) ||
-         largest_cosine(corners) > limits.cosine;
+         squared_radius > limits.squared_ratio * shortest_edge_squared(corners);
 }
 
 }  // namespace
@@ -234,8 +254,10 @@ bool VertexMove::spread(const Point& q, const Limits& limits) {
       if (std::ranges::find(corner, Delaunay::kInfinite) != corner.end()) return false;
       const Point &a = point(corner[0]), &b = point(corner[1]), &c = point(corner[2]);
       const WayToCenter way = way_to_center(a - q, b - q, c - q);
-      if (limits.are_any() && exceeds(limits, {a, b, c, q}, way)) return false;
-      border_.push_back({here, next, corner, way});
+      if (limits.are_any() && is_too_large(limits, {a, b, c, q}, way)) return false;
+      const double cosine = largest_cosine({a, b, c, q});
+      if (limits.are_any() && cosine > limits.cosine) return false;
+      border_.push_back({here, next, corner, way, cosine});
     }
     if (border_.size() > kMaxFacets) return false;
   }
@@ -256,6 +278,9 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
   for (const std::uint32_t c : inside_)
     if ((c & kNew) == 0) change.gone.push_back(c);
   change.made.clear();
+  cosines_.clear();
+  if (hole_cosines_.empty())
+    for (const NewCell& cell : hole_) hole_cosines_.push_back(largest_cosine(corners(cell)));
   ++border_stamp_;
   num_on_border_ = 0;
   for (std::size_t n = 0; n < border_.size(); ++n) {
@@ -264,6 +289,7 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
     cell.vertex = {a, b, c, vertex_};
     cell.neighbor[3] = border_[n].beyond;
     cell.way = border_[n].way;
+    cosines_.push_back(border_[n].cosine);
     const std::uint32_t i = place_on_border(a), j = place_on_border(b), k = place_on_border(c);
     if (num_on_border_ > kMaxVertices) return false;
     facet_at_edge_[i][j] = facet_at_edge_[j][k] = facet_at_edge_[k][i] =
@@ -286,12 +312,13 @@ bool VertexMove::make_cells(const Point& q, Change& change) {
   for (std::uint32_t h = 0; h < hole_.size(); ++h) {
     if (seen_in_hole_[h] == Seen::kInside) continue;
     NewCell& cell = change.made.emplace_back(hole_[h]);
+    cosines_.push_back(hole_cosines_[h]);
     for (std::uint32_t& beyond : cell.neighbor)
       if ((beyond & kNew) && seen_in_hole_[beyond & ~kNew] != Seen::kInside)
         beyond = index[beyond & ~kNew];
   }
   for (std::uint32_t n = 0; n < border_.size(); ++n) {
-    const auto& [inside, beyond, corner, way] = border_[n];
+    const auto& [inside, beyond, corner, way, cosine] = border_[n];
     if ((beyond & kNew) == 0) continue;
     const std::uint32_t h = beyond & ~kNew;
     const auto& before = hole_[h].neighbor;

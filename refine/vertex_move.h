@@ -44,6 +44,8 @@ class VertexMove {
   void put_in_new() { begin(static_cast<Vertex>(delaunay_.num_vertices())); }
 
   const std::vector<Cell>& star() const { return star_; }  // the cells at the vertex
+  // Of the cells that the change found last makes: the largest of their dihedral angles' cosines.
+  const std::vector<double>& cosines() const { return cosines_; }
   // The change that puts the vertex at q. False if q is not in the hole or at another vertex, if a
   // cell at the vertex goes beyond the limits, or if too large a part of the triangulation would
   // change. Valid until the next call.
@@ -73,12 +75,13 @@ class VertexMove {
     std::uint32_t inside = 0, beyond = 0;
     std::array<Vertex, 3> corner;
     WayToCenter way;  // from the place, of the cell there
+    double cosine = 0;
   };
   enum class Seen : std::uint8_t { kNot, kInside, kOutside };
 
   void begin(Vertex v);
   bool fill_hole();
-  Vertex apex(const Open& facet) const;
+  Vertex apex(const Open& facet);
   Vertex exact_apex(const Open& facet) const;
   bool is_delaunay(const NewCell& cell) const;
   const Point& point(Vertex v) const { return delaunay_.point(v); }
@@ -100,8 +103,15 @@ class VertexMove {
   const Delaunay& delaunay_;
   Vertex vertex_ = Delaunay::kNone;
   std::vector<Cell> star_;
-  std::vector<Vertex> link_;  // neighbors of the vertex
+  // Neighbors of the vertex; their coordinates side by side, not numbers behind the last; and room
+  // for a value of each.
+  static constexpr std::size_t kLanes = 4;
+  using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+  std::vector<Vertex> link_;
+  std::array<std::vector<Lanes>, 3> link_points_;
+  std::vector<Lanes> heights_;
   std::vector<NewCell> hole_;
+  std::vector<double> hole_cosines_;  // once they are needed
   std::vector<Rim> rim_;
   std::vector<Open> open_;
 
@@ -116,6 +126,7 @@ class VertexMove {
   std::uint32_t star_stamp_ = 0, place_stamp_ = 0;
   std::vector<std::uint32_t> inside_;  // in conflict
   std::vector<Border> border_;
+  std::vector<double> cosines_;
 
   struct OnBorder {
     std::uint32_t stamp = 0, place = 0;

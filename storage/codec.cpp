@@ -57,6 +57,7 @@
 //                 [steps u32 of a row's first i | j | k | number of sites u32]
 //   4 cells       [vertex steps u64]
 //                 [first corner's steps u32 | second - first u32 | third - first | fourth - first]
+//                 [x | y | z changed bits u64, of what `asked` has]
 //   5 surface     [id steps u64] [x | y | z changed bits u64, of each distinct corner, in order of
 //                 appearance] [references u32, three to a triangle: distinct corners so far -
 //                 index; 0 is the next new one]
@@ -82,7 +83,7 @@ using Kinds =
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
-constexpr PointKind last_of(PointKind) { return PointKind::kLattice; }
+constexpr PointKind last_of(PointKind) { return PointKind::kInserted; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
 constexpr Phase last_of(Phase) { return Phase::kDone; }
 
@@ -474,7 +475,9 @@ void serialize(auto& archive, LeafPoints& record, unsigned) {
 void serialize(auto& archive, LeafCells& record, unsigned) {
   each(archive, columns(record.vertices, Steps(field<>)),
        columns(record.cells, Steps(element<0>), BeyondFirst<1>(), BeyondFirst<2>(),
-               BeyondFirst<3>()));
+               BeyondFirst<3>()),
+       columns(record.asked, ChangedBits(field<&Point::x>), ChangedBits(field<&Point::y>),
+               ChangedBits(field<&Point::z>)));
   bool is_known = true;
   for (const auto& cell : record.cells)
     for (const std::uint32_t corner : cell) is_known &= corner < record.vertices.size();

@@ -56,6 +56,9 @@ struct LeafPoints {
 struct LeafCells {
   std::vector<std::uint64_t> vertices;              // ids, ascending
   std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, positively oriented
+  // Around which the next visit is to look: core points that became explicit, vertices of cells
+  // that other leaves could not improve (C7), from where inserted points moved.
+  std::vector<Point> asked = {};
   friend bool operator==(const LeafCells&, const LeafCells&) = default;
 };
 

@@ -184,6 +184,8 @@ std::string_view kind_name(PointKind kind) {
       return "volume";
     case PointKind::kLattice:
       return "lattice";
+    case PointKind::kInserted:
+      return "inserted";
   }
   return "unknown";
 }

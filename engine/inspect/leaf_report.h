@@ -13,7 +13,6 @@
 
 namespace locvol {
 
-inline constexpr std::size_t kNumPointKinds = 3;
 using CountsByKind = std::array<std::uint64_t, kNumPointKinds>;
 CountsByKind counts_by_kind(std::span<const MeshPoint> points);
 

@@ -29,6 +29,7 @@ class Visit {
     for (const InsertedPoint& point : delta.inserted) insert(point);
     for (const MeshPoint& point : delta.deleted) erase(point);
     for (const MeshPoint& point : delta.moved) take_away(point);
+    for (const Point& place : delta.left) have_others_look(place);
     state_.add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
       store_cells(delta.cells);
@@ -65,6 +66,12 @@ class Visit {
       if (other != leaf_) state_.require_whole_visit(other);
   }
 
+  // They would look for what the point changed where it is now.
+  void have_others_look(const Point& place) {
+    for (const MortonKey other : leaves_within(place, kNeighborhood * state_.size()))
+      if (other != leaf_ && state_.leaves().info(other).queued) state_.ask_for_visit(other, place);
+  }
+
   // What a move changes of other leaves, the delta tells.
   void take_away(const MeshPoint& point) {
     state_.remove_point(point);
@@ -72,11 +79,8 @@ class Visit {
   }
 
   void have_others_try(const PoorCell& cell) {
-    for (const Point& p : cell.others) {
-      const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
-      state_.enqueue(owner);
-      state_.require_whole_visit(owner);
-    }
+    for (const Point& p : cell.others)
+      state_.ask_for_visit(state_.octree().leaf_owning(state_.run().frame, p), p);
   }
 
   // A leaf that waits for a whole visit will list its cells anew. Of one that waits for a short one

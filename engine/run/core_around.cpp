@@ -88,13 +88,10 @@ void make_explicit(RunState& state, const LatticeSite& site) {
     }
   }
   list_core_point(state, site);
-  const Box around = Box::around(state.lattice().position(site));
-  for (const MortonKey other :
-       state.octree().leaves_within(state.run().frame, around, kNeighborhood * state.size())) {
-    if (state.leaves().info(other).num_points == 0) continue;
-    state.enqueue(other);
-    state.require_whole_visit(other);
-  }
+  const Point place = state.lattice().position(site);
+  for (const MortonKey other : state.octree().leaves_within(state.run().frame, Box::around(place),
+                                                            kNeighborhood * state.size()))
+    if (state.leaves().info(other).num_points > 0) state.ask_for_visit(other, place);
 }
 
 }  // namespace locvol

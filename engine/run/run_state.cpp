@@ -174,7 +174,15 @@ void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
   LeafCells held = leaves_.cells(leaf);
   CellList list{std::move(held.vertices), std::move(held.cells)};
   apply(changes, list);
-  put_cells(leaf, {std::move(list.vertices), std::move(list.cells)});
+  put_cells(leaf, {std::move(list.vertices), std::move(list.cells), std::move(held.asked)});
+}
+
+void RunState::ask_for_visit(MortonKey leaf, const Point& place) {
+  enqueue(leaf);
+  if (leaves_.info(leaf).first_new_id == 0) return;
+  LeafCells cells = leaves_.cells(leaf);
+  cells.asked.push_back(place);
+  put_cells(leaf, std::move(cells));
 }
 
 void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {

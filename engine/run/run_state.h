@@ -86,6 +86,8 @@ class RunState {
   // Each in place of what the leaf had.
   void put_cells(MortonKey leaf, LeafCells cells);
   void change_cells(MortonKey leaf, const CellChanges& changes);
+  // The leaf is visited once more, and looks around the place if not at all of it.
+  void ask_for_visit(MortonKey leaf, const Point& place);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
   void put_num_core_cells(MortonKey leaf, std::uint64_t num_cells);
   // As put_cells(); what is missing is left out of the mesh.

@@ -74,7 +74,7 @@ void expect_sound(const LeafInfo&) {}
 
 void expect_sound(const LeafPoints& record) {
   for (const MeshPoint& p : record.points)
-    expect(p.kind <= PointKind::kLattice, "a kind of point that there is");
+    expect(p.kind <= PointKind::kInserted, "a kind of point that there is");
 }
 
 void expect_sound(const LeafCells& record) {

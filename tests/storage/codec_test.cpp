@@ -195,10 +195,13 @@ TEST(Codec, RefusesValuesOutOfRange) {
   without_core.core = {};
   std::string points = content_of(encode(without_core, sample_leaf()));
   constexpr std::size_t kBytesOfEmptyCore = 1 + sizeof(std::uint64_t);
-  points[points.size() - kBytesOfEmptyCore - 1] = 3;  // the kind of the last point
+  points[points.size() - kBytesOfEmptyCore - 1] = 4;  // the kind of the last point
   expect_error_about<LeafPoints>(frame_of(points), "means nothing");
-  std::string cells = content_of(encode(sample_cells(), sample_leaf()));
-  cells.back() = 1;  // the highest byte of the last corner
+  LeafCells not_asked = sample_cells();
+  not_asked.asked.clear();
+  std::string cells = content_of(encode(not_asked, sample_leaf()));
+  constexpr std::size_t kBytesOfNoneAsked = sizeof(std::uint64_t);
+  cells[cells.size() - kBytesOfNoneAsked - 1] = 1;  // the highest byte of the last corner
   expect_error_about<LeafCells>(frame_of(cells), "unknown vertices");
   std::string surface = content_of(encode(sample_surface(), sample_leaf()));
   surface.back() = 1;
@@ -214,7 +217,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
 }
 
 TEST(Codec, RefusesACoreThatContradictsItself) {
-  constexpr std::size_t kCoreAt = 8 + 3 * (4 * 8 + 1);  // after ids, x, y, z and kinds of three
+  constexpr std::size_t kCoreAt = 8 + 4 * (4 * 8 + 1);  // after ids, x, y, z and kinds of four
   const std::string content = content_of(encode(sample_points(), sample_leaf()));
   EXPECT_TRUE(decode<LeafPoints>(frame_of(content), sample_leaf()) == sample_points());
   std::string whole = content;

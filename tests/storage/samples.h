@@ -58,12 +58,15 @@ inline LeafInfo sample_info() {
 inline LeafPoints sample_points() {
   return {{{5, {0.1, -0.0, 1e300}, PointKind::kSurface},
            {6, {0.1, 5e-324, -1}, PointKind::kVolume},
-           {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice}},
+           {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice},
+           {std::uint64_t{1} << 41, {1.0 / 3, 2, 4}, PointKind::kInserted}},
           {.is_whole = false, .rows = {{{-3, 5, -7}, 4}, {{-3, 5, 9}, 1}, {{0, -2, 0}, 300}}}};
 }
 
 inline LeafCells sample_cells() {
-  return {{3, 8, 9, std::uint64_t{1} << 63, ~std::uint64_t{0}}, {{{0, 1, 2, 3}}, {{4, 2, 1, 3}}}};
+  return {{3, 8, 9, std::uint64_t{1} << 63, ~std::uint64_t{0}},
+          {{{0, 1, 2, 3}}, {{4, 2, 1, 3}}},
+          {{0.5, -0.0, 3}}};
 }
 
 inline LeafSurface sample_surface() {
@@ -217,6 +220,7 @@ class Generator {
     const auto vertex = [&] { return static_cast<std::uint32_t>(integer(record.vertices.size())); };
     for (std::size_t i = 0; i < count; ++i)
       record.cells.push_back({vertex(), vertex(), vertex(), vertex()});
+    for (std::size_t i = 0; i < integer(3); ++i) record.asked.push_back(point());
     return record;
   }
 
