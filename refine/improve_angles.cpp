@@ -16,10 +16,11 @@ namespace locvol {
 namespace {
 
 constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
-// Rounds, with other places each time, for the cells that are left; from kLastForMany on only for a
-// few.
-constexpr int kNumRounds = 24, kLastForMany = 2;
+// Rounds, with other places each time, for the cells that are left; from kFirstForFew on only for a
+// few, or if the round before left no more than this share of them.
+constexpr int kNumRounds = 24, kFirstForFew = 2;
 constexpr std::size_t kFew = 16;
+constexpr double kWorthwhile = 0.8;
 // Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
 // only moves are tried, which cost far less than insertions.
 constexpr std::size_t kPatience = 50;
@@ -117,8 +118,11 @@ void ImproveAngles::run() {
   for (Cell c = 0; c < mesh_.delaunay().cell_bound(); ++c)
     if (mesh_.delaunay().is_cell(c)) look_at(c);
   StopPoll poll(surroundings_.stop, 8);
+  double num_before = 0;
   for (round_ = 0; round_ < kNumRounds && !waiting_.empty(); ++round_) {
-    if (round_ >= kLastForMany && waiting_.size() > kFew) break;
+    const auto num = static_cast<double>(waiting_.size());
+    if (round_ >= kFirstForFew && waiting_.size() > kFew && num > kWorthwhile * num_before) break;
+    num_before = num;
     while (!waiting_.empty()) {
       poll();
       const Poor poor = waiting_.top();
