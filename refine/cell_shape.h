@@ -28,6 +28,18 @@ inline double largest_cosine(const std::array<Point, 4>& cell) {
   return -std::min(std::min(std::min(ab, ac), std::min(ad, bc)), std::min(bd, cd));
 }
 
+// The same of a triangle's angles.
+inline double largest_cosine(const std::array<Point, 3>& triangle) {
+  double largest = -1;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Point a = triangle[(i + 1) % 3] - triangle[i], b = triangle[(i + 2) % 3] - triangle[i];
+    const double lengths = std::sqrt(dot(a, a) * dot(b, b));
+    if (!(lengths > 0)) return 1;
+    largest = std::max(largest, dot(a, b) / lengths);
+  }
+  return largest;
+}
+
 inline double shortest_edge_squared(const std::array<Point, 4>& cell) {
   double shortest = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < 4; ++i)

@@ -31,6 +31,7 @@ constexpr std::array<double, 6> kIntoBall{0.97, 0.9, 0.8, 0.65, 0.5, 0.3};
 constexpr int kNumAround = 8;
 constexpr std::size_t kNumInBall = 24;
 constexpr int kNumThrown = 240;         // to have so many in the ball, the leaf and on the surface
+constexpr double kFacetAngle = 25;      // degrees; boundary facets may have it
 constexpr double kAround = 0.4;         // over the scale
 constexpr double kScale = 1.2;          // over the radius of the cell
 constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
@@ -528,7 +529,19 @@ bool ImproveAngles::are_facets_good() {
   std::ranges::sort(facets_gone_);
   const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
   facets_gone_.erase(repeated.begin(), repeated.end());
-  return facets_made_ == facets_gone_ || is_boundary_kept();
+  return facets_made_ == facets_gone_ || (are_facets_as_round() && is_boundary_kept());
+}
+
+// No angle is below kFacetAngle and all that were there before.
+bool ImproveAngles::are_facets_as_round() const {
+  const Delaunay& delaunay = mesh_.delaunay();
+  double most = std::cos(kFacetAngle * std::numbers::pi / 180);
+  for (const auto& [a, b, c] : facets_gone_)
+    most = std::max(
+        most, largest_cosine(std::array{delaunay.point(a), delaunay.point(b), delaunay.point(c)}));
+  return std::ranges::all_of(facets_made_, [&](const Facet& f) {
+    return largest_cosine(std::array{place(f[0]), place(f[1]), place(f[2])}) <= most;
+  });
 }
 
 // All is inside around a hidden point. What looks like the boundary there is next to core points

@@ -567,6 +567,38 @@ TEST_P(ImprovedInSeveralLeaves, KeepTheConditionsAndEachOthersCells) {
                   << position.z << ", radius " << radius;
 }
 
+// Of the mesh's boundary triangles, in degrees.
+double smallest_boundary_angle(const LeafRun& run) {
+  const std::vector<MeshPoint> points = run.points();
+  std::map<std::array<std::size_t, 3>, int> facets;
+  for (const auto& cell : run.cells())
+    for (std::size_t off = 0; off < 4; ++off) {
+      std::array<std::size_t, 3> facet{};
+      for (std::size_t i = 0, n = 0; i < 4; ++i)
+        if (i != off) facet[n++] = cell[i];
+      std::ranges::sort(facet);
+      ++facets[facet];
+    }
+  double cosine = -1;
+  for (const auto& [facet, num_cells] : facets) {
+    if (num_cells != 1) continue;
+    const auto& [a, b, c] = facet;
+    cosine = std::max(cosine, largest_cosine(std::array{points[a].position, points[b].position,
+                                                        points[c].position}));
+  }
+  return std::acos(cosine) * 180 / std::numbers::pi;
+}
+
+TEST_P(ImprovedInSeveralLeaves, HaveBoundaryTrianglesAsRoundAsBefore) {
+  Scene as_it_was = GetParam();
+  as_it_was.min_dihedral = 0;
+  LeafRun before(as_it_was, Visits::kWhole), after(GetParam(), Visits::kWhole);
+  before.refine();
+  after.refine();
+  EXPECT_NE(before.points().size(), after.points().size());
+  EXPECT_GE(smallest_boundary_angle(after), std::min(24.9999, smallest_boundary_angle(before)));
+}
+
 // Lists that others changed serve partial visits.
 TEST_P(ImprovedInSeveralLeaves, VisitWhatChangedInPart) {
   std::size_t num_partial = 0;
