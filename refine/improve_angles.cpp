@@ -159,6 +159,8 @@ void ImproveAngles::list_poor() {
       for (const LocalIndex v : vertices)
         if (!mesh_.is_own(v) && !mesh_.local(v).is_core)
           poor.others.push_back(mesh_.local(v).point.position);
+    if (!poor.others.empty() && !is_in_leaf(input_.box, poor.position))
+      poor.others.push_back(poor.position);
     delta_.poor.push_back(std::move(poor));
   }
 }
@@ -176,10 +178,16 @@ ImproveAngles::Facet ImproveAngles::facet(const std::array<LocalIndex, 4>& cell,
   return result;
 }
 
+// Cells at own points; and those whose circumcenters lie in the leaf, for what helps may lie there.
 void ImproveAngles::look_at(Cell c) {
-  if (!mesh_.has_own_vertex(c) || mesh_.delaunay().is_infinite(c)) return;
+  if (mesh_.delaunay().is_infinite(c)) return;
+  const bool has_own = mesh_.has_own_vertex(c);
+  if (!has_own && !(input_.box.squared_distance(mesh_.point(c, 0)) < limits_.squared_radius))
+    return;
   const double cosine = largest_cosine(mesh_.corners(c));
   if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
+  if (!has_own && !(is_in_leaf(input_.box, mesh_.ball(c).center) && mesh_.is_loaded(mesh_.ball(c))))
+    return;
   Poor poor{cosine, mesh_.ref(c), mesh_.delaunay().vertices(c)};
   std::ranges::sort(poor.vertices);
   waiting_.push(poor);
@@ -205,14 +213,11 @@ bool ImproveAngles::improve(Cell poor) {
   return try_insertions(poor, PointKind::kSurface);
 }
 
-// To the leaf of its circumcenter, if that has a vertex of it.
+// To the leaf of its circumcenter.
 bool ImproveAngles::is_left_to_others(Cell poor) const {
   const Point& center = mesh_.ball(poor).center;
-  return std::ranges::any_of(input_.waiting, [&](const Box& box) {
-    return is_in_leaf(box, center) && std::ranges::any_of(mesh_.corners(poor), [&](const Point& p) {
-             return is_in_leaf(box, p);
-           });
-  });
+  return std::ranges::any_of(input_.waiting,
+                             [&](const Box& box) { return is_in_leaf(box, center); });
 }
 
 // Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core

@@ -1,6 +1,6 @@
-// ImproveAngles restores C7: no cell at an own vertex has a dihedral angle below the bound. It
-// moves volume points, one at a time, and where that does not help inserts points. Internal to
-// refine/.
+// ImproveAngles restores C7: no cell at an own vertex has a dihedral angle below the bound, nor one
+// whose circumcenter lies in the leaf. It moves volume points, one at a time, and where that does
+// not help inserts points. Internal to refine/.
 //
 // A change is judged on the cells that it would make, before anything is changed. It is made only
 // if C1–C6 hold in these as before, and either no cell of them is below the bound, or fewer are:

@@ -183,7 +183,8 @@ struct Violation {    // unresolved: the spacing floor forbids the cure
 struct PoorCell {
   Point position;      // of its circumcenter
   double degrees = 0;  // its smallest dihedral angle
-  // Its vertices that are other leaves', if those have not tried it: each is to be asked to.
+  // Its vertices that are other leaves', and its circumcenter if that is: if those leaves have not
+  // tried it, each is to be asked to.
   std::vector<Point> others;
   friend bool operator==(const PoorCell&, const PoorCell&) = default;
 };
@@ -222,7 +223,7 @@ struct LeafDelta {
   // no longer the lattice's.
   std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
-  std::vector<PoorCell> poor;  // with an own vertex, and an angle below the bound
+  std::vector<PoorCell> poor;
   VisitStats stats;
   bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
   friend bool operator==(const LeafDelta&, const LeafDelta&) = default;
