@@ -72,9 +72,9 @@ void read(const Json& json, T& value) {
   } else if constexpr (std::same_as<T, MortonKey>) {
     value = parse_key(json.get<std::string>());
   } else if constexpr (std::same_as<T, PointKind>) {
-    const auto kind = json.get<std::uint64_t>();
-    if (kind >= kNumPointKinds) throw std::runtime_error("a point of unknown kind");
-    value = static_cast<PointKind>(kind);
+    if (!json.is_number_unsigned() || json.get<std::uint64_t>() >= kNumPointKinds)
+      throw std::runtime_error("a point of unknown kind");
+    value = static_cast<PointKind>(json.get<int>());
   } else if constexpr (std::is_arithmetic_v<T>) {
     json.get_to(value);
   } else if constexpr (Row<T>) {

@@ -80,9 +80,7 @@ class Visit {
 
   void have_others_try(const PoorCell& cell) {
     for (const Point& p : cell.others)
-      if (const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
-          state_.leaves().info(owner).num_points > 0)
-        state_.ask_for_visit(owner, p);
+      state_.ask_for_visit(state_.octree().leaf_owning(state_.run().frame, p), p);
   }
 
   // A leaf that waits for a whole visit will list its cells anew. Of one that waits for a short one

@@ -91,7 +91,7 @@ void make_explicit(RunState& state, const LatticeSite& site) {
   const Point place = state.lattice().position(site);
   for (const MortonKey other : state.octree().leaves_within(state.run().frame, Box::around(place),
                                                             kNeighborhood * state.size()))
-    if (state.leaves().info(other).num_points > 0) state.ask_for_visit(other, place);
+    state.ask_for_visit(other, place);
 }
 
 }  // namespace locvol

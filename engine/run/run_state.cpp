@@ -178,6 +178,7 @@ void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
 }
 
 void RunState::ask_for_visit(MortonKey leaf, const Point& place) {
+  if (leaves_.info(leaf).num_points == 0) return;
   enqueue(leaf);
   if (leaves_.info(leaf).first_new_id == 0) return;
   LeafCells cells = leaves_.cells(leaf);

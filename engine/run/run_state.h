@@ -86,7 +86,8 @@ class RunState {
   // Each in place of what the leaf had.
   void put_cells(MortonKey leaf, LeafCells cells);
   void change_cells(MortonKey leaf, const CellChanges& changes);
-  // The leaf is visited once more, and looks around the place if not at all of it.
+  // The leaf is visited once more, and looks around the place if not at all of it; without points
+  // it has nothing to restore.
   void ask_for_visit(MortonKey leaf, const Point& place);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
   void put_num_core_cells(MortonKey leaf, std::uint64_t num_cells);

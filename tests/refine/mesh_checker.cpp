@@ -9,10 +9,12 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
 
+#include "refine/cell_shape.h"
 #include "tests/refine/brute_force.h"
 
 namespace locvol {
@@ -244,6 +246,18 @@ long boundary_euler_characteristic(const std::vector<IndexedCell>& cells) {
     edges.insert({{a, b}, {a, c}, {b, c}});
   }
   return static_cast<long>(vertices.size()) - static_cast<long>(edges.size()) + num_facets;
+}
+
+double smallest_boundary_angle(const std::vector<IndexedCell>& cells,
+                               const std::vector<MeshPoint>& points) {
+  double cosine = -1;
+  for (const auto& [facet, count] : cells_per_facet(cells)) {
+    if (count != 1) continue;
+    const auto& [a, b, c] = facet;
+    cosine = std::max(cosine, largest_cosine(std::array{points[a].position, points[b].position,
+                                                        points[c].position}));
+  }
+  return std::acos(cosine) * 180 / std::numbers::pi;
 }
 
 }  // namespace locvol

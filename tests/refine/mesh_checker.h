@@ -51,5 +51,8 @@ std::string manifold_fault(const std::vector<IndexedCell>& cells,
                            const std::vector<MeshPoint>& points);
 // Vertices - edges + facets of the boundary.
 long boundary_euler_characteristic(const std::vector<IndexedCell>& cells);
+// Of the boundary's triangles, in degrees.
+double smallest_boundary_angle(const std::vector<IndexedCell>& cells,
+                               const std::vector<MeshPoint>& points);
 
 }  // namespace locvol
