@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -58,18 +59,48 @@ bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
   return is_made_of(both[0], length, is_known) && is_made_of(both[1], length, is_known);
 }
 
+// Over the radius that samples cover: pieces this short are not halved where it is asked whether
+// samples hide a point from them.
+inline constexpr double kLeastLength = 0.09;
+
 // Do samples hide p: is each point of the surface closer to one of them? May say no where it is so
 // by little. All of the surface has a sample within `radius`; is_nearer(fragment): is one sample
 // closer to all of it than p? It may overlook samples for fragments that are not near p.
 template <class IsNearer>
 bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
                     const IsNearer& is_nearer) {
-  constexpr double kLeastLength = 0.09;  // over the radius
   const auto is_known = [&](const Fragment& f) {
     return f.box().squared_distance(p) >= radius * radius || is_nearer(f);
   };
   std::vector<Triangle> near;
   surface.triangles_near(p, radius, near);
+  return std::ranges::all_of(near, [&](const Triangle& triangle) {
+    return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
+  });
+}
+
+// Samples cover the surface within `radius`, and hide some points from it. Do they still, if the
+// one at `before` is gone? `samples`: others within two radii of it; `hidden`: of the hidden
+// points, all that are as close to it and may be closer to the surface than the radius. May say no
+// where it is so by little.
+inline bool is_covered_without(const SurfacePatch& surface, const Point& before, double radius,
+                               std::span<const Point> samples, std::span<const Point> hidden) {
+  const double radius2 = radius * radius;
+  const auto is_known = [&](const Fragment& f) {
+    const Box box = f.box();
+    if (box.squared_distance(before) > radius2) return true;  // others are closer
+    const auto covers = [&](const Point& sample) {
+      return std::ranges::all_of(
+          f.corners, [&](const Point& c) { return squared_distance(c, sample) <= radius2; });
+    };
+    const auto is_hidden = [&](const Point& p) {
+      return box.squared_distance(p) >= radius2 ||
+             std::ranges::any_of(samples, [&](const Point& s) { return is_nearer(f, s, p); });
+    };
+    return std::ranges::any_of(samples, covers) && std::ranges::all_of(hidden, is_hidden);
+  };
+  std::vector<Triangle> near;
+  surface.triangles_near(before, radius, near);
   return std::ranges::all_of(near, [&](const Triangle& triangle) {
     return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
   });

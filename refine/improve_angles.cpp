@@ -10,6 +10,7 @@
 
 #include "octree/mix.h"
 #include "refine/cell_shape.h"
+#include "refine/fragment.h"
 #include "refine/vertex_link.h"
 
 namespace locvol {
@@ -24,6 +25,10 @@ constexpr double kWorthwhile = 0.8;
 // Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
 // only moves are tried, which cost far less than insertions.
 constexpr std::size_t kPatience = 50;
+// Likewise of what is tried on the surface: where that helps at all, it helps three cells of four;
+// in folds it helps none, and each trial asks for the sides of many cells, in a thicket of
+// triangles.
+constexpr std::size_t kPatienceOnSurface = 4, kFewOnSurface = 3;
 // Places tried: steps along a direction, over the scale (λ, but less where cells are small); within
 // a ball, over its radius; numbers of others.
 constexpr std::array<double, 4> kSteps{0.1, 0.18, 0.05, 0.28};
@@ -33,6 +38,7 @@ constexpr std::size_t kNumInBall = 24;
 constexpr int kNumThrown = 240;         // to have so many in the ball, the leaf and on the surface
 constexpr double kFacetAngle = 25;      // degrees; boundary facets may have it
 constexpr double kAround = 0.4;         // over the scale
+constexpr double kToSurface = 0.5;      // over λ: places farther from it are not tried on it
 constexpr double kScale = 1.2;          // over the radius of the cell
 constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
 
@@ -208,9 +214,24 @@ bool ImproveAngles::improve(Cell poor) {
   if (try_better()) return true;
   if (is_left) return false;
   list_places_in_ball(poor);
-  if (try_insertions(poor, PointKind::kVolume)) return true;
+  if (try_insertions(poor)) return true;
+  if (num_failed_on_surface_ > kPatienceOnSurface * (num_improved_on_surface_ + kFewOnSurface))
+    return false;
+  const bool is_improved = improve_on_surface(poor);
+  ++(is_improved ? num_improved_on_surface_ : num_failed_on_surface_);
+  return is_improved;
+}
+
+bool ImproveAngles::improve_on_surface(Cell poor) {
+  kind_ = PointKind::kSurface;
+  better_.clear();
+  const auto vertices = mesh_.delaunay().vertices(poor);
+  for (const LocalIndex v : vertices)
+    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface && try_places(v, poor))
+      return true;
+  if (try_better()) return true;
   list_places_on_surface(poor);
-  return try_insertions(poor, PointKind::kSurface);
+  return try_insertions(poor);
 }
 
 // To the leaf of its circumcenter.
@@ -220,8 +241,8 @@ bool ImproveAngles::is_left_to_others(Cell poor) const {
                              [&](const Box& box) { return is_in_leaf(box, center); });
 }
 
-// Surface points stay, for lattice points next to the surface rely on them. Neighbors of the core
-// come last, for then core points must be listed.
+// Of points that are not on the surface. Neighbors of the core come last, for then core points must
+// be listed.
 bool ImproveAngles::is_movable(LocalIndex v) const {
   if (v == kInfiniteVertex) return false;
   const LeafMesh::Local& local = mesh_.local(v);
@@ -256,15 +277,16 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   take_in_core(before);
   if (!move_.take_out(v)) return false;
   list_places(v, poor);
+  if (kind_ == PointKind::kSurface) put_on_surface(places_);
   const double known = input_.criteria.reach - kNeighborhood * input_.criteria.size;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
-    if (!move_.find(q, limits_, change_) || !is_gone(poor)) continue;
-    const Counts counts = counts_of_made();
+    if (!move_.find(q, limits(), change_) || !is_gone(poor)) continue;
+    const std::optional<Counts> counts = counts_of_made();
     const Verdict verdict = judge(counts);
-    if (verdict == Verdict::kBetter) better_.push_back({counts, v, q});
+    if (verdict == Verdict::kBetter) better_.push_back({*counts, v, q});
     if (verdict != Verdict::kGood || !are_cells_good() || !is_allowed(verdict)) continue;
     make();
     return true;
@@ -278,7 +300,7 @@ bool ImproveAngles::try_better() {
   LocalIndex out = kInfiniteVertex;
   for (const auto& [counts, v, q] : better_) {
     if (std::exchange(out, v) != v && !move_.take_out(v)) return false;
-    if (!move_.find(q, limits_, change_) || !are_cells_good() || !is_allowed(Verdict::kBetter))
+    if (!move_.find(q, limits(), change_) || !are_cells_good() || !is_allowed(Verdict::kBetter))
       continue;
     make();
     return true;
@@ -319,6 +341,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   Point sum;
   double volume = 0;
   for (const Cell near : move_.star()) {
+    if (!mesh_.is_member(near)) continue;
     const auto& [k, l, m, n] = mesh_.corners(near);
     const double part = dot(cross(l - k, m - k), n - k);
     volume += part;
@@ -330,22 +353,23 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
     places_.push_back(p + (kAround * scale) * noise.in_unit_ball());
 }
 
-bool ImproveAngles::try_insertions(Cell poor, PointKind kind) {
-  kind_ = kind;
-  // Of cells at a surface point, those outside may have any shape.
-  const VertexMove::Limits limits = kind == PointKind::kVolume ? limits_ : VertexMove::Limits{};
+// To the closest places there.
+void ImproveAngles::put_on_surface(std::vector<Point>& places) const {
+  std::erase_if(places, [&](Point& q) {
+    const auto closest = surroundings_.surface.closest_to(q, kToSurface * input_.criteria.size);
+    if (closest) q = *closest;
+    return !closest;
+  });
+}
+
+bool ImproveAngles::try_insertions(Cell poor) {
   for (const Point& q : places_) {
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
-    if (!move_.find_insertion(q, poor, limits, change_)) continue;
-    // A surface point makes cells outside, and these do not count.
-    const bool makes_outside = kind == PointKind::kSurface;
-    if (makes_outside && !are_cells_good()) continue;
-    const Counts counts = makes_outside ? counts_of_made_inside() : counts_of_made();
-    const Verdict verdict = judge(counts);
-    if (verdict == Verdict::kNone || !(makes_outside || are_cells_good()) || !is_allowed(verdict))
-      continue;
+    if (!move_.find_insertion(q, poor, limits(), change_)) continue;
+    const Verdict verdict = judge(counts_of_made());
+    if (verdict == Verdict::kNone || !are_cells_good() || !is_allowed(verdict)) continue;
     make();
     return true;
   }
@@ -364,7 +388,7 @@ void ImproveAngles::list_places_in_ball(Cell poor) {
 }
 
 // The last resort, mostly for cells of four surface points: in the circumball, centers of the
-// cell's surface balls, and some on the triangles.
+// cell's surface balls, and some around on the surface.
 void ImproveAngles::list_places_on_surface(Cell poor) {
   const Delaunay& delaunay = mesh_.delaunay();
   const CellBall& ball = mesh_.ball(poor);
@@ -377,18 +401,15 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
     if (dual.count > 0 && is_in_leaf(input_.box, dual.ball_center))
       places_.push_back(dual.ball_center);
   }
-  surroundings_.surface.triangles_near(ball.center, std::sqrt(ball.squared_radius), triangles_);
-  if (triangles_.empty()) return;
+  const double radius = std::sqrt(ball.squared_radius);
   const auto& vertices = delaunay.vertices(poor);
   Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
   const std::size_t most = places_.size() + kNumInBall;
   for (int n = 0; n < kNumThrown && places_.size() < most; ++n) {
-    const auto& [a, b, c] = triangles_[noise.below(triangles_.size())].corners;
-    double u = noise.in_unit_interval(), v = noise.in_unit_interval();
-    if (u + v > 1) u = 1 - u, v = 1 - v;
-    const Point q = a + u * (b - a) + v * (c - a);
-    if (squared_distance(q, ball.center) < ball.squared_radius && is_in_leaf(input_.box, q))
-      places_.push_back(q);
+    const auto q = surroundings_.surface.closest_to(ball.center + radius * noise.in_unit_ball(),
+                                                    kToSurface * input_.criteria.size);
+    if (q && squared_distance(*q, ball.center) < ball.squared_radius && is_in_leaf(input_.box, *q))
+      places_.push_back(*q);
   }
 }
 
@@ -422,7 +443,25 @@ bool ImproveAngles::is_gone(Cell c) const {
 // Once its cells are good. Of a volume point, all around which must be inside, limits_ have been
 // asked by then.
 bool ImproveAngles::is_allowed(Verdict verdict) {
-  return are_facets_good() && !(verdict == Verdict::kBetter && leaves_poor_to_others());
+  return are_facets_good() && !(verdict == Verdict::kBetter && leaves_poor_to_others()) &&
+         (kind_ != PointKind::kSurface || is_insertion() || do_samples_hide_as_before());
+}
+
+// All points that matter are there: place and radius are well within the reach.
+bool ImproveAngles::do_samples_hide_as_before() const {
+  const double radius = input_.criteria.cover_radius;
+  if (!std::isfinite(radius)) return true;
+  const Point& before = mesh_.delaunay().point(change_.vertex);
+  std::vector<Point> samples{change_.place}, hidden;
+  for (LocalIndex v = 0; v < mesh_.num_locals(); ++v) {
+    const auto& [point, ref, is_own, is_core, is_at_core, is_alive] = mesh_.local(v);
+    if (v == change_.vertex || !is_alive ||
+        !(squared_distance(point.position, before) < 4 * radius * radius))
+      continue;
+    if (point.kind == PointKind::kSurface) samples.push_back(point.position);
+    if (point.kind == PointKind::kLattice) hidden.push_back(point.position);
+  }
+  return is_covered_without(surroundings_.surface, before, radius, samples, hidden);
 }
 
 // Nobody would look at them again.
@@ -434,9 +473,10 @@ bool ImproveAngles::leaves_poor_to_others() const {
   return false;
 }
 
-ImproveAngles::Verdict ImproveAngles::judge(const Counts& made) const {
-  if (made == Counts{}) return Verdict::kGood;
-  return made < counts_of_gone() ? Verdict::kBetter : Verdict::kNone;
+ImproveAngles::Verdict ImproveAngles::judge(const std::optional<Counts>& made) const {
+  if (!made) return Verdict::kNone;
+  if (*made == Counts{}) return Verdict::kGood;
+  return *made < counts_of_gone() ? Verdict::kBetter : Verdict::kNone;
 }
 
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
@@ -449,17 +489,15 @@ void ImproveAngles::count(double cosine, Counts& counts) const {
   for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += cosine > cosines_[k];
 }
 
-ImproveAngles::Counts ImproveAngles::counts_of_made() const {
-  Counts counts{};
-  for (const double cosine : move_.cosines()) count(cosine, counts);
-  return counts;
-}
-
-// REQUIRES: sides are known, for are_cells_good() was asked
-ImproveAngles::Counts ImproveAngles::counts_of_made_inside() const {
+// A surface point makes cells outside, and these do not count; nothing where which these are need
+// not be known, for not all are good.
+std::optional<ImproveAngles::Counts> ImproveAngles::counts_of_made() {
+  const bool makes_outside = kind_ == PointKind::kSurface;
+  if (makes_outside && !are_cells_good()) return std::nullopt;
   Counts counts{};
   for (std::size_t n = 0; n < change_.made.size(); ++n)
-    if (prospects_[n].state.side == Side::kInside) count(move_.cosines()[n], counts);
+    if (!makes_outside || prospects_[n].state.side == Side::kInside)
+      count(move_.cosines()[n], counts);
   return counts;
 }
 
@@ -471,9 +509,24 @@ ImproveAngles::Counts ImproveAngles::counts_of_gone() const {
   return counts;
 }
 
+// Is a cell at the vertex much below the bound, or too large, that would have to be inside? Of
+// volume points that is known by now (limits_). Cheap, and most often so.
+bool ImproveAngles::makes_poor_inside() const {
+  if (kind_ != PointKind::kSurface) return false;
+  for (std::size_t n = 0; n < change_.made.size(); ++n) {
+    const auto& vertices = change_.made[n].vertex;
+    const bool must_be_inside = std::ranges::any_of(vertices, [&](LocalIndex v) {
+      return v != change_.vertex && mesh_.local(v).point.kind != PointKind::kSurface;
+    });
+    if (must_be_inside && move_.cosines()[n] > limits_.cosine) return true;
+  }
+  return false;
+}
+
 // C5, C6; and C2 in so far as all cells at a volume point are inside. Of the core nothing changes,
 // or all of it around is there.
 bool ImproveAngles::are_cells_good() {
+  if (makes_poor_inside()) return false;
   for (const Cell c : change_.gone) {
     if (mesh_.is_hollow(c)) return false;
     for (const LocalIndex v : mesh_.delaunay().vertices(c))
@@ -534,7 +587,10 @@ bool ImproveAngles::are_facets_good() {
   std::ranges::sort(facets_gone_);
   const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
   facets_gone_.erase(repeated.begin(), repeated.end());
-  return facets_made_ == facets_gone_ || (are_facets_as_round() && is_boundary_kept());
+  // Of the same vertices, but one of them moves.
+  const bool is_moved = kind_ == PointKind::kSurface;
+  return (facets_made_ == facets_gone_ && !is_moved) ||
+         (are_facets_as_round() && is_boundary_kept());
 }
 
 // No angle is below kFacetAngle and all that were there before.
@@ -562,7 +618,7 @@ bool ImproveAngles::changes_core() {
 bool ImproveAngles::is_boundary_kept() const {
   std::vector<LocalIndex> before = distinct_vertices(facets_gone_);
   const std::vector<LocalIndex> after = distinct_vertices(facets_made_);
-  const bool is_new = kind_ == PointKind::kSurface;
+  const bool is_new = kind_ == PointKind::kSurface && is_insertion();
   if (is_new) before.push_back(change_.vertex);
   return before == after && facets_made_.size() == facets_gone_.size() + (is_new ? 2 : 0) &&
          std::ranges::all_of(after, [&](LocalIndex v) { return is_disk_after(v); });
@@ -637,10 +693,10 @@ void ImproveAngles::make() {
     note_others(c, gone);
     note_met_core(c);
   }
-  const bool is_new = change_.vertex == mesh_.num_locals();
+  const bool is_new = is_insertion();
   PointKind kind = kind_;
   const MeshPoint before = is_new ? MeshPoint{} : mesh_.local(change_.vertex).point;
-  if (!is_new && before.kind == PointKind::kInserted) {
+  if (!is_new && before.kind != PointKind::kLattice && before.kind != PointKind::kVolume) {
     kind = before.kind;  // others may still have to look
     delta_.left.push_back(before.position);
   }

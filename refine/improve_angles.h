@@ -1,6 +1,6 @@
 // ImproveAngles restores C7: no cell at an own vertex has a dihedral angle below the bound, nor one
-// whose circumcenter lies in the leaf. It moves volume points, one at a time, and where that does
-// not help inserts points. Internal to refine/.
+// whose circumcenter lies in the leaf. It moves volume points, one at a time; where that does not
+// help it inserts points, and moves surface points along the surface. Internal to refine/.
 //
 // A change is judged on the cells that it would make, before anything is changed. It is made only
 // if C1–C6 hold in these as before, and either no cell of them is below the bound, or fewer are:
@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <queue>
 #include <span>
 #include <vector>
@@ -63,9 +64,10 @@ class ImproveAngles {
 
   void look_at(Cell c);
   bool improve(Cell poor);
+  bool improve_on_surface(Cell poor);
   bool try_places(LocalIndex v, Cell poor);
   bool try_better();
-  bool try_insertions(Cell poor, PointKind kind);
+  bool try_insertions(Cell poor);
   bool take_in_ghosts(const Point& q);
   bool take_in_core(const Point& q);
   // Not at once: it has leaves visited again.
@@ -76,12 +78,20 @@ class ImproveAngles {
   void list_places(LocalIndex v, Cell poor);
   void list_places_in_ball(Cell poor);
   void list_places_on_surface(Cell poor);
+  void put_on_surface(std::vector<Point>& places) const;
 
-  Verdict judge(const Counts& made) const;
+  // Of cells at a surface point, those outside may have any shape.
+  VertexMove::Limits limits() const {
+    return kind_ == PointKind::kSurface ? VertexMove::Limits{} : limits_;
+  }
+  bool is_insertion() const { return change_.vertex == mesh_.num_locals(); }
+  Verdict judge(const std::optional<Counts>& made) const;
   bool is_allowed(Verdict verdict);
+  bool do_samples_hide_as_before() const;
   bool is_gone(Cell c) const;
   bool leaves_poor_to_others() const;
   bool are_cells_good();
+  bool makes_poor_inside() const;
   bool are_facets_good();
   bool changes_core();
   bool is_boundary_kept() const;
@@ -90,8 +100,7 @@ class ImproveAngles {
   bool is_disk_kept(LocalIndex v) const;
   bool is_off_boundary(LocalIndex v, LocalIndex w) const;
   bool is_small_and_round(const std::array<Point, 4>& corners, double squared_radius) const;
-  Counts counts_of_made() const;
-  Counts counts_of_made_inside() const;
+  std::optional<Counts> counts_of_made();
   Counts counts_of_gone() const;
   void count(double cosine, Counts& counts) const;
 
@@ -122,6 +131,7 @@ class ImproveAngles {
   VertexMove::Limits limits_;                      // of cells at a volume point that moves or comes
   int round_ = 0;
   std::size_t num_improved_ = 0;
+  std::size_t num_improved_on_surface_ = 0, num_failed_on_surface_ = 0;
 
   std::priority_queue<Poor> waiting_;
   std::vector<Poor> left_;
@@ -135,8 +145,7 @@ class ImproveAngles {
   std::vector<Point> places_;
   std::vector<LocalIndex> movable_;
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
-  std::vector<Triangle> triangles_;
-  std::vector<MeshPoint> near_;  // taken in
+  std::vector<MeshPoint> near_;                   // taken in
   std::vector<std::uint64_t> met_core_;
   mutable std::vector<Cell> around_;
 };

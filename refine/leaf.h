@@ -212,8 +212,8 @@ struct LeafDelta {
   // and insertions for C7 change need no visit, for all conditions hold there: what other leaves
   // list changes as `others_gone` and `others_made` say.
   std::vector<MeshPoint> moved;
-  // From where C7 moved points of the kind kInserted, this visit's or not. Leaves that wait to look
-  // at what such a point changed are to look around that place.
+  // From where C7 moved points of the kinds kInserted and kSurface, this visit's or not. Leaves
+  // that wait to look at what such a point changed are to look around that place.
   std::vector<Point> left;
   std::vector<OthersCell> others_gone, others_made;  // ascending
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;

@@ -487,8 +487,8 @@ void LeafMesh::move(const Delaunay::Change& change, PointKind kind, VertexRef re
   local.point = {ref, change.place, kind};
   local.ref = ref;
   local.is_at_core = false;
-  marks_[change.vertex] = {true, is_hidden(local.point), false, false};
-  if (change.vertex < num_in_grid_)
+  marks_[change.vertex] = {true, is_hidden(local.point), kind == PointKind::kSurface, false};
+  if (is_deletable(kind) && change.vertex < num_in_grid_)
     volume_points_[grid_cell(change.place)].push_back(change.vertex);
   delaunay_.move(change);
   for (const Cell c : delaunay_.new_cells()) make_fresh(c);

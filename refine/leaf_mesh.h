@@ -171,8 +171,8 @@ class LeafMesh {
   // REQUIRES: !has_cells()
   LocalIndex insert_first(const MeshPoint& q, VertexRef ref);
   void remove(std::span<const LocalIndex> leaving);
-  // An own point that is not on the surface comes to another place, as a point of a kind that may
-  // be deleted; `ref` names it from now on.
+  // An own point comes to another place, as a point of another kind if it was of the lattice; `ref`
+  // names it from now on.
   void move(const Delaunay::Change& change, PointKind kind, VertexRef ref);
   // An own point comes where there was none.
   void insert(const Delaunay::Change& change, PointKind kind, VertexRef ref);

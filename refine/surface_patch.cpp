@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "refine/closest_point.h"
 #include "refine/crossing.h"
 
 namespace locvol {
@@ -38,10 +39,7 @@ bool meets_with_slack(const Triangle& t, const Box& triangle_box, const Box& box
 }
 
 double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
-  const Point ab = b - a;
-  const double length = dot(ab, ab);
-  const double t = length > 0 ? std::clamp(dot(p - a, ab) / length, 0.0, 1.0) : 0.0;
-  return squared_distance(p, a + t * ab);
+  return squared_distance(p, closest_on_segment(a, b, p));
 }
 
 double squared_distance_to_triangle(const Point& p, const Triangle& t) {
@@ -535,6 +533,26 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
   const auto [i, j, k] = impl_->cell_with_triangles(impl_->cell_of(p));
   return !std::ranges::all_of(impl_->held_by(impl_->index(i, j, k)), is_far) ||
          !impl_->for_each_held_near(p, distance, is_far);
+}
+
+// A first guess bounds where to look.
+std::optional<Point> SurfacePatch::closest_to(const Point& p, double distance) const {
+  std::optional<Point> closest;
+  double least = distance * distance;
+  Impl::Index of = 0;
+  const auto look_at = [&](Impl::Index t) {
+    if (impl_->boxes[t].squared_distance(p) > least) return true;
+    const Point q = closest_on_triangle(impl_->triangles[t].corners, p);
+    const double d = squared_distance(p, q);
+    if (d < least || (d == least && closest && t < of)) closest = q, least = d, of = t;
+    return true;
+  };
+  if (impl_->triangles.empty()) return closest;
+  const auto [i, j, k] = impl_->cell_with_triangles(impl_->cell_of(p));
+  for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k))) look_at(t);
+  constexpr double kSlack = 1e-9;  // of those as close, the first is taken
+  impl_->for_each_held_near(p, (1 + kSlack) * std::sqrt(least), look_at);
+  return closest;
 }
 
 void SurfacePatch::triangles_near(const Point& p, double distance,

@@ -16,6 +16,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -76,6 +77,9 @@ class SurfacePatch {
   // Triangles closer to p than `distance`, and some that only come close; in order of id, each
   // once.
   void triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const;
+  // The point of the surface that is closest to p, of several that on the first triangle; null if
+  // none is closer than `distance`. REQUIRES: the region holds all that is
+  std::optional<Point> closest_to(const Point& p, double distance) const;
   // Is some triangle closer to p than `distance`? REQUIRES: the region holds all that is
   bool is_near(const Point& p, double distance) const;
 

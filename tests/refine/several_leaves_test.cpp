@@ -18,6 +18,7 @@
 
 #include "refine/cell_shape.h"
 #include "refine/cover_leaf.h"
+#include "refine/point_cubes.h"
 #include "refine/refine_leaf.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/lattice_points.h"
@@ -80,9 +81,10 @@ class LeafRun {
   std::uint64_t num_insertions() const { return num_insertions_; }
   std::uint64_t num_deletions() const { return num_deletions_; }
   // Insertions of which it was known whose stars they change, and visits that nothing called for.
-  // Points moved for C7, cells that it left as they are, and cells of other leaves that it
-  // replaced.
+  // Points moved for C7, those on the surface among them, cells that it left as they are, and cells
+  // of other leaves that it replaced.
   std::uint64_t num_moves() const { return num_moves_; }
+  std::size_t num_moved_on_surface() const { return num_moved_on_surface_; }
   std::size_t num_poor() const { return num_poor_; }
   std::size_t num_partial() const { return num_partial_; }  // visits of visit_waiting()
   std::uint64_t num_replaced() const { return num_replaced_; }
@@ -124,7 +126,7 @@ class LeafRun {
   std::pair<std::uint64_t, std::uint64_t> num_cells_made_;
   std::uint64_t num_insertions_ = 0, num_deletions_ = 0, num_met_ = 0, num_taken_in_ = 0;
   std::uint64_t num_known_ = 0, num_spared_ = 0, num_moves_ = 0, num_replaced_ = 0;
-  std::size_t num_poor_ = 0, num_partial_ = 0;
+  std::size_t num_poor_ = 0, num_partial_ = 0, num_moved_on_surface_ = 0;
 };
 
 SurfacePiece whole_surface(const Mesh& mesh, double margin) {
@@ -283,6 +285,8 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
   num_deletions_ += delta.deleted.size();
   num_moves_ += delta.stats.moves;
   num_poor_ += delta.poor.size();
+  num_moved_on_surface_ += static_cast<std::size_t>(
+      std::ranges::count(delta.moved, PointKind::kSurface, &MeshPoint::kind));
   for (const auto* gone : {&delta.deleted, &delta.moved})
     std::erase_if(points_,
                   [&](const MeshPoint& p) { return std::ranges::find(*gone, p) != gone->end(); });
@@ -538,15 +542,12 @@ TEST_P(SeveralLeaves, PartialVisitsAroundACoreFindWhatWholeOnesDo) {
   EXPECT_LT(partial, whole) << "or nothing was compared";
 }
 
+Mesh box() { return shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}}); }
+
 const Scene kImproved[] = {
-    {"SphereIn8", sphere, 0.1, 2, 2, 0, 15},
-    {"TorusIn8", torus, 0.1, 2, 0, 0, 15},
-    {"TorusIn27", torus, 0.1, 3, 0, 0, 20},
-    {"BoxIn8",
-     [] {
-       return shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}});
-     },
-     0.15, 2, 2, 0, 15},
+    {"SphereIn8", sphere, 0.1, 2, 2, 0, 15}, {"TorusIn8", torus, 0.1, 2, 0, 0, 15},
+    {"TorusIn27", torus, 0.1, 3, 0, 0, 20},  {"BoxIn8", box, 0.15, 2, 2, 0, 15},
+    {"BoxIn27At25", box, 0.1, 3, 2, 0, 25},  {"TorusIn27At25", torus, 0.08, 3, 0, 0, 25},
 };
 
 class ImprovedInSeveralLeaves : public testing::TestWithParam<Scene> {};
@@ -577,6 +578,35 @@ TEST_P(ImprovedInSeveralLeaves, HaveBoundaryTrianglesAsRoundAsBefore) {
   EXPECT_NE(before.points().size(), after.points().size());
   EXPECT_GE(smallest_boundary_angle(after.cells(), after.points()),
             std::min(24.9999, smallest_boundary_angle(before.cells(), before.points())));
+}
+
+// What visits rely on (fragment.h): all of the surface has a surface point within the radius, and
+// is closer to one than to any point that is hidden from it.
+TEST_P(ImprovedInSeveralLeaves, SurfacePointsThatMoveHideWhatTheyHid) {
+  LeafRun run(GetParam(), Visits::kWhole);
+  run.refine();
+  RecordProperty("moved_on_surface", std::to_string(run.num_moved_on_surface()));
+  if (GetParam().min_dihedral > 20) {
+    EXPECT_GT(run.num_moved_on_surface(), 10u);
+  }
+  const double size = GetParam().size;
+  const Box space = shapes::bounding_box(run.mesh()).expanded(size);
+  std::vector<Point> samples, hidden;
+  for (const MeshPoint& p : run.points())
+    if (p.kind != PointKind::kInserted && p.kind != PointKind::kVolume)
+      (p.kind == PointKind::kSurface ? samples : hidden).push_back(p.position);
+  const PointCubes near_samples(space, size, samples), near_hidden(space, size, hidden);
+  constexpr unsigned kSeed = 97;
+  shapes::Random random(kSeed);
+  for (const Point& p : shapes::random_points_on(run.mesh(), 100'000, random)) {
+    double least = kSampleRadius * size * (1 + 1e-12);
+    ASSERT_FALSE(near_samples.is_free(p, least)) << "seed " << kSeed;
+    for (double below = 0; least - below > 1e-6 * size;) {
+      const double half = 0.5 * (below + least);
+      (near_samples.is_free(p, half) ? below : least) = half;
+    }
+    ASSERT_TRUE(near_hidden.is_free(p, least - 1e-6 * size)) << "seed " << kSeed;
+  }
 }
 
 // Lists that others changed serve partial visits.

@@ -294,6 +294,24 @@ TEST_P(SurfacePatchOf, IsNearIsThatOfBruteForce) {
   EXPECT_GT(std::min(count[0], count[1]), 1000);
 }
 
+// At the distance, and on the surface.
+TEST_P(SurfacePatchOf, ClosestPointIsThatOfBruteForce) {
+  constexpr unsigned kSeed = 36;
+  Random random(kSeed);
+  for (int n = 0; n < 1500; ++n) {
+    const Point p = uniform_in(random, patch_.region());
+    const double truth = brute_force::distance(p, mesh_);
+    ASSERT_FALSE(patch_.closest_to(p, (1 - 1e-9) * truth)) << "seed " << kSeed << ", n " << n;
+    for (const double factor : {1 + 1e-9, 1.5, 100.0}) {
+      if (truth < 1e-6) continue;  // too close for a factor to tell
+      const auto closest = patch_.closest_to(p, factor * truth);
+      ASSERT_TRUE(closest) << "seed " << kSeed << ", n " << n << ", factor " << factor;
+      EXPECT_NEAR(norm(*closest - p), truth, 1e-12);
+      EXPECT_LT(brute_force::distance(*closest, mesh_), 1e-12);
+    }
+  }
+}
+
 TEST_P(SurfacePatchOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   constexpr unsigned kSeed = 31;
   Random random(kSeed);
@@ -410,6 +428,7 @@ TEST(SurfacePatch, WithoutTrianglesIsAllOnOneSide) {
     EXPECT_EQ(patch.is_inside({0.9, 0.1, 2.9}), is_inside);
     EXPECT_FALSE(patch.is_inside({0.9, 0.1, 3.1})) << "outside the region";
     EXPECT_FALSE(patch.is_near({0.5, 0.5, 0.5}, 100));
+    EXPECT_FALSE(patch.closest_to({0.5, 0.5, 0.5}, 100));
     std::vector<Crossing> found{{}};
     patch.crossings({0, 0, 0}, {1, 1, 1}, found);
     EXPECT_TRUE(found.empty());

@@ -1,0 +1,31 @@
+// The point of a segment or a triangle that is closest to a place. Internal to refine/.
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+inline Point closest_on_segment(const Point& a, const Point& b, const Point& q) {
+  const Point along = b - a;
+  const double length2 = dot(along, along);
+  const double t = length2 > 0 ? std::clamp(dot(q - a, along) / length2, 0.0, 1.0) : 0.0;
+  return a + t * along;
+}
+
+// Rounded; the triangle may be flat.
+inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Point& q) {
+  const auto& [a, b, c] = corners;
+  const Point normal = cross(b - a, c - a);
+  // Of the foot in the plane: where it lies along b - a and c - a, times the normal squared.
+  const double v = dot(cross(q - a, c - a), normal), w = dot(cross(b - a, q - a), normal),
+               whole = dot(normal, normal);
+  if (v > 0 && w > 0 && v + w < whole) return a + (v / whole) * (b - a) + (w / whole) * (c - a);
+  return std::ranges::min(
+      {closest_on_segment(a, b, q), closest_on_segment(b, c, q), closest_on_segment(c, a, q)}, {},
+      [&](const Point& p) { return squared_distance(p, q); });
+}
+
+}  // namespace locvol
