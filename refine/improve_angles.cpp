@@ -567,6 +567,7 @@ bool ImproveAngles::are_facets_good() {
           return false;
         continue;
       }
+      if (!is_on_boundary && state.side == Side::kFar && is_out_of_reach(cell, i)) continue;
       if (is_on_boundary && (state.on_surface | 1 << i) != 0b1111) return false;
       const auto dual = mesh_.dual_crossings(change_, prospects_, n, i);
       if (dual.open_end || dual.count != (is_on_boundary ? 1 : 0)) return false;
@@ -591,6 +592,20 @@ bool ImproveAngles::are_facets_good() {
   const bool is_moved = kind_ == PointKind::kSurface;
   return (facets_made_ == facets_gone_ && !is_moved) ||
          (are_facets_as_round() && is_boundary_kept());
+}
+
+// Is one of the facet's corners so far from the vertex that no ball that counts has both? Then all
+// of the dual edge that counts is as before. It may be unknown, where all corners are ghosts.
+bool ImproveAngles::is_out_of_reach(const NewCell& cell, int off) const {
+  const double reach = input_.criteria.reach;
+  const auto is_far_from = [&](const Point& q) {
+    for (int k = 0; k < 4; ++k)
+      if (k != off && squared_distance(place(cell.vertex[std::size_t(k)]), q) > reach * reach)
+        return true;
+    return false;
+  };
+  return is_far_from(change_.place) &&
+         (is_insertion() || is_far_from(mesh_.delaunay().point(change_.vertex)));
 }
 
 // No angle is below kFacetAngle and all that were there before.

@@ -95,6 +95,7 @@ class ImproveAngles {
   bool are_facets_good();
   bool changes_core();
   bool is_boundary_kept() const;
+  bool is_out_of_reach(const NewCell& cell, int off) const;
   bool are_facets_as_round() const;
   bool is_disk_after(LocalIndex v) const;
   bool is_disk_kept(LocalIndex v) const;

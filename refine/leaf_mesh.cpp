@@ -110,9 +110,12 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());
   for (const MeshPoint& p : input.own) locals.push_back({p, p.id, true});
+  // C7 looks at cells whose circumcenters lie in the leaf, too.
+  const double of_centers = is_around_ && input.criteria.min_dihedral > 0 ? input.criteria.size : 0;
   for (const MeshPoint& p : input.ghosts) {
     const bool is_own_one = own == OwnPoints::kInBox && is_in_leaf(input.box, p.position);
-    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach))
+    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach) &&
+        input.box.squared_distance(p.position) >= of_centers * of_centers)
       left_out_.push_back(p);
     else
       locals.push_back({p, p.id, is_own_one});

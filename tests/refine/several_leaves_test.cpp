@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "refine/cell_shape.h"
+#include "refine/circumcenter.h"
 #include "refine/cover_leaf.h"
 #include "refine/point_cubes.h"
 #include "refine/refine_leaf.h"
@@ -64,6 +65,10 @@ class LeafRun {
   // Visits each leaf that waits once; again and again until none does, as the engine does.
   void visit_once();
   void visit_waiting();
+  // What a visit of a leaf with this box would do, and P after that.
+  LeafDelta visit_of(const Box& box, double min_dihedral) const;
+  std::size_t num_own(const Box& box) const { return load(leaf_of(box)).own.size(); }
+  std::vector<MeshPoint> points_after(const LeafDelta& delta) const;
   // What leaves list, with what others have replaced since, is what a visit without C7 finds,
   // unless they wait for a visit.
   void expect_lists_as_found() const;
@@ -102,6 +107,7 @@ class LeafRun {
 
   void disturb();
   void cut_into_leaves();
+  Leaf leaf_of(const Box& box) const;
   void make_core();
   void make_explicit(const LatticeSite& site);
   bool visit(Leaf& leaf);
@@ -245,16 +251,32 @@ void LeafRun::cut_into_leaves() {
   };
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j)
-      for (int k = 0; k < n; ++k) {
-        const Box box{corner(i, j, k), corner(i + 1, j + 1, k + 1)};
-        const Box region = box.expanded((0.5 * kReach + 0.02) * scene_.size);
-        Mesh part;
-        for (const Triangle& t : mesh_)
-          if (meets(t, region)) part.push_back(t);
-        leaves_.push_back(
-            {box,
-             {part, region, region.center(), whole_.is_inside(region.center()), {scene_.size}}});
-      }
+      for (int k = 0; k < n; ++k)
+        leaves_.push_back(leaf_of({corner(i, j, k), corner(i + 1, j + 1, k + 1)}));
+}
+
+LeafRun::Leaf LeafRun::leaf_of(const Box& box) const {
+  const Box region = box.expanded((0.5 * kReach + 0.02) * scene_.size);
+  Mesh part;
+  for (const Triangle& t : mesh_)
+    if (meets(t, region)) part.push_back(t);
+  return {box, {part, region, region.center(), whole_.is_inside(region.center()), {scene_.size}}};
+}
+
+LeafDelta LeafRun::visit_of(const Box& box, double min_dihedral) const {
+  LeafInput input = load(leaf_of(box));
+  input.criteria.min_dihedral = min_dihedral;
+  return refine_leaf(input);
+}
+
+std::vector<MeshPoint> LeafRun::points_after(const LeafDelta& delta) const {
+  std::vector<MeshPoint> after = points();
+  std::erase_if(after, [&](const MeshPoint& p) {
+    return std::ranges::find(delta.moved, p) != delta.moved.end();
+  });
+  std::uint64_t id = next_id_;
+  for (const InsertedPoint& p : delta.inserted) after.push_back({id++, p.position, p.kind});
+  return after;
 }
 
 // As the engine does.
@@ -578,6 +600,49 @@ TEST_P(ImprovedInSeveralLeaves, HaveBoundaryTrianglesAsRoundAsBefore) {
   EXPECT_NE(before.points().size(), after.points().size());
   EXPECT_GE(smallest_boundary_angle(after.cells(), after.points()),
             std::min(24.9999, smallest_boundary_angle(before.cells(), before.points())));
+}
+
+// Whoever owns its vertices: others leave it to this leaf, and are told if nothing helped. Of
+// leaves with few points: some of what is around is out of reach of all of them.
+TEST(PoorCellsAround, TheLeafOfTheirCentersImprovesThemOrTells) {
+  const Scene scene{"SphereInOne", sphere, 0.1, 1, 2};
+  constexpr double kAngle = 15, kSlack = 1e-3;
+  LeafRun run(scene, Visits::kWhole, Core::kImplicit);
+  run.refine();
+  const std::vector<MeshPoint> points = run.points();
+  const auto centers_of_poor = [&](std::vector<MeshPoint> some, const Box& box) {
+    std::erase_if(some, [&](const MeshPoint& p) {
+      return box.squared_distance(p.position) > std::pow(3 * scene.size, 2);
+    });
+    std::vector<Point> centers;
+    for (const CellKey& cell : MeshChecker(some, run.mesh()).inside_cells()) {
+      const Point center = circumball(cell, scene.size).center;
+      if (largest_cosine(cell) > std::cos((kAngle - kSlack) * std::numbers::pi / 180) &&
+          is_in_leaf(box, center))
+        centers.push_back(center);
+    }
+    return centers;
+  };
+  constexpr unsigned kSeed = 44;
+  shapes::Random random(kSeed);
+  const std::vector<Point> centers = centers_of_poor(points, shapes::bounding_box(run.mesh()));
+  ASSERT_GT(centers.size(), 50u);
+  std::size_t num_leaves = 0;
+  for (std::size_t n = 0; n < 160; ++n) {
+    const Point& center = centers[n % centers.size()];
+    const double side = shapes::uniform(random, 1, 2) * scene.size;
+    const Point from = shapes::uniform_in(random, {{-1, -1, -1}, {0, 0, 0}});
+    const Box box{center + side * from, center + side * (from + Point{1, 1, 1})};
+    if (run.num_own(box) == 0) continue;  // such a leaf is not visited
+    ++num_leaves;
+    const LeafDelta delta = run.visit_of(box, kAngle);
+    for (const Point& left : centers_of_poor(run.points_after(delta), box))
+      EXPECT_TRUE(std::ranges::any_of(
+          delta.poor,
+          [&](const PoorCell& p) { return squared_distance(p.position, left) < 1e-12; }))
+          << "seed " << kSeed << ", leaf " << n;
+  }
+  EXPECT_GT(num_leaves, 80u);
 }
 
 // What visits rely on (fragment.h): all of the surface has a surface point within the radius, and
