@@ -207,10 +207,11 @@ class EngineTest : public testing::Test {
 // thread: on several, those under way would be dropped, and at one visit a piece it would get
 // nowhere.
 void mesh_in_pieces(const MeshOptions& options, int num_visits) {
-  int num_pieces = 0;
+  int num_pieces = 0, num_done = 0;
   const auto stop_soon = [&] {
-    return RunControl{.on_progress = {},
-                      .is_stopped = [left = num_visits]() mutable { return left-- == 0; },
+    num_done = 0;
+    return RunControl{.on_progress = [&](const Progress&) { ++num_done; },
+                      .is_stopped = [&, num_visits] { return num_done >= num_visits; },
                       .on_note = {},
                       .num_threads = 1};
   };
