@@ -568,8 +568,8 @@ Mesh box() { return shapes::box({{-1, -0.9, -0.8}, {1, 1, 1}}); }
 
 const Scene kImproved[] = {
     {"SphereIn8", sphere, 0.1, 2, 2, 0, 15}, {"TorusIn8", torus, 0.1, 2, 0, 0, 15},
-    {"TorusIn27", torus, 0.1, 3, 0, 0, 20},  {"BoxIn8", box, 0.15, 2, 2, 0, 15},
-    {"BoxIn27At25", box, 0.1, 3, 2, 0, 25},  {"TorusIn27At25", torus, 0.08, 3, 0, 0, 25},
+    {"TorusIn27", torus, 0.1, 3, 0, 0, 25},  {"BoxIn8", box, 0.15, 2, 2, 0, 15},
+    {"BoxIn27", box, 0.1, 3, 2, 0, 25},
 };
 
 class ImprovedInSeveralLeaves : public testing::TestWithParam<Scene> {};
