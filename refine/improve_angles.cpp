@@ -17,11 +17,11 @@ namespace locvol {
 namespace {
 
 constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
-// Rounds, with other places each time, for the cells that are left; from kFirstForFew on only for a
-// few, or if the round before left no more than this share of them.
-constexpr int kNumRounds = 24, kFirstForFew = 2;
-constexpr std::size_t kFew = 16;
+// Rounds, with other places each time, go on as long as one leaves no more than this share of the
+// cells; from kFirstForFew on for a few cells, too, until so many have been tried in vain.
 constexpr double kWorthwhile = 0.8;
+constexpr int kFirstForFew = 2;
+constexpr std::size_t kFew = 16, kTriesOfFew = 384;
 // Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
 // only moves are tried, which cost far less than insertions.
 constexpr std::size_t kPatience = 50;
@@ -125,11 +125,16 @@ void ImproveAngles::run() {
   for (Cell c = 0; c < mesh_.delaunay().cell_bound(); ++c)
     if (mesh_.delaunay().is_cell(c)) look_at(c);
   StopPoll poll(surroundings_.stop, 8);
-  double num_before = 0;
-  for (round_ = 0; round_ < kNumRounds && !waiting_.empty(); ++round_) {
-    const auto num = static_cast<double>(waiting_.size());
-    if (round_ >= kFirstForFew && waiting_.size() > kFew && num > kWorthwhile * num_before) break;
+  std::size_t num_before = 0, num_tries = 0;
+  for (round_ = 0; !waiting_.empty(); ++round_) {
+    const std::size_t num = waiting_.size();
+    const bool is_worthwhile =
+        static_cast<double>(num) <= kWorthwhile * static_cast<double>(num_before);
     num_before = num;
+    if (round_ >= kFirstForFew && !is_worthwhile) {
+      num_tries += num;
+      if (num > kFew || num_tries > kTriesOfFew) break;
+    }
     while (!waiting_.empty()) {
       poll();
       const Poor poor = waiting_.top();
