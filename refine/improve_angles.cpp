@@ -494,8 +494,8 @@ void ImproveAngles::count(double cosine, Counts& counts) const {
   for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += cosine > cosines_[k];
 }
 
-// A surface point makes cells outside, and these do not count; nothing where which these are need
-// not be known, for not all are good.
+// A surface point makes cells outside, and these do not count. Null if not all cells are good:
+// which are outside need not be known then.
 std::optional<ImproveAngles::Counts> ImproveAngles::counts_of_made() {
   const bool makes_outside = kind_ == PointKind::kSurface;
   if (makes_outside && !are_cells_good()) return std::nullopt;
@@ -514,8 +514,8 @@ ImproveAngles::Counts ImproveAngles::counts_of_gone() const {
   return counts;
 }
 
-// Is a cell at the vertex much below the bound, or too large, that would have to be inside? Of
-// volume points that is known by now (limits_). Cheap, and most often so.
+// Of a surface point: is a cell much below the bound that would have to be inside? Cheap, and most
+// often so. (Of volume points limits_ have told.)
 bool ImproveAngles::makes_poor_inside() const {
   if (kind_ != PointKind::kSurface) return false;
   for (std::size_t n = 0; n < change_.made.size(); ++n) {
