@@ -59,9 +59,17 @@ bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
   return is_made_of(both[0], length, is_known) && is_made_of(both[1], length, is_known);
 }
 
-// Over the radius that samples cover: pieces this short are not halved where it is asked whether
-// samples hide a point from them.
-inline constexpr double kLeastLength = 0.09;
+// Does is_known(piece) hold for pieces that cover the surface within `radius` of p?
+template <class IsKnown>
+bool is_known_around(const SurfacePatch& surface, const Point& p, double radius,
+                     const IsKnown& is_known) {
+  constexpr double kLeastLength = 0.09;  // over the radius
+  std::vector<Triangle> near;
+  surface.triangles_near(p, radius, near);
+  return std::ranges::all_of(near, [&](const Triangle& triangle) {
+    return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
+  });
+}
 
 // Do samples hide p: is each point of the surface closer to one of them? May say no where it is so
 // by little. All of the surface has a sample within `radius`; is_nearer(fragment): is one sample
@@ -69,13 +77,8 @@ inline constexpr double kLeastLength = 0.09;
 template <class IsNearer>
 bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
                     const IsNearer& is_nearer) {
-  const auto is_known = [&](const Fragment& f) {
+  return is_known_around(surface, p, radius, [&](const Fragment& f) {
     return f.box().squared_distance(p) >= radius * radius || is_nearer(f);
-  };
-  std::vector<Triangle> near;
-  surface.triangles_near(p, radius, near);
-  return std::ranges::all_of(near, [&](const Triangle& triangle) {
-    return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
   });
 }
 
@@ -86,7 +89,7 @@ bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
 inline bool is_covered_without(const SurfacePatch& surface, const Point& before, double radius,
                                std::span<const Point> samples, std::span<const Point> hidden) {
   const double radius2 = radius * radius;
-  const auto is_known = [&](const Fragment& f) {
+  return is_known_around(surface, before, radius, [&](const Fragment& f) {
     const Box box = f.box();
     if (box.squared_distance(before) > radius2) return true;  // others are closer
     const auto covers = [&](const Point& sample) {
@@ -98,11 +101,6 @@ inline bool is_covered_without(const SurfacePatch& surface, const Point& before,
              std::ranges::any_of(samples, [&](const Point& s) { return is_nearer(f, s, p); });
     };
     return std::ranges::any_of(samples, covers) && std::ranges::all_of(hidden, is_hidden);
-  };
-  std::vector<Triangle> near;
-  surface.triangles_near(before, radius, near);
-  return std::ranges::all_of(near, [&](const Triangle& triangle) {
-    return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
   });
 }
 

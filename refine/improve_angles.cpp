@@ -282,7 +282,8 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   take_in_core(before);
   if (!move_.take_out(v)) return false;
   list_places(v, poor);
-  if (kind_ == PointKind::kSurface) put_on_surface(places_);
+  if (kind_ == PointKind::kSurface)
+    std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
   const double known = input_.criteria.reach - kNeighborhood * input_.criteria.size;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
@@ -292,7 +293,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
     const std::optional<Counts> counts = counts_of_made();
     const Verdict verdict = judge(counts);
     if (verdict == Verdict::kBetter) better_.push_back({*counts, v, q});
-    if (verdict != Verdict::kGood || !are_cells_good() || !is_allowed(verdict)) continue;
+    if (verdict != Verdict::kGood || !is_allowed_once_counted(verdict)) continue;
     make();
     return true;
   }
@@ -358,13 +359,11 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
     places_.push_back(p + (kAround * scale) * noise.in_unit_ball());
 }
 
-// To the closest places there.
-void ImproveAngles::put_on_surface(std::vector<Point>& places) const {
-  std::erase_if(places, [&](Point& q) {
-    const auto closest = surroundings_.surface.closest_to(q, kToSurface * input_.criteria.size);
-    if (closest) q = *closest;
-    return !closest;
-  });
+// To the closest place there, if that is near.
+bool ImproveAngles::put_on_surface(Point& q) const {
+  const auto closest = surroundings_.surface.closest_to(q, kToSurface * input_.criteria.size);
+  if (closest) q = *closest;
+  return closest.has_value();
 }
 
 bool ImproveAngles::try_insertions(Cell poor) {
@@ -374,7 +373,7 @@ bool ImproveAngles::try_insertions(Cell poor) {
     move_.put_in_new();
     if (!move_.find_insertion(q, poor, limits(), change_)) continue;
     const Verdict verdict = judge(counts_of_made());
-    if (verdict == Verdict::kNone || !are_cells_good() || !is_allowed(verdict)) continue;
+    if (verdict == Verdict::kNone || !is_allowed_once_counted(verdict)) continue;
     make();
     return true;
   }
@@ -411,10 +410,10 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
   Noise noise(mesh_.local(vertices[0]).ref, mesh_.local(vertices[1]).ref, round_);
   const std::size_t most = places_.size() + kNumInBall;
   for (int n = 0; n < kNumThrown && places_.size() < most; ++n) {
-    const auto q = surroundings_.surface.closest_to(ball.center + radius * noise.in_unit_ball(),
-                                                    kToSurface * input_.criteria.size);
-    if (q && squared_distance(*q, ball.center) < ball.squared_radius && is_in_leaf(input_.box, *q))
-      places_.push_back(*q);
+    Point q = ball.center + radius * noise.in_unit_ball();
+    if (put_on_surface(q) && squared_distance(q, ball.center) < ball.squared_radius &&
+        is_in_leaf(input_.box, q))
+      places_.push_back(q);
   }
 }
 
@@ -450,6 +449,11 @@ bool ImproveAngles::is_gone(Cell c) const {
 bool ImproveAngles::is_allowed(Verdict verdict) {
   return are_facets_good() && !(verdict == Verdict::kBetter && leaves_poor_to_others()) &&
          (kind_ != PointKind::kSurface || is_insertion() || do_samples_hide_as_before());
+}
+
+// Of a surface point, its cells are good if they were counted.
+bool ImproveAngles::is_allowed_once_counted(Verdict verdict) {
+  return (kind_ == PointKind::kSurface || are_cells_good()) && is_allowed(verdict);
 }
 
 // All points that matter are there: place and radius are well within the reach.
@@ -716,7 +720,7 @@ void ImproveAngles::make() {
   const bool is_new = is_insertion();
   PointKind kind = kind_;
   const MeshPoint before = is_new ? MeshPoint{} : mesh_.local(change_.vertex).point;
-  if (!is_new && before.kind != PointKind::kLattice && before.kind != PointKind::kVolume) {
+  if (!is_new && (before.kind == PointKind::kInserted || before.kind == PointKind::kSurface)) {
     kind = before.kind;  // others may still have to look
     delta_.left.push_back(before.position);
   }

@@ -78,7 +78,7 @@ class ImproveAngles {
   void list_places(LocalIndex v, Cell poor);
   void list_places_in_ball(Cell poor);
   void list_places_on_surface(Cell poor);
-  void put_on_surface(std::vector<Point>& places) const;
+  bool put_on_surface(Point& q) const;
 
   // Of cells at a surface point, those outside may have any shape.
   VertexMove::Limits limits() const {
@@ -87,6 +87,7 @@ class ImproveAngles {
   bool is_insertion() const { return change_.vertex == mesh_.num_locals(); }
   Verdict judge(const std::optional<Counts>& made) const;
   bool is_allowed(Verdict verdict);
+  bool is_allowed_once_counted(Verdict verdict);
   bool do_samples_hide_as_before() const;
   bool is_gone(Cell c) const;
   bool leaves_poor_to_others() const;
