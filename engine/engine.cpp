@@ -19,6 +19,7 @@
 #include "engine/shared/stop_source.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
+#include "refine/size_leaf.h"
 
 namespace locvol {
 namespace {
@@ -47,6 +48,7 @@ class Engine {
   // Until all is done, or the user stops it: then all visits that were applied are committed, and
   // Stopped is thrown.
   void run() try {
+    if (state_.run().phase == Phase::kSize) measure_sizes();
     if (state_.run().phase == Phase::kScatter) scatter();
     if (state_.run().phase == Phase::kCover) cover();
     if (state_.run().phase == Phase::kFill) fill();
@@ -91,6 +93,22 @@ class Engine {
     end_phase(Phase::kDone);
   }
 
+  // What the size is in each leaf that the domain may meet, where it is not the same everywhere.
+  void measure_sizes() {
+    const FarSurface far = loader_.far_surface();
+    const auto load = [&](MortonKey leaf) {
+      return make_visit(
+          loader_.load_size(leaf),
+          [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), far, &stop_); },
+          [this, leaf](const std::vector<SizeCube>& cubes) {
+            apply_sizes(state_, leaf, cubes);
+            note_visit();
+          });
+    };
+    visit_first_leaves(load, 0);
+    end_phase(Phase::kCover);
+  }
+
   // Each leaf that the domain may meet gets its share of a point set that covers it: first what
   // does not depend on its neighbors' share. Covered leaves wait for the next epoch.
   void cover() {
@@ -103,8 +121,12 @@ class Engine {
             note_visit();
           });
     };
-    if (state_.queue().num_in_epoch(state_.run().epoch) > 0 && open_epoch()) visit_epoch(load);
+    visit_first_leaves(load, state_.is_uniform() ? 0 : 1);
     end_phase(Phase::kFill);
+  }
+
+  void visit_first_leaves(const VisitPipeline::Load& load, std::uint32_t epoch) {
+    if (state_.queue().num_in_epoch(epoch) > 0 && open_epoch()) visit_epoch(load);
   }
 
   // Then what does.
@@ -190,7 +212,10 @@ class Engine {
                   .num_queued = state_.queue().size(),
                   .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
                   .epoch = run.epoch,
-                  .first_epoch = state_.is_cover() ? 2U : 1U});  // after covering, filling
+                  // After sizes, covering, filling.
+                  .first_epoch = !state_.is_cover()    ? 1U
+                                 : state_.is_uniform() ? 2U
+                                                       : 3U});
   }
 
   // `phase`: what took the time since the last sample.

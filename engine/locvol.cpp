@@ -139,6 +139,7 @@ Stage public_stage(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return Stage::kIngest;
+    case Phase::kSize:
     case Phase::kScatter:
     case Phase::kCover:
     case Phase::kFill:
@@ -177,6 +178,8 @@ RunControl run_control(const Control& control, Thrown& thrown) {
 
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
+  std::optional<SizeSpec> max_size;
+  if (options.max_size.value != 0) max_size = {options.max_size.value, options.max_size.is_percent};
   return {.input = SurfaceAccess::file(surface),
           .store = store,
           .size = {options.size.value, options.size.is_percent},
@@ -184,6 +187,8 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .seed = options.seed,
           .min_dihedral = options.min_dihedral,
           .spacing_floor = options.spacing_floor,
+          .growth = options.growth,
+          .max_size = max_size,
           .is_forced = options.is_forced};
 }
 

@@ -117,6 +117,10 @@ struct Options {
   /// everywhere; a cell that nothing improves stays, and is told by Statistics::num_poor_cells.
   double min_dihedral = 15;
   double spacing_floor = 0.02;  ///< No point comes closer than this to another; over λ.
+  /// Cells grow from the surface inwards: the bound on circumradii is λ at the surface, and larger
+  /// by this much of the distance from it, 0 (one size everywhere) to 0.3.
+  double growth = 0;
+  Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
 };
 
 /// What a run is doing.

@@ -5,6 +5,8 @@
 // that positions are exact unless the model lies more than 2^31 steps from the origin of space.
 #pragma once
 
+#include <tuple>
+
 #include "octree/geometry.h"
 #include "octree/morton_key.h"
 
@@ -34,6 +36,11 @@ class Frame {
   bool contains(const Point& p) const;  // p has an owner
 
   friend bool operator==(const Frame&, const Frame&) = default;
+  // What makes it up, for those who store or send it. `frame`: a Frame or a const one
+  template <class Self>
+  static auto members(Self& frame) {
+    return std::tie(frame.origin_, frame.unit_);
+  }
 
  private:
   Point origin_;

@@ -82,6 +82,12 @@ struct Box {
   }
 };
 
+// Is p in a leaf's half-open box?
+inline bool is_in_leaf(const Box& box, const Point& p) {
+  return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
+         (box.min.z <= p.z) & (p.z < box.max.z);
+}
+
 // A triangle of the input surface; ids are different and in the order of the file.
 struct Triangle {
   std::uint64_t id = 0;

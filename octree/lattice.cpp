@@ -14,6 +14,8 @@ namespace {
 // Where a fraction of λ keeps the lattice off the planes of the octree and of most models.
 constexpr Point kOffset{0.1370, 0.2718, 0.3517};
 
+constexpr int kSiteLevel = 20;  // of the octree: its positions are sites of a lattice of cubes
+
 }  // namespace
 
 // The centers of these balls are the corners of the site's Voronoi cell, a truncated octahedron:
@@ -109,6 +111,15 @@ Lattice::Lattice(const Frame& frame, double size, double min_leaf_side)
       half_(0.5 * kLatticeSpacing * size),
       grid_side_(frame.side(frame.level_of_side(min_leaf_side))) {}
 
+Lattice Lattice::of_cubes(const Frame& frame) {
+  Lattice lattice;
+  lattice.origin_ = lattice.grid_origin_ = frame.origin();
+  lattice.half_ = frame.side(kSiteLevel);
+  lattice.grid_side_ = frame.side(0);
+  lattice.is_of_cubes_ = true;
+  return lattice;
+}
+
 double Lattice::coordinate(int axis, std::int32_t index, std::uint64_t noise) const {
   const double exact = origin_[axis] + half_ * index;
   const double step = static_cast<double>(noise & 0xffff) - 0x1p15;  // -2^15 … 2^15 - 1
@@ -120,6 +131,7 @@ double Lattice::coordinate(int axis, std::int32_t index, std::uint64_t noise) co
 }
 
 Point Lattice::position(const LatticeSite& site) const {
+  if (is_of_cubes_) return undisplaced(site);
   const auto bits = [](std::int32_t v) { return static_cast<std::uint64_t>(std::int64_t{v}); };
   const std::uint64_t noise = mix(mix(mix(bits(site.i)) ^ bits(site.j)) ^ bits(site.k));
   return {coordinate(0, site.i, noise), coordinate(1, site.j, noise >> 16),
@@ -127,7 +139,24 @@ Point Lattice::position(const LatticeSite& site) const {
 }
 
 MeshPoint Lattice::point(const LatticeSite& site) const {
-  return {site_id(site), position(site), PointKind::kLattice};
+  return {id(site), position(site), PointKind::kLattice};
+}
+
+std::uint64_t Lattice::id(const LatticeSite& s) const {
+  if (!is_of_cubes_) return site_id(s);
+  const auto bits = [](std::int32_t v) {
+    assert(0 <= v && v <= kMaxSiteIndex);
+    return static_cast<std::uint64_t>(v);
+  };
+  return bits(s.i) << 40 | bits(s.j) << 20 | bits(s.k);
+}
+
+LatticeSite Lattice::site(std::uint64_t id) const {
+  if (!is_of_cubes_) return site_of(id);
+  const auto index = [&](int shift) {
+    return static_cast<std::int32_t>(id >> shift & std::uint64_t{kMaxSiteIndex});
+  };
+  return {index(40), index(20), index(0)};
 }
 
 Point Lattice::undisplaced(const LatticeSite& site) const {

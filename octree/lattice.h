@@ -197,9 +197,16 @@ class Lattice {
   Lattice() = default;  // not valid
   // `size`: λ. REQUIRES: leaves have sides of at least min_leaf_side
   Lattice(const Frame& frame, double size, double min_leaf_side);
+  // Of corners and centers of the octree's cubes, down to those of level 19 ("Sizes that vary"):
+  // sites are positions on the grid of level 20, from 0 on, and no point is displaced.
+  static Lattice of_cubes(const Frame& frame);
 
   Point position(const LatticeSite& site) const;
   MeshPoint point(const LatticeSite& site) const;
+  Point position_of(std::uint64_t id) const { return position(site(id)); }
+  // As ids of points: below kFirstOtherId.
+  std::uint64_t id(const LatticeSite& site) const;
+  LatticeSite site(std::uint64_t id) const;
   // The sites with box.min <= position < box.max on each axis. REQUIRES: an octree leaf's box; for
   // any other, sites within the displacement of its faces may be on the wrong side.
   SiteBox sites_in(const Box& box) const;
@@ -214,7 +221,8 @@ class Lattice {
   // What makes it up, for those who store or send it. `lattice`: a Lattice or a const one
   template <class Self>
   static auto members(Self& lattice) {
-    return std::tie(lattice.origin_, lattice.grid_origin_, lattice.half_, lattice.grid_side_);
+    return std::tie(lattice.origin_, lattice.grid_origin_, lattice.half_, lattice.grid_side_,
+                    lattice.is_of_cubes_);
   }
 
  private:
@@ -223,6 +231,7 @@ class Lattice {
 
   Point origin_, grid_origin_;
   double half_ = 0, grid_side_ = 0;
+  bool is_of_cubes_ = false;
 };
 
 // Sites as ids of points: in their order, and below those of all other points.

@@ -136,15 +136,16 @@ std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length
 // ---- Samples
 
 // SampleGrid finds the samples near a point of a box. Each cell lists all samples that are within
-// `radius` of any of its points, so a query reads one cell; there are far more queries than
+// `listed` of any of its points, so a query reads one cell; there are far more queries than
 // samples.
 class SampleGrid {
  public:
-  SampleGrid(const Box& box, double radius);
+  // `listed`: at least the radius
+  SampleGrid(const Box& box, double radius, double listed);
 
   void add(const Point& sample);
 
-  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box; spacing <= radius
+  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box; spacing <= listed
   bool is_free(const Point& p, double spacing) const {
     return !any_around(p,
                        [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
@@ -193,18 +194,18 @@ class SampleGrid {
 
   const Box box_;
   double radius2_;
-  double margin_;  // the radius, and a little for rounding
+  double margin_;  // within which samples are listed, and a little for rounding
   double side_;    // of a cell
   Cell shape_;     // cells on each axis
   std::vector<Block> blocks_;
   std::vector<std::uint32_t> first_;  // block of a cell, the one that is not full; or kNone
 };
 
-SampleGrid::SampleGrid(const Box& box, double radius)
-    : box_(box), radius2_(radius * radius), margin_(1.001 * radius) {
+SampleGrid::SampleGrid(const Box& box, double radius, double listed)
+    : box_(box), radius2_(radius * radius), margin_(1.001 * listed) {
   constexpr double kMaxShape = 128;  // bounds the memory; in a larger box the cells grow instead
   const Point sides = box.max - box.min;
-  side_ = std::max(radius, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
+  side_ = std::max(listed, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
   const Cell last = cell_of(box.max);
   shape_ = {last[0] + 1, last[1] + 1, last[2] + 1};
   first_.assign(static_cast<std::size_t>(shape_[0] * shape_[1] * shape_[2]), kNone);
@@ -275,18 +276,22 @@ class SurfaceSampler {
  public:
   SurfaceSampler(const CoverInput& input, const StopToken* stop)
       : owned_(closed(input.box)),
-        spacing_(kSampleSpacing * input.size),
-        radius_(kSampleRadius * input.size),
-        grid_(input.box.expanded(radius_), radius_),
+        is_uniform_(input.sizes.cubes.empty()),
+        spacing_((is_uniform_ ? kSampleSpacing : kGradedSampleSpacing) * input.size),
+        first_spacing_(is_uniform_ ? spacing_ : kGradedFirstSpacing * input.size),
+        radius_(sample_radius(is_uniform_) * input.size),
+        grid_(input.box.expanded(radius_), radius_, std::max(radius_, first_spacing_)),
         stop_(stop) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
     const Cubes cubes(owned_, kCubeSide * spacing_);
+    double spacing = first_spacing_;
+    int num_rounds = 0;
     for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_, cubes, stop_);
-         !fragments.empty(); fragments = uncovered_halves(throw_darts(fragments))) {
-    }
+         !fragments.empty(); fragments = uncovered_halves(throw_darts(fragments, spacing)))
+      if (++num_rounds == kNumFirstRounds) spacing = spacing_;
     return std::move(samples_);
   }
 
@@ -299,6 +304,7 @@ class SurfaceSampler {
  private:
   // The longer the fewer rounds, and the more darts that could have known better.
   static constexpr double kFirstLength = 1;
+  static constexpr int kNumFirstRounds = 2;  // with the first spacing
   // Over the spacing. A cube's samples are a few hundred.
   static constexpr double kCubeSide = 20;
 
@@ -309,19 +315,20 @@ class SurfaceSampler {
     const Fragment* fragment;
     std::uint32_t num_around;  // that do not cover it
   };
-  std::vector<Target> throw_darts(std::span<const Fragment> fragments);
+  std::vector<Target> throw_darts(std::span<const Fragment> fragments, double spacing);
   std::vector<Fragment> uncovered_halves(std::span<const Target> targets) const;
 
   const Box owned_;
-  const double spacing_, radius_;
+  const bool is_uniform_;
+  const double spacing_, first_spacing_, radius_;
   SampleGrid grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
   const StopToken* stop_;
 };
 
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
-std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(
-    std::span<const Fragment> fragments) {
+std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const Fragment> fragments,
+                                                                double spacing) {
   std::vector<Target> targets;
   StopPoll poll(stop_);
   for (const Fragment& fragment : fragments) {
@@ -329,7 +336,7 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(
     if (grid_.covers(fragment)) continue;
     targets.push_back({&fragment, grid_.num_around(fragment)});
     const Point dart = aim(fragment);
-    if (!grid_.is_free(dart, spacing_)) continue;
+    if (!grid_.is_free(dart, spacing)) continue;
     samples_.push_back(dart);
     grid_.add(dart);
   }
@@ -347,6 +354,32 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 }
 
 // ---- Lattice
+
+bool may_have_lattice_point(const CoverInput& input, const SurfacePatch& surface,
+                            const SurfaceSampler& sampler, const Point& p) {
+  return surface.is_inside(p) &&
+         (!surface.is_near(p, kGradedSampleRadius * input.size) ||
+          (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface)));
+}
+
+// Where sizes vary, lattice points are centers and corners of cubes.
+void cover_with_cubes(const CoverInput& input, const SurfacePatch& surface,
+                      const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
+  std::vector<LatticeSite>& sites = points.lattice;
+  for (const SizeCube& cube : input.sizes.cubes) {
+    if (input.sizes.frame.side(cube.key.level()) < kLeastCube * input.size) continue;
+    for_each_lattice_point(cube, [&](const LatticeSite& site) {
+      if (is_in_leaf(input.box, input.lattice.position(site))) sites.push_back(site);
+    });
+  }
+  std::ranges::sort(sites);
+  const auto repeated = std::ranges::unique(sites);
+  sites.erase(repeated.begin(), repeated.end());
+  std::erase_if(sites, [&](const LatticeSite& site) {
+    poll();
+    return !may_have_lattice_point(input, surface, sampler, input.lattice.position(site));
+  });
+}
 
 void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
                         const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
@@ -367,7 +400,7 @@ void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
       add_row({site, num_as_deep}, points.core);
       return num_as_deep;
     }
-    if (!surface.is_near(p, kLatticeDepth * input.size) ||
+    if (!surface.is_near(p, kSampleRadius * input.size) ||
         (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface)))
       points.lattice.push_back(site);
     return 1U;
@@ -380,13 +413,14 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
   const SurfacePatch surface(std::move(input.surface), stop);
   CoverPoints points;
-  if (surface.triangles().empty()) {
+  if (surface.triangles().empty() && input.sizes.cubes.empty()) {
     points.core.is_whole = surface.is_inside(input.box.center());
     return points;
   }
   SurfaceSampler sampler(input, stop);
   points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
-  cover_with_lattice(input, surface, sampler, StopPoll(stop), points);
+  (input.sizes.cubes.empty() ? cover_with_lattice : cover_with_cubes)(input, surface, sampler,
+                                                                      StopPoll(stop), points);
   return points;
 }
 

@@ -7,6 +7,7 @@
 
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/surface_patch.h"
 
@@ -16,13 +17,26 @@ namespace locvol {
 // least kSampleSpacing apart: if the two were one, half of the work would go to slits between
 // discs.
 inline constexpr double kSampleRadius = 0.92, kSampleSpacing = 0.84;
-// Of lattice points below the surface, over λ. Between the two only those that a sample hides from
-// each point of the surface: others would be vertices of facets on the boundary (C2).
-inline constexpr double kLatticeDepth = kSampleRadius, kLeastLatticeDepth = 0.5;
+// The same where sizes vary. There most cells are near the surface, so fewer samples are worth more
+// time: the first are so far apart that what they leave open takes few more.
+inline constexpr double kGradedSampleRadius = 0.98, kGradedSampleSpacing = 0.95,
+                        kGradedFirstSpacing = 1.3;
+constexpr double sample_radius(bool is_uniform) {
+  return is_uniform ? kSampleRadius : kGradedSampleRadius;
+}
+// Of lattice points below the surface, over λ: from r_s on all; between kLeastLatticeDepth and that
+// only those that a sample hides from each point of the surface. Others would be vertices of facets
+// on the boundary (C2).
+inline constexpr double kLeastLatticeDepth = 0.5;
 // Lattice points this far from the surface or farther, over λ, are of the core. All neighbors of
-// such a point are lattice points inside, for they are deeper than kLatticeDepth; and what is
+// such a point are lattice points inside, for they are deeper than r_s; and what is
 // inserted near the surface seldom comes within kLatticeStar of it.
 inline constexpr double kCoreDepth = 3.0;
+
+// Where sizes vary, only cubes of at least this side, over λ, have lattice points. In smaller ones,
+// near the surface, steps of two in size would make too many cells; there fill_leaf has what it
+// takes.
+inline constexpr double kLeastCube = 5;
 
 struct CoverInput {
   double size = 0;  // λ
@@ -31,11 +45,12 @@ struct CoverInput {
   Box box;                            // of the leaf, half-open
   SurfacePiece surface;               // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
+  SizeCubes sizes = {};               // that meet the closed box; none: λ everywhere
 };
 
 struct CoverPoints {
   std::vector<Point> samples;        // on the surface, in the half-open box
-  std::vector<LatticeSite> lattice;  // inside, as deep as that, but not of the core
+  std::vector<LatticeSite> lattice;  // inside, as deep as that, but not of the core; ascending
   LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther
 };
 

@@ -29,10 +29,9 @@ constexpr int kStepsOfALength = 4;
 // will do: what is found is looked at again, and twice as many points are looked at at once.
 class Climber {
  public:
-  explicit Climber(double size) : size_(size) {}
-
-  // From the start, in steps along the axes, shorter and shorter ones.
-  Point climb(const Point& start, const PointCubes& points) {
+  // From the start, in steps along the axes, shorter and shorter ones. `size`: λ there
+  Point climb(const Point& start, double size, const PointCubes& points) {
+    size_ = size;
     look_around(start, points);
     Place p{0, 0, 0};
     float highest = heights_around(p, 0).front();
@@ -101,36 +100,54 @@ class Climber {
     return heights;
   }
 
-  double size_;
+  double size_ = 0;
   std::vector<Around> around_;
 };
 
+// Of grids for points in the box, of about the size.
+double cube_side(const Box& box, double size) {
+  constexpr double kMostCubes = 128;  // in a row
+  return std::max(size, max_norm(box.max - box.min) / kMostCubes);
+}
+
 class HoleSearch {
  public:
-  HoleSearch(const FillInput& input, const SurfacePatch& surface, const StopToken* stop)
+  HoleSearch(const FillInput& input, const SurfacePatch& surface, const SizeField& sizes,
+             const StopToken* stop)
       : input_(input),
         surface_(surface),
+        sizes_(sizes),
         core_(input.core),
         stop_(stop),
         size_(input.size),
-        half_(0.5 * kLatticeSpacing * size_),
-        climber_(size_) {
-    find_lattice();
+        half_(0.5 * kLatticeSpacing * size_) {
     std::vector<Point> all, samples;
     for (const MeshPoint& p : input.points) {
       all.push_back(p.position);
       if (p.kind == PointKind::kSurface) samples.push_back(p.position);
     }
-    mark_sites(all);
-    const Box known = input.box.expanded(kFillReach * size_);
-    points_.emplace(known, size_, all);
-    samples_.emplace(known, size_, samples);
+    if (sizes.is_uniform()) {
+      find_lattice();
+      mark_sites(all);
+    }
+    const Box known =
+        input.box.expanded(reach_factor(sizes.growth(), kFillReach) * sizes.largest());
+    const double side = cube_side(known, size_);
+    points_.emplace(known, side, all);
+    samples_.emplace(known, side, samples);
   }
+
+  FillPoints run() { return sizes_.is_uniform() ? search_lattice() : search_cubes(); }
+
+ private:
+  static constexpr double kStart = kFillReach - kSight;                  // outside of the leaf
+  static constexpr double kMostDepth = kSampleRadius + kLatticeSpacing;  // of a cell that misses a
+                                                                         // site
 
   // The balls of the lattice's cells cover what is deep, so holes lie around the centers of such
   // balls whose cells miss a site. Where all sites are outside, so is the center, but for thin
   // parts without room for a hole.
-  FillPoints run() {
+  FillPoints search_lattice() {
     const Box around = input_.box.expanded(kStart * size_);
     SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
     StopPoll poll(stop_, 8);
@@ -155,12 +172,68 @@ class HoleSearch {
     return std::move(found_);
   }
 
- private:
-  static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
+  // Where sizes vary, the balls of the lattice's cells are centered on the cubes' faces, a quarter
+  // of a side from their middles. Small cubes have no lattice points: there, all points are centers
+  // of holes, and fewer will do if the largest holes come first.
+  FillPoints search_cubes() {
+    StopPoll poll(stop_, 8);
+    std::vector<Point> starts = starts_in_cubes();
+    for (const double radius : {1.5, 1.3, 1.15, 1.0}) {
+      hole_radius_ = radius;
+      std::erase_if(starts, [&](const Point& start) {
+        poll();
+        return !search_from(start);
+      });
+    }
+    return std::move(found_);
+  }
+  // In small cubes and beside them, in order.
+  std::vector<Point> starts_in_cubes() const {
+    std::vector<std::array<std::uint32_t, 3>> places;  // positions on the octree's grid
+    const Frame& frame = input_.sizes.frame;
+    for (const SizeCube& cube : input_.sizes.cubes) {
+      const double side = frame.side(cube.key.level());
+      const auto [least, most] = std::ranges::minmax(cube.distance);
+      if (most < 0 || (side > 2.5 * kLeastCube * size_ && least > 0)) continue;
+      const double distance = kStart * input_.sizes.law.at_distance(most);
+      if (input_.box.squared_distance(frame.box(cube.key)) > distance * distance) continue;
+      const GridPoint low = cube.key.grid_min();
+      const std::uint32_t quarter = cube.key.grid_side() / 4;
+      // Where h is large for the cube, fewer starts find all holes: its lowest corner and the
+      // middles of its lower faces.
+      constexpr double kWide = 0.8;  // h over the side
+      if (input_.sizes.law.at_distance(std::max(least, 0.0F)) > kWide * side) {
+        const std::uint32_t half = cube.key.grid_side() / 2;
+        places.push_back({low.x, low.y, low.z});
+        places.push_back({low.x, low.y + half, low.z + half});
+        places.push_back({low.x + half, low.y, low.z + half});
+        places.push_back({low.x + half, low.y + half, low.z});
+        continue;
+      }
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        for (const std::uint32_t face : {0U, 4U})
+          for (const auto& [u, v] : {std::array{1U, 2U}, {3U, 2U}, {2U, 1U}, {2U, 3U}}) {
+            std::array<std::uint32_t, 3> at{};
+            at[axis] = face, at[(axis + 1) % 3] = u, at[(axis + 2) % 3] = v;
+            places.push_back(
+                {low.x + at[0] * quarter, low.y + at[1] * quarter, low.z + at[2] * quarter});
+          }
+    }
+    std::ranges::sort(places);
+    const auto repeated = std::ranges::unique(places);
+    places.erase(repeated.begin(), repeated.end());
+    std::vector<Point> starts;
+    for (const auto& [x, y, z] : places) {
+      const Point start = frame.position({x, y, z});
+      const double distance = kStart * sizes_.at(start);
+      if (input_.box.squared_distance(start) <= distance * distance && surface_.is_inside(start))
+        starts.push_back(start);
+    }
+    return starts;
+  }
 
   // From which the cells are looked at, in order. All sites that are outside are marked so.
   std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) const {
-    constexpr double kFarthest = kLatticeDepth + kLatticeSpacing;  // of a cell that misses a site
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const SiteBox corners = is_there_.box().expanded(-2);
     std::vector<LatticeSite> near;
@@ -170,8 +243,8 @@ class HoleSearch {
       const Point p = place(row.first);
       const auto [is_inside, distance] = surface_.locate(p);
       const bool outside = !is_inside && surface_.region().contains(p);
-      const bool is_far = distance > kFarthest * size_;
-      const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
+      const bool is_far = distance > kMostDepth * size_;
+      const std::uint32_t num = is_far ? num_within(distance - kMostDepth * size_, row) : 1;
       if (outside)
         for (std::uint32_t n = 0; n < num; ++n)
           is_outside[row.first + LatticeSite{0, 0, 2 * static_cast<std::int32_t>(n)}] = 1;
@@ -225,25 +298,28 @@ class HoleSearch {
     });
   }
 
-  void search_from(const Point& start) {
-    const double radius = kWorthClimbing * size_;
+  // False where no hole is, and none will be.
+  bool search_from(const Point& start) {
+    const double size = sizes_.at(start), radius = kWorthClimbing * size;
     if (points_->has_in_cube(start, radius) || !surface_.is_inside(start) ||
         !points_->is_free(start, radius))
-      return;
-    const Point center = climber_.climb(start, *points_);
-    if (!is_in_leaf(input_.box, center) || !points_->is_free(center, kHoleRadius * size_) ||
+      return false;
+    const Point center = climber_.climb(start, size, *points_);
+    if (!is_in_leaf(input_.box, center) ||
+        !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
         !surface_.is_inside(center) || !is_deep_enough(center))
-      return;
+      return true;
     found_.centers.push_back(center);
     points_->add(center);
     core_.append_met(center, size_, found_.met_core);
+    return true;
   }
 
   // Like a lattice point.
   bool is_deep_enough(const Point& p) {
-    if (!surface_.is_near(p, kLatticeDepth * size_)) return true;
+    const double radius = sample_radius(sizes_.is_uniform()) * size_;
+    if (!surface_.is_near(p, radius)) return true;
     if (surface_.is_near(p, kLeastLatticeDepth * size_)) return false;
-    const double radius = kSampleRadius * size_;
     near_.clear();
     samples_->for_each_around(p, 2 * radius, [&](const Point& q) {
       if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);
@@ -256,6 +332,7 @@ class HoleSearch {
 
   const FillInput& input_;
   const SurfacePatch& surface_;
+  const SizeField& sizes_;
   const CoreIndex core_;
   const StopToken* stop_;
   const double size_, half_;                    // λ; half of the lattice's spacing
@@ -265,6 +342,7 @@ class HoleSearch {
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;
   FillPoints found_;
+  double hole_radius_ = kHoleRadius;  // over λ, of those that are filled
 };
 
 }  // namespace
@@ -272,7 +350,9 @@ class HoleSearch {
 FillPoints fill_leaf(FillInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
   const SurfacePatch surface(std::move(input.surface), stop);
-  return HoleSearch(input, surface, stop).run();
+  const SizeField sizes =
+      input.sizes.cubes.empty() ? SizeField(input.size) : SizeField(input.sizes);
+  return HoleSearch(input, surface, sizes, stop).run();
 }
 
 }  // namespace locvol

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/core_index.h"
 #include "refine/surface_patch.h"
@@ -25,6 +26,7 @@ struct FillInput {
   std::vector<MeshPoint> points;
   CoreRows core;
   SurfacePiece surface;  // region contains the box expanded by λ
+  SizeCubes sizes = {};  // around the leaf; none: λ everywhere. Then distances are over h
 };
 
 struct FillPoints {

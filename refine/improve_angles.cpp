@@ -115,7 +115,7 @@ ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
   for (std::size_t k = 0; k < kFractions.size(); ++k)
     cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kSlack));
   bound_ = cosines_.back();
-  const double size = input.criteria.size, ratio = input.criteria.radius_edge_bound;
+  const double size = around.sizes.largest(), ratio = input.criteria.radius_edge_bound;
   limits_ = {.cosine = cosines_[kMuchBelow],
              .squared_radius = size * size,
              .squared_ratio = ratio * ratio};
@@ -193,8 +193,8 @@ ImproveAngles::Facet ImproveAngles::facet(const std::array<LocalIndex, 4>& cell,
 void ImproveAngles::look_at(Cell c) {
   if (mesh_.delaunay().is_infinite(c)) return;
   const bool has_own = mesh_.has_own_vertex(c);
-  if (!has_own && !(input_.box.squared_distance(mesh_.point(c, 0)) < limits_.squared_radius))
-    return;
+  const double most = surroundings_.sizes.largest();
+  if (!has_own && !(input_.box.squared_distance(mesh_.point(c, 0)) < most * most)) return;
   const double cosine = largest_cosine(mesh_.corners(c));
   if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
   if (!has_own && !(is_in_leaf(input_.box, mesh_.ball(c).center) && mesh_.is_loaded(mesh_.ball(c))))
@@ -284,9 +284,12 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   list_places(v, poor);
   if (kind_ == PointKind::kSurface)
     std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
-  const double known = input_.criteria.reach - kNeighborhood * input_.criteria.size;
+  const double known =
+      input_.criteria.reach -
+      reach_factor(surroundings_.sizes.growth(), kNeighborhood) * input_.criteria.size;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
+    bound_radii_at(q);
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
     if (!move_.find(q, limits(), change_) || !is_gone(poor)) continue;
@@ -300,12 +303,20 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   return false;
 }
 
+// Of cells at a vertex there: they are asked again where their centers are.
+void ImproveAngles::bound_radii_at(const Point& q) {
+  if (surroundings_.sizes.is_uniform()) return;
+  const double most = 0.5 * surroundings_.sizes.reach_of_balls(q, kNeighborhood);
+  limits_.squared_radius = most * most;
+}
+
 // The best place is taken that may be. They are judged no earlier: seldom is none good.
 bool ImproveAngles::try_better() {
   std::ranges::stable_sort(better_, {}, &Better::counts);
   LocalIndex out = kInfiniteVertex;
   for (const auto& [counts, v, q] : better_) {
     if (std::exchange(out, v) != v && !move_.take_out(v)) return false;
+    bound_radii_at(q);
     if (!move_.find(q, limits(), change_) || !are_cells_good() || !is_allowed(Verdict::kBetter))
       continue;
     make();
@@ -321,7 +332,8 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
   const Delaunay& delaunay = mesh_.delaunay();
   const Point p = delaunay.point(v);
   const CellBall& ball = mesh_.ball(poor);
-  const double scale = std::min(input_.criteria.size, kScale * std::sqrt(ball.squared_radius));
+  const double scale =
+      std::min(surroundings_.sizes.at(ball.center), kScale * std::sqrt(ball.squared_radius));
   const auto& vertices = delaunay.vertices(poor);
   places_.clear();
   const auto at = std::ranges::find(vertices, v);
@@ -368,6 +380,7 @@ bool ImproveAngles::put_on_surface(Point& q) const {
 
 bool ImproveAngles::try_insertions(Cell poor) {
   for (const Point& q : places_) {
+    bound_radii_at(q);
     take_in_ghosts(q);
     take_in_core(q);
     move_.put_in_new();
@@ -489,9 +502,10 @@ ImproveAngles::Verdict ImproveAngles::judge(const std::optional<Counts>& made) c
 }
 
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
-                                       double squared_radius) const {
-  return squared_radius < limits_.squared_radius &&
-         squared_radius <= limits_.squared_ratio * shortest_edge_squared(corners);
+                                       const CellBall& ball) const {
+  const double size = surroundings_.sizes.at(ball.center);
+  return ball.squared_radius < size * size &&
+         ball.squared_radius <= limits_.squared_ratio * shortest_edge_squared(corners);
 }
 
 void ImproveAngles::count(double cosine, Counts& counts) const {
@@ -545,9 +559,8 @@ bool ImproveAngles::are_cells_good() {
   for (std::size_t n = 0; n < prospects_.size(); ++n) {
     const auto& [state, ball] = prospects_[n];
     if (state.side == Side::kBeyond || state.is_hollow) return false;
-    if (state.side == Side::kInside
-            ? !is_small_and_round(corners(change_.made[n]), ball.squared_radius)
-            : state.on_surface != 0b1111)
+    if (state.side == Side::kInside ? !is_small_and_round(corners(change_.made[n]), ball)
+                                    : state.on_surface != 0b1111)
       return false;
   }
   return true;
@@ -606,8 +619,8 @@ bool ImproveAngles::are_facets_good() {
 // Is one of the facet's corners so far from the vertex that no ball that counts has both? Then all
 // of the dual edge that counts is as before. It may be unknown, where all corners are ghosts.
 bool ImproveAngles::is_out_of_reach(const NewCell& cell, int off) const {
-  const double reach = input_.criteria.reach;
   const auto is_far_from = [&](const Point& q) {
+    const double reach = mesh_.reach_at(q);
     for (int k = 0; k < 4; ++k)
       if (k != off && squared_distance(place(cell.vertex[std::size_t(k)]), q) > reach * reach)
         return true;

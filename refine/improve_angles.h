@@ -67,6 +67,7 @@ class ImproveAngles {
   bool improve_on_surface(Cell poor);
   bool try_places(LocalIndex v, Cell poor);
   bool try_better();
+  void bound_radii_at(const Point& q);
   bool try_insertions(Cell poor);
   bool take_in_ghosts(const Point& q);
   bool take_in_core(const Point& q);
@@ -101,7 +102,7 @@ class ImproveAngles {
   bool is_disk_after(LocalIndex v) const;
   bool is_disk_kept(LocalIndex v) const;
   bool is_off_boundary(LocalIndex v, LocalIndex w) const;
-  bool is_small_and_round(const std::array<Point, 4>& corners, double squared_radius) const;
+  bool is_small_and_round(const std::array<Point, 4>& corners, const CellBall& ball) const;
   std::optional<Counts> counts_of_made();
   Counts counts_of_gone() const;
   void count(double cosine, Counts& counts) const;

@@ -12,18 +12,18 @@
 namespace locvol {
 
 Criteria Criteria::of_cover(double size, double radius_edge_bound, double spacing_floor,
-                            double min_dihedral) {
+                            double min_dihedral, double growth) {
   constexpr double kSlack = 1.01;
   return {.size = size,
           .radius_edge_bound = radius_edge_bound,
-          .reach = kReach * size,
+          .reach = reach_factor(growth, kReach) * size,
           .min_dihedral = min_dihedral,
           .spacing_floor = spacing_floor * size,
-          .cover_radius = kSlack * kSampleRadius * size};
+          .cover_radius = kSlack * sample_radius(growth == 0) * size};
 }
 
 Criteria Criteria::of_paper(double size, double radius_edge_bound, double spacing_floor,
-                            double min_dihedral) {
+                            double min_dihedral, double) {
   return {.size = size,
           .radius_edge_bound = radius_edge_bound,
           .reach = std::numeric_limits<double>::infinity(),

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/core_index.h"
 #include "refine/surface_patch.h"
@@ -33,15 +34,16 @@ inline constexpr double kNeighborhood = 2;
 struct Criteria {
   // Of a run's visits. `spacing_floor`: over λ
   static Criteria of_cover(double size, double radius_edge_bound, double spacing_floor,
-                           double min_dihedral = 0);
+                           double min_dihedral = 0, double growth = 0);
   static Criteria of_paper(double size, double radius_edge_bound, double spacing_floor,
-                           double min_dihedral = 0);
+                           double min_dihedral = 0, double growth = 0);  // REQUIRES: growth == 0
 
-  double size = 0;  // λ, in the units of the coordinates
+  double size = 0;  // λ, in the units of the coordinates: of cells at the surface
   double radius_edge_bound = 2;
   // All of P within this distance of the leaf is loaded; may be infinite. A ball through an own
   // point is known to be empty of P only up to a radius of reach / 2: what is larger is taken for
-  // an artifact of points that were not loaded, and ends of dual edges are cut there.
+  // an artifact of points that were not loaded, and ends of dual edges are cut there. Where sizes
+  // vary, this is so at the surface, and elsewhere the reach is as much larger as h is.
   double reach = 0;
   // Of the dihedral angles of cells, in degrees (C7); 0: none.
   double min_dihedral = 0;
@@ -128,12 +130,6 @@ struct RefineStep {
   PointKind kind = PointKind::kSurface;  // kBlocked: nothing
 };
 
-// Is p in a leaf's half-open box?
-inline bool is_in_leaf(const Box& box, const Point& p) {
-  return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
-         (box.min.z <= p.z) & (p.z < box.max.z);
-}
-
 // All that a visit depends on, as a value: it can be stored, sent, and visited elsewhere. (But for
 // WholeModel, in paper mode.)
 struct LeafInput {
@@ -144,6 +140,7 @@ struct LeafInput {
   std::vector<MeshPoint> ghosts;     // P within `reach` of the box (paper: within 2λ), without own
   SurfacePiece surface;              // its region contains the box expanded by reach / 2
   CoreRows core;                     // within kCoreReach λ, in cover mode
+  SizeCubes sizes = {};              // around all of these; no cubes: λ everywhere
   std::uint64_t max_own_points = 0;  // κ: the visit stops above it, to be split; 0: no bound
   // If given, only what may have changed since is looked at, which is far less work: the same cells
   // come out, and where points must be inserted, possibly others.

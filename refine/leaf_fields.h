@@ -49,9 +49,9 @@ auto fields(Maybe<LatticeRow> auto& row) {
   return std::tuple(Field("first", first), Field("count", count));
 }
 auto fields(Maybe<Lattice> auto& lattice) {
-  auto [origin, grid_origin, half, grid_side] = Lattice::members(lattice);
+  auto [origin, grid_origin, half, grid_side, is_of_cubes] = Lattice::members(lattice);
   return std::tuple(Field("origin", origin), Field("grid_origin", grid_origin), Field("half", half),
-                    Field("grid_side", grid_side));
+                    Field("grid_side", grid_side), Field("is_of_cubes", is_of_cubes));
 }
 auto fields(Maybe<GridFineness> auto& fineness) {
   auto& [resolution, triangles_per_cell] = fineness;
@@ -67,6 +67,23 @@ auto fields(Maybe<SurfacePiece> auto& piece) {
 auto fields(Maybe<CoreRows> auto& core) {
   auto& [lattice, rows] = core;
   return std::tuple(Field("lattice", lattice), Field("rows", rows));
+}
+
+auto fields(Maybe<SizeLaw> auto& law) {
+  auto& [surface, growth, most] = law;
+  return std::tuple(Field("surface", surface), Field("growth", growth), Field("most", most));
+}
+auto fields(Maybe<SizeCube> auto& cube) {
+  auto& [key, distance, excess] = cube;
+  return std::tuple(Field("key", key), Field("distance", distance), Field("excess", excess));
+}
+auto fields(Maybe<Frame> auto& frame) {
+  auto [origin, unit] = Frame::members(frame);
+  return std::tuple(Field("origin", origin), Field("unit", unit));
+}
+auto fields(Maybe<SizeCubes> auto& sizes) {
+  auto& [law, frame, cubes] = sizes;
+  return std::tuple(Field("law", law), Field("frame", frame), Field("cubes", cubes));
 }
 
 auto fields(Maybe<Criteria> auto& criteria) {
@@ -85,12 +102,13 @@ auto fields(Maybe<LastVisit> auto& last) {
                     Field("asked", asked));
 }
 auto fields(Maybe<LeafInput> auto& input) {
-  auto& [criteria, box, own, ghosts, surface, core, max_own_points, last_visit, max_insertions,
-         waiting] = input;
+  auto& [criteria, box, own, ghosts, surface, core, sizes, max_own_points, last_visit,
+         max_insertions, waiting] = input;
   return std::tuple(Field("criteria", criteria), Field("box", box), Field("own", own),
                     Field("ghosts", ghosts), Field("surface", surface), Field("core", core),
-                    Field("max_own_points", max_own_points), Field("last_visit", last_visit),
-                    Field("max_insertions", max_insertions), Field("waiting", waiting));
+                    Field("sizes", sizes), Field("max_own_points", max_own_points),
+                    Field("last_visit", last_visit), Field("max_insertions", max_insertions),
+                    Field("waiting", waiting));
 }
 
 auto fields(Maybe<InsertedPoint> auto& point) {

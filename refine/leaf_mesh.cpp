@@ -6,6 +6,7 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "octree/morton_key.h"
@@ -15,7 +16,9 @@ namespace locvol {
 namespace {
 
 // Half of the reach; where the reach is infinite, a radius at which every center is outside.
-double far_radius_of(const Criteria& criteria, const SurfacePatch& surface) {
+double far_radius_of(const Criteria& criteria, const SurfacePatch& surface,
+                     const SizeField& sizes) {
+  if (!sizes.is_uniform()) return 0.5 * kReach * sizes.largest();
   if (std::isfinite(criteria.reach)) return 0.5 * criteria.reach;
   const Box& region = surface.region();
   return 2 * norm(region.max - region.min);
@@ -67,6 +70,12 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
       fmt::format("two points of the mesh have the same coordinates ({}, {}, {})", p.x, p.y, p.z));
 }
 
+// Of grids for points in the box, about as fine as the reach.
+double cube_side(const Box& box, double reach) {
+  constexpr double kMostCubes = 128;  // in a row
+  return std::max(reach, max_norm(box.max - box.min) / kMostCubes);
+}
+
 // Points around all that is loaded, so far away that no ball that counts has one in it: balls at
 // own points reach as far as the reach, and those below λ with an inserted point in them λ farther.
 // Without them a plane sheet's samples make flat cells on its outside, by the rounding of their
@@ -96,7 +105,7 @@ bool leads_past(const Point* off, const std::array<Point, 3>& corners) {
 LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints own)
     : input_(input),
       surroundings_(around),
-      far_radius_(far_radius_of(input.criteria, around.surface)),
+      far_radius_(far_radius_of(input.criteria, around.surface, around.sizes)),
       is_around_(own == OwnPoints::kInBox) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
@@ -105,29 +114,37 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
     std::vector<Point> positions;
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
-    own_cubes.emplace(input.box, reach, positions);
+    own_cubes.emplace(input.box, cube_side(input.box, reach), positions);
   }
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());
   for (const MeshPoint& p : input.own) locals.push_back({p, p.id, true});
-  // C7 looks at cells whose circumcenters lie in the leaf, too.
-  const double of_centers = is_around_ && input.criteria.min_dihedral > 0 ? input.criteria.size : 0;
+  // C7 looks at cells whose circumcenters lie in the leaf, too: their balls reach half as far from
+  // these as from their other points.
+  const bool has_centers = is_around_ && input.criteria.min_dihedral > 0;
+  const auto is_near_centers = [&](const Point& p) {
+    const double distance = 0.5 * around.sizes.reach_of_balls(p, kNeighborhood);
+    return has_centers && input.box.squared_distance(p) < distance * distance;
+  };
   for (const MeshPoint& p : input.ghosts) {
     const bool is_own_one = own == OwnPoints::kInBox && is_in_leaf(input.box, p.position);
-    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach) &&
-        input.box.squared_distance(p.position) >= of_centers * of_centers)
-      left_out_.push_back(p);
+    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach_at(p.position)) &&
+        !is_near_centers(p.position))
+      left_out_.push_back({p, reach_at(p.position)});
     else
       locals.push_back({p, p.id, is_own_one});
   }
   constexpr std::size_t kLeastFenced = 10;  // fewer may be all in a plane: no cells of theirs yet
   if (std::isfinite(reach) && locals.size() >= kLeastFenced)
-    for (const Point& p : fence_around(input.box, reach))
+    for (const Point& p : fence_around(
+             input.box, around.sizes.is_uniform()
+                            ? reach
+                            : reach_factor(around.sizes.growth(), kReach) * around.sizes.largest()))
       locals.push_back({{kFenceId, p, PointKind::kSurface}, kFenceId, false});
   add_to_triangulation(std::move(locals));
   if (!has_cells() && !left_out_.empty()) {
     locals.clear();
-    for (const MeshPoint& p : std::exchange(left_out_, {})) locals.push_back({p, p.id});
+    for (const auto& [p, reach_of_p] : std::exchange(left_out_, {})) locals.push_back({p, p.id});
     add_to_triangulation(std::move(locals));
   }
   first_stamp_ = stamp_;
@@ -259,6 +276,8 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
   ball.center = circumball.center;
   ball.squared_radius = circumball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return state.side;
+  if (const double near = far_radius_at(ball.center); !(ball.squared_radius <= near * near))
+    return state.side;
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
   if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
@@ -277,10 +296,23 @@ double LeafMesh::clearance(CellState& state, CellBall& ball) const {
   return ball.clearance;
 }
 
+// Do balls around places on the axis that pass through the facet's corners come as small as count?
+bool LeafMesh::is_axis_near(const Axis& axis) const {
+  const double radius = far_radius_at(axis.center);
+  return axis.squared_radius <= radius * radius;
+}
+
 Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
                         double squared_circumradius) const {
-  const double t = std::sqrt(std::max(0.0, far_radius_ * far_radius_ - squared_circumradius));
-  return axis_center + t * direction;
+  const auto end = [&](double radius) {
+    const double t = std::sqrt(std::max(0.0, radius * radius - squared_circumradius));
+    return axis_center + t * direction;
+  };
+  if (surroundings_.sizes.is_uniform()) return end(far_radius_);
+  // Where the ball is as large as can be there: comes close in a few steps, for h changes slowly.
+  Point p = end(far_radius_at(axis_center));
+  for (int step = 0; step < 3; ++step) p = end(far_radius_at(p));
+  return p;
 }
 
 // Whether the dual edge from `from` to `to` cannot meet the surface: around each of its points
@@ -328,8 +360,7 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& cor
     const Axis axis = axis_of(corners);
     // Two far ends on one side of the facet: the edge does not come near it.
     if (!is_here_near && !is_there_near &&
-        !(axis.squared_radius <= far_radius_ * far_radius_ && leads_past(here.off, corners) &&
-          leads_past(there.off, corners)))
+        !(is_axis_near(axis) && leads_past(here.off, corners) && leads_past(there.off, corners)))
       return result;
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
     // which side of the facet it points.
@@ -362,8 +393,9 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& cor
     result.open_end = to;
   else if (!is_here_near && is_from_inside)
     result.open_end = from;
-  result.open_radius = far_radius_;
-  if (result.open_end && has_core_point(*result.open_end, far_radius_ * far_radius_))
+  if (!result.open_end) return result;
+  result.open_radius = far_radius_at(*result.open_end);
+  if (has_core_point(*result.open_end, result.open_radius * result.open_radius))
     result.open_end.reset();
   return result;
 }
@@ -504,13 +536,15 @@ void LeafMesh::insert(const Delaunay::Change& change, PointKind kind, VertexRef 
 }
 
 void LeafMesh::take_in_ghosts(const Point& q, Cell hint, std::vector<MeshPoint>& taken) {
-  const double reach = input_.criteria.reach;
   taken.clear();
-  if (left_out_.empty() || (is_around_ && input_.box.expanded(-reach).contains(q))) return;
-  const auto near = std::ranges::stable_partition(left_out_, [&](const MeshPoint& p) {
-    return squared_distance(p.position, q) > reach * reach;
+  if (left_out_.empty()) return;
+  if (is_around_ && surroundings_.sizes.is_uniform() &&
+      input_.box.expanded(-input_.criteria.reach).contains(q))
+    return;
+  const auto near = std::ranges::stable_partition(left_out_, [&](const LeftOut& p) {
+    return squared_distance(p.point.position, q) > p.reach * p.reach;
   });
-  taken.assign(near.begin(), near.end());
+  std::ranges::transform(near, std::back_inserter(taken), &LeftOut::point);
   left_out_.erase(near.begin(), near.end());
   insert_all(taken, false, hint);
 }
@@ -524,12 +558,21 @@ void LeafMesh::insert_all(const std::vector<MeshPoint>& points, bool are_core, C
   }
 }
 
+// Of all points in a ball, the least reach_at().
+double LeafMesh::least_reach_in(const Point& center, double radius) const {
+  const double growth = surroundings_.sizes.growth();
+  constexpr double kRoom = 0.9;  // h is interpolated
+  return kRoom * reach_factor(growth, kReach) * (surroundings_.sizes.at(center) - growth * radius);
+}
+
 bool LeafMesh::is_loaded(const CellBall& ball) const {
   const double reach = input_.criteria.reach, radius = std::sqrt(ball.squared_radius);
-  const double loaded = std::isfinite(reach) ? reach : kNeighborhood * input_.criteria.size;
+  const double loaded = !std::isfinite(reach)              ? kNeighborhood * input_.criteria.size
+                        : surroundings_.sizes.is_uniform() ? reach
+                                                           : least_reach_in(ball.center, radius);
   return std::sqrt(input_.box.squared_distance(ball.center)) + radius < loaded &&
-         std::ranges::none_of(left_out_, [&](const MeshPoint& p) {
-           return squared_distance(p.position, ball.center) <= ball.squared_radius;
+         std::ranges::none_of(left_out_, [&](const LeftOut& p) {
+           return squared_distance(p.point.position, ball.center) <= ball.squared_radius;
          });
 }
 

@@ -50,6 +50,7 @@ struct CellBall {  // once the side is known, if that is not kFar
 // What a visit asks of what is around it, made from its input once.
 struct Surroundings {
   const SurfacePatch& surface;
+  const SizeField& sizes;
   const CoreIndex* core;     // null: none is near
   const PointIndex* points;  // null: the ghosts are all that can matter
   const StopToken* stop;     // may be null
@@ -106,6 +107,11 @@ class LeafMesh {
   }
   const CellState& state(Cell c) const { return states_[c]; }
   const CellBall& ball(Cell c) const { return balls_[c]; }
+  // How far a ball that is known to be empty reaches from p, if it passes through p.
+  double reach_at(const Point& p) const {
+    return surroundings_.sizes.is_uniform() ? input_.criteria.reach
+                                            : surroundings_.sizes.reach_of_balls(p, kReach);
+  }
   // Are all points of P in the ball there, so that it is known whether it is empty?
   bool is_loaded(const CellBall& ball) const;
 
@@ -234,14 +240,26 @@ class LeafMesh {
   double clearance(CellState& state, CellBall& ball) const;
   bool is_off_surface(Side here, Side there, const Point& from, const Point& to,
                       const Point& corner) const;
+  bool is_axis_near(const Axis& axis) const;
+  double least_reach_in(const Point& center, double radius) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
+  // Up to which radius a ball around the point is known to be empty if it passes through an own
+  // point.
+  double far_radius_at(const Point& center) const {
+    return surroundings_.sizes.is_uniform() ? far_radius_
+                                            : 0.5 * kReach * surroundings_.sizes.at(center);
+  }
 
   const LeafInput& input_;
   const Surroundings& surroundings_;
-  double far_radius_;
-  bool is_around_;                   // no point of the box is left out
-  std::vector<MeshPoint> left_out_;  // ghosts out of reach of all own points, in order of id
+  double far_radius_;  // the largest of far_radius_at()
+  bool is_around_;     // no point of the box is left out
+  struct LeftOut {
+    MeshPoint point;
+    double reach = 0;
+  };
+  std::vector<LeftOut> left_out_;  // ghosts out of reach of all own points, in order of id
   std::vector<Local> locals_;
   std::vector<Marks> marks_;  // of locals, close together: a cell asks for those of its vertices
   mutable std::vector<std::uint64_t> known_;  // ids of the input's points, once they are asked for

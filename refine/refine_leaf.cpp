@@ -332,7 +332,8 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   }
   if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
   const CellRef ref = mesh_.ref(cell);
-  const double size = input_.criteria.size, ratio = input_.criteria.radius_edge_bound;
+  const double size = surroundings_.sizes.at(mesh_.ball(cell).center);
+  const double ratio = input_.criteria.radius_edge_bound;
   const double squared_radius = mesh_.ball(cell).squared_radius;
   if (squared_radius >= size * size)
     c5_.push_back(ref);
@@ -663,8 +664,11 @@ void Refinement::insert(const Point& q, PointKind kind, int condition) {
 // as well, where fewer points are between them. Known of q in the leaf, around which all are. Of
 // the core's, LeafDelta::met_core tells.
 std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) const {
-  const double near = kNeighborhood * input_.criteria.size, reach = input_.criteria.reach;
-  if (!std::isfinite(reach) || reach < near || !is_in_leaf(input_.box, q)) return std::nullopt;
+  const double near = surroundings_.sizes.reach_of_balls(q, kNeighborhood);
+  const double reach = input_.criteria.reach;
+  const bool is_around =
+      std::isfinite(reach) && (reach >= near || !surroundings_.sizes.is_uniform());
+  if (!is_around || !is_in_leaf(input_.box, q)) return std::nullopt;
   std::vector<Point> changed;
   for (const Cell c : conflict_.cells)
     for (const LocalIndex v : mesh_.delaunay().vertices(c)) {
@@ -812,7 +816,7 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
 // In part, if that is enough.
 LeafDelta visited(const LeafInput& input, const Surroundings& around,
                   const Refinement::OnStep& on_step) {
-  if (const auto revisit = Revisit::of(input)) {
+  if (const auto revisit = Revisit::of(input, around.sizes)) {
     std::vector<RefineStep> steps;  // told only if they count
     Refinement::OnStep keep;
     if (on_step) keep = [&](const RefineStep& step) { steps.push_back(step); };
@@ -843,7 +847,10 @@ LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch, const WholeModel
   std::optional<SurfacePatch> patch;
   if (whole.surface == nullptr) patch.emplace(std::move(input.surface), watch.stop);
   const CoreIndex core(input.core);
+  const SizeField sizes =
+      input.sizes.cubes.empty() ? SizeField(input.criteria.size) : SizeField(input.sizes);
   const Surroundings around{.surface = patch ? *patch : *whole.surface,
+                            .sizes = sizes,
                             .core = core.is_empty() ? nullptr : &core,
                             .points = whole.points,
                             .stop = watch.stop};

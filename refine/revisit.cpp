@@ -9,24 +9,25 @@
 
 namespace locvol {
 
-std::optional<Revisit> Revisit::of(const LeafInput& input) {
+std::optional<Revisit> Revisit::of(const LeafInput& input, const SizeField& sizes) {
   if (!input.last_visit) return std::nullopt;
-  Revisit revisit(input);
+  Revisit revisit(input, sizes);
   revisit.find_active();
   if (revisit.num_active_ > input.own.size() / 4) return std::nullopt;
   revisit.gather_part();
   return revisit;
 }
 
-Revisit::Revisit(const LeafInput& input)
-    : input_(&input),
-      insertion_matters_(kNeighborhood * input.criteria.size),
-      // A deletion matters within the reach, for it can make balls as large as count; if that is
-      // infinite, to the stars that it was in, and what else can matter is found when it does
-      // (WholeModel::points).
-      deletion_matters_(std::isfinite(input.criteria.reach) ? input.criteria.reach
-                                                            : insertion_matters_),
-      is_active_(input.own.size()) {}
+Revisit::Revisit(const LeafInput& input, const SizeField& sizes)
+    : input_(&input), sizes_(&sizes), is_active_(input.own.size()) {}
+
+// Within the reach, for it can make balls as large as count; if that is infinite, to the stars that
+// it was in, and what else can matter is found when it does (WholeModel::points).
+double Revisit::deletion_matters(const Point& q) const {
+  if (!sizes_->is_uniform()) return sizes_->reach_of_balls(q, kReach);
+  const double reach = input_->criteria.reach;
+  return std::isfinite(reach) ? reach : insertion_matters(q);
+}
 
 // As far as points are loaded, if that is not all that there are.
 template <class Item>
@@ -71,7 +72,8 @@ void Revisit::find_active() {
         inserted.push_back(p.position);
   const auto insertions = cubes_of<Point>(*input_, inserted);
   for (std::size_t i = 0; i < is_active_.size(); ++i)
-    is_active_[i] = !insertions.is_free(input_->own[i].position, insertion_matters_);
+    is_active_[i] =
+        !insertions.is_free(input_->own[i].position, insertion_matters(input_->own[i].position));
   num_active_ = static_cast<std::size_t>(std::ranges::count(is_active_, true));
 }
 
@@ -86,10 +88,11 @@ void Revisit::gather_part() {
   is_in_part_.resize(num_points());
   for (std::size_t i = 0; i < is_active_.size(); ++i)
     if (is_active_[i])
-      for_each_near(input_->own[i].position, deletion_matters_, [&](std::size_t k) {
-        is_in_part_[k] = true;
-        return true;
-      });
+      for_each_near(input_->own[i].position, deletion_matters(input_->own[i].position),
+                    [&](std::size_t k) {
+                      is_in_part_[k] = true;
+                      return true;
+                    });
   // What C7 may ask for besides is left out until it does.
   const bool is_all_given = input_->criteria.min_dihedral > 0 && num_active_ > 0;
   for (std::size_t i = 0; i < is_in_part_.size(); ++i) {
@@ -108,13 +111,14 @@ bool Revisit::is_complete(const LeafDelta& delta) const {
     });
   };
   for (const InsertedPoint& p : delta.inserted) {
-    require_active(p.position, p.is_deleted ? deletion_matters_ : insertion_matters_);
-    for_each_near(p.position, deletion_matters_, [&](std::size_t i) {
+    const Point& q = p.position;
+    require_active(q, p.is_deleted ? deletion_matters(q) : insertion_matters(q));
+    for_each_near(q, deletion_matters(q), [&](std::size_t i) {
       is_complete &= is_in_part_[i];
       return is_complete;
     });
   }
-  for (const MeshPoint& p : delta.deleted) require_active(p.position, deletion_matters_);
+  for (const MeshPoint& p : delta.deleted) require_active(p.position, deletion_matters(p.position));
   return is_complete;
 }
 

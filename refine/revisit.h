@@ -20,7 +20,7 @@ namespace locvol {
 class Revisit {
  public:
   // Empty if all of the leaf must be visited, or nearly all.
-  static std::optional<Revisit> of(const LeafInput& input);
+  static std::optional<Revisit> of(const LeafInput& input, const SizeField& sizes);
 
   // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
   // into the box are own. Its surface and core are the leaf's, and are left out.
@@ -37,7 +37,7 @@ class Revisit {
     std::uint32_t number = 0;  // own, ghosts
   };
 
-  explicit Revisit(const LeafInput& input);
+  Revisit(const LeafInput& input, const SizeField& sizes);
   template <class Item>
   static CubesOf<Item> cubes_of(const LeafInput& input, std::span<const Item> items);
   static CubesOf<Numbered> cubes_of_all(const LeafInput& input);
@@ -55,10 +55,15 @@ class Revisit {
   std::vector<std::array<VertexRef, 4>> taken_own(std::vector<OthersCell>& cells) const;
   Point place_among_smallest(VertexRef id, const CoreIndex* core) const;
 
+  double insertion_matters(const Point& q) const {  // to points up to this distance from q
+    return sizes_->reach_of_balls(q, kNeighborhood);
+  }
+  double deletion_matters(const Point& q) const;
+
   const LeafInput* input_;
-  double insertion_matters_, deletion_matters_;  // up to these distances
-  std::optional<CubesOf<Numbered>> cubes_;       // once there is a part
-  std::vector<bool> is_active_;                  // of own points
+  const SizeField* sizes_;
+  std::optional<CubesOf<Numbered>> cubes_;  // once there is a part
+  std::vector<bool> is_active_;             // of own points
   std::size_t num_active_ = 0;
   std::vector<bool> is_in_part_;  // of all points
   LeafInput part_;

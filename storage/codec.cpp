@@ -18,6 +18,7 @@
 #include <boost/serialization/version.hpp>
 #include <boost/serialization/wrapper.hpp>
 #include <cassert>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -66,6 +67,7 @@
 //   8 memory      the fields of MemoryRecord
 //   9 keys        [sum u64]
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
+//  11 sizes       [key steps u64 | distance f32, of each corner | excess f32]
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -77,9 +79,9 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the archive writes numbers as they are");
 static_assert(std::numeric_limits<double>::is_iec559);
 
-using Kinds =
-    boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
-                         LeafUnresolved, QueueEntry, MemoryRecord, KeySums, TimelineRecord>;
+using Kinds = boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells,
+                                   LeafSurface, LeafUnresolved, QueueEntry, MemoryRecord, KeySums,
+                                   TimelineRecord, LeafSizes>;
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
@@ -256,12 +258,29 @@ struct Steps {  // modulo 2^bits
 template <class Field>
 struct ChangedBits {
   explicit ChangedBits(Field which) : field(which) {}
-  std::uint64_t to_bits(const auto& item) {
-    const auto bits = std::bit_cast<std::uint64_t>(field(item));
-    return bits ^ std::exchange(last, bits);
+  auto to_bits(const auto& item) {
+    using Number = std::remove_cvref_t<decltype(field(item))>;
+    using Bits = std::conditional_t<sizeof(Number) == 4, std::uint32_t, std::uint64_t>;
+    const auto bits = std::bit_cast<Bits>(field(item));
+    return static_cast<Bits>(bits ^ std::exchange(last, bits));
   }
-  void from_bits(auto& item, std::uint64_t change) {
-    field(item) = std::bit_cast<double>(last ^= change);
+  void from_bits(auto& item, auto change) {
+    using Number = std::remove_cvref_t<decltype(field(item))>;
+    field(item) = std::bit_cast<Number>(static_cast<decltype(change)>(last ^= change));
+  }
+  Field field;
+  std::uint64_t last = 0;
+};
+
+template <class Field>
+struct KeySteps {  // of Morton keys, modulo 2^64
+  explicit KeySteps(Field which) : field(which) {}
+  std::uint64_t to_bits(const auto& item) {
+    const std::uint64_t bits = field(item).bits();
+    return bits - std::exchange(last, bits);
+  }
+  void from_bits(auto& item, std::uint64_t step) {
+    field(item) = MortonKey::from_bits(last += step);
   }
   Field field;
   std::uint64_t last = 0;
@@ -434,7 +453,7 @@ void serialize(auto& archive, LatticeCore& core, unsigned) {
 
 void serialize(auto& archive, RunParameters& p, unsigned) {
   each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
-       p.leaf_capacity, p.init, p.seed);
+       p.leaf_capacity, p.init, p.seed, p.growth, p.max_size);
 }
 
 void serialize(auto& archive, SurfaceFacts& s, unsigned) {
@@ -460,7 +479,7 @@ void serialize(auto& archive, LeafInfo& info, unsigned) {
   each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
        info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
        info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
-       info.num_core_cells, info.num_left_out);
+       info.num_core_cells, info.num_left_out, info.least_size, info.largest_size);
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -505,6 +524,25 @@ void serialize(auto& archive, LeafUnresolved& record, unsigned) {
   for (const UnresolvedSite& site : record.sites)
     if (site.condition < 1 || site.condition > kNumSiteConditions)
       throw DecodeError("a site of no known condition");
+}
+
+void serialize(auto& archive, LeafSizes& record, unsigned) {
+  constexpr auto kDistance = &SizeCube::distance;
+  each(archive,
+       columns(record.cubes, KeySteps(field<&SizeCube::key>), ChangedBits(element<0, kDistance>),
+               ChangedBits(element<1, kDistance>), ChangedBits(element<2, kDistance>),
+               ChangedBits(element<3, kDistance>), ChangedBits(element<4, kDistance>),
+               ChangedBits(element<5, kDistance>), ChangedBits(element<6, kDistance>),
+               ChangedBits(element<7, kDistance>), ChangedBits(field<&SizeCube::excess>)));
+  const SizeCube* previous = nullptr;
+  for (const SizeCube& cube : record.cubes) {
+    if (!cube.key.is_valid() || (previous && previous->key.range_max() >= cube.key.range_min()))
+      throw DecodeError("cubes of sizes out of order");
+    if (!std::isfinite(cube.excess) ||
+        !std::ranges::all_of(cube.distance, [](float d) { return std::isfinite(d); }))
+      throw DecodeError("a cube of sizes without a distance");
+    previous = &cube;
+  }
 }
 
 void serialize(auto& archive, QueueEntry& entry, unsigned) {
@@ -737,6 +775,7 @@ template std::string encode(const QueueEntry&, MortonKey);
 template std::string encode(const MemoryRecord&, MortonKey);
 template std::string encode(const KeySums&, MortonKey);
 template std::string encode(const TimelineRecord&, MortonKey);
+template std::string encode(const LeafSizes&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -748,5 +787,6 @@ template QueueEntry decode(std::string_view, MortonKey);
 template MemoryRecord decode(std::string_view, MortonKey);
 template KeySums decode(std::string_view, MortonKey);
 template TimelineRecord decode(std::string_view, MortonKey);
+template LeafSizes decode(std::string_view, MortonKey);
 
 }  // namespace locvol

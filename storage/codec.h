@@ -16,7 +16,7 @@ namespace locvol {
 // The first record of every store: what reads it must know how all others are laid out, which is
 // drawn in store.cpp.
 struct StoreFormat {
-  static constexpr std::uint32_t kCurrent = 1;
+  static constexpr std::uint32_t kCurrent = 2;
   std::uint32_t version = kCurrent;
   friend bool operator==(const StoreFormat&, const StoreFormat&) = default;
 };
@@ -38,9 +38,9 @@ class DecodeError : public std::runtime_error {
 // Equal records give equal bytes. `leaf` goes into the bytes, so that a record which turns up in
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
 // For StoreFormat, KeySums, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
-// LeafUnresolved, QueueEntry, MemoryRecord and TimelineRecord. Safe from many threads; as many zstd
-// contexts are kept as were in use at once. REQUIRES: enumerators and conditions in range,
-// LeafCells::cells index LeafCells::vertices
+// LeafUnresolved, LeafSizes, QueueEntry, MemoryRecord and TimelineRecord. Safe from many threads;
+// as many zstd contexts are kept as were in use at once. REQUIRES: enumerators and conditions in
+// range, LeafCells::cells index LeafCells::vertices
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf);
 

@@ -44,9 +44,10 @@ enum class Database : std::uint8_t {
   kCells,
   kSurface,
   kQueue,
-  kUnresolved
+  kUnresolved,
+  kSizes
 };
-inline constexpr std::size_t kNumDatabases = 7;
+inline constexpr std::size_t kNumDatabases = 8;
 const char* name_of(Database database);
 
 struct CloseEnvironment {

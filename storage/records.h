@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "octree/geometry.h"
 #include "octree/lattice.h"
 #include "octree/morton_key.h"
+#include "octree/size_field.h"
 
 namespace locvol {
 
@@ -42,6 +44,8 @@ struct LeafInfo {
   std::uint64_t num_core_points = 0;
   std::uint64_t num_core_cells = 0;  // of core points alone, and whose smallest one is the leaf's
   std::uint64_t num_left_out = 0;    // cells, in Phase::kMend; num_cells is without them
+  // Of h in the leaf, where sizes vary; 0 elsewhere, and before they are known.
+  double least_size = 0, largest_size = 0;
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -80,6 +84,12 @@ struct LeafUnresolved {
   friend bool operator==(const LeafUnresolved&, const LeafUnresolved&) = default;
 };
 
+// What h is made of in a leaf (refine/size_leaf.h).
+struct LeafSizes {
+  std::vector<SizeCube> cubes;  // in Morton order, all of the leaf
+  friend bool operator==(const LeafSizes&, const LeafSizes&) = default;
+};
+
 // A leaf that waits, in the order of the queue.
 struct QueueEntry {
   QueuePosition position;
@@ -88,10 +98,11 @@ struct QueueEntry {
 };
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
-// One after another. The first points are scattered in paper mode; in cover mode leaves are covered
+// One after another. Sizes are measured where they vary. The first points are scattered in paper
+// mode; in cover mode leaves are covered
 // and then, once all of these points are known, the holes between them filled. kMend comes only if
 // sites are unresolved: then cells are left out where the boundary is no 2-manifold.
-enum class Phase : std::uint8_t { kIngest, kScatter, kCover, kFill, kRefine, kMend, kDone };
+enum class Phase : std::uint8_t { kIngest, kSize, kScatter, kCover, kFill, kRefine, kMend, kDone };
 
 // What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.
 struct RunParameters {
@@ -103,6 +114,9 @@ struct RunParameters {
   std::uint64_t leaf_capacity = 0;  // κ
   Initialization init = Initialization::kCover;
   std::uint64_t seed = 0;
+  double growth = 0;  // of sizes from the surface inwards, over the way; 0: λ everywhere
+  double max_size = std::numeric_limits<double>::infinity();
+  SizeLaw sizes() const { return {.surface = size, .growth = growth, .most = max_size}; }
   friend bool operator==(const RunParameters&, const RunParameters&) = default;
 };
 

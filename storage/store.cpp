@@ -22,7 +22,7 @@
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
-//   unresolved                       leaf u64 | chunk number u32    -> chunk of a blob
+//   unresolved, sizes                  leaf u64 | chunk number u32    -> chunk of a blob
 //
 // A record is the bytes of codec.h. A blob is a record of any length, cut into chunks of 4,080
 // bytes, what fits an LMDB page beside its header: LMDB looks for single free pages, never for runs
@@ -40,7 +40,7 @@ constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey 
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
-                               Database::kUnresolved};
+                               Database::kUnresolved, Database::kSizes};
 
 // -- Keys -----------------------------------------------------------------------------------------
 
@@ -361,6 +361,10 @@ LeafUnresolved Reader::unresolved(MortonKey key) const {
   return impl_->list<LeafUnresolved>(Database::kUnresolved, key);
 }
 
+LeafSizes Reader::sizes(MortonKey key) const {
+  return impl_->list<LeafSizes>(Database::kSizes, key);
+}
+
 std::vector<MortonKey> Reader::leaf_keys() const {
   std::vector<MortonKey> keys;
   impl_->for_each(Database::kLeaves, [&](const std::string& key, const std::string&) {
@@ -470,6 +474,10 @@ void Batch::put_surface(MortonKey key, const LeafSurface& surface) {
 
 void Batch::put_unresolved(MortonKey key, const LeafUnresolved& unresolved) {
   impl_->put_list(Database::kUnresolved, key, unresolved);
+}
+
+void Batch::put_sizes(MortonKey key, const LeafSizes& sizes) {
+  impl_->put_list(Database::kSizes, key, sizes);
 }
 
 void Batch::erase_leaf(MortonKey key) {

@@ -42,6 +42,7 @@ class Reader {
   LeafCells cells(MortonKey key) const;
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
+  LeafSizes sizes(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
   // The first `max` leaves, or entries of the queue, from `from` on, in order. Decodes no record,
   // so a damaged one is listed like any other; a damaged key may be no valid one.
@@ -87,6 +88,7 @@ class Batch : public Reader {
   void put_cells(MortonKey key, const LeafCells& cells);
   void put_surface(MortonKey key, const LeafSurface& surface);
   void put_unresolved(MortonKey key, const LeafUnresolved& unresolved);
+  void put_sizes(MortonKey key, const LeafSizes& sizes);
   void erase_leaf(MortonKey key);  // the leaf's info and all its records; not its queue entry
   void put_queue_entry(const QueueEntry& entry);
   void erase_queue_entry(const QueueEntry& entry);

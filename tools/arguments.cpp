@@ -54,6 +54,14 @@ SizeSpec parse_size(const std::string& text) {
   return {*value, is_percent};
 }
 
+double parse_growth(const std::string& text) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= 0 && *value <= kMostGrowth))
+    throw std::invalid_argument(
+        fmt::format("'{}' is no growth: give a number from 0 to {}", text, kMostGrowth));
+  return *value;
+}
+
 std::uint64_t parse_count(const std::string& text) {
   std::string_view digits = text;
   const double factor = take_factor(digits);

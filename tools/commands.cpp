@@ -149,8 +149,7 @@ SurveyedSurface surveyed(const std::filesystem::path& file, std::uint64_t cap) {
 
 // The run that `mesh` would begin.
 RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::path& file,
-                      double size) {
-  MeshOptions options;
+                      double size, MeshOptions options) {
   options.input = file;
   options.size = {size, false};
   return planned_run(options, surface.digest, surface.facts);
@@ -163,7 +162,9 @@ SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, Progr
   if (!(size > 0))
     throw InputError(file.string() +
                      ": its volume is 0, so no size can be chosen for it: give --size");
-  const auto cells = [&](double s) { return count_text(estimated_num_cells(facts, s)); };
+  const auto cells = [&](double s) {
+    return count_text(estimated_num_cells(facts, {.surface = s}));
+  };
   line.tell(
       "size",
       [&] {
@@ -486,7 +487,7 @@ int run_info(const InfoCommand& command) {
   std::string text = facts_text(facts);
   const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
   if (size > 0) {
-    const RunRecord run = run_of_size(input, command.surface, size);
+    const RunRecord run = run_of_size(input, command.surface, size, command.options);
     const int num_threads = num_usable_threads();
     const RunEstimate estimate =
         estimate_run(facts, run.parameters, num_threads, command.output_options);

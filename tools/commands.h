@@ -81,6 +81,7 @@ struct AuditCommand {
 struct InfoCommand {
   std::filesystem::path surface;
   std::optional<SizeSpec> size;
+  MeshOptions options;  // growth and max_size alone
   OutputOptions output_options;
   bool is_json = false;
 };

@@ -140,6 +140,17 @@ void add_quiet(CLI::App& app, bool& is_quiet) {
   app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
 }
 
+void add_sizes(CLI::App& app, MeshOptions& options) {
+  add_parsed(app, "--growth", parse_growth, options.growth,
+             fmt::format("Cells grow from the surface inwards, by so much of the way: 0 (the "
+                         "default: one size) to {}",
+                         kMostGrowth))
+      ->type_name("G");
+  add_parsed(app, "--max-size", parse_size, options.max_size,
+             "What cells do not grow beyond, as --size")
+      ->type_name("SIZE");
+}
+
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
@@ -150,6 +161,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   add_parsed(*mesh, "-s,--size", parse_size, command.size,
              fmt::format("{}; default: one for about half a million cells", kSizeHelp))
       ->type_name("SIZE");
+  add_sizes(*mesh, options);
   add_memory(*mesh, command.control.memory_bytes);
   add_threads(*mesh, command.control.num_threads);
   mesh->add_option("--store", options.store,
@@ -328,6 +340,7 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   add_parsed(*info, "-s,--size", parse_size, command.size,
              "λ, as for mesh, to estimate what a run takes (default: as mesh chooses it)")
       ->type_name("SIZE");
+  add_sizes(*info, command.options);
   add_format(*info, command.output_options, "vtu");
   add_cell_data(*info, command.output_options);
   info->final_callback([&command] { check_cell_data(command.output_options); });

@@ -162,6 +162,7 @@ std::string_view phase_name(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return "ingest";
+    case Phase::kSize:
     case Phase::kScatter:
     case Phase::kCover:
     case Phase::kFill:
@@ -241,8 +242,12 @@ std::string poor_cell_text(const LeafPoorCell& cell) {
 std::string bounds_text(const RunParameters& parameters) {
   const std::string angle =
       parameters.min_dihedral > 0 ? fmt::format("at least {}°", parameters.min_dihedral) : "any";
-  return fmt::format("radius-edge ratio {}, dihedral angles {}, spacing floor {} λ",
-                     parameters.radius_edge_bound, angle, parameters.spacing_floor);
+  std::string text = fmt::format("radius-edge ratio {}, dihedral angles {}, spacing floor {} λ",
+                                 parameters.radius_edge_bound, angle, parameters.spacing_floor);
+  if (!parameters.sizes().is_uniform())
+    text += fmt::format("; λ grows by {} of the way from the surface", parameters.growth);
+  if (std::isfinite(parameters.max_size)) text += fmt::format(", to {}", parameters.max_size);
+  return text;
 }
 
 std::string insertions_text(std::span<const std::uint64_t> num_insertions) {
@@ -418,7 +423,9 @@ Json to_json(const RunParameters& parameters) {
           {"seed", parameters.seed},
           {"radius_edge_bound", parameters.radius_edge_bound},
           {"min_dihedral", parameters.min_dihedral},
-          {"spacing_floor", parameters.spacing_floor}};
+          {"spacing_floor", parameters.spacing_floor},
+          {"growth", parameters.growth},
+          {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()}};
 }
 
 Json to_json(const LeafInfo& info) {

@@ -33,7 +33,7 @@ namespace {
 // (refine/leaf_fields.h), or an array of them where there are many; an infinite number is null, and
 // so is a last visit that there was not.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 5;
+constexpr int kVersion = 6;
 
 template <class T>
 concept Row = Maybe<T, Point> || Maybe<T, MeshPoint> || Maybe<T, Triangle> ||

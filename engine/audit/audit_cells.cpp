@@ -114,18 +114,19 @@ class CellCheck {
       std::swap(corners[2], corners[3]);
     }
     const Circumsphere ball = circumsphere_of(corners[0], corners[1], corners[2], corners[3]);
-    check_sizes(v, corners, ball.radius);
+    check_sizes(v, corners, ball);
     check_empty(v, corners, ball);
     measure_dihedrals(corners, ball.center);
   }
 
-  void check_sizes(const Vertices& v, const Corners& c, double radius) {
+  void check_sizes(const Vertices& v, const Corners& c, const Circumsphere& ball) {
     double shortest2 = squared_distance(c[0], c[1]);
     for (const auto& [i, j] : {std::pair{0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}) {
       shortest2 = std::min(shortest2, squared_distance(c[static_cast<std::size_t>(i)],
                                                        c[static_cast<std::size_t>(j)]));
     }
-    const double size = radius / bounds_.size, ratio = radius / std::sqrt(shortest2);
+    const double bound = bounds_.is_uniform ? bounds_.size : leaf_.sizes.at(ball.center);
+    const double size = ball.radius / bound, ratio = ball.radius / std::sqrt(shortest2);
     report_.max_circumradius = std::max(report_.max_circumradius, size);
     report_.max_radius_edge_ratio = std::max(report_.max_radius_edge_ratio, ratio);
     if (!(size < kBoundSlack)) {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "engine/output/stored_mesh.h"
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "refine/predicates.h"
@@ -165,9 +166,12 @@ AuditLoader::AuditLoader(const Store& store, const Reader& reader, const AuditLe
     : reader_(&reader),
       leaves_(&leaves),
       lattice_(lattice_of(run)),
-      reach_(2 * run.parameters.size * kBoundSlack),
+      reaches_(sizes_of(reader, run)),
+      run_(run),
       pages_(store),
-      borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
+      borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {
+  for (double& reach : reaches_) reach *= kCellReach * kBoundSlack;
+}
 
 std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& findings) {
   AuditLeaf here;
@@ -188,14 +192,21 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   for (const MeshPoint& p : own.points) {
     if (is_finite(p.position)) points.push_back({p.position, p.id, here.leaf});
   }
-  std::vector<std::size_t> neighbors = leaves_->within(box, reach_);
+  const double reach = this->reach(leaf);
+  std::vector<std::size_t> neighbors = leaves_->within(box, reach);
   std::erase(neighbors, leaf);
   std::vector<std::shared_ptr<const Border>> borders;
   for (const std::size_t neighbor : neighbors) {
     borders.push_back(borders_.get(neighbor));
     for (const LocalPoint& p : borders.back()->points) {
-      if (box.squared_distance(p.position) <= reach_ * reach_) points.push_back(p);
+      if (box.squared_distance(p.position) <= reach * reach) points.push_back(p);
     }
+  }
+  if (!run_.parameters.sizes().is_uniform()) {
+    here.sizes = {run_.parameters.sizes(), run_.frame};
+    here.sizes.add(reader_->sizes(here.key).cubes);
+    for (const std::size_t neighbor : neighbors)
+      here.sizes.add(reader_->sizes(leaves_->key(neighbor)).cubes);
   }
   here.points = LocalPoints(std::move(points));
   report_repeated(here, findings);
@@ -271,7 +282,10 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   pages_.count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
 
   Border border;
-  const Box inner = leaves_->box(leaf).expanded(-reach_);  // may be inside out: contains nothing
+  // May be inside out: contains nothing. Where sizes vary, others may reach farther in.
+  const Box box = leaves_->box(leaf);
+  const Box inner =
+      run_.parameters.sizes().is_uniform() ? box.expanded(-reach(leaf)) : Box{box.max, box.min};
   std::vector<std::uint64_t> own;
   try {
     border.points = core_points(leaf, points.core);

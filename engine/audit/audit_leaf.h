@@ -14,6 +14,7 @@
 
 #include "engine/audit/audit_grid.h"
 #include "engine/audit/audit_report.h"
+#include "engine/audit/audit_sizes.h"
 #include "engine/output/leaf_window.h"
 
 namespace locvol {
@@ -109,6 +110,7 @@ struct AuditLeaf {
   LeafCells cells;                      // as stored, then those of the core
   std::vector<LocalIndex> cell_vertex;  // index of each of cells.vertices
   std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
+  AuditSizes sizes;                     // around them
 
   bool is_own(LocalIndex i) const { return points[i].leaf == leaf; }
 };
@@ -142,13 +144,17 @@ class AuditLoader {
   const Reader* reader_;
   const AuditLeaves* leaves_;
   Lattice lattice_;
-  double reach_;
+  // How far cells reach from their vertices: λ, or of each leaf.
+  double reach(std::size_t leaf) const { return reaches_[reaches_.size() == 1 ? 0 : leaf]; }
+  std::vector<double> reaches_;
+  RunRecord run_;
   PageRelease pages_;
   LeafWindow<Border> borders_;
 };
 
 struct AuditBounds {
   double size = 0;  // λ
+  bool is_uniform = true;
   double radius_edge = 0;
   double min_dihedral = 0;  // in degrees; 0: any
   double rounding = 0;      // a few units in the last place of the largest coordinate

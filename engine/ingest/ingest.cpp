@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -234,6 +235,41 @@ StartLeaves completed(const CutLeaves& near, int level) {
   return leaves;
 }
 
+// Where sizes grow from the surface inwards, leaves do: those inside are at most twice as wide as
+// the ones beside them.
+StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame) {
+  LinearOctree octree = coarsest_octree(near.keys);
+  std::vector<std::uint8_t> parities(octree.size());
+  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
+    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
+  const std::vector<bool> sides = center_sides(octree, parities);
+  std::map<MortonKey, bool> is_inside;  // of leaves to begin with
+  for (std::size_t i = 0; i < octree.size(); ++i) is_inside.emplace(octree.leaves()[i], sides[i]);
+  const auto is_near_surface = [&](MortonKey leaf) {
+    return std::ranges::binary_search(near.keys, leaf);
+  };
+  const auto side_of = [&](MortonKey leaf) {  // of it, or of the one that it is a part of
+    while (!is_inside.contains(leaf)) leaf = leaf.parent();
+    return is_inside.at(leaf);
+  };
+  std::vector<MortonKey> small(octree.leaves().begin(), octree.leaves().end());
+  std::ranges::stable_sort(small, std::ranges::greater(), &MortonKey::level);
+  for (std::size_t n = 0; n < small.size(); ++n) {
+    const MortonKey leaf = small[n];
+    if (!octree.is_leaf(leaf)) continue;
+    for (const MortonKey beside : octree.leaves_within(frame, frame.box(leaf), 0)) {
+      if (beside.level() + 1 >= leaf.level() || !side_of(beside) || is_near_surface(beside))
+        continue;
+      octree.split(beside);
+      for (int octant = 0; octant < 8; ++octant) small.push_back(beside.child(octant));
+      small.push_back(leaf);  // its children may still be too wide
+    }
+  }
+  StartLeaves leaves;
+  for (const MortonKey leaf : octree.leaves()) leaves.add(leaf, side_of(leaf));
+  return leaves;
+}
+
 // Completes the leaves' infos, and queues those that may get points.
 void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatches& batches) {
   const QueuePosition waiting{0, kNoColor};
@@ -281,8 +317,13 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     erase_all(*store, watch.stop());
     BoundedBatches batches(*store, watch.stop());
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
-    store_leaves(completed(cut, plan.level), run, batches);
-    run.phase = run.parameters.init == Initialization::kCover ? Phase::kCover : Phase::kScatter;
+    store_leaves(run.parameters.sizes().is_uniform() ? completed(cut, plan.level)
+                                                     : completed_by_size(cut, run.frame),
+                 run, batches);
+    const bool is_uniform = run.parameters.sizes().is_uniform();
+    run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
+                : is_uniform                                  ? Phase::kCover
+                                                              : Phase::kSize;
     batches.next().put_run(run);
     batches.commit();
   } catch (const Stopped&) {

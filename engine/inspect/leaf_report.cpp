@@ -27,6 +27,9 @@ class Reporter {
         reach_(kReach * run.parameters.size),
         frame_(run.frame),
         lattice_(lattice_of(run)) {
+    if (!run.parameters.sizes().is_uniform())
+      reach_ = reach_factor(run.parameters.growth, kReach) *
+               reader.leaf(leaf).value_or(LeafInfo()).largest_size;
     report_.key = leaf;
     report_.box = frame_.box(leaf);
     sites_ = lattice_.sites_in(report_.box);
@@ -122,6 +125,7 @@ class Reporter {
   }
 
   void add_core_cells() {
+    if (core_.empty()) return;
     std::map<LatticeSite, std::uint32_t> index;  // in mesh.vertices
     const auto vertex = [&](const LatticeSite& site) {
       const auto next = static_cast<std::uint32_t>(report_.mesh.vertices.size());

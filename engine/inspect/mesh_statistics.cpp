@@ -40,6 +40,7 @@ struct Measured {
   const Store& store;
   const RunRecord& run;
   const LinearOctree& octree;
+  const std::vector<double> sizes;  // see sizes_of()
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
@@ -113,7 +114,7 @@ class Piece : public Task {
                                   LeafWindow<PointTable>& tables) const {
     std::vector<Point> positions(ids.size(), {kUnknown, kUnknown, kUnknown});
     const std::size_t num_sites = num_site_ids(ids);
-    for (std::size_t i = 0; i < num_sites; ++i) positions[i] = lattice_.position(site_of(ids[i]));
+    for (std::size_t i = 0; i < num_sites; ++i) positions[i] = lattice_.position_of(ids[i]);
     const auto others = ids.subspan(num_sites);
     std::size_t num_left = others.size();
     const auto take_from = [&](std::size_t neighbor) {
@@ -126,7 +127,7 @@ class Piece : public Task {
     };
     take_from(leaf);
     if (num_left == 0) return positions;
-    const double reach = kCellReach * run_.parameters.size;
+    const double reach = kCellReach * measured_.sizes[measured_.sizes.size() == 1 ? 0 : leaf];
     for (const std::size_t other : leaves_near(octree_, run_.frame, leaf, reach))
       if (other != leaf) take_from(other);
     return positions;
@@ -168,6 +169,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   Measured measured{.store = store,
                     .run = run,
                     .octree = octree,
+                    .sizes = sizes_of(snapshot, run),
                     .on_piece =
                         [&] {
                           if (on_step) on_step(measured.all.num_cells(), num_listed_cells);

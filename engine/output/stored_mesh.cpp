@@ -47,6 +47,18 @@ std::vector<std::size_t> leaves_near(const LinearOctree& octree, const Frame& fr
   return places;
 }
 
+std::vector<double> sizes_of(const Reader& reader, const RunRecord& run) {
+  const SizeLaw law = run.parameters.sizes();
+  if (law.is_uniform()) return {law.surface};
+  const double factor = reach_factor(law.growth, kCellReach) / kCellReach;
+  std::vector<double> sizes;
+  reader.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    sizes.push_back(factor * info.largest_size);
+    return true;
+  });
+  return sizes;
+}
+
 void throw_unknown_point(std::uint64_t id, MortonKey leaf) {
   throw CorruptRecord(leaf_name(leaf) + ": a cell names point " + std::to_string(id) +
                           ", which is in no leaf near it",

@@ -39,6 +39,13 @@ struct Load {
   }
 };
 
+// As the run has them, but for λ.
+SizeLaw sizes_from(const RunRecord& run, double size) {
+  SizeLaw sizes = run.parameters.sizes();
+  sizes.surface = size;
+  return sizes;
+}
+
 class RoomCheck {
  public:
   RoomCheck(const RunRecord& run, const std::filesystem::path& store,
@@ -82,7 +89,8 @@ class RoomCheck {
     double size = run_.parameters.size;
     while (!fits(size)) {
       size *= 1.1;
-      if (estimated_num_cells(run_.surface, size) < kFewCells) return std::nullopt;
+      if (estimated_num_cells(run_.surface, sizes_from(run_, size)) < kFewCells)
+        return std::nullopt;
     }
     return size;
   }
@@ -129,7 +137,7 @@ void require_room(const RunRecord& run, const std::filesystem::path& store,
   const auto least_size = check.least_size();
   throw InputError(
       fmt::format("size {} makes about {:.3g} tetrahedra of {}: {}; choose {}a larger disk", size,
-                  estimated_num_cells(run.surface, size), run.surface.file, why,
+                  estimated_num_cells(run.surface, run.parameters.sizes()), run.surface.file, why,
                   least_size ? fmt::format("a size of at least {:.3g}, or ", *least_size) : ""));
 }
 

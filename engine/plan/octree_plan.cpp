@@ -8,6 +8,7 @@
 #include "engine/shared/number_text.h"
 #include "octree/lattice.h"
 #include "refine/cover_leaf.h"
+#include "refine/size_leaf.h"
 
 namespace locvol {
 namespace {
@@ -28,7 +29,12 @@ double start_leaf_side(const RunParameters& parameters) {
   const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
   const double side =
       std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density);
-  return std::max(side, kMinLeafSide) * parameters.size;
+  const double over_size = std::max(side, kMinLeafSide);
+  if (parameters.sizes().is_uniform()) return over_size * parameters.size;
+  // Most points are near the surface, two to λ² of it. Cubes that halve fit the lattice at λ.
+  const double of_surface = std::sqrt(0.125 * static_cast<double>(parameters.leaf_capacity));
+  return std::exp2(std::round(std::log2(std::max(of_surface, kMinLeafSide) / kLatticeSpacing))) *
+         kLatticeSpacing * parameters.size;
 }
 
 OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
@@ -42,6 +48,12 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
                      "to a side; choose a size of at least " +
                      rounded(1.01 * least_size));
   plan.level = plan.frame.level_of_side(leaf_side);
+  const double finest = plan.frame.side(kMaxCubeLevel);
+  if (!parameters.sizes().is_uniform() && kLatticeSpacing * parameters.size < finest)
+    throw InputError("size " + decimal(parameters.size) +
+                     " is too small for this surface: the octree of sizes would have more than "
+                     "2^19 cubes to a side; choose a size of at least " +
+                     rounded(1.01 * finest / kLatticeSpacing));
   return plan;
 }
 

@@ -19,6 +19,9 @@ struct SizeSpec {
   bool is_percent = false;
 };
 
+// Above it, the octree of sizes need not be balanced.
+inline constexpr double kMostGrowth = 0.3;
+
 // Degrees. What refinement alone leaves are slivers, which no solver takes.
 inline constexpr double kDefaultMinDihedral = 15;
 
@@ -34,7 +37,10 @@ struct MeshOptions {
   // paper mode.
   std::optional<double> min_dihedral = std::nullopt;
   double spacing_floor = 0.02;  // as a fraction of λ
-  bool is_forced = false;       // start anew over a store of another run
+  // Where sizes vary, cells are λ large at the surface, and grow from there by so much of the way.
+  double growth = 0;                      // 0: λ everywhere
+  std::optional<SizeSpec> max_size = {};  // what they do not grow beyond; absent: no bound
+  bool is_forced = false;                 // start anew over a store of another run
 };
 
 struct Progress {

@@ -16,9 +16,13 @@ constexpr double kCellsPerArea = 3.75, kThinness = 0.4;
 // At most, of a layer as deep as the core lies.
 constexpr double kListedPerArea = 11.7;
 constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.43, kFacetsPerArea = 1.9;
+// Where sizes vary: cells to h³, with those at the boundary.
+constexpr double kGradedCells = 4.5, kGradedVerticesPerArea = 0.35, kGradedFacetsPerArea = 1.5;
 
 // In the store: points, cells and the surface, compressed.
 constexpr double kBytesPerListedCell = 14, kBytesPerTriangle = 14, kLeastBytes = 1e5;
+// With the sizes, where they vary.
+constexpr double kBytesPerGradedCell = 17;
 // Without a core, and with the queue of a paper run.
 constexpr double kBytesPerPaperCell = 40;
 
@@ -26,6 +30,8 @@ constexpr double kBytesPerPaperCell = 40;
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
                  kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+// Where sizes vary: with the sizes, and with more holes to fill.
+constexpr double kGradedCoverCell = 5e-6;
 // For C7, with angles up to this.
 constexpr double kImproveCell = 1.6e-6, kImprovedTo = 15;
 // Of a VTU file, whatever is written.
@@ -41,6 +47,20 @@ double cells_of(double volume, double area) {  // over λ³ and λ²
          kCellsPerArea * area * volume / (volume + kThinness * area);
 }
 
+// The sum of 1 / h³ over the volume, as if it were a ball of the same volume and area.
+double graded_cells_of(const SizeLaw& law, double volume, double area) {
+  const double radius = 3 * volume / area;
+  if (!(radius > 0) || !std::isfinite(radius)) return 0;
+  constexpr int kSteps = 1000;
+  double sum = 0;
+  for (int i = 0; i < kSteps; ++i) {  // finer where h is smaller
+    const auto depth = [&](double step) { return radius * std::pow(step / kSteps, 3); };
+    const double low = depth(i), high = depth(i + 1), middle = depth(i + 0.5);
+    sum += (high - low) * std::pow(1 - middle / radius, 2) / std::pow(law.at_distance(middle), 3);
+  }
+  return kGradedCells * area * sum;
+}
+
 // Cells of the core take their share from where the volume is deeper than they lie.
 double listed_of(double num_cells, double area) {
   if (!(num_cells > 0) || !std::isfinite(num_cells)) return num_cells;
@@ -53,7 +73,7 @@ double size_of(const SurfaceFacts& surface, double num_cells) {
   double low = 0, high = std::sqrt(surface.area);
   for (int i = 0; i < 100; ++i) {
     const double size = 0.5 * (low + high);
-    (estimated_num_cells(surface, size) > num_cells ? low : high) = size;
+    (estimated_num_cells(surface, {.surface = size}) > num_cells ? low : high) = size;
   }
   return high;
 }
@@ -80,7 +100,9 @@ double RunEstimate::total_seconds() const {
   return std::accumulate(seconds.begin(), seconds.end(), 0.0);
 }
 
-double estimated_num_cells(const SurfaceFacts& surface, double size) {
+double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law) {
+  const double size = law.surface;
+  if (!law.is_uniform()) return graded_cells_of(law, std::abs(surface.volume), surface.area);
   return cells_of(std::abs(surface.volume) / (size * size * size), surface.area / (size * size));
 }
 
@@ -92,13 +114,18 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   RunEstimate estimate;
   estimate.size = parameters.size;
   estimate.is_thin = 2 * std::abs(surface.volume) < parameters.size * surface.area;
-  estimate.num_cells = estimated_num_cells(surface, parameters.size);
-  estimate.num_vertices = kVerticesPerCell * estimate.num_cells + kVerticesPerArea * area;
-  estimate.num_listed_cells = is_cover ? listed_of(estimate.num_cells, area) : estimate.num_cells;
-  estimate.store_bytes =
-      kLeastBytes + kBytesPerTriangle * num_triangles +
-      (is_cover ? kBytesPerListedCell : kBytesPerPaperCell) * estimate.num_listed_cells;
-  estimate.num_boundary_facets = kFacetsPerArea * area;
+  const bool is_uniform = parameters.sizes().is_uniform();
+  estimate.num_cells = estimated_num_cells(surface, parameters.sizes());
+  estimate.num_vertices = kVerticesPerCell * estimate.num_cells +
+                          (is_uniform ? kVerticesPerArea : kGradedVerticesPerArea) * area;
+  estimate.num_listed_cells =
+      is_cover && is_uniform ? listed_of(estimate.num_cells, area) : estimate.num_cells;
+  estimate.store_bytes = kLeastBytes + kBytesPerTriangle * num_triangles +
+                         (!is_cover    ? kBytesPerPaperCell
+                          : is_uniform ? kBytesPerListedCell
+                                       : kBytesPerGradedCell) *
+                             estimate.num_listed_cells;
+  estimate.num_boundary_facets = (is_uniform ? kFacetsPerArea : kGradedFacetsPerArea) * area;
   estimate.output = estimate_output(output, sizes_of(estimate, surface, parameters));
 
   const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
@@ -108,7 +135,8 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   set(RunStage::kIngest, kIngestTriangle * num_triangles);
   if (!is_cover) return estimate;
   const double listed = estimate.num_listed_cells;
-  set(RunStage::kInitialize, kCoverTriangle * num_triangles + kCoverCell * listed);
+  set(RunStage::kInitialize,
+      kCoverTriangle * num_triangles + (is_uniform ? kCoverCell : kGradedCoverCell) * listed);
   const double angle = parameters.min_dihedral / kImprovedTo;
   set(RunStage::kRefine,
       kRefineTriangle * num_triangles + (kRefineCell + kImproveCell * angle * angle) * listed);

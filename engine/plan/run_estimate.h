@@ -46,7 +46,7 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
                          int num_threads = 1, const OutputOptions& output = {});
 // Of a run, as far as it has come: once it is done, its own counts.
 RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output);
-double estimated_num_cells(const SurfaceFacts& surface, double size);
+double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law);
 
 // λ for a user who gives none: of a mesh with about half a million cells; or of more, up to five
 // million, if that is what it takes to have two or so λ of thickness where the surface is of

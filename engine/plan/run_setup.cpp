@@ -59,6 +59,8 @@ double volume_growth(double side, double distance) { return std::pow(1 + 2 * dis
 std::uint64_t expected_visit(const RunParameters& parameters, double side, double num_points,
                              double num_triangles) {
   const double reach = kReach * parameters.size;
+  // Where sizes vary, leaves far from the surface are large, and their grids coarse.
+  if (!parameters.sizes().is_uniform()) side = std::min(side, 2 * start_leaf_side(parameters));
   if (parameters.init == Initialization::kPaper)
     num_points = std::max(num_points, 2 * static_cast<double>(parameters.leaf_capacity));
   const VisitSize visit{
@@ -94,6 +96,21 @@ const char* name_of(Initialization init) {
   return init == Initialization::kCover ? "cover" : "paper";
 }
 
+void check_sizes(const RunParameters& p) {
+  if (!(p.growth >= 0) || !(p.growth <= kMostGrowth))
+    throw InputError("growth " + decimal(p.growth) +
+                     ": give a number from 0, which asks for one "
+                     "size everywhere, to " +
+                     decimal(kMostGrowth));
+  if (p.growth > 0 && p.init == Initialization::kPaper)
+    throw InputError("sizes vary in cover mode only: leave the growth out, or give --init cover");
+  if (std::isfinite(p.max_size) && p.growth == 0)
+    throw InputError("a largest size bounds what grows: give a growth, too");
+  if (p.max_size < p.size)
+    throw InputError("largest size " + decimal(p.max_size) + " is below the size at the surface, " +
+                     decimal(p.size) + ": give more");
+}
+
 }  // namespace
 
 double absolute_size(const SizeSpec& spec, const Box& box) {
@@ -118,7 +135,10 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .spacing_floor = options.spacing_floor,
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
       .init = options.init,
-      .seed = options.seed};
+      .seed = options.seed,
+      .growth = options.growth};
+  if (options.max_size) run.parameters.max_size = absolute_size(*options.max_size, surface);
+  check_sizes(run.parameters);
   check_lengths(run.surface, run.parameters.size);
   // Ids below are those of lattice points.
   if (options.init == Initialization::kCover) run.next_point_id = kFirstOtherId;
@@ -176,6 +196,8 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
   compare("leaf capacity", std::to_string(held.leaf_capacity), std::to_string(asked.leaf_capacity));
   compare("initialization", name_of(held.init), name_of(asked.init));
   compare("seed", std::to_string(held.seed), std::to_string(asked.seed));
+  compare("growth", decimal(held.growth), decimal(asked.growth));
+  compare("largest size", decimal(held.max_size), decimal(asked.max_size));
   if (differences.empty()) return;
   throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +
                       "): give the same input and parameters to go on with it, another store, or "

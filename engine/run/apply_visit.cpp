@@ -54,21 +54,22 @@ class Visit {
     if (point.changed)
       enqueue_owners(*point.changed);
     else
-      enqueue_around(point.position, kNeighborhood * state_.size());
+      enqueue_around(point.position, state_.reach_at(point.position, kNeighborhood));
   }
 
   void erase(const MeshPoint& point) {
     take_away(point);
-    enqueue_around(point.position, kReach * state_.size());
+    enqueue_around(point.position, state_.reach_at(point.position, kReach));
     // A later visit knows the points that came by their ids; of those that went it would know
     // nothing.
-    for (const MortonKey other : leaves_within(point.position, kReach * state_.size()))
+    for (const MortonKey other :
+         leaves_within(point.position, state_.reach_at(point.position, kReach)))
       if (other != leaf_) state_.require_whole_visit(other);
   }
 
   // They would look for what the point changed where it is now.
   void have_others_look(const Point& place) {
-    for (const MortonKey other : leaves_within(place, kNeighborhood * state_.size()))
+    for (const MortonKey other : leaves_within(place, state_.reach_at(place, kNeighborhood)))
       if (other != leaf_ && state_.leaves().info(other).queued) state_.ask_for_visit(other, place);
   }
 
@@ -165,9 +166,16 @@ class Visit {
     }
     std::array<std::uint8_t, 8> parities{};
     const std::vector<Triangle>& triangles = state_.leaves().surface(leaf_).triangles;
+    std::vector<SizeCube> cubes;
+    if (!state_.is_uniform()) cubes = state_.leaves().sizes(leaf_).cubes;
     for (int octant = 0; octant < 8; ++octant) {
       const auto i = static_cast<std::size_t>(octant);
       const Box box = state_.box(leaf_.child(octant));
+      const MortonKey child = leaf_.child(octant);
+      std::ranges::copy_if(
+          cubes, std::back_inserter(children[i].sizes.cubes), [&](const SizeCube& c) {
+            return child.is_ancestor_or_self_of(c.key) || c.key.is_ancestor_or_self_of(child);
+          });
       auto& met = children[i].surface.triangles;
       std::ranges::copy_if(triangles, std::back_inserter(met),
                            [&](const Triangle& t) { return meets(t, box); });
@@ -196,6 +204,12 @@ class Visit {
 
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
   Visit(state, loader, leaf).apply(delta);
+}
+
+void apply_sizes(RunState& state, MortonKey leaf, std::vector<SizeCube> cubes) {
+  state.dequeue(leaf);
+  state.put_sizes(leaf, {std::move(cubes)});
+  state.enqueue(leaf);
 }
 
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {

@@ -14,9 +14,11 @@ namespace locvol {
 // Throws RefineError if the delta contradicts the run; the state is then not to be committed.
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta);
 
-// The same for the first points of a leaf, in epoch 0 of cover mode.
+// The same for the sizes of a leaf, in the first epoch of a run whose sizes vary.
+void apply_sizes(RunState& state, MortonKey leaf, std::vector<SizeCube> cubes);
+// The same for the first points of a leaf, in the next epoch of cover mode.
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
-// The points that fill holes, in epoch 1.
+// The points that fill holes, in the epoch after that.
 void apply_fill(RunState& state, MortonKey leaf, const FillPoints& points);
 // The next epoch, once all leaves have their first points: every leaf with points of its own to
 // look at. The core's cells are known, and counted. Throws Stopped before any change.

@@ -42,4 +42,30 @@ std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame&
   return colors;
 }
 
+std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
+                                        std::span<const MortonKey> leaves,
+                                        std::span<const double> distances, const StopToken* stop) {
+  assert(std::ranges::is_sorted(leaves) && leaves.size() == distances.size());
+  std::vector<std::vector<std::uint32_t>> near(leaves.size());  // of the others of each, by place
+  for (std::uint32_t i = 0; i < leaves.size(); ++i) {
+    throw_if_stopped(stop);
+    for (const MortonKey other : octree.leaves_within(frame, frame.box(leaves[i]), distances[i])) {
+      const auto place = std::ranges::lower_bound(leaves, other);
+      if (place == leaves.end() || *place != other || other == leaves[i]) continue;
+      const auto k = static_cast<std::uint32_t>(place - leaves.begin());
+      near[i].push_back(k);
+      near[k].push_back(i);
+    }
+  }
+  std::vector<std::uint32_t> colors, used;
+  colors.reserve(leaves.size());
+  for (std::uint32_t i = 0; i < leaves.size(); ++i) {
+    used.clear();
+    for (const std::uint32_t k : near[i])
+      if (k < i) used.push_back(colors[k]);
+    colors.push_back(smallest_free(used));
+  }
+  return colors;
+}
+
 }  // namespace locvol

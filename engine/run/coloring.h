@@ -20,4 +20,11 @@ std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame&
                                         std::span<const MortonKey> leaves, double distance,
                                         const StopToken* stop = nullptr);
 
+// The same with a distance for each of the leaves: two of them have different colors if they are at
+// most the larger of their distances apart.
+std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
+                                        std::span<const MortonKey> leaves,
+                                        std::span<const double> distances,
+                                        const StopToken* stop = nullptr);
+
 }  // namespace locvol

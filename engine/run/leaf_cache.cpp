@@ -19,6 +19,7 @@ std::size_t LeafCache::Entry::bytes() const {
   std::size_t bytes = kEntryBytes;
   if (points.record) bytes += vector_bytes(points.record->points);
   if (surface.record) bytes += vector_bytes(surface.record->triangles);
+  if (sizes.record) bytes += vector_bytes(sizes.record->cubes);
   if (cells.record)
     bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);
   if (unresolved.record) bytes += vector_bytes(unresolved.record->sites);
@@ -63,6 +64,15 @@ const LeafSurface& LeafCache::surface(MortonKey leaf) {
   return *surface.record;
 }
 
+const LeafSizes& LeafCache::sizes(MortonKey leaf) {
+  auto& sizes = touch(leaf).sizes;
+  if (!sizes.record) {
+    sizes.record = store_.snapshot().sizes(leaf);
+    most_bytes_ += vector_bytes(sizes.record->cubes);
+  }
+  return *sizes.record;
+}
+
 LeafCells LeafCache::cells(MortonKey leaf) {
   const auto& cells = touch(leaf).cells;
   return cells.record ? *cells.record : store_.snapshot().cells(leaf);
@@ -95,6 +105,10 @@ void LeafCache::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
   touch_changed(leaf).unresolved = {std::move(unresolved), true};
 }
 
+void LeafCache::put_sizes(MortonKey leaf, LeafSizes sizes) {
+  touch_changed(leaf).sizes = {std::move(sizes), true};
+}
+
 void LeafCache::add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points,
                          LeafSurface surface) {
   assert(!erased_.contains(leaf));
@@ -120,9 +134,11 @@ void LeafCache::write(Batch& batch, MortonKey leaf, Entry& entry) {
   if (entry.info.is_changed) batch.put_leaf(leaf, *entry.info.record);
   if (entry.points.is_changed) batch.put_points(leaf, *entry.points.record);
   if (entry.surface.is_changed) batch.put_surface(leaf, *entry.surface.record);
+  if (entry.sizes.is_changed) batch.put_sizes(leaf, *entry.sizes.record);
   if (entry.cells.is_changed) batch.put_cells(leaf, *entry.cells.record);
   if (entry.unresolved.is_changed) batch.put_unresolved(leaf, *entry.unresolved.record);
   entry.info.is_changed = entry.points.is_changed = entry.surface.is_changed = false;
+  entry.sizes.is_changed = false;
   entry.cells = {};
   entry.unresolved = {};
 }

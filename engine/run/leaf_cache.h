@@ -24,6 +24,7 @@ class LeafCache {
   const LeafInfo& info(MortonKey leaf);
   const LeafPoints& points(MortonKey leaf);
   const LeafSurface& surface(MortonKey leaf);
+  const LeafSizes& sizes(MortonKey leaf);
   LeafCells cells(MortonKey leaf);            // not kept
   LeafUnresolved unresolved(MortonKey leaf);  // likewise
 
@@ -41,6 +42,7 @@ class LeafCache {
   LeafPoints& edit_points(MortonKey leaf);
   void put_cells(MortonKey leaf, LeafCells cells);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
+  void put_sizes(MortonKey leaf, LeafSizes sizes);
   // A leaf that the store has not had before.
   void add_leaf(MortonKey leaf, const LeafInfo& info, LeafPoints points, LeafSurface surface);
   void erase_leaf(MortonKey leaf);  // with all its records
@@ -56,6 +58,7 @@ class LeafCache {
     Cached<LeafInfo> info;
     Cached<LeafPoints> points;
     Cached<LeafSurface> surface;
+    Cached<LeafSizes> sizes;
     Cached<LeafCells> cells;            // only until they are written
     Cached<LeafUnresolved> unresolved;  // likewise
     std::size_t bytes() const;

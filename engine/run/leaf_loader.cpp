@@ -41,8 +41,9 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
   if (state_.is_cover()) return;
   const Box root = state_.run().frame.root_box();
   std::vector<Triangle> triangles = triangles_meeting(root);
-  budget_.keep(VisitSize{.volume = volume_over_size(root), .num_triangles = triangles.size()}
-                   .bytes_to_refine());
+  budget_.keep(
+      VisitSize{.volume = volume_over_size(root, state_.size()), .num_triangles = triangles.size()}
+          .bytes_to_refine());
   whole_surface_ = std::make_unique<SurfacePatch>(SurfacePiece{.triangles = std::move(triangles),
                                                                .region = root,
                                                                .reference = root.min,
@@ -56,19 +57,48 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
   }
 }
 
+LoadedSize LeafLoader::load_size(MortonKey leaf) {
+  const double distance = kExactDistance * state_.size();
+  const Box region = state_.box(leaf).expanded(distance);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, state_.size()),
+                        .num_points = 0,
+                        .num_triangles = triangles.size()};
+  return {.bytes = visit.bytes_to_cover(),
+          .input = {.law = state_.run().parameters.sizes(),
+                    .frame = state_.run().frame,
+                    .leaf = leaf,
+                    .surface = surface_around(leaf, distance, std::move(triangles), kOfCover)}};
+}
+
+FarSurface LeafLoader::far_surface() {
+  FarSurface far;
+  for (const MortonKey leaf : state_.octree().leaves()) {
+    throw_if_stopped(stop_);
+    state_.leaves().trim();
+    if (state_.leaves().info(leaf).num_triangles > 0)
+      far.add(state_.box(leaf), state_.leaves().surface(leaf).triangles);
+  }
+  far.finish();
+  budget_.keep(far.bytes());
+  return far;
+}
+
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double size = state_.size();
   const Box box = state_.box(leaf);
   std::vector<MeshPoint> around;
   if (state_.leaves().info(leaf).num_triangles > 0)
-    around = points_around(leaf, kSampleRadius * size);
-  const double patch_distance = kSlack * kCoreDepth * size;
+    around = points_around(leaf, sample_radius(state_.is_uniform()));
+  const double patch_distance = kSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
   const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  const VisitSize visit{
-      .volume = volume_over_size(region),
-      .num_points = around.size() + most_lattice_points(box, size) + most_samples(triangles, size),
-      .num_triangles = triangles.size()};
+  SizeCubes sizes = sizes_around(leaf, 0);
+  const std::uint64_t num_lattice =
+      state_.is_uniform() ? most_lattice_points(box, size) : 9 * sizes.cubes.size();
+  const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
+                        .num_points = around.size() + num_lattice + most_samples(triangles, size),
+                        .num_triangles = triangles.size()};
   LoadedCover loaded;
   loaded.bytes = visit.bytes_to_cover();
   loaded.input = {.size = size,
@@ -76,46 +106,48 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
                   .lattice = state_.lattice(),
                   .box = box,
                   .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfCover),
-                  .nearby_samples = {}};
+                  .nearby_samples = {},
+                  .sizes = std::move(sizes)};
   for (const MeshPoint& point : around)
     if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
   return loaded;
 }
 
 LoadedFill LeafLoader::load_fill(MortonKey leaf) {
-  const double size = state_.size(), patch_distance = kSlack * size;
-  std::vector<MeshPoint> points = points_around(leaf, kFillReach * size);
+  const double size = state_.size();
+  const double patch_distance = state_.is_uniform() ? kSlack * size : surface_reach();
+  std::vector<MeshPoint> points = points_around(leaf, kFillReach);
   const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
   points.insert(points.end(), own.begin(), own.end());
   std::ranges::sort(points, {}, &MeshPoint::id);
   CoreRows core = core_around(state_, leaf, kCoreReach * size);
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  const VisitSize visit{.volume = volume_over_size(region),
+  const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
                         .num_points = points.size(),
                         .num_triangles = triangles.size()};
-  return {
-      .bytes = visit.bytes_to_cover(),
-      .input = {.size = size,
-                .box = state_.box(leaf),
-                .points = std::move(points),
-                .core = std::move(core),
-                .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill)}};
+  return {.bytes = visit.bytes_to_cover(),
+          .input = {.size = size,
+                    .box = state_.box(leaf),
+                    .points = std::move(points),
+                    .core = std::move(core),
+                    .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill),
+                    .sizes = sizes_around(leaf, state_.reach_of(leaf, kFillReach))}};
 }
 
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double size = state_.size();
-  const double ghost_distance = state_.is_cover() ? kReach * size : kNeighborhood * size;
-  const double patch_distance = kSlack * kReach / 2 * size;
+  const double patch_distance = state_.is_uniform() ? kSlack * kReach / 2 * size : surface_reach();
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves().points(leaf).points;
-  std::vector<MeshPoint> ghosts = points_around(leaf, ghost_distance);
+  std::vector<MeshPoint> ghosts = points_around(leaf, state_.is_cover() ? kReach : kNeighborhood);
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles;
   if (state_.is_cover()) triangles = triangles_meeting(region);
-  const VisitSize visit{.volume = state_.is_cover() ? volume_over_size(region) : 0,
-                        .num_points = most_points_of_visit(own.size(), ghosts.size()),
-                        .num_triangles = triangles.size()};
+  const VisitSize visit{
+      .volume = state_.is_cover() ? volume_over_size(region, state_.least_size(leaf)) : 0,
+      .num_points = most_points_of_visit(own.size(), ghosts.size()),
+      .num_triangles = triangles.size()};
   std::optional<LastVisit> last = last_visit(leaf);
   const GridFineness fineness = last ? kCoarse : kFine;
   LoadedLeaf loaded;
@@ -133,6 +165,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   loaded.input.waiting = waiting_around(leaf);
   loaded.input.surface = surface_around(leaf, patch_distance, std::move(triangles), fineness);
   loaded.input.core = core_around(state_, leaf, kCoreReach * size);
+  loaded.input.sizes = sizes_around(leaf, state_.reach_of(leaf, kReach));
   return loaded;
 }
 
@@ -164,9 +197,34 @@ std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
       info.first_new_id, {std::move(held.vertices), std::move(held.cells)}, std::move(held.asked)};
 }
 
-double LeafLoader::volume_over_size(const Box& box) const {
-  const Point sides = (1 / state_.size()) * (box.max - box.min);
+double LeafLoader::volume_over_size(const Box& box, double size) const {
+  const Point sides = (1 / size) * (box.max - box.min);
   return sides.x * sides.y * sides.z;
+}
+
+// Only points that samples may not hide ask for the surface: those on it, and volume points at most
+// r_s deep.
+double LeafLoader::surface_reach() const {
+  const double growth = state_.run().parameters.growth;
+  return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.size();
+}
+
+SizeCubes LeafLoader::sizes_around(MortonKey leaf, double distance) {
+  SizeCubes sizes;
+  if (state_.is_uniform()) return sizes;
+  const Frame& frame = state_.run().frame;
+  sizes.law = state_.run().parameters.sizes();
+  sizes.frame = frame;
+  const Box box = state_.box(leaf), region = box.expanded(distance);
+  for (const MortonKey other : state_.octree().leaves_within(frame, box, distance)) {
+    std::ranges::copy_if(state_.leaves().sizes(other).cubes, std::back_inserter(sizes.cubes),
+                         [&](const SizeCube& c) { return frame.box(c.key).overlaps(region); });
+    state_.leaves().trim();
+  }
+  // A cube may be larger than a leaf that was split.
+  const auto repeated = std::ranges::unique(sizes.cubes);
+  sizes.cubes.erase(repeated.begin(), repeated.end());
+  return sizes;
 }
 
 // In cover mode few points are added to those that cover the domain; in paper mode a leaf fills up
@@ -182,7 +240,7 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
 Criteria LeafLoader::criteria() const {
   const RunParameters& p = state_.run().parameters;
   const auto of = state_.is_cover() ? Criteria::of_cover : Criteria::of_paper;
-  return of(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
+  return of(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral, p.growth);
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are
@@ -200,8 +258,8 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
 std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
   std::vector<Box> waiting;
   if (state_.run().parameters.min_dihedral == 0) return waiting;
-  for (const MortonKey other :
-       state_.octree().leaves_within(state_.run().frame, state_.box(leaf), state_.size()))
+  for (const MortonKey other : state_.octree().leaves_within(
+           state_.run().frame, state_.box(leaf), 0.5 * state_.reach_of(leaf, kNeighborhood)))
     if (const LeafInfo& info = state_.leaves().info(other);
         other != leaf && info.queued && info.num_visits == 0)
       waiting.push_back(state_.box(other));
@@ -210,7 +268,8 @@ std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
 
 SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
                                         std::vector<Triangle> triangles, GridFineness fineness) {
-  fineness.resolution *= state_.size();
+  fineness.resolution *=
+      state_.run().phase == Phase::kSize ? state_.size() : state_.least_size(leaf);
   const Box box = state_.box(leaf);
   return {.triangles = std::move(triangles),
           .region = box.expanded(distance),
@@ -235,16 +294,28 @@ std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
   return triangles;
 }
 
-std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double distance) {
+std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double k) {
+  const double distance = state_.reach_of(leaf, k);
   const Box box = state_.box(leaf), nearly = box.expanded(distance);
+  const double factor = reach_factor(state_.run().parameters.growth, k);
+  const bool is_uniform = state_.is_uniform();
+  const auto is_within = [&](const Point& p, double reach) {
+    return box.squared_distance(p) <= reach * reach;
+  };
+  const auto reach_at = [&](const Point& p, std::span<const SizeCube> cubes) {
+    if (is_uniform) return distance;
+    return std::min(
+        distance, factor * size_at(state_.run().parameters.sizes(), state_.run().frame, cubes, p));
+  };
   std::vector<MeshPoint> around;
   for (const MortonKey other : state_.octree().leaves_within(state_.run().frame, box, distance)) {
     if (other == leaf || state_.leaves().info(other).num_points == 0) continue;
-    std::ranges::copy_if(state_.leaves().points(other).points, std::back_inserter(around),
-                         [&](const MeshPoint& p) {
-                           return nearly.contains(p.position) &&
-                                  box.squared_distance(p.position) <= distance * distance;
-                         });
+    std::span<const SizeCube> cubes;
+    if (!is_uniform) cubes = state_.leaves().sizes(other).cubes;
+    std::ranges::copy_if(
+        state_.leaves().points(other).points, std::back_inserter(around), [&](const MeshPoint& p) {
+          return nearly.contains(p.position) && is_within(p.position, reach_at(p.position, cubes));
+        });
     state_.leaves().trim();
   }
   std::ranges::sort(around, {}, &MeshPoint::id);

@@ -12,6 +12,7 @@
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/leaf.h"
+#include "refine/size_leaf.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -25,12 +26,16 @@ struct Loaded {
 using LoadedLeaf = Loaded<LeafInput>;
 using LoadedCover = Loaded<CoverInput>;
 using LoadedFill = Loaded<FillInput>;
+using LoadedSize = Loaded<SizeInput>;
 
 class LeafLoader {
  public:
   // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget, Stopped.
   LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
+  LoadedSize load_size(MortonKey leaf);
+  // Of all leaves; reserves its memory for good.
+  FarSurface far_surface();
   LoadedCover load_cover(MortonKey leaf);
   LoadedFill load_fill(MortonKey leaf);
   LoadedLeaf load(MortonKey leaf);  // in paper mode throws OverBudget: P has outgrown the memory
@@ -44,14 +49,20 @@ class LeafLoader {
   std::uint64_t max_own_points(MortonKey leaf) const;
   std::optional<LastVisit> last_visit(MortonKey leaf);
   void keep_memory_of_points();
-  double volume_over_size(const Box& box) const;
+  // `size`: the least that matters there
+  double volume_over_size(const Box& box, double size) const;
+  // What triangles a visit looks up lies this far from where h(p) is, at points that the surface
+  // may matter to.
+  double surface_reach() const;
+  SizeCubes sizes_around(MortonKey leaf, double distance);
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::vector<Box> waiting_around(MortonKey leaf);
   SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,
                               GridFineness fineness);
   std::vector<Triangle> triangles_meeting(const Box& region);
-  // Points of other leaves at most `distance` from the leaf's box, in order of id.
-  std::vector<MeshPoint> points_around(MortonKey leaf, double distance);
+  // Points of other leaves that a ball through a point of the leaf may reach, in order of id, if
+  // its radius is at most k / 2 times h at its center.
+  std::vector<MeshPoint> points_around(MortonKey leaf, double k);
 
   RunState& state_;
   MemoryBudget& budget_;

@@ -18,12 +18,13 @@ constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
 
 // Those that have a vertex in a cell at the leaf's points, and their cells in the mesh: circumradii
 // are below half of the reach (in paper mode there is no such bound).
-std::vector<MortonKey> leaves_around(const RunState& state, MortonKey leaf) {
+std::vector<MortonKey> leaves_around(RunState& state, MortonKey leaf) {
   if (!state.is_cover()) {
     const auto all = state.octree().leaves();
     return {all.begin(), all.end()};
   }
-  return state.octree().leaves_within(state.run().frame, state.box(leaf), kReach * state.size());
+  return state.octree().leaves_within(state.run().frame, state.box(leaf),
+                                      state.reach_of(leaf, kReach));
 }
 
 std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
@@ -167,11 +168,14 @@ void enqueue_for_mending(RunState& state) {
 void merge_sites(RunState& state) {
   const double size = state.size();
   // A visit's sites lie within its reach of its leaf.
-  const double distance =
-      state.is_cover() ? (2 * kReach + 1) * size : std::numeric_limits<double>::infinity();
+  const auto distance_of = [&](MortonKey leaf) {
+    return state.is_cover() ? 2 * state.reach_of(leaf, kReach) + size
+                            : std::numeric_limits<double>::infinity();
+  };
   for (const MortonKey leaf : state.octree().leaves()) {
     state.leaves().trim();
     if (state.leaves().info(leaf).num_unresolved == 0) continue;
+    const double distance = distance_of(leaf);
     std::vector<UnresolvedSite> kept;
     for (const MortonKey other :
          state.octree().leaves_within(state.run().frame, state.box(leaf), distance)) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -17,7 +18,7 @@ constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
 constexpr std::chrono::seconds kMaxTimeOfCommit{1};
 
 // Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
-constexpr double kCoverConflict = 1.01 * kSampleRadius;
+double cover_conflict(bool is_uniform) { return 1.01 * sample_radius(is_uniform); }
 
 RunRecord read_run(const Store& store) {
   const auto run = store.snapshot().run();
@@ -71,23 +72,63 @@ bool RunState::open_epoch(const StopToken* stop) {
   return true;
 }
 
+double RunState::size_at(const Point& p) {
+  if (is_uniform()) return size();
+  return locvol::size_at(run_.parameters.sizes(), run_.frame, leaves_.sizes(owner_of(p)).cubes, p);
+}
+
+double RunState::reach_at(const Point& p, double k) {
+  return is_uniform() ? k * size() : reach_factor(run_.parameters.growth, k) * size_at(p);
+}
+
+double RunState::reach_of(MortonKey leaf, double k) {
+  return is_uniform() ? k * size()
+                      : reach_factor(run_.parameters.growth, k) * leaves_.info(leaf).largest_size;
+}
+
+double RunState::least_size(MortonKey leaf) {
+  return is_uniform() ? size() : leaves_.info(leaf).least_size;
+}
+
+void RunState::put_sizes(MortonKey leaf, LeafSizes sizes) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  const SizeLaw law = run_.parameters.sizes();
+  info.least_size = law.at_distance(least_distance(sizes.cubes));
+  info.largest_size = largest_size(law, sizes.cubes);
+  leaves_.put_sizes(leaf, std::move(sizes));
+}
+
 std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its_leaves,
-                                               const StopToken* stop) const {
-  if (is_cover()) return color_leaves(octree_, run_.frame, its_leaves, conflict_distance(), stop);
+                                               const StopToken* stop) {
+  if (is_cover() && is_uniform())
+    return color_leaves(octree_, run_.frame, its_leaves, conflict_distance(its_leaves.front()),
+                        stop);
+  if (is_cover()) {
+    std::vector<double> distances;
+    distances.reserve(its_leaves.size());
+    for (const MortonKey leaf : its_leaves) distances.push_back(conflict_distance(leaf));
+    return color_leaves(octree_, run_.frame, its_leaves, distances, stop);
+  }
   // Any leaf may write into the reach of any other.
   std::vector<std::uint32_t> colors(its_leaves.size());
   std::iota(colors.begin(), colors.end(), 0U);
   return colors;
 }
 
-double RunState::conflict_distance() const {
-  return (run_.phase == Phase::kCover ? kCoverConflict : kConflict) * size();
+// Leaves are measured each by itself. Each step from one leaf to the other, kReach long at most,
+// leads to where h may be larger.
+double RunState::conflict_distance(MortonKey leaf) {
+  if (run_.phase == Phase::kSize) return -1;
+  if (run_.phase == Phase::kCover) return cover_conflict(is_uniform()) * size();
+  if (is_uniform()) return kConflict * size();
+  return kConflict * std::pow(reach_factor(run_.parameters.growth, kReach) / kReach, 2) *
+         leaves_.info(leaf).largest_size;
 }
 
-bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) const {
+bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {
   if (a.position == b.position) return true;
   if (!is_cover()) return false;
-  const double distance = conflict_distance();
+  const double distance = std::max(conflict_distance(a.leaf), conflict_distance(b.leaf));
   return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
 }
 
@@ -211,7 +252,7 @@ void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
   leaves_.erase_leaf(leaf);
   octree_.split(leaf);
   for (int octant = 0; octant < 8; ++octant) {
-    auto& [is_center_inside, points, surface] = children[static_cast<std::size_t>(octant)];
+    auto& [is_center_inside, points, surface, sizes] = children[static_cast<std::size_t>(octant)];
     const MortonKey key = leaf.child(octant);
     LeafInfo info;
     info.is_center_inside = is_center_inside;
@@ -219,6 +260,7 @@ void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
     info.num_core_points = num_points(points.core, sites(key));
     info.num_triangles = surface.triangles.size();
     leaves_.add_leaf(key, info, std::move(points), std::move(surface));
+    if (!is_uniform()) put_sizes(key, std::move(sizes));
     if (info.num_points > 0) enqueue(key);
   }
 }

@@ -52,6 +52,17 @@ class RunState {
   Box box(MortonKey leaf) const { return run_.frame.box(leaf); }
   SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(box(leaf)); }
 
+  // -- Sizes
+
+  bool is_uniform() const { return run_.parameters.sizes().is_uniform(); }
+  double size_at(const Point& p);  // h(p)
+  // How far from p, or from any point of the leaf, a ball through it reaches if its radius is at
+  // most k / 2 times h at its center.
+  double reach_at(const Point& p, double k);
+  double reach_of(MortonKey leaf, double k);
+  double least_size(MortonKey leaf);
+  void put_sizes(MortonKey leaf, LeafSizes sizes);
+
   // -- Phases and the queue
 
   void begin_phase(Phase next) { run_.phase = next; }
@@ -62,7 +73,7 @@ class RunState {
   // That is to be committed before any of them is visited. Throws Stopped before any change.
   bool open_epoch(const StopToken* stop = nullptr);
   // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
-  bool are_independent(const QueueEntry& a, const QueueEntry& b) const;
+  bool are_independent(const QueueEntry& a, const QueueEntry& b);
 
   // -- Points
 
@@ -99,6 +110,7 @@ class RunState {
     bool is_center_inside = false;
     LeafPoints points;
     LeafSurface surface;
+    LeafSizes sizes;
   };
   // Its cells and unresolved sites are gone, children with points wait.
   void split(MortonKey leaf, std::array<Child, 8> children);
@@ -114,9 +126,10 @@ class RunState {
  private:
   MortonKey owner_of(const Point& position) const;
   void add_to_leaf(const MeshPoint& point);
-  double conflict_distance() const;  // REQUIRES: cover mode
+  // Of leaves of this one alone, where sizes vary. REQUIRES: cover mode
+  double conflict_distance(MortonKey leaf);
   std::vector<std::uint32_t> colors_of(const std::vector<MortonKey>& its_leaves,
-                                       const StopToken* stop) const;
+                                       const StopToken* stop);
 
   Store& store_;
   RunRecord run_;

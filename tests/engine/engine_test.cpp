@@ -27,6 +27,7 @@ struct LeafContents {
   LeafCells cells;
   LeafSurface surface;
   LeafUnresolved unresolved;
+  LeafSizes sizes;
   friend bool operator==(const LeafContents&, const LeafContents&) = default;
 };
 struct Contents {
@@ -41,8 +42,8 @@ Contents contents_of(const std::filesystem::path& directory) {
   const Snapshot snapshot = store.snapshot();
   Contents contents{.run = *snapshot.run(), .leaves = {}, .queue = {}};
   for (const MortonKey key : snapshot.leaf_keys())
-    contents.leaves[key] = {*snapshot.leaf(key), snapshot.points(key), snapshot.cells(key),
-                            snapshot.surface(key), snapshot.unresolved(key)};
+    contents.leaves[key] = {*snapshot.leaf(key),   snapshot.points(key),     snapshot.cells(key),
+                            snapshot.surface(key), snapshot.unresolved(key), snapshot.sizes(key)};
   snapshot.for_each_queued([&](const QueueEntry& entry) {
     contents.queue.push_back(entry);
     return true;
@@ -530,6 +531,107 @@ TEST_F(EngineTest, MeshesANeedleOfLongTrianglesInManyLeaves) {
   const RunSummary summary = mesh(options("store", 0.066, 300));
   EXPECT_GT(summary.num_leaves, 64U);
   EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
+}
+
+class GradedEngineTest : public EngineTest {
+ protected:
+  MeshOptions graded(const std::string& store, double size, std::uint64_t leaf_capacity,
+                     double growth = 0.2) const {
+    MeshOptions options = this->options(store, size, leaf_capacity);
+    options.growth = growth;
+    return options;
+  }
+};
+
+// The audit asks the size where each cell's circumcenter is, by other code.
+TEST_F(GradedEngineTest, CellsGrowFromTheSurfaceInwards) {
+  write(sphere(1, 61, 128));
+  std::uint64_t num_before = mesh(options("uniform", 0.06, 2000)).run.counts.num_cells;
+  for (const double growth : {0.1, 0.2, 0.3}) {
+    const auto run = graded("growth " + std::to_string(growth), 0.06, 2000, growth);
+    const RunSummary summary = mesh(run);
+    EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+    EXPECT_GT(summary.num_leaves, 8U);
+    EXPECT_LT(summary.run.counts.num_cells, 0.75 * static_cast<double>(num_before));
+    num_before = summary.run.counts.num_cells;
+    const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid());
+    EXPECT_GT(report.max_circumradius, 0.98);
+    EXPECT_EQ(report.num_poor_cells, 0U);
+    EXPECT_EQ(boundary_of(contents_of(run.store)).euler_characteristic, 2);
+  }
+}
+
+TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
+  write(sphere(1, 61, 128));
+  auto run = graded("bounded", 0.06, 0, 0.3);
+  run.max_size = SizeSpec{0.09, false};
+  const RunSummary bounded = mesh(run);
+  EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
+  const RunSummary free = mesh(graded("free", 0.06, 0, 0.3));
+  EXPECT_GT(bounded.run.counts.num_cells, 1.1 * static_cast<double>(free.run.counts.num_cells));
+}
+
+TEST_F(GradedEngineTest, SharpAndThinPartsKeepTheirTopology) {
+  write(together(wedge(1, 0.5, 0.9), translated(torus(0.5, 0.05, 64, 12), {0, 0, 3})));
+  for (const double size : {0.05, 0.025}) {
+    const auto run = graded("thin " + std::to_string(size), size, 500);
+    mesh(run);
+    const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid());
+    EXPECT_EQ(boundary_of(contents_of(run.store)).euler_characteristic, 2);
+  }
+}
+
+TEST_F(GradedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write(torus(1, 0.4, 48, 24));
+  const auto with_threads = [](int num_threads) {
+    RunControl control;
+    control.num_threads = num_threads;
+    return control;
+  };
+  mesh(graded("one", 0.06, 200), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.leaves.size(), 30U);
+  for (const int num_threads : {2, 5}) {
+    const std::string name = std::to_string(num_threads);
+    mesh(graded(name, 0.06, 200), with_threads(num_threads));
+    EXPECT_TRUE(are_equal(contents_of(scratch_ / name), expected)) << name << " threads";
+  }
+  for (const int num_visits : {3, 40}) {
+    const auto run = graded("pieces " + std::to_string(num_visits), 0.06, 200);
+    mesh_in_pieces(run, num_visits);
+    EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_visits;
+  }
+}
+
+TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
+  write(sphere(1, 15, 32));
+  mesh(graded("store", 0.3, 0));
+  const auto expect_refusal = [&](MeshOptions options, const std::string& words) {
+    try {
+      mesh(options);
+      ADD_FAILURE() << "not refused: " << words;
+    } catch (const std::runtime_error& e) {
+      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
+    }
+  };
+  expect_refusal(graded("store", 0.3, 0, 0.1), "growth: 0.2 in the store, 0.1 asked for");
+  expect_refusal(options("store", 0.3, 0), "growth: 0.2 in the store, 0 asked for");
+  auto bounded = graded("store", 0.3, 0);
+  bounded.max_size = SizeSpec{0.5, false};
+  expect_refusal(bounded, "largest size: inf in the store, 0.5 asked for");
+  for (const double growth : {-0.1, 0.31, std::nan("")})
+    expect_refusal(graded("bad", 0.3, 0, growth), "growth");
+  bounded.store = scratch_ / "bad";
+  bounded.max_size = SizeSpec{0.1, false};
+  expect_refusal(bounded, "below the size at the surface");
+  bounded.growth = 0;
+  expect_refusal(bounded, "give a growth");
+  auto paper = graded("bad", 0.3, 0);
+  paper.init = Initialization::kPaper;
+  expect_refusal(paper, "cover mode");
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "bad"));
 }
 
 TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {

@@ -421,7 +421,7 @@ TEST_P(CoverOf, LatticePointsAreThoseInsideAndDeepEnough) {
     const Point p = lattice.position(site);
     if (!is_inside(p, world.mesh)) return;
     const double depth = distance(p, world.mesh) / world.size;
-    if (depth >= kLatticeDepth)
+    if (depth >= kSampleRadius)
       deep.insert(site);
     else if (depth >= kLeastLatticeDepth)
       shallow.insert(site);
@@ -448,7 +448,7 @@ void expect_hidden(const std::vector<Point>& points, const CoverRun& run, std::u
   Random random(seed);
   int num_nearest = 0;
   for (const Point& p : probes(run.world.mesh, 20'000, random))
-    if (nearest(p, points) < std::min(nearest(p, run.samples), kLatticeDepth * run.world.size))
+    if (nearest(p, points) < std::min(nearest(p, run.samples), kSampleRadius * run.world.size))
       ++num_nearest;
   EXPECT_EQ(num_nearest, 0) << "seed " << seed;
 }

@@ -40,6 +40,7 @@ TEST(Codec, RandomRecordsComeBack) {
     expect_round_trip(random.cells(size), leaf);
     expect_round_trip(random.surface(size), leaf);
     expect_round_trip(random.unresolved(size), leaf);
+    expect_round_trip(random.sizes(size), leaf);
     expect_round_trip(random.info(), leaf);
     expect_round_trip(random.run(), MortonKey());
     expect_round_trip(random.timeline(size), MortonKey());
@@ -110,6 +111,7 @@ TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   expect_damage_is_noticed(random.cells(300), sample_leaf());
   expect_damage_is_noticed(random.surface(100), sample_leaf());
   expect_damage_is_noticed(random.unresolved(30), sample_leaf());
+  expect_damage_is_noticed(random.sizes(30), sample_leaf());
 }
 
 TEST(Codec, NoticesARecordInAnothersPlace) {
@@ -211,8 +213,14 @@ TEST(Codec, RefusesValuesOutOfRange) {
     unresolved[kFieldsAt + sizeof(std::uint64_t)] = condition;
     expect_error_about<LeafUnresolved>(frame_of(unresolved), "condition");
   }
+  LeafSizes disordered = sample_sizes();
+  std::swap(disordered.cubes[0], disordered.cubes[1]);
+  EXPECT_THROW(encode(disordered, sample_leaf()), DecodeError);
+  LeafSizes endless = sample_sizes();
+  endless.cubes[1].distance[2] = std::numeric_limits<float>::infinity();
+  EXPECT_THROW(encode(endless, sample_leaf()), DecodeError);
   std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
-  timeline.back() = 7;  // the last sample's phase
+  timeline.back() = 8;  // the last sample's phase
   EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
 }
 
@@ -250,6 +258,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("cells.v0", sample_cells(), sample_leaf());
   expect_golden("surface.v0", sample_surface(), sample_leaf());
   expect_golden("unresolved.v0", sample_unresolved(), sample_leaf());
+  expect_golden("sizes.v0", sample_sizes(), sample_leaf());
   expect_golden("queue.v0", sample_queue_entry(), sample_leaf());
   expect_golden("memory.v0", sample_memory(), MortonKey());
   expect_golden("timeline.v0", sample_timeline(), MortonKey());

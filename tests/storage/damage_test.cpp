@@ -336,7 +336,7 @@ class ForeignFile : public testing::Test {
 TEST_F(ForeignFile, AnotherFormatIsRefused) {
   put("meta", "format", encode(StoreFormat{StoreFormat::kCurrent + 1}, MortonKey()));
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "format 2, written by another locvol");
+  expect_error([&] { Store::open(dir_.path()); }, "format 3, written by another locvol");
 }
 
 TEST_F(ForeignFile, DamagedFormatIsRefused) {
@@ -417,8 +417,8 @@ class ForeignRecords : public ForeignFile {
     const Store store = Store::open(dir_.path());
     EXPECT_THROW(store.snapshot().points(MortonKey::root()), CorruptRecord);
   }
-  static constexpr const char* kNames[] = {"meta",    "leaves", "points",    "cells",
-                                           "surface", "queue",  "unresolved"};
+  static constexpr const char* kNames[] = {"meta",    "leaves", "points",     "cells",
+                                           "surface", "queue",  "unresolved", "sizes"};
   const std::string record_ = encode(sample_points(), MortonKey::root());
 };
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "octree/morton_key.h"
+#include "octree/octree.h"
 #include "storage/codec.h"
 #include "storage/records.h"
 
@@ -18,7 +19,7 @@ inline MortonKey sample_leaf() { return MortonKey::from_bits(0x0123456789abc000)
 
 inline RunRecord sample_run() {
   RunRecord run;
-  run.parameters = {"00ff17", 0.125, 2.0, 15, 0.02, 20000, Initialization::kPaper, 42};
+  run.parameters = {"00ff17", 0.125, 2.0, 15, 0.02, 20000, Initialization::kPaper, 42, 0.2, 8};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -52,6 +53,8 @@ inline LeafInfo sample_info() {
   info.num_core_points = 120;
   info.num_core_cells = 512;
   info.num_left_out = 17;
+  info.least_size = 0.25;
+  info.largest_size = 3;
   return info;
 }
 
@@ -76,6 +79,12 @@ inline LeafSurface sample_surface() {
 
 inline LeafUnresolved sample_unresolved() {
   return {{{3, {1, 2, 3}, 0.5}, {6, {-1, 0.1, 3}, 1e-9}}};
+}
+
+inline LeafSizes sample_sizes() {
+  const MortonKey node = MortonKey::root().child(5);
+  return {{{node.child(0), {-1, 0.5F, 1e-30F, 3, 4, 5, 6, 7}, 0.125F},
+           {node.child(3).child(1), {-0.0F, 1, 2, 3, 4, 5, 6, 1e30F}, 0}}};
 }
 
 inline MemoryRecord sample_memory() {
@@ -235,6 +244,17 @@ class Generator {
     return record;
   }
 
+  LeafSizes sizes(std::size_t count) {  // less than 8^5
+    LeafSizes record;
+    const LinearOctree octree = LinearOctree::uniform(5);
+    for (std::size_t i = 0; i < count; ++i) {
+      SizeCube& cube = record.cubes.emplace_back();
+      cube.key = octree.leaves()[i];
+      for (float& d : cube.distance) d = static_cast<float>(real());
+      cube.excess = static_cast<float>(real());
+    }
+    return record;
+  }
   LeafUnresolved unresolved(std::size_t count) {
     LeafUnresolved record;
     for (std::size_t i = 0; i < count; ++i)

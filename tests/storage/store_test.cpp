@@ -280,7 +280,7 @@ TEST(Store, BytesWrittenCountsWhatIsStored) {
     EXPECT_GE(size.bytes, written);
     EXPECT_LE(size.bytes, written * 11 / 10 + 8192);
   }
-  EXPECT_EQ(store.sizes().size(), 7u);
+  EXPECT_EQ(store.sizes().size(), 8u);
 }
 
 // -- Map growth -----------------------------------------------------------------------------------

@@ -632,6 +632,45 @@ TEST_F(CubeStore, AnotherBoundOnAnglesIsRefused) {
       << refused.err;
 }
 
+TEST_F(CubeStore, OtherSizesAreRefused) {
+  const ProcessResult refused =
+      run_locvol({"mesh", make_cube(dir_), "-o", (dir_ / "cube.vtu").string(), "-s", "20%",
+                  "--store", store_, "--growth", "0.2"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("growth: 0 in the store, 0.2 asked for"), std::string::npos)
+      << refused.err;
+}
+
+TEST(Command, SizesThatGrowMakeFewerCells) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir);
+  const auto meshed = [&](const std::vector<std::string>& sizes) {
+    std::vector<std::string> arguments{"mesh",   cube, "-o",     (dir / "cube.vtu").string(),
+                                       "-s",     "3%", "--json", "--quiet",
+                                       "--force"};
+    arguments.insert(arguments.end(), sizes.begin(), sizes.end());
+    const ProcessResult result = run_locvol(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out);
+  };
+  const Json uniform = meshed({}), grown = meshed({"--growth", "0.3"}),
+             bounded = meshed({"--growth", "0.3", "--max-size", "5%"});
+  const auto cells = [](const Json& json) {
+    return json.at("statistics").at("num_cells").get<double>();
+  };
+  EXPECT_LT(cells(grown), 0.6 * cells(uniform));
+  EXPECT_GT(cells(bounded), 1.1 * cells(grown));
+  EXPECT_GE(grown.at("statistics").at("min_dihedral_degrees").get<double>(), 15);
+  const ProcessResult info = run_locvol({"info", cube, "-s", "3%", "--growth", "0.3", "--json"});
+  EXPECT_NEAR(Json::parse(info.out).at("estimated_cells").get<double>(), cells(grown),
+              0.2 * cells(grown));
+  for (const char* bad : {"-0.1", "0.5", "nan", "much"}) {
+    const ProcessResult refused = run_locvol({"info", cube, "-s", "3%", "--growth", bad});
+    EXPECT_EQ(refused.exit_code, 2) << bad;
+    EXPECT_NE(refused.err.find("is no growth"), std::string::npos) << refused.err;
+  }
+}
+
 // Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.
 bool wait_for_refinement(const Process& process) {
   for (int i = 0; i < 6000 && !process.has_ended(); ++i) {

@@ -33,6 +33,7 @@ struct Trial {
   const char* name;
   Shape shape;
   double size;
+  double growth = 0;
 };
 
 // None of these was used for the fit.
@@ -41,8 +42,10 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
       {"coarse ball", sphere(2, 31, 64), 0.3},
       {"ball", sphere(2, 31, 64), 0.1},
       {"flat torus", torus(3, 0.5, 90, 30), 0.12},
-      {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.08}};
-  for (const auto& [name, shape, size] : trials) {
+      {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.08},
+      {"growing ball", sphere(2, 61, 128), 0.08, 0.2},
+      {"growing torus", torus(3, 0.5, 90, 30), 0.06, 0.3}};
+  for (const auto& [name, shape, size, growth] : trials) {
     SCOPED_TRACE(name);
     const TempDir scratch;
     write_off(shape, scratch / "surface.off");
@@ -50,6 +53,7 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
     options.input = scratch / "surface.off";
     options.store = scratch / "store";
     options.size = {size, false};
+    options.growth = growth;
     const RunSummary made = mesh(options);
     const RunEstimate estimate = estimate_run(made.run.surface, made.run.parameters);
     const auto num_cells = static_cast<double>(made.run.counts.num_cells);
@@ -107,7 +111,7 @@ TEST(RunEstimate, SaysWhereTheSurfaceIsThin) {
 
 TEST(DefaultSize, MakesAUsefulMesh) {
   const auto cells_of = [](const SurfaceFacts& facts) {
-    return estimated_num_cells(facts, default_size(facts));
+    return estimated_num_cells(facts, {.surface = default_size(facts)});
   };
   EXPECT_NEAR(cells_of(facts_of(1, 6)), 5e5, 1e5);
   EXPECT_NEAR(cells_of(facts_of(1e-9, 6e-6)), 5e5, 1e5);  // of any unit

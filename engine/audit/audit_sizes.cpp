@@ -1,0 +1,35 @@
+#include "engine/audit/audit_sizes.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+namespace locvol {
+
+void AuditSizes::add(const std::vector<SizeCube>& cubes) {
+  for (const SizeCube& cube : cubes) cubes_.emplace(cube.key, cube);
+}
+
+// The cube is found from the smallest node upwards; each corner counts by how near p is to it along
+// each axis.
+double AuditSizes::at(const Point& p) const {
+  if (cubes_.empty() || !frame_.contains(p)) return law_.surface;
+  MortonKey node = frame_.key_of(p);
+  while (!cubes_.contains(node) && node != MortonKey::root()) node = node.parent();
+  const auto found = cubes_.find(node);
+  if (found == cubes_.end()) return law_.surface;
+  const Box box = frame_.box(node);
+  double distance = 0;
+  for (std::size_t corner = 0; corner < 8; ++corner) {
+    double weight = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double side = box.max[axis] - box.min[axis];
+      weight *= (corner >> axis & 1 ? p[axis] - box.min[axis] : box.max[axis] - p[axis]) / side;
+    }
+    distance += weight * static_cast<double>(found->second.distance[corner]);
+  }
+  const double depth = std::max(0.0, distance - static_cast<double>(found->second.excess));
+  return std::min(law_.most, law_.surface + law_.growth * depth);
+}
+
+}  // namespace locvol

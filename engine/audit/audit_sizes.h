@@ -1,0 +1,29 @@
+// The size of cells at a place, from a run's records, by other code than builds the mesh
+// (octree/size_field.h).
+#pragma once
+
+#include <unordered_map>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/size_field.h"
+#include "octree/table_hash.h"
+
+namespace locvol {
+
+class AuditSizes {
+ public:
+  AuditSizes() = default;  // of no use
+  AuditSizes(const SizeLaw& law, const Frame& frame) : law_(law), frame_(frame) {}
+
+  void add(const std::vector<SizeCube>& cubes);
+  // h(p); λ where no cube is known.
+  double at(const Point& p) const;
+
+ private:
+  SizeLaw law_;
+  Frame frame_;
+  std::unordered_map<MortonKey, SizeCube, TableHash> cubes_;  // asked, never listed
+};
+
+}  // namespace locvol

@@ -1,0 +1,122 @@
+// The size of cells as a function of the place (refine/ALGORITHM.md, "Sizes that vary"): λ
+// everywhere, or h(x) as the sizes of a run's leaves have it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/geometry.h"
+#include "octree/lattice.h"
+#include "octree/morton_key.h"
+
+namespace locvol {
+
+// What h is made of: inside, at most `surface` + `growth` times the distance to the surface, and at
+// most `most`; outside, `surface`.
+struct SizeLaw {
+  double surface = 0;  // λ
+  double growth = 0;   // g: h changes by at most g times the way; 0: λ everywhere
+  double most = std::numeric_limits<double>::infinity();
+
+  bool is_uniform() const { return growth == 0; }
+  double at_distance(double distance) const {
+    const double size = surface + growth * distance;
+    return size < most ? size : most;
+  }
+  friend bool operator==(const SizeLaw&, const SizeLaw&) = default;
+};
+
+// A cube of the octree of sizes, which is as large as the lattice's cells in it may be.
+struct SizeCube {
+  MortonKey key;
+  // From the surface, at its corners (1 = upper x, 2 = y, 4 = z): negative outside. Between them it
+  // is interpolated, and at the center `excess` larger than it is.
+  std::array<float, 8> distance{};
+  float excess = 0;
+  friend bool operator==(const SizeCube&, const SizeCube&) = default;
+};
+
+// The cubes around a leaf: a value, which can be stored and sent.
+struct SizeCubes {
+  SizeLaw law;
+  Frame frame;
+  std::vector<SizeCube> cubes;  // none in another, in Morton order; none: λ everywhere
+  friend bool operator==(const SizeCubes&, const SizeCubes&) = default;
+};
+
+// The distance from the surface at p, interpolated. REQUIRES: p lies in the cube's box
+double interpolated(const SizeCube& cube, const Box& box, const Point& p);
+// h(p); where no cube is known, λ. `cubes`: in Morton order
+double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
+               const Point& p);
+// No less than h in any of the cubes.
+double largest_size(const SizeLaw& law, std::span<const SizeCube> cubes);
+// From the surface, of the corners; 0 where the surface may pass through a cube.
+double least_distance(std::span<const SizeCube> cubes);
+// How far from a point balls through it reach, over h there, if their radii are at most k / 2 times
+// h at their centers.
+inline double reach_factor(double growth, double k) { return k / (1 - 0.5 * growth * k); }
+
+// Calls visit(site) for its center and its corners: points of the lattice of cubes, but for cubes
+// that are all outside.
+template <class Visit>
+void for_each_lattice_point(const SizeCube& cube, Visit visit) {
+  const auto is_outside = [](float d) { return d < 0; };
+  if (std::ranges::all_of(cube.distance, is_outside)) return;
+  const GridPoint low = cube.key.grid_min();
+  const auto site = [&](std::uint32_t i, std::uint32_t j, std::uint32_t k) {  // in half sides
+    const std::uint32_t half = cube.key.grid_side() / 2;
+    return LatticeSite{static_cast<std::int32_t>((low.x + i * half) / 2),
+                       static_cast<std::int32_t>((low.y + j * half) / 2),
+                       static_cast<std::int32_t>((low.z + k * half) / 2)};
+  };
+  visit(site(1, 1, 1));
+  for (std::uint32_t n = 0; n < 8; ++n) visit(site(2 * (n & 1), 2 * (n >> 1 & 1), 2 * (n >> 2)));
+}
+
+// Looks up h. Threads: const functions are safe from many threads.
+// Cost: 25 ns; nothing where λ is the same everywhere.
+class SizeField {
+ public:
+  explicit SizeField(double size) : law_{.surface = size}, largest_(size) {}
+  explicit SizeField(const SizeCubes& sizes);
+
+  bool is_uniform() const { return law_.is_uniform(); }
+  double growth() const { return law_.growth; }
+
+  // h(p). Where no cube is known: λ.
+  double at(const Point& p) const { return is_uniform() ? on_surface() : graded_at(p); }
+  // λ.
+  double on_surface() const { return law_.surface; }
+  // No less than h anywhere.
+  double largest() const { return largest_; }
+  // How far from p a ball through it reaches if its radius is at most k / 2 times h at its center.
+  // REQUIRES: growth · k < 2
+  double reach_of_balls(const Point& p, double k) const {
+    return is_uniform() ? k * on_surface() : reach_factor(growth(), k) * graded_at(p);
+  }
+
+ private:
+  // As an SizeCube, ready for use.
+  struct Cube {
+    Point low;
+    double inverse_side = 0;
+    std::array<float, 8> distance{};
+    float excess = 0;
+  };
+  double graded_at(const Point& p) const;
+
+  SizeLaw law_;
+  Box root_;
+  double inverse_unit_ = 0;
+  std::vector<std::uint64_t> first_, last_;  // of each cube's range of keys
+  std::vector<Cube> cubes_;
+  double largest_ = 0;
+};
+
+}  // namespace locvol

@@ -1,0 +1,97 @@
+#include "refine/far_surface.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "refine/closest_point.h"
+
+namespace locvol {
+namespace {
+
+constexpr int kParts = 8;  // of a leaf, on each axis
+
+}  // namespace
+
+void FarSurface::add(const Box& leaf, std::span<const Triangle> triangles) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  struct Nearest {
+    Point point;
+    double squared_distance = kNone;
+  };
+  std::vector<Nearest> nearest(std::size_t{kParts} * kParts * kParts);
+  const Point step = 1.0 / kParts * (leaf.max - leaf.min);
+  const auto place = [&](double v, int axis) {
+    const double part = std::floor((v - leaf.min[axis]) / step[axis]);
+    return static_cast<int>(std::clamp(part, 0.0, kParts - 1.0));
+  };
+  for (const Triangle& triangle : triangles) {
+    const Box box = triangle.box();
+    if (!box.overlaps(leaf)) continue;
+    std::array<int, 3> low{}, high{};
+    for (int axis = 0; axis < 3; ++axis) {
+      low[std::size_t(axis)] = place(box.min[axis], axis);
+      high[std::size_t(axis)] = place(box.max[axis], axis);
+    }
+    for (int k = low[2]; k <= high[2]; ++k)
+      for (int j = low[1]; j <= high[1]; ++j)
+        for (int i = low[0]; i <= high[0]; ++i) {
+          const Point corner = leaf.min + Point{i * step.x, j * step.y, k * step.z};
+          const Point center = corner + 0.5 * step;
+          const Point q = closest_on_triangle(triangle.corners, center);
+          if (!Box{corner, corner + step}.contains(q)) continue;
+          const double d = squared_distance(q, center);
+          Nearest& held = nearest[std::size_t((k * kParts + j) * kParts + i)];
+          if (d < held.squared_distance) held = {q, d};
+        }
+  }
+  Group group{.box = {}, .first = points_.size(), .end = 0};
+  for (const auto& [point, squared] : nearest) {
+    if (squared == kNone) continue;
+    group.box = points_.size() == group.first ? Box::around(point) : group.box.joined(point);
+    points_.push_back(point);
+  }
+  group.end = points_.size();
+  if (group.first < group.end) groups_.push_back(group);
+}
+
+void FarSurface::finish() {
+  if (groups_.empty()) return;
+  nodes_.assign(2 * std::bit_ceil(groups_.size()), {});
+  build(0, 0, groups_.size());
+}
+
+Box FarSurface::build(std::size_t node, std::size_t first, std::size_t end) {
+  if (end - first == 1) return nodes_[node] = groups_[first].box;
+  const std::size_t middle = first + (end - first) / 2;
+  const Box low = build(2 * node + 1, first, middle);
+  return nodes_[node] = low.joined(build(2 * node + 2, middle, end));
+}
+
+double FarSurface::distance(const Point& p, double bound) const {
+  if (groups_.empty()) return bound;
+  assert(!nodes_.empty());
+  double squared = bound * bound;
+  descend(0, 0, groups_.size(), p, squared);
+  return squared < bound * bound ? std::sqrt(squared) : bound;
+}
+
+void FarSurface::descend(std::size_t node, std::size_t first, std::size_t end, const Point& p,
+                         double& squared) const {
+  if (nodes_[node].squared_distance(p) >= squared) return;
+  if (end - first == 1) {
+    for (std::size_t i = groups_[first].first; i < groups_[first].end; ++i)
+      squared = std::min(squared, squared_distance(points_[i], p));
+    return;
+  }
+  const std::size_t middle = first + (end - first) / 2, low = 2 * node + 1, high = low + 1;
+  const bool is_low_nearer = nodes_[low].squared_distance(p) <= nodes_[high].squared_distance(p);
+  if (is_low_nearer) descend(low, first, middle, p, squared);
+  descend(high, middle, end, p, squared);
+  if (!is_low_nearer) descend(low, first, middle, p, squared);
+}
+
+}  // namespace locvol

@@ -1,0 +1,46 @@
+// FarSurface: how far the surface is from a place that is far from it, in memory that does not grow
+// with its triangles: of each leaf, some hundred points of the surface.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// Points of the surface stand for it: one in each of a leaf's 8 x 8 x 8 parts that it passes
+// through, the one closest to the part's center. So a distance from afar is a little too large: by
+// the square of an eighth of a leaf over it, where the surface is smooth.
+// Memory: 24 bytes a point, some 100 points a leaf. Threads: const functions are safe from many.
+class FarSurface {
+ public:
+  // `triangles`: that meet the leaf's box. Leaves come in one order: the distances do not depend on
+  // it, and look-ups are fast if leaves that come after one another are near each other.
+  void add(const Box& leaf, std::span<const Triangle> triangles);
+  void finish();  // once all leaves are there
+
+  // From p to the nearest of the points, or `bound` if none is closer. REQUIRES: finish() was
+  // called
+  double distance(const Point& p, double bound) const;
+  std::size_t bytes() const {
+    return points_.capacity() * sizeof(Point) + groups_.capacity() * sizeof(Group) +
+           nodes_.capacity() * sizeof(Box);
+  }
+
+ private:
+  struct Group {  // the points of a leaf
+    Box box;
+    std::size_t first = 0, end = 0;
+  };
+  Box build(std::size_t node, std::size_t first, std::size_t end);
+  void descend(std::size_t node, std::size_t first, std::size_t end, const Point& p,
+               double& squared) const;
+
+  std::vector<Point> points_;
+  std::vector<Group> groups_;
+  std::vector<Box> nodes_;  // of a binary tree over the groups; node n has 2n + 1 and 2n + 2
+};
+
+}  // namespace locvol

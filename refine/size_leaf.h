@@ -1,0 +1,37 @@
+// The octree of sizes in a leaf: cubes as large as h lets the lattice's cells in them be, with the
+// distance of their corners from the surface.
+#pragma once
+
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/morton_key.h"
+#include "octree/size_field.h"
+#include "octree/stop.h"
+#include "refine/far_surface.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+// Cubes are no smaller than this: their corners and centers have coordinates on the grid of level
+// 20, below 2^20.
+inline constexpr int kMaxCubeLevel = 19;
+// Over λ. The nearest triangle is looked up this far from the leaf; what is farther, FarSurface
+// stands for.
+inline constexpr double kExactDistance = 10;
+
+struct SizeInput {
+  SizeLaw law;
+  Frame frame;
+  MortonKey leaf;
+  SurfacePiece surface;  // region contains the leaf's box
+};
+
+// In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's
+// cells in it, √5/4 of its side, may exceed h at a circumcenter; outside, as long as the surface
+// may pass through it.
+// Time: 4 µs to λ² of surface. Throws Stopped; `stop` may be null
+std::vector<SizeCube> size_leaf(SizeInput input, const FarSurface& far,
+                                const StopToken* stop = nullptr);
+
+}  // namespace locvol

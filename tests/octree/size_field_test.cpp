@@ -1,0 +1,105 @@
+#include "octree/size_field.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "octree/octree.h"
+
+namespace locvol {
+namespace {
+
+const Frame kFrame({-1, -2, 3}, 0x1p-18);  // a root of side 8
+
+Point random_point(std::mt19937_64& random, const Box& box) {
+  Point p;
+  for (int axis = 0; axis < 3; ++axis)
+    p[axis] = std::uniform_real_distribution<double>(box.min[axis], box.max[axis])(random);
+  return p;
+}
+
+// Cubes of several levels whose corners have the distance to a plane, which is linear.
+SizeCubes cubes_at_a_plane(const Point& normal, double offset) {
+  LinearOctree octree = LinearOctree::uniform(2);
+  octree.split(octree.leaves()[5]);
+  octree.split(octree.leaves()[7]);
+  SizeCubes sizes{.law = {.surface = 0.5, .growth = 0.2}, .frame = kFrame, .cubes = {}};
+  for (const MortonKey key : octree.leaves()) {
+    SizeCube cube{.key = key};
+    const Box box = kFrame.box(key);
+    for (std::size_t k = 0; k < 8; ++k) {
+      const Point corner{(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
+                         (k & 4 ? box.max : box.min).z};
+      cube.distance[k] = static_cast<float>(dot(normal, corner) - offset);
+    }
+    sizes.cubes.push_back(cube);
+  }
+  return sizes;
+}
+
+TEST(SizeField, IsTheSameEverywhereUnlessItGrows) {
+  const SizeField field(0.25);
+  EXPECT_TRUE(field.is_uniform());
+  EXPECT_EQ(field.at({3, 4, 5}), 0.25);
+  EXPECT_EQ(field.reach_of_balls({0, 0, 0}, 2.25), 2.25 * 0.25);
+  EXPECT_EQ(field.largest(), 0.25);
+}
+
+TEST(SizeField, GrowsWithTheDistanceFromAPlaneAndNotOutside) {
+  const Point normal = 1 / std::sqrt(14.0) * Point{1, 2, 3};
+  const double offset = dot(normal, kFrame.root_box().center());
+  const SizeCubes sizes = cubes_at_a_plane(normal, offset);
+  const SizeField field(sizes);
+  std::mt19937_64 random(7);
+  for (int i = 0; i < 2000; ++i) {
+    const Point p = random_point(random, kFrame.root_box());
+    const double depth = dot(normal, p) - offset;
+    const double expected = 0.5 + 0.2 * std::max(0.0, depth);
+    EXPECT_NEAR(field.at(p), expected, 1e-5);
+    EXPECT_NEAR(size_at(sizes.law, sizes.frame, sizes.cubes, p), field.at(p), 1e-12);
+    EXPECT_LE(field.at(p), field.largest());
+  }
+}
+
+TEST(SizeField, StopsAtItsBound) {
+  SizeCubes sizes = cubes_at_a_plane({0, 0, 1}, 3);
+  sizes.law.most = 0.75;
+  const SizeField field(sizes);
+  EXPECT_EQ(field.at({1, 1, 10.5}), 0.75);
+  EXPECT_EQ(field.largest(), 0.75);
+  EXPECT_NEAR(field.at({1, 1, 3.5}), 0.6, 1e-6);
+}
+
+TEST(SizeField, IsSmallestWhereNothingIsKnown) {
+  SizeCubes sizes = cubes_at_a_plane({0, 0, 1}, 3);
+  sizes.cubes.erase(sizes.cubes.begin() + 10, sizes.cubes.end() - 3);
+  const Point unknown = kFrame.box(LinearOctree::uniform(2).leaves()[20]).center();
+  EXPECT_EQ(SizeField(sizes).at(unknown), 0.5);
+  EXPECT_EQ(SizeField(sizes).at({-100, 0, 0}), 0.5);
+}
+
+TEST(SizeField, ExcessIsTakenOff) {
+  SizeCubes sizes = cubes_at_a_plane({0, 0, 1}, 3);
+  const Point p{1, 1, 5.3};
+  const double before = SizeField(sizes).at(p);
+  for (SizeCube& cube : sizes.cubes) cube.excess = 0.5F;
+  EXPECT_NEAR(SizeField(sizes).at(p), before - 0.2 * 0.5, 1e-6);
+}
+
+// A ball through p whose radius is k / 2 times h at its center lies within the reach of p.
+TEST(SizeField, BallsStayWithinReach) {
+  const SizeField field(cubes_at_a_plane({0, 0, 1}, 3));
+  std::mt19937_64 random(8);
+  for (int i = 0; i < 2000; ++i) {
+    const Point center = random_point(random, kFrame.root_box());
+    const double k = 2.25, radius = 0.5 * k * field.at(center);
+    Point way = random_point(random, {{-1, -1, -1}, {1, 1, 1}});
+    const Point p = center + radius / norm(way) * way;
+    if (!kFrame.contains(p)) continue;
+    EXPECT_LE(2 * radius, field.reach_of_balls(p, k) * (1 + 1e-6));
+  }
+}
+
+}  // namespace
+}  // namespace locvol

@@ -1,0 +1,187 @@
+#include "refine/size_leaf.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "octree/octree.h"
+#include "tests/refine/brute_force.h"
+#include "tests/refine/shapes.h"
+
+namespace locvol {
+namespace {
+
+using namespace shapes;
+using brute_force::distance;
+using brute_force::is_inside;
+
+// A surface in leaves of one level.
+class World {
+ public:
+  World(const Mesh& mesh, double size, double growth, int level)
+      : mesh_(mesh),
+        law_{.surface = size, .growth = growth},
+        frame_(Frame::around(bounding_box(mesh), size, 1.75 * size)),
+        octree_(LinearOctree::uniform(level)) {
+    for (const MortonKey leaf : octree_.leaves()) {
+      Mesh met;
+      std::ranges::copy_if(mesh_, std::back_inserter(met),
+                           [&](const Triangle& t) { return meets(t, frame_.box(leaf)); });
+      if (!met.empty()) far_.add(frame_.box(leaf), met);
+    }
+    far_.finish();
+  }
+
+  std::vector<SizeCube> sizes(MortonKey leaf) const {
+    const Box region = frame_.box(leaf).expanded(kExactDistance * law_.surface);
+    SurfacePiece piece{.triangles = {},
+                       .region = region,
+                       .reference = region.center(),
+                       .is_reference_inside = is_inside(region.center(), mesh_)};
+    std::ranges::copy_if(mesh_, std::back_inserter(piece.triangles),
+                         [&](const Triangle& t) { return t.box().overlaps(region); });
+    return size_leaf({law_, frame_, leaf, std::move(piece)}, far_);
+  }
+  SizeCubes all() const {
+    SizeCubes sizes{law_, frame_, {}};
+    for (const MortonKey leaf : octree_.leaves()) {
+      const std::vector<SizeCube> some = this->sizes(leaf);
+      sizes.cubes.insert(sizes.cubes.end(), some.begin(), some.end());
+    }
+    return sizes;
+  }
+  const Mesh& mesh() const { return mesh_; }
+  const Frame& frame() const { return frame_; }
+  const SizeLaw& law() const { return law_; }
+  const FarSurface& far() const { return far_; }
+
+ private:
+  Mesh mesh_;
+  SizeLaw law_;
+  Frame frame_;
+  LinearOctree octree_;
+  FarSurface far_;
+};
+
+std::vector<World> worlds() {
+  std::vector<World> some;
+  some.emplace_back(icosphere({0, 0, 0}, 1, 3), 0.05, 0.2, 2);
+  some.emplace_back(box({{0, 0, 0}, {1, 0.7, 1.3}}), 0.04, 0.3, 1);
+  some.emplace_back(torus(1, 0.4, 40, 20), 0.06, 0.1, 3);
+  return some;
+}
+
+TEST(SizeLeaf, CubesCoverTheRoot) {
+  for (const World& world : worlds()) {
+    std::vector<MortonKey> keys;
+    for (const SizeCube& cube : world.all().cubes) keys.push_back(cube.key);
+    EXPECT_NO_THROW(LinearOctree{keys});
+  }
+}
+
+// Never much above what it stands for, and seldom below: the surface is met to a percent.
+TEST(SizeLeaf, InterpolatesTheDistanceFromTheSurface) {
+  Random random(3);
+  for (const World& world : worlds()) {
+    const SizeField field(world.all());
+    double most_above = 0, below = 0;
+    constexpr int kNum = 1500;
+    int num = 0;
+    while (num < kNum) {
+      const Point p = uniform_in(random, bounding_box(world.mesh()));
+      if (!is_inside(p, world.mesh())) {
+        EXPECT_LE(field.at(p), 1.05 * world.law().surface);
+        continue;
+      }
+      ++num;
+      const double exact = world.law().at_distance(distance(p, world.mesh()));
+      most_above = std::max(most_above, field.at(p) / exact - 1);
+      below += 1 - field.at(p) / exact;
+    }
+    EXPECT_LT(most_above, 0.03);
+    EXPECT_LT(std::abs(below / kNum), 0.02);
+  }
+}
+
+TEST(SizeLeaf, CubesAreAsLargeAsTheLatticesCellsMayBe) {
+  const double radius = std::sqrt(5.0) / 4;
+  for (const World& world : worlds()) {
+    const SizeField field(world.all());
+    int num_halvable = 0, num_inside = 0;
+    for (const SizeCube& cube : world.all().cubes) {
+      if (std::ranges::any_of(cube.distance, [](float d) { return d < 0; })) continue;
+      const Box box = world.frame().box(cube.key);
+      const double side = box.max.x - box.min.x;
+      ++num_inside;
+      // At the centers of the cells' circumballs: on the cube's faces.
+      for (int axis = 0; axis < 3; ++axis)
+        for (const double face : {0.0, 1.0})
+          for (const auto& [u, v] : {std::pair{0.25, 0.5}, {0.75, 0.5}, {0.5, 0.25}, {0.5, 0.75}}) {
+            Point p = box.min;
+            p[axis] += face * side * 0.999999;
+            p[(axis + 1) % 3] += u * side;
+            p[(axis + 2) % 3] += v * side;
+            EXPECT_LT(radius * side, 1.03 * field.at(p));
+          }
+      num_halvable += field.at(box.center()) > 2.6 * radius * side * (1 + world.law().growth);
+    }
+    EXPECT_GT(num_inside, 100);
+    EXPECT_EQ(num_halvable, 0) << "twice as large would do";
+  }
+}
+
+// Cubes that touch differ by one level at most: what the lattice's cells between them rely on.
+TEST(SizeLeaf, CubesInsideAreBalanced) {
+  for (const World& world : worlds()) {
+    const std::vector<SizeCube> cubes = world.all().cubes;
+    std::vector<MortonKey> keys;
+    for (const SizeCube& cube : cubes) keys.push_back(cube.key);
+    const LinearOctree octree(keys);
+    for (const SizeCube& cube : cubes) {
+      if (std::ranges::any_of(cube.distance, [](float d) { return d < 0; })) continue;
+      for (const MortonKey other :
+           octree.leaves_within(world.frame(), world.frame().box(cube.key), 0))
+        EXPECT_LE(other.level(), cube.key.level() + 1);
+    }
+  }
+}
+
+// Leaves find the same distances at the corners that they share.
+TEST(SizeLeaf, LeavesAgreeOnTheirCorners) {
+  for (const World& world : worlds()) {
+    std::map<std::array<double, 3>, float> known;
+    double largest = 0;
+    for (const SizeCube& cube : world.all().cubes) {
+      const Box box = world.frame().box(cube.key);
+      for (std::size_t k = 0; k < 8; ++k) {
+        const std::array corner{(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
+                                (k & 4 ? box.max : box.min).z};
+        const float d = cube.distance[k];
+        const auto [place, is_new] = known.emplace(corner, d);
+        if (!is_new && d > 0)
+          largest = std::max<double>(largest, std::abs(place->second - d) /
+                                                  world.law().at_distance(static_cast<double>(d)));
+      }
+    }
+    EXPECT_LT(largest, 0.05);
+  }
+}
+
+TEST(FarSurface, IsNeverNearerThanTheSurface) {
+  Random random(4);
+  for (const World& world : worlds()) {
+    for (int i = 0; i < 300; ++i) {
+      const Point p = uniform_in(random, bounding_box(world.mesh()).expanded(0.5));
+      const double exact = distance(p, world.mesh());
+      const double found = world.far().distance(p, 100);
+      EXPECT_GE(found, exact * (1 - 1e-12));
+      EXPECT_LE(found, exact + world.frame().side(0) / 8);
+      EXPECT_EQ(world.far().distance(p, 0.5 * exact), 0.5 * exact);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace locvol
