@@ -83,11 +83,15 @@ double SizeField::graded_at(const Point& p) const {
   };
   const std::uint64_t key =
       MortonKey::containing({step(0), step(1), step(2)}, MortonKey::kMaxLevel).bits();
-  const auto place = std::ranges::lower_bound(last_, key);
-  if (place == last_.end()) return law_.surface;
-  const auto n = static_cast<std::size_t>(place - last_.begin());
-  if (key < first_[n]) return law_.surface;
-  const auto& [low, inverse_side, distance, excess] = cubes_[n];
+  if (cubes_.empty()) return law_.surface;
+  if (key < first_[last_cube_] || key > last_[last_cube_]) {
+    const auto place = std::ranges::lower_bound(last_, key);
+    if (place == last_.end()) return law_.surface;
+    const auto n = static_cast<std::size_t>(place - last_.begin());
+    if (key < first_[n]) return law_.surface;
+    last_cube_ = n;
+  }
+  const auto& [low, inverse_side, distance, excess] = cubes_[last_cube_];
   const auto fraction = [&](int axis) {
     return std::clamp((p[axis] - low[axis]) * inverse_side, 0.0, 1.0);
   };

@@ -79,8 +79,8 @@ void for_each_lattice_point(const SizeCube& cube, Visit visit) {
   for (std::uint32_t n = 0; n < 8; ++n) visit(site(2 * (n & 1), 2 * (n >> 1 & 1), 2 * (n >> 2)));
 }
 
-// Looks up h. Threads: const functions are safe from many threads.
-// Cost: 25 ns; nothing where λ is the same everywhere.
+// Looks up h. Not thread-safe: it remembers where it was asked last.
+// Cost: 10 to 25 ns; nothing where λ is the same everywhere.
 class SizeField {
  public:
   explicit SizeField(double size) : law_{.surface = size}, largest_(size) {}
@@ -117,6 +117,7 @@ class SizeField {
   std::vector<std::uint64_t> first_, last_;  // of each cube's range of keys
   std::vector<Cube> cubes_;
   double largest_ = 0;
+  mutable std::size_t last_cube_ = 0;
 };
 
 }  // namespace locvol

@@ -12,7 +12,7 @@
 namespace locvol {
 namespace {
 
-constexpr int kParts = 8;  // of a leaf, on each axis
+constexpr int kParts = 16;  // of a leaf, on each axis
 
 }  // namespace
 
@@ -48,6 +48,7 @@ void FarSurface::add(const Box& leaf, std::span<const Triangle> triangles) {
           if (d < held.squared_distance) held = {q, d};
         }
   }
+  part_ = std::max(part_, max_norm(step));
   Group group{.box = {}, .first = points_.size(), .end = 0};
   for (const auto& [point, squared] : nearest) {
     if (squared == kNone) continue;
@@ -76,7 +77,10 @@ double FarSurface::distance(const Point& p, double bound) const {
   assert(!nodes_.empty());
   double squared = bound * bound;
   descend(0, 0, groups_.size(), p, squared);
-  return squared < bound * bound ? std::sqrt(squared) : bound;
+  if (!(squared < bound * bound)) return bound;
+  // The surface is closer than its points: a plane, by a third of a part's diagonal aside.
+  const double distance = std::sqrt(squared);
+  return distance - std::min(0.125 * part_ * part_ / distance, 0.5 * distance);
 }
 
 void FarSurface::descend(std::size_t node, std::size_t first, std::size_t end, const Point& p,

@@ -44,8 +44,12 @@ class Climber {
         const auto way = static_cast<std::size_t>(best - heights.begin());
         p[way / 2] += way % 2 == 0 ? -step : step;
       }
+    height_ = std::sqrt(highest);
     return start + size_ * Point{p[0], p[1], p[2]};
   }
+  // Of the place that was climbed to last: how far it is from all points, over the size at the
+  // start; about.
+  double height() const { return static_cast<double>(height_); }
 
  private:
   using Place = std::array<float, 3>;  // from the start, over λ
@@ -101,6 +105,7 @@ class Climber {
   }
 
   double size_ = 0;
+  float height_ = 0;
   std::vector<Around> around_;
 };
 
@@ -173,17 +178,25 @@ class HoleSearch {
   }
 
   // Where sizes vary, the balls of the lattice's cells are centered on the cubes' faces, a quarter
-  // of a side from their middles. Small cubes have no lattice points: there, all points are centers
-  // of holes, and fewer will do if the largest holes come first.
+  // of a side from their middles (here two of four). Small cubes have no lattice points: there, all
+  // points are centers of holes, and fewer will do if the largest holes come first.
   FillPoints search_cubes() {
     StopPoll poll(stop_, 8);
-    std::vector<Point> starts = starts_in_cubes();
+    struct Start {
+      Point point;
+      double hole = std::numeric_limits<double>::infinity();  // no larger one is found from there
+    };
+    std::vector<Start> starts, left;
+    for (const Point& p : starts_in_cubes()) starts.push_back({p});
     for (const double radius : {1.5, 1.3, 1.15, 1.0}) {
       hole_radius_ = radius;
-      std::erase_if(starts, [&](const Point& start) {
+      left.clear();
+      for (Start start : starts) {
         poll();
-        return !search_from(start);
-      });
+        if (start.hole >= radius) start.hole = search_from(start.point);
+        if (start.hole > 0) left.push_back(start);
+      }
+      starts.swap(left);
     }
     return std::move(found_);
   }
@@ -212,7 +225,7 @@ class HoleSearch {
       }
       for (std::size_t axis = 0; axis < 3; ++axis)
         for (const std::uint32_t face : {0U, 4U})
-          for (const auto& [u, v] : {std::array{1U, 2U}, {3U, 2U}, {2U, 1U}, {2U, 3U}}) {
+          for (const auto& [u, v] : {std::array{1U, 2U}, {3U, 2U}}) {
             std::array<std::uint32_t, 3> at{};
             at[axis] = face, at[(axis + 1) % 3] = u, at[(axis + 2) % 3] = v;
             places.push_back(
@@ -298,21 +311,23 @@ class HoleSearch {
     });
   }
 
-  // False where no hole is, and none will be.
-  bool search_from(const Point& start) {
+  // Returns the radius of the hole that it finds, filled or not, over λ or h; 0 where no hole is,
+  // and none will be.
+  double search_from(const Point& start) {
     const double size = sizes_.at(start), radius = kWorthClimbing * size;
     if (points_->has_in_cube(start, radius) || !surface_.is_inside(start) ||
         !points_->is_free(start, radius))
-      return false;
+      return 0;
     const Point center = climber_.climb(start, size, *points_);
+    const double hole = climber_.height() * size / sizes_.at(center);
     if (!is_in_leaf(input_.box, center) ||
         !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
         !surface_.is_inside(center) || !is_deep_enough(center))
-      return true;
+      return hole;
     found_.centers.push_back(center);
     points_->add(center);
     core_.append_met(center, size_, found_.met_core);
-    return true;
+    return hole;
   }
 
   // Like a lattice point.

@@ -89,7 +89,8 @@ class SizeTree {
     for (const auto& [box, triangle] : some)
       if (box.squared_distance(p) < squared)
         squared = std::min(squared, squared_distance(p, closest_on_triangle(triangle->corners, p)));
-    const double distance = far_.distance(p, std::sqrt(squared));
+    double distance = std::sqrt(squared);
+    if (distance > kExactDistance * input_.law.surface) distance = far_.distance(p, distance);
     return surface_.is_inside(p) ? distance : -distance;
   }
 

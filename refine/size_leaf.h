@@ -18,7 +18,7 @@ namespace locvol {
 inline constexpr int kMaxCubeLevel = 19;
 // Over λ. The nearest triangle is looked up this far from the leaf; what is farther, FarSurface
 // stands for.
-inline constexpr double kExactDistance = 10;
+inline constexpr double kExactDistance = 6;
 
 struct SizeInput {
   SizeLaw law;

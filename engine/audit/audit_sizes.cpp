@@ -10,9 +10,21 @@ void AuditSizes::add(const std::vector<SizeCube>& cubes) {
   for (const SizeCube& cube : cubes) cubes_.emplace(cube.key, cube);
 }
 
+double AuditSizes::at(const Point& p) const {
+  constexpr double kBeside = 1e-7;  // over λ
+  double size = in_cube_of(p);
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double way : {-kBeside, kBeside}) {
+      Point beside = p;
+      beside[axis] += way * law_.surface;
+      size = std::max(size, in_cube_of(beside));
+    }
+  return size;
+}
+
 // The cube is found from the smallest node upwards; each corner counts by how near p is to it along
 // each axis.
-double AuditSizes::at(const Point& p) const {
+double AuditSizes::in_cube_of(const Point& p) const {
   if (cubes_.empty() || !frame_.contains(p)) return law_.surface;
   MortonKey node = frame_.key_of(p);
   while (!cubes_.contains(node) && node != MortonKey::root()) node = node.parent();

@@ -17,10 +17,13 @@ class AuditSizes {
   AuditSizes(const SizeLaw& law, const Frame& frame) : law_(law), frame_(frame) {}
 
   void add(const std::vector<SizeCube>& cubes);
-  // h(p); λ where no cube is known.
+  // h(p); λ where no cube is known. Cubes meet in small steps, and p is rounded: the largest that h
+  // has beside it.
   double at(const Point& p) const;
 
  private:
+  double in_cube_of(const Point& p) const;
+
   SizeLaw law_;
   Frame frame_;
   std::unordered_map<MortonKey, SizeCube, TableHash> cubes_;  // asked, never listed

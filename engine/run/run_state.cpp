@@ -9,6 +9,7 @@
 
 #include "engine/run/coloring.h"
 #include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -115,14 +116,18 @@ std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its
   return colors;
 }
 
-// Leaves are measured each by itself. Each step from one leaf to the other, kReach long at most,
-// leads to where h may be larger.
+// Leaves are measured each by itself. Where sizes vary, a visit inserts within half the reach of
+// its own points, where h may be larger, and has those within the reach of that look; it reads
+// within the reach, and mending writes as far.
 double RunState::conflict_distance(MortonKey leaf) {
   if (run_.phase == Phase::kSize) return -1;
   if (run_.phase == Phase::kCover) return cover_conflict(is_uniform()) * size();
   if (is_uniform()) return kConflict * size();
-  return kConflict * std::pow(reach_factor(run_.parameters.growth, kReach) / kReach, 2) *
-         leaves_.info(leaf).largest_size;
+  constexpr double kSlack = 1.01;
+  const double largest = kSlack * leaves_.info(leaf).largest_size;
+  if (run_.phase == Phase::kFill) return reach_factor(run_.parameters.growth, kFillReach) * largest;
+  const double reach = reach_factor(run_.parameters.growth, kReach);
+  return std::max(2 * reach, (0.5 + reach / kReach) * reach) * largest;
 }
 
 bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {

@@ -56,6 +56,7 @@ class World {
   const Frame& frame() const { return frame_; }
   const SizeLaw& law() const { return law_; }
   const FarSurface& far() const { return far_; }
+  double leaf_side() const { return frame_.side(octree_.leaves().front().level()); }
 
  private:
   Mesh mesh_;
@@ -169,17 +170,23 @@ TEST(SizeLeaf, LeavesAgreeOnTheirCorners) {
   }
 }
 
-TEST(FarSurface, IsNeverNearerThanTheSurface) {
+TEST(FarSurface, TellsHowFarTheSurfaceIs) {
   Random random(4);
   for (const World& world : worlds()) {
-    for (int i = 0; i < 300; ++i) {
+    const double part = world.leaf_side() / 16;
+    int num = 0;
+    double sum = 0;
+    for (int i = 0; i < 2000; ++i) {
       const Point p = uniform_in(random, bounding_box(world.mesh()).expanded(0.5));
       const double exact = distance(p, world.mesh());
+      if (exact < 2 * part) continue;
       const double found = world.far().distance(p, 100);
-      EXPECT_GE(found, exact * (1 - 1e-12));
-      EXPECT_LE(found, exact + world.frame().side(0) / 8);
+      EXPECT_NEAR(found, exact, 0.5 * part);
       EXPECT_EQ(world.far().distance(p, 0.5 * exact), 0.5 * exact);
+      ++num;
+      sum += found / exact - 1;
     }
+    EXPECT_NEAR(sum / num, 0, 0.03);
   }
 }
 
