@@ -68,9 +68,9 @@ class World {
 
 std::vector<World> worlds() {
   std::vector<World> some;
-  some.emplace_back(icosphere({0, 0, 0}, 1, 3), 0.05, 0.2, 2);
-  some.emplace_back(box({{0, 0, 0}, {1, 0.7, 1.3}}), 0.04, 0.3, 1);
-  some.emplace_back(torus(1, 0.4, 40, 20), 0.06, 0.1, 3);
+  some.emplace_back(icosphere({0, 0, 0}, 1, 3), 0.08, 0.2, 2);
+  some.emplace_back(box({{0, 0, 0}, {1, 0.7, 1.3}}), 0.06, 0.3, 1);
+  some.emplace_back(torus(1, 0.4, 40, 20), 0.08, 0.1, 2);
   return some;
 }
 
