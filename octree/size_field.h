@@ -79,8 +79,7 @@ void for_each_lattice_point(const SizeCube& cube, Visit visit) {
   for (std::uint32_t n = 0; n < 8; ++n) visit(site(2 * (n & 1), 2 * (n >> 1 & 1), 2 * (n >> 2)));
 }
 
-// Looks up h. Not thread-safe: it remembers where it was asked last.
-// Cost: 10 to 25 ns; nothing where λ is the same everywhere.
+// Looks up h, often: see size_at(). Not thread-safe: it remembers where it was asked last.
 class SizeField {
  public:
   explicit SizeField(double size) : law_{.surface = size}, largest_(size) {}
@@ -102,7 +101,7 @@ class SizeField {
   }
 
  private:
-  // As an SizeCube, ready for use.
+  // A SizeCube, ready for use.
   struct Cube {
     Point low;
     double inverse_side = 0;

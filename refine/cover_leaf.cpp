@@ -268,6 +268,8 @@ bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before)
   return false;
 }
 
+bool is_uniform(const CoverInput& input) { return input.sizes.cubes.empty(); }
+
 // A Poisson-disk sample that is maximal but for kSampleSpacing < kSampleRadius, by dart throwing at
 // the uncovered fragments, which halve from round to round (after Ebeida and others, "A simple
 // algorithm for maximal Poisson-disk sampling", 2012). A fragment as small as the difference is
@@ -276,10 +278,9 @@ class SurfaceSampler {
  public:
   SurfaceSampler(const CoverInput& input, const StopToken* stop)
       : owned_(closed(input.box)),
-        is_uniform_(input.sizes.cubes.empty()),
-        spacing_((is_uniform_ ? kSampleSpacing : kGradedSampleSpacing) * input.size),
-        first_spacing_(is_uniform_ ? spacing_ : kGradedFirstSpacing * input.size),
-        radius_(sample_radius(is_uniform_) * input.size),
+        spacing_((is_uniform(input) ? kSampleSpacing : kGradedSampleSpacing) * input.size),
+        first_spacing_(is_uniform(input) ? spacing_ : kGradedFirstSpacing * input.size),
+        radius_(sample_radius(is_uniform(input)) * input.size),
         grid_(input.box.expanded(radius_), radius_, std::max(radius_, first_spacing_)),
         stop_(stop) {
     for (const Point& sample : input.nearby_samples) grid_.add(sample);
@@ -319,7 +320,6 @@ class SurfaceSampler {
   std::vector<Fragment> uncovered_halves(std::span<const Target> targets) const;
 
   const Box owned_;
-  const bool is_uniform_;
   const double spacing_, first_spacing_, radius_;
   SampleGrid grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
@@ -355,11 +355,11 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 
 // ---- Lattice
 
-bool may_have_lattice_point(const CoverInput& input, const SurfacePatch& surface,
-                            const SurfaceSampler& sampler, const Point& p) {
-  return surface.is_inside(p) &&
-         (!surface.is_near(p, kGradedSampleRadius * input.size) ||
-          (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface)));
+// For a lattice point. REQUIRES: p lies inside
+bool is_deep_enough(const CoverInput& input, const SurfacePatch& surface,
+                    const SurfaceSampler& sampler, const Point& p) {
+  return !surface.is_near(p, sample_radius(is_uniform(input)) * input.size) ||
+         (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface));
 }
 
 // Where sizes vary, lattice points are centers and corners of cubes.
@@ -377,7 +377,8 @@ void cover_with_cubes(const CoverInput& input, const SurfacePatch& surface,
   sites.erase(repeated.begin(), repeated.end());
   std::erase_if(sites, [&](const LatticeSite& site) {
     poll();
-    return !may_have_lattice_point(input, surface, sampler, input.lattice.position(site));
+    const Point p = input.lattice.position(site);
+    return !surface.is_inside(p) || !is_deep_enough(input, surface, sampler, p);
   });
 }
 
@@ -400,9 +401,7 @@ void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
       add_row({site, num_as_deep}, points.core);
       return num_as_deep;
     }
-    if (!surface.is_near(p, kSampleRadius * input.size) ||
-        (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface)))
-      points.lattice.push_back(site);
+    if (is_deep_enough(input, surface, sampler, p)) points.lattice.push_back(site);
     return 1U;
   });
 }
@@ -413,14 +412,14 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
   const SurfacePatch surface(std::move(input.surface), stop);
   CoverPoints points;
-  if (surface.triangles().empty() && input.sizes.cubes.empty()) {
+  if (surface.triangles().empty() && is_uniform(input)) {
     points.core.is_whole = surface.is_inside(input.box.center());
     return points;
   }
   SurfaceSampler sampler(input, stop);
   points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
-  (input.sizes.cubes.empty() ? cover_with_lattice : cover_with_cubes)(input, surface, sampler,
-                                                                      StopPoll(stop), points);
+  const auto cover = is_uniform(input) ? cover_with_lattice : cover_with_cubes;
+  cover(input, surface, sampler, StopPoll(stop), points);
   return points;
 }
 

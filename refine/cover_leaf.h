@@ -29,8 +29,8 @@ constexpr double sample_radius(bool is_uniform) {
 // on the boundary (C2).
 inline constexpr double kLeastLatticeDepth = 0.5;
 // Lattice points this far from the surface or farther, over λ, are of the core. All neighbors of
-// such a point are lattice points inside, for they are deeper than r_s; and what is
-// inserted near the surface seldom comes within kLatticeStar of it.
+// such a point are lattice points inside, for they are deeper than r_s; and what is inserted near
+// the surface seldom comes within kLatticeStar of it.
 inline constexpr double kCoreDepth = 3.0;
 
 // Where sizes vary, only cubes of at least this side, over λ, have lattice points. In smaller ones,

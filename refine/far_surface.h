@@ -1,5 +1,5 @@
 // FarSurface: how far the surface is from a place that is far from it, in memory that does not grow
-// with its triangles: of each leaf, some hundred points of the surface.
+// with its triangles: of each leaf, some hundreds of points of the surface.
 #pragma once
 
 #include <cstddef>
@@ -11,9 +11,10 @@
 namespace locvol {
 
 // Points of the surface stand for it: one in each of a leaf's 16 x 16 x 16 parts that it passes
-// through, the one closest to the part's center. From a distance d that is too far by up to s² / 4
-// d for parts of side s, where the surface is smooth: half of it is taken off. Memory: 24 bytes a
-// point, some 400 points a leaf. Threads: const functions are safe from many.
+// through, the one closest to the part's center. Where the surface is smooth, the nearest of them
+// is too far by up to s² / (4 d), for parts of side s and a distance d: half of it is taken off.
+//
+// Memory: 24 bytes a point. Threads: const functions are safe from many.
 class FarSurface {
  public:
   // `triangles`: that meet the leaf's box. Leaves come in one order: the distances do not depend on
@@ -21,8 +22,7 @@ class FarSurface {
   void add(const Box& leaf, std::span<const Triangle> triangles);
   void finish();  // once all leaves are there
 
-  // From p to the surface, or `bound` if no point is closer. REQUIRES: finish() was
-  // called
+  // From p to the surface, or `bound` if no point is closer. REQUIRES: finish() was called
   double distance(const Point& p, double bound) const;
   std::size_t bytes() const {
     return points_.capacity() * sizeof(Point) + groups_.capacity() * sizeof(Group) +

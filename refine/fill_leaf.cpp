@@ -109,12 +109,6 @@ class Climber {
   std::vector<Around> around_;
 };
 
-// Of grids for points in the box, of about the size.
-double cube_side(const Box& box, double size) {
-  constexpr double kMostCubes = 128;  // in a row
-  return std::max(size, max_norm(box.max - box.min) / kMostCubes);
-}
-
 class HoleSearch {
  public:
   HoleSearch(const FillInput& input, const SurfacePatch& surface, const SizeField& sizes,
@@ -137,7 +131,7 @@ class HoleSearch {
     }
     const Box known =
         input.box.expanded(reach_factor(sizes.growth(), kFillReach) * sizes.largest());
-    const double side = cube_side(known, size_);
+    const double side = cube_side(known, size_, kMostCubes);
     points_.emplace(known, side, all);
     samples_.emplace(known, side, samples);
   }
@@ -145,9 +139,8 @@ class HoleSearch {
   FillPoints run() { return sizes_.is_uniform() ? search_lattice() : search_cubes(); }
 
  private:
-  static constexpr double kStart = kFillReach - kSight;                  // outside of the leaf
-  static constexpr double kMostDepth = kSampleRadius + kLatticeSpacing;  // of a cell that misses a
-                                                                         // site
+  static constexpr double kStart = kFillReach - kSight;  // outside of the leaf
+  static constexpr double kMostCubes = 128;              // in a row
 
   // The balls of the lattice's cells cover what is deep, so holes lie around the centers of such
   // balls whose cells miss a site. Where all sites are outside, so is the center, but for thin
@@ -200,14 +193,15 @@ class HoleSearch {
     }
     return std::move(found_);
   }
-  // In small cubes and beside them, in order.
+  // In small cubes and in those beside them, in order.
   std::vector<Point> starts_in_cubes() const {
     std::vector<std::array<std::uint32_t, 3>> places;  // positions on the octree's grid
     const Frame& frame = input_.sizes.frame;
     for (const SizeCube& cube : input_.sizes.cubes) {
       const double side = frame.side(cube.key.level());
       const auto [least, most] = std::ranges::minmax(cube.distance);
-      if (most < 0 || (side > 2.5 * kLeastCube * size_ && least > 0)) continue;
+      constexpr double kBesideSmall = 2.5 * kLeastCube;  // sides are powers of two of one another
+      if (most < 0 || (side > kBesideSmall * size_ && least > 0)) continue;
       const double distance = kStart * input_.sizes.law.at_distance(most);
       if (input_.box.squared_distance(frame.box(cube.key)) > distance * distance) continue;
       const GridPoint low = cube.key.grid_min();
@@ -239,14 +233,14 @@ class HoleSearch {
     for (const auto& [x, y, z] : places) {
       const Point start = frame.position({x, y, z});
       const double distance = kStart * sizes_.at(start);
-      if (input_.box.squared_distance(start) <= distance * distance && surface_.is_inside(start))
-        starts.push_back(start);
+      if (input_.box.squared_distance(start) <= distance * distance) starts.push_back(start);
     }
     return starts;
   }
 
   // From which the cells are looked at, in order. All sites that are outside are marked so.
   std::vector<LatticeSite> sites_near_surface(SiteBlock<std::uint8_t>& is_outside) const {
+    constexpr double kFarthest = kSampleRadius + kLatticeSpacing;  // of a cell that misses a site
     static const double kCircumradius = std::sqrt(5.0) / 4 * kLatticeSpacing;
     const SiteBox corners = is_there_.box().expanded(-2);
     std::vector<LatticeSite> near;
@@ -256,8 +250,8 @@ class HoleSearch {
       const Point p = place(row.first);
       const auto [is_inside, distance] = surface_.locate(p);
       const bool outside = !is_inside && surface_.region().contains(p);
-      const bool is_far = distance > kMostDepth * size_;
-      const std::uint32_t num = is_far ? num_within(distance - kMostDepth * size_, row) : 1;
+      const bool is_far = distance > kFarthest * size_;
+      const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
       if (outside)
         for (std::uint32_t n = 0; n < num; ++n)
           is_outside[row.first + LatticeSite{0, 0, 2 * static_cast<std::int32_t>(n)}] = 1;

@@ -23,7 +23,7 @@ Criteria Criteria::of_cover(double size, double radius_edge_bound, double spacin
 }
 
 Criteria Criteria::of_paper(double size, double radius_edge_bound, double spacing_floor,
-                            double min_dihedral, double) {
+                            double min_dihedral) {
   return {.size = size,
           .radius_edge_bound = radius_edge_bound,
           .reach = std::numeric_limits<double>::infinity(),

@@ -36,7 +36,7 @@ struct Criteria {
   static Criteria of_cover(double size, double radius_edge_bound, double spacing_floor,
                            double min_dihedral = 0, double growth = 0);
   static Criteria of_paper(double size, double radius_edge_bound, double spacing_floor,
-                           double min_dihedral = 0, double growth = 0);  // REQUIRES: growth == 0
+                           double min_dihedral = 0);
 
   double size = 0;  // λ, in the units of the coordinates: of cells at the surface
   double radius_edge_bound = 2;

@@ -70,12 +70,6 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
       fmt::format("two points of the mesh have the same coordinates ({}, {}, {})", p.x, p.y, p.z));
 }
 
-// Of grids for points in the box, about as fine as the reach.
-double cube_side(const Box& box, double reach) {
-  constexpr double kMostCubes = 128;  // in a row
-  return std::max(reach, max_norm(box.max - box.min) / kMostCubes);
-}
-
 // Points around all that is loaded, so far away that no ball that counts has one in it: balls at
 // own points reach as far as the reach, and those below λ with an inserted point in them λ farther.
 // Without them a plane sheet's samples make flat cells on its outside, by the rounding of their
@@ -114,7 +108,8 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
     std::vector<Point> positions;
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
-    own_cubes.emplace(input.box, cube_side(input.box, reach), positions);
+    constexpr double kMostCubes = 128;  // in a row
+    own_cubes.emplace(input.box, cube_side(input.box, reach, kMostCubes), positions);
   }
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());
@@ -128,9 +123,10 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
   };
   for (const MeshPoint& p : input.ghosts) {
     const bool is_own_one = own == OwnPoints::kInBox && is_in_leaf(input.box, p.position);
-    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach_at(p.position)) &&
+    const double reach_of_p = reach_at(p.position);
+    if (!is_own_one && own_cubes && own_cubes->is_free(p.position, reach_of_p) &&
         !is_near_centers(p.position))
-      left_out_.push_back({p, reach_at(p.position)});
+      left_out_.push_back({p, reach_of_p});
     else
       locals.push_back({p, p.id, is_own_one});
   }

@@ -2,6 +2,7 @@
 // `position` likewise. Internal to refine/.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -14,6 +15,11 @@
 #include "octree/geometry.h"
 
 namespace locvol {
+
+// Of cubes for the box: as wanted, or wider, so that no more of them are in a row.
+inline double cube_side(const Box& box, double wanted, double most_in_row) {
+  return std::max(wanted, max_norm(box.max - box.min) / most_in_row);
+}
 
 // The items of cubes in a row are side by side in memory; those that are added later, which should
 // be few, hang on lists.

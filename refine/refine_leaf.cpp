@@ -447,8 +447,7 @@ const PointCubes& Refinement::corners() {
   const auto repeated = std::ranges::unique(all);
   all.erase(repeated.begin(), repeated.end());
   const Box& region = surroundings_.surface.region();
-  const double side =
-      std::max(input_.criteria.size, max_norm(region.max - region.min) / kMostCubes);
+  const double side = cube_side(region, input_.criteria.size, kMostCubes);
   return corner_cubes_.emplace(region, side, all);
 }
 

@@ -34,11 +34,8 @@ template <class Item>
 CubesOf<Item> Revisit::cubes_of(const LeafInput& input, std::span<const Item> items) {
   const double reach = input.criteria.reach;
   const Box box = std::isfinite(reach) ? input.box.expanded(reach) : input.box;
-  const Point sides = box.max - box.min;
-  constexpr double kMaxShape = 64;  // bounds the memory; in a larger box the cubes grow instead
-  const double side =
-      std::max(input.criteria.size, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
-  return {box, side, items};
+  constexpr double kMostCubes = 64;  // in a row
+  return {box, cube_side(box, input.criteria.size, kMostCubes), items};
 }
 
 CubesOf<Revisit::Numbered> Revisit::cubes_of_all(const LeafInput& input) {

@@ -30,7 +30,7 @@ struct SizeInput {
 // In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's
 // cells in it, √5/4 of its side, may exceed h at a circumcenter; outside, as long as the surface
 // may pass through it.
-// Time: 4 µs to λ² of surface. Throws Stopped; `stop` may be null
+// Throws Stopped; `stop` may be null
 std::vector<SizeCube> size_leaf(SizeInput input, const FarSurface& far,
                                 const StopToken* stop = nullptr);
 

@@ -99,9 +99,9 @@ struct QueueEntry {
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
 // One after another. Sizes are measured where they vary. The first points are scattered in paper
-// mode; in cover mode leaves are covered
-// and then, once all of these points are known, the holes between them filled. kMend comes only if
-// sites are unresolved: then cells are left out where the boundary is no 2-manifold.
+// mode; in cover mode leaves are covered and then, once all of these points are known, the holes
+// between them filled. kMend comes only if sites are unresolved: then cells are left out where the
+// boundary is no 2-manifold.
 enum class Phase : std::uint8_t { kIngest, kSize, kScatter, kCover, kFill, kRefine, kMend, kDone };
 
 // What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.

@@ -22,7 +22,7 @@
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
-//   unresolved, sizes                  leaf u64 | chunk number u32    -> chunk of a blob
+//   unresolved, sizes                leaf u64 | chunk number u32    -> chunk of a blob
 //
 // A record is the bytes of codec.h. A blob is a record of any length, cut into chunks of 4,080
 // bytes, what fits an LMDB page beside its header: LMDB looks for single free pages, never for runs

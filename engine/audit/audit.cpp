@@ -22,8 +22,7 @@ AuditBounds bounds_of(const RunRecord& run) {
   for (int axis = 0; axis < 3; ++axis) {
     largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
   }
-  return {run.parameters.size, run.parameters.sizes().is_uniform(),
-          run.parameters.radius_edge_bound, run.parameters.min_dihedral,
+  return {run.parameters.size, run.parameters.radius_edge_bound, run.parameters.min_dihedral,
           kRoundingErrors * std::numeric_limits<double>::epsilon() * largest};
 }
 

@@ -125,8 +125,8 @@ class CellCheck {
       shortest2 = std::min(shortest2, squared_distance(c[static_cast<std::size_t>(i)],
                                                        c[static_cast<std::size_t>(j)]));
     }
-    const double bound = bounds_.is_uniform ? bounds_.size : leaf_.sizes.at(ball.center);
-    const double size = ball.radius / bound, ratio = ball.radius / std::sqrt(shortest2);
+    const double size = ball.radius / leaf_.sizes.at(ball.center),
+                 ratio = ball.radius / std::sqrt(shortest2);
     report_.max_circumradius = std::max(report_.max_circumradius, size);
     report_.max_radius_edge_ratio = std::max(report_.max_radius_edge_ratio, ratio);
     if (!(size < kBoundSlack)) {

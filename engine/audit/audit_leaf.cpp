@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "engine/output/stored_mesh.h"
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "refine/predicates.h"
@@ -166,12 +165,11 @@ AuditLoader::AuditLoader(const Store& store, const Reader& reader, const AuditLe
     : reader_(&reader),
       leaves_(&leaves),
       lattice_(lattice_of(run)),
-      reaches_(sizes_of(reader, run)),
-      run_(run),
+      law_(run.parameters.sizes()),
+      frame_(run.frame),
+      scale_(reader, run),
       pages_(store),
-      borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {
-  for (double& reach : reaches_) reach *= kCellReach * kBoundSlack;
-}
+      borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
 
 std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& findings) {
   AuditLeaf here;
@@ -202,12 +200,9 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
       if (box.squared_distance(p.position) <= reach * reach) points.push_back(p);
     }
   }
-  if (!run_.parameters.sizes().is_uniform()) {
-    here.sizes = {run_.parameters.sizes(), run_.frame};
-    here.sizes.add(reader_->sizes(here.key).cubes);
-    for (const std::size_t neighbor : neighbors)
-      here.sizes.add(reader_->sizes(leaves_->key(neighbor)).cubes);
-  }
+  here.sizes = {law_, frame_};
+  if (!law_.is_uniform()) here.sizes.add(reader_->sizes(here.key).cubes);
+  for (const auto& border : borders) here.sizes.add(border->cubes);
   here.points = LocalPoints(std::move(points));
   report_repeated(here, findings);
 
@@ -284,8 +279,7 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   Border border;
   // May be inside out: contains nothing. Where sizes vary, others may reach farther in.
   const Box box = leaves_->box(leaf);
-  const Box inner =
-      run_.parameters.sizes().is_uniform() ? box.expanded(-reach(leaf)) : Box{box.max, box.min};
+  const Box inner = law_.is_uniform() ? box.expanded(-reach(leaf)) : Box{box.max, box.min};
   std::vector<std::uint64_t> own;
   try {
     border.points = core_points(leaf, points.core);
@@ -310,6 +304,7 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
     }
   }
   border.vertices = std::move(cells.vertices);
+  if (!law_.is_uniform()) border.cubes = reader_->sizes(leaves_->key(leaf)).cubes;
   return border;
 }
 

@@ -16,6 +16,7 @@
 #include "engine/audit/audit_report.h"
 #include "engine/audit/audit_sizes.h"
 #include "engine/output/leaf_window.h"
+#include "engine/output/stored_mesh.h"
 
 namespace locvol {
 
@@ -131,10 +132,11 @@ class AuditLoader {
     std::vector<LocalPoint> points;
     std::vector<std::uint64_t> vertices;
     std::vector<std::array<std::uint32_t, 4>> cells;
+    std::vector<SizeCube> cubes;  // all of the leaf, where sizes vary
 
     std::size_t bytes() const {
       return sizeof *this + points.capacity() * sizeof(LocalPoint) + vertices.capacity() * 8 +
-             cells.capacity() * 16;
+             cells.capacity() * 16 + cubes.capacity() * sizeof(SizeCube);
     }
   };
   Border load_border(std::size_t leaf);
@@ -144,17 +146,17 @@ class AuditLoader {
   const Reader* reader_;
   const AuditLeaves* leaves_;
   Lattice lattice_;
-  // How far cells reach from their vertices: λ, or of each leaf.
-  double reach(std::size_t leaf) const { return reaches_[reaches_.size() == 1 ? 0 : leaf]; }
-  std::vector<double> reaches_;
-  RunRecord run_;
+  double reach(std::size_t leaf) const { return kCellReach * kBoundSlack * scale_.of(leaf); }
+
+  SizeLaw law_;
+  Frame frame_;
+  LeafScale scale_;
   PageRelease pages_;
   LeafWindow<Border> borders_;
 };
 
 struct AuditBounds {
   double size = 0;  // λ
-  bool is_uniform = true;
   double radius_edge = 0;
   double min_dihedral = 0;  // in degrees; 0: any
   double rounding = 0;      // a few units in the last place of the largest coordinate

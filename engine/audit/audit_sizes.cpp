@@ -7,11 +7,15 @@
 namespace locvol {
 
 void AuditSizes::add(const std::vector<SizeCube>& cubes) {
-  for (const SizeCube& cube : cubes) cubes_.emplace(cube.key, cube);
+  for (const SizeCube& cube : cubes) {
+    cubes_.emplace(cube.key, cube);
+    deepest_ = std::max(deepest_, cube.key.level());
+  }
 }
 
 double AuditSizes::at(const Point& p) const {
   constexpr double kBeside = 1e-7;  // over λ
+  if (cubes_.empty()) return law_.surface;
   double size = in_cube_of(p);
   for (int axis = 0; axis < 3; ++axis)
     for (const double way : {-kBeside, kBeside}) {
@@ -22,11 +26,11 @@ double AuditSizes::at(const Point& p) const {
   return size;
 }
 
-// The cube is found from the smallest node upwards; each corner counts by how near p is to it along
+// The cube is found from the smallest upwards; each corner counts by how near p is to it along
 // each axis.
 double AuditSizes::in_cube_of(const Point& p) const {
-  if (cubes_.empty() || !frame_.contains(p)) return law_.surface;
-  MortonKey node = frame_.key_of(p);
+  if (!frame_.contains(p)) return law_.surface;
+  MortonKey node = frame_.key_of(p, deepest_);
   while (!cubes_.contains(node) && node != MortonKey::root()) node = node.parent();
   const auto found = cubes_.find(node);
   if (found == cubes_.end()) return law_.surface;

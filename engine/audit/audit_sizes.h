@@ -26,6 +26,7 @@ class AuditSizes {
 
   SizeLaw law_;
   Frame frame_;
+  int deepest_ = 0;                                           // level of a cube
   std::unordered_map<MortonKey, SizeCube, TableHash> cubes_;  // asked, never listed
 };
 

@@ -214,15 +214,19 @@ void add_parts(MortonKey node, int level, StartLeaves& leaves) {
   for (int octant = 0; octant < 8; ++octant) add_parts(node.child(octant), level, leaves);
 }
 
+// On which sides the centers of its leaves lie. `octree`: the coarsest with the leaves `near`
+std::vector<bool> sides_of(const LinearOctree& octree, const CutLeaves& near) {
+  std::vector<std::uint8_t> parities(octree.size());
+  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
+    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
+  return center_sides(octree, parities);
+}
+
 // Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
 // points are to come.
 StartLeaves completed(const CutLeaves& near, int level) {
   const LinearOctree octree = coarsest_octree(near.keys);
-  std::vector<std::uint8_t> parities(octree.size());
-  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
-    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
-  const std::vector<bool> sides = center_sides(octree, parities);
-
+  const std::vector<bool> sides = sides_of(octree, near);
   StartLeaves leaves;
   for (std::size_t i = 0; i < octree.size(); ++i) {
     const MortonKey leaf = octree.leaves()[i];
@@ -239,10 +243,7 @@ StartLeaves completed(const CutLeaves& near, int level) {
 // the ones beside them.
 StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame) {
   LinearOctree octree = coarsest_octree(near.keys);
-  std::vector<std::uint8_t> parities(octree.size());
-  for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
-    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
-  const std::vector<bool> sides = center_sides(octree, parities);
+  const std::vector<bool> sides = sides_of(octree, near);
   std::map<MortonKey, bool> is_inside;  // of leaves to begin with
   for (std::size_t i = 0; i < octree.size(); ++i) is_inside.emplace(octree.leaves()[i], sides[i]);
   const auto is_near_surface = [&](MortonKey leaf) {
@@ -317,10 +318,9 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     erase_all(*store, watch.stop());
     BoundedBatches batches(*store, watch.stop());
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
-    store_leaves(run.parameters.sizes().is_uniform() ? completed(cut, plan.level)
-                                                     : completed_by_size(cut, run.frame),
-                 run, batches);
     const bool is_uniform = run.parameters.sizes().is_uniform();
+    store_leaves(is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame), run,
+                 batches);
     run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
                 : is_uniform                                  ? Phase::kCover
                                                               : Phase::kSize;

@@ -40,7 +40,7 @@ struct Measured {
   const Store& store;
   const RunRecord& run;
   const LinearOctree& octree;
-  const std::vector<double> sizes;  // see sizes_of()
+  const LeafScale scale;
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
@@ -127,7 +127,7 @@ class Piece : public Task {
     };
     take_from(leaf);
     if (num_left == 0) return positions;
-    const double reach = kCellReach * measured_.sizes[measured_.sizes.size() == 1 ? 0 : leaf];
+    const double reach = kCellReach * measured_.scale.of(leaf);
     for (const std::size_t other : leaves_near(octree_, run_.frame, leaf, reach))
       if (other != leaf) take_from(other);
     return positions;
@@ -169,7 +169,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   Measured measured{.store = store,
                     .run = run,
                     .octree = octree,
-                    .sizes = sizes_of(snapshot, run),
+                    .scale = LeafScale(snapshot, run),
                     .on_piece =
                         [&] {
                           if (on_step) on_step(measured.all.num_cells(), num_listed_cells);

@@ -114,14 +114,14 @@ class LeafMeshReader {
       : reader_(reader),
         run_(run),
         octree_(octree),
-        sizes_(sizes_of(reader, run)),
+        scale_(reader, run),
         lattice_(lattice_of(run)),
         tables_(kWindowBytes, [this](std::size_t leaf) { return load_table(leaf); }) {}
 
   LeafMesh load(std::size_t leaf) {
     const MortonKey key = octree_.leaves()[leaf];
     const std::vector<std::size_t> around =
-        leaves_near(octree_, run_.frame, leaf, kCellReach * sizes_[sizes_.size() == 1 ? 0 : leaf]);
+        leaves_near(octree_, run_.frame, leaf, kCellReach * scale_.of(leaf));
     read_core(key, around);
     LeafCells cells = reader_.cells(key);
     LeafMesh mesh{.ids = std::move(cells.vertices),
@@ -219,7 +219,7 @@ class LeafMeshReader {
   const Reader& reader_;
   const RunRecord& run_;
   const LinearOctree& octree_;
-  std::vector<double> sizes_;  // see sizes_of()
+  LeafScale scale_;
   Lattice lattice_;
   LeafWindow<Table> tables_;
   SiteBlock<std::uint8_t> core_;  // around the leaf in hand

@@ -47,16 +47,14 @@ std::vector<std::size_t> leaves_near(const LinearOctree& octree, const Frame& fr
   return places;
 }
 
-std::vector<double> sizes_of(const Reader& reader, const RunRecord& run) {
+LeafScale::LeafScale(const Reader& reader, const RunRecord& run) : size_(run.parameters.size) {
   const SizeLaw law = run.parameters.sizes();
-  if (law.is_uniform()) return {law.surface};
+  if (law.is_uniform()) return;
   const double factor = reach_factor(law.growth, kCellReach) / kCellReach;
-  std::vector<double> sizes;
   reader.for_each_leaf([&](MortonKey, const LeafInfo& info) {
-    sizes.push_back(factor * info.largest_size);
+    of_leaves_.push_back(factor * info.largest_size);
     return true;
   });
-  return sizes;
 }
 
 void throw_unknown_point(std::uint64_t id, MortonKey leaf) {

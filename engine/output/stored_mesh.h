@@ -24,9 +24,18 @@ inline constexpr double kCellReach = 2;
 // kCellReach are all vertices of the leaf's cells.
 std::vector<std::size_t> leaves_near(const LinearOctree& octree, const Frame& frame,
                                      std::size_t leaf, double distance);
-// Over which such distances are: λ, for all leaves; or, where sizes vary, for each leaf how much h
-// may be where balls through its points are centered.
-std::vector<double> sizes_of(const Reader& reader, const RunRecord& run);
+// Over which such distances are: λ for all leaves; or, where sizes vary, how large h may be where
+// balls through a leaf's points are centered. Memory: then 8 bytes a leaf.
+class LeafScale {
+ public:
+  LeafScale(const Reader& reader, const RunRecord& run);
+  double of(std::size_t leaf) const { return of_leaves_.empty() ? size_ : of_leaves_[leaf]; }
+
+ private:
+  double size_;  // λ
+  std::vector<double> of_leaves_;
+};
+
 [[noreturn]] void throw_unknown_point(std::uint64_t id, MortonKey leaf);  // a CorruptRecord
 
 // The listed points of a leaf, to be found by their ids.

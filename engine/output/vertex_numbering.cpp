@@ -39,7 +39,7 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const StopToken* stop)
     : frame_(run.frame),
       lattice_(lattice_of(run)),
-      sizes_(sizes_of(reader, run)),
+      scale_(reader, run),
       octree_(reader.leaf_keys()),
       ids_file_(OpenFile::temporary(output)) {
   first_vertex_.reserve(octree_.size() + 1);

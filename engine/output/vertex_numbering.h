@@ -43,9 +43,9 @@ class VertexNumbering {
   std::size_t leaf_of(std::uint64_t vertex) const;
   std::size_t leaf_of_cell(std::uint64_t cell) const;
   bool is_core(std::uint64_t vertex) const { return vertex >= first_core_vertex(leaf_of(vertex)); }
-  // See leaves_near(); `distance`: over λ, or the largest h that matters to the leaf
+  // See leaves_near(); `distance`: over the LeafScale
   std::vector<std::size_t> near(std::size_t leaf, double distance) const {
-    return leaves_near(octree_, frame_, leaf, distance * sizes_[sizes_.size() == 1 ? 0 : leaf]);
+    return leaves_near(octree_, frame_, leaf, distance * scale_.of(leaf));
   }
   const Lattice& lattice() const { return lattice_; }
   // The number of a leaf's first point of the core.
@@ -104,7 +104,7 @@ class VertexNumbering {
 
   Frame frame_;
   Lattice lattice_;
-  std::vector<double> sizes_;  // λ; where sizes vary, of each leaf the largest that matters to it
+  LeafScale scale_;
   LinearOctree octree_;
   OpenFile ids_file_;
   std::vector<std::uint64_t> first_vertex_{0}, first_cell_{0};  // of each leaf, and the end

@@ -26,14 +26,15 @@ Frame frame_around(const RunParameters& parameters, const Box& surface, double l
 }  // namespace
 
 double start_leaf_side(const RunParameters& parameters) {
-  const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
-  const double side =
-      std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density);
-  const double over_size = std::max(side, kMinLeafSide);
-  if (parameters.sizes().is_uniform()) return over_size * parameters.size;
-  // Most points are near the surface, two to λ² of it. Cubes that halve fit the lattice at λ.
-  const double of_surface = std::sqrt(0.125 * static_cast<double>(parameters.leaf_capacity));
-  return std::exp2(std::round(std::log2(std::max(of_surface, kMinLeafSide) / kLatticeSpacing))) *
+  const auto capacity = static_cast<double>(parameters.leaf_capacity);
+  if (parameters.sizes().is_uniform()) {
+    const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
+    const double side = std::cbrt(0.5 * capacity / lattice_density);
+    return std::max(side, kMinLeafSide) * parameters.size;
+  }
+  constexpr double kPointsPerArea = 2;  // to λ²
+  const double side = std::sqrt(0.25 * capacity / kPointsPerArea);
+  return std::exp2(std::round(std::log2(std::max(side, kMinLeafSide) / kLatticeSpacing))) *
          kLatticeSpacing * parameters.size;
 }
 

@@ -14,7 +14,9 @@ struct OctreePlan {
   int level = 0;
 };
 
-// So wide that a leaf filled with lattice points has half as many as κ, but at least 4 λ.
+// So wide that a leaf filled with lattice points has half as many as κ, but at least 4 λ. Where
+// sizes vary: about as wide as to have a quarter of κ of the points near the surface, so that cubes
+// that halve come down to the lattice's at λ.
 double start_leaf_side(const RunParameters& parameters);
 
 // Cover: leaves that will hold about half of κ lattice points, at least 4 λ wide; paper: one leaf.

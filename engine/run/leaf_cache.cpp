@@ -46,31 +46,28 @@ const LeafInfo& LeafCache::info(MortonKey leaf) {
   return *info.record;
 }
 
-const LeafPoints& LeafCache::points(MortonKey leaf) {
-  auto& points = touch(leaf).points;
-  if (!points.record) {
-    points.record = store_.snapshot().points(leaf);
-    most_bytes_ += vector_bytes(points.record->points);
+template <class Record, class Item>
+const Record& LeafCache::kept(MortonKey leaf, Cached<Record> Entry::*which,
+                              Record (Reader::*read)(MortonKey) const,
+                              std::vector<Item> Record::*items) {
+  auto& record = (touch(leaf).*which).record;
+  if (!record) {
+    record = (store_.snapshot().*read)(leaf);
+    most_bytes_ += vector_bytes((*record).*items);
   }
-  return *points.record;
+  return *record;
+}
+
+const LeafPoints& LeafCache::points(MortonKey leaf) {
+  return kept(leaf, &Entry::points, &Reader::points, &LeafPoints::points);
 }
 
 const LeafSurface& LeafCache::surface(MortonKey leaf) {
-  auto& surface = touch(leaf).surface;
-  if (!surface.record) {
-    surface.record = store_.snapshot().surface(leaf);
-    most_bytes_ += vector_bytes(surface.record->triangles);
-  }
-  return *surface.record;
+  return kept(leaf, &Entry::surface, &Reader::surface, &LeafSurface::triangles);
 }
 
 const LeafSizes& LeafCache::sizes(MortonKey leaf) {
-  auto& sizes = touch(leaf).sizes;
-  if (!sizes.record) {
-    sizes.record = store_.snapshot().sizes(leaf);
-    most_bytes_ += vector_bytes(sizes.record->cubes);
-  }
-  return *sizes.record;
+  return kept(leaf, &Entry::sizes, &Reader::sizes, &LeafSizes::cubes);
 }
 
 LeafCells LeafCache::cells(MortonKey leaf) {

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <optional>
 #include <set>
+#include <vector>
 
 #include "engine/shared/recent_map.h"
 #include "octree/table_hash.h"
@@ -66,6 +67,10 @@ class LeafCache {
 
   static constexpr std::size_t kEntryBytes = sizeof(Entry) + 64;  // and what the containers add
 
+  // A record that is kept once it was read. `items`: what takes its memory
+  template <class Record, class Item>
+  const Record& kept(MortonKey leaf, Cached<Record> Entry::*which,
+                     Record (Reader::*read)(MortonKey) const, std::vector<Item> Record::*items);
   Entry& touch(MortonKey leaf);  // the leaf's entry, now the most recently used
   Entry& touch_changed(MortonKey leaf);
   static void write(Batch& batch, MortonKey leaf, Entry& entry);

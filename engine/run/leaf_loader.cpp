@@ -239,8 +239,10 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
 
 Criteria LeafLoader::criteria() const {
   const RunParameters& p = state_.run().parameters;
-  const auto of = state_.is_cover() ? Criteria::of_cover : Criteria::of_paper;
-  return of(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral, p.growth);
+  return state_.is_cover()
+             ? Criteria::of_cover(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral,
+                                  p.growth)
+             : Criteria::of_paper(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are

@@ -167,15 +167,12 @@ void enqueue_for_mending(RunState& state) {
 
 void merge_sites(RunState& state) {
   const double size = state.size();
-  // A visit's sites lie within its reach of its leaf.
-  const auto distance_of = [&](MortonKey leaf) {
-    return state.is_cover() ? 2 * state.reach_of(leaf, kReach) + size
-                            : std::numeric_limits<double>::infinity();
-  };
   for (const MortonKey leaf : state.octree().leaves()) {
     state.leaves().trim();
     if (state.leaves().info(leaf).num_unresolved == 0) continue;
-    const double distance = distance_of(leaf);
+    // A visit's sites lie within its reach of its leaf.
+    const double distance = state.is_cover() ? 2 * state.reach_of(leaf, kReach) + size
+                                             : std::numeric_limits<double>::infinity();
     std::vector<UnresolvedSite> kept;
     for (const MortonKey other :
          state.octree().leaves_within(state.run().frame, state.box(leaf), distance)) {

@@ -204,6 +204,12 @@ class EngineTest : public testing::Test {
   std::filesystem::path input_ = scratch_ / "input.off";
 };
 
+RunControl with_threads(int num_threads) {
+  RunControl control;
+  control.num_threads = num_threads;
+  return control;
+}
+
 // A run that is stopped after each `num_visits` visits, and resumed until it is done. On one
 // thread: on several, those under way would be dropped, and at one visit a piece it would get
 // nowhere.
@@ -324,11 +330,6 @@ TEST_F(EngineTest, GivesTheSameRecordsWithAnyNumberOfThreads) {
   const unsigned seed = std::random_device()();
   RecordProperty("seed", std::to_string(seed));
   std::mt19937 random(seed);
-  const auto with_threads = [](int num_threads) {
-    RunControl control;
-    control.num_threads = num_threads;
-    return control;
-  };
   mesh(options("one", 0.1, 60), with_threads(1));
   const Contents expected = contents_of(scratch_ / "one");
   EXPECT_GT(expected.run.counts.num_visits, 80U);
@@ -585,11 +586,6 @@ TEST_F(GradedEngineTest, SharpAndThinPartsKeepTheirTopology) {
 
 TEST_F(GradedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
   write(torus(1, 0.4, 48, 24));
-  const auto with_threads = [](int num_threads) {
-    RunControl control;
-    control.num_threads = num_threads;
-    return control;
-  };
   mesh(graded("one", 0.1, 100), with_threads(1));
   const Contents expected = contents_of(scratch_ / "one");
   EXPECT_GT(expected.leaves.size(), 8U);
