@@ -72,31 +72,83 @@ SizeField::SizeField(const SizeCubes& sizes)
                       .distance = cube.distance,
                       .excess = cube.excess});
   }
+  if (!cubes_.empty()) make_grid(sizes.cubes);
+}
+
+// Nodes of the grid: about as many as cubes.
+void SizeField::make_grid(std::span<const SizeCube> cubes) {
+  constexpr std::uint32_t kMost = std::uint32_t{1} << MortonKey::kMaxLevel;
+  std::array<std::uint32_t, 3> low{kMost, kMost, kMost}, high{};
+  for (const SizeCube& cube : cubes) {
+    const auto [x, y, z] = cube.key.grid_min();
+    const std::uint32_t last = cube.key.grid_side() - 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::uint32_t at = axis == 0 ? x : axis == 1 ? y : z;
+      low[axis] = std::min(low[axis], at);
+      high[axis] = std::max(high[axis], at + last);
+    }
+  }
+  std::size_t num_nodes = 0;
+  for (grid_shift_ = 0;; ++grid_shift_) {
+    num_nodes = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      grid_origin_[axis] = low[axis] >> grid_shift_;
+      grid_shape_[axis] = (high[axis] >> grid_shift_) - grid_origin_[axis] + 1;
+      num_nodes *= grid_shape_[axis];
+    }
+    if (num_nodes <= 2 * cubes.size()) break;
+  }
+  grid_.assign(num_nodes, {});
+  for (std::uint32_t n = 0; n < cubes.size(); ++n) {
+    const auto [x, y, z] = cubes[n].key.grid_min();
+    const std::uint32_t last = cubes[n].key.grid_side() - 1;
+    for (std::uint32_t k = z >> grid_shift_; k <= (z + last) >> grid_shift_; ++k)
+      for (std::uint32_t j = y >> grid_shift_; j <= (y + last) >> grid_shift_; ++j)
+        for (std::uint32_t i = x >> grid_shift_; i <= (x + last) >> grid_shift_; ++i) {
+          Range& range = grid_[((k - grid_origin_[2]) * grid_shape_[1] + (j - grid_origin_[1])) *
+                                   std::size_t{grid_shape_[0]} +
+                               (i - grid_origin_[0])];
+          if (range.first == range.end) range.first = n;
+          range.end = n + 1;
+        }
+  }
 }
 
 // On which side of a face between cubes a place is decides little, but all leaves decide alike.
-double SizeField::graded_at(const Point& p) const {
-  if (!root_.contains(p)) return law_.surface;
+const SizeField::Cube* SizeField::cube_at(const Point& p) const {
+  if (cubes_.empty() || !root_.contains(p)) return nullptr;
   constexpr double kLast = (std::uint32_t{1} << MortonKey::kMaxLevel) - 1;
   const auto step = [&](int axis) {
     return static_cast<std::uint32_t>(std::min((p[axis] - root_.min[axis]) * inverse_unit_, kLast));
   };
-  const std::uint64_t key =
-      MortonKey::containing({step(0), step(1), step(2)}, MortonKey::kMaxLevel).bits();
-  if (cubes_.empty()) return law_.surface;
-  if (key < first_[last_cube_] || key > last_[last_cube_]) {
-    const auto place = std::ranges::lower_bound(last_, key);
-    if (place == last_.end()) return law_.surface;
-    const auto n = static_cast<std::size_t>(place - last_.begin());
-    if (key < first_[n]) return law_.surface;
-    last_cube_ = n;
-  }
-  const auto& [low, inverse_side, distance, excess] = cubes_[last_cube_];
+  const GridPoint at{step(0), step(1), step(2)};
+  const std::uint32_t i = (at.x >> grid_shift_) - grid_origin_[0];
+  const std::uint32_t j = (at.y >> grid_shift_) - grid_origin_[1];
+  const std::uint32_t k = (at.z >> grid_shift_) - grid_origin_[2];
+  if (i >= grid_shape_[0] || j >= grid_shape_[1] || k >= grid_shape_[2]) return nullptr;
+  const auto [first, end] = grid_[(k * grid_shape_[1] + j) * std::size_t{grid_shape_[0]} + i];
+  const std::uint64_t key = MortonKey::containing(at, MortonKey::kMaxLevel).bits();
+  const auto place = std::lower_bound(last_.begin() + first, last_.begin() + end, key);
+  const auto n = static_cast<std::size_t>(place - last_.begin());
+  return n < end && first_[n] <= key ? &cubes_[n] : nullptr;
+}
+
+double SizeField::depth(const Cube& cube, const Point& p) {
   const auto fraction = [&](int axis) {
-    return std::clamp((p[axis] - low[axis]) * inverse_side, 0.0, 1.0);
+    return std::clamp((p[axis] - cube.low[axis]) * cube.inverse_side, 0.0, 1.0);
   };
-  const double depth = interpolated(distance, fraction(0), fraction(1), fraction(2)) - excess;
-  return law_.at_distance(std::max(depth, 0.0));
+  return interpolated(cube.distance, fraction(0), fraction(1), fraction(2)) - cube.excess;
+}
+
+double SizeField::graded_at(const Point& p) const {
+  const Cube* cube = cube_at(p);
+  return cube == nullptr ? law_.surface : law_.at_distance(std::max(depth(*cube, p), 0.0));
+}
+
+double SizeField::least_depth(const Point& p) const {
+  constexpr double kToCorners = 0.9;  // over the side; √3/2 and what far distances are too large by
+  const Cube* cube = cube_at(p);
+  return cube == nullptr ? -1 : depth(*cube, p) - kToCorners / cube->inverse_side;
 }
 
 }  // namespace locvol

@@ -79,7 +79,7 @@ void for_each_lattice_point(const SizeCube& cube, Visit visit) {
   for (std::uint32_t n = 0; n < 8; ++n) visit(site(2 * (n & 1), 2 * (n >> 1 & 1), 2 * (n >> 2)));
 }
 
-// Looks up h, often: see size_at(). Not thread-safe: it remembers where it was asked last.
+// Looks up h, often: see size_at().
 class SizeField {
  public:
   explicit SizeField(double size) : law_{.surface = size}, largest_(size) {}
@@ -90,10 +90,20 @@ class SizeField {
 
   // h(p). Where no cube is known: λ.
   double at(const Point& p) const { return is_uniform() ? on_surface() : graded_at(p); }
+  // How deep inside p is at least; less than 0: not known. Distances at a cube's corners have a
+  // sign and change by no more than the way: from the mean of them that h is made of, a corner is
+  // as far as √3/2 of the side at most.
+  double least_depth(const Point& p) const;
   // λ.
   double on_surface() const { return law_.surface; }
-  // No less than h anywhere.
+  // No less than h anywhere; no more.
   double largest() const { return largest_; }
+  double least() const { return law_.surface; }
+  // Is a ball's radius below k times h at its center? Most often least() tells.
+  bool is_below(double squared_radius, double k, const Point& center) const {
+    const auto is_below = [&](double bound) { return squared_radius < bound * bound; };
+    return is_below(k * least()) || (!is_uniform() && is_below(k * graded_at(center)));
+  }
   // How far from p a ball through it reaches if its radius is at most k / 2 times h at its center.
   // REQUIRES: growth · k < 2
   double reach_of_balls(const Point& p, double k) const {
@@ -109,14 +119,24 @@ class SizeField {
     float excess = 0;
   };
   double graded_at(const Point& p) const;
+  const Cube* cube_at(const Point& p) const;  // null: none is known there
+  static double depth(const Cube& cube, const Point& p);
 
   SizeLaw law_;
   Box root_;
   double inverse_unit_ = 0;
   std::vector<std::uint64_t> first_, last_;  // of each cube's range of keys
   std::vector<Cube> cubes_;
+  // In which of them to look: of each node of one level around, the first that meets it, and the
+  // end.
+  struct Range {
+    std::uint32_t first = 0, end = 0;
+  };
+  void make_grid(std::span<const SizeCube> cubes);
+  std::vector<Range> grid_;
+  std::array<std::uint32_t, 3> grid_origin_{}, grid_shape_{};
+  int grid_shift_ = 0;  // of positions on the octree's grid, to get at the grid's nodes
   double largest_ = 0;
-  mutable std::size_t last_cube_ = 0;
 };
 
 }  // namespace locvol

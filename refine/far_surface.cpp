@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <cassert>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "refine/closest_point.h"
 
@@ -60,42 +60,21 @@ void FarSurface::add(const Box& leaf, std::span<const Triangle> triangles) {
 }
 
 void FarSurface::finish() {
-  if (groups_.empty()) return;
-  nodes_.assign(2 * std::bit_ceil(groups_.size()), {});
-  build(0, 0, groups_.size());
-}
-
-Box FarSurface::build(std::size_t node, std::size_t first, std::size_t end) {
-  if (end - first == 1) return nodes_[node] = groups_[first].box;
-  const std::size_t middle = first + (end - first) / 2;
-  const Box low = build(2 * node + 1, first, middle);
-  return nodes_[node] = low.joined(build(2 * node + 2, middle, end));
+  std::vector<Box> boxes;
+  for (const Group& group : groups_) boxes.push_back(group.box);
+  tree_ = BoxTree(std::move(boxes));
 }
 
 double FarSurface::distance(const Point& p, double bound) const {
-  if (groups_.empty()) return bound;
-  assert(!nodes_.empty());
   double squared = bound * bound;
-  descend(0, 0, groups_.size(), p, squared);
+  tree_.for_each_within(p, squared, [&](std::uint32_t n) {
+    for (std::size_t i = groups_[n].first; i < groups_[n].end; ++i)
+      squared = std::min(squared, squared_distance(points_[i], p));
+  });
   if (!(squared < bound * bound)) return bound;
   // The surface is closer than its points: a plane, by a third of a part's diagonal aside.
   const double distance = std::sqrt(squared);
   return distance - std::min(0.125 * part_ * part_ / distance, 0.5 * distance);
-}
-
-void FarSurface::descend(std::size_t node, std::size_t first, std::size_t end, const Point& p,
-                         double& squared) const {
-  if (nodes_[node].squared_distance(p) >= squared) return;
-  if (end - first == 1) {
-    for (std::size_t i = groups_[first].first; i < groups_[first].end; ++i)
-      squared = std::min(squared, squared_distance(points_[i], p));
-    return;
-  }
-  const std::size_t middle = first + (end - first) / 2, low = 2 * node + 1, high = low + 1;
-  const bool is_low_nearer = nodes_[low].squared_distance(p) <= nodes_[high].squared_distance(p);
-  if (is_low_nearer) descend(low, first, middle, p, squared);
-  descend(high, middle, end, p, squared);
-  if (!is_low_nearer) descend(low, first, middle, p, squared);
 }
 
 }  // namespace locvol

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "refine/box_tree.h"
 
 namespace locvol {
 
@@ -25,8 +26,7 @@ class FarSurface {
   // From p to the surface, or `bound` if no point is closer. REQUIRES: finish() was called
   double distance(const Point& p, double bound) const;
   std::size_t bytes() const {
-    return points_.capacity() * sizeof(Point) + groups_.capacity() * sizeof(Group) +
-           nodes_.capacity() * sizeof(Box);
+    return points_.capacity() * sizeof(Point) + groups_.capacity() * sizeof(Group) + tree_.bytes();
   }
 
  private:
@@ -34,14 +34,11 @@ class FarSurface {
     Box box;
     std::size_t first = 0, end = 0;
   };
-  Box build(std::size_t node, std::size_t first, std::size_t end);
-  void descend(std::size_t node, std::size_t first, std::size_t end, const Point& p,
-               double& squared) const;
 
   double part_ = 0;  // the largest side of a part
   std::vector<Point> points_;
   std::vector<Group> groups_;
-  std::vector<Box> nodes_;  // of a binary tree over the groups; node n has 2n + 1 and 2n + 2
+  BoxTree tree_;  // of the groups
 };
 
 }  // namespace locvol

@@ -129,11 +129,10 @@ class HoleSearch {
       find_lattice();
       mark_sites(all);
     }
-    const Box known =
-        input.box.expanded(reach_factor(sizes.growth(), kFillReach) * sizes.largest());
-    const double side = cube_side(known, size_, kMostCubes);
-    points_.emplace(known, side, all);
-    samples_.emplace(known, side, samples);
+    Box known = input.box;
+    for (const Point& p : all) known = known.joined(p);
+    points_.emplace(known, cube_side(known, size_, kMostCubes, all.size()), all);
+    samples_.emplace(known, cube_side(known, size_, kMostCubes, samples.size()), samples);
   }
 
   FillPoints run() { return sizes_.is_uniform() ? search_lattice() : search_cubes(); }

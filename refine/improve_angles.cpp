@@ -503,8 +503,7 @@ ImproveAngles::Verdict ImproveAngles::judge(const std::optional<Counts>& made) c
 
 bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
                                        const CellBall& ball) const {
-  const double size = surroundings_.sizes.at(ball.center);
-  return ball.squared_radius < size * size &&
+  return surroundings_.sizes.is_below(ball.squared_radius, 1, ball.center) &&
          ball.squared_radius <= limits_.squared_ratio * shortest_edge_squared(corners);
 }
 

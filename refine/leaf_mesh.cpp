@@ -109,7 +109,8 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
     constexpr double kMostCubes = 128;  // in a row
-    own_cubes.emplace(input.box, cube_side(input.box, reach, kMostCubes), positions);
+    own_cubes.emplace(input.box, cube_side(input.box, reach, kMostCubes, positions.size()),
+                      positions);
   }
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());
@@ -272,17 +273,28 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
   ball.center = circumball.center;
   ball.squared_radius = circumball.squared_radius;
   if (!(ball.squared_radius <= far_radius_ * far_radius_)) return state.side;
-  if (const double near = far_radius_at(ball.center); !(ball.squared_radius <= near * near))
+  if (!surroundings_.sizes.is_uniform() &&
+      !surroundings_.sizes.is_below(ball.squared_radius, 0.5 * kReach, ball.center))
     return state.side;
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
   if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
   if (!is_whole && !surroundings_.surface.region().contains(ball.center))
-    return state.side = Side::kBeyond;
+    return state.side = is_deep(state, ball) ? Side::kInside : Side::kBeyond;
   const SurfacePatch::Location location = surroundings_.surface.locate(ball.center);
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
   return state.side = location.is_inside ? Side::kInside : Side::kOutside;
+}
+
+// Out of the patch, where cells are larger than on the surface: are all its corners so deep that no
+// dual edge of the cell meets the surface?
+bool LeafMesh::is_deep(CellState& state, CellBall& ball) const {
+  if (surroundings_.sizes.is_uniform()) return false;
+  ball.clearance = surroundings_.sizes.least_depth(ball.center);
+  state.has_clearance = true;
+  const double of_corners = ball.clearance - surroundings_.sizes.on_surface();
+  return of_corners > 0 && ball.squared_radius < of_corners * of_corners;
 }
 
 // Of a near cell's center.

@@ -27,7 +27,7 @@ enum class Side : std::uint8_t {
   kOutside,
   kInside,
   kFar,     // the circumradius is infinite, or beyond what is known to be empty (Criteria::reach)
-  kBeyond,  // near, but outside the surface patch: of cells without own vertex only
+  kBeyond,  // near, but out of the surface patch and not deep: of cells without own vertex only
 };
 
 // What the checks ask of a cell and its neighbors over and over, in few bytes.
@@ -238,6 +238,7 @@ class LeafMesh {
                                const CellAtFacet& there, bool is_past_surface) const;
   static CellState fresh_state(const std::array<Marks, 4>& marks);
   double clearance(CellState& state, CellBall& ball) const;
+  bool is_deep(CellState& state, CellBall& ball) const;
   bool is_off_surface(Side here, Side there, const Point& from, const Point& to,
                       const Point& corner) const;
   bool is_axis_near(const Axis& axis) const;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -16,9 +17,14 @@
 
 namespace locvol {
 
-// Of cubes for the box: as wanted, or wider, so that no more of them are in a row.
-inline double cube_side(const Box& box, double wanted, double most_in_row) {
-  return std::max(wanted, max_norm(box.max - box.min) / most_in_row);
+// Of cubes for the box: as wanted, or wider, so that no more than some are in a row, and there are
+// not many more of them than items.
+inline double cube_side(const Box& box, double wanted, double most_in_row, std::size_t num_items) {
+  constexpr double kMostOfAnItem = 8;
+  const Point sides = box.max - box.min;
+  const double most = kMostOfAnItem * static_cast<double>(std::max<std::size_t>(num_items, 1));
+  return std::max(
+      {wanted, max_norm(sides) / most_in_row, std::cbrt(sides.x * sides.y * sides.z / most)});
 }
 
 // The items of cubes in a row are side by side in memory; those that are added later, which should

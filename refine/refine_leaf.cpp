@@ -332,10 +332,9 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   }
   if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
   const CellRef ref = mesh_.ref(cell);
-  const double size = surroundings_.sizes.at(mesh_.ball(cell).center);
   const double ratio = input_.criteria.radius_edge_bound;
   const double squared_radius = mesh_.ball(cell).squared_radius;
-  if (squared_radius >= size * size)
+  if (!surroundings_.sizes.is_below(squared_radius, 1, mesh_.ball(cell).center))
     c5_.push_back(ref);
   else if (squared_radius > ratio * ratio * shortest_edge_squared(mesh_.corners(cell)))
     c6_.push_back(ref);
@@ -447,7 +446,7 @@ const PointCubes& Refinement::corners() {
   const auto repeated = std::ranges::unique(all);
   all.erase(repeated.begin(), repeated.end());
   const Box& region = surroundings_.surface.region();
-  const double side = cube_side(region, input_.criteria.size, kMostCubes);
+  const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
   return corner_cubes_.emplace(region, side, all);
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "octree/table_hash.h"
+#include "refine/box_tree.h"
 #include "refine/closest_point.h"
 
 namespace locvol {
@@ -25,36 +26,34 @@ class SizeTree {
         surface_(surface),
         far_(far),
         poll_(stop),
-        step_(std::exp2(std::floor(std::log2(input.law.surface)) - kStepBits)) {}
+        step_(std::exp2(std::floor(std::log2(input.law.surface)) - kStepBits)) {
+    std::vector<Box> boxes;
+    for (const Triangle& t : surface.triangles()) boxes.push_back(t.box());
+    triangles_ = BoxTree(std::move(boxes));
+  }
 
   std::vector<SizeCube> run() {
-    Candidates all;
-    for (const Triangle& t : surface_.triangles()) all.push_back({t.box(), &t});
-    descend(input_.leaf, all, std::numeric_limits<double>::infinity());
+    descend(input_.leaf, {});
     return std::move(cubes_);
   }
 
  private:
-  struct Candidate {
-    Box box;
-    const Triangle* triangle;
+  // What is known of a place: a triangle near it, if any, and a bound of the distance.
+  struct Nearest {
+    std::uint32_t triangle = kNone;
+    double bound = std::numeric_limits<double>::infinity();
   };
-  // Of triangles: all that may be the nearest to some place of a node.
-  using Candidates = std::vector<Candidate>;
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-  // `bound`: the distance of the node's center is known to be at most that.
-  void descend(MortonKey node, const Candidates& some, double bound) {
+  // `near`: of the node's center; its nearest triangle is close to that of the parent's center.
+  void descend(MortonKey node, Nearest near) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
-    const double distance = signed_distance(box.center(), some, bound);
-    const double farthest = std::abs(distance) + kHalfDiagonal * side;
-    Candidates near;
-    std::ranges::copy_if(some, std::back_inserter(near), [&](const Candidate& t) {
-      return t.box.squared_distance(box) <= farthest * farthest;
-    });
+    const double distance = signed_distance(box.center(), near);
+    near.bound = std::abs(distance) + kHalfDiagonal * side;
     if (!may_stay(node, side, distance)) {
-      for (int octant = 0; octant < 8; ++octant) descend(node.child(octant), near, farthest);
+      for (int octant = 0; octant < 8; ++octant) descend(node.child(octant), near);
       return;
     }
     SizeCube cube{.key = node};
@@ -62,8 +61,7 @@ class SizeTree {
     const std::uint32_t steps = node.grid_side();
     for (std::uint32_t k = 0; k < 8; ++k)
       cube.distance[k] = corner_distance(
-          {low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps, low.z + (k >> 2) * steps}, near,
-          farthest);
+          {low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps, low.z + (k >> 2) * steps}, near);
     if (distance > 0)
       cube.excess = static_cast<float>(
           step_ *
@@ -84,28 +82,34 @@ class SizeTree {
     return radius < least;
   }
 
-  double signed_distance(const Point& p, const Candidates& some, double bound) const {
-    double squared = bound * bound * (1 + 1e-9);
-    for (const auto& [box, triangle] : some)
-      if (box.squared_distance(p) < squared)
-        squared = std::min(squared, squared_distance(p, closest_on_triangle(triangle->corners, p)));
+  double signed_distance(const Point& p, Nearest& near) const {
+    const auto squared_distance_of = [&](std::uint32_t n) {
+      return squared_distance(p, closest_on_triangle(surface_.triangles()[n].corners, p));
+    };
+    double squared = near.bound * near.bound * (1 + 1e-9);
+    if (near.triangle != kNone) squared = std::min(squared, squared_distance_of(near.triangle));
+    triangles_.for_each_within(p, squared, [&](std::uint32_t n) {
+      const double d = squared_distance_of(n);
+      if (d < squared) squared = d, near.triangle = n;
+    });
     double distance = std::sqrt(squared);
     if (distance > kExactDistance * input_.law.surface) distance = far_.distance(p, distance);
     return surface_.is_inside(p) ? distance : -distance;
   }
 
   // Corners are shared by eight cubes.
-  float corner_distance(const GridPoint& g, const Candidates& some, double bound) {
+  float corner_distance(const GridPoint& g, Nearest near) {
     const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z}, 0.0F);
     if (is_new)
       place->second = static_cast<float>(
-          step_ * std::floor(signed_distance(input_.frame.position(g), some, bound) / step_));
+          step_ * std::floor(signed_distance(input_.frame.position(g), near) / step_));
     return place->second;
   }
 
   const SizeInput& input_;
   const SurfacePatch& surface_;
   const FarSurface& far_;
+  BoxTree triangles_;
   StopPoll poll_;
   // Distances are multiples of it, a little less than they are: so they take half as many bytes.
   static constexpr int kStepBits = 9;

@@ -563,6 +563,17 @@ TEST_F(GradedEngineTest, CellsGrowFromTheSurfaceInwards) {
   }
 }
 
+// Cells deep inside are larger than a leaf's surface patch reaches beyond it: they were taken for
+// unknown, and of those at the leaves' borders some were never improved.
+TEST_F(GradedEngineTest, NoPoorCellsAreLeftAtTheBordersOfLeaves) {
+  write(sphere(1, 122, 256));
+  const auto run = graded("borders", 0.03, 300);
+  mesh(run);
+  const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_EQ(report.num_poor_cells, 0U);
+}
+
 TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
   write(sphere(1, 61, 128));
   auto run = graded("bounded", 0.1, 0, 0.3);

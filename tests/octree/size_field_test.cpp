@@ -62,6 +62,24 @@ TEST(SizeField, GrowsWithTheDistanceFromAPlaneAndNotOutside) {
   }
 }
 
+// Of cubes in a row of sizes that lie anywhere, some missing.
+TEST(SizeField, FindsTheSameCubesAsASearch) {
+  std::mt19937_64 random(9);
+  const SizeCubes all = cubes_at_a_plane({0.6, 0, 0.8}, 2);
+  for (int round = 0; round < 20; ++round) {
+    SizeCubes some = all;
+    std::erase_if(some.cubes, [&](const SizeCube&) { return random() % 3 == 0; });
+    const SizeField field(some);
+    for (int i = 0; i < 300; ++i) {
+      const Point p = random_point(random, kFrame.root_box().expanded(0.1));
+      EXPECT_NEAR(field.at(p), size_at(some.law, some.frame, some.cubes, p), 1e-12);
+      const double h = field.at(p);
+      EXPECT_TRUE(field.is_below(0.999 * h * h, 1, p));
+      EXPECT_FALSE(field.is_below(1.001 * h * h, 1, p));
+    }
+  }
+}
+
 TEST(SizeField, StopsAtItsBound) {
   SizeCubes sizes = cubes_at_a_plane({0, 0, 1}, 3);
   sizes.law.most = 0.75;

@@ -88,21 +88,27 @@ TEST(SizeLeaf, InterpolatesTheDistanceFromTheSurface) {
   for (const World& world : worlds()) {
     const SizeField field(world.all());
     double most_above = 0, below = 0;
+    int num_deep = 0;
     constexpr int kNum = 1500;
     int num = 0;
     while (num < kNum) {
       const Point p = uniform_in(random, bounding_box(world.mesh()));
       if (!is_inside(p, world.mesh())) {
         EXPECT_LE(field.at(p), 1.05 * world.law().surface);
+        EXPECT_LE(field.least_depth(p), 0);
         continue;
       }
       ++num;
-      const double exact = world.law().at_distance(distance(p, world.mesh()));
+      const double depth = distance(p, world.mesh());
+      EXPECT_LE(field.least_depth(p), depth);
+      num_deep += field.least_depth(p) > 0;
+      const double exact = world.law().at_distance(depth);
       most_above = std::max(most_above, field.at(p) / exact - 1);
       below += 1 - field.at(p) / exact;
     }
     EXPECT_LT(most_above, 0.03);
     EXPECT_LT(std::abs(below / kNum), 0.02);
+    EXPECT_GT(num_deep, kNum / 50);
   }
 }
 
