@@ -176,6 +176,24 @@ RunControl run_control(const Control& control, Thrown& thrown) {
   return run;
 }
 
+std::vector<SizeRequest> size_requests(std::span<const SizedShape> shapes) {
+  std::vector<SizeRequest> requests;
+  const auto point = [](const Coordinates& c) { return Point{c[0], c[1], c[2]}; };
+  for (const SizedShape& shape : shapes) {
+    SizeRequest& request = requests.emplace_back();
+    request.shape = {.kind = shape.kind == SizedShape::Kind::kBall  ? ShapeKind::kBall
+                             : shape.kind == SizedShape::Kind::kBox ? ShapeKind::kBox
+                                                                    : ShapeKind::kSegment,
+                     .size = shape.size.value,
+                     .a = point(shape.a),
+                     .b = point(shape.b),
+                     .radius = shape.radius};
+    request.is_percent = shape.size.is_percent;
+    request.place = "shape " + std::to_string(requests.size());
+  }
+  return requests;
+}
+
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
   std::optional<SizeSpec> max_size;
@@ -189,6 +207,7 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .spacing_floor = options.spacing_floor,
           .growth = options.growth,
           .max_size = max_size,
+          .shapes = size_requests(options.shapes),
           .is_forced = options.is_forced};
 }
 

@@ -101,6 +101,31 @@ struct Size {
   static Size percent(double value) { return {value, true}; }
 };
 
+/// Where cells are to be smaller than elsewhere: the bound on circumradii is `size` in all of the
+/// shape, and larger by Options::growth of the distance from it.
+struct SizedShape {
+  /// What it is.
+  enum class Kind { kBall, kBox, kSegment };
+  Kind kind = Kind::kBall;  ///< What it is.
+  Size size = {};           ///< Of cells in it.
+  Coordinates a = {};       ///< Of a ball its center, of a box a corner, of a segment an end.
+  Coordinates b = {};       ///< The other corner or end.
+  double radius = 0;           ///< Of a ball; 0: a point.
+
+  /// A point, with radius 0, or a ball.
+  static SizedShape ball(Size size, const Coordinates& center, double radius = 0) {
+    return {Kind::kBall, size, center, center, radius};
+  }
+  /// Given by two opposite corners.
+  static SizedShape box(Size size, const Coordinates& a, const Coordinates& b) {
+    return {Kind::kBox, size, a, b, 0};
+  }
+  /// Between two points.
+  static SizedShape segment(Size size, const Coordinates& a, const Coordinates& b) {
+    return {Kind::kSegment, size, a, b, 0};
+  }
+};
+
 /// What the mesh depends on, besides the surface; and where its run is kept.
 struct Options {
   Size size = {};  ///< Must be given; SurfaceInfo::default_size is one.
@@ -121,6 +146,8 @@ struct Options {
   /// by this much of the distance from it, 0 (one size everywhere) to 0.3.
   double growth = 0;
   Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
+  /// With any, a growth of 0 stands for 0.2, with `size` as what the bound does not grow beyond.
+  std::vector<SizedShape> shapes = {};
 };
 
 /// What a run is doing.

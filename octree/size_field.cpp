@@ -24,11 +24,16 @@ double interpolated(const std::array<float, 8>& distance, double x, double y, do
 
 }  // namespace
 
-double interpolated(const SizeCube& cube, const Box& box, const Point& p) {
+double interpolated(const std::array<float, 8>& corners, const Box& box, const Point& p) {
   const auto fraction = [&](int axis) {
     return std::clamp((p[axis] - box.min[axis]) / (box.max[axis] - box.min[axis]), 0.0, 1.0);
   };
-  return interpolated(cube.distance, fraction(0), fraction(1), fraction(2));
+  return interpolated(corners, fraction(0), fraction(1), fraction(2));
+}
+
+double size_in(const SizeLaw& law, const SizeCube& cube, const Box& box, const Point& p) {
+  return law.at_distance(interpolated(cube.distance, box, p) - cube.excess,
+                         interpolated(cube.less, box, p));
 }
 
 double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
@@ -38,39 +43,60 @@ double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube>
   const auto place = std::ranges::lower_bound(
       cubes, key, {}, [](const SizeCube& cube) { return cube.key.range_max(); });
   if (place == cubes.end() || !place->key.is_ancestor_or_self_of(key)) return law.surface;
-  const double distance = interpolated(*place, frame.box(place->key), p) - place->excess;
-  return law.at_distance(std::max(distance, 0.0));
+  return size_in(law, *place, frame.box(place->key), p);
 }
 
-double least_distance(std::span<const SizeCube> cubes) {
-  float least = std::numeric_limits<float>::infinity();
+// Interpolated, nothing is beyond what is at the corners. In a cube, no place is farther from all
+// of them than half of its diagonal.
+SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes) {
+  if (cubes.empty()) return {law.surface, law.surface, law.surface};
+  SizeRange range{std::numeric_limits<double>::infinity(), 0, 0};
   for (const SizeCube& cube : cubes) {
-    const auto [low, high] = std::ranges::minmax(cube.distance);
-    if (high < 0) continue;
-    least = std::min(least, std::max(low, 0.0F));
+    const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
+    double most = 0;
+    for (std::size_t k = 0; k < 8; ++k)
+      most = std::max(most, law.at_distance(cube.distance[k], cube.less[k]));
+    range.most = std::max(range.most, most);
+    const bool is_outside = farthest < -0.87 * frame.side(cube.key.level());
+    if (is_outside) continue;
+    range.least =
+        std::min(range.least, law.at_distance(nearest - cube.excess, std::ranges::max(cube.less)));
+    if (nearest <= 0) range.on_surface = std::max(range.on_surface, most);
   }
-  return std::isfinite(least) ? least : 0;
+  if (!std::isfinite(range.least)) range.least = law.least;
+  if (range.on_surface == 0) range.on_surface = range.most;
+  range.on_surface = std::min(range.on_surface, law.surface);
+  return range;
 }
 
-double largest_size(const SizeLaw& law, std::span<const SizeCube> cubes) {
-  float farthest = 0;
-  for (const SizeCube& cube : cubes)
-    for (const float d : cube.distance) farthest = std::max(farthest, d);
-  return law.at_distance(farthest);
+double base_size(const SizeLaw& law, const SizeCube& cube) {
+  return std::max(law.least, law.surface - std::ranges::min(cube.less));
+}
+
+bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance) {
+  const double least = law.most + law.growth * distance;
+  const auto size = [&](std::size_t k) {
+    return law.surface - cube.less[k] + law.growth * (cube.distance[k] - cube.excess);
+  };
+  for (std::size_t k = 0; k < 8; ++k)
+    if (!(size(k) >= least)) return false;
+  return true;
 }
 
 SizeField::SizeField(const SizeCubes& sizes)
     : law_(sizes.law),
       root_(sizes.frame.root_box()),
       inverse_unit_(1 / sizes.frame.unit()),
-      largest_(largest_size(sizes.law, sizes.cubes)) {
+      range_(size_range(sizes.law, sizes.frame, sizes.cubes)) {
   for (const SizeCube& cube : sizes.cubes) {
     first_.push_back(cube.key.range_min().bits());
     last_.push_back(cube.key.range_max().bits());
     cubes_.push_back({.low = sizes.frame.box(cube.key).min,
                       .inverse_side = 1 / sizes.frame.side(cube.key.level()),
                       .distance = cube.distance,
-                      .excess = cube.excess});
+                      .less = cube.less,
+                      .excess = cube.excess,
+                      .is_less = std::ranges::any_of(cube.less, [](float d) { return d != 0; })});
   }
   if (!cubes_.empty()) make_grid(sizes.cubes);
 }
@@ -133,22 +159,29 @@ const SizeField::Cube* SizeField::cube_at(const Point& p) const {
   return n < end && first_[n] <= key ? &cubes_[n] : nullptr;
 }
 
-double SizeField::depth(const Cube& cube, const Point& p) {
+SizeField::Cube::Place SizeField::Cube::place(const Point& p) const {
   const auto fraction = [&](int axis) {
-    return std::clamp((p[axis] - cube.low[axis]) * cube.inverse_side, 0.0, 1.0);
+    return std::clamp((p[axis] - low[axis]) * inverse_side, 0.0, 1.0);
   };
-  return interpolated(cube.distance, fraction(0), fraction(1), fraction(2)) - cube.excess;
+  return {fraction(0), fraction(1), fraction(2)};
+}
+
+double SizeField::Cube::depth(const Place& at) const {
+  return interpolated(distance, at[0], at[1], at[2]) - excess;
 }
 
 double SizeField::graded_at(const Point& p) const {
   const Cube* cube = cube_at(p);
-  return cube == nullptr ? law_.surface : law_.at_distance(std::max(depth(*cube, p), 0.0));
+  if (cube == nullptr) return law_.surface;
+  const Cube::Place at = cube->place(p);
+  return law_.at_distance(cube->depth(at),
+                          cube->is_less ? interpolated(cube->less, at[0], at[1], at[2]) : 0);
 }
 
 double SizeField::least_depth(const Point& p) const {
   constexpr double kToCorners = 0.9;  // over the side; √3/2 and what far distances are too large by
   const Cube* cube = cube_at(p);
-  return cube == nullptr ? -1 : depth(*cube, p) - kToCorners / cube->inverse_side;
+  return cube == nullptr ? -1 : cube->depth(cube->place(p)) - kToCorners / cube->inverse_side;
 }
 
 }  // namespace locvol

@@ -16,17 +16,20 @@
 
 namespace locvol {
 
-// What h is made of: inside, at most `surface` + `growth` times the distance to the surface, and at
-// most `most`; outside, `surface`.
+// What h is made of: inside, at most `surface` + `growth` times the distance to the surface;
+// outside, `surface`; less at shapes, and near them.
 struct SizeLaw {
-  double surface = 0;  // λ
+  double surface = 0;  // λ: the largest size at the surface
   double growth = 0;   // g: h changes by at most g times the way; 0: λ everywhere
   double most = std::numeric_limits<double>::infinity();
+  double least = surface;  // of any shape
 
   bool is_uniform() const { return growth == 0; }
-  double at_distance(double distance) const {
-    const double size = surface + growth * distance;
-    return size < most ? size : most;
+  bool has_shapes() const { return least < surface; }
+  // Where the surface is so far, and h is by `less` smaller than that alone would make it.
+  double at_distance(double distance, double less = 0) const {
+    const double size = surface - less + growth * std::max(distance, 0.0);
+    return size > most ? most : size < least ? least : size;
   }
   friend bool operator==(const SizeLaw&, const SizeLaw&) = default;
 };
@@ -38,6 +41,9 @@ struct SizeCube {
   // is interpolated, and at the center `excess` larger than it is.
   std::array<float, 8> distance{};
   float excess = 0;
+  // By how much h is smaller than the surface alone would make it, at its corners; interpolated
+  // likewise.
+  std::array<float, 8> less{};
   friend bool operator==(const SizeCube&, const SizeCube&) = default;
 };
 
@@ -49,15 +55,23 @@ struct SizeCubes {
   friend bool operator==(const SizeCubes&, const SizeCubes&) = default;
 };
 
-// The distance from the surface at p, interpolated. REQUIRES: p lies in the cube's box
-double interpolated(const SizeCube& cube, const Box& box, const Point& p);
+// What is at a cube's corners, at a point of its box.
+double interpolated(const std::array<float, 8>& corners, const Box& box, const Point& p);
+// h at a point of the cube's box.
+double size_in(const SizeLaw& law, const SizeCube& cube, const Box& box, const Point& p);
 // h(p); where no cube is known, λ. `cubes`: in Morton order
 double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
                const Point& p);
-// No less than h in any of the cubes.
-double largest_size(const SizeLaw& law, std::span<const SizeCube> cubes);
-// From the surface, of the corners; 0 where the surface may pass through a cube.
-double least_distance(std::span<const SizeCube> cubes);
+// No more, and no less, than h in any of the cubes; in any that the surface may pass through.
+// Without such, of the last: λ, or the second where that is less.
+struct SizeRange {
+  double least = 0, most = 0, on_surface = 0;
+};
+SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes);
+// λ, or at shapes what is there in its place: the largest at the cube's corners.
+double base_size(const SizeLaw& law, const SizeCube& cube);
+// Is h as large as it gets in all of the cube, and within `distance` of it?
+bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance = 0);
 // How far from a point balls through it reach, over h there, if their radii are at most k / 2 times
 // h at their centers.
 inline double reach_factor(double growth, double k) { return k / (1 - 0.5 * growth * k); }
@@ -82,10 +96,11 @@ void for_each_lattice_point(const SizeCube& cube, Visit visit) {
 // Looks up h, often: see size_at().
 class SizeField {
  public:
-  explicit SizeField(double size) : law_{.surface = size}, largest_(size) {}
+  explicit SizeField(double size) : law_{.surface = size}, range_{size, size, size} {}
   explicit SizeField(const SizeCubes& sizes);
 
   bool is_uniform() const { return law_.is_uniform(); }
+  bool has_shapes() const { return law_.has_shapes(); }
   double growth() const { return law_.growth; }
 
   // h(p). Where no cube is known: λ.
@@ -96,9 +111,13 @@ class SizeField {
   double least_depth(const Point& p) const;
   // λ.
   double on_surface() const { return law_.surface; }
+  // h(p) of a point of the surface; of others, λ where that is less.
+  double on_surface_at(const Point& p) const {
+    return law_.has_shapes() ? std::min(law_.surface, at(p)) : law_.surface;
+  }
   // No less than h anywhere; no more.
-  double largest() const { return largest_; }
-  double least() const { return law_.surface; }
+  double largest() const { return range_.most; }
+  double least() const { return range_.least; }
   // Is a ball's radius below k times h at its center? Most often least() tells.
   bool is_below(double squared_radius, double k, const Point& center) const {
     const auto is_below = [&](double bound) { return squared_radius < bound * bound; };
@@ -115,12 +134,15 @@ class SizeField {
   struct Cube {
     Point low;
     double inverse_side = 0;
-    std::array<float, 8> distance{};
+    std::array<float, 8> distance{}, less{};
     float excess = 0;
+    bool is_less = false;                 // somewhere
+    using Place = std::array<double, 3>;  // over the side, from the lowest corner
+    Place place(const Point& p) const;
+    double depth(const Place& at) const;
   };
   double graded_at(const Point& p) const;
   const Cube* cube_at(const Point& p) const;  // null: none is known there
-  static double depth(const Cube& cube, const Point& p);
 
   SizeLaw law_;
   Box root_;
@@ -136,7 +158,7 @@ class SizeField {
   std::vector<Range> grid_;
   std::array<std::uint32_t, 3> grid_origin_{}, grid_shape_{};
   int grid_shift_ = 0;  // of positions on the octree's grid, to get at the grid's nodes
-  double largest_ = 0;
+  SizeRange range_;
 };
 
 }  // namespace locvol

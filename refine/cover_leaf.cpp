@@ -96,15 +96,17 @@ class Cubes {
   std::array<std::uint32_t, 3> num_{};
 };
 
-// Halved until none is longer than `length`, and then cube by cube, so that what is near is in the
-// cache, and in a cube in order of key, the priority.
-std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length,
+// Halved until none is longer than length_at() its first corner, and then cube by cube, so that
+// what is near is in the cache, and in a cube in order of key, the priority.
+template <class LengthAt>
+std::vector<Fragment> by_priority(std::vector<Fragment> fragments, const LengthAt& length_at,
                                   const Cubes& cubes, const StopToken* stop) {
   StopPoll poll(stop);
   for (std::size_t i = 0; i < fragments.size(); ++i)
     while (true) {
       poll();
       const auto [edge, squared_length] = longest_edge(fragments[i]);
+      const double length = length_at(fragments[i].corners[0]);
       if (squared_length <= length * length) break;
       const auto [here, there] = halves(fragments[i], edge);
       fragments[i] = here;
@@ -135,17 +137,18 @@ std::vector<Fragment> by_priority(std::vector<Fragment> fragments, double length
 
 // ---- Samples
 
-// SampleGrid finds the samples near a point of a box. Each cell lists all samples that are within
-// `listed` of any of its points, so a query reads one cell; there are far more queries than
-// samples.
+// SampleGrid finds the samples near a point of a box. Each cell lists all samples that are listed
+// within a distance that reaches any of its points, so a query reads one cell; there are far more
+// queries than samples.
 class SampleGrid {
  public:
-  // `listed`: at least the radius
-  SampleGrid(const Box& box, double radius, double listed);
+  // `side`: of its cells, or more.
+  SampleGrid(const Box& box, double side);
 
-  void add(const Point& sample);
+  // `listed`: at least the radius of any query that it may answer
+  void add(const Point& sample, double listed);
 
-  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box; spacing <= listed
+  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box
   bool is_free(const Point& p, double spacing) const {
     return !any_around(p,
                        [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
@@ -156,14 +159,14 @@ class SampleGrid {
     return box_.contains(f.corners[0]) &&
            any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
   }
-  // Does the fragment lie in the ball of one sample? REQUIRES: it lies in the closed box
-  bool covers(const Fragment& f) const { return covers_since(f, 0); }
-  // Of one that was added since num_around() was `num_before`?
-  bool covers_since(const Fragment& f, std::uint32_t num_before) const {
+  // Does the fragment lie in the ball of one sample that was added since num_around() was
+  // `num_before`? REQUIRES: it lies in the closed box
+  bool covers_since(const Fragment& f, double radius, std::uint32_t num_before) const {
+    const double radius2 = radius * radius;
     const auto covers = [&](const Point& s) {
-      return squared_distance(f.corners[0], s) <= radius2_ &&
-             squared_distance(f.corners[1], s) <= radius2_ &&
-             squared_distance(f.corners[2], s) <= radius2_;
+      return squared_distance(f.corners[0], s) <= radius2 &&
+             squared_distance(f.corners[1], s) <= radius2 &&
+             squared_distance(f.corners[2], s) <= radius2;
     };
     return any_around(f.corners[0], covers, num_before);
   }
@@ -192,20 +195,18 @@ class SampleGrid {
   template <class Test>
   bool any_around(const Point& p, Test test, std::uint32_t num_before = 0) const;
 
-  const Box box_;
-  double radius2_;
-  double margin_;  // within which samples are listed, and a little for rounding
-  double side_;    // of a cell
-  Cell shape_;     // cells on each axis
+  Box box_;
+  double side_;  // of a cell
+  Cell shape_;   // cells on each axis
+  std::array<std::vector<double>, 3> gaps_;
   std::vector<Block> blocks_;
   std::vector<std::uint32_t> first_;  // block of a cell, the one that is not full; or kNone
 };
 
-SampleGrid::SampleGrid(const Box& box, double radius, double listed)
-    : box_(box), radius2_(radius * radius), margin_(1.001 * listed) {
+SampleGrid::SampleGrid(const Box& box, double side) : box_(box) {
   constexpr double kMaxShape = 128;  // bounds the memory; in a larger box the cells grow instead
   const Point sides = box.max - box.min;
-  side_ = std::max(listed, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
+  side_ = std::max(side, std::max({sides.x, sides.y, sides.z}) / kMaxShape);
   const Cell last = cell_of(box.max);
   shape_ = {last[0] + 1, last[1] + 1, last[2] + 1};
   first_.assign(static_cast<std::size_t>(shape_[0] * shape_[1] * shape_[2]), kNone);
@@ -219,27 +220,28 @@ SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
           static_cast<std::int64_t>(c.z)};
 }
 
-void SampleGrid::add(const Point& sample) {
-  const Box ball_box = Box::around(sample).expanded(margin_);
+void SampleGrid::add(const Point& sample, double listed) {
+  const double margin = 1.001 * listed;  // a little for rounding
+  const Box ball_box = Box::around(sample).expanded(margin);
   Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
-  // How far the sample is from a cell along each axis, squared. Cells are no shorter than a radius.
-  std::array<std::array<double, 4>, 3> gaps{};
+  // How far the sample is from a cell along each axis, squared.
   for (const std::size_t axis : {0, 1, 2}) {
     low[axis] = std::max<std::int64_t>(low[axis], 0);
     high[axis] = std::min(high[axis], shape_[axis] - 1);
+    gaps_[axis].clear();
     const double place = sample[static_cast<int>(axis)] - box_.min[static_cast<int>(axis)];
     for (std::int64_t c = low[axis]; c <= high[axis]; ++c) {
       const double above = place - side_ * static_cast<double>(c);
       const double gap = std::max({0.0, -above, above - side_});
-      gaps[axis][static_cast<std::size_t>(c - low[axis])] = gap * gap;
+      gaps_[axis].push_back(gap * gap);
     }
   }
   const auto gap = [&](std::size_t axis, std::int64_t c) {
-    return gaps[axis][static_cast<std::size_t>(c - low[axis])];
+    return gaps_[axis][static_cast<std::size_t>(c - low[axis])];
   };
   for (std::int64_t k = low[2]; k <= high[2]; ++k) {
     for (std::int64_t j = low[1]; j <= high[1]; ++j) {
-      const double most = margin_ * margin_ - gap(2, k) - gap(1, j);
+      const double most = margin * margin - gap(2, k) - gap(1, j);
       for (std::int64_t i = low[0]; i <= high[0]; ++i) {
         if (gap(0, i) > most) continue;
         std::uint32_t& first = first_[index({i, j, k})];
@@ -268,6 +270,47 @@ bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before)
   return false;
 }
 
+// The same for samples that are listed within very different distances: each is in one of several
+// grids, with cells about as large.
+class SampleGrids {
+ public:
+  // `least`, `most`: of those distances, about
+  SampleGrids(const Box& box, double least, double most) {
+    double side = least;
+    grids_.emplace_back(box, side);
+    while (side < most) grids_.emplace_back(box, side *= 2);
+    side_ = least;
+  }
+
+  void add(const Point& sample, double listed) {
+    std::size_t n = 0;
+    for (double side = side_; side < listed && n + 1 < grids_.size(); side *= 2) ++n;
+    grids_[n].add(sample, listed);
+  }
+
+  // As in SampleGrid.
+  bool is_free(const Point& p, double spacing) const {
+    return std::ranges::all_of(grids_,
+                               [&](const SampleGrid& grid) { return grid.is_free(p, spacing); });
+  }
+  bool is_nearer_than(const Point& p, const Fragment& f) const {
+    return std::ranges::any_of(grids_,
+                               [&](const SampleGrid& grid) { return grid.is_nearer_than(p, f); });
+  }
+  bool covers(const Fragment& f, double radius) const { return covers_since(f, radius, 0); }
+  bool covers_since(const Fragment& f, double radius, std::uint32_t num_before) const {
+    return std::ranges::any_of(
+        grids_, [&](const SampleGrid& grid) { return grid.covers_since(f, radius, num_before); });
+  }
+  std::uint32_t num_around(const Fragment& f) const {
+    return grids_.size() == 1 ? grids_.front().num_around(f) : 0;  // then all are asked again
+  }
+
+ private:
+  std::vector<SampleGrid> grids_;
+  double side_;  // of the first's cells
+};
+
 bool is_uniform(const CoverInput& input) { return input.sizes.cubes.empty(); }
 
 // A Poisson-disk sample that is maximal but for kSampleSpacing < kSampleRadius, by dart throwing at
@@ -276,29 +319,33 @@ bool is_uniform(const CoverInput& input) { return input.sizes.cubes.empty(); }
 // covered once its dart fails, for a sample is that close to the dart.
 class SurfaceSampler {
  public:
-  SurfaceSampler(const CoverInput& input, const StopToken* stop)
-      : owned_(closed(input.box)),
-        spacing_((is_uniform(input) ? kSampleSpacing : kGradedSampleSpacing) * input.size),
-        first_spacing_(is_uniform(input) ? spacing_ : kGradedFirstSpacing * input.size),
-        radius_(sample_radius(is_uniform(input)) * input.size),
-        grid_(input.box.expanded(radius_), radius_, std::max(radius_, first_spacing_)),
+  SurfaceSampler(const CoverInput& input, const SizeField& sizes, const StopToken* stop)
+      : sizes_(sizes),
+        owned_(closed(input.box)),
+        size_(input.size),
+        spacing_((sizes.is_uniform() ? kSampleSpacing : kGradedSampleSpacing) * size_),
+        first_spacing_(sizes.is_uniform() ? spacing_ : kGradedFirstSpacing * size_),
+        radius_(sample_radius(sizes.is_uniform()) * size_),
+        grid_(input.box.expanded(radius_), std::min(1.0, sizes.least() / size_) * farthest_query(),
+              farthest_query()),
         stop_(stop) {
-    for (const Point& sample : input.nearby_samples) grid_.add(sample);
+    for (const Point& sample : input.nearby_samples) add(sample);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
     const Cubes cubes(owned_, kCubeSide * spacing_);
     double spacing = first_spacing_;
     int num_rounds = 0;
-    for (fragments = by_priority(std::move(fragments), kFirstLength * spacing_, cubes, stop_);
-         !fragments.empty(); fragments = uncovered_halves(throw_darts(fragments, spacing)))
+    const auto length_at = [&](const Point& p) { return kFirstLength * scaled(spacing_, p); };
+    for (fragments = by_priority(std::move(fragments), length_at, cubes, stop_); !fragments.empty();
+         fragments = uncovered_halves(throw_darts(fragments, spacing)))
       if (++num_rounds == kNumFirstRounds) spacing = spacing_;
     return std::move(samples_);
   }
 
   // As far as samples are known. REQUIRES: p lies in the leaf
   bool is_hidden(const Point& p, const SurfacePatch& surface) const {
-    return is_hidden_from(surface, p, radius_,
+    return is_hidden_from(surface, p, sample_radius_from(sizes_, size_, p),
                           [&](const Fragment& f) { return grid_.is_nearer_than(p, f); });
   }
 
@@ -314,14 +361,34 @@ class SurfaceSampler {
   Point aim(const Fragment& f) const { return clamped(random_point(f), owned_); }
   struct Target {
     const Fragment* fragment;
+    double radius;             // of samples' balls at all of it
     std::uint32_t num_around;  // that do not cover it
   };
   std::vector<Target> throw_darts(std::span<const Fragment> fragments, double spacing);
   std::vector<Fragment> uncovered_halves(std::span<const Target> targets) const;
 
+  // Of a length where h is as large as it gets on the surface: what it is at p.
+  double scaled(double length, const Point& p) const {
+    return sizes_.has_shapes() ? length / size_ * sizes_.on_surface_at(p) : length;
+  }
+  double radius_on(const Fragment& f) const {
+    if (!sizes_.has_shapes()) return radius_;
+    const double change = sizes_.growth() * std::sqrt(longest_edge(f).second);
+    return radius_ / size_ * std::max(0.0, sizes_.on_surface_at(f.corners[0]) - change);
+  }
+  double farthest_query() const { return std::max(radius_, first_spacing_); }
+  void add(const Point& sample) {
+    double listed = farthest_query();
+    if (sizes_.has_shapes())
+      listed = scaled(listed, sample) / (1 - listed / size_ * sizes_.growth());
+    grid_.add(sample, listed);
+  }
+
+  const SizeField& sizes_;
   const Box owned_;
+  const double size_;
   const double spacing_, first_spacing_, radius_;
-  SampleGrid grid_;  // all samples, nearby ones as well; as far as they are around the leaf
+  SampleGrids grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
   const StopToken* stop_;
 };
@@ -333,20 +400,21 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
   StopPoll poll(stop_);
   for (const Fragment& fragment : fragments) {
     poll();
-    if (grid_.covers(fragment)) continue;
-    targets.push_back({&fragment, grid_.num_around(fragment)});
+    const double radius = radius_on(fragment);
+    if (grid_.covers(fragment, radius)) continue;
+    targets.push_back({&fragment, radius, grid_.num_around(fragment)});
     const Point dart = aim(fragment);
-    if (!grid_.is_free(dart, spacing)) continue;
+    if (!grid_.is_free(dart, scaled(spacing, dart))) continue;
     samples_.push_back(dart);
-    grid_.add(dart);
+    add(dart);
   }
   return targets;
 }
 
 std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> targets) const {
   std::vector<Fragment> result;
-  for (const auto& [fragment, num_around] : targets) {
-    if (grid_.covers_since(*fragment, num_around)) continue;
+  for (const auto& [fragment, radius, num_around] : targets) {
+    if (grid_.covers_since(*fragment, radius, num_around)) continue;
     const std::array<Fragment, 2> both = halves(*fragment, longest_edge(*fragment).first);
     result.insert(result.end(), both.begin(), both.end());
   }
@@ -356,18 +424,21 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 // ---- Lattice
 
 // For a lattice point. REQUIRES: p lies inside
-bool is_deep_enough(const CoverInput& input, const SurfacePatch& surface,
+bool is_deep_enough(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
                     const SurfaceSampler& sampler, const Point& p) {
-  return !surface.is_near(p, sample_radius(is_uniform(input)) * input.size) ||
-         (!surface.is_near(p, kLeastLatticeDepth * input.size) && sampler.is_hidden(p, surface));
+  const double least =
+      kLeastLatticeDepth * (sizes.has_shapes() ? sizes.on_surface_at(p) : input.size);
+  return !surface.is_near(p, sample_radius_from(sizes, input.size, p)) ||
+         (!surface.is_near(p, least) && sampler.is_hidden(p, surface));
 }
 
 // Where sizes vary, lattice points are centers and corners of cubes.
-void cover_with_cubes(const CoverInput& input, const SurfacePatch& surface,
+void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
                       const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
   std::vector<LatticeSite>& sites = points.lattice;
   for (const SizeCube& cube : input.sizes.cubes) {
-    if (input.sizes.frame.side(cube.key.level()) < kLeastCube * input.size) continue;
+    const double side = input.sizes.frame.side(cube.key.level());
+    if (!has_lattice(input.sizes.law, cube, side)) continue;
     for_each_lattice_point(cube, [&](const LatticeSite& site) {
       if (is_in_leaf(input.box, input.lattice.position(site))) sites.push_back(site);
     });
@@ -378,12 +449,13 @@ void cover_with_cubes(const CoverInput& input, const SurfacePatch& surface,
   std::erase_if(sites, [&](const LatticeSite& site) {
     poll();
     const Point p = input.lattice.position(site);
-    return !surface.is_inside(p) || !is_deep_enough(input, surface, sampler, p);
+    return !surface.is_inside(p) || !is_deep_enough(input, sizes, surface, sampler, p);
   });
 }
 
-void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
-                        const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
+void cover_with_lattice(const CoverInput& input, const SizeField& sizes,
+                        const SurfacePatch& surface, const SurfaceSampler& sampler, StopPoll poll,
+                        CoverPoints& points) {
   // The sites at the row's beginning that are within `distance` of its first, displaced or not.
   const auto num_within = [&](double distance, const LatticeRow& row) {
     constexpr double kSlack = 1.001;
@@ -401,7 +473,7 @@ void cover_with_lattice(const CoverInput& input, const SurfacePatch& surface,
       add_row({site, num_as_deep}, points.core);
       return num_as_deep;
     }
-    if (is_deep_enough(input, surface, sampler, p)) points.lattice.push_back(site);
+    if (is_deep_enough(input, sizes, surface, sampler, p)) points.lattice.push_back(site);
     return 1U;
   });
 }
@@ -416,10 +488,11 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
     points.core.is_whole = surface.is_inside(input.box.center());
     return points;
   }
-  SurfaceSampler sampler(input, stop);
+  const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
+  SurfaceSampler sampler(input, sizes, stop);
   points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
   const auto cover = is_uniform(input) ? cover_with_lattice : cover_with_cubes;
-  cover(input, surface, sampler, StopPoll(stop), points);
+  cover(input, sizes, surface, sampler, StopPoll(stop), points);
   return points;
 }
 

@@ -2,6 +2,7 @@
 // of its piece of the surface, and the points of the global BCC lattice that are deep enough.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -24,6 +25,14 @@ inline constexpr double kGradedSampleRadius = 0.98, kGradedSampleSpacing = 0.95,
 constexpr double sample_radius(bool is_uniform) {
   return is_uniform ? kSampleRadius : kGradedSampleRadius;
 }
+// At p, if that is not on the surface: no place of the surface that is as far or farther has all
+// samples farther. `size`: the largest h on the
+// surface
+inline double sample_radius_from(const SizeField& sizes, double size, const Point& p) {
+  const double radius = sample_radius(sizes.is_uniform());
+  if (!sizes.has_shapes()) return radius * size;
+  return radius * std::min(size, sizes.at(p) / (1 - radius * sizes.growth()));
+}
 // Of lattice points below the surface, over λ: from r_s on all; between kLeastLatticeDepth and that
 // only those that a sample hides from each point of the surface. Others would be vertices of facets
 // on the boundary (C2).
@@ -33,19 +42,26 @@ inline constexpr double kLeastLatticeDepth = 0.5;
 // the surface seldom comes within kLatticeStar of it.
 inline constexpr double kCoreDepth = 3.0;
 
-// Where sizes vary, only cubes of at least this side, over λ, have lattice points. In smaller ones,
-// near the surface, steps of two in size would make too many cells; there fill_leaf has what it
-// takes.
-inline constexpr double kLeastCube = 5;
+// Where sizes vary, only cubes of at least this side, over base_size(), have lattice points. In
+// smaller ones, near the surface, steps of two in size would make too many cells; there fill_leaf
+// has what it takes. But where h grows no more, all cubes are of one size: they have them if that
+// fits h, and is over it at least the second.
+inline constexpr double kLeastCube = 5, kLeastOfSaturated = 1.4;
+inline bool has_lattice(const SizeLaw& law, const SizeCube& cube, double side) {
+  return side >= kLeastCube * base_size(law, cube) ||
+         (side >= kLeastOfSaturated * law.most && is_saturated(law, cube));
+}
 
 struct CoverInput {
-  double size = 0;  // λ
+  double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
   std::uint64_t seed = 0;
   Lattice lattice;
   Box box;                            // of the leaf, half-open
   SurfacePiece surface;               // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
-  SizeCubes sizes = {};               // that meet the closed box; none: λ everywhere
+  // That meet the closed box, and where these samples are; none: λ everywhere. Then r_s and
+  // distances between samples are over h.
+  SizeCubes sizes = {};
 };
 
 struct CoverPoints {

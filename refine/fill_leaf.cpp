@@ -131,8 +131,9 @@ class HoleSearch {
     }
     Box known = input.box;
     for (const Point& p : all) known = known.joined(p);
-    points_.emplace(known, cube_side(known, size_, kMostCubes, all.size()), all);
-    samples_.emplace(known, cube_side(known, size_, kMostCubes, samples.size()), samples);
+    const double side = std::min(size_, sizes.least());
+    points_.emplace(known, cube_side(known, side, kMostCubes, all.size()), all);
+    samples_.emplace(known, cube_side(known, side, kMostCubes, samples.size()), samples);
   }
 
   FillPoints run() { return sizes_.is_uniform() ? search_lattice() : search_cubes(); }
@@ -197,18 +198,23 @@ class HoleSearch {
     std::vector<std::array<std::uint32_t, 3>> places;  // positions on the octree's grid
     const Frame& frame = input_.sizes.frame;
     for (const SizeCube& cube : input_.sizes.cubes) {
+      const SizeLaw& law = input_.sizes.law;
       const double side = frame.side(cube.key.level());
-      const auto [least, most] = std::ranges::minmax(cube.distance);
-      constexpr double kBesideSmall = 2.5 * kLeastCube;  // sides are powers of two of one another
-      if (most < 0 || (side > kBesideSmall * size_ && least > 0)) continue;
-      const double distance = kStart * input_.sizes.law.at_distance(most);
+      const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
+      constexpr double kBesideSmall = 2.5;  // sides are powers of two of one another
+      const bool is_among_lattice =
+          side > kBesideSmall * kLeastCube * base_size(law, cube) ||
+          (has_lattice(law, cube, side) && is_saturated(law, cube, kBesideSmall * side));
+      if (farthest < 0 || (is_among_lattice && nearest > 0)) continue;
+      const SizeRange sizes = size_range(law, frame, {&cube, 1});
+      const double distance = kStart * sizes.most;
       if (input_.box.squared_distance(frame.box(cube.key)) > distance * distance) continue;
       const GridPoint low = cube.key.grid_min();
       const std::uint32_t quarter = cube.key.grid_side() / 4;
       // Where h is large for the cube, fewer starts find all holes: its lowest corner and the
       // middles of its lower faces.
       constexpr double kWide = 0.8;  // h over the side
-      if (input_.sizes.law.at_distance(std::max(least, 0.0F)) > kWide * side) {
+      if (sizes.least > kWide * side) {
         const std::uint32_t half = cube.key.grid_side() / 2;
         places.push_back({low.x, low.y, low.z});
         places.push_back({low.x, low.y + half, low.z + half});
@@ -325,9 +331,11 @@ class HoleSearch {
 
   // Like a lattice point.
   bool is_deep_enough(const Point& p) {
-    const double radius = sample_radius(sizes_.is_uniform()) * size_;
+    const double radius = sample_radius_from(sizes_, size_, p);
     if (!surface_.is_near(p, radius)) return true;
-    if (surface_.is_near(p, kLeastLatticeDepth * size_)) return false;
+    const double least =
+        kLeastLatticeDepth * (sizes_.has_shapes() ? sizes_.on_surface_at(p) : size_);
+    if (surface_.is_near(p, least)) return false;
     near_.clear();
     samples_->for_each_around(p, 2 * radius, [&](const Point& q) {
       if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);

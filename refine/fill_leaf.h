@@ -19,7 +19,7 @@ namespace locvol {
 inline constexpr double kFillReach = 2.2;
 
 struct FillInput {
-  double size = 0;  // λ
+  double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
   Box box;          // of the leaf, half-open
   // P in the leaf and within kFillReach λ of it, but for the lattice core. In order of id: the
   // result depends on it.

@@ -82,19 +82,24 @@ bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
   });
 }
 
-// Samples cover the surface within `radius`, and hide some points from it. Do they still, if the
-// one at `before` is gone? `samples`: others within two radii of it; `hidden`: of the hidden
-// points, all that are as close to it and may be closer to the surface than the radius. May say no
-// where it is so by little.
-inline bool is_covered_without(const SurfacePatch& surface, const Point& before, double radius,
-                               std::span<const Point> samples, std::span<const Point> hidden) {
-  const double radius2 = radius * radius;
-  return is_known_around(surface, before, radius, [&](const Fragment& f) {
+// Within which samples cover the surface, at least and at most, around a place.
+struct CoverRadius {
+  double least = 0, most = 0;
+};
+// Samples cover the surface, and hide some points from it. Do they still, if the one at `before` is
+// gone? `samples`: others within twice the largest radius of it; `hidden`: of the hidden points,
+// all that are as close to it and may be closer to the surface than that radius. May say no where
+// it is so by little.
+inline bool is_covered_without(const SurfacePatch& surface, const Point& before,
+                               const CoverRadius& radius, std::span<const Point> samples,
+                               std::span<const Point> hidden) {
+  const double radius2 = radius.most * radius.most, covered2 = radius.least * radius.least;
+  return is_known_around(surface, before, radius.most, [&](const Fragment& f) {
     const Box box = f.box();
     if (box.squared_distance(before) > radius2) return true;  // others are closer
     const auto covers = [&](const Point& sample) {
       return std::ranges::all_of(
-          f.corners, [&](const Point& c) { return squared_distance(c, sample) <= radius2; });
+          f.corners, [&](const Point& c) { return squared_distance(c, sample) <= covered2; });
     };
     const auto is_hidden = [&](const Point& p) {
       return box.squared_distance(p) >= radius2 ||

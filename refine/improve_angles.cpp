@@ -284,9 +284,11 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   list_places(v, poor);
   if (kind_ == PointKind::kSurface)
     std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
+  const double growth = surroundings_.sizes.growth();
   const double known =
-      input_.criteria.reach -
-      reach_factor(surroundings_.sizes.growth(), kNeighborhood) * input_.criteria.size;
+      surroundings_.sizes.has_shapes()
+          ? 0
+          : input_.criteria.reach - reach_factor(growth, kNeighborhood) * input_.criteria.size;
   for (const Point& q : places_) {
     if (!is_in_leaf(input_.box, q)) continue;
     bound_radii_at(q);
@@ -373,7 +375,8 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
 
 // To the closest place there, if that is near.
 bool ImproveAngles::put_on_surface(Point& q) const {
-  const auto closest = surroundings_.surface.closest_to(q, kToSurface * input_.criteria.size);
+  const auto closest = surroundings_.surface.closest_to(
+      q, kToSurface * mesh_.scaled(input_.criteria.size, surroundings_.sizes.on_surface_at(q)));
   if (closest) q = *closest;
   return closest.has_value();
 }
@@ -471,9 +474,13 @@ bool ImproveAngles::is_allowed_once_counted(Verdict verdict) {
 
 // All points that matter are there: place and radius are well within the reach.
 bool ImproveAngles::do_samples_hide_as_before() const {
-  const double radius = input_.criteria.cover_radius;
-  if (!std::isfinite(radius)) return true;
+  if (!std::isfinite(input_.criteria.cover_radius)) return true;
   const Point& before = mesh_.delaunay().point(change_.vertex);
+  const SizeField& sizes = surroundings_.sizes;
+  const double radius = mesh_.cover_radius_from(before);
+  const double least = mesh_.scaled(
+      input_.criteria.cover_radius,
+      sizes.on_surface_at(before) - (sizes.has_shapes() ? sizes.growth() * radius : 0));
   std::vector<Point> samples{change_.place}, hidden;
   for (LocalIndex v = 0; v < mesh_.num_locals(); ++v) {
     const auto& [point, ref, is_own, is_core, is_at_core, is_alive] = mesh_.local(v);
@@ -483,7 +490,7 @@ bool ImproveAngles::do_samples_hide_as_before() const {
     if (point.kind == PointKind::kSurface) samples.push_back(point.position);
     if (point.kind == PointKind::kLattice) hidden.push_back(point.position);
   }
-  return is_covered_without(surroundings_.surface, before, radius, samples, hidden);
+  return is_covered_without(surroundings_.surface, before, {least, radius}, samples, hidden);
 }
 
 // Nobody would look at them again.
@@ -569,7 +576,6 @@ bool ImproveAngles::are_cells_good() {
 // points; elsewhere not at all. Where the boundary changes, its facets are disks as before.
 bool ImproveAngles::are_facets_good() {
   constexpr std::uint32_t kNew = Delaunay::kNewCell;
-  const double size = input_.criteria.size;
   const auto is_inside = [&](std::uint32_t cell) {
     return cell & kNew ? prospects_[cell & ~kNew].state.side == Side::kInside
                        : mesh_.is_member(cell);
@@ -593,6 +599,7 @@ bool ImproveAngles::are_facets_good() {
       const auto dual = mesh_.dual_crossings(change_, prospects_, n, i);
       if (dual.open_end || dual.count != (is_on_boundary ? 1 : 0)) return false;
       if (!is_on_boundary) continue;
+      const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
       if (!(dual.squared_radius < size * size)) return false;
       facets_made_.push_back(facet(cell.vertex, i));
     }

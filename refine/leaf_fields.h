@@ -70,12 +70,14 @@ auto fields(Maybe<CoreRows> auto& core) {
 }
 
 auto fields(Maybe<SizeLaw> auto& law) {
-  auto& [surface, growth, most] = law;
-  return std::tuple(Field("surface", surface), Field("growth", growth), Field("most", most));
+  auto& [surface, growth, most, least] = law;
+  return std::tuple(Field("surface", surface), Field("growth", growth), Field("most", most),
+                    Field("least", least));
 }
 auto fields(Maybe<SizeCube> auto& cube) {
-  auto& [key, distance, excess] = cube;
-  return std::tuple(Field("key", key), Field("distance", distance), Field("excess", excess));
+  auto& [key, distance, excess, less] = cube;
+  return std::tuple(Field("key", key), Field("distance", distance), Field("excess", excess),
+                    Field("less", less));
 }
 auto fields(Maybe<Frame> auto& frame) {
   auto [origin, unit] = Frame::members(frame);

@@ -173,9 +173,9 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is
 // points all are (cover_leaf). Of a volume point only what is certain: that no surface is as close
 // as samples are to all of it.
 bool LeafMesh::is_hidden(const MeshPoint& p) const {
-  const double radius = input_.criteria.cover_radius;
-  if (p.kind == PointKind::kSurface || !std::isfinite(radius)) return false;
+  if (p.kind == PointKind::kSurface || !std::isfinite(input_.criteria.cover_radius)) return false;
   if (p.kind == PointKind::kLattice) return true;
+  const double radius = cover_radius_from(p.position);
   const Box around = Box::around(p.position).expanded(radius);
   const Box& region = surroundings_.surface.region();
   return region.contains(around.min) && region.contains(around.max) &&
@@ -293,7 +293,7 @@ bool LeafMesh::is_deep(CellState& state, CellBall& ball) const {
   if (surroundings_.sizes.is_uniform()) return false;
   ball.clearance = surroundings_.sizes.least_depth(ball.center);
   state.has_clearance = true;
-  const double of_corners = ball.clearance - surroundings_.sizes.on_surface();
+  const double of_corners = ball.clearance - surroundings_.sizes.on_surface_at(ball.center);
   return of_corners > 0 && ball.squared_radius < of_corners * of_corners;
 }
 
@@ -332,7 +332,7 @@ bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Po
   const Point edge = to - from, offset = corner - from;
   const double length = dot(edge, edge);
   const double t = length > 0 ? std::clamp(dot(offset, edge) / length, 0.0, 1.0) : 0.0;
-  const double radius = input_.criteria.cover_radius;
+  const double radius = cover_radius_from(corner);
   return squared_distance(corner, from + t * edge) > radius * radius;
 }
 

@@ -112,6 +112,19 @@ class LeafMesh {
     return surroundings_.sizes.is_uniform() ? input_.criteria.reach
                                             : surroundings_.sizes.reach_of_balls(p, kReach);
   }
+  // Of a length among the criteria, which are for the largest h on the surface: what it is where h
+  // is `size`.
+  double scaled(double length, double size) const {
+    return surroundings_.sizes.has_shapes() ? length / input_.criteria.size * size : length;
+  }
+  // Each point of the surface that is as far from p, or farther, is closer to a point of P.
+  double cover_radius_from(const Point& p) const {
+    const SizeField& sizes = surroundings_.sizes;
+    const double radius = input_.criteria.cover_radius;
+    if (!sizes.has_shapes()) return radius;
+    const double here = scaled(radius, sizes.at(p));
+    return std::min(radius, here / (1 - sizes.growth() * scaled(radius, 1)));
+  }
   // Are all points of P in the ball there, so that it is known whether it is empty?
   bool is_loaded(const CellBall& ball) const;
 

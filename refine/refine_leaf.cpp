@@ -136,6 +136,15 @@ class Refinement {
   void forget_changed();
   void delete_volume_points_near(const Point& q);
   bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
+  double floor_at(const Point& q) const {
+    return mesh_.scaled(input_.criteria.spacing_floor, surroundings_.sizes.on_surface_at(q));
+  }
+  // How far from the leaf all is known around a place of the surface where h is `size`: closer than
+  // that to it, it is not much smaller.
+  double loaded_around(double size) const {
+    const double least = surroundings_.sizes.has_shapes() ? 1 - surroundings_.sizes.growth() : 1;
+    return least * mesh_.scaled(input_.criteria.reach, size);
+  }
   bool is_in_fold(const Point& q) const;
   bool is_in_fold(Facet f) const;  // all of its vertices are
   bool is_overfull() const {
@@ -350,7 +359,7 @@ void Refinement::look_at(Facet facet) {
   const FacetRef ref{mesh_.ref(here), mesh_.ref(there), facet.index};
   if (dual.open_end) open_ends_.push_back(ref);
   if (dual.count == 0) return;
-  const double size = input_.criteria.size;
+  const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
   if (dual.squared_radius >= size * size)
     c1_.push_back(ref);
   else if (!mesh_.is_on_surface(facet))
@@ -424,7 +433,7 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
 // corners do, and the farthest one starts to unfold it.
 Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const Point p = mesh_.local(v).point.position;
-  const double size = input_.criteria.size, floor = input_.criteria.spacing_floor;
+  const double size = surroundings_.sizes.on_surface_at(p), floor = floor_at(p);
   const auto q = mesh_.farthest_in_voronoi_cell(v, corners(), floor, size);
   if (!q) return Outcome::kChanged;
   attempt_ = {3, *q, std::sqrt(squared_distance(p, *q))};
@@ -458,7 +467,7 @@ void Refinement::start_from_corners() {
   for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
     if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
     const Point& p = mesh_.local(i).point.position;
-    const double size = input_.criteria.size;
+    const double size = surroundings_.sizes.on_surface_at(p);
     surroundings_.surface.corners_near(p, size, corners_);
     for (const Point& q : corners_)
       if (squared_distance(p, q) < size * size) corners.insert(q);
@@ -469,10 +478,10 @@ void Refinement::start_from_corners() {
       least = std::min(least, squared_distance(mesh_.local(i).point.position, q));
     return least;
   };
-  const double floor = input_.criteria.spacing_floor;
   while (!mesh_.has_cells() && !corners.empty()) {
     throw_if_stopped(surroundings_.stop);
     const auto farthest = std::ranges::max_element(corners, {}, distance);
+    const double floor = floor_at(*farthest);
     if (distance(*farthest) <= floor * floor) return;
     const VertexRef ref = new_point(*farthest, PointKind::kSurface, 3);
     mesh_.insert_first({ref, *farthest, PointKind::kSurface}, ref);
@@ -559,8 +568,7 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, 
 // one. Balls around which not all within λ is loaded are left to other leaves: their volume points
 // would have to go.
 std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& q) const {
-  const double size = input_.criteria.size, margin = input_.criteria.reach - size;
-  if (surroundings_.surface.distance_bound(q) >= size) return std::nullopt;
+  if (surroundings_.surface.distance_bound(q) >= input_.criteria.size) return std::nullopt;
   std::optional<SurfaceBall> largest;
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
@@ -572,8 +580,11 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
       if ((here == Side::kInside) == (there == Side::kInside)) continue;
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
-          dual.squared_radius >= size * size ||
-          squared_distance(dual.ball_center, q) >= dual.squared_radius ||
+          squared_distance(dual.ball_center, q) >= dual.squared_radius)
+        continue;
+      const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
+      const double margin = loaded_around(size) - size;
+      if (dual.squared_radius >= size * size ||
           input_.box.squared_distance(dual.ball_center) > margin * margin)
         continue;
       squared_radius = dual.squared_radius;
@@ -585,8 +596,7 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
 bool Refinement::is_blocked(const Point& q) const {
   const bool is_vertex = conflict_.squared_distance == 0;  // even without a floor
   if (is_vertex && !std::ranges::binary_search(leaving_, conflict_.nearest)) return true;
-  return mesh_.has_other_point_within(q, input_.criteria.spacing_floor, conflict_.nearest,
-                                      leaving_);
+  return mesh_.has_other_point_within(q, floor_at(q), conflict_.nearest, leaving_);
 }
 
 // Whether two sheets of the surface face each other at q, closer than the spacing floor. To tell
@@ -594,7 +604,7 @@ bool Refinement::is_blocked(const Point& q) const {
 // distance), so what is inserted there for C3 or C4 comes down to the floor, and is of no use.
 bool Refinement::is_in_fold(const Point& q) const {
   constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
-  const double floor = input_.criteria.spacing_floor;
+  const double floor = floor_at(q);
   surroundings_.surface.triangles_near(q, floor, near_triangles_);
   sheets_.clear();
   double nearest = floor;

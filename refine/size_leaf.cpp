@@ -5,6 +5,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
@@ -26,14 +27,14 @@ class SizeTree {
         surface_(surface),
         far_(far),
         poll_(stop),
-        step_(std::exp2(std::floor(std::log2(input.law.surface)) - kStepBits)) {
+        step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)) {
     std::vector<Box> boxes;
     for (const Triangle& t : surface.triangles()) boxes.push_back(t.box());
     triangles_ = BoxTree(std::move(boxes));
   }
 
   std::vector<SizeCube> run() {
-    descend(input_.leaf, {});
+    descend(input_.leaf, {}, input_.shapes);
     return std::move(cubes_);
   }
 
@@ -46,40 +47,70 @@ class SizeTree {
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
   // `near`: of the node's center; its nearest triangle is close to that of the parent's center.
-  void descend(MortonKey node, Nearest near) {
+  // `shapes`: all that matter in the node.
+  void descend(MortonKey node, Nearest near, std::span<const SizeShape> shapes) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
-    const double distance = signed_distance(box.center(), near);
+    const Point center = box.center();
+    const double distance = signed_distance(center, near);
     near.bound = std::abs(distance) + kHalfDiagonal * side;
-    if (!may_stay(node, side, distance)) {
-      for (int octant = 0; octant < 8; ++octant) descend(node.child(octant), near);
+    const SizeLaw& law = input_.law;
+    const double size = std::min(law.at_distance(distance), size_from(shapes, law.growth, center));
+    if (!may_stay(node, side, distance, size)) {
+      std::vector<SizeShape> near_node;
+      if (shapes.size() > kFewShapes) {
+        const SizeBounds bounds = size_bounds(shapes, law.growth, box);
+        near_node = shapes_near(shapes, law.growth, box, bounds.most);
+        shapes = near_node;
+      }
+      for (int octant = 0; octant < 8; ++octant) descend(node.child(octant), near, shapes);
       return;
     }
     SizeCube cube{.key = node};
     const GridPoint low = node.grid_min();
     const std::uint32_t steps = node.grid_side();
-    for (std::uint32_t k = 0; k < 8; ++k)
-      cube.distance[k] = corner_distance(
-          {low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps, low.z + (k >> 2) * steps}, near);
-    if (distance > 0)
-      cube.excess = static_cast<float>(
-          step_ *
-          std::ceil(std::max(0.0, interpolated(cube, box, box.center()) - distance) / step_));
-    // There h is λ, whatever they are.
-    if (std::ranges::all_of(cube.distance, [](float d) { return d < 0; }))
-      cube.distance.fill(static_cast<float>(-step_));
+    for (std::uint32_t k = 0; k < 8; ++k) {
+      const GridPoint corner{low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps,
+                             low.z + (k >> 2) * steps};
+      cube.distance[k] = corner_distance(corner, near);
+      cube.less[k] = corner_less(corner, cube.distance[k], shapes);
+    }
+    if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
+    if (std::ranges::any_of(cube.less, [](float less) { return less > 0; })) {
+      const float more = up_to_step(most_above_shapes(cube, box, shapes));
+      for (float& less : cube.less) less += more;
+    }
+    // No surface passes through, and no cell lies there.
+    if (distance < 0 && -distance > kHalfDiagonal * side)
+      cube.distance.fill(-static_cast<float>(side));
     cubes_.push_back(cube);
   }
 
-  bool may_stay(MortonKey node, double side, double distance) const {
+  // `size`: h at its center.
+  bool may_stay(MortonKey node, double side, double distance, double size) const {
     if (node.level() >= kMaxCubeLevel) return true;
     if (distance < 0 && -distance > kHalfDiagonal * side) return true;
     const double radius = kCubeRadius * side;
-    const SizeLaw& law = input_.law;
-    const double least = std::max(law.at_distance(0),
-                                  law.at_distance(std::max(distance, 0.0)) - law.growth * radius);
-    return radius < least;
+    return radius < std::max(input_.law.least, size - input_.law.growth * radius);
+  }
+
+  // By how much h is above what the shapes allow, where that is looked at: interpolated, it is
+  // above their cones' tips.
+  double most_above_shapes(const SizeCube& cube, const Box& box,
+                           std::span<const SizeShape> shapes) const {
+    const double half = 0.5 * (box.max.x - box.min.x);
+    double most = 0;
+    for (int k = 0; k < 27; ++k) {
+      const Point p = box.min + half * Point{double(k % 3), double(k / 3 % 3), double(k / 9)};
+      most = std::max(most,
+                      size_in(input_.law, cube, box, p) - size_from(shapes, input_.law.growth, p));
+    }
+    return most;
+  }
+
+  float up_to_step(double v) const {
+    return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
 
   double signed_distance(const Point& p, Nearest& near) const {
@@ -93,7 +124,7 @@ class SizeTree {
       if (d < squared) squared = d, near.triangle = n;
     });
     double distance = std::sqrt(squared);
-    if (distance > kExactDistance * input_.law.surface) distance = far_.distance(p, distance);
+    if (distance > input_.exact_distance) distance = far_.distance(p, distance);
     return surface_.is_inside(p) ? distance : -distance;
   }
 
@@ -105,6 +136,16 @@ class SizeTree {
           step_ * std::floor(signed_distance(input_.frame.position(g), near) / step_));
     return place->second;
   }
+
+  // Of a corner, where the surface is so far. Other leaves get the same.
+  float corner_less(const GridPoint& g, float distance, std::span<const SizeShape> shapes) const {
+    if (shapes.empty()) return 0;
+    const SizeLaw& law = input_.law;
+    const double size = size_from(shapes, law.growth, input_.frame.position(g));
+    return up_to_step(law.surface + law.growth * std::max(0.0F, distance) - size);
+  }
+
+  static constexpr std::size_t kFewShapes = 4;
 
   const SizeInput& input_;
   const SurfacePatch& surface_;

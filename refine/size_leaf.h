@@ -7,6 +7,7 @@
 #include "octree/frame.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
+#include "octree/size_shapes.h"
 #include "octree/stop.h"
 #include "refine/far_surface.h"
 #include "refine/surface_patch.h"
@@ -16,15 +17,18 @@ namespace locvol {
 // Cubes are no smaller than this: their corners and centers have coordinates on the grid of level
 // 20, below 2^20.
 inline constexpr int kMaxCubeLevel = 19;
-// Over λ. The nearest triangle is looked up this far from the leaf; what is farther, FarSurface
-// stands for.
+// Over the largest size at the surface in the leaf. The nearest triangle is looked up this far from
+// the leaf; what is farther, FarSurface stands for.
 inline constexpr double kExactDistance = 6;
 
 struct SizeInput {
   SizeLaw law;
+  double exact_distance = 0;
   Frame frame;
   MortonKey leaf;
   SurfacePiece surface;  // region contains the leaf's box
+  // All that make h smaller in the leaf.
+  std::vector<SizeShape> shapes = {};
 };
 
 // In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's

@@ -67,7 +67,7 @@
 //   8 memory      the fields of MemoryRecord
 //   9 keys        [sum u64]
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
-//  11 sizes       [key steps u64 | distance f32, of each corner | excess f32]
+//  11 sizes       [key steps u64 | distance f32, of each corner | excess f32 | less f32, of each corner]
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -88,6 +88,7 @@ constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 constexpr PointKind last_of(PointKind) { return PointKind::kInserted; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
 constexpr Phase last_of(Phase) { return Phase::kDone; }
+constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }
 
 template <class T>
 concept Enumeration = std::is_enum_v<T>;
@@ -451,9 +452,21 @@ void serialize(auto& archive, LatticeCore& core, unsigned) {
   if (core.is_whole && !core.rows.empty()) throw DecodeError("rows of a core that is whole");
 }
 
+void serialize_shapes(auto& archive, std::vector<SizeShape>& shapes) {
+  constexpr auto kA = &SizeShape::a, kB = &SizeShape::b;
+  each(archive, columns(shapes, Plain(field<&SizeShape::kind>),
+                        ChangedBits(field<&SizeShape::size>), ChangedBits(field<kA, &Point::x>),
+                        ChangedBits(field<kA, &Point::y>), ChangedBits(field<kA, &Point::z>),
+                        ChangedBits(field<kB, &Point::x>), ChangedBits(field<kB, &Point::y>),
+                        ChangedBits(field<kB, &Point::z>), ChangedBits(field<&SizeShape::radius>)));
+  for (const SizeShape& shape : shapes)
+    if (!(shape.size > 0)) throw DecodeError("a shape without a size");
+}
+
 void serialize(auto& archive, RunParameters& p, unsigned) {
   each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
        p.leaf_capacity, p.init, p.seed, p.growth, p.max_size);
+  serialize_shapes(archive, p.shapes);
 }
 
 void serialize(auto& archive, SurfaceFacts& s, unsigned) {
@@ -479,7 +492,8 @@ void serialize(auto& archive, LeafInfo& info, unsigned) {
   each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
        info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
        info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
-       info.num_core_cells, info.num_left_out, info.least_size, info.largest_size);
+       info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,
+       info.surface_size);
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -528,18 +542,24 @@ void serialize(auto& archive, LeafUnresolved& record, unsigned) {
 
 void serialize(auto& archive, LeafSizes& record, unsigned) {
   constexpr auto kDistance = &SizeCube::distance;
+  constexpr auto kLess = &SizeCube::less;
   each(archive,
        columns(record.cubes, KeySteps(field<&SizeCube::key>), ChangedBits(element<0, kDistance>),
                ChangedBits(element<1, kDistance>), ChangedBits(element<2, kDistance>),
                ChangedBits(element<3, kDistance>), ChangedBits(element<4, kDistance>),
                ChangedBits(element<5, kDistance>), ChangedBits(element<6, kDistance>),
-               ChangedBits(element<7, kDistance>), ChangedBits(field<&SizeCube::excess>)));
+               ChangedBits(element<7, kDistance>), ChangedBits(field<&SizeCube::excess>),
+               ChangedBits(element<0, kLess>), ChangedBits(element<1, kLess>),
+               ChangedBits(element<2, kLess>), ChangedBits(element<3, kLess>),
+               ChangedBits(element<4, kLess>), ChangedBits(element<5, kLess>),
+               ChangedBits(element<6, kLess>), ChangedBits(element<7, kLess>)));
   const SizeCube* previous = nullptr;
   for (const SizeCube& cube : record.cubes) {
     if (!cube.key.is_valid() || (previous && previous->key.range_max() >= cube.key.range_min()))
       throw DecodeError("cubes of sizes out of order");
-    if (!std::isfinite(cube.excess) ||
-        !std::ranges::all_of(cube.distance, [](float d) { return std::isfinite(d); }))
+    const auto is_finite = [](float d) { return std::isfinite(d); };
+    if (!std::isfinite(cube.excess) || !std::ranges::all_of(cube.distance, is_finite) ||
+        !std::ranges::all_of(cube.less, is_finite))
       throw DecodeError("a cube of sizes without a distance");
     previous = &cube;
   }

@@ -13,6 +13,7 @@
 #include "octree/lattice.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
+#include "octree/size_shapes.h"
 
 namespace locvol {
 
@@ -44,8 +45,9 @@ struct LeafInfo {
   std::uint64_t num_core_points = 0;
   std::uint64_t num_core_cells = 0;  // of core points alone, and whose smallest one is the leaf's
   std::uint64_t num_left_out = 0;    // cells, in Phase::kMend; num_cells is without them
-  // Of h in the leaf, where sizes vary; 0 elsewhere, and before they are known.
-  double least_size = 0, largest_size = 0;
+  // Of h in the leaf, where sizes vary; 0 elsewhere, and before they are known. The last: the
+  // largest on the surface (SizeRange).
+  double least_size = 0, largest_size = 0, surface_size = 0;
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -116,7 +118,12 @@ struct RunParameters {
   std::uint64_t seed = 0;
   double growth = 0;  // of sizes from the surface inwards, over the way; 0: λ everywhere
   double max_size = std::numeric_limits<double>::infinity();
-  SizeLaw sizes() const { return {.surface = size, .growth = growth, .most = max_size}; }
+  std::vector<SizeShape> shapes = {};  // where cells are smaller than λ
+  SizeLaw sizes() const {
+    double least = size;
+    for (const SizeShape& shape : shapes) least = shape.size < least ? shape.size : least;
+    return {.surface = size, .growth = growth, .most = max_size, .least = least};
+  }
   friend bool operator==(const RunParameters&, const RunParameters&) = default;
 };
 

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/size_file.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
 #include "tools/generate.h"
@@ -149,6 +150,13 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   add_parsed(app, "--max-size", parse_size, options.max_size,
              "What cells do not grow beyond, as --size")
       ->type_name("SIZE");
+  add_parsed(
+      app, "--sizes", read_size_requests, options.shapes,
+      fmt::format("Points, balls, boxes and lines with sizes, where cells are to be smaller; "
+                  "around them they grow by {} of the way, to --size, unless --growth is "
+                  "given",
+                  kDefaultGrowth))
+      ->type_name("FILE");
 }
 
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {

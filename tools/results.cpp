@@ -247,6 +247,9 @@ std::string bounds_text(const RunParameters& parameters) {
   if (!parameters.sizes().is_uniform())
     text += fmt::format("; λ grows by {} of the way from the surface", parameters.growth);
   if (std::isfinite(parameters.max_size)) text += fmt::format(", to {}", parameters.max_size);
+  if (!parameters.shapes.empty())
+    text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
+                        parameters.sizes().least);
   return text;
 }
 
@@ -372,12 +375,16 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
   const double seconds = estimate.total_seconds();
   std::string text =
       row("size λ", "{}", estimate.size) +
-      row("cells", "{}", range_text(estimate.num_cells, kCellsFactor, count_text)) +
-      row("store", "{}", range_text(estimate.store_bytes, kBytesFactor, disk_text)) +
-      row("mesh file", "{}, as {}", range_text(estimate.output.file_bytes, kFileFactor, disk_text),
+      row("cells", "{}",
+          range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text)) +
+      row("store", "{}",
+          range_text(estimate.store_bytes, kBytesFactor * estimate.doubt, disk_text)) +
+      row("mesh file", "{}, as {}",
+          range_text(estimate.output.file_bytes, kFileFactor * estimate.doubt, disk_text),
           info_of(format).name);
   if (seconds > 0)
-    text += row("time", "{}, on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
+    text += row("time", "{}, on {}",
+                range_text(seconds, kSecondsFactor * estimate.doubt, rough_duration_text),
                 plural(static_cast<std::uint64_t>(num_threads), "thread"));
   text += row("memory", "at least {}; with more, it is faster", memory_text(least_memory));
   if (estimate.is_thin)
@@ -389,10 +396,11 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
   std::string text =
       fmt::format("λ = {:.6g}: {} tetrahedra, a file of {}, a store of {}", estimate.size,
-                  range_text(estimate.num_cells, kCellsFactor, count_text),
+                  range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text),
                   disk_text(estimate.output.file_bytes), disk_text(estimate.store_bytes));
   if (const double seconds = estimate.total_seconds(); seconds > 0)
-    text += fmt::format(", {} on {}", range_text(seconds, kSecondsFactor, rough_duration_text),
+    text += fmt::format(", {} on {}",
+                        range_text(seconds, kSecondsFactor * estimate.doubt, rough_duration_text),
                         plural(static_cast<std::uint64_t>(num_threads), "thread"));
   if (estimate.is_thin) text += "; or several times as much, for it is thinner than λ on average";
   return text;
@@ -425,7 +433,8 @@ Json to_json(const RunParameters& parameters) {
           {"min_dihedral", parameters.min_dihedral},
           {"spacing_floor", parameters.spacing_floor},
           {"growth", parameters.growth},
-          {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()}};
+          {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()},
+          {"num_shapes", parameters.shapes.size()}};
 }
 
 Json to_json(const LeafInfo& info) {
@@ -530,12 +539,12 @@ Json to_json(const RunEstimate& estimate) {
   };
   return {{"size", estimate.size},
           {"is_thin", estimate.is_thin},
-          {"num_cells", range(estimate.num_cells, kCellsFactor)},
-          {"num_vertices", range(estimate.num_vertices, kCellsFactor)},
-          {"store_bytes", range(estimate.store_bytes, kBytesFactor)},
-          {"file_bytes", range(estimate.output.file_bytes, kFileFactor)},
-          {"output_disk_bytes", range(estimate.output.disk_bytes(), kFileFactor)},
-          {"seconds", range(estimate.total_seconds(), kSecondsFactor)}};
+          {"num_cells", range(estimate.num_cells, kCellsFactor * estimate.doubt)},
+          {"num_vertices", range(estimate.num_vertices, kCellsFactor * estimate.doubt)},
+          {"store_bytes", range(estimate.store_bytes, kBytesFactor * estimate.doubt)},
+          {"file_bytes", range(estimate.output.file_bytes, kFileFactor * estimate.doubt)},
+          {"output_disk_bytes", range(estimate.output.disk_bytes(), kFileFactor * estimate.doubt)},
+          {"seconds", range(estimate.total_seconds(), kSecondsFactor * estimate.doubt)}};
 }
 
 Json to_json(const AuditReport& report) {

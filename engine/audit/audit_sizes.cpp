@@ -35,7 +35,7 @@ double AuditSizes::in_cube_of(const Point& p) const {
   const auto found = cubes_.find(node);
   if (found == cubes_.end()) return law_.surface;
   const Box box = frame_.box(node);
-  double distance = 0;
+  double distance = 0, less = 0;
   for (std::size_t corner = 0; corner < 8; ++corner) {
     double weight = 1;
     for (int axis = 0; axis < 3; ++axis) {
@@ -43,9 +43,10 @@ double AuditSizes::in_cube_of(const Point& p) const {
       weight *= (corner >> axis & 1 ? p[axis] - box.min[axis] : box.max[axis] - p[axis]) / side;
     }
     distance += weight * static_cast<double>(found->second.distance[corner]);
+    less += weight * static_cast<double>(found->second.less[corner]);
   }
   const double depth = std::max(0.0, distance - static_cast<double>(found->second.excess));
-  return std::min(law_.most, law_.surface + law_.growth * depth);
+  return std::max(law_.least, std::min(law_.most, law_.surface - less + law_.growth * depth));
 }
 
 }  // namespace locvol

@@ -85,7 +85,7 @@ class SurfaceCutter {
       : surface_(surface),
         cells_(cells),
         frame_(run.frame),
-        min_side_(kMinLeafSide * run.parameters.size),
+        sides_(run.parameters, {run.frame, 0}),
         may_split_(run.parameters.init == Initialization::kCover),
         batches_(batches),
         watch_(watch) {}
@@ -144,11 +144,11 @@ class SurfaceCutter {
   static bool is_leaf(MortonKey node, Cells cells) {
     return cells.front().is_ancestor_or_self_of(node);
   }
-  bool may_split(MortonKey node) const {
+  bool may_split(MortonKey node) {
     return may_split_ && node.level() < MortonKey::kMaxLevel &&
-           frame_.side(node.level() + 1) >= min_side_;
+           frame_.side(node.level() + 1) >= kMinLeafSide * sides_.least_size(node);
   }
-  bool is_to_be_split(MortonKey node, std::span<const TriangleBucket> buckets) const {
+  bool is_to_be_split(MortonKey node, std::span<const TriangleBucket> buckets) {
     if (!may_split(node)) return false;
     std::uint64_t at_most = 0, num_triangles = 0;
     for (const TriangleBucket& bucket : buckets) at_most += bucket.triangles.count;
@@ -191,7 +191,7 @@ class SurfaceCutter {
   const CheckedSurface& surface_;
   const std::vector<MortonKey>& cells_;
   const Frame& frame_;
-  double min_side_;
+  StartSides sides_;
   bool may_split_;
   BoundedBatches& batches_;
   IngestWatch& watch_;
@@ -240,8 +240,8 @@ StartLeaves completed(const CutLeaves& near, int level) {
 }
 
 // Where sizes grow from the surface inwards, leaves do: those inside are at most twice as wide as
-// the ones beside them.
-StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame) {
+// the ones beside them, and as narrow as shapes and the largest size ask for.
+StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSides& sides_wanted) {
   LinearOctree octree = coarsest_octree(near.keys);
   const std::vector<bool> sides = sides_of(octree, near);
   std::map<MortonKey, bool> is_inside;  // of leaves to begin with
@@ -253,6 +253,14 @@ StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame) {
     while (!is_inside.contains(leaf)) leaf = leaf.parent();
     return is_inside.at(leaf);
   };
+  std::vector<MortonKey> wide(octree.leaves().begin(), octree.leaves().end());
+  while (!wide.empty()) {
+    const MortonKey leaf = wide.back();
+    wide.pop_back();
+    if (!side_of(leaf) || is_near_surface(leaf) || sides_wanted.is_narrow_inside(leaf)) continue;
+    octree.split(leaf);
+    for (int octant = 0; octant < 8; ++octant) wide.push_back(leaf.child(octant));
+  }
   std::vector<MortonKey> small(octree.leaves().begin(), octree.leaves().end());
   std::ranges::stable_sort(small, std::ranges::greater(), &MortonKey::level);
   for (std::size_t n = 0; n < small.size(); ++n) {
@@ -319,8 +327,9 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     BoundedBatches batches(*store, watch.stop());
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
     const bool is_uniform = run.parameters.sizes().is_uniform();
-    store_leaves(is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame), run,
-                 batches);
+    StartSides sides(run.parameters, plan);
+    store_leaves(is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame, sides),
+                 run, batches);
     run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
                 : is_uniform                                  ? Phase::kCover
                                                               : Phase::kSize;

@@ -18,7 +18,7 @@ namespace {
 // Beyond it the leaves' own records outweigh what they hold.
 constexpr std::size_t kMaxStartLeaves = std::size_t{1} << 21;
 
-// Cells of one level, each once. Memory: 16 bytes for each.
+// Cells, each once. Memory: 16 bytes for each.
 class CellSet {
  public:
   explicit CellSet(std::size_t max_size) : max_size_(max_size) {}
@@ -49,11 +49,16 @@ class CellSet {
   std::vector<MortonKey> cells_;
 };
 
-// Finds the cells of one level within a distance of triangles, and perhaps some close beyond.
+// Finds the leaves within a distance of triangles, and perhaps some close beyond. `distance`: of
+// those of the plan's level; of smaller ones, as much less.
 class NearCells {
  public:
-  NearCells(const Frame& frame, int level, double distance)
-      : frame_(frame), root_(frame.root_box()), level_(level), distance_(distance) {}
+  NearCells(const OctreePlan& plan, StartSides& sides, double distance)
+      : frame_(plan.frame),
+        root_(plan.frame.root_box()),
+        level_(plan.level),
+        distance_(distance),
+        sides_(sides) {}
 
   // False: there are more than a run may start with.
   bool add(const Triangle& triangle) {
@@ -63,7 +68,7 @@ class NearCells {
     const MortonKey high = frame_.key_of(in_root(reach.max), level_);
     MortonKey node = low;
     while (!node.is_ancestor_or_self_of(high)) node = node.parent();
-    if (node.level() < level_) return descend(node, triangle, reach);
+    if (!sides_.is_narrow(node)) return descend(node, triangle, reach);
     has_last_ = true;
     last_box_ = frame_.box(node);
     return cells_.add(node);
@@ -82,8 +87,9 @@ class NearCells {
 
   bool descend(MortonKey node, const Triangle& triangle, const Box& reach) {
     const Box box = frame_.box(node);
-    if (!reach.overlaps(box) || !meets(triangle, box.expanded(distance_))) return true;
-    if (node.level() == level_) return cells_.add(node);
+    const double distance = std::ldexp(distance_, std::min(0, level_ - node.level()));
+    if (!reach.overlaps(box) || !meets(triangle, box.expanded(distance))) return true;
+    if (sides_.is_narrow(node)) return cells_.add(node);
     for (int octant = 0; octant < 8; ++octant)
       if (!descend(node.child(octant), triangle, reach)) return false;
     return true;
@@ -99,6 +105,7 @@ class NearCells {
   Box root_;
   int level_;
   double distance_;
+  StartSides& sides_;
   CellSet cells_{kMaxStartLeaves};
   bool has_last_ = false;
   Box last_box_;
@@ -109,10 +116,11 @@ std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& su
                                                         const RunParameters& parameters,
                                                         IngestWatch& watch) {
   const OctreePlan plan = plan_octree(parameters, surface.facts.box);
-  if (plan.level == 0) return std::vector{MortonKey::root()};
+  StartSides sides(parameters, plan);
+  if (sides.is_narrow(MortonKey::root())) return std::vector{MortonKey::root()};
   const double num_inside = surface.facts.volume / std::pow(plan.frame.side(plan.level), 3);
   if (!(num_inside <= kMaxStartLeaves)) return std::nullopt;
-  NearCells near(plan.frame, plan.level, parameters.size);
+  NearCells near(plan, sides, parameters.size);
   for (const TriangleBucket& bucket : surface.buckets.all()) {
     const Box cell = surface.buckets.frame().box(bucket.cell);
     bool are_few = true;
@@ -144,8 +152,17 @@ std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
                                           const RunParameters& parameters, IngestWatch& watch) {
   if (auto cells = near_cells_if_few(surface, parameters, watch)) return std::move(*cells);
   RunParameters larger = parameters;
-  do larger.size *= 1.5;
-  while (!near_cells_if_few(surface, larger, watch));
+  do {
+    larger.size *= 1.5;
+    for (SizeShape& shape : larger.shapes) shape.size *= 1.5;
+  } while (!near_cells_if_few(surface, larger, watch));
+  if (!parameters.shapes.empty())
+    throw InputError(
+        fmt::format("the sizes, from {} on, with {} points to a leaf need more than {} leaves: "
+                    "choose sizes {:.3g} "
+                    "times as large, or a larger leaf capacity",
+                    parameters.sizes().least, parameters.leaf_capacity, kMaxStartLeaves,
+                    1.01 * larger.size / parameters.size));
   throw InputError(fmt::format(
       "size {} with {} points to a leaf needs more than {} leaves: choose a size of at least "
       "{:.3g}, or a larger leaf capacity",

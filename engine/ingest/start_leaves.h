@@ -10,7 +10,7 @@
 
 namespace locvol {
 
-// The cells of the plan's level that the surface may come nearer than λ, in Morton order: the
+// The cells that the surface may come nearer than h, in Morton order (StartSides::is_narrow): the
 // leaves that may get surface points, however these are rounded. Those inside are found by their
 // sides, later. Memory: 32 MB. Throws InputError, with the cure, if there will be more than 2
 // million leaves; Stopped.

@@ -43,6 +43,7 @@ struct Load {
 SizeLaw sizes_from(const RunRecord& run, double size) {
   SizeLaw sizes = run.parameters.sizes();
   sizes.surface = size;
+  sizes.least = std::min(sizes.least, size);
   return sizes;
 }
 
@@ -86,6 +87,7 @@ class RoomCheck {
   // Within a tenth; none, where not even a few cells fit.
   std::optional<double> least_size() const {
     constexpr double kFewCells = 100;
+    if (!run_.parameters.shapes.empty()) return std::nullopt;  // they may be what asks for most
     double size = run_.parameters.size;
     while (!fits(size)) {
       size *= 1.1;
@@ -137,7 +139,8 @@ void require_room(const RunRecord& run, const std::filesystem::path& store,
   const auto least_size = check.least_size();
   throw InputError(
       fmt::format("size {} makes about {:.3g} tetrahedra of {}: {}; choose {}a larger disk", size,
-                  estimated_num_cells(run.surface, run.parameters.sizes()), run.surface.file, why,
+                  estimated_num_cells(run.surface, run.parameters.sizes(), run.parameters.shapes),
+                  run.surface.file, why,
                   least_size ? fmt::format("a size of at least {:.3g}, or ", *least_size) : ""));
 }
 

@@ -23,19 +23,49 @@ Frame frame_around(const RunParameters& parameters, const Box& surface, double l
   }
 }
 
+// Of a leaf that will hold half of κ lattice points, over h.
+double side_of_lattice(const RunParameters& parameters) {
+  const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
+  return std::max(std::cbrt(0.5 * static_cast<double>(parameters.leaf_capacity) / lattice_density),
+                  kMinLeafSide);
+}
+
 }  // namespace
 
 double start_leaf_side(const RunParameters& parameters) {
   const auto capacity = static_cast<double>(parameters.leaf_capacity);
-  if (parameters.sizes().is_uniform()) {
-    const double lattice_density = 2 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
-    const double side = std::cbrt(0.5 * capacity / lattice_density);
-    return std::max(side, kMinLeafSide) * parameters.size;
-  }
+  if (parameters.sizes().is_uniform()) return side_of_lattice(parameters) * parameters.size;
   constexpr double kPointsPerArea = 2;  // to λ²
   const double side = std::sqrt(0.25 * capacity / kPointsPerArea);
-  return std::exp2(std::round(std::log2(std::max(side, kMinLeafSide) / kLatticeSpacing))) *
-         kLatticeSpacing * parameters.size;
+  // Where h grows no more, cubes are as large as fits that.
+  const double whole = kLatticeSpacing *
+                       (std::isfinite(parameters.max_size) ? parameters.max_size : parameters.size);
+  return std::exp2(std::round(std::log2(std::max(side, kMinLeafSide) * parameters.size / whole))) *
+         whole;
+}
+
+StartSides::StartSides(const RunParameters& parameters, const OctreePlan& plan)
+    : size_(parameters.size),
+      most_(parameters.max_size),
+      side_(1.001 * plan.frame.side(plan.level)),
+      side_inside_(side_of_lattice(parameters)),
+      plan_(plan),
+      shapes_(parameters.shapes, parameters.growth, plan.frame) {}
+
+double StartSides::least_size(MortonKey node) {
+  return std::min(size_, shapes_.bounds(node).least);
+}
+
+bool StartSides::is_narrow(MortonKey node) {
+  return node.level() >= plan_.level &&
+         (node.level() == MortonKey::kMaxLevel ||
+          plan_.frame.side(node.level()) <= side_ * least_size(node) / size_);
+}
+
+bool StartSides::is_narrow_inside(MortonKey node) {
+  const double size = std::min(most_, shapes_.bounds(node).least);
+  return node.level() == MortonKey::kMaxLevel ||
+         plan_.frame.side(node.level()) <= 2 * side_inside_ * size;
 }
 
 OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
@@ -50,8 +80,9 @@ OctreePlan plan_octree(const RunParameters& parameters, const Box& surface) {
                      rounded(1.01 * least_size));
   plan.level = plan.frame.level_of_side(leaf_side);
   const double finest = plan.frame.side(kMaxCubeLevel);
-  if (!parameters.sizes().is_uniform() && kLatticeSpacing * parameters.size < finest)
-    throw InputError("size " + decimal(parameters.size) +
+  const double least = parameters.sizes().least;
+  if (!parameters.sizes().is_uniform() && kLatticeSpacing * least < finest)
+    throw InputError("size " + decimal(least) +
                      " is too small for this surface: the octree of sizes would have more than "
                      "2^19 cubes to a side; choose a size of at least " +
                      rounded(1.01 * finest / kLatticeSpacing));

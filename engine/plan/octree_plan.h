@@ -2,6 +2,7 @@
 #pragma once
 
 #include "octree/frame.h"
+#include "octree/size_shapes.h"
 #include "storage/records.h"
 
 namespace locvol {
@@ -18,6 +19,23 @@ struct OctreePlan {
 // sizes vary: about as wide as to have a quarter of κ of the points near the surface, so that cubes
 // that halve come down to the lattice's at λ.
 double start_leaf_side(const RunParameters& parameters);
+
+// Which nodes of the octree are narrow enough for leaves at the start: those of the plan's level,
+// and where shapes ask for smaller cells, as much smaller ones.
+class StartSides {
+ public:
+  // `parameters`: must outlive it
+  StartSides(const RunParameters& parameters, const OctreePlan& plan);
+
+  bool is_narrow(MortonKey node);  // near the surface
+  bool is_narrow_inside(MortonKey node);
+  double least_size(MortonKey node);  // of h near the surface
+
+ private:
+  double size_, most_, side_, side_inside_;  // the last two: where h is λ, and where it is 1
+  OctreePlan plan_;
+  ShapesOfNodes shapes_;
+};
 
 // Cover: leaves that will hold about half of κ lattice points, at least 4 λ wide; paper: one leaf.
 // Throws InputError, with the cure, if the surface is too large for leaves that small at all.

@@ -6,8 +6,10 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "engine/formats/mesh_format.h"
+#include "octree/size_shapes.h"
 #include "storage/records.h"
 
 namespace locvol {
@@ -19,6 +21,15 @@ struct SizeSpec {
   bool is_percent = false;
 };
 
+// A shape as the user gives it: its size is a length or a percentage. `place`: for messages.
+struct SizeRequest {
+  SizeShape shape;
+  bool is_percent = false;
+  std::string place;
+};
+
+// Without a growth, of sizes around shapes.
+inline constexpr double kDefaultGrowth = 0.2;
 // Above it, the octree of sizes need not be balanced.
 inline constexpr double kMostGrowth = 0.3;
 
@@ -40,7 +51,10 @@ struct MeshOptions {
   // Where sizes vary, cells are λ large at the surface, and grow from there by so much of the way.
   double growth = 0;                      // 0: λ everywhere
   std::optional<SizeSpec> max_size = {};  // what they do not grow beyond; absent: no bound
-  bool is_forced = false;                 // start anew over a store of another run
+  // Where they are to be smaller than λ. Then a growth of 0 stands for kDefaultGrowth, with λ as
+  // what sizes do not grow beyond.
+  std::vector<SizeRequest> shapes = {};
+  bool is_forced = false;  // start anew over a store of another run
 };
 
 struct Progress {

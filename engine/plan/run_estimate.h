@@ -23,6 +23,9 @@ struct RunEstimate {
   double size = 0;  // λ
   // The mean thickness, 2 V/A, is below λ: too thin to tell.
   bool is_thin = false;
+  // All ranges are wider by this factor: of shapes with sizes, nobody has asked yet how much of
+  // them is inside.
+  double doubt = 1;
   // These may be infinite.
   double num_cells = 0, num_vertices = 0;
   double num_listed_cells = 0;  // not of the lattice core: nearly all the work is in them
@@ -46,7 +49,11 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
                          int num_threads = 1, const OutputOptions& output = {});
 // Of a run, as far as it has come: once it is done, its own counts.
 RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output);
-double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law);
+double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law,
+                           std::span<const SizeShape> shapes = {});
+// Of all cells around a shape that has the part of it in the box filled, those that are there for
+// its sake.
+double estimated_num_cells_at(const SizeShape& shape, const SizeLaw& law, const Box& box);
 
 // λ for a user who gives none: of a mesh with about half a million cells; or of more, up to five
 // million, if that is what it takes to have two or so λ of thickness where the surface is of

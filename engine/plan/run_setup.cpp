@@ -1,12 +1,16 @@
 #include "engine/plan/run_setup.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/number_text.h"
+#include "octree/mix.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -15,6 +19,9 @@ namespace {
 // A determinant of the predicates multiplies five lengths: within these bounds it neither overflows
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
+
+// At one shape.
+constexpr double kMostCells = 1e13;
 
 double smallest_side(const Box& box) {
   const Point sides = box.max - box.min;
@@ -96,6 +103,46 @@ const char* name_of(Initialization init) {
   return init == Initialization::kCover ? "cover" : "paper";
 }
 
+// A number that tells lists of shapes apart.
+std::string shapes_text(const std::vector<SizeShape>& shapes) {
+  if (shapes.empty()) return "none";
+  std::uint64_t hash = 0;
+  for (const auto& [kind, size, a, b, radius] : shapes) {
+    hash = mix(hash + static_cast<std::uint64_t>(kind));
+    for (const double v : {size, radius, a.x, a.y, a.z, b.x, b.y, b.z})
+      hash = mix(hash ^ std::bit_cast<std::uint64_t>(v));
+  }
+  return fmt::format("{} (hash {:016x})", shapes.size(), hash);
+}
+
+void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
+  if (options.shapes.empty()) return;
+  for (const auto& [shape, is_percent, place] : options.shapes) {
+    SizeShape& added = parameters.shapes.emplace_back(shape);
+    try {
+      added.size = absolute_size({shape.size, is_percent}, surface);
+    } catch (const InputError& e) {
+      throw InputError(place + ": " + e.what());
+    }
+    if (shape.kind == ShapeKind::kBox) {
+      const Box box = Box::around(shape.a).joined(shape.b);
+      added.a = box.min, added.b = box.max;
+    }
+    const Point farthest = Box::around(shape.a).joined(shape.b).expanded(shape.radius).max;
+    if (!(shape.radius >= 0) || !std::isfinite(dot(farthest, farthest)))
+      throw InputError(place + ": give finite coordinates, and a radius of at least 0");
+    const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);
+    if (!(num_cells < kMostCells))
+      throw InputError(fmt::format(
+          "{}: size {} asks for {:.2g} cells there: choose a size of at "
+          "least {:.3g}",
+          place, added.size, num_cells, 1.01 * added.size * std::cbrt(num_cells / kMostCells)));
+  }
+  if (parameters.growth > 0) return;
+  parameters.growth = kDefaultGrowth;
+  if (!options.max_size) parameters.max_size = parameters.size;
+}
+
 void check_sizes(const RunParameters& p) {
   if (!(p.growth >= 0) || !(p.growth <= kMostGrowth))
     throw InputError("growth " + decimal(p.growth) +
@@ -138,6 +185,7 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .seed = options.seed,
       .growth = options.growth};
   if (options.max_size) run.parameters.max_size = absolute_size(*options.max_size, surface);
+  add_shapes(options, surface, run.parameters);
   check_sizes(run.parameters);
   check_lengths(run.surface, run.parameters.size);
   // Ids below are those of lattice points.
@@ -198,6 +246,7 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
   compare("seed", std::to_string(held.seed), std::to_string(asked.seed));
   compare("growth", decimal(held.growth), decimal(asked.growth));
   compare("largest size", decimal(held.max_size), decimal(asked.max_size));
+  compare("shapes with sizes", shapes_text(held.shapes), shapes_text(asked.shapes));
   if (differences.empty()) return;
   throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +
                       "): give the same input and parameters to go on with it, another store, or "

@@ -37,7 +37,10 @@ std::uint64_t max_insertions(std::uint64_t leaf_capacity) { return 50 * leaf_cap
 }  // namespace
 
 LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop)
-    : state_(state), budget_(budget), stop_(stop) {
+    : state_(state),
+      budget_(budget),
+      stop_(stop),
+      shapes_(state.run().parameters.shapes, state.run().parameters.growth, state.run().frame) {
   if (state_.is_cover()) return;
   const Box root = state_.run().frame.root_box();
   std::vector<Triangle> triangles = triangles_meeting(root);
@@ -58,17 +61,26 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
 }
 
 LoadedSize LeafLoader::load_size(MortonKey leaf) {
-  const double distance = kExactDistance * state_.size();
-  const Box region = state_.box(leaf).expanded(distance);
+  const RunParameters& parameters = state_.run().parameters;
+  const Box box = state_.box(leaf);
+  const std::span<const SizeShape> shapes = shapes_.in(leaf);
+  const SizeBounds bounds = size_bounds(shapes, parameters.growth, box);
+  const double size = std::min(state_.size(), bounds.most);
+  const double distance = kExactDistance * size;
+  const Box region = box.expanded(distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, state_.size()),
+  const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, size),
                         .num_points = 0,
                         .num_triangles = triangles.size()};
   return {.bytes = visit.bytes_to_cover(),
-          .input = {.law = state_.run().parameters.sizes(),
-                    .frame = state_.run().frame,
-                    .leaf = leaf,
-                    .surface = surface_around(leaf, distance, std::move(triangles), kOfCover)}};
+          .input = {
+              .law = parameters.sizes(),
+              .exact_distance = distance,
+              .frame = state_.run().frame,
+              .leaf = leaf,
+              .surface = surface_around(leaf, distance, std::move(triangles),
+                                        {kOfCover.resolution * size, kOfCover.triangles_per_cell}),
+              .shapes = {shapes.begin(), shapes.end()}}};
 }
 
 FarSurface LeafLoader::far_surface() {
@@ -85,7 +97,7 @@ FarSurface LeafLoader::far_surface() {
 }
 
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
-  const double size = state_.size();
+  const double size = state_.surface_size(leaf);
   const Box box = state_.box(leaf);
   std::vector<MeshPoint> around;
   if (state_.leaves().info(leaf).num_triangles > 0)
@@ -93,7 +105,9 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double patch_distance = kSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
   const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  SizeCubes sizes = sizes_around(leaf, 0);
+  const bool has_shapes = !state_.run().parameters.shapes.empty();
+  SizeCubes sizes =
+      sizes_around(leaf, has_shapes ? state_.reach_of(leaf, sample_radius(false)) : 0);
   const std::uint64_t num_lattice =
       state_.is_uniform() ? most_lattice_points(box, size) : 9 * sizes.cubes.size();
   const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
@@ -114,8 +128,8 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
 }
 
 LoadedFill LeafLoader::load_fill(MortonKey leaf) {
-  const double size = state_.size();
-  const double patch_distance = state_.is_uniform() ? kSlack * size : surface_reach();
+  const double size = state_.surface_size(leaf);
+  const double patch_distance = state_.is_uniform() ? kSlack * size : surface_reach(leaf);
   std::vector<MeshPoint> points = points_around(leaf, kFillReach);
   const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
   points.insert(points.end(), own.begin(), own.end());
@@ -136,8 +150,9 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
 }
 
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
-  const double size = state_.size();
-  const double patch_distance = state_.is_uniform() ? kSlack * kReach / 2 * size : surface_reach();
+  const double size = state_.surface_size(leaf);
+  const double patch_distance =
+      state_.is_uniform() ? kSlack * kReach / 2 * size : surface_reach(leaf);
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = points_around(leaf, state_.is_cover() ? kReach : kNeighborhood);
@@ -152,7 +167,7 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const GridFineness fineness = last ? kCoarse : kFine;
   LoadedLeaf loaded;
   loaded.bytes = visit.bytes_to_refine();
-  loaded.input = {.criteria = criteria(),
+  loaded.input = {.criteria = criteria(leaf),
                   .box = state_.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
@@ -204,9 +219,9 @@ double LeafLoader::volume_over_size(const Box& box, double size) const {
 
 // Only points that samples may not hide ask for the surface: those on it, and volume points at most
 // r_s deep.
-double LeafLoader::surface_reach() const {
+double LeafLoader::surface_reach(MortonKey leaf) {
   const double growth = state_.run().parameters.growth;
-  return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.size();
+  return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.surface_size(leaf);
 }
 
 SizeCubes LeafLoader::sizes_around(MortonKey leaf, double distance) {
@@ -237,22 +252,23 @@ std::uint64_t LeafLoader::most_points_of_visit(std::uint64_t num_own,
   return 2 * std::max(num_own, capacity) + num_ghosts;
 }
 
-Criteria LeafLoader::criteria() const {
+Criteria LeafLoader::criteria(MortonKey leaf) {
   const RunParameters& p = state_.run().parameters;
   return state_.is_cover()
-             ? Criteria::of_cover(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral,
-                                  p.growth)
+             ? Criteria::of_cover(state_.surface_size(leaf), p.radius_edge_bound, p.spacing_floor,
+                                  p.min_dihedral, p.growth)
              : Criteria::of_paper(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are
 // at the start, they load so many ghosts that a dense sheet takes twice as long, to save a third of
 // the memory.
-std::uint64_t LeafLoader::max_own_points(MortonKey leaf) const {
+std::uint64_t LeafLoader::max_own_points(MortonKey leaf) {
   if (leaf.level() == MortonKey::kMaxLevel) return 0;
   const RunParameters& parameters = state_.run().parameters;
   const double start = state_.is_cover() ? start_leaf_side(parameters) : 0;
-  const double least = std::max(kMinChildSide * state_.size(), 0.1 * start);
+  const double size = std::min(state_.size(), state_.least_size(leaf));
+  const double least = std::max(kMinChildSide * size, 0.1 * start * (size / state_.size()));
   return state_.run().frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
 }
 
@@ -270,8 +286,7 @@ std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
 
 SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
                                         std::vector<Triangle> triangles, GridFineness fineness) {
-  fineness.resolution *=
-      state_.run().phase == Phase::kSize ? state_.size() : state_.least_size(leaf);
+  if (state_.run().phase != Phase::kSize) fineness.resolution *= state_.least_size(leaf);
   const Box box = state_.box(leaf);
   return {.triangles = std::move(triangles),
           .region = box.expanded(distance),

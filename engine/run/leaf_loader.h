@@ -9,6 +9,7 @@
 #include "engine/run/point_grid.h"
 #include "engine/run/run_state.h"
 #include "engine/shared/memory_budget.h"
+#include "octree/size_shapes.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/leaf.h"
@@ -45,15 +46,15 @@ class LeafLoader {
   WholeModel whole() const { return {whole_surface_.get(), all_points_ ? &*all_points_ : nullptr}; }
 
  private:
-  Criteria criteria() const;
-  std::uint64_t max_own_points(MortonKey leaf) const;
+  Criteria criteria(MortonKey leaf);
+  std::uint64_t max_own_points(MortonKey leaf);
   std::optional<LastVisit> last_visit(MortonKey leaf);
   void keep_memory_of_points();
   // `size`: the least that matters there
   double volume_over_size(const Box& box, double size) const;
   // What triangles a visit looks up lies this far from where h(p) is, at points that the surface
   // may matter to.
-  double surface_reach() const;
+  double surface_reach(MortonKey leaf);
   SizeCubes sizes_around(MortonKey leaf, double distance);
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::vector<Box> waiting_around(MortonKey leaf);
@@ -67,6 +68,7 @@ class LeafLoader {
   RunState& state_;
   MemoryBudget& budget_;
   const StopToken* stop_;
+  ShapesOfNodes shapes_;
   // All below is for paper mode.
   std::unique_ptr<const SurfacePatch> whole_surface_;
   std::uint64_t num_points_reserved_ = 0, num_points_ = 0;

@@ -18,9 +18,6 @@ namespace {
 constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
 constexpr std::chrono::seconds kMaxTimeOfCommit{1};
 
-// Over λ: a leaf's cover reads samples within r_s of its box and writes to its box.
-double cover_conflict(bool is_uniform) { return 1.01 * sample_radius(is_uniform); }
-
 RunRecord read_run(const Store& store) {
   const auto run = store.snapshot().run();
   assert(run && run->phase != Phase::kIngest);
@@ -91,11 +88,19 @@ double RunState::least_size(MortonKey leaf) {
   return is_uniform() ? size() : leaves_.info(leaf).least_size;
 }
 
+// Balls at points of the leaf have centers where h may be a little larger.
+double RunState::surface_size(MortonKey leaf) {
+  const RunParameters& p = run_.parameters;
+  if (p.shapes.empty()) return size();
+  return std::min(size(), leaves_.info(leaf).surface_size / (1 - 0.5 * kReach * p.growth));
+}
+
 void RunState::put_sizes(MortonKey leaf, LeafSizes sizes) {
   LeafInfo& info = leaves_.edit_info(leaf);
-  const SizeLaw law = run_.parameters.sizes();
-  info.least_size = law.at_distance(least_distance(sizes.cubes));
-  info.largest_size = largest_size(law, sizes.cubes);
+  const SizeRange range = size_range(run_.parameters.sizes(), run_.frame, sizes.cubes);
+  info.least_size = range.least;
+  info.largest_size = range.most;
+  info.surface_size = range.on_surface;
   leaves_.put_sizes(leaf, std::move(sizes));
 }
 
@@ -121,9 +126,12 @@ std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its
 // within the reach, and mending writes as far.
 double RunState::conflict_distance(MortonKey leaf) {
   if (run_.phase == Phase::kSize) return -1;
-  if (run_.phase == Phase::kCover) return cover_conflict(is_uniform()) * size();
-  if (is_uniform()) return kConflict * size();
   constexpr double kSlack = 1.01;
+  if (run_.phase == Phase::kCover)  // it reads samples within r_s of its box, and writes to its box
+    return kSlack *
+           std::min(reach_of(leaf, sample_radius(is_uniform())),
+                    reach_factor(run_.parameters.growth, sample_radius(is_uniform())) * size());
+  if (is_uniform()) return kConflict * size();
   const double largest = kSlack * leaves_.info(leaf).largest_size;
   if (run_.phase == Phase::kFill) return reach_factor(run_.parameters.growth, kFillReach) * largest;
   const double reach = reach_factor(run_.parameters.growth, kReach);

@@ -47,7 +47,7 @@ class RunState {
   const LeafQueue& queue() const { return queue_; }
   LeafCache& leaves() { return leaves_; }  // to be read, and trimmed
 
-  double size() const { return run_.parameters.size; }  // λ
+  double size() const { return run_.parameters.size; }  // λ: no more at the surface
   bool is_cover() const { return run_.parameters.init == Initialization::kCover; }
   Box box(MortonKey leaf) const { return run_.frame.box(leaf); }
   SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(box(leaf)); }
@@ -60,7 +60,9 @@ class RunState {
   // most k / 2 times h at its center.
   double reach_at(const Point& p, double k);
   double reach_of(MortonKey leaf, double k);
+  // Of h in the leaf, the least; and the largest on the surface there.
   double least_size(MortonKey leaf);
+  double surface_size(MortonKey leaf);
   void put_sizes(MortonKey leaf, LeafSizes sizes);
 
   // -- Phases and the queue

@@ -584,6 +584,50 @@ TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
   EXPECT_GT(bounded.run.counts.num_cells, 1.1 * static_cast<double>(free.run.counts.num_cells));
 }
 
+// Small cells on the surface and inside, in leaves of many widths.
+TEST_F(GradedEngineTest, CellsAreSmallerAtShapes) {
+  write(sphere(1, 61, 128));
+  auto run = options("shapes", 0.2, 300);
+  run.shapes = {{{ShapeKind::kBall, 0.015, {1, 0, 0}, {}, 0}, false, "a point"},
+                {{ShapeKind::kBall, 0.03, {-0.3, 0, 0.2}, {}, 0.1}, false, "a ball"},
+                {{ShapeKind::kSegment, 0.02, {0, 0.9, 0.4}, {0, 0.6, 0.85}}, false, "a line"},
+                {{ShapeKind::kBox, 2, {-1, -1, -1}, {-0.9, 1, 1}}, true, "a box"}};
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_GT(report.max_circumradius, 0.95);
+  EXPECT_EQ(report.num_poor_cells, 0U);
+  const Contents contents = contents_of(run.store);
+  EXPECT_EQ(boundary_of(contents).euler_characteristic, 2);
+  std::size_t num_near = 0;
+  for (const auto& [key, leaf] : contents.leaves)
+    for (const MeshPoint& p : leaf.points.points)
+      num_near += squared_distance(p.position, {1, 0, 0}) < 0.05 * 0.05;
+  EXPECT_GT(num_near, 20U);
+  EXPECT_LT(summary.run.counts.num_cells, 60000U);
+  const auto uniform = options("uniform", 0.2, 300);
+  EXPECT_GT(summary.run.counts.num_cells, 10 * mesh(uniform).run.counts.num_cells);
+}
+
+TEST_F(GradedEngineTest, ShapesGiveTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write(torus(1, 0.4, 48, 24));
+  const auto with_shapes = [&](const std::string& name) {
+    auto run = graded(name, 0.15, 100);
+    run.shapes = {{{ShapeKind::kBall, 0.03, {1.2, 0.3, 0}, {}, 0.1}, false, "a ball"},
+                  {{ShapeKind::kSegment, 0.05, {-1, 0, 0.4}, {-1.4, 0, 0}}, false, "a line"}};
+    return run;
+  };
+  mesh(with_shapes("one"), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.leaves.size(), 30U);
+  mesh(with_shapes("three"), with_threads(3));
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
+  const auto run = with_shapes("pieces");
+  mesh_in_pieces(run, 23);
+  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+}
+
 TEST_F(GradedEngineTest, SharpAndThinPartsKeepTheirTopology) {
   write(together(wedge(1, 0.5, 0.9), translated(torus(0.5, 0.05, 64, 12), {0, 0, 3})));
   for (const double size : {0.06, 0.035}) {
@@ -626,6 +670,17 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   auto bounded = graded("store", 0.3, 0);
   bounded.max_size = SizeSpec{0.5, false};
   expect_refusal(bounded, "largest size: inf in the store, 0.5 asked for");
+  auto shaped = graded("store", 0.3, 0);
+  shaped.shapes = {{{ShapeKind::kBall, 0.1, {1, 0, 0}, {}, 0}, false, "sizes.txt, line 7"}};
+  expect_refusal(shaped, "shapes with sizes: none in the store, 1 (hash ");
+  shaped.store = scratch_ / "bad";
+  shaped.shapes.front().shape.size = 1e-9;
+  shaped.shapes.front().shape.radius = 0.5;
+  expect_refusal(shaped, "sizes.txt, line 7: size 1e-09 asks for ");
+  shaped.shapes.front().shape.radius = 0;
+  expect_refusal(shaped, "the octree of sizes would have more than");
+  shaped.shapes.front().shape.size = -1;
+  expect_refusal(shaped, "sizes.txt, line 7: size -1");
   for (const double growth : {-0.1, 0.31, std::nan("")})
     expect_refusal(graded("bad", 0.3, 0, growth), "growth");
   bounded.store = scratch_ / "bad";

@@ -44,7 +44,8 @@ TEST(IsCoveredWithout, AgreesWithPointsOfTheSurface) {
     const double step = (n % 4 == 0 ? 0.1 : n % 4 == 1 ? 0.4 : n % 4 == 2 ? 0.7 : 3) * kSize;
     const Point away = shapes::uniform_in(random, {{-1, -1, -1}, {1, 1, 1}});
     samples[n] = surface.closest_to(before + (step / norm(away)) * away, 4).value();
-    const bool is_covered = is_covered_without(surface, before, kRadius, samples, hidden);
+    const bool is_covered =
+        is_covered_without(surface, before, {kRadius, kRadius}, samples, hidden);
     bool is_bare = false;
     for (const Point& p : on_surface) {
       if (squared_distance(p, before) > kRadius * kRadius) continue;

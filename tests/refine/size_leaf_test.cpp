@@ -20,11 +20,14 @@ using brute_force::is_inside;
 // A surface in leaves of one level.
 class World {
  public:
-  World(const Mesh& mesh, double size, double growth, int level)
+  World(const Mesh& mesh, double size, double growth, int level,
+        const std::vector<SizeShape>& shapes = {})
       : mesh_(mesh),
         law_{.surface = size, .growth = growth},
+        shapes_(shapes),
         frame_(Frame::around(bounding_box(mesh), size, 1.75 * size)),
         octree_(LinearOctree::uniform(level)) {
+    for (const SizeShape& shape : shapes) law_.least = std::min(law_.least, shape.size);
     for (const MortonKey leaf : octree_.leaves()) {
       Mesh met;
       std::ranges::copy_if(mesh_, std::back_inserter(met),
@@ -35,14 +38,15 @@ class World {
   }
 
   std::vector<SizeCube> sizes(MortonKey leaf) const {
-    const Box region = frame_.box(leaf).expanded(kExactDistance * law_.surface);
+    const double exact_distance = kExactDistance * law_.surface;
+    const Box region = frame_.box(leaf).expanded(exact_distance);
     SurfacePiece piece{.triangles = {},
                        .region = region,
                        .reference = region.center(),
                        .is_reference_inside = is_inside(region.center(), mesh_)};
     std::ranges::copy_if(mesh_, std::back_inserter(piece.triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
-    return size_leaf({law_, frame_, leaf, std::move(piece)}, far_);
+    return size_leaf({law_, exact_distance, frame_, leaf, std::move(piece), shapes_}, far_);
   }
   SizeCubes all() const {
     SizeCubes sizes{law_, frame_, {}};
@@ -61,6 +65,7 @@ class World {
  private:
   Mesh mesh_;
   SizeLaw law_;
+  std::vector<SizeShape> shapes_;
   Frame frame_;
   LinearOctree octree_;
   FarSurface far_;
@@ -173,6 +178,60 @@ TEST(SizeLeaf, LeavesAgreeOnTheirCorners) {
       }
     }
     EXPECT_LT(largest, 0.05);
+  }
+}
+
+// Of all kinds, inside, across the surface and outside.
+std::vector<SizeShape> some_shapes() {
+  return {{ShapeKind::kBall, 0.03, {0.3, 0.2, 0.1}, {}, 0.15},
+          {ShapeKind::kBall, 0.01, {1, 0, 0}, {}, 0},
+          {ShapeKind::kBox, 0.04, {-0.5, -1.2, -0.1}, {-0.2, -0.8, 0.1}},
+          {ShapeKind::kSegment, 0.02, {0, 0, 0.2}, {0.1, 0.2, 1.3}, 0},
+          {ShapeKind::kBall, 0.05, {-0.6, 0.4, 0.1}, {}, 0.1}};
+}
+
+// Near shapes nothing is too large, for nothing would find that out; and little too small.
+TEST(SizeLeaf, KeepsToTheSizesOfShapes) {
+  Random random(5);
+  const World world(icosphere({0, 0, 0}, 1, 3), 0.12, 0.2, 1, some_shapes());
+  const SizeField field(world.all());
+  double below = 0;
+  int num = 0, num_small = 0;
+  while (num < 3000) {
+    const Point p = uniform_in(random, bounding_box(world.mesh()));
+    if (!is_inside(p, world.mesh())) continue;
+    ++num;
+    const double of_shapes = size_from(some_shapes(), world.law().growth, p);
+    const double of_surface = world.law().at_distance(distance(p, world.mesh()));
+    EXPECT_LE(field.at(p), 1.002 * of_shapes) << p.x << ' ' << p.y << ' ' << p.z;
+    EXPECT_LE(field.at(p), 1.03 * std::min(of_surface, of_shapes));
+    EXPECT_GE(field.at(p), field.least());
+    below += 1 - field.at(p) / std::min(of_surface, of_shapes);
+    num_small += of_shapes < 0.7 * of_surface;
+  }
+  EXPECT_LT(below / num, 0.04);
+  EXPECT_GT(num_small, num / 10);
+  EXPECT_EQ(field.least(), 0.01);
+}
+
+TEST(SizeLeaf, FindsTheSizesOfManyShapesAsOfEachAlone) {
+  Random random(6);
+  std::vector<SizeShape> many;
+  for (int n = 0; n < 40; ++n)
+    many.push_back({ShapeKind::kBall,
+                    0.03 + 0.01 * (n % 5),
+                    uniform_in(random, {{-1, -1, -1}, {1, 1, 1}}),
+                    {},
+                    0.05 * (n % 3)});
+  const World world(icosphere({0, 0, 0}, 1, 2), 0.2, 0.3, 0, many);
+  const SizeField field(world.all());
+  for (int n = 0; n < 1000; ++n) {
+    const Point p = uniform_in(random, {{-0.6, -0.6, -0.6}, {0.6, 0.6, 0.6}});
+    double exact = world.law().at_distance(distance(p, world.mesh()));
+    for (const SizeShape& shape : many)
+      exact = std::min(exact, shape.size + 0.3 * distance_to(shape, p));
+    EXPECT_LE(field.at(p), 1.02 * exact);
+    EXPECT_GE(field.at(p), 0.75 * exact);
   }
 }
 

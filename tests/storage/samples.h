@@ -20,6 +20,8 @@ inline MortonKey sample_leaf() { return MortonKey::from_bits(0x0123456789abc000)
 inline RunRecord sample_run() {
   RunRecord run;
   run.parameters = {"00ff17", 0.125, 2.0, 15, 0.02, 20000, Initialization::kPaper, 42, 0.2, 8};
+  run.parameters.shapes = {{ShapeKind::kBall, 0.01, {1, 2, 3}, {}, 0.5},
+                           {ShapeKind::kBox, 0.02, {0, 0, 0}, {1, 2, 3}}};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -83,8 +85,8 @@ inline LeafUnresolved sample_unresolved() {
 
 inline LeafSizes sample_sizes() {
   const MortonKey node = MortonKey::root().child(5);
-  return {{{node.child(0), {-1, 0.5F, 1e-30F, 3, 4, 5, 6, 7}, 0.125F},
-           {node.child(3).child(1), {-0.0F, 1, 2, 3, 4, 5, 6, 1e30F}, 0}}};
+  return {{{node.child(0), {-1, 0.5F, 1e-30F, 3, 4, 5, 6, 7}, 0.125F, {0, 0, 0.25F, 3}},
+           {node.child(3).child(1), {-0.0F, 1, 2, 3, 4, 5, 6, 1e30F}, 0, {}}}};
 }
 
 inline MemoryRecord sample_memory() {
@@ -168,6 +170,10 @@ class Generator {
     RunRecord run = sample_run();
     run.parameters = {text(), real(), real(), real(), real(), bits(), Initialization::kCover,
                       bits()};
+    run.parameters.shapes.resize(integer(5));
+    for (SizeShape& shape : run.parameters.shapes)
+      shape = {static_cast<ShapeKind>(integer(3)), 0.01 + std::abs(real()), point(), point(),
+               std::abs(real())};
     run.surface.file = text();
     run.surface.notes.resize(integer(5));
     for (std::string& note : run.surface.notes) note = text();
@@ -252,6 +258,7 @@ class Generator {
       cube.key = octree.leaves()[i];
       for (float& d : cube.distance) d = static_cast<float>(real());
       cube.excess = static_cast<float>(real());
+      for (float& less : cube.less) less = integer(2) == 0 ? 0 : static_cast<float>(real());
     }
     return record;
   }

@@ -671,6 +671,36 @@ TEST(Command, SizesThatGrowMakeFewerCells) {
   }
 }
 
+TEST(Command, SizesFromAFileMakeMoreCells) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), sizes = (dir / "sizes.txt").string();
+  std::ofstream(sizes) << "# near a corner\nball 1% 1 1 1 0.1\n";
+  const std::string output = (dir / "cube.vtu").string(), store = (dir / "run").string();
+  const ProcessResult meshed = run_locvol({"mesh", cube, "-o", output, "--store", store, "-s",
+                                           "10%", "--sizes", sizes, "--json", "--quiet"});
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  const Json json = Json::parse(meshed.out);
+  EXPECT_EQ(json.at("parameters").at("num_shapes"), 1);
+  EXPECT_EQ(json.at("parameters").at("growth"), 0.2);
+  const double num_cells = json.at("statistics").at("num_cells").get<double>();
+  const ProcessResult info = run_locvol({"info", cube, "-s", "10%", "--sizes", sizes, "--json"});
+  EXPECT_NEAR(Json::parse(info.out).at("estimated_cells").get<double>(), num_cells,
+              0.5 * num_cells);
+  const ProcessResult uniform = run_locvol({"info", cube, "-s", "10%", "--json"});
+  EXPECT_GT(num_cells, 1.5 * Json::parse(uniform.out).at("estimated_cells").get<double>());
+  EXPECT_EQ(run_locvol({"audit", store}).exit_code, 0);
+
+  std::ofstream(sizes, std::ios::app) << "ball 1% 1 1 1\n";
+  for (const char* command : {"mesh", "info"}) {
+    std::vector<std::string> arguments{command, cube, "-s", "10%", "--sizes", sizes};
+    if (command == std::string("mesh")) arguments.insert(arguments.end(), {"-o", output});
+    const ProcessResult refused = run_locvol(arguments);
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_NE(refused.err.find("sizes.txt: line 3: a ball without a radius"), std::string::npos)
+        << refused.err;
+  }
+}
+
 // Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.
 bool wait_for_refinement(const Process& process) {
   for (int i = 0; i < 6000 && !process.has_ended(); ++i) {

@@ -1,0 +1,29 @@
+// A file of shapes at which cells are to be smaller (`--sizes`), as text or as JSON.
+//
+//   # one shape a line: its kind, its size, and where it is
+//   point  SIZE  X Y Z
+//   ball   SIZE  X Y Z  RADIUS
+//   box    SIZE  X Y Z  X Y Z          two opposite corners
+//   line   SIZE  X Y Z  X Y Z  ...     two points or more, joined by segments
+//
+//   {"shapes": [{"kind": "point", "size": 0.1, "points": [[0, 0, 0]]},
+//               {"kind": "ball", "size": "1%", "points": [[0, 0, 0]], "radius": 2},
+//               {"kind": "box", "size": 0.1, "points": [[0, 0, 0], [1, 1, 1]]},
+//               {"kind": "line", "size": 0.1, "points": [[0, 0, 0], [1, 1, 1], [2, 1, 1]]}]}
+//
+// A size is a length in the units of the coordinates, or a percentage of the smallest side of the
+// surface's bounding box.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "engine/plan/options.h"
+
+namespace locvol {
+
+// Throws InputError, naming the line or the shape: a size or a radius that is not above 0 (below
+// 0), no finite number, too many or too few of them, an unknown kind, no shape at all.
+std::vector<SizeRequest> read_size_requests(const std::filesystem::path& path);
+
+}  // namespace locvol

@@ -1,0 +1,126 @@
+#include "engine/ingest/size_file.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "engine/shared/input_error.h"
+#include "tests/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+class SizeFile : public testing::Test {
+ protected:
+  std::vector<SizeRequest> read(const std::string& text) const {
+    std::ofstream(file()) << text;
+    return read_size_requests(file());
+  }
+  std::string refusal_of(const std::string& text) const {
+    try {
+      read(text);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "not refused";
+  }
+  std::filesystem::path file() const { return dir_ / "sizes"; }
+
+ private:
+  const TempDir dir_;
+};
+
+void expect_all_kinds(const std::vector<SizeRequest>& requests) {
+  ASSERT_EQ(requests.size(), 5U);
+  EXPECT_EQ(requests[0].shape, (SizeShape{ShapeKind::kBall, 0.1, {1, 2, 3}, {1, 2, 3}, 0}));
+  EXPECT_FALSE(requests[0].is_percent);
+  EXPECT_EQ(requests[1].shape, (SizeShape{ShapeKind::kBall, 2, {0, 0, 0}, {0, 0, 0}, 4.5}));
+  EXPECT_TRUE(requests[1].is_percent);
+  EXPECT_EQ(requests[2].shape, (SizeShape{ShapeKind::kBox, 0.2, {-1, 0, 0}, {1, 2, 3}}));
+  EXPECT_EQ(requests[3].shape, (SizeShape{ShapeKind::kSegment, 0.3, {0, 0, 0}, {1, 0, 0}}));
+  EXPECT_EQ(requests[4].shape, (SizeShape{ShapeKind::kSegment, 0.3, {1, 0, 0}, {1, 1, 0}}));
+}
+
+TEST_F(SizeFile, ReadsAllKindsAsText) {
+  const auto requests = read(
+      "# sizes\n"
+      "point 0.1  1 2 3\n"
+      "ball 2%  0 0 0  4.5   # a comment\r\n"
+      "\n"
+      "box 0.2  1 0 0  -1 2 3\n"
+      "line 3e-1  0 0 0  1 0 0  1 1 0");
+  expect_all_kinds(requests);
+  EXPECT_NE(requests[2].place.find("line 5"), std::string::npos) << requests[2].place;
+}
+
+TEST_F(SizeFile, ReadsAllKindsAsJson) {
+  const auto requests = read(R"( {"shapes": [
+      {"kind": "point", "size": 0.1, "points": [[1, 2, 3]]},
+      {"kind": "ball", "size": "2%", "points": [[0, 0, 0]], "radius": 4.5},
+      {"kind": "box", "size": 0.2, "points": [[1, 0, 0], [-1, 2, 3]]},
+      {"kind": "line", "size": 0.3, "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}]})");
+  expect_all_kinds(requests);
+  EXPECT_NE(requests[2].place.find("shape 3"), std::string::npos) << requests[2].place;
+}
+
+TEST_F(SizeFile, NamesTheLineThatIsBad) {
+  const std::string good = "point 0.1 0 0 0\n";
+  for (const auto& [line, words] : {std::pair{"point 0 1 2 3", "above 0"},
+                                    {"point -1 1 2 3", "above 0"},
+                                    {"point nan 1 2 3", "nan"},
+                                    {"point 1e999 1 2 3", "1e999"},
+                                    {"point 0.1 1 2", "the z is missing"},
+                                    {"point 0.1 1 2 3 4", "more numbers"},
+                                    {"point 0.1", "a point of 0 points"},
+                                    {"point", "the size is missing"},
+                                    {"point 0.1 1 two 3", "two"},
+                                    {"ball 0.1 1 2 3", "without a radius"},
+                                    {"ball 0.1 1 2 3 -4", "radius -4"},
+                                    {"box 0.1 1 2 3", "a box of 1 points"},
+                                    {"line 0.1 1 2 3", "a line of 1 points"},
+                                    {"line 0.1 1 2 3 4 5", "the z is missing"},
+                                    {"cone 0.1 1 2 3", "'cone' is no shape"}}) {
+    const std::string refusal = refusal_of(good + line + "\n" + good);
+    EXPECT_NE(refusal.find("line 2"), std::string::npos) << line << ": " << refusal;
+    EXPECT_NE(refusal.find(words), std::string::npos) << line << ": " << refusal;
+  }
+}
+
+TEST_F(SizeFile, NamesTheShapeThatIsBad) {
+  const std::string good = R"({"kind": "point", "size": 1, "points": [[0, 0, 0]]})";
+  for (const auto& [shape, words] :
+       {std::pair{R"({"kind": "point", "size": -1, "points": [[0, 0, 0]]})", "above 0"},
+        {R"({"kind": "point", "size": "1", "points": [[0, 0, 0]]})", "no size"},
+        {R"({"kind": "point", "size": "%", "points": [[0, 0, 0]]})", "no size"},
+        {R"({"kind": "point", "size": 1, "points": [[0, 0]]})", "three coordinates"},
+        {R"({"kind": "point", "size": 1, "points": [[0, 0, "a"]]})", "no number"},
+        {R"({"kind": "point", "size": 1, "points": []})", "a point of 0 points"},
+        {R"({"kind": "ball", "size": 1, "points": [[0, 0, 0]]})", "without a radius"},
+        {R"({"kind": "point", "size": 1, "points": [[0, 0, 0]], "radius": 1})", "with a radius"},
+        {R"({"kind": "point", "sise": 1, "points": [[0, 0, 0]]})", "'sise' is unknown"},
+        {R"({"kind": "cone", "size": 1, "points": [[0, 0, 0]]})", "no shape"},
+        {R"({"size": 1})", "give its kind"},
+        {"7", "no object"}}) {
+    const std::string refusal = refusal_of("{\"shapes\": [" + good + ", " + shape + "]}");
+    EXPECT_NE(refusal.find("shape 2"), std::string::npos) << shape << ": " << refusal;
+    EXPECT_NE(refusal.find(words), std::string::npos) << shape << ": " << refusal;
+  }
+}
+
+TEST_F(SizeFile, RefusesWhatIsNoListOfShapes) {
+  for (const auto& [text, words] : {std::pair{"", "no shape in it"},
+                                    {"# nothing\n\n", "no shape in it"},
+                                    {R"({"shapes": []})", "no shape in it"},
+                                    {R"({"shapes": 3})", "no list"},
+                                    {R"({"a": [1]})", "no list"},
+                                    {R"({"shapes": [)", "no valid JSON"}}) {
+    const std::string refusal = refusal_of(text);
+    EXPECT_NE(refusal.find(words), std::string::npos) << text << ": " << refusal;
+  }
+  EXPECT_THROW(read_size_requests(file().parent_path() / "missing"), InputError);
+  EXPECT_THROW(read_size_requests(file().parent_path()), InputError);
+}
+
+}  // namespace
+}  // namespace locvol
