@@ -110,7 +110,7 @@ struct SizedShape {
   Size size = {};           ///< Of cells in it.
   Coordinates a = {};       ///< Of a ball its center, of a box a corner, of a segment an end.
   Coordinates b = {};       ///< The other corner or end.
-  double radius = 0;           ///< Of a ball; 0: a point.
+  double radius = 0;        ///< Of a ball; 0: a point.
 
   /// A point, with radius 0, or a ball.
   static SizedShape ball(Size size, const Coordinates& center, double radius = 0) {

@@ -111,6 +111,27 @@ TEST(Library, SaysWhatTheSurfaceAndTheMeshAre) {
 }
 
 // Every chunk by itself, and all of them put together, are the mesh that write() writes.
+TEST(Library, MakesCellsSmallerAtShapes) {
+  const TempDir dir;
+  Options options = torus_options(dir);
+  options.size = Size::length(0.2);
+  const auto num_cells = [&] {
+    return static_cast<double>(mesh_surface(torus().surface(), options).summary().num_cells);
+  };
+  const double num_before = num_cells();
+  const std::vector shapes{SizedShape::ball(Size::length(0.03), {1.45, 0, 0}, 0.05),
+                           SizedShape::box(Size::percent(8), {-1, -0.2, -0.1}, {-0.9, 0.2, 0.1}),
+                           SizedShape::segment(Size::length(0.05), {0, 1, 0}, {0, 1, 0.45})};
+  for (const SizedShape& shape : shapes) {
+    options.shapes = {shape};
+    EXPECT_GT(num_cells(), 1.2 * num_before);
+  }
+  options.shapes = shapes;
+  options.shapes[1].size = Size::length(0);
+  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "shape 2: size 0"),
+            ErrorCode::kInput);
+}
+
 TEST(Library, HandsOutTheMeshInChunks) {
   const TempDir dir;
   Options options = torus_options(dir);
