@@ -368,13 +368,17 @@ class SurfaceSampler {
   std::vector<Fragment> uncovered_halves(std::span<const Target> targets) const;
 
   // Of a length where h is as large as it gets on the surface: what it is at p.
-  double scaled(double length, const Point& p) const {
-    return sizes_.has_shapes() ? length / size_ * sizes_.on_surface_at(p) : length;
+  double scaled(double length, const Point& p) const { return scale_at(p) * length; }
+  double scale_at(const Point& p) const {
+    return sizes_.has_shapes() ? sizes_.on_surface_at(p) / size_ : 1;
   }
-  double radius_on(const Fragment& f) const {
+  // Of samples' balls at all of the fragment. `scale`: of lengths at a point of it, where a dart
+  // that fails covers what is as small as the gap between the radius and the spacing there: between
+  // two cubes sizes may jump by more.
+  double radius_on(const Fragment& f, double scale) const {
     if (!sizes_.has_shapes()) return radius_;
     const double change = sizes_.growth() * std::sqrt(longest_edge(f).second);
-    return radius_ / size_ * std::max(0.0, sizes_.on_surface_at(f.corners[0]) - change);
+    return radius_ / size_ * std::max(0.0, scale * size_ - change);
   }
   double farthest_query() const { return std::max(radius_, first_spacing_); }
   void add(const Point& sample) {
@@ -400,11 +404,11 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
   StopPoll poll(stop_);
   for (const Fragment& fragment : fragments) {
     poll();
-    const double radius = radius_on(fragment);
+    const Point dart = aim(fragment);
+    const double scale = scale_at(dart), radius = radius_on(fragment, scale);
     if (grid_.covers(fragment, radius)) continue;
     targets.push_back({&fragment, radius, grid_.num_around(fragment)});
-    const Point dart = aim(fragment);
-    if (!grid_.is_free(dart, scaled(spacing, dart))) continue;
+    if (!grid_.is_free(dart, scale * spacing)) continue;
     samples_.push_back(dart);
     add(dart);
   }

@@ -681,5 +681,33 @@ TEST(LeafOfOneCoveredPiece, NeedsNoSample) {
   EXPECT_EQ(cover_leaf({size, 1, lattice, box, surface, {}}).samples.size(), 1u);
 }
 
+// Where h jumps between two cubes, a piece with its first corner on the face between them lies in
+// the other one: darts at it failed for ever, none of them near enough to cover the corner.
+TEST(CoverLeaf, EndsWhereSizesJumpAtAFace) {
+  const Frame frame({-1, -1, -1}, 0x1p-20);
+  SizeCubes sizes{{.surface = 0.3, .growth = 0.2, .most = 0.3, .least = 0.1}, frame, {}};
+  for (int octant = 0; octant < 8; ++octant) {
+    SizeCube cube{.key = MortonKey::root().child(octant)};
+    cube.less.fill(octant % 2 == 0 ? 0.1F : 0.13F);
+    sizes.cubes.push_back(cube);
+  }
+  const std::array<Point, 3> corners{{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}};
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    const Box box = frame.root_box();
+    const CoverPoints points = cover_leaf({.size = 0.3,
+                                           .seed = seed,
+                                           .lattice = Lattice::of_cubes(frame),
+                                           .box = box,
+                                           .surface = {.triangles = {{0, corners}},
+                                                       .region = box,
+                                                       .reference = box.min,
+                                                       .is_reference_inside = false},
+                                           .nearby_samples = {},
+                                           .sizes = sizes});
+    EXPECT_GE(points.samples.size(), 3U);
+    EXPECT_LE(points.samples.size(), 30U);
+  }
+}
+
 }  // namespace
 }  // namespace locvol
