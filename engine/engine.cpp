@@ -48,6 +48,7 @@ class Engine {
   // Until all is done, or the user stops it: then all visits that were applied are committed, and
   // Stopped is thrown.
   void run() try {
+    if (state_.run().phase == Phase::kMeasure) measure_surface();
     if (state_.run().phase == Phase::kSize) measure_sizes();
     if (state_.run().phase == Phase::kScatter) scatter();
     if (state_.run().phase == Phase::kCover) cover();
@@ -93,19 +94,40 @@ class Engine {
     end_phase(Phase::kDone);
   }
 
+  // What sizes the surface asks for, in each leaf.
+  void measure_surface() {
+    const auto load = [&](MortonKey leaf) {
+      return make_visit(
+          loader_.load_measure(leaf),
+          [&](LoadedMeasure& loaded) { return measure_leaf(std::move(loaded.input), &stop_); },
+          [this, leaf](const std::vector<SizedNode>& nodes) {
+            apply_measure(state_, leaf, nodes);
+            note_visit();
+          });
+    };
+    visit_first_leaves(load, first_epoch() - 4);
+    end_phase(Phase::kSize);
+  }
+
   // What the size is in each leaf that the domain may meet, where it is not the same everywhere.
   void measure_sizes() {
     const FarSurface far = loader_.far_surface();
     const auto load = [&](MortonKey leaf) {
       return make_visit(
-          loader_.load_size(leaf),
+          loader_.load_size(leaf, far),
           [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), far, &stop_); },
           [this, leaf](const std::vector<SizeCube>& cubes) {
             apply_sizes(state_, leaf, cubes);
             note_visit();
           });
     };
-    visit_first_leaves(load, 0);
+    visit_first_leaves(load, first_epoch() - 3);
+    split_full_leaves();
+    for (const MortonKey leaf : state_.octree().leaves()) {
+      throw_if_stopped(&stop_);
+      state_.find_reached_size(leaf);
+      if (state_.is_commit_due()) commit();
+    }
     end_phase(Phase::kCover);
   }
 
@@ -121,8 +143,31 @@ class Engine {
             note_visit();
           });
     };
-    visit_first_leaves(load, state_.is_uniform() ? 0 : 1);
+    visit_first_leaves(load, first_epoch() - 2);
     end_phase(Phase::kFill);
+  }
+
+  // The first that refines: after measuring, sizes, covering, filling.
+  std::uint32_t first_epoch() const {
+    if (!state_.is_cover()) return 1;
+    return state_.is_uniform() ? 2 : state_.run().parameters.is_measured() ? 4 : 3;
+  }
+
+  // Where sizes ask for more points than leaves were made for.
+  void split_full_leaves() {
+    const auto leaves = state_.octree().leaves();
+    std::vector<MortonKey> waiting(leaves.rbegin(), leaves.rend());
+    while (!waiting.empty()) {
+      throw_if_stopped(&stop_);
+      const MortonKey leaf = waiting.back();
+      waiting.pop_back();
+      if (is_to_be_full(state_, leaf)) {
+        split_empty_leaf(state_, leaf);
+        for (int octant = 7; octant >= 0; --octant) waiting.push_back(leaf.child(octant));
+      }
+      state_.leaves().trim();
+      if (state_.is_commit_due()) commit();
+    }
   }
 
   void visit_first_leaves(const VisitPipeline::Load& load, std::uint32_t epoch) {
@@ -212,10 +257,7 @@ class Engine {
                   .num_queued = state_.queue().size(),
                   .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
                   .epoch = run.epoch,
-                  // After sizes, covering, filling.
-                  .first_epoch = !state_.is_cover()    ? 1U
-                                 : state_.is_uniform() ? 2U
-                                                       : 3U});
+                  .first_epoch = first_epoch()});
   }
 
   // `phase`: what took the time since the last sample.

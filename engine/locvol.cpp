@@ -139,6 +139,7 @@ Stage public_stage(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return Stage::kIngest;
+    case Phase::kMeasure:
     case Phase::kSize:
     case Phase::kScatter:
     case Phase::kCover:
@@ -196,8 +197,9 @@ std::vector<SizeRequest> size_requests(std::span<const SizedShape> shapes) {
 
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
-  std::optional<SizeSpec> max_size;
-  if (options.max_size.value != 0) max_size = {options.max_size.value, options.max_size.is_percent};
+  const auto given = [](const Size& size) {
+    return size.value == 0 ? std::nullopt : std::optional(SizeSpec{size.value, size.is_percent});
+  };
   return {.input = SurfaceAccess::file(surface),
           .store = store,
           .size = {options.size.value, options.size.is_percent},
@@ -206,8 +208,12 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .min_dihedral = options.min_dihedral,
           .spacing_floor = options.spacing_floor,
           .growth = options.growth,
-          .max_size = max_size,
+          .max_size = given(options.max_size),
           .shapes = size_requests(options.shapes),
+          .per_circle = options.per_circle,
+          .deviation = given(options.deviation),
+          .layers = options.layers,
+          .min_size = given(options.min_size),
           .is_forced = options.is_forced};
 }
 

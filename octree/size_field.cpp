@@ -63,7 +63,7 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
         std::min(range.least, law.at_distance(nearest - cube.excess, std::ranges::max(cube.less)));
     if (nearest <= 0) range.on_surface = std::max(range.on_surface, most);
   }
-  if (!std::isfinite(range.least)) range.least = law.least;
+  if (!std::isfinite(range.least)) range.least = range.most;  // all is outside
   if (range.on_surface == 0) range.on_surface = range.most;
   range.on_surface = std::min(range.on_surface, law.surface);
   return range;

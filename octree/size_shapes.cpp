@@ -9,13 +9,26 @@
 namespace locvol {
 namespace {
 
-double half_diagonal(const Box& box) { return 0.5 * norm(box.max - box.min); }
-
 double distance_to_segment(const Point& a, const Point& b, const Point& p) {
   const Point along = b - a;
   const double length2 = dot(along, along);
   const double t = length2 > 0 ? std::clamp(dot(p - a, along) / length2, 0.0, 1.0) : 0.0;
   return norm(p - (a + t * along));
+}
+
+struct Distances {
+  double least, most;  // no more, no less than to any point of a box
+};
+Distances distances(const SizeShape& shape, const Box& box) {
+  if (shape.kind == ShapeKind::kBox) {
+    const Point below = shape.a - box.min, above = box.max - shape.b;
+    const auto farthest = [](double a, double b) { return std::max({0.0, a, b}); };
+    const Point most{farthest(below.x, above.x), farthest(below.y, above.y),
+                     farthest(below.z, above.z)};
+    return {std::sqrt(Box{shape.a, shape.b}.squared_distance(box)), norm(most)};
+  }
+  const double distance = distance_to(shape, box.center()), way = 0.5 * norm(box.max - box.min);
+  return {std::max(0.0, distance - way), distance + way};
 }
 
 }  // namespace
@@ -39,25 +52,21 @@ double size_from(std::span<const SizeShape> shapes, double growth, const Point& 
 }
 
 SizeBounds size_bounds(std::span<const SizeShape> shapes, double growth, const Box& box) {
-  const Point center = box.center();
-  const double way = half_diagonal(box);
   SizeBounds bounds{std::numeric_limits<double>::infinity(),
                     std::numeric_limits<double>::infinity()};
   for (const SizeShape& shape : shapes) {
-    const double distance = distance_to(shape, center);
-    bounds.least = std::min(bounds.least, shape.size + growth * std::max(0.0, distance - way));
-    bounds.most = std::min(bounds.most, shape.size + growth * (distance + way));
+    const auto [least, most] = distances(shape, box);
+    bounds.least = std::min(bounds.least, shape.size + growth * least);
+    bounds.most = std::min(bounds.most, shape.size + growth * most);
   }
   return bounds;
 }
 
 std::vector<SizeShape> shapes_near(std::span<const SizeShape> shapes, double growth, const Box& box,
                                    double most) {
-  const Point center = box.center();
-  const double way = half_diagonal(box);
   std::vector<SizeShape> near;
   std::ranges::copy_if(shapes, std::back_inserter(near), [&](const SizeShape& shape) {
-    return shape.size + growth * std::max(0.0, distance_to(shape, center) - way) < most;
+    return shape.size + growth * distances(shape, box).least <= most;
   });
   return near;
 }

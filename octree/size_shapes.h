@@ -38,7 +38,7 @@ struct SizeBounds {
 };
 SizeBounds size_bounds(std::span<const SizeShape> shapes, double growth, const Box& box);
 
-// Those that may ask for less than `most` somewhere in the box, in the same order.
+// Those that may ask for `most` or less somewhere in the box, in the same order.
 std::vector<SizeShape> shapes_near(std::span<const SizeShape> shapes, double growth, const Box& box,
                                    double most);
 

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 #include <span>
+#include <tuple>
 #include <unordered_map>
 #include <utility>
 
@@ -27,14 +28,15 @@ class SizeTree {
         surface_(surface),
         far_(far),
         poll_(stop),
-        step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)) {
+        step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)),
+        nodes_(input.nodes, input.law.growth, input.frame) {
     std::vector<Box> boxes;
     for (const Triangle& t : surface.triangles()) boxes.push_back(t.box());
     triangles_ = BoxTree(std::move(boxes));
   }
 
   std::vector<SizeCube> run() {
-    descend(input_.leaf, {}, input_.shapes);
+    descend(input_.leaf, {}, input_.shapes, nodes_.all());
     return std::move(cubes_);
   }
 
@@ -47,8 +49,9 @@ class SizeTree {
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
   // `near`: of the node's center; its nearest triangle is close to that of the parent's center.
-  // `shapes`: all that matter in the node.
-  void descend(MortonKey node, Nearest near, std::span<const SizeShape> shapes) {
+  // `shapes`, `branches`: all that matter in the node.
+  void descend(MortonKey node, Nearest near, std::span<const SizeShape> shapes,
+               const SizeNodes::Branches& branches) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
@@ -56,15 +59,19 @@ class SizeTree {
     const double distance = signed_distance(center, near);
     near.bound = std::abs(distance) + kHalfDiagonal * side;
     const SizeLaw& law = input_.law;
-    const double size = std::min(law.at_distance(distance), size_from(shapes, law.growth, center));
-    if (!may_stay(node, side, distance, size)) {
-      std::vector<SizeShape> near_node;
-      if (shapes.size() > kFewShapes) {
-        const SizeBounds bounds = size_bounds(shapes, law.growth, box);
-        near_node = shapes_near(shapes, law.growth, box, bounds.most);
-        shapes = near_node;
-      }
-      for (int octant = 0; octant < 8; ++octant) descend(node.child(octant), near, shapes);
+    double most = law.surface + law.growth * (std::max(0.0, distance) + kHalfDiagonal * side);
+    SizeNodes::Branches& near_branches = branches_[std::size_t(node.level())];
+    if (!nodes_.is_empty()) nodes_.find_near(branches, box, most, near_branches);
+    std::vector<SizeShape> near_shapes;
+    if (shapes.size() > kFewShapes) {
+      const SizeBounds bounds = size_bounds(shapes, law.growth, box);
+      near_shapes = shapes_near(shapes, law.growth, box, std::min(most, bounds.most));
+      shapes = near_shapes;
+    }
+    const double asked = asked_at(center, shapes, near_branches, most);
+    if (!may_stay(node, side, distance, std::min(law.at_distance(distance), asked))) {
+      for (int octant = 0; octant < 8; ++octant)
+        descend(node.child(octant), near, shapes, near_branches);
       return;
     }
     SizeCube cube{.key = node};
@@ -73,12 +80,13 @@ class SizeTree {
     for (std::uint32_t k = 0; k < 8; ++k) {
       const GridPoint corner{low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps,
                              low.z + (k >> 2) * steps};
-      cube.distance[k] = corner_distance(corner, near);
-      cube.less[k] = corner_less(corner, cube.distance[k], shapes);
+      std::tie(cube.distance[k], cube.less[k]) =
+          at_corner(corner, near, shapes, near_branches,
+                    asked + law.growth * kHalfDiagonal * side * (1 + 1e-9));
     }
     if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
     if (std::ranges::any_of(cube.less, [](float less) { return less > 0; })) {
-      const float more = up_to_step(most_above_shapes(cube, box, shapes));
+      const float more = up_to_step(most_above(cube, box, shapes, near_branches));
       for (float& less : cube.less) less += more;
     }
     // No surface passes through, and no cell lies there.
@@ -95,16 +103,25 @@ class SizeTree {
     return radius < std::max(input_.law.least, size - input_.law.growth * radius);
   }
 
-  // By how much h is above what the shapes allow, where that is looked at: interpolated, it is
-  // above their cones' tips.
-  double most_above_shapes(const SizeCube& cube, const Box& box,
-                           std::span<const SizeShape> shapes) const {
+  // What shapes and nodes ask for, if that is less than `most`; else `most`.
+  double asked_at(const Point& p, std::span<const SizeShape> shapes,
+                  const SizeNodes::Branches& branches, double most) const {
+    return nodes_.size_at(branches, p, std::min(most, size_from(shapes, input_.law.growth, p)));
+  }
+
+  // By how much h is above that, where that is looked at: interpolated, it is above cones' tips.
+  // Tips of shapes are as sharp as their user made them; nodes are not much smaller than the cube.
+  double most_above(const SizeCube& cube, const Box& box, std::span<const SizeShape> shapes,
+                    const SizeNodes::Branches& branches) const {
     const double half = 0.5 * (box.max.x - box.min.x);
     double most = 0;
     for (int k = 0; k < 27; ++k) {
-      const Point p = box.min + half * Point{double(k % 3), double(k / 3 % 3), double(k / 9)};
-      most = std::max(most,
-                      size_in(input_.law, cube, box, p) - size_from(shapes, input_.law.growth, p));
+      const Point steps{double(k % 3), double(k / 3 % 3), double(k / 9)};
+      const int num_between = (steps.x == 1) + (steps.y == 1) + (steps.z == 1);
+      if (shapes.empty() && num_between < 2) continue;
+      const Point p = box.min + half * steps;
+      const double size = size_in(input_.law, cube, box, p);
+      most = std::max(most, size - asked_at(p, shapes, branches, size));
     }
     return most;
   }
@@ -128,21 +145,21 @@ class SizeTree {
     return surface_.is_inside(p) ? distance : -distance;
   }
 
-  // Corners are shared by eight cubes.
-  float corner_distance(const GridPoint& g, Nearest near) {
-    const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z}, 0.0F);
-    if (is_new)
-      place->second = static_cast<float>(
-          step_ * std::floor(signed_distance(input_.frame.position(g), near) / step_));
-    return place->second;
-  }
-
-  // Of a corner, where the surface is so far. Other leaves get the same.
-  float corner_less(const GridPoint& g, float distance, std::span<const SizeShape> shapes) const {
-    if (shapes.empty()) return 0;
+  // Its distance, and by how much less is asked for there than the surface so far away allows.
+  // Corners are shared by eight cubes; other leaves get the same.
+  std::pair<float, float> at_corner(const GridPoint& g, Nearest near,
+                                    std::span<const SizeShape> shapes,
+                                    const SizeNodes::Branches& branches, double most) {
+    const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z});
+    auto& [distance, less] = place->second;
+    if (!is_new) return place->second;
     const SizeLaw& law = input_.law;
-    const double size = size_from(shapes, law.growth, input_.frame.position(g));
-    return up_to_step(law.surface + law.growth * std::max(0.0F, distance) - size);
+    const Point p = input_.frame.position(g);
+    distance = static_cast<float>(step_ * std::floor(signed_distance(p, near) / step_));
+    if (!shapes.empty() || !branches.empty())
+      less = up_to_step(law.surface + law.growth * std::max(0.0F, distance) -
+                        asked_at(p, shapes, branches, most));
+    return place->second;
   }
 
   static constexpr std::size_t kFewShapes = 4;
@@ -155,7 +172,9 @@ class SizeTree {
   // Distances are multiples of it, a little less than they are: so they take half as many bytes.
   static constexpr int kStepBits = 9;
   double step_;
-  std::unordered_map<std::array<std::uint32_t, 3>, float, TableHash> corners_;
+  std::unordered_map<std::array<std::uint32_t, 3>, std::pair<float, float>, TableHash> corners_;
+  SizeNodes nodes_;
+  std::array<SizeNodes::Branches, kMaxCubeLevel + 1> branches_;  // by level
   std::vector<SizeCube> cubes_;
 };
 

@@ -7,6 +7,7 @@
 #include "octree/frame.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
+#include "octree/size_nodes.h"
 #include "octree/size_shapes.h"
 #include "octree/stop.h"
 #include "refine/far_surface.h"
@@ -29,6 +30,7 @@ struct SizeInput {
   SurfacePiece surface;  // region contains the leaf's box
   // All that make h smaller in the leaf.
   std::vector<SizeShape> shapes = {};
+  std::vector<SizedNode> nodes = {};
 };
 
 // In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's

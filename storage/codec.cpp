@@ -67,7 +67,7 @@
 //   8 memory      the fields of MemoryRecord
 //   9 keys        [sum u64]
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
-//  11 sizes       [key steps u64 | distance f32, of each corner | excess f32 | less f32, of each corner]
+//  11 sizes       [key steps u64 | distance f32, of each corner | excess f32 | less f32, of each corner] [node steps u64 | size f32]
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -467,6 +467,7 @@ void serialize(auto& archive, RunParameters& p, unsigned) {
   each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
        p.leaf_capacity, p.init, p.seed, p.growth, p.max_size);
   serialize_shapes(archive, p.shapes);
+  each(archive, p.per_circle, p.deviation, p.layers, p.min_size);
 }
 
 void serialize(auto& archive, SurfaceFacts& s, unsigned) {
@@ -493,7 +494,7 @@ void serialize(auto& archive, LeafInfo& info, unsigned) {
        info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
        info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
        info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,
-       info.surface_size);
+       info.surface_size, info.reached_size);
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -552,7 +553,11 @@ void serialize(auto& archive, LeafSizes& record, unsigned) {
                ChangedBits(element<0, kLess>), ChangedBits(element<1, kLess>),
                ChangedBits(element<2, kLess>), ChangedBits(element<3, kLess>),
                ChangedBits(element<4, kLess>), ChangedBits(element<5, kLess>),
-               ChangedBits(element<6, kLess>), ChangedBits(element<7, kLess>)));
+               ChangedBits(element<6, kLess>), ChangedBits(element<7, kLess>)),
+       columns(record.nodes, KeySteps(field<&SizedNode::key>),
+               ChangedBits(field<&SizedNode::size>)));
+  for (const SizedNode& node : record.nodes)
+    if (!node.key.is_valid() || !(node.size > 0)) throw DecodeError("a node without a size");
   const SizeCube* previous = nullptr;
   for (const SizeCube& cube : record.cubes) {
     if (!cube.key.is_valid() || (previous && previous->key.range_max() >= cube.key.range_min()))

@@ -13,6 +13,7 @@
 #include "octree/lattice.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
+#include "octree/size_nodes.h"
 #include "octree/size_shapes.h"
 
 namespace locvol {
@@ -48,6 +49,8 @@ struct LeafInfo {
   // Of h in the leaf, where sizes vary; 0 elsewhere, and before they are known. The last: the
   // largest on the surface (SizeRange).
   double least_size = 0, largest_size = 0, surface_size = 0;
+  // The largest h where a visit of the leaf may put a point, there or around it.
+  double reached_size = 0;
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -89,6 +92,8 @@ struct LeafUnresolved {
 // What h is made of in a leaf (refine/size_leaf.h).
 struct LeafSizes {
   std::vector<SizeCube> cubes;  // in Morton order, all of the leaf
+  // What the surface in it asks for (refine/measure_leaf.h), ascending.
+  std::vector<SizedNode> nodes = {};
   friend bool operator==(const LeafSizes&, const LeafSizes&) = default;
 };
 
@@ -100,11 +105,21 @@ struct QueueEntry {
 };
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
-// One after another. Sizes are measured where they vary. The first points are scattered in paper
-// mode; in cover mode leaves are covered and then, once all of these points are known, the holes
-// between them filled. kMend comes only if sites are unresolved: then cells are left out where the
-// boundary is no 2-manifold.
-enum class Phase : std::uint8_t { kIngest, kSize, kScatter, kCover, kFill, kRefine, kMend, kDone };
+// One after another. The surface is measured if sizes depend on it, and sizes if they vary. The
+// first points are scattered in paper mode; in cover mode leaves are covered and then, once all of
+// these points are known, the holes between them filled. kMend comes only if sites are unresolved:
+// then cells are left out where the boundary is no 2-manifold.
+enum class Phase : std::uint8_t {
+  kIngest,
+  kMeasure,
+  kSize,
+  kScatter,
+  kCover,
+  kFill,
+  kRefine,
+  kMend,
+  kDone
+};
 
 // What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.
 struct RunParameters {
@@ -119,8 +134,12 @@ struct RunParameters {
   double growth = 0;  // of sizes from the surface inwards, over the way; 0: λ everywhere
   double max_size = std::numeric_limits<double>::infinity();
   std::vector<SizeShape> shapes = {};  // where cells are smaller than λ
+  // By the surface's curvature and thickness; 0: none of these (refine/measure_leaf.h).
+  double per_circle = 0, deviation = 0, layers = 0;
+  double min_size = 0;  // what these do not go below; 0: none is given
+  bool is_measured() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   SizeLaw sizes() const {
-    double least = size;
+    double least = is_measured() && min_size < size ? min_size : size;
     for (const SizeShape& shape : shapes) least = shape.size < least ? shape.size : least;
     return {.surface = size, .growth = growth, .most = max_size, .least = least};
   }

@@ -62,6 +62,22 @@ double parse_growth(const std::string& text) {
   return *value;
 }
 
+double parse_number_of_edges(const std::string& text) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= 3 && *value <= 1000))
+    throw std::invalid_argument(
+        fmt::format("'{}' is no number of edges per circle: give one from 3 to 1000", text));
+  return *value;
+}
+
+double parse_layers(const std::string& text) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= 1 && *value <= 20))
+    throw std::invalid_argument(
+        fmt::format("'{}' is no number of layers: give one from 1 to 20", text));
+  return *value;
+}
+
 std::uint64_t parse_count(const std::string& text) {
   std::string_view digits = text;
   const double factor = take_factor(digits);

@@ -19,6 +19,8 @@ namespace locvol {
 // "0.01", a length; "2%", of the smallest side of the bounding box. Positive and finite.
 SizeSpec parse_size(const std::string& text);
 double parse_growth(const std::string& text);
+double parse_number_of_edges(const std::string& text);  // from 3 to 1000
+double parse_layers(const std::string& text);           // from 1 to 20
 // "50000", "50k", "1.5M", "2G" (powers of 1000). A whole number, at least 1 and below 2^53.
 std::uint64_t parse_count(const std::string& text);
 // "512M", "2G", "1.5GiB" (K, M, G and T are powers of 1024), or "25%" of the memory that is free.

@@ -150,6 +150,19 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   add_parsed(app, "--max-size", parse_size, options.max_size,
              "What cells do not grow beyond, as --size")
       ->type_name("SIZE");
+  add_parsed(app, "--per-circle", parse_number_of_edges, options.per_circle,
+             "Smaller cells where the surface is curved: so many edges around a circle")
+      ->type_name("N");
+  add_parsed(app, "--deviation", parse_size, options.deviation,
+             "Smaller cells where the boundary would be farther from the surface, as --size")
+      ->type_name("LENGTH");
+  add_parsed(app, "--layers", parse_layers, options.layers,
+             "Smaller cells where a part is thin: so many across it")
+      ->type_name("K");
+  add_parsed(
+      app, "--min-size", parse_size, options.min_size,
+      fmt::format("What these three do not go below, as --size (default: {} λ)", kDefaultLeast))
+      ->type_name("SIZE");
   add_parsed(
       app, "--sizes", read_size_requests, options.shapes,
       fmt::format("Points, balls, boxes and lines with sizes, where cells are to be smaller; "

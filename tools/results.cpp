@@ -162,6 +162,7 @@ std::string_view phase_name(Phase phase) {
   switch (phase) {
     case Phase::kIngest:
       return "ingest";
+    case Phase::kMeasure:
     case Phase::kSize:
     case Phase::kScatter:
     case Phase::kCover:
@@ -247,6 +248,13 @@ std::string bounds_text(const RunParameters& parameters) {
   if (!parameters.sizes().is_uniform())
     text += fmt::format("; λ grows by {} of the way from the surface", parameters.growth);
   if (std::isfinite(parameters.max_size)) text += fmt::format(", to {}", parameters.max_size);
+  if (parameters.per_circle > 0)
+    text += fmt::format("; {} edges around circles", parameters.per_circle);
+  if (parameters.deviation > 0)
+    text += fmt::format("; boundary within {} of the surface", parameters.deviation);
+  if (parameters.layers > 0)
+    text += fmt::format("; {} layers across thin parts", parameters.layers);
+  if (parameters.min_size > 0) text += fmt::format("; no smaller than {}", parameters.min_size);
   if (!parameters.shapes.empty())
     text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
                         parameters.sizes().least);
@@ -434,7 +442,11 @@ Json to_json(const RunParameters& parameters) {
           {"spacing_floor", parameters.spacing_floor},
           {"growth", parameters.growth},
           {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()},
-          {"num_shapes", parameters.shapes.size()}};
+          {"num_shapes", parameters.shapes.size()},
+          {"per_circle", parameters.per_circle},
+          {"deviation", parameters.deviation},
+          {"layers", parameters.layers},
+          {"min_size", parameters.min_size}};
 }
 
 Json to_json(const LeafInfo& info) {

@@ -332,6 +332,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
                  run, batches);
     run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
                 : is_uniform                                  ? Phase::kCover
+                : run.parameters.is_measured()                ? Phase::kMeasure
                                                               : Phase::kSize;
     batches.next().put_run(run);
     batches.commit();

@@ -87,7 +87,7 @@ class RoomCheck {
   // Within a tenth; none, where not even a few cells fit.
   std::optional<double> least_size() const {
     constexpr double kFewCells = 100;
-    if (!run_.parameters.shapes.empty()) return std::nullopt;  // they may be what asks for most
+    if (run_.parameters.sizes().has_shapes()) return std::nullopt;  // shapes may ask for most
     double size = run_.parameters.size;
     while (!fits(size)) {
       size *= 1.1;

@@ -30,6 +30,8 @@ struct SizeRequest {
 
 // Without a growth, of sizes around shapes.
 inline constexpr double kDefaultGrowth = 0.2;
+// Over λ, of sizes that the surface asks for.
+inline constexpr double kDefaultLeast = 0.02;
 // Above it, the octree of sizes need not be balanced.
 inline constexpr double kMostGrowth = 0.3;
 
@@ -54,7 +56,14 @@ struct MeshOptions {
   // Where they are to be smaller than λ. Then a growth of 0 stands for kDefaultGrowth, with λ as
   // what sizes do not grow beyond.
   std::vector<SizeRequest> shapes = {};
-  bool is_forced = false;  // start anew over a store of another run
+  // Likewise, by the surface's curvature and thickness; 0: none of these. Edges of the boundary
+  // around a circle; how far the boundary may be from the surface; layers of cells across thin
+  // parts.
+  double per_circle = 0;
+  std::optional<SizeSpec> deviation = {};
+  double layers = 0;
+  std::optional<SizeSpec> min_size = {};  // what these do not go below; absent: kDefaultLeast λ
+  bool is_forced = false;                 // start anew over a store of another run
 };
 
 struct Progress {

@@ -41,7 +41,7 @@ constexpr double kWriteByte = 1e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
 constexpr double kFurtherThread = 0.7;
 
-constexpr double kDoubtOfShapes = 1.6;
+constexpr double kDoubtOfShapes = 1.6, kDoubtOfMeasured = 4;
 
 constexpr double kUsefulCells = 5e5, kManyCells = 5e6;
 
@@ -176,6 +176,7 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   const bool is_uniform = parameters.sizes().is_uniform();
   estimate.num_cells = estimated_num_cells(surface, parameters.sizes(), parameters.shapes);
   if (!parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
+  if (parameters.is_measured()) estimate.doubt = kDoubtOfMeasured;
   estimate.num_vertices = kVerticesPerCell * estimate.num_cells +
                           (is_uniform ? kVerticesPerArea : kGradedVerticesPerArea) * area;
   estimate.num_listed_cells =

@@ -23,8 +23,8 @@ struct RunEstimate {
   double size = 0;  // λ
   // The mean thickness, 2 V/A, is below λ: too thin to tell.
   bool is_thin = false;
-  // All ranges are wider by this factor: of shapes with sizes, nobody has asked yet how much of
-  // them is inside.
+  // All ranges are wider by this factor: nobody has asked yet how much of the shapes with sizes is
+  // inside, and how curved and thin the surface is.
   double doubt = 1;
   // These may be infinite.
   double num_cells = 0, num_vertices = 0;

@@ -116,7 +116,6 @@ std::string shapes_text(const std::vector<SizeShape>& shapes) {
 }
 
 void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
-  if (options.shapes.empty()) return;
   for (const auto& [shape, is_percent, place] : options.shapes) {
     SizeShape& added = parameters.shapes.emplace_back(shape);
     try {
@@ -138,7 +137,18 @@ void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& p
           "least {:.3g}",
           place, added.size, num_cells, 1.01 * added.size * std::cbrt(num_cells / kMostCells)));
   }
-  if (parameters.growth > 0) return;
+}
+
+void add_rules(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
+  parameters.per_circle = options.per_circle;
+  parameters.layers = options.layers;
+  if (options.deviation)
+    parameters.deviation = absolute_size(*options.deviation, surface, "deviation");
+  if (options.min_size)
+    parameters.min_size = absolute_size(*options.min_size, surface, "smallest size");
+  else if (parameters.is_measured())
+    parameters.min_size = kDefaultLeast * parameters.size;
+  if ((options.shapes.empty() && !parameters.is_measured()) || parameters.growth > 0) return;
   parameters.growth = kDefaultGrowth;
   if (!options.max_size) parameters.max_size = parameters.size;
 }
@@ -153,6 +163,17 @@ void check_sizes(const RunParameters& p) {
     throw InputError("sizes vary in cover mode only: leave the growth out, or give --init cover");
   if (std::isfinite(p.max_size) && p.growth == 0)
     throw InputError("a largest size bounds what grows: give a growth, too");
+  if (p.per_circle != 0 && !(p.per_circle >= 3 && p.per_circle <= 1000))
+    throw InputError("edges per circle " + decimal(p.per_circle) +
+                     ": give a number from 3 to 1000");
+  if (p.layers != 0 && !(p.layers >= 1 && p.layers <= 20))
+    throw InputError("layers " + decimal(p.layers) + ": give a number from 1 to 20");
+  if (p.min_size > 0 && !p.is_measured())
+    throw InputError(
+        "a smallest size bounds what curvature, deviation or layers ask for: give one");
+  if (p.min_size > p.size)
+    throw InputError("smallest size " + decimal(p.min_size) + " is above the size, " +
+                     decimal(p.size) + ": give less");
   if (p.max_size < p.size)
     throw InputError("largest size " + decimal(p.max_size) + " is below the size at the surface, " +
                      decimal(p.size) + ": give more");
@@ -160,9 +181,9 @@ void check_sizes(const RunParameters& p) {
 
 }  // namespace
 
-double absolute_size(const SizeSpec& spec, const Box& box) {
+double absolute_size(const SizeSpec& spec, const Box& box, const std::string& name) {
   if (!(spec.value > 0) || !std::isfinite(spec.value))
-    throw InputError("size " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
+    throw InputError(name + " " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
                      ": give a finite number above 0");
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
@@ -184,7 +205,9 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .init = options.init,
       .seed = options.seed,
       .growth = options.growth};
-  if (options.max_size) run.parameters.max_size = absolute_size(*options.max_size, surface);
+  if (options.max_size)
+    run.parameters.max_size = absolute_size(*options.max_size, surface, "largest size");
+  add_rules(options, surface, run.parameters);
   add_shapes(options, surface, run.parameters);
   check_sizes(run.parameters);
   check_lengths(run.surface, run.parameters.size);
@@ -246,6 +269,10 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
   compare("seed", std::to_string(held.seed), std::to_string(asked.seed));
   compare("growth", decimal(held.growth), decimal(asked.growth));
   compare("largest size", decimal(held.max_size), decimal(asked.max_size));
+  compare("edges per circle", decimal(held.per_circle), decimal(asked.per_circle));
+  compare("deviation", decimal(held.deviation), decimal(asked.deviation));
+  compare("layers", decimal(held.layers), decimal(asked.layers));
+  compare("smallest size", decimal(held.min_size), decimal(asked.min_size));
   compare("shapes with sizes", shapes_text(held.shapes), shapes_text(asked.shapes));
   if (differences.empty()) return;
   throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +

@@ -13,8 +13,9 @@ namespace locvol {
 
 inline constexpr std::uint64_t kDefaultLeafCapacity = 30000;
 
-// λ in the units of the coordinates. Throws InputError unless it is positive and finite.
-double absolute_size(const SizeSpec& size, const Box& box);
+// In the units of the coordinates. Throws InputError with its name unless it is positive and
+// finite.
+double absolute_size(const SizeSpec& size, const Box& box, const std::string& name = "size");
 
 // The record of a run that has yet to ingest the surface whose file has this digest, and which has
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that

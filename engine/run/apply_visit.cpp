@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/plan/octree_plan.h"
 #include "engine/run/core_around.h"
 #include "engine/run/leaf_sides.h"
 #include "engine/run/unresolved_sites.h"
@@ -18,6 +19,43 @@
 
 namespace locvol {
 namespace {
+
+void count_core_cells(RunState& state, MortonKey leaf) {
+  state.put_num_core_cells(leaf, num_core_cells(state, leaf));
+}
+
+// The leaf's points, triangles and known side go to its children.
+void split_leaf(RunState& state, MortonKey leaf) {
+  std::array<RunState::Child, 8> children;
+  const LeafPoints& own = state.leaves().points(leaf);
+  for (const MeshPoint& point : own.points) {
+    const MortonKey owner = state.run().frame.key_of(point.position, leaf.level() + 1);
+    children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
+  }
+  std::array<std::uint8_t, 8> parities{};
+  const std::vector<Triangle>& triangles = state.leaves().surface(leaf).triangles;
+  std::vector<SizeCube> cubes;
+  if (!state.is_uniform()) cubes = state.leaves().sizes(leaf).cubes;
+  for (int octant = 0; octant < 8; ++octant) {
+    const auto i = static_cast<std::size_t>(octant);
+    const Box box = state.box(leaf.child(octant));
+    const MortonKey child = leaf.child(octant);
+    std::ranges::copy_if(
+        cubes, std::back_inserter(children[i].sizes.cubes), [&](const SizeCube& c) {
+          return child.is_ancestor_or_self_of(c.key) || c.key.is_ancestor_or_self_of(child);
+        });
+    auto& met = children[i].surface.triangles;
+    std::ranges::copy_if(triangles, std::back_inserter(met),
+                         [&](const Triangle& t) { return meets(t, box); });
+    parities[i] = center_to_corner_parities(met, box);
+    children[i].points.core = clipped(own.core, state.sites(leaf.child(octant)));
+  }
+  const std::vector<bool> sides =
+      center_sides_of_children(state.leaves().info(leaf).is_center_inside, parities);
+  for (std::size_t i = 0; i < children.size(); ++i) children[i].is_center_inside = sides[i];
+  state.split(leaf, std::move(children));
+  for (int octant = 0; octant < 8; ++octant) count_core_cells(state, leaf.child(octant));
+}
 
 class Visit {
  public:
@@ -42,7 +80,7 @@ class Visit {
         state_.require_whole_visit(leaf_);
     }
     for (const std::uint64_t id : delta.met_core) make_explicit(state_, site_of(id));
-    if (delta.is_overfull) split();
+    if (delta.is_overfull) split_leaf(state_, leaf_);
   }
 
  private:
@@ -156,43 +194,6 @@ class Visit {
     state_.put_unresolved(leaf_, {thinned(sites, {}, state_.size())});
   }
 
-  // The leaf's points, triangles and known side go to its children.
-  void split() {
-    std::array<RunState::Child, 8> children;
-    const LeafPoints& own = state_.leaves().points(leaf_);
-    for (const MeshPoint& point : own.points) {
-      const MortonKey owner = state_.run().frame.key_of(point.position, leaf_.level() + 1);
-      children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
-    }
-    std::array<std::uint8_t, 8> parities{};
-    const std::vector<Triangle>& triangles = state_.leaves().surface(leaf_).triangles;
-    std::vector<SizeCube> cubes;
-    if (!state_.is_uniform()) cubes = state_.leaves().sizes(leaf_).cubes;
-    for (int octant = 0; octant < 8; ++octant) {
-      const auto i = static_cast<std::size_t>(octant);
-      const Box box = state_.box(leaf_.child(octant));
-      const MortonKey child = leaf_.child(octant);
-      std::ranges::copy_if(
-          cubes, std::back_inserter(children[i].sizes.cubes), [&](const SizeCube& c) {
-            return child.is_ancestor_or_self_of(c.key) || c.key.is_ancestor_or_self_of(child);
-          });
-      auto& met = children[i].surface.triangles;
-      std::ranges::copy_if(triangles, std::back_inserter(met),
-                           [&](const Triangle& t) { return meets(t, box); });
-      parities[i] = center_to_corner_parities(met, box);
-      children[i].points.core = clipped(own.core, state_.sites(leaf_.child(octant)));
-    }
-    const std::vector<bool> sides =
-        center_sides_of_children(state_.leaves().info(leaf_).is_center_inside, parities);
-    for (std::size_t i = 0; i < children.size(); ++i) children[i].is_center_inside = sides[i];
-    state_.split(leaf_, std::move(children));
-    for (int octant = 0; octant < 8; ++octant) count_core_cells(leaf_.child(octant));
-  }
-
-  void count_core_cells(MortonKey leaf) {
-    state_.put_num_core_cells(leaf, num_core_cells(state_, leaf));
-  }
-
   RunState& state_;
   LeafLoader& loader_;
   MortonKey leaf_;
@@ -206,10 +207,49 @@ void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const Leaf
   Visit(state, loader, leaf).apply(delta);
 }
 
+void apply_measure(RunState& state, MortonKey leaf, std::vector<SizedNode> nodes) {
+  state.dequeue(leaf);
+  state.put_sizes(leaf, {.cubes = {}, .nodes = std::move(nodes)});
+  state.enqueue(leaf);
+}
+
 void apply_sizes(RunState& state, MortonKey leaf, std::vector<SizeCube> cubes) {
   state.dequeue(leaf);
-  state.put_sizes(leaf, {std::move(cubes)});
+  state.put_sizes(leaf, {.cubes = std::move(cubes), .nodes = state.leaves().sizes(leaf).nodes});
   state.enqueue(leaf);
+}
+
+// Or has it much smaller cells somewhere than leaves so wide are made for? Measured: 0.75 to h³
+// inside, and as many to h² of a cube's side where the surface passes through.
+bool is_to_be_full(RunState& state, MortonKey leaf) {
+  const RunParameters& parameters = state.run().parameters;
+  const SizeLaw law = parameters.sizes();
+  const std::vector<SizeCube>& cubes = state.leaves().sizes(leaf).cubes;
+  if (!law.has_shapes() || cubes.empty() || leaf.level() == MortonKey::kMaxLevel) return false;
+  constexpr double kPoints = 0.75;
+  const Frame& frame = state.run().frame;
+  // Grids are as fine in all of it as it takes somewhere.
+  const double widest = 1.001 * start_leaf_side(parameters) / parameters.size;
+  if (frame.side(leaf.level()) > widest * state.least_size(leaf)) return true;
+  double num_points = 0;
+  for (const SizeCube& cube : cubes) {
+    const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
+    if (farthest < 0) continue;
+    const Box box = frame.box(cube.key);
+    const double side =
+        std::min(frame.side(cube.key.level()), frame.side(leaf.level()));  // may be split below it
+    const double over_size = side / size_in(law, cube, box, box.center());
+    num_points += kPoints * (nearest > 0 ? over_size : 1) * over_size * over_size;
+  }
+  return num_points > static_cast<double>(parameters.leaf_capacity);
+}
+
+void split_empty_leaf(RunState& state, MortonKey leaf) {
+  split_leaf(state, leaf);
+  for (int octant = 0; octant < 8; ++octant) {
+    const LeafInfo& info = state.leaves().info(leaf.child(octant));
+    if (info.num_triangles > 0 || info.is_center_inside) state.enqueue(leaf.child(octant));
+  }
 }
 
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {

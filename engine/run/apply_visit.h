@@ -14,8 +14,15 @@ namespace locvol {
 // Throws RefineError if the delta contradicts the run; the state is then not to be committed.
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta);
 
-// The same for the sizes of a leaf, in the first epoch of a run whose sizes vary.
+// The same for what the surface in a leaf asks for, in the first epoch of a run whose sizes depend
+// on it.
+void apply_measure(RunState& state, MortonKey leaf, std::vector<SizedNode> nodes);
+// The same for the sizes of a leaf, in the next epoch, if they vary.
 void apply_sizes(RunState& state, MortonKey leaf, std::vector<SizeCube> cubes);
+// Will the leaf have more points than it is meant to, or too small cells for its width?
+bool is_to_be_full(RunState& state, MortonKey leaf);
+// REQUIRES: it has no points yet
+void split_empty_leaf(RunState& state, MortonKey leaf);
 // The same for the first points of a leaf, in the next epoch of cover mode.
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
 // The points that fill holes, in the epoch after that.

@@ -1,7 +1,9 @@
 #include "engine/run/leaf_loader.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -16,6 +18,12 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
 constexpr GridFineness kFine{3.2, 48}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
+
+SizeRules rules_of(const RunParameters& p) {
+  return {p.per_circle, p.deviation, p.layers, p.is_measured() ? p.sizes().least : 0};
+}
+
+constexpr std::uint64_t kBytesPerNode = 250;  // of one with a size, its tree and what is near it
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
@@ -60,27 +68,64 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
   }
 }
 
-LoadedSize LeafLoader::load_size(MortonKey leaf) {
+LoadedMeasure LeafLoader::load_measure(MortonKey leaf) {
+  const RunParameters& parameters = state_.run().parameters;
+  LoadedMeasure loaded;
+  loaded.input = {.rules = rules_of(parameters),
+                  .size = parameters.size,
+                  .frame = state_.run().frame,
+                  .leaf = leaf,
+                  .surface = {}};
+  if (state_.leaves().info(leaf).num_triangles == 0) return loaded;
+  const double distance = measure_reach(loaded.input.rules, parameters.size);
+  const Box region = state_.box(leaf).expanded(distance);
+  std::vector<Triangle> triangles = triangles_meeting(region);
+  const VisitSize visit{.volume = volume_over_size(region, parameters.size),
+                        .num_points = triangles.size(),  // with what is measured of them
+                        .num_triangles = triangles.size()};
+  loaded.bytes = visit.bytes_to_cover();
+  loaded.input.surface =
+      surface_around(leaf, distance, std::move(triangles),
+                     {kOfCover.resolution * parameters.size, kOfCover.triangles_per_cell});
+  return loaded;
+}
+
+LoadedSize LeafLoader::load_size(MortonKey leaf, const FarSurface& far) {
   const RunParameters& parameters = state_.run().parameters;
   const Box box = state_.box(leaf);
   const std::span<const SizeShape> shapes = shapes_.in(leaf);
-  const SizeBounds bounds = size_bounds(shapes, parameters.growth, box);
-  const double size = std::min(state_.size(), bounds.most);
-  const double distance = kExactDistance * size;
+  double most = std::min(state_.size(), size_bounds(shapes, parameters.growth, box).most);
+  std::vector<SizedNode> nodes;
+  if (parameters.is_measured()) {
+    const double diagonal = norm(box.max - box.min);
+    const double deepest =
+        state_.leaves().info(leaf).num_triangles > 0
+            ? diagonal
+            : far.distance(box.center(), std::numeric_limits<double>::max()) + 0.5 * diagonal;
+    nodes = nodes_around(leaf, deepest);
+    for (const SizedNode& node : nodes) {
+      const Box at = state_.run().frame.box(node.key);
+      const SizeShape shape{ShapeKind::kBox, node.size, at.min, at.max};
+      most = std::min(most, size_bounds({&shape, 1}, parameters.growth, box).most);
+    }
+  }
+  const double distance = kExactDistance * most;
   const Box region = box.expanded(distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, size),
+  const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, most),
                         .num_points = 0,
                         .num_triangles = triangles.size()};
-  return {.bytes = visit.bytes_to_cover(),
+  return {.bytes = visit.bytes_to_cover() + shapes.size() * sizeof(SizeShape) +
+                   kBytesPerNode * nodes.size(),
           .input = {
               .law = parameters.sizes(),
               .exact_distance = distance,
               .frame = state_.run().frame,
               .leaf = leaf,
               .surface = surface_around(leaf, distance, std::move(triangles),
-                                        {kOfCover.resolution * size, kOfCover.triangles_per_cell}),
-              .shapes = {shapes.begin(), shapes.end()}}};
+                                        {kOfCover.resolution * most, kOfCover.triangles_per_cell}),
+              .shapes = {shapes.begin(), shapes.end()},
+              .nodes = std::move(nodes)}};
 }
 
 FarSurface LeafLoader::far_surface() {
@@ -105,7 +150,7 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const double patch_distance = kSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
   const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
-  const bool has_shapes = !state_.run().parameters.shapes.empty();
+  const bool has_shapes = state_.run().parameters.sizes().has_shapes();
   SizeCubes sizes =
       sizes_around(leaf, has_shapes ? state_.reach_of(leaf, sample_radius(false)) : 0);
   const std::uint64_t num_lattice =
@@ -224,6 +269,31 @@ double LeafLoader::surface_reach(MortonKey leaf) {
   return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.surface_size(leaf);
 }
 
+// At a place at the depth d, a node on the surface at the distance D >= d matters if s + g D < λ +
+// g d.
+std::vector<SizedNode> LeafLoader::nodes_around(MortonKey leaf, double deepest) {
+  constexpr double kDetail = 0.05;  // sides of nodes, over their distance
+  const RunParameters& p = state_.run().parameters;
+  const Frame& frame = state_.run().frame;
+  const Box box = state_.box(leaf);
+  const double farthest = deepest + (p.size - p.sizes().least) / p.growth;
+  std::vector<SizedNode> nodes;
+  for (const MortonKey other : state_.octree().leaves_within(frame, box, farthest)) {
+    throw_if_stopped(stop_);
+    if (state_.leaves().info(other).num_triangles == 0) continue;
+    for (SizedNode node : state_.leaves().sizes(other).nodes) {
+      const double squared = box.squared_distance(frame.box(node.key));
+      if (squared > farthest * farthest) continue;
+      const double side = kDetail * std::sqrt(squared);
+      while (frame.side(node.key.level()) < 0.5 * side) node.key = node.key.parent();
+      nodes.push_back(node);
+    }
+    state_.leaves().trim();
+  }
+  unite(nodes);
+  return nodes;
+}
+
 SizeCubes LeafLoader::sizes_around(MortonKey leaf, double distance) {
   SizeCubes sizes;
   if (state_.is_uniform()) return sizes;
@@ -286,7 +356,7 @@ std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
 
 SurfacePiece LeafLoader::surface_around(MortonKey leaf, double distance,
                                         std::vector<Triangle> triangles, GridFineness fineness) {
-  if (state_.run().phase != Phase::kSize) fineness.resolution *= state_.least_size(leaf);
+  if (state_.run().phase > Phase::kSize) fineness.resolution *= state_.least_size(leaf);
   const Box box = state_.box(leaf);
   return {.triangles = std::move(triangles),
           .region = box.expanded(distance),

@@ -13,6 +13,7 @@
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/leaf.h"
+#include "refine/measure_leaf.h"
 #include "refine/size_leaf.h"
 #include "refine/surface_patch.h"
 
@@ -27,6 +28,7 @@ struct Loaded {
 using LoadedLeaf = Loaded<LeafInput>;
 using LoadedCover = Loaded<CoverInput>;
 using LoadedFill = Loaded<FillInput>;
+using LoadedMeasure = Loaded<MeasureInput>;
 using LoadedSize = Loaded<SizeInput>;
 
 class LeafLoader {
@@ -34,7 +36,8 @@ class LeafLoader {
   // In paper mode reads all of the surface and of P, and keeps them. Throws OverBudget, Stopped.
   LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
-  LoadedSize load_size(MortonKey leaf);
+  LoadedMeasure load_measure(MortonKey leaf);
+  LoadedSize load_size(MortonKey leaf, const FarSurface& far);
   // Of all leaves; reserves its memory for good.
   FarSurface far_surface();
   LoadedCover load_cover(MortonKey leaf);
@@ -55,6 +58,9 @@ class LeafLoader {
   // What triangles a visit looks up lies this far from where h(p) is, at points that the surface
   // may matter to.
   double surface_reach(MortonKey leaf);
+  // What the surface asks for that may matter in the leaf, which is no deeper below it than
+  // `deepest`; with less detail where that is far.
+  std::vector<SizedNode> nodes_around(MortonKey leaf, double deepest);
   SizeCubes sizes_around(MortonKey leaf, double distance);
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::vector<Box> waiting_around(MortonKey leaf);

@@ -91,7 +91,7 @@ double RunState::least_size(MortonKey leaf) {
 // Balls at points of the leaf have centers where h may be a little larger.
 double RunState::surface_size(MortonKey leaf) {
   const RunParameters& p = run_.parameters;
-  if (p.shapes.empty()) return size();
+  if (!p.sizes().has_shapes()) return size();
   return std::min(size(), leaves_.info(leaf).surface_size / (1 - 0.5 * kReach * p.growth));
 }
 
@@ -102,6 +102,25 @@ void RunState::put_sizes(MortonKey leaf, LeafSizes sizes) {
   info.largest_size = range.most;
   info.surface_size = range.on_surface;
   leaves_.put_sizes(leaf, std::move(sizes));
+}
+
+// Interpolated, h may change faster than it should, and jumps a little from cube to cube: so this
+// is looked up. Even with that, it doubles nowhere within the distance that is looked at.
+void RunState::find_reached_size(MortonKey leaf) {
+  const Box box = this->box(leaf);
+  const double largest = leaves_.info(leaf).largest_size;
+  double most = largest;
+  for (const MortonKey other : octree_.leaves_within(run_.frame, box, reach_of(leaf, kReach))) {
+    if (leaves_.info(other).largest_size <= most) continue;
+    for (const SizeCube& cube : leaves_.sizes(other).cubes) {
+      const double size = size_range(run_.parameters.sizes(), run_.frame, {&cube, 1}).most;
+      const double farthest = 0.5 * kReach * size;
+      if (size > most && box.squared_distance(run_.frame.box(cube.key)) <= farthest * farthest)
+        most = size;
+    }
+  }
+  leaves_.edit_info(leaf).reached_size = most;
+  leaves_.trim();
 }
 
 std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its_leaves,
@@ -121,21 +140,22 @@ std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its
   return colors;
 }
 
-// Leaves are measured each by itself. Where sizes vary, a visit inserts within half the reach of
-// its own points, where h may be larger, and has those within the reach of that look; it reads
-// within the reach, and mending writes as far.
+// Leaves are measured each by itself. Where sizes vary, a visit inserts where h is at least
+// 2 / kReach of the distance, and has those within the reach of that look; it reads within the
+// reach, and mending writes as far.
 double RunState::conflict_distance(MortonKey leaf) {
-  if (run_.phase == Phase::kSize) return -1;
+  if (run_.phase <= Phase::kSize) return -1;
   constexpr double kSlack = 1.01;
   if (run_.phase == Phase::kCover)  // it reads samples within r_s of its box, and writes to its box
     return kSlack *
            std::min(reach_of(leaf, sample_radius(is_uniform())),
                     reach_factor(run_.parameters.growth, sample_radius(is_uniform())) * size());
   if (is_uniform()) return kConflict * size();
-  const double largest = kSlack * leaves_.info(leaf).largest_size;
+  const LeafInfo& info = leaves_.info(leaf);
+  const double largest = kSlack * info.largest_size, reached = kSlack * info.reached_size;
   if (run_.phase == Phase::kFill) return reach_factor(run_.parameters.growth, kFillReach) * largest;
   const double reach = reach_factor(run_.parameters.growth, kReach);
-  return std::max(2 * reach, (0.5 + reach / kReach) * reach) * largest;
+  return std::max(2 * reach * largest, (0.5 * kReach + reach) * reached);
 }
 
 bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {
@@ -258,7 +278,7 @@ void RunState::put_num_core_cells(MortonKey leaf, std::uint64_t num_cells) {
 }
 
 void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
-  const LeafInfo& parent = leaves_.info(leaf);
+  const LeafInfo parent = leaves_.info(leaf);
   run_.counts.num_cells -= parent.num_cells + parent.num_core_cells;
   run_.counts.num_unresolved -= parent.num_unresolved;
   if (parent.queued) dequeue(leaf);
@@ -274,6 +294,7 @@ void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
     info.num_triangles = surface.triangles.size();
     leaves_.add_leaf(key, info, std::move(points), std::move(surface));
     if (!is_uniform()) put_sizes(key, std::move(sizes));
+    leaves_.edit_info(key).reached_size = parent.reached_size;
     if (info.num_points > 0) enqueue(key);
   }
 }

@@ -64,6 +64,8 @@ class RunState {
   double least_size(MortonKey leaf);
   double surface_size(MortonKey leaf);
   void put_sizes(MortonKey leaf, LeafSizes sizes);
+  // LeafInfo::reached_size. REQUIRES: sizes are known all around
+  void find_reached_size(MortonKey leaf);
 
   // -- Phases and the queue
 

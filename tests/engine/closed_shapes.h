@@ -81,6 +81,23 @@ inline Shape wedge(double length, double width, double angle) {
           {{0, 2, 1}, {3, 4, 5}, {0, 1, 4}, {0, 4, 3}, {1, 2, 5}, {1, 5, 4}, {2, 0, 3}, {2, 3, 5}}};
 }
 
+inline Shape box_shape(const Box& box) {
+  Shape shape;
+  for (int k = 0; k < 8; ++k)
+    shape.vertices.push_back({(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
+                              (k & 4 ? box.max : box.min).z});
+  for (const std::array<std::uint32_t, 4>& q : {std::array<std::uint32_t, 4>{0, 2, 3, 1},
+                                                {4, 5, 7, 6},
+                                                {0, 1, 5, 4},
+                                                {2, 6, 7, 3},
+                                                {0, 4, 6, 2},
+                                                {1, 3, 7, 5}}) {
+    shape.triangles.push_back({q[0], q[1], q[2]});
+    shape.triangles.push_back({q[0], q[2], q[3]});
+  }
+  return shape;
+}
+
 // So that nothing is along an axis.
 inline Shape turned(Shape shape) {
   for (Point& p : shape.vertices)

@@ -628,6 +628,88 @@ TEST_F(GradedEngineTest, ShapesGiveTheSameRecordsWithAnyThreadsAndInterruptions)
   EXPECT_TRUE(are_equal(contents_of(run.store), expected));
 }
 
+// By curvature, deviation and thickness.
+TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
+  write(torus(1, 0.2, 128, 32));
+  const auto measured = [&](const std::string& name) {
+    auto run = options(name, 0.25, 300);
+    run.min_size = SizeSpec{0.02, false};
+    return run;
+  };
+  const auto num_cells = [&](const MeshOptions& run) {
+    const RunSummary summary = mesh(run);
+    EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+    const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid()) << run.store;
+    EXPECT_EQ(report.num_poor_cells, 0U) << run.store;
+    EXPECT_EQ(boundary_of(contents_of(run.store)).euler_characteristic, 0) << run.store;
+    return static_cast<double>(summary.run.counts.num_cells);
+  };
+  const double num_uniform = num_cells(options("uniform", 0.25, 300));
+  auto run = measured("circles");
+  run.per_circle = 20;
+  const double num_circles = num_cells(run);
+  EXPECT_GT(num_circles, 3 * num_uniform);
+  run = measured("deviation");
+  run.deviation = SizeSpec{0.01, false};
+  EXPECT_GT(num_cells(run), 3 * num_uniform);
+  run = measured("layers");
+  run.layers = 2;
+  EXPECT_GT(num_cells(run), 3 * num_uniform);
+  run = measured("all");
+  run.per_circle = 20, run.layers = 8;
+  EXPECT_GT(num_cells(run), 1.5 * num_circles);
+}
+
+TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write(torus(1, 0.4, 48, 24));
+  const auto measured = [&](const std::string& name) {
+    auto run = graded(name, 0.3, 100);
+    run.per_circle = 24;
+    run.deviation = SizeSpec{0.01, false};
+    run.layers = 3;
+    return run;
+  };
+  mesh(measured("one"), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.leaves.size(), 30U);
+  mesh(measured("three"), with_threads(3));
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
+  const auto run = measured("pieces");
+  mesh_in_pieces(run, 23);
+  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+}
+
+// Colors go with it. A visit puts points up to 1.125 h away.
+TEST_F(GradedEngineTest, KnowsHowLargeSizesAreWhereAVisitMayPutPoints) {
+  write(box_shape({{0, 0, 0}, {1, 1, 1}}));
+  auto run = options("cube", 0.2, 300);
+  run.deviation = SizeSpec{0.02, false};
+  run.shapes = {{{ShapeKind::kBall, 0.01, {0.3, 0.3, 0.3}, {}, 0}, false, "a point"}};
+  run.growth = 0.3;
+  mesh(run);
+  const Contents contents = contents_of(run.store);
+  const SizeLaw law = contents.run.parameters.sizes();
+  const Frame& frame = contents.run.frame;
+  std::vector<SizeCube> cubes;
+  for (const auto& [key, leaf] : contents.leaves)
+    cubes.insert(cubes.end(), leaf.sizes.cubes.begin(), leaf.sizes.cubes.end());
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::size_t num_beyond = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const Point p{uniform(random), uniform(random), uniform(random)};
+    const double size = size_at(law, frame, cubes, p);
+    for (const auto& [key, leaf] : contents.leaves) {
+      if (leaf.info.largest_size == 0) continue;
+      if (frame.box(key).squared_distance(p) > std::pow(1.125 * size, 2)) continue;
+      EXPECT_LE(size, leaf.info.reached_size);
+      num_beyond += size > leaf.info.largest_size;
+    }
+  }
+  EXPECT_GT(num_beyond, 100U);
+}
+
 TEST_F(GradedEngineTest, SharpAndThinPartsKeepTheirTopology) {
   write(together(wedge(1, 0.5, 0.9), translated(torus(0.5, 0.05, 64, 12), {0, 0, 3})));
   for (const double size : {0.06, 0.035}) {
@@ -681,6 +763,32 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   expect_refusal(shaped, "the octree of sizes would have more than");
   shaped.shapes.front().shape.size = -1;
   expect_refusal(shaped, "sizes.txt, line 7: size -1");
+  auto measured = graded("store", 0.3, 0);
+  measured.per_circle = 20, measured.layers = 2, measured.deviation = SizeSpec{0.1, false};
+  expect_refusal(measured, "edges per circle: 0 in the store, 20 asked for");
+  expect_refusal(measured, "layers: 0 in the store, 2 asked for");
+  expect_refusal(measured, "deviation: 0 in the store, 0.1 asked for");
+  expect_refusal(measured, "smallest size: 0 in the store, 0.006 asked for");
+  const auto expect_bad = [&](const std::function<void(MeshOptions&)>& change,
+                              const std::string& words) {
+    auto bad = graded("bad", 0.3, 0);
+    change(bad);
+    expect_refusal(bad, words);
+  };
+  expect_bad([](MeshOptions& o) { o.per_circle = 2; }, "edges per circle 2");
+  expect_bad([](MeshOptions& o) { o.layers = std::nan(""); }, "layers nan");
+  expect_bad([](MeshOptions& o) { o.deviation = SizeSpec{-1, false}; }, "deviation -1");
+  expect_bad([](MeshOptions& o) { o.min_size = SizeSpec{0.1, false}; }, "give one");
+  expect_bad(
+      [](MeshOptions& o) {
+        o.layers = 2, o.min_size = SizeSpec{0.4, false};
+      },
+      "is above the size");
+  expect_bad(
+      [](MeshOptions& o) {
+        o.layers = 2, o.min_size = SizeSpec{-0.4, false};
+      },
+      "smallest size -0.4");
   for (const double growth : {-0.1, 0.31, std::nan("")})
     expect_refusal(graded("bad", 0.3, 0, growth), "growth");
   bounded.store = scratch_ / "bad";

@@ -132,6 +132,27 @@ TEST(Library, MakesCellsSmallerAtShapes) {
             ErrorCode::kInput);
 }
 
+TEST(Library, MakesCellsSmallerWhereTheSurfaceAsksForIt) {
+  const TempDir dir;
+  Options options = torus_options(dir);
+  options.size = Size::length(0.3);
+  const auto num_cells = [&](const std::function<void(Options&)>& change) {
+    Options changed = options;
+    change(changed);
+    return static_cast<double>(mesh_surface(torus().surface(), changed).summary().num_cells);
+  };
+  const double num_before = num_cells([](Options&) {});
+  const double num_around = num_cells([](Options& o) { o.per_circle = 24; });
+  EXPECT_GT(num_around, 2 * num_before);
+  EXPECT_LT(num_cells([](Options& o) { o.per_circle = 24, o.min_size = Size::length(0.2); }),
+            0.7 * num_around);
+  EXPECT_GT(num_cells([](Options& o) { o.deviation = Size::percent(2); }), 2 * num_before);
+  EXPECT_GT(num_cells([](Options& o) { o.layers = 4; }), 2 * num_before);
+  options.min_size = Size::length(0.1);
+  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "smallest size"),
+            ErrorCode::kInput);
+}
+
 TEST(Library, HandsOutTheMeshInChunks) {
   const TempDir dir;
   Options options = torus_options(dir);

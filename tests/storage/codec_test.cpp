@@ -219,8 +219,14 @@ TEST(Codec, RefusesValuesOutOfRange) {
   LeafSizes endless = sample_sizes();
   endless.cubes[1].distance[2] = std::numeric_limits<float>::infinity();
   EXPECT_THROW(encode(endless, sample_leaf()), DecodeError);
+  for (const SizedNode& bad : {SizedNode{MortonKey(), 1}, SizedNode{sample_leaf(), 0},
+                               SizedNode{sample_leaf(), -1}, SizedNode{sample_leaf(), NAN}}) {
+    LeafSizes nodes = sample_sizes();
+    nodes.nodes.front() = bad;
+    EXPECT_THROW(encode(nodes, sample_leaf()), DecodeError);
+  }
   std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
-  timeline.back() = 8;  // the last sample's phase
+  timeline.back() = 9;  // the last sample's phase
   EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
 }
 

@@ -22,6 +22,8 @@ inline RunRecord sample_run() {
   run.parameters = {"00ff17", 0.125, 2.0, 15, 0.02, 20000, Initialization::kPaper, 42, 0.2, 8};
   run.parameters.shapes = {{ShapeKind::kBall, 0.01, {1, 2, 3}, {}, 0.5},
                            {ShapeKind::kBox, 0.02, {0, 0, 0}, {1, 2, 3}}};
+  run.parameters.per_circle = 24, run.parameters.deviation = 0.01, run.parameters.layers = 3;
+  run.parameters.min_size = 0.003;
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -57,6 +59,8 @@ inline LeafInfo sample_info() {
   info.num_left_out = 17;
   info.least_size = 0.25;
   info.largest_size = 3;
+  info.surface_size = 2;
+  info.reached_size = 4;
   return info;
 }
 
@@ -86,7 +90,8 @@ inline LeafUnresolved sample_unresolved() {
 inline LeafSizes sample_sizes() {
   const MortonKey node = MortonKey::root().child(5);
   return {{{node.child(0), {-1, 0.5F, 1e-30F, 3, 4, 5, 6, 7}, 0.125F, {0, 0, 0.25F, 3}},
-           {node.child(3).child(1), {-0.0F, 1, 2, 3, 4, 5, 6, 1e30F}, 0, {}}}};
+           {node.child(3).child(1), {-0.0F, 1, 2, 3, 4, 5, 6, 1e30F}, 0, {}}},
+          {{node.child(0).child(7), 0.25F}, {node, 0.5F}}};
 }
 
 inline MemoryRecord sample_memory() {
@@ -174,6 +179,8 @@ class Generator {
     for (SizeShape& shape : run.parameters.shapes)
       shape = {static_cast<ShapeKind>(integer(3)), 0.01 + std::abs(real()), point(), point(),
                std::abs(real())};
+    run.parameters.per_circle = real(), run.parameters.deviation = real();
+    run.parameters.layers = real(), run.parameters.min_size = real();
     run.surface.file = text();
     run.surface.notes.resize(integer(5));
     for (std::string& note : run.surface.notes) note = text();
@@ -259,6 +266,8 @@ class Generator {
       for (float& d : cube.distance) d = static_cast<float>(real());
       cube.excess = static_cast<float>(real());
       for (float& less : cube.less) less = integer(2) == 0 ? 0 : static_cast<float>(real());
+      if (integer(2) == 0)
+        record.nodes.push_back({cube.key, 0.01F + std::abs(static_cast<float>(real()))});
     }
     return record;
   }

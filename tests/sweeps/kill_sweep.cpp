@@ -69,8 +69,8 @@ class Lives {
 
 const char* name_of(std::optional<Phase> phase) {
   if (!phase) return "no run in the store";
-  constexpr std::array kNames = {"ingest", "size",   "scatter", "cover",
-                                 "fill",   "refine", "mend",    "done"};
+  constexpr std::array kNames = {"ingest", "measure", "size", "scatter", "cover",
+                                 "fill",   "refine",  "mend", "done"};
   return kNames[static_cast<std::size_t>(*phase)];
 }
 

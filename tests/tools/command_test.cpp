@@ -701,6 +701,32 @@ TEST(Command, SizesFromAFileMakeMoreCells) {
   }
 }
 
+TEST(Command, SizesGoWithCurvatureDeviationAndLayers) {
+  const TempDir dir;
+  const std::string ring = (dir / "ring.ply").string(), output = (dir / "ring.vtu").string();
+  ASSERT_EQ(run_locvol({"generate", "torus", "-o", ring, "-n", "5k"}).exit_code, 0);
+  const auto num_cells = [&](const std::vector<std::string>& sizes) {
+    std::vector<std::string> arguments{"mesh", ring,     "-o",      output,   "-s",
+                                       "50%",  "--json", "--quiet", "--force"};
+    arguments.insert(arguments.end(), sizes.begin(), sizes.end());
+    const ProcessResult result = run_locvol(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out).at("statistics").at("num_cells").get<double>();
+  };
+  const double num_before = num_cells({});
+  for (const char* option : {"--per-circle=20", "--deviation=2%", "--layers=4"})
+    EXPECT_GT(num_cells({option}), 2 * num_before) << option;
+  EXPECT_LT(num_cells({"--per-circle=20", "--min-size=45%"}), 2 * num_before);
+  for (const char* bad : {"--per-circle=2", "--per-circle=nan", "--layers=0", "--layers=x",
+                          "--deviation=-1", "--deviation=0", "--min-size=0%"}) {
+    const ProcessResult refused = run_locvol({"info", ring, "-s", "20%", bad});
+    EXPECT_EQ(refused.exit_code, 2) << bad;
+  }
+  const ProcessResult alone = run_locvol({"info", ring, "-s", "20%", "--min-size", "1%"});
+  EXPECT_EQ(alone.exit_code, 1);
+  EXPECT_NE(alone.err.find("curvature, deviation or layers"), std::string::npos) << alone.err;
+}
+
 // Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.
 bool wait_for_refinement(const Process& process) {
   for (int i = 0; i < 6000 && !process.has_ended(); ++i) {

@@ -1,0 +1,49 @@
+// What sizes the surface asks for by itself: where it is curved, and where a part of it is thin.
+#pragma once
+
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/morton_key.h"
+#include "octree/size_nodes.h"
+#include "octree/stop.h"
+#include "refine/surface_patch.h"
+
+namespace locvol {
+
+struct SizeRules {        // each 0: none
+  double per_circle = 0;  // edges of the boundary around a circle of the surface's curvature
+  double deviation = 0;   // how far the boundary may be from the surface: a length
+  double layers = 0;      // of cells across thin parts
+  double least = 0;       // no smaller size is asked for. Above 0 if any is given
+
+  bool is_empty() const { return per_circle == 0 && deviation == 0 && layers == 0; }
+  friend bool operator==(const SizeRules&, const SizeRules&) = default;
+};
+
+// Edges that turn by more are creases, and no part of a curved sheet. In degrees.
+inline constexpr double kCreaseAngle = 40;
+
+// How far from a leaf the surface matters to what is measured in it. `size`: λ
+double measure_reach(const SizeRules& rules, double size);
+
+struct MeasureInput {
+  SizeRules rules;
+  double size = 0;  // λ
+  Frame frame;
+  MortonKey leaf;
+  SurfacePiece surface;  // region contains the leaf's box expanded by measure_reach()
+};
+
+// In the leaf, wherever that is below λ; ascending. One node may lie in another.
+//
+// Curvature is measured at the scale of the size that it asks for, and so not on a scanner's noise:
+// from λ downwards in nodes of half the side, until one is no larger than what the surface in it
+// and in the 26 around it asks for. Of the triangles, a tensor of curvature (Rusinkiewicz 2004,
+// "Estimating curvatures and their derivatives on triangle meshes") is averaged by area, and the
+// covariance of places tells how flat they lie. Sheets are told apart by the directions of their
+// normals.
+// Throws Stopped; `stop` may be null
+std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop = nullptr);
+
+}  // namespace locvol

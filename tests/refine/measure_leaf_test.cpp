@@ -1,0 +1,177 @@
+#include "refine/measure_leaf.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "octree/octree.h"
+#include "tests/refine/brute_force.h"
+#include "tests/refine/shapes.h"
+
+namespace locvol {
+namespace {
+
+using namespace shapes;
+using brute_force::is_inside;
+
+constexpr double kPi = std::numbers::pi;
+
+// A surface in leaves of one level.
+class Part {
+ public:
+  Part(Mesh mesh, double size, int level)
+      : mesh_(std::move(mesh)),
+        size_(size),
+        frame_(Frame::around(bounding_box(mesh_), size, 1.75 * size)),
+        octree_(LinearOctree::uniform(level)) {}
+
+  std::vector<SizedNode> measured(const SizeRules& rules) const {
+    std::vector<SizedNode> all;
+    for (const MortonKey leaf : octree_.leaves()) {
+      const Box region = frame_.box(leaf).expanded(measure_reach(rules, size_));
+      SurfacePiece piece{.triangles = {},
+                         .region = region,
+                         .reference = region.center(),
+                         .is_reference_inside = is_inside(region.center(), mesh_)};
+      std::ranges::copy_if(mesh_, std::back_inserter(piece.triangles),
+                           [&](const Triangle& t) { return t.box().overlaps(region); });
+      const std::vector<SizedNode> some =
+          measure_leaf({rules, size_, frame_, leaf, std::move(piece)});
+      for (const SizedNode& node : some) {
+        EXPECT_TRUE(leaf.is_ancestor_or_self_of(node.key));
+        EXPECT_LT(node.size, size_);
+        EXPECT_GE(node.size, static_cast<float>(rules.least));
+      }
+      all.insert(all.end(), some.begin(), some.end());
+    }
+    return all;
+  }
+  Box box(const SizedNode& node) const { return frame_.box(node.key); }
+  double side(const SizedNode& node) const { return frame_.side(node.key.level()); }
+  const Mesh& mesh() const { return mesh_; }
+
+ private:
+  Mesh mesh_;
+  double size_;
+  Frame frame_;
+  LinearOctree octree_;
+};
+
+// Share of the nodes whose size is within a tenth of what is expected around them.
+double share_of_expected(const Part& part, const std::vector<SizedNode>& nodes, double low,
+                         double high) {
+  const auto num = std::ranges::count_if(
+      nodes, [&](const SizedNode& n) { return n.size > 0.9 * low && n.size < 1.1 * high; });
+  for (const SizedNode& n : nodes) EXPECT_LT(part.side(n), 2.01 * n.size);
+  return static_cast<double>(num) / static_cast<double>(std::max<std::size_t>(nodes.size(), 1));
+}
+
+// Every place of the surface lies in a node, or close to one.
+double farthest_from_nodes(const Part& part, const std::vector<SizedNode>& nodes) {
+  double farthest = 0;
+  for (std::size_t n = 0; n < part.mesh().size(); n += 17) {
+    const auto& [a, b, c] = part.mesh()[n].corners;
+    const Point p = 1.0 / 3 * (a + b + c);
+    double nearest = 1e9;
+    for (const SizedNode& node : nodes)
+      nearest = std::min(nearest, part.box(node).squared_distance(p));
+    farthest = std::max(farthest, std::sqrt(nearest));
+  }
+  return farthest;
+}
+
+TEST(MeasureLeaf, AsksForEdgesAroundCirclesOfASphere) {
+  const Part sphere(icosphere({0.1, 0, 0}, 1, 5), 0.5, 2);
+  for (const double num : {16.0, 30.0}) {
+    const auto nodes = sphere.measured({.per_circle = num, .least = 0.02});
+    const double expected = 2 * kPi / (1.15 * num);
+    EXPECT_GT(share_of_expected(sphere, nodes, expected, expected), 0.95) << num;
+    EXPECT_LT(farthest_from_nodes(sphere, nodes), 0.5 * expected);
+  }
+  EXPECT_TRUE(sphere.measured({.per_circle = 8, .least = 0.02}).empty());  // 0.5 is enough
+}
+
+// A facet in a ball of radius s on a sphere of radius R is s²/2R off.
+TEST(MeasureLeaf, AsksForFacetsThatDeviateLessFromASphere) {
+  const Part sphere(icosphere({0.1, 0, 0}, 1, 5), 0.5, 2);
+  for (const double deviation : {0.02, 0.003}) {
+    const auto nodes = sphere.measured({.deviation = deviation, .least = 0.02});
+    const double most = std::sqrt(2 * deviation);
+    EXPECT_GT(share_of_expected(sphere, nodes, 0.85 * most, most), 0.95) << deviation;
+    EXPECT_LT(farthest_from_nodes(sphere, nodes), 0.5 * most);
+  }
+}
+
+// The larger curvature counts.
+TEST(MeasureLeaf, AsksForTheSmallerCircleOfATorus) {
+  const Part ring(torus(1, 0.25, 160, 40), 0.3, 2);
+  const auto nodes = ring.measured({.per_circle = 24, .least = 0.01});
+  const double expected = 2 * kPi * 0.25 / (1.15 * 24);
+  EXPECT_GT(share_of_expected(ring, nodes, expected, expected), 0.95);
+}
+
+TEST(MeasureLeaf, AsksForNothingWhereTheSurfaceIsFlatButAtEdges) {
+  const Box unit{{0, 0, 0}, {1, 0.9, 0.8}};
+  const Part block(box(unit), 0.3, 2);
+  EXPECT_TRUE(block.measured({.per_circle = 100, .least = 0.01}).empty());
+  const auto nodes = block.measured({.deviation = 0.05, .least = 0.01});
+  const double most = 0.05 / std::sin(kPi / 4);
+  EXPECT_GT(share_of_expected(block, nodes, 0.75 * most, most), 0.99);
+  for (const SizedNode& node : nodes) {  // each at one of the twelve edges
+    const Box at = block.box(node);
+    int num_planes = 0;
+    for (const int axis : {0, 1, 2})
+      num_planes += (at.min[axis] <= unit.min[axis] && at.max[axis] >= unit.min[axis]) ||
+                    (at.min[axis] <= unit.max[axis] && at.max[axis] >= unit.max[axis]);
+    EXPECT_GE(num_planes, 2);
+  }
+}
+
+// The curvature of such a scan's triangles is that of a ball 25 times as small.
+TEST(MeasureLeaf, DoesNotTakeNoiseForCurvature) {
+  Mesh scanned = icosphere({0, 0, 0}, 1, 6);
+  const auto noisy = [](const Point& p) {
+    const double x = std::sin(2e4 * p.x + 1e4 * std::sin(3e4 * p.y) + 5e4 * p.z);
+    return (1 + 0.001 * x) * p;
+  };
+  for (Triangle& t : scanned)
+    for (Point& p : t.corners) p = noisy(p);
+  const Part part(scanned, 0.5, 2);
+  const double expected = 2 * kPi / (1.15 * 20);
+  const auto nodes = part.measured({.per_circle = 20, .least = 0.02});
+  EXPECT_GT(share_of_expected(part, nodes, 0.75 * expected, 1.1 * expected), 0.9);
+  // Facets follow noise that is larger than the deviation, and not what is smaller.
+  const auto coarse = part.measured({.deviation = 0.01, .least = 0.02});
+  EXPECT_GT(share_of_expected(part, coarse, 0.7 * std::sqrt(0.02), std::sqrt(0.02)), 0.9);
+  const auto fine = part.measured({.deviation = 0.0003, .least = 0.005});
+  double mean = 0;
+  for (const SizedNode& n : fine) mean += n.size / static_cast<double>(fine.size());
+  EXPECT_LT(mean, 0.6 * std::sqrt(0.0006));
+}
+
+TEST(MeasureLeaf, AsksForLayersAcrossThinParts) {
+  const double thickness = 0.06;
+  const Part plate(box({{0, 0, 0}, {1, 1, thickness}}), 0.2, 1);
+  for (const double layers : {1.0, 3.0}) {
+    const auto nodes = plate.measured({.layers = layers, .least = 0.005});
+    const double expected = thickness / (1.35 * layers);
+    EXPECT_GT(share_of_expected(plate, nodes, expected, expected), 0.999);
+    EXPECT_LT(farthest_from_nodes(plate, nodes), 2 * expected);
+  }
+  // The gap between two plates is no part.
+  const Mesh two = together(box({{0, 0, 0}, {1, 1, 0.5}}), box({{0, 0, 0.53}, {1, 1, 1.03}}));
+  EXPECT_TRUE(Part(two, 0.1, 1).measured({.layers = 3, .least = 0.005}).empty());
+}
+
+TEST(MeasureLeaf, GoesNoLowerThanTheLeast) {
+  const Part sphere(icosphere({0, 0, 0}, 1, 4), 0.5, 1);
+  for (const SizedNode& node :
+       sphere.measured({.per_circle = 200, .deviation = 1e-6, .least = 0.1}))
+    EXPECT_EQ(node.size, 0.1F);
+}
+
+}  // namespace
+}  // namespace locvol
