@@ -1,11 +1,14 @@
 #include "engine/engine.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <functional>
 #include <utility>
 
 #include "engine/ingest/ingest.h"
 #include "engine/plan/disk_room.h"
+#include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
 #include "engine/run/apply_visit.h"
 #include "engine/run/first_points.h"
@@ -15,6 +18,7 @@
 #include "engine/run/run_timeline.h"
 #include "engine/run/visit_error.h"
 #include "engine/run/visit_pipeline.h"
+#include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/stop_source.h"
 #include "refine/cover_leaf.h"
@@ -45,11 +49,15 @@ class Engine {
     note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run().phase);
   }
 
-  // Until all is done, or the user stops it: then all visits that were applied are committed, and
-  // Stopped is thrown.
-  void run() try {
+  // Until all is done, or the phase `until` begins, or the user stops it: then all visits that were
+  // applied are committed, and Stopped is thrown.
+  void run(Phase until, const std::function<void(const RunRecord&)>& on_sizes) try {
     if (state_.run().phase == Phase::kMeasure) measure_surface();
-    if (state_.run().phase == Phase::kSize) measure_sizes();
+    if (state_.run().phase == Phase::kSize) {
+      measure_sizes();
+      on_sizes(state_.run());
+    }
+    if (state_.run().phase >= until) return;
     if (state_.run().phase == Phase::kScatter) scatter();
     if (state_.run().phase == Phase::kCover) cover();
     if (state_.run().phase == Phase::kFill) fill();
@@ -105,6 +113,15 @@ class Engine {
             note_visit();
           });
     };
+    if (!state_.is_epoch_open()) {
+      double num_leaves = 0;
+      for (const MortonKey leaf : state_.octree().leaves())
+        num_leaves += loader_.share_of_pieces(leaf);
+      require_few_leaves(num_leaves);
+      split_leaves([this](MortonKey leaf) {
+        return leaf.level() < kMaxCubeLevel && loader_.share_of_pieces(leaf) > 1;
+      });
+    }
     visit_first_leaves(load, first_epoch() - 4);
     end_phase(Phase::kSize);
   }
@@ -122,12 +139,16 @@ class Engine {
           });
     };
     visit_first_leaves(load, first_epoch() - 3);
-    split_full_leaves();
+    split_leaves([this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
+    SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&stop_);
+      const auto [of_volume, of_area] = size_totals(state_, leaf);
+      totals.of_volume += of_volume, totals.of_area += of_area;
       state_.find_reached_size(leaf);
       if (state_.is_commit_due()) commit();
     }
+    state_.note_sizes(totals);
     end_phase(Phase::kCover);
   }
 
@@ -153,21 +174,32 @@ class Engine {
     return state_.is_uniform() ? 2 : state_.run().parameters.is_measured() ? 4 : 3;
   }
 
-  // Where sizes ask for more points than leaves were made for.
-  void split_full_leaves() {
+  // All, and their parts, that are too much, before they have points.
+  template <class IsTooMuch>
+  void split_leaves(const IsTooMuch& is_too_much) {
     const auto leaves = state_.octree().leaves();
     std::vector<MortonKey> waiting(leaves.rbegin(), leaves.rend());
     while (!waiting.empty()) {
       throw_if_stopped(&stop_);
       const MortonKey leaf = waiting.back();
       waiting.pop_back();
-      if (is_to_be_full(state_, leaf)) {
+      if (is_too_much(leaf)) {
+        require_few_leaves(static_cast<double>(state_.octree().size()));
         split_empty_leaf(state_, leaf);
         for (int octant = 7; octant >= 0; --octant) waiting.push_back(leaf.child(octant));
       }
       state_.leaves().trim();
       if (state_.is_commit_due()) commit();
     }
+  }
+
+  void require_few_leaves(double num_leaves) const {
+    if (num_leaves < kMaxStartLeaves) return;
+    const RunParameters& p = state_.run().parameters;
+    throw InputError(fmt::format(
+        "{}: the sizes that the surface asks for, from {} on, with {} points to a leaf need more "
+        "than {} leaves: ask for less, give a larger --min-size, or a larger leaf capacity",
+        state_.run().surface.file, p.sizes().least, p.leaf_capacity, kMaxStartLeaves));
   }
 
   void visit_first_leaves(const VisitPipeline::Load& load, std::uint32_t epoch) {
@@ -351,16 +383,22 @@ RunSummary interrupted(const Store& store) {
 }
 
 RunSummary finish(Store& store, const RunControl& control, const StopSource& stop,
-                  const WorkClock& clock) {
+                  const WorkClock& clock, Phase until = Phase::kDone) {
   const RunRecord run = store.snapshot().run().value();
   if (run.phase == Phase::kIngest) return interrupted(store);
   check_output(run, store.directory(), control);
   const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
   try {
-    Engine(store, plan, control.num_threads, control.on_progress, stop, clock).run();
+    const auto on_sizes = [&](const RunRecord& known) {
+      require_few_cells(known);
+      check_output(known, store.directory(), control);
+      if (control.on_sizes) control.on_sizes(known);
+    };
+    Engine(store, plan, control.num_threads, control.on_progress, stop, clock).run(until, on_sizes);
   } catch (const Stopped&) {
     return interrupted(store);
   }
+  if (until < Phase::kDone) return interrupted(store);
   RunSummary summary = summarize(store.snapshot());
   if (summary.run.counts.num_cells == 0)
     throw InputError(summary.run.surface.file +
@@ -376,6 +414,7 @@ RunSummary in_turns(const RunControl& control, const Run& run) {
   in_turn.on_progress = stop.in_turn(control.on_progress);
   in_turn.on_note = stop.in_turn(control.on_note);
   in_turn.on_run = stop.in_turn(control.on_run);
+  in_turn.on_sizes = stop.in_turn(control.on_sizes);
   try {
     RunSummary summary = run(in_turn, stop);
     stop.rethrow();
@@ -387,7 +426,7 @@ RunSummary in_turns(const RunControl& control, const Run& run) {
 }
 
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const RunControl& control,
-                const StopSource& stop) {
+                const StopSource& stop, Phase until = Phase::kDone) {
   const WorkClock clock;
   const auto held = held_run(options.store);
   if (held && held->phase != Phase::kIngest) {
@@ -397,14 +436,14 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
       if (control.on_run) control.on_run(*held);
-      return finish(store, control, stop, clock);
+      return finish(store, control, stop, clock, until);
     }
   }
   Store store = ingested(
       surface, options.store,
       [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
       [&] { return Store::open(options.store, {.create = true}); }, control, stop);
-  return finish(store, control, stop, clock);
+  return finish(store, control, stop, clock, until);
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
@@ -448,6 +487,12 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
                 const RunControl& control) {
   return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
     return mesh(surface, options, in_turn, stop);
+  });
+}
+
+RunSummary find_sizes(const MeshOptions& options, const RunControl& control) {
+  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+    return mesh(surface_in_file(options.input), options, in_turn, stop, Phase::kCover);
   });
 }
 

@@ -30,6 +30,9 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
 // Goes on with the run in `store`; needs neither the input nor the parameters, but for an input
 // that was in no file if it had not been taken in.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});
+// Does what comes before the first point, where sizes vary: then the store has them, and mesh()
+// with the same options goes on from there. REQUIRES: they vary
+RunSummary find_sizes(const MeshOptions& options, const RunControl& control = {});
 RunSummary summarize(const Reader& reader);
 
 }  // namespace locvol

@@ -72,6 +72,12 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
 double base_size(const SizeLaw& law, const SizeCube& cube);
 // Is h as large as it gets in all of the cube, and within `distance` of it?
 bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance = 0);
+// Of 1 / h³ over what of the cube is inside, and of 1 / h² over the surface in it, about.
+struct SizeIntegrals {
+  double of_volume = 0, of_area = 0;
+};
+SizeIntegrals size_integrals(const SizeLaw& law, const SizeCube& cube, const Box& box);
+
 // How far from a point balls through it reach, over h there, if their radii are at most k / 2 times
 // h at their centers.
 inline double reach_factor(double growth, double k) { return k / (1 - 0.5 * growth * k); }

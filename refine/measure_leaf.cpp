@@ -246,16 +246,34 @@ void merge(std::vector<Sums>& all) {
 
 class LeafMeasure {
  public:
-  LeafMeasure(const MeasureInput& input, const SurfacePatch& surface, const StopToken* stop)
+  // `surface`: null where nothing is asked across the inside
+  LeafMeasure(const MeasureInput& input, std::span<const Triangle> triangles,
+              const SurfacePatch* surface, const StopToken* stop)
       : input_(input),
         rules_(input.rules),
         surface_(surface),
         poll_(stop),
-        triangles_(surface.triangles()),
+        triangles_(triangles),
         origin_(input.frame.box(input.leaf).center()),
         finest_(std::max(input.leaf.level(), level_no_wider(rules_.least))),
         coarsest_(std::clamp(level_no_wider(input.size), input.leaf.level(), finest_)),
+        around_(input.frame.box(input.leaf).expanded(1.001 * input.frame.side(coarsest_))),
         curvatures_(triangles_, StopPoll(stop)) {}
+
+  double num_pieces() const {
+    constexpr double kPieces = 4;  // halves come down to between half of the length and all of it
+    double num = 0;
+    for (std::size_t n = 0; n < triangles_.size(); ++n) {
+      poll_();
+      const double length = piece_length(n);
+      double area = 0;
+      const std::vector<Point> polygon = clipped(triangles_[n], around_);
+      for (std::size_t i = 2; i < polygon.size(); ++i)
+        area += norm(area_vector({polygon[0], polygon[i - 1], polygon[i]}));
+      num += 1 + kPieces * area / (length * length);
+    }
+    return num;
+  }
 
   std::vector<SizedNode> run() {
     if (rules_.per_circle > 0 || rules_.deviation > 0) measure_curvature();
@@ -305,17 +323,12 @@ class LeafMeasure {
   void measure_curvature() {
     levels_.resize(std::size_t(finest_) + 1);
     std::vector<Sums>& finest = levels_.back();
-    const Box& region = surface_.region();
     for (std::size_t n = 0; n < triangles_.size(); ++n) {
-      const Triangle& triangle = triangles_[n];
       const auto& [normal, curvature] = curvatures_.of(n);
-      const double bend = most_curved(curvature);
-      const double size = std::clamp(std::min(size_for_circles(bend), size_for_deviation(bend)),
-                                     rules_.least, input_.size);
-      for_each_piece({triangle.corners}, size, [&](const Fragment& piece) {
+      for_each_piece({triangles_[n].corners}, piece_length(n), [&](const Fragment& piece) {
         poll_();
         const Point center = center_of(piece);
-        if (!region.contains(center) || !input_.frame.contains(center)) return;
+        if (!around_.contains(center) || !input_.frame.contains(center)) return;
         const double area = norm(area_vector(piece.corners));
         const Point place = center - origin_;
         Sums sums{.node = input_.frame.key_of(center, finest_),
@@ -444,7 +457,7 @@ class LeafMeasure {
     const Point& normal = curvatures_.of(n).normal;
     const double most = rules_.layers * kLayer * input_.size;
     const Point from = p - kOff * rules_.least * normal, to = p - most * normal;
-    surface_.crossings(from, to, crossings_);
+    surface_->crossings(from, to, crossings_);
     for (const Crossing& crossing : crossings_) {
       const auto at = std::ranges::lower_bound(triangles_, crossing.triangle, {}, &Triangle::id);
       const auto other = static_cast<std::size_t>(at - triangles_.begin());
@@ -458,9 +471,15 @@ class LeafMeasure {
   static Point center_of(const Fragment& f) {
     return 1.0 / 3 * (f.corners[0] + f.corners[1] + f.corners[2]);
   }
-  // None longer than `length`.
+  double piece_length(std::size_t n) const {
+    const double bend = most_curved(curvatures_.of(n).curvature);
+    return std::clamp(std::min(size_for_circles(bend), size_for_deviation(bend)), rules_.least,
+                      input_.size);
+  }
+  // None longer than `length`, of what may be around the leaf.
   template <class Visit>
-  static void for_each_piece(const Fragment& f, double length, const Visit& visit) {
+  void for_each_piece(const Fragment& f, double length, const Visit& visit) const {
+    if (!f.box().overlaps(around_)) return;
     const auto [edge, squared_length] = longest_edge(f);
     if (squared_length <= length * length) return visit(f);
     for (const Fragment& half : halves(f, edge)) for_each_piece(half, length, visit);
@@ -471,11 +490,12 @@ class LeafMeasure {
 
   const MeasureInput& input_;
   const SizeRules& rules_;
-  const SurfacePatch& surface_;
-  StopPoll poll_;
+  const SurfacePatch* surface_;
+  mutable StopPoll poll_;
   std::span<const Triangle> triangles_;
   Point origin_;  // of places
   int finest_, coarsest_;
+  Box around_;  // what is averaged in the leaf's nodes
   Curvatures curvatures_;
   std::vector<std::vector<Sums>> levels_;
   std::size_t num_merged_ = 0;
@@ -492,7 +512,11 @@ double measure_reach(const SizeRules& rules, double size) {
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop) {
   if (input.surface.triangles.empty()) return {};
   const SurfacePatch surface(std::move(input.surface), stop);
-  return LeafMeasure(input, surface, stop).run();
+  return LeafMeasure(input, surface.triangles(), &surface, stop).run();
+}
+
+double num_pieces_to_measure(const MeasureInput& input, const StopToken* stop) {
+  return LeafMeasure(input, input.surface.triangles, nullptr, stop).num_pieces();
 }
 
 }  // namespace locvol

@@ -46,4 +46,8 @@ struct MeasureInput {
 // Throws Stopped; `stop` may be null
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop = nullptr);
 
+// Of the surface in the leaf and near it, about as small as the sizes that it asks for: what a
+// visit keeps in memory. About.
+double num_pieces_to_measure(const MeasureInput& input, const StopToken* stop = nullptr);
+
 }  // namespace locvol

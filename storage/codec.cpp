@@ -486,7 +486,7 @@ void serialize(auto& archive, StoreFormat& format, unsigned) { each(archive, for
 
 void serialize(auto& archive, RunRecord& run, unsigned) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
-       run.counts);
+       run.counts, run.sizes.of_volume, run.sizes.of_area);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned) {

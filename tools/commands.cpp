@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdlib>
+#include <cstring>
 #include <functional>
 #include <optional>
 #include <string_view>
@@ -16,6 +19,7 @@
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/replay.h"
+#include "engine/inspect/size_report.h"
 #include "engine/plan/disk_room.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
@@ -65,8 +69,7 @@ ProgressStyle progress_style(const auto& command) {
 // Says which run begins or goes on, and what it will take.
 void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& line) {
   const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
-  const RunEstimate estimate =
-      estimate_run(run.surface, run.parameters, num_threads, control.output_options);
+  const RunEstimate estimate = estimate_run(run, control.output_options, num_threads);
   line.expect(estimate, !control.output.empty());
   const bool begins = run.phase == Phase::kIngest;
   const auto json = [&] {
@@ -81,6 +84,15 @@ void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& lin
                                  phase_name(run.phase)));
 }
 
+// What it will take, once its sizes tell.
+void tell_sizes(const RunRecord& run, const RunControl& control, ProgressLine& line) {
+  const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
+  const RunEstimate estimate = estimate_run(run, control.output_options, num_threads);
+  line.expect(estimate, !control.output.empty());
+  const auto json = [&] { return Json{{"estimate", to_json(estimate)}}; };
+  line.tell("sizes", json, "sizes are known: " + brief_estimate_text(estimate, num_threads));
+}
+
 // Under the cap on memory.
 TimedRun run_with_progress(RunControl control, std::uint64_t cap, ProgressLine& line,
                            const std::function<RunSummary(const RunControl&)>& run) {
@@ -88,6 +100,7 @@ TimedRun run_with_progress(RunControl control, std::uint64_t cap, ProgressLine& 
   control.is_stopped = StopSignal::is_requested;
   control.on_note = [&](const std::string& text) { line.note(text); };
   control.on_run = [&](const RunRecord& record) { tell_run(record, control, line); };
+  control.on_sizes = [&](const RunRecord& record) { tell_sizes(record, control, line); };
   control.memory_bytes = cap;
   TimedRun timed{run(control), {}, num_streaming_threads(control.num_threads, cap)};
   const auto seconds = line.stages().seconds_by_stage(line.seconds());
@@ -480,6 +493,53 @@ int run_audit(const AuditCommand& command) {
   return report.is_valid() ? kExitDone : kExitError;
 }
 
+namespace {
+
+// A directory for as long as it is needed.
+class ScratchDirectory {
+ public:
+  ScratchDirectory() {
+    std::string name = (std::filesystem::temp_directory_path() / "locvol-info-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr)
+      throw StoreError(fmt::format("no directory can be made in {}: {}",
+                                   std::filesystem::temp_directory_path().string(),
+                                   std::strerror(errno)));
+    path_ = name;
+  }
+  ~ScratchDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchDirectory(const ScratchDirectory&) = delete;
+  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// Finds them as `mesh` would, in a store that is then thrown away. `run` gets to know them.
+SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) {
+  if (run.parameters.sizes().is_uniform())
+    throw InputError(
+        "sizes do not vary: --vtu has nothing to show without --growth, --sizes, "
+        "--per-circle, --deviation or --layers");
+  if (!command.vtu.empty()) require_writable(command.vtu);
+  const ScratchDirectory scratch;
+  MeshOptions options = command.options;
+  options.input = command.surface;
+  options.size = {size, false};
+  options.store = scratch.path() / "run";
+  RunControl control;
+  control.is_stopped = StopSignal::is_requested;
+  run = find_sizes(options, control).run;
+  const Store store = open_to_read(options.store);
+  if (!command.vtu.empty()) write_sizes_vtu(store.snapshot(), command.vtu);
+  return report_sizes(store.snapshot());
+}
+
+}  // namespace
+
 int run_info(const InfoCommand& command) {
   const SurveyedSurface input = surveyed(command.surface, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
@@ -487,10 +547,12 @@ int run_info(const InfoCommand& command) {
   std::string text = facts_text(facts);
   const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
   if (size > 0) {
-    const RunRecord run = run_of_size(input, command.surface, size, command.options);
+    RunRecord run = run_of_size(input, command.surface, size, command.options);
+    std::optional<SizeReport> sizes;
+    if (run.parameters.is_measured() || !command.vtu.empty())
+      sizes = found_sizes(command, size, run);
     const int num_threads = num_usable_threads();
-    const RunEstimate estimate =
-        estimate_run(facts, run.parameters, num_threads, command.output_options);
+    const RunEstimate estimate = estimate_run(run, command.output_options, num_threads);
     const std::uint64_t memory = least_memory(run);
     json["size"] = size;
     json["is_default_size"] = !command.size;
@@ -501,6 +563,10 @@ int run_info(const InfoCommand& command) {
     json["estimate"]["least_memory_bytes"] = memory;
     if (!command.size) text += line_text("", "with the size that mesh would choose:");
     text += estimate_text(estimate, command.output_options.format, num_threads, memory);
+    if (sizes) {
+      json["sizes"] = to_json(*sizes);
+      text += sizes_text(*sizes);
+    }
   }
   if (command.is_json) {
     json["digest"] = input.digest;

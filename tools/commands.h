@@ -38,6 +38,7 @@ struct InspectCommand {
   bool lists_leaves = false;
   bool lists_queue = false;
   bool lists_unresolved = false;
+  bool lists_sizes = false;
   std::optional<LeafSpec> leaf;
   LeafListing listing;        // of leaves; its limit, of anything that is listed
   bool reads_all = false;     // every record, to find damage
@@ -83,6 +84,7 @@ struct InfoCommand {
   std::optional<SizeSpec> size;
   MeshOptions options;  // growth and max_size alone
   OutputOptions output_options;
+  std::filesystem::path vtu;  // for the octree of sizes; empty: none
   bool is_json = false;
 };
 

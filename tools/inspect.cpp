@@ -215,7 +215,27 @@ std::uint64_t write_boxes(const Store& store, const InspectCommand& command) {
   return faults.size();
 }
 
+std::uint64_t inspect_sizes(const Store& store, const InspectCommand& command) {
+  const RunRecord run = run_of(store);
+  if (!run.sizes.are_known())
+    throw InputError(fmt::format(
+        "the store {}: sizes {}", command.store.string(),
+        run.parameters.sizes().is_uniform() ? "do not vary in this run" : "are not known yet"));
+  if (!command.vtu.empty()) {
+    const auto [num_cubes, bytes] = write_sizes_vtu(store.snapshot(), command.vtu);
+    print_written(command, "cubes", num_cubes, bytes, {});
+    return 0;
+  }
+  const SizeReport report = report_sizes(store.snapshot());
+  if (command.is_json)
+    print_json(to_json(report));
+  else
+    fmt::print("{}", sizes_text(report));
+  return 0;
+}
+
 std::uint64_t inspect(const Store& store, const InspectCommand& command) {
+  if (command.lists_sizes) return inspect_sizes(store, command);
   if (!command.vtu.empty())
     return command.leaf ? write_cells(store, command) : write_boxes(store, command);
   if (command.leaf)

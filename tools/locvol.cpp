@@ -249,6 +249,7 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
   view->add_flag("--leaves", command.lists_leaves, "List the leaves with state and counts");
   view->add_flag("--queue", command.lists_queue, "List the queue, in its order");
   view->add_flag("--unresolved", command.lists_unresolved, "List the unresolved sites");
+  view->add_flag("--sizes", command.lists_sizes, "How many cells of which sizes are asked for");
   add_leaf(*view, command.leaf, "One leaf in full");
   view->require_option(0, 1);
 
@@ -277,17 +278,19 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
   inspect->add_flag("--check", command.reads_all,
                     "Read every record, to find damage (summary, --leaves)");
   add_vtu(*inspect, command.vtu,
-          "Write a file to look at instead: the leaves' boxes, or with --leaf its cells");
+          "Write a file to look at instead: the leaves' boxes, with --leaf its cells, with --sizes "
+          "the octree of sizes");
   add_json(*inspect, command.is_json);
   inspect->final_callback([&command, which] {
-    const bool is_of_leaves = command.lists_leaves || (!command.vtu.empty() && !command.leaf);
+    const bool is_of_leaves =
+        command.lists_leaves || (!command.vtu.empty() && !command.leaf && !command.lists_sizes);
     if (which->count_all() > 0 && !is_of_leaves) {
       throw CLI::ValidationError(
           "--where, --state, --sort and --reverse go with --leaves, or with "
           "--vtu");
     }
     if (!command.vtu.empty() && (command.lists_queue || command.lists_unresolved))
-      throw CLI::ValidationError("--vtu goes with --leaf, with --leaves or alone");
+      throw CLI::ValidationError("--vtu goes with --leaf, with --leaves, with --sizes or alone");
   });
   return inspect;
 }
@@ -365,6 +368,9 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   add_format(*info, command.output_options, "vtu");
   add_cell_data(*info, command.output_options);
   info->final_callback([&command] { check_cell_data(command.output_options); });
+  info->add_option("--vtu", command.vtu,
+                   "Find the sizes, and write their octree to this file, to look at")
+      ->type_name("FILE");
   add_json(*info, command.is_json);
   return info;
 }

@@ -383,7 +383,7 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
   const double seconds = estimate.total_seconds();
   std::string text =
       row("size λ", "{}", estimate.size) +
-      row("cells", "{}",
+      row("cells", "{}{}", estimate.is_least ? "at least " : "",
           range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text)) +
       row("store", "{}",
           range_text(estimate.store_bytes, kBytesFactor * estimate.doubt, disk_text)) +
@@ -401,7 +401,34 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
   return text;
 }
 
+std::string sizes_text(const SizeReport& report) {
+  std::string text =
+      row("sizes", "{:.4g} to {:.4g}, in {} cubes", report.least, report.most, report.num_cubes);
+  double all = 0;
+  for (const SizeOctave& octave : report.octaves) all += octave.num_cells;
+  for (const auto& [least, volume, num_cells] : report.octaves)
+    text += line_text(
+        "", fmt::format("{:.3g} to {:.3g}: {} cells, {:.1f}%, in a volume of {:.4g}", least,
+                        2 * least, count_text(num_cells), 100 * num_cells / all, volume));
+  return text;
+}
+
+Json to_json(const SizeReport& report) {
+  Json octaves = Json::array();
+  for (const auto& [least, volume, num_cells] : report.octaves)
+    octaves.push_back({{"least", least}, {"volume", volume}, {"estimated_cells", num_cells}});
+  return {{"num_cubes", report.num_cubes},
+          {"least", report.least},
+          {"most", report.most},
+          {"octaves", octaves}};
+}
+
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
+  if (estimate.is_least)
+    return fmt::format(
+        "λ = {:.6g}: how many tetrahedra it takes is known once the surface has "
+        "been measured; at that size alone {}",
+        estimate.size, count_text(estimate.num_cells));
   std::string text =
       fmt::format("λ = {:.6g}: {} tetrahedra, a file of {}, a store of {}", estimate.size,
                   range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text),

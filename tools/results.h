@@ -14,6 +14,7 @@
 #include "engine/inspect/cell_mesh.h"
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/size_report.h"
 #include "engine/plan/run_estimate.h"
 #include "storage/records.h"
 #include "storage/store.h"
@@ -74,6 +75,8 @@ std::string audit_text(const AuditReport& report);
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
                           std::uint64_t least_memory);
 // The same in one line, without its end.
+std::string sizes_text(const SizeReport& report);
+Json to_json(const SizeReport& report);
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);
 

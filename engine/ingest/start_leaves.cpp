@@ -16,7 +16,6 @@ namespace locvol {
 namespace {
 
 // Beyond it the leaves' own records outweigh what they hold.
-constexpr std::size_t kMaxStartLeaves = std::size_t{1} << 21;
 
 // Cells, each once. Memory: 16 bytes for each.
 class CellSet {

@@ -7,6 +7,7 @@
 
 namespace locvol {
 
+inline constexpr std::size_t kMaxStartLeaves = std::size_t{1} << 21;
 inline constexpr double kMinLeafSide = 4;  // over λ, of a leaf at the start
 
 // Near the surface and inside, leaves are nodes of `level`.

@@ -89,6 +89,8 @@ struct RunControl {
   // Called once, with the surface and the parameters of the run that begins or goes on. What it
   // throws ends the run; one that begins has written nothing by then. May be empty.
   std::function<void(const RunRecord&)> on_run = {};
+  // Sizes that vary are known now, and with them what the mesh will take.
+  std::function<void(const RunRecord&)> on_sizes = {};
   // The file that the mesh will be written to, if it will: its disk must have room for it.
   std::filesystem::path output = {};
   OutputOptions output_options = {};

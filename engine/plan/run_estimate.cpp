@@ -18,8 +18,8 @@ constexpr double kCellsPerArea = 3.75, kThinness = 0.4;
 // At most, of a layer as deep as the core lies.
 constexpr double kListedPerArea = 11.7;
 constexpr double kVerticesPerCell = 1.0 / 6, kVerticesPerArea = 0.43, kFacetsPerArea = 1.9;
-// Where sizes vary: cells to h³, with those at the boundary.
-constexpr double kGradedCells = 4.5, kGradedVerticesPerArea = 0.35, kGradedFacetsPerArea = 1.5;
+// Where sizes vary.
+constexpr double kGradedVerticesPerArea = 0.35, kGradedFacetsPerArea = 1.5;
 
 // In the store: points, cells and the surface, compressed.
 constexpr double kBytesPerListedCell = 14, kBytesPerTriangle = 14, kLeastBytes = 1e5;
@@ -41,7 +41,7 @@ constexpr double kWriteByte = 1e-9;
 // Of each thread after the first: 9.8 s instead of 16.8 s on two.
 constexpr double kFurtherThread = 0.7;
 
-constexpr double kDoubtOfShapes = 1.6, kDoubtOfMeasured = 4;
+constexpr double kDoubtOfShapes = 1.6;
 
 constexpr double kUsefulCells = 5e5, kManyCells = 5e6;
 
@@ -165,18 +165,23 @@ double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law,
   return cells_of(std::abs(surface.volume) / (size * size * size), surface.area / (size * size));
 }
 
-RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
-                         int num_threads, const OutputOptions& output) {
-  const double area = surface.area / (parameters.size * parameters.size);
+RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int num_threads) {
+  const SurfaceFacts& surface = run.surface;
+  const RunParameters& parameters = run.parameters;
+  const bool are_sizes_known = run.sizes.are_known();
+  const double area =
+      are_sizes_known ? run.sizes.of_area : surface.area / (parameters.size * parameters.size);
   const auto num_triangles = static_cast<double>(surface.num_triangles);
   const bool is_cover = parameters.init == Initialization::kCover;
   RunEstimate estimate;
   estimate.size = parameters.size;
   estimate.is_thin = 2 * std::abs(surface.volume) < parameters.size * surface.area;
   const bool is_uniform = parameters.sizes().is_uniform();
-  estimate.num_cells = estimated_num_cells(surface, parameters.sizes(), parameters.shapes);
-  if (!parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
-  if (parameters.is_measured()) estimate.doubt = kDoubtOfMeasured;
+  estimate.num_cells = are_sizes_known
+                           ? kGradedCells * run.sizes.of_volume
+                           : estimated_num_cells(surface, parameters.sizes(), parameters.shapes);
+  if (!are_sizes_known && !parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
+  estimate.is_least = !are_sizes_known && parameters.is_measured();
   estimate.num_vertices = kVerticesPerCell * estimate.num_cells +
                           (is_uniform ? kVerticesPerArea : kGradedVerticesPerArea) * area;
   estimate.num_listed_cells =
@@ -186,6 +191,11 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
                           : is_uniform ? kBytesPerListedCell
                                        : kBytesPerGradedCell) *
                              estimate.num_listed_cells;
+  if (run.phase == Phase::kDone) {
+    estimate.num_cells = static_cast<double>(run.counts.num_cells);
+    estimate.num_vertices = static_cast<double>(run.counts.num_points);
+    estimate.num_listed_cells = std::min(estimate.num_listed_cells, estimate.num_cells);
+  }
   estimate.num_boundary_facets = (is_uniform ? kFacetsPerArea : kGradedFacetsPerArea) * area;
   estimate.output = estimate_output(output, sizes_of(estimate, surface, parameters));
 
@@ -209,14 +219,12 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
   return estimate;
 }
 
-RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output) {
-  RunEstimate estimate = estimate_run(run.surface, run.parameters, 1, output);
-  if (run.phase != Phase::kDone) return estimate;
-  estimate.num_cells = static_cast<double>(run.counts.num_cells);
-  estimate.num_vertices = static_cast<double>(run.counts.num_points);
-  estimate.num_listed_cells = std::min(estimate.num_listed_cells, estimate.num_cells);
-  estimate.output = estimate_output(output, sizes_of(estimate, run.surface, run.parameters));
-  return estimate;
+RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
+                         int num_threads, const OutputOptions& output) {
+  RunRecord run;
+  run.parameters = parameters;
+  run.surface = surface;
+  return estimate_run(run, output, num_threads);
 }
 
 double default_size(const SurfaceFacts& surface) {

@@ -19,13 +19,18 @@ constexpr RunStage stage_of(Phase phase) {
   return phase < Phase::kRefine ? RunStage::kInitialize : RunStage::kRefine;
 }
 
+// Where sizes vary: cells to h³, with those at the boundary.
+inline constexpr double kGradedCells = 4.5;
+
 struct RunEstimate {
   double size = 0;  // λ
   // The mean thickness, 2 V/A, is below λ: too thin to tell.
   bool is_thin = false;
   // All ranges are wider by this factor: nobody has asked yet how much of the shapes with sizes is
-  // inside, and how curved and thin the surface is.
+  // inside.
   double doubt = 1;
+  // Of the size λ alone: more comes where the surface asks for less, which is not known yet.
+  bool is_least = false;
   // These may be infinite.
   double num_cells = 0, num_vertices = 0;
   double num_listed_cells = 0;  // not of the lattice core: nearly all the work is in them
@@ -47,8 +52,9 @@ inline constexpr double kCellsFactor = 1.15, kFileFactor = 1.2, kBytesFactor = 1
 // `output`: what will be written of the mesh; it changes no time yet.
 RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& parameters,
                          int num_threads = 1, const OutputOptions& output = {});
-// Of a run, as far as it has come: once it is done, its own counts.
-RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output);
+// Of a run, as far as it has come: with its sizes once they are known; once it is done, its own
+// counts.
+RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int num_threads = 1);
 double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law,
                            std::span<const SizeShape> shapes = {});
 // Of all cells around a shape that has the part of it in the box filled, those that are there for

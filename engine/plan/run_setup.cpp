@@ -20,8 +20,7 @@ namespace {
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
 
-// At one shape.
-constexpr double kMostCells = 1e13;
+constexpr double kMostCells = 1e13;  // where sizes vary
 
 double smallest_side(const Box& box) {
   const Point sides = box.max - box.min;
@@ -82,7 +81,7 @@ struct ExpectedPoints {
   double all, of_leaf;
 };
 ExpectedPoints expected_points(const RunRecord& run) {
-  const double all = estimate_run(run.surface, run.parameters).num_vertices;
+  const double all = estimate_run(run, {}).num_vertices;
   return {all, std::min(all, 0.5 * static_cast<double>(run.parameters.leaf_capacity))};
 }
 
@@ -180,6 +179,15 @@ void check_sizes(const RunParameters& p) {
 }
 
 }  // namespace
+
+void require_few_cells(const RunRecord& run) {
+  const double num_cells = estimate_run(run, {}).num_cells;
+  if (num_cells < kMostCells) return;
+  throw InputError(fmt::format(
+      "{}: the sizes, from {} on, ask for {:.2g} cells: ask for sizes {:.2g} times as large",
+      run.surface.file, run.parameters.sizes().least, num_cells,
+      1.01 * std::cbrt(num_cells / kMostCells)));
+}
 
 double absolute_size(const SizeSpec& spec, const Box& box, const std::string& name) {
   if (!(spec.value > 0) || !std::isfinite(spec.value))

@@ -44,4 +44,7 @@ class StoreMismatch : public std::runtime_error {
 void require_same_run(const RunParameters& held, const RunParameters& asked,
                       const std::filesystem::path& store);
 
+// Throws InputError unless sizes that are known ask for a number of cells that anyone could want.
+void require_few_cells(const RunRecord& run);
+
 }  // namespace locvol

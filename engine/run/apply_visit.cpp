@@ -245,11 +245,24 @@ bool is_to_be_full(RunState& state, MortonKey leaf) {
 }
 
 void split_empty_leaf(RunState& state, MortonKey leaf) {
+  const auto queued = state.leaves().info(leaf).queued;
   split_leaf(state, leaf);
+  if (!queued) return;
   for (int octant = 0; octant < 8; ++octant) {
     const LeafInfo& info = state.leaves().info(leaf.child(octant));
-    if (info.num_triangles > 0 || info.is_center_inside) state.enqueue(leaf.child(octant));
+    if (info.num_triangles > 0 || info.is_center_inside)
+      state.enqueue(leaf.child(octant), queued->epoch);
   }
+}
+
+SizeTotals size_totals(RunState& state, MortonKey leaf) {
+  SizeTotals totals;
+  for (const SizeCube& cube : state.leaves().sizes(leaf).cubes) {
+    const auto [of_volume, of_area] =
+        size_integrals(state.run().parameters.sizes(), cube, state.box(cube.key));
+    totals.of_volume += of_volume, totals.of_area += of_area;
+  }
+  return totals;
 }
 
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {

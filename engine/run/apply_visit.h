@@ -21,8 +21,9 @@ void apply_measure(RunState& state, MortonKey leaf, std::vector<SizedNode> nodes
 void apply_sizes(RunState& state, MortonKey leaf, std::vector<SizeCube> cubes);
 // Will the leaf have more points than it is meant to, or too small cells for its width?
 bool is_to_be_full(RunState& state, MortonKey leaf);
-// REQUIRES: it has no points yet
+// Its children wait for the epoch that it waited for. REQUIRES: it has no points yet
 void split_empty_leaf(RunState& state, MortonKey leaf);
+SizeTotals size_totals(RunState& state, MortonKey leaf);
 // The same for the first points of a leaf, in the next epoch of cover mode.
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points);
 // The points that fill holes, in the epoch after that.

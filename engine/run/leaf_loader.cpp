@@ -23,7 +23,8 @@ SizeRules rules_of(const RunParameters& p) {
   return {p.per_circle, p.deviation, p.layers, p.is_measured() ? p.sizes().least : 0};
 }
 
-constexpr std::uint64_t kBytesPerNode = 250;  // of one with a size, its tree and what is near it
+constexpr std::uint64_t kBytesPerPiece = 350;  // of a surface that is measured
+constexpr std::uint64_t kBytesPerNode = 250;   // of one with a size, its tree and what is near it
 
 constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 
@@ -68,6 +69,18 @@ LeafLoader::LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* s
   }
 }
 
+// Pieces to measure in a leaf; a few hundred bytes each.
+std::uint64_t LeafLoader::most_pieces() const {
+  return std::max<std::uint64_t>(2 * state_.run().parameters.leaf_capacity, 20000);
+}
+
+double LeafLoader::share_of_pieces(MortonKey leaf) {
+  if (state_.leaves().info(leaf).num_triangles == 0) return 0;
+  const LoadedMeasure loaded = load_measure(leaf);
+  const auto memory = budget_.reserve(loaded.bytes);
+  return num_pieces_to_measure(loaded.input, stop_) / static_cast<double>(most_pieces());
+}
+
 LoadedMeasure LeafLoader::load_measure(MortonKey leaf) {
   const RunParameters& parameters = state_.run().parameters;
   LoadedMeasure loaded;
@@ -83,7 +96,7 @@ LoadedMeasure LeafLoader::load_measure(MortonKey leaf) {
   const VisitSize visit{.volume = volume_over_size(region, parameters.size),
                         .num_points = triangles.size(),  // with what is measured of them
                         .num_triangles = triangles.size()};
-  loaded.bytes = visit.bytes_to_cover();
+  loaded.bytes = visit.bytes_to_cover() + kBytesPerPiece * most_pieces();
   loaded.input.surface =
       surface_around(leaf, distance, std::move(triangles),
                      {kOfCover.resolution * parameters.size, kOfCover.triangles_per_cell});

@@ -37,6 +37,8 @@ class LeafLoader {
   LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
   LoadedMeasure load_measure(MortonKey leaf);
+  // What measuring the leaf takes, over what a visit should. Above 1, it should be split.
+  double share_of_pieces(MortonKey leaf);
   LoadedSize load_size(MortonKey leaf, const FarSurface& far);
   // Of all leaves; reserves its memory for good.
   FarSurface far_surface();
@@ -55,6 +57,7 @@ class LeafLoader {
   void keep_memory_of_points();
   // `size`: the least that matters there
   double volume_over_size(const Box& box, double size) const;
+  std::uint64_t most_pieces() const;
   // What triangles a visit looks up lies this far from where h(p) is, at points that the surface
   // may matter to.
   double surface_reach(MortonKey leaf);

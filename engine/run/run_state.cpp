@@ -41,9 +41,9 @@ RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwrit
       queue_(store.snapshot()),
       max_unwritten_bytes_(max_unwritten_bytes) {}
 
-void RunState::enqueue(MortonKey leaf) {
+void RunState::enqueue(MortonKey leaf, std::uint32_t epoch) {
   if (leaves_.info(leaf).queued) return;
-  const QueuePosition position{run_.epoch + 1, kNoColor};
+  const QueuePosition position{epoch, kNoColor};
   leaves_.edit_info(leaf).queued = position;
   queue_.put({position, leaf});
 }

@@ -70,12 +70,15 @@ class RunState {
   // -- Phases and the queue
 
   void begin_phase(Phase next) { run_.phase = next; }
+  void note_sizes(const SizeTotals& totals) { run_.sizes = totals; }
   // A leaf that waits keeps its place; another waits for the next epoch.
-  void enqueue(MortonKey leaf);
+  void enqueue(MortonKey leaf) { enqueue(leaf, run_.epoch + 1); }
+  void enqueue(MortonKey leaf, std::uint32_t epoch);
   void dequeue(MortonKey leaf);  // REQUIRES: it waits
   // If the leaves at the front wait for an epoch that has not begun, begins it: gives them colors.
   // That is to be committed before any of them is visited. Throws Stopped before any change.
   bool open_epoch(const StopToken* stop = nullptr);
+  bool is_epoch_open() const { return !queue_.is_empty() && queue_.front().color != kNoColor; }
   // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
   bool are_independent(const QueueEntry& a, const QueueEntry& b);
 

@@ -17,6 +17,7 @@
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"
+#include "tests/vtu_arrays.h"
 
 namespace locvol {
 namespace {
@@ -699,6 +700,43 @@ TEST(Command, SizesFromAFileMakeMoreCells) {
     EXPECT_NE(refused.err.find("sizes.txt: line 3: a ball without a radius"), std::string::npos)
         << refused.err;
   }
+}
+
+TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
+  const TempDir dir;
+  const std::string ring = (dir / "ring.ply").string(), output = (dir / "ring.vtu").string(),
+                    store = (dir / "run").string(), vtu = (dir / "sizes.vtu").string();
+  ASSERT_EQ(run_locvol({"generate", "torus", "-o", ring, "-n", "5k"}).exit_code, 0);
+  const auto command = [&](const char* name, std::vector<std::string> more) {
+    std::vector<std::string> arguments{name, ring, "-s", "20%", "--per-circle=40", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = run_locvol(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out);
+  };
+  const Json info = command("info", {"--vtu", vtu});
+  const double expected = info.at("estimated_cells").get<double>();
+  double of_octaves = 0;
+  for (const Json& octave : info.at("sizes").at("octaves"))
+    of_octaves += octave.at("estimated_cells").get<double>();
+  EXPECT_NEAR(of_octaves, expected, 1);
+  const VtuArrays arrays(vtu);
+  const auto sizes = arrays.array<double>("Float64", "size");
+  EXPECT_EQ(sizes.size(), info.at("sizes").at("num_cubes").get<std::size_t>());
+  EXPECT_EQ(std::ranges::min(sizes), info.at("sizes").at("least").get<double>());
+
+  const Json meshed = command("mesh", {"-o", output, "--store", store, "--quiet"});
+  const double num_cells = meshed.at("statistics").at("num_cells").get<double>();
+  EXPECT_NEAR(expected, num_cells, 0.15 * num_cells);
+  const ProcessResult inspected = run_locvol({"inspect", store, "--sizes", "--json"});
+  EXPECT_EQ(Json::parse(inspected.out), info.at("sizes"));
+  const std::string again = (dir / "again.vtu").string();
+  EXPECT_EQ(run_locvol({"inspect", store, "--sizes", "--vtu", again}).exit_code, 0);
+  EXPECT_EQ(VtuArrays(again).array<double>("Float64", "size"), sizes);
+
+  const ProcessResult uniform = run_locvol({"info", ring, "-s", "20%", "--vtu", vtu});
+  EXPECT_EQ(uniform.exit_code, 1);
+  EXPECT_NE(uniform.err.find("sizes do not vary"), std::string::npos) << uniform.err;
 }
 
 TEST(Command, SizesGoWithCurvatureDeviationAndLayers) {
