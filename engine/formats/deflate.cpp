@@ -16,6 +16,12 @@ struct FreeCompressor {
   }
 };
 
+struct FreeDecompressor {
+  void operator()(libdeflate_decompressor* decompressor) const {
+    libdeflate_free_decompressor(decompressor);
+  }
+};
+
 }  // namespace
 
 std::vector<std::byte> deflated(std::span<const std::byte> bytes) {
@@ -27,6 +33,14 @@ std::vector<std::byte> deflated(std::span<const std::byte> bytes) {
                                          result.data(), result.size()));
   result.shrink_to_fit();
   return result;
+}
+
+bool inflate(std::span<const std::byte> bytes, std::span<std::byte> result) {
+  const std::unique_ptr<libdeflate_decompressor, FreeDecompressor> decompressor(
+      libdeflate_alloc_decompressor());
+  if (!decompressor) throw std::bad_alloc();
+  return libdeflate_zlib_decompress(decompressor.get(), bytes.data(), bytes.size(), result.data(),
+                                    result.size(), nullptr) == LIBDEFLATE_SUCCESS;
 }
 
 std::vector<std::byte> shuffled(std::span<const std::byte> bytes, std::size_t value_bytes) {

@@ -1,7 +1,9 @@
 #include "engine/ingest/input_file.h"
 
 #include <fmt/format.h>
+#include <sys/types.h>
 
+#include <cassert>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -23,9 +25,9 @@ InputFile::InputFile(const std::filesystem::path& path, const StopToken* stop)
   if (status.type() == std::filesystem::file_type::not_found)
     refuse("there is no such file; check the path");
   if (error) refuse(fmt::format("cannot be examined ({})", error.message()));
-  if (std::filesystem::is_directory(status)) refuse("is a directory; name a surface file in it");
+  if (std::filesystem::is_directory(status)) refuse("is a directory; name a file in it");
   if (!std::filesystem::is_regular_file(status))
-    refuse("is not a regular file; save the surface to a file first");
+    refuse("is not a regular file; save what it gives to a file first");
   size_ = std::filesystem::file_size(path, error);
   if (error) refuse(fmt::format("its size is unknown ({})", error.message()));
   file_.reset(std::fopen(path.c_str(), "rb"));
@@ -77,6 +79,15 @@ bool InputFile::next_line(std::string_view& line) {
   return true;
 }
 
+void InputFile::seek(std::uint64_t position) {
+  if (fseeko(file_.get(), static_cast<off_t>(position), SEEK_SET) != 0)
+    refuse(fmt::format("byte {} cannot be reached ({}); check the disk", position,
+                       std::strerror(errno)));
+  begin_ = end_ = 0;
+  loaded_ = position;
+  has_sought_ = true;
+}
+
 bool InputFile::load_more() {
   throw_if_stopped(stop_);
   if (begin_ > 0) {
@@ -90,13 +101,14 @@ bool InputFile::load_more() {
   if (count == 0 && std::ferror(file_.get()))
     refuse(fmt::format("cannot be read at byte {} ({}); check the disk", loaded_,
                        std::strerror(errno)));
-  hash_.update(buffer_.data() + end_, count);
+  if (!has_sought_) hash_.update(buffer_.data() + end_, count);
   end_ += count;
   loaded_ += count;
   return count > 0;
 }
 
 std::string InputFile::digest() {
+  assert(!has_sought_);
   do begin_ = end_;
   while (load_more());
   return hash_.hex_digest();

@@ -35,8 +35,11 @@ class InputFile {
   // The next line without its end (LF or CR LF); false at the end of the file. Throws InputError
   // for a line longer than 16 MiB, which no text format has.
   bool next_line(std::string_view& line);
+  // The next byte taken is the one at `position`, at most size(). The file then has no digest().
+  void seek(std::uint64_t position);
 
-  // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once.
+  // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once, of a
+  // file in which nobody has sought.
   std::string digest();
 
   // Throws InputError with the file's name before the message.
@@ -57,7 +60,8 @@ class InputFile {
   std::uint64_t loaded_ = 0;  // bytes read from the file
   std::uint64_t line_number_ = 0;
   std::vector<char> buffer_;
-  Sha256 hash_;                      // of the bytes loaded
+  Sha256 hash_;  // of the bytes loaded, if nobody has sought
+  bool has_sought_ = false;
   std::size_t begin_ = 0, end_ = 0;  // of the bytes in the buffer that are not taken yet
 };
 

@@ -13,14 +13,6 @@ namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-// A word as it may be shown in a message: short, and without control characters.
-std::string shown(std::string_view word) {
-  std::string text(word.substr(0, 40));
-  for (char& c : text)
-    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e) c = '?';
-  return word.size() > 40 ? text + "..." : text;
-}
-
 // from_chars() knows no leading plus.
 std::string_view without_plus(std::string_view word) {
   if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);
@@ -28,6 +20,25 @@ std::string_view without_plus(std::string_view word) {
 }
 
 }  // namespace
+
+std::string shown(std::string_view word) {
+  std::string text(word.substr(0, 40));
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) > 0x7e) c = '?';
+  return word.size() > 40 ? text + "..." : text;
+}
+
+std::optional<double> parse_number(std::string_view word) {
+  const std::string_view digits = without_plus(word);
+  double value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
+    return std::nullopt;
+  // Too large, or so small that it rounds to 0 or a denormal, as strtod() does.
+  if (error == std::errc::result_out_of_range)
+    return std::strtod(std::string(digits).c_str(), nullptr);
+  return value;
+}
 
 bool TextScanner::next_line() {
   while (file_.next_line(rest_)) {
@@ -72,16 +83,10 @@ std::uint64_t TextScanner::count_on_any_line(const char* what) {
 }
 
 double TextScanner::coordinate(std::string_view word) const {
-  const std::string_view digits = without_plus(word);
-  double value = 0;
-  auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  // Out of range: too large, or so small that it rounds to 0 or a denormal, as strtod() does.
-  if (error == std::errc::result_out_of_range)
-    value = std::strtod(std::string(digits).c_str(), nullptr);
-  else if (error != std::errc())
-    end = digits.data();
-  if (end != digits.data() + digits.size())
+  const std::optional<double> number = parse_number(word);
+  if (!number)
     file_.refuse_line(fmt::format("\"{}\" is no number (with a decimal point)", shown(word)));
+  const double value = *number;
   if (!std::isfinite(value))
     file_.refuse_line(
         fmt::format("the coordinate \"{}\" is not finite; remove the damaged vertex "

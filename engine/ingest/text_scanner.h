@@ -2,11 +2,18 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "engine/ingest/input_file.h"
 
 namespace locvol {
+
+// A word as a message may show it: short, and without control characters.
+std::string shown(std::string_view word);
+// With a decimal point; infinity, or about 0, for one out of a double's range. None: no number.
+std::optional<double> parse_number(std::string_view word);
 
 class TextScanner {
  public:
