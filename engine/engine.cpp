@@ -6,6 +6,7 @@
 #include <functional>
 #include <utility>
 
+#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/ingest.h"
 #include "engine/plan/disk_room.h"
 #include "engine/plan/octree_plan.h"
@@ -113,15 +114,7 @@ class Engine {
             note_visit();
           });
     };
-    if (!state_.is_epoch_open()) {
-      double num_leaves = 0;
-      for (const MortonKey leaf : state_.octree().leaves())
-        num_leaves += loader_.share_of_pieces(leaf);
-      require_few_leaves(num_leaves);
-      split_leaves([this](MortonKey leaf) {
-        return leaf.level() < kMaxCubeLevel && loader_.share_of_pieces(leaf) > 1;
-      });
-    }
+    split_rich_leaves();
     visit_first_leaves(load, first_epoch() - 4);
     end_phase(Phase::kSize);
   }
@@ -138,6 +131,7 @@ class Engine {
             note_visit();
           });
     };
+    if (state_.run().parameters.has_image()) split_rich_leaves();
     visit_first_leaves(load, first_epoch() - 3);
     split_leaves([this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
     SizeTotals totals;
@@ -172,6 +166,21 @@ class Engine {
   std::uint32_t first_epoch() const {
     if (!state_.is_cover()) return 1;
     return state_.is_uniform() ? 2 : state_.run().parameters.is_measured() ? 4 : 3;
+  }
+
+  // That ask for so many sizes that a visit would be too large.
+  void split_rich_leaves() {
+    if (state_.is_epoch_open()) return;
+    double num_leaves = 0;
+    for (const MortonKey leaf : state_.octree().leaves()) {
+      throw_if_stopped(&stop_);
+      num_leaves += loader_.share_of_pieces(leaf);
+      state_.leaves().trim();
+    }
+    require_few_leaves(num_leaves);
+    split_leaves([this](MortonKey leaf) {
+      return leaf.level() < kMaxCubeLevel && loader_.share_of_pieces(leaf) > 1;
+    });
   }
 
   // All, and their parts, that are too much, before they have points.
@@ -431,7 +440,9 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   const auto held = held_run(options.store);
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
-        planned_run(options, surface.digest(&stop), held->surface.box).parameters;
+        planned_run(options, surface.digest(&stop), held->surface.box,
+                    survey_size_image(options.size_image, held->surface.box, &stop))
+            .parameters;
     if (held->parameters == asked || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
@@ -441,9 +452,20 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   }
   Store store = ingested(
       surface, options.store,
-      [&](const std::string& digest, const Box& box) { return planned_run(options, digest, box); },
+      [&](const std::string& digest, const Box& box) {
+        return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
+      },
       [&] { return Store::open(options.store, {.create = true}); }, control, stop);
   return finish(store, control, stop, clock, until);
+}
+
+void require_same_image(const RunRecord& run, const std::filesystem::path& store,
+                        const StopSource& stop) {
+  const ImageFacts image = survey_size_image(run.image_file, run.surface.box, &stop);
+  if (image.digest != run.parameters.size_image)
+    throw StoreMismatch("the store " + store.string() + " was to take in sizes from " +
+                        run.image_file +
+                        ", which is another file by now: restore it, or force a new run");
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
@@ -465,6 +487,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
               throw StoreMismatch("the store " + directory.string() + " was to take in " +
                                   held->surface.file +
                                   ", which is another file by now: restore it, or force a new run");
+            require_same_image(*held, directory, stop);
             return *held;
           },
           [&] { return std::move(store); }, control, stop);

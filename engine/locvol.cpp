@@ -13,6 +13,7 @@
 
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
+#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/output/boundary_surface.h"
@@ -214,6 +215,7 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .deviation = given(options.deviation),
           .layers = options.layers,
           .min_size = given(options.min_size),
+          .size_image = options.size_image,
           .is_forced = options.is_forced};
 }
 
@@ -521,7 +523,9 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
 
 Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads) {
   return translated({}, [&] {
-    const RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts_of(surface));
+    const SurfaceFacts facts = facts_of(surface);
+    const RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts,
+                                      survey_size_image(options.size_image, facts.box));
     if (num_threads <= 0) num_threads = num_usable_threads();
     return public_estimate(estimate_run(run.surface, run.parameters, num_threads),
                            least_memory(run));

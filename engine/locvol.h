@@ -148,6 +148,8 @@ struct Options {
   Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
   /// With any, a growth of 0 stands for 0.2, with `size` as what the bound does not grow beyond.
   std::vector<SizedShape> shapes = {};
+  /// Likewise, a VTK image (.vti) of sizes. Empty: none.
+  std::filesystem::path size_image = {};
   // Likewise with one of the next three, each 0 or of value 0 for none.
   double per_circle = 0;  ///< So many edges around a circle where the surface is curved: 3 to 1000.
   Size deviation = {};  ///< How far the boundary may be from the surface, and the surface from it.

@@ -467,7 +467,7 @@ void serialize(auto& archive, RunParameters& p, unsigned) {
   each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
        p.leaf_capacity, p.init, p.seed, p.growth, p.max_size);
   serialize_shapes(archive, p.shapes);
-  each(archive, p.per_circle, p.deviation, p.layers, p.min_size);
+  each(archive, p.per_circle, p.deviation, p.layers, p.min_size, p.size_image, p.image_least);
 }
 
 void serialize(auto& archive, SurfaceFacts& s, unsigned) {
@@ -486,7 +486,7 @@ void serialize(auto& archive, StoreFormat& format, unsigned) { each(archive, for
 
 void serialize(auto& archive, RunRecord& run, unsigned) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
-       run.counts, run.sizes.of_volume, run.sizes.of_area);
+       run.counts, run.sizes.of_volume, run.sizes.of_area, run.image_file);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned) {

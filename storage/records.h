@@ -92,7 +92,7 @@ struct LeafUnresolved {
 // What h is made of in a leaf (refine/size_leaf.h).
 struct LeafSizes {
   std::vector<SizeCube> cubes;  // in Morton order, all of the leaf
-  // What the surface in it asks for (refine/measure_leaf.h), ascending.
+  // What the surface in it (refine/measure_leaf.h) and an image ask for, ascending.
   std::vector<SizedNode> nodes = {};
   friend bool operator==(const LeafSizes&, const LeafSizes&) = default;
 };
@@ -137,10 +137,17 @@ struct RunParameters {
   // By the surface's curvature and thickness; 0: none of these (refine/measure_leaf.h).
   double per_circle = 0, deviation = 0, layers = 0;
   double min_size = 0;  // what these do not go below; 0: none is given
+  // An image of sizes: a number that tells its values from others', and the least of them. Empty:
+  // none.
+  std::string size_image = {};
+  double image_least = 0;
   bool is_measured() const { return per_circle > 0 || deviation > 0 || layers > 0; }
+  bool has_image() const { return !size_image.empty(); }
+  bool has_nodes() const { return is_measured() || has_image(); }  // LeafSizes::nodes
   SizeLaw sizes() const {
     double least = is_measured() && min_size < size ? min_size : size;
     for (const SizeShape& shape : shapes) least = shape.size < least ? shape.size : least;
+    if (has_image() && image_least < least) least = image_least;
     return {.surface = size, .growth = growth, .most = max_size, .least = least};
   }
   friend bool operator==(const RunParameters&, const RunParameters&) = default;
@@ -192,6 +199,7 @@ struct RunRecord {
   std::uint64_t next_point_id = 0;
   RunCounts counts;
   SizeTotals sizes;
+  std::string image_file;  // of sizes; empty: none
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

@@ -16,6 +16,7 @@
 
 #include "engine/audit/audit.h"
 #include "engine/formats/writer.h"
+#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/replay.h"
@@ -165,7 +166,8 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
                       double size, MeshOptions options) {
   options.input = file;
   options.size = {size, false};
-  return planned_run(options, surface.digest, surface.facts);
+  return planned_run(options, surface.digest, surface.facts,
+                     survey_size_image(options.size_image, surface.facts.box));
 }
 
 // For a user who gives none.
@@ -549,8 +551,7 @@ int run_info(const InfoCommand& command) {
   if (size > 0) {
     RunRecord run = run_of_size(input, command.surface, size, command.options);
     std::optional<SizeReport> sizes;
-    if (run.parameters.is_measured() || !command.vtu.empty())
-      sizes = found_sizes(command, size, run);
+    if (run.parameters.has_nodes() || !command.vtu.empty()) sizes = found_sizes(command, size, run);
     const int num_threads = num_usable_threads();
     const RunEstimate estimate = estimate_run(run, command.output_options, num_threads);
     const std::uint64_t memory = least_memory(run);

@@ -163,13 +163,25 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       app, "--min-size", parse_size, options.min_size,
       fmt::format("What these three do not go below, as --size (default: {} λ)", kDefaultLeast))
       ->type_name("SIZE");
-  add_parsed(
-      app, "--sizes", read_size_requests, options.shapes,
-      fmt::format("Points, balls, boxes and lines with sizes, where cells are to be smaller; "
-                  "around them they grow by {} of the way, to --size, unless --growth is "
-                  "given",
-                  kDefaultGrowth))
-      ->type_name("FILE");
+  const auto take_sizes = [&options](const std::vector<std::string>& files) {
+    for (const std::filesystem::path file : files) {
+      if (file.extension() != ".vti") {
+        for (SizeRequest& request : read_size_requests(file))
+          options.shapes.push_back(std::move(request));
+      } else if (!std::exchange(options.size_image, file).empty()) {
+        throw CLI::ValidationError("--sizes: one image of sizes at most");
+      }
+    }
+    return true;
+  };
+  app.add_option(
+         "--sizes", take_sizes,
+         fmt::format("Points, balls, boxes and lines with sizes, or a VTK image of sizes "
+                     "(.vti), where cells are to be smaller; around them they grow by {} of "
+                     "the way, to --size, unless --growth is given. May be repeated",
+                     kDefaultGrowth))
+      ->type_name("FILE")
+      ->take_all();
 }
 
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {

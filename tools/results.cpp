@@ -255,6 +255,8 @@ std::string bounds_text(const RunParameters& parameters) {
   if (parameters.layers > 0)
     text += fmt::format("; {} layers across thin parts", parameters.layers);
   if (parameters.min_size > 0) text += fmt::format("; no smaller than {}", parameters.min_size);
+  if (parameters.has_image())
+    text += fmt::format("; an image of sizes, from {} on", parameters.image_least);
   if (!parameters.shapes.empty())
     text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
                         parameters.sizes().least);
@@ -470,6 +472,7 @@ Json to_json(const RunParameters& parameters) {
           {"growth", parameters.growth},
           {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()},
           {"num_shapes", parameters.shapes.size()},
+          {"size_image", parameters.has_image() ? Json(parameters.size_image) : Json()},
           {"per_circle", parameters.per_circle},
           {"deviation", parameters.deviation},
           {"layers", parameters.layers},

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
@@ -296,6 +297,32 @@ void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatche
   }
 }
 
+// Each to the leaf that it lies in, or to those in it.
+void store_image_nodes(const std::vector<MortonKey>& leaves, const RunRecord& run,
+                       BoundedBatches& batches, const StopToken* stop) {
+  std::vector<std::pair<std::size_t, SizedNode>> owned;
+  const auto take = [&](std::span<const SizedNode> nodes) {
+    owned.clear();
+    for (const SizedNode& node : nodes) {
+      auto leaf = std::ranges::partition_point(
+          leaves, [&](MortonKey l) { return l.range_max() < node.key.range_min(); });
+      for (; leaf != leaves.end() && leaf->range_min() <= node.key.range_max(); ++leaf)
+        owned.emplace_back(static_cast<std::size_t>(leaf - leaves.begin()), node);
+    }
+    std::ranges::stable_sort(owned, {}, &std::pair<std::size_t, SizedNode>::first);
+    for (auto first = owned.begin(); first != owned.end();) {
+      const MortonKey leaf = leaves[first->first];
+      Batch& batch = batches.next();
+      LeafSizes sizes = batch.sizes(leaf);
+      for (const std::size_t n = first->first; first != owned.end() && first->first == n; ++first)
+        sizes.nodes.push_back(first->second);
+      unite(sizes.nodes);
+      batch.put_sizes(leaf, sizes);
+    }
+  };
+  read_image_nodes(run.image_file, run, take, stop);
+}
+
 // Of a run that begins.
 void put_run(Store& store, const RunRecord& run) {
   Batch batch = store.begin();
@@ -328,8 +355,10 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
     const bool is_uniform = run.parameters.sizes().is_uniform();
     StartSides sides(run.parameters, plan);
-    store_leaves(is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame, sides),
-                 run, batches);
+    const StartLeaves leaves =
+        is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame, sides);
+    store_leaves(leaves, run, batches);
+    if (run.parameters.has_image()) store_image_nodes(leaves.keys, run, batches, watch.stop());
     run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
                 : is_uniform                                  ? Phase::kCover
                 : run.parameters.is_measured()                ? Phase::kMeasure

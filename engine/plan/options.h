@@ -38,6 +38,12 @@ inline constexpr double kMostGrowth = 0.3;
 // Degrees. What refinement alone leaves are slivers, which no solver takes.
 inline constexpr double kDefaultMinDihedral = 15;
 
+// What is known of an image of sizes.
+struct ImageFacts {
+  std::string digest;  // of its values and where they are; empty: there is none
+  double least = 0;    // of all values
+};
+
 struct MeshOptions {
   std::filesystem::path input;  // empty: the surface is in no file
   std::filesystem::path store;
@@ -63,6 +69,7 @@ struct MeshOptions {
   std::optional<SizeSpec> deviation = {};
   double layers = 0;
   std::optional<SizeSpec> min_size = {};  // what these do not go below; absent: kDefaultLeast λ
+  std::filesystem::path size_image = {};  // a VTK image of sizes, likewise; empty: none
   bool is_forced = false;                 // start anew over a store of another run
 };
 

@@ -181,7 +181,7 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
                            ? kGradedCells * run.sizes.of_volume
                            : estimated_num_cells(surface, parameters.sizes(), parameters.shapes);
   if (!are_sizes_known && !parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
-  estimate.is_least = !are_sizes_known && parameters.is_measured();
+  estimate.is_least = !are_sizes_known && parameters.has_nodes();
   estimate.num_vertices = kVerticesPerCell * estimate.num_cells +
                           (is_uniform ? kVerticesPerArea : kGradedVerticesPerArea) * area;
   estimate.num_listed_cells =

@@ -21,6 +21,8 @@ constexpr RunStage stage_of(Phase phase) {
 
 // Where sizes vary: cells to h³, with those at the boundary.
 inline constexpr double kGradedCells = 4.5;
+// More are refused there: nobody could want them.
+inline constexpr double kMostCells = 1e13;
 
 struct RunEstimate {
   double size = 0;  // λ

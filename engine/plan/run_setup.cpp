@@ -20,8 +20,6 @@ namespace {
 // nor underflows.
 constexpr double kMaxLength = 1e60, kMinLength = 1e-60;
 
-constexpr double kMostCells = 1e13;  // where sizes vary
-
 double smallest_side(const Box& box) {
   const Point sides = box.max - box.min;
   return std::min({sides.x, sides.y, sides.z});
@@ -147,7 +145,7 @@ void add_rules(const MeshOptions& options, const Box& surface, RunParameters& pa
     parameters.min_size = absolute_size(*options.min_size, surface, "smallest size");
   else if (parameters.is_measured())
     parameters.min_size = kDefaultLeast * parameters.size;
-  if ((options.shapes.empty() && !parameters.is_measured()) || parameters.growth > 0) return;
+  if ((options.shapes.empty() && !parameters.has_nodes()) || parameters.growth > 0) return;
   parameters.growth = kDefaultGrowth;
   if (!options.max_size) parameters.max_size = parameters.size;
 }
@@ -196,12 +194,15 @@ double absolute_size(const SizeSpec& spec, const Box& box, const std::string& na
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
 
-RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface) {
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
+                      const ImageFacts& image) {
   check_options(options);
   RunRecord run;
   run.surface.file =
       options.input.empty() ? kInMemory : std::filesystem::absolute(options.input).string();
   run.surface.box = surface;
+  if (!options.size_image.empty())
+    run.image_file = std::filesystem::absolute(options.size_image).string();
   run.parameters = {
       .input_digest = digest,
       .size = absolute_size(options.size, surface),
@@ -212,7 +213,9 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
       .init = options.init,
       .seed = options.seed,
-      .growth = options.growth};
+      .growth = options.growth,
+      .size_image = image.digest,
+      .image_least = image.least};
   if (options.max_size)
     run.parameters.max_size = absolute_size(*options.max_size, surface, "largest size");
   add_rules(options, surface, run.parameters);
@@ -225,8 +228,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
 }
 
 RunRecord planned_run(const MeshOptions& options, const std::string& digest,
-                      const SurfaceFacts& surface) {
-  RunRecord run = planned_run(options, digest, surface.box);
+                      const SurfaceFacts& surface, const ImageFacts& image) {
+  RunRecord run = planned_run(options, digest, surface.box, image);
   run.surface = surface;
   return run;
 }
@@ -281,6 +284,8 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
   compare("deviation", decimal(held.deviation), decimal(asked.deviation));
   compare("layers", decimal(held.layers), decimal(asked.layers));
   compare("smallest size", decimal(held.min_size), decimal(asked.min_size));
+  const auto image = [](const RunParameters& p) { return p.has_image() ? p.size_image : "none"; };
+  compare("image of sizes", image(held), image(asked));
   compare("shapes with sizes", shapes_text(held.shapes), shapes_text(asked.shapes));
   if (differences.empty()) return;
   throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +

@@ -20,10 +20,11 @@ double absolute_size(const SizeSpec& size, const Box& box, const std::string& na
 // The record of a run that has yet to ingest the surface whose file has this digest, and which has
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
 // double arithmetic cannot handle on this surface.
-RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface);
+RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
+                      const ImageFacts& image = {});
 // With all that is known of a surface which was checked before.
 RunRecord planned_run(const MeshOptions& options, const std::string& digest,
-                      const SurfaceFacts& surface);
+                      const SurfaceFacts& surface, const ImageFacts& image = {});
 
 // How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
 // parameters tell what its visits will take, and one in a store, leaf by leaf.

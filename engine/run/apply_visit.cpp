@@ -34,16 +34,19 @@ void split_leaf(RunState& state, MortonKey leaf) {
   }
   std::array<std::uint8_t, 8> parities{};
   const std::vector<Triangle>& triangles = state.leaves().surface(leaf).triangles;
-  std::vector<SizeCube> cubes;
-  if (!state.is_uniform()) cubes = state.leaves().sizes(leaf).cubes;
+  LeafSizes sizes;
+  if (!state.is_uniform()) sizes = state.leaves().sizes(leaf);
   for (int octant = 0; octant < 8; ++octant) {
     const auto i = static_cast<std::size_t>(octant);
     const Box box = state.box(leaf.child(octant));
     const MortonKey child = leaf.child(octant);
-    std::ranges::copy_if(
-        cubes, std::back_inserter(children[i].sizes.cubes), [&](const SizeCube& c) {
-          return child.is_ancestor_or_self_of(c.key) || c.key.is_ancestor_or_self_of(child);
-        });
+    const auto is_in_child = [&](MortonKey key) {
+      return child.is_ancestor_or_self_of(key) || key.is_ancestor_or_self_of(child);
+    };
+    std::ranges::copy_if(sizes.cubes, std::back_inserter(children[i].sizes.cubes), is_in_child,
+                         &SizeCube::key);
+    std::ranges::copy_if(sizes.nodes, std::back_inserter(children[i].sizes.nodes), is_in_child,
+                         &SizedNode::key);
     auto& met = children[i].surface.triangles;
     std::ranges::copy_if(triangles, std::back_inserter(met),
                          [&](const Triangle& t) { return meets(t, box); });
@@ -209,6 +212,9 @@ void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const Leaf
 
 void apply_measure(RunState& state, MortonKey leaf, std::vector<SizedNode> nodes) {
   state.dequeue(leaf);
+  const std::vector<SizedNode>& of_image = state.leaves().sizes(leaf).nodes;
+  nodes.insert(nodes.end(), of_image.begin(), of_image.end());
+  unite(nodes);
   state.put_sizes(leaf, {.cubes = {}, .nodes = std::move(nodes)});
   state.enqueue(leaf);
 }

@@ -75,10 +75,13 @@ std::uint64_t LeafLoader::most_pieces() const {
 }
 
 double LeafLoader::share_of_pieces(MortonKey leaf) {
-  if (state_.leaves().info(leaf).num_triangles == 0) return 0;
+  const auto most = static_cast<double>(most_pieces());
+  const auto num_nodes = static_cast<double>(state_.leaves().sizes(leaf).nodes.size());
+  if (state_.leaves().info(leaf).num_triangles == 0 || state_.run().phase != Phase::kMeasure)
+    return num_nodes / most;
   const LoadedMeasure loaded = load_measure(leaf);
   const auto memory = budget_.reserve(loaded.bytes);
-  return num_pieces_to_measure(loaded.input, stop_) / static_cast<double>(most_pieces());
+  return std::max(num_nodes, num_pieces_to_measure(loaded.input, stop_)) / most;
 }
 
 LoadedMeasure LeafLoader::load_measure(MortonKey leaf) {
@@ -109,7 +112,7 @@ LoadedSize LeafLoader::load_size(MortonKey leaf, const FarSurface& far) {
   const std::span<const SizeShape> shapes = shapes_.in(leaf);
   double most = std::min(state_.size(), size_bounds(shapes, parameters.growth, box).most);
   std::vector<SizedNode> nodes;
-  if (parameters.is_measured()) {
+  if (parameters.has_nodes()) {
     const double diagonal = norm(box.max - box.min);
     const double deepest =
         state_.leaves().info(leaf).num_triangles > 0
@@ -293,7 +296,7 @@ std::vector<SizedNode> LeafLoader::nodes_around(MortonKey leaf, double deepest) 
   std::vector<SizedNode> nodes;
   for (const MortonKey other : state_.octree().leaves_within(frame, box, farthest)) {
     throw_if_stopped(stop_);
-    if (state_.leaves().info(other).num_triangles == 0) continue;
+    if (state_.leaves().info(other).num_triangles == 0 && !p.has_image()) continue;
     for (SizedNode node : state_.leaves().sizes(other).nodes) {
       const double squared = box.squared_distance(frame.box(node.key));
       if (squared > farthest * farthest) continue;

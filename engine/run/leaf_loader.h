@@ -37,7 +37,8 @@ class LeafLoader {
   LeafLoader(RunState& state, MemoryBudget& budget, const StopToken* stop = nullptr);
 
   LoadedMeasure load_measure(MortonKey leaf);
-  // What measuring the leaf takes, over what a visit should. Above 1, it should be split.
+  // What measuring the leaf takes, and what its nodes do, over what a visit should. Above 1, it
+  // should be split.
   double share_of_pieces(MortonKey leaf);
   LoadedSize load_size(MortonKey leaf, const FarSurface& far);
   // Of all leaves; reserves its memory for good.

@@ -680,6 +680,81 @@ TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterru
   EXPECT_TRUE(are_equal(contents_of(run.store), expected));
 }
 
+// Voxels of point data on a grid 0.25 apart: small at one side of the ball, in voxels out of it as
+// well, and what matters nowhere.
+std::string image_of_sizes(const std::function<double(const Point&)>& size_at) {
+  std::string text =
+      "<VTKFile type=\"ImageData\" version=\"1.0\"><ImageData WholeExtent=\"0 8 0 8 0 8\" "
+      "Origin=\"-1 -1 -1\" Spacing=\"0.25 0.25 0.25\"><Piece Extent=\"0 8 0 8 0 8\"><PointData>"
+      "<DataArray type=\"Float64\" Name=\"size\" format=\"ascii\">";
+  for (int k = 0; k < 9; ++k)
+    for (int j = 0; j < 9; ++j)
+      for (int i = 0; i < 9; ++i)
+        text += std::to_string(size_at({-1 + 0.25 * i, -1 + 0.25 * j, -1 + 0.25 * k})) + ' ';
+  return text + "</DataArray></PointData></Piece></ImageData></VTKFile>";
+}
+
+TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
+  write(sphere(1, 61, 128));
+  const auto image = scratch_ / "field.vti";
+  const auto size_of = [](const Point& p) { return p.x > 0.6 ? 0.05 : 0.1 + 0.1 * (0.6 - p.x); };
+  std::ofstream(image) << image_of_sizes(size_of);
+  const auto of_image = [&](const std::string& name) {
+    auto run = options(name, 0.25, 300);
+    run.size_image = image;
+    return run;
+  };
+  const RunSummary summary = mesh(of_image("one"), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  const AuditReport report = audit(Store::open(scratch_ / "one", {.read_only = true}));
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_EQ(report.num_poor_cells, 0U);
+  EXPECT_EQ(boundary_of(expected).euler_characteristic, 2);
+  const auto uniform = mesh(options("uniform", 0.25, 300)).run.counts.num_cells;
+  EXPECT_GT(summary.run.counts.num_cells, 8 * uniform);
+  std::vector<SizeCube> cubes;
+  for (const auto& [key, leaf] : expected.leaves)
+    cubes.insert(cubes.end(), leaf.sizes.cubes.begin(), leaf.sizes.cubes.end());
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform_in(-0.6, 0.6);
+  for (int n = 0; n < 1000; ++n) {
+    const Point p{1.4 * uniform_in(random), uniform_in(random), 0.5 * uniform_in(random)};
+    const auto nearest = [](double v) { return -1 + 0.25 * std::round((v + 1) / 0.25); };
+    const double asked = size_of({nearest(p.x), nearest(p.y), nearest(p.z)});
+    const double size = size_at(expected.run.parameters.sizes(), expected.run.frame, cubes, p);
+    EXPECT_LT(size, 1.02 * asked);
+    // No less than the smallest value that is a voxel and a node away.
+    EXPECT_GT(size, 0.9 * size_of({std::min(p.x + 0.5, 1.0), p.y, p.z}));
+  }
+
+  mesh(of_image("three"), with_threads(3));
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
+  const auto run = of_image("pieces");
+  mesh_in_pieces(run, 23);
+  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  auto all = of_image("all");
+  all.per_circle = 30, all.layers = 2;
+  mesh(all);
+  EXPECT_TRUE(audit(Store::open(all.store, {.read_only = true})).is_valid());
+
+  const auto expect_refusal = [&](const MeshOptions& options, const std::string& words) {
+    try {
+      mesh(options);
+      ADD_FAILURE() << "not refused: " << words;
+    } catch (const std::runtime_error& e) {
+      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
+    }
+  };
+  expect_refusal(options("one", 0.25, 300), "image of sizes: ");
+  std::ofstream(image) << image_of_sizes([](const Point&) { return 0.1; });
+  expect_refusal(of_image("one"), "image of sizes: ");
+  std::ofstream(image) << image_of_sizes([](const Point& p) { return p.x > 0 ? 0.1 : -0.1; });
+  expect_refusal(of_image("bad"), "field.vti");
+  std::ofstream(image) << image_of_sizes([](const Point&) { return 2e-5; });
+  expect_refusal(of_image("bad"), "cells: give sizes");
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "bad"));
+}
+
 // Colors go with it. A visit puts points up to 1.125 h away.
 TEST_F(GradedEngineTest, KnowsHowLargeSizesAreWhereAVisitMayPutPoints) {
   write(box_shape({{0, 0, 0}, {1, 1, 1}}));

@@ -24,6 +24,7 @@ inline RunRecord sample_run() {
                            {ShapeKind::kBox, 0.02, {0, 0, 0}, {1, 2, 3}}};
   run.parameters.per_circle = 24, run.parameters.deviation = 0.01, run.parameters.layers = 3;
   run.parameters.min_size = 0.003;
+  run.parameters.size_image = "00ff", run.parameters.image_least = 0.05;
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -39,6 +40,7 @@ inline RunRecord sample_run() {
   run.next_point_id = 123456789012;
   run.counts.num_visits = 77;
   run.sizes = {1.5e6, 2.5e4};
+  run.image_file = "field.vti";
   return run;
 }
 

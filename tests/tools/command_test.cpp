@@ -702,6 +702,41 @@ TEST(Command, SizesFromAFileMakeMoreCells) {
   }
 }
 
+TEST(Command, SizesComeFromAnImageAndAFile) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), image = (dir / "field.vti").string(),
+                    shapes = (dir / "sizes.txt").string();
+  const auto write_image = [&](const char* sizes) {
+    std::ofstream(image) << "<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 2 0 1 0 1\" "
+                            "Origin=\"0 0 0\" Spacing=\"0.5 1 1\">"
+                            "<Piece Extent=\"0 2 0 1 0 1\"><CellData>"
+                            "<DataArray type=\"Float32\" Name=\"size\" format=\"ascii\">"
+                         << sizes << "</DataArray></CellData></Piece></ImageData></VTKFile>";
+  };
+  write_image("0.05 0.5");
+  std::ofstream(shapes) << "point 2% 1 1 1\n";
+  const auto num_cells = [&](const std::vector<std::string>& sizes) {
+    std::vector<std::string> arguments{"info", cube, "-s", "20%", "--json"};
+    arguments.insert(arguments.end(), sizes.begin(), sizes.end());
+    const ProcessResult result = run_locvol(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return Json::parse(result.out).at("estimated_cells").get<double>();
+  };
+  const double with_image = num_cells({"--sizes", image});
+  EXPECT_GT(with_image, 4.5 * 0.5 / std::pow(0.05, 3));
+  EXPECT_GT(num_cells({"--sizes", image, "--sizes", shapes}), 1.05 * with_image);
+  EXPECT_EQ(run_locvol({"info", cube, "--sizes", image, "--sizes", image}).exit_code, 2);
+  const ProcessResult meshed = run_locvol({"mesh", cube, "-s", "20%", "--sizes", image, "-o",
+                                           (dir / "cube.vtu").string(), "--json", "--quiet"});
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  EXPECT_NEAR(Json::parse(meshed.out).at("statistics").at("num_cells").get<double>(), with_image,
+              0.2 * with_image);
+  write_image("0.05");
+  const ProcessResult cut = run_locvol({"info", cube, "-s", "20%", "--sizes", image});
+  EXPECT_EQ(cut.exit_code, 1);
+  EXPECT_NE(cut.err.find("field.vti"), std::string::npos) << cut.err;
+}
+
 TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
   const TempDir dir;
   const std::string ring = (dir / "ring.ply").string(), output = (dir / "ring.vtu").string(),
