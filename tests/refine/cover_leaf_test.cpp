@@ -691,17 +691,15 @@ TEST(CoverLeaf, EndsWhereSizesJumpAtAFace) {
     cube.less.fill(octant % 2 == 0 ? 0.1F : 0.13F);
     sizes.cubes.push_back(cube);
   }
-  const std::array<Point, 3> corners{{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}};
+  const Box box = frame.root_box();
+  SurfacePiece surface{.triangles = {}, .region = box, .reference = box.min};
+  surface.triangles.push_back({0, {{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}}});
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
-    const Box box = frame.root_box();
     const CoverPoints points = cover_leaf({.size = 0.3,
                                            .seed = seed,
                                            .lattice = Lattice::of_cubes(frame),
                                            .box = box,
-                                           .surface = {.triangles = {{0, corners}},
-                                                       .region = box,
-                                                       .reference = box.min,
-                                                       .is_reference_inside = false},
+                                           .surface = surface,
                                            .nearby_samples = {},
                                            .sizes = sizes});
     EXPECT_GE(points.samples.size(), 3U);
