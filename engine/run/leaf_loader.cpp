@@ -20,7 +20,7 @@ constexpr double kSlack = 1.01;  // on distances whose exact value does not matt
 constexpr GridFineness kFine{3.2, 48}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
 
 SizeRules rules_of(const RunParameters& p) {
-  return {p.per_circle, p.deviation, p.layers, p.is_measured() ? p.sizes().least : 0};
+  return {p.per_circle, p.deviation, p.layers, p.min_size};
 }
 
 constexpr std::uint64_t kBytesPerPiece = 350;  // of a surface that is measured

@@ -659,6 +659,18 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   run = measured("all");
   run.per_circle = 20, run.layers = 8;
   EXPECT_GT(num_cells(run), 1.5 * num_circles);
+  run = measured("least");
+  run.per_circle = 200;
+  run.min_size = SizeSpec{0.1, false};
+  run.shapes = {{{ShapeKind::kBall, 0.01, {1, 0, 0}, {}, 0}, false, "a point"}};
+  num_cells(run);
+  std::size_t num_nodes = 0;
+  for (const auto& [key, leaf] : contents_of(run.store).leaves)
+    for (const SizedNode& node : leaf.sizes.nodes) {
+      EXPECT_EQ(node.size, 0.1F);  // and not that of the point
+      ++num_nodes;
+    }
+  EXPECT_GT(num_nodes, 100U);
 }
 
 TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterruptions) {
