@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <functional>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/ingest.h"
@@ -133,7 +135,8 @@ class Engine {
     };
     if (state_.run().parameters.has_image()) split_rich_leaves();
     visit_first_leaves(load, first_epoch() - 3);
-    split_leaves([this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
+    split_leaves(state_.octree().leaves(),
+                 [this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
     SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&stop_);
@@ -172,21 +175,23 @@ class Engine {
   void split_rich_leaves() {
     if (state_.is_epoch_open()) return;
     double num_leaves = 0;
+    std::vector<MortonKey> rich;
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&stop_);
-      num_leaves += loader_.share_of_pieces(leaf);
+      const double share = loader_.share_of_pieces(leaf);
+      if (share > 1) rich.push_back(leaf);
+      num_leaves += share;
       state_.leaves().trim();
     }
     require_few_leaves(num_leaves);
-    split_leaves([this](MortonKey leaf) {
+    split_leaves(rich, [this](MortonKey leaf) {
       return leaf.level() < kMaxCubeLevel && loader_.share_of_pieces(leaf) > 1;
     });
   }
 
-  // All, and their parts, that are too much, before they have points.
+  // Those of the leaves, and their parts, that are too much, before they have points.
   template <class IsTooMuch>
-  void split_leaves(const IsTooMuch& is_too_much) {
-    const auto leaves = state_.octree().leaves();
+  void split_leaves(std::span<const MortonKey> leaves, const IsTooMuch& is_too_much) {
     std::vector<MortonKey> waiting(leaves.rbegin(), leaves.rend());
     while (!waiting.empty()) {
       throw_if_stopped(&stop_);

@@ -1,7 +1,6 @@
 #include "engine/locvol.h"
 
 #include <fmt/format.h>
-#include <stdlib.h>
 
 #include <cerrno>
 #include <exception>
@@ -21,6 +20,7 @@
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/memory_budget.h"
+#include "engine/shared/scratch_directory.h"
 #include "engine/shared/workers.h"
 #include "refine/leaf.h"
 
@@ -113,28 +113,6 @@ TriangleSource triangle_source(const Surface::Source& source, Thrown& thrown) {
 std::filesystem::path scratch_directory(const std::filesystem::path& named) {
   return named.empty() ? std::filesystem::temp_directory_path() : named;
 }
-
-// A directory of its own, removed at the end.
-class ScratchDirectory {
- public:
-  explicit ScratchDirectory(const std::filesystem::path& parent) {
-    std::string path = (parent / "locvol-XXXXXX").string();
-    if (mkdtemp(path.data()) == nullptr)
-      throw std::system_error(errno, std::generic_category(),
-                              "cannot make a directory for the run in " + parent.string());
-    path_ = path;
-  }
-  ScratchDirectory(const ScratchDirectory&) = delete;
-  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
-  ~ScratchDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 Stage public_stage(Phase phase) {
   switch (phase) {

@@ -106,6 +106,12 @@ int Frame::level_of_side(double wanted) const {
   return level;
 }
 
+int Frame::level_no_wider(double wanted) const {
+  int level = 0;
+  while (level < MortonKey::kMaxLevel && side(level) > wanted) ++level;
+  return level;
+}
+
 Point Frame::position(GridPoint g) const {
   return {origin_.x + unit_ * g.x, origin_.y + unit_ * g.y, origin_.z + unit_ * g.z};
 }

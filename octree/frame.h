@@ -27,7 +27,9 @@ class Frame {
   double unit() const { return unit_; }
   double side(int level) const;          // of a node's box
   int level_of_side(double side) const;  // the deepest level whose side is at least `side`, or 0
-  Point position(GridPoint g) const;     // monotone in each coordinate
+  int level_no_wider(
+      double side) const;             // the first level whose side is at most `side`, or the last
+  Point position(GridPoint g) const;  // monotone in each coordinate
   Box box(MortonKey key) const;
   Box root_box() const { return box(MortonKey::root()); }
   // The node of `level` that owns p: boxes are half-open, [min, max). Consistent with position():

@@ -72,6 +72,16 @@ struct Box {
                  dz = gap(min.z - b.max.z, b.min.z - max.z);
     return dx * dx + dy * dy + dz * dz;
   }
+  // No point of b is farther.
+  double most_distance(const Box& b) const {
+    const auto most = [](double below, double above) { return std::max({0.0, below, above}); };
+    return norm({most(min.x - b.min.x, b.max.x - max.x), most(min.y - b.min.y, b.max.y - max.y),
+                 most(min.z - b.min.z, b.max.z - max.z)});
+  }
+  double volume() const {  // 0 of an empty one
+    const Point sides = max - min;
+    return std::max(sides.x, 0.0) * std::max(sides.y, 0.0) * std::max(sides.z, 0.0);
+  }
   friend bool operator==(const Box&, const Box&) = default;
 
  private:

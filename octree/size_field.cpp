@@ -46,19 +46,21 @@ double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube>
   return size_in(law, *place, frame.box(place->key), p);
 }
 
-// Interpolated, nothing is beyond what is at the corners. In a cube, no place is farther from all
-// of them than half of its diagonal.
+bool is_outside(const SizeCube& cube, double side) {
+  return std::ranges::max(cube.distance) < -0.87 * side;
+}
+
+// Interpolated, nothing is beyond what is at the corners.
 SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes) {
   if (cubes.empty()) return {law.surface, law.surface, law.surface};
   SizeRange range{std::numeric_limits<double>::infinity(), 0, 0};
   for (const SizeCube& cube : cubes) {
-    const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
+    const double nearest = std::ranges::min(cube.distance);
     double most = 0;
     for (std::size_t k = 0; k < 8; ++k)
       most = std::max(most, law.at_distance(cube.distance[k], cube.less[k]));
     range.most = std::max(range.most, most);
-    const bool is_outside = farthest < -0.87 * frame.side(cube.key.level());
-    if (is_outside) continue;
+    if (is_outside(cube, frame.side(cube.key.level()))) continue;
     range.least =
         std::min(range.least, law.at_distance(nearest - cube.excess, std::ranges::max(cube.less)));
     if (nearest <= 0) range.on_surface = std::max(range.on_surface, most);

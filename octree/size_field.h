@@ -55,6 +55,10 @@ struct SizeCubes {
   friend bool operator==(const SizeCubes&, const SizeCubes&) = default;
 };
 
+// Does the cube lie outside, so that no surface passes through? No place in it is farther from all
+// of its corners than half of its diagonal.
+bool is_outside(const SizeCube& cube, double side);
+
 // What is at a cube's corners, at a point of its box.
 double interpolated(const std::array<float, 8>& corners, const Box& box, const Point& p);
 // h at a point of the cube's box.

@@ -11,13 +11,6 @@ namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
-// From the point of b that is farthest from a.
-double most_distance(const Box& a, const Box& b) {
-  const Point below = a.min - b.min, above = b.max - a.max;
-  const auto most = [](double one, double two) { return std::max({0.0, one, two}); };
-  return norm({most(below.x, above.x), most(below.y, above.y), most(below.z, above.z)});
-}
-
 // Between any point of a and any of b.
 double farthest_distance(const Box& a, const Box& b) {
   const Point one = a.max - b.min, two = b.max - a.min;
@@ -87,7 +80,7 @@ void SizeNodes::find_near(const Branches& branches, const Box& box, double& most
   const double side = box.max.x - box.min.x;
   const auto lower = [&](const Branch& b) {
     const Box of_b = b.box();
-    const double distance = b.num == 0 ? most_distance(of_b, box) : farthest_distance(of_b, box);
+    const double distance = b.num == 0 ? of_b.most_distance(box) : farthest_distance(of_b, box);
     most = std::min(most, b.least + growth_ * distance);
   };
   const auto may_matter = [&](const Branch& b) {

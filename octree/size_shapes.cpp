@@ -21,11 +21,8 @@ struct Distances {
 };
 Distances distances(const SizeShape& shape, const Box& box) {
   if (shape.kind == ShapeKind::kBox) {
-    const Point below = shape.a - box.min, above = box.max - shape.b;
-    const auto farthest = [](double a, double b) { return std::max({0.0, a, b}); };
-    const Point most{farthest(below.x, above.x), farthest(below.y, above.y),
-                     farthest(below.z, above.z)};
-    return {std::sqrt(Box{shape.a, shape.b}.squared_distance(box)), norm(most)};
+    const Box of_shape{shape.a, shape.b};
+    return {std::sqrt(of_shape.squared_distance(box)), of_shape.most_distance(box)};
   }
   const double distance = distance_to(shape, box.center()), way = 0.5 * norm(box.max - box.min);
   return {std::max(0.0, distance - way), distance + way};

@@ -17,6 +17,8 @@ namespace locvol {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+// Edges that turn by more are creases, and no part of a curved sheet. In degrees.
+constexpr double kCreaseAngle = 40;
 // Of the boundary's edges, over h, on average.
 constexpr double kEdge = 1.15;
 // Of layers of cells, over h, in a thin part.
@@ -255,8 +257,8 @@ class LeafMeasure {
         poll_(stop),
         triangles_(triangles),
         origin_(input.frame.box(input.leaf).center()),
-        finest_(std::max(input.leaf.level(), level_no_wider(rules_.least))),
-        coarsest_(std::clamp(level_no_wider(input.size), input.leaf.level(), finest_)),
+        finest_(std::max(input.leaf.level(), input.frame.level_no_wider(rules_.least))),
+        coarsest_(std::clamp(input.frame.level_no_wider(input.size), input.leaf.level(), finest_)),
         around_(input.frame.box(input.leaf).expanded(1.001 * input.frame.side(coarsest_))),
         curvatures_(triangles_, StopPoll(stop)) {}
 
@@ -284,12 +286,6 @@ class LeafMeasure {
   }
 
  private:
-  int level_no_wider(double side) const {
-    int level = 0;
-    while (level < MortonKey::kMaxLevel && input_.frame.side(level) > side) ++level;
-    return level;
-  }
-
   void note(MortonKey node, double size) {
     if (size < input_.size && input_.leaf.is_ancestor_or_self_of(node))
       found_.push_back({node, static_cast<float>(std::max(size, rules_.least))});
@@ -297,7 +293,8 @@ class LeafMeasure {
   void note(const Point& p, double size) {
     size = std::max(size, rules_.least);
     if (size < input_.size && input_.frame.contains(p))
-      note(input_.frame.key_of(p, std::max(level_no_wider(size), input_.leaf.level())), size);
+      note(input_.frame.key_of(p, std::max(input_.frame.level_no_wider(size), input_.leaf.level())),
+           size);
   }
 
   // -- Curvature and deviation
@@ -511,6 +508,8 @@ double measure_reach(const SizeRules& rules, double size) {
 
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop) {
   if (input.surface.triangles.empty()) return {};
+  if (input.rules.layers == 0)
+    return LeafMeasure(input, input.surface.triangles, nullptr, stop).run();
   const SurfacePatch surface(std::move(input.surface), stop);
   return LeafMeasure(input, surface.triangles(), &surface, stop).run();
 }

@@ -16,13 +16,7 @@ struct SizeRules {        // each 0: none
   double deviation = 0;   // how far the boundary may be from the surface: a length
   double layers = 0;      // of cells across thin parts
   double least = 0;       // no smaller size is asked for. Above 0 if any is given
-
-  bool is_empty() const { return per_circle == 0 && deviation == 0 && layers == 0; }
-  friend bool operator==(const SizeRules&, const SizeRules&) = default;
 };
-
-// Edges that turn by more are creases, and no part of a curved sheet. In degrees.
-inline constexpr double kCreaseAngle = 40;
 
 // How far from a leaf the surface matters to what is measured in it. `size`: λ
 double measure_reach(const SizeRules& rules, double size);

@@ -39,6 +39,14 @@ double take_factor(std::string_view& text) {
   return factor;
 }
 
+// `what`: it is, and what is to be given instead
+double parse_within(const std::string& text, double low, double high, const char* what) {
+  const auto value = parse_number<double>(text);
+  if (!value || !(*value >= low && *value <= high))
+    throw std::invalid_argument(fmt::format("'{}' is no {} from {} to {}", text, what, low, high));
+  return *value;
+}
+
 }  // namespace
 
 SizeSpec parse_size(const std::string& text) {
@@ -55,27 +63,15 @@ SizeSpec parse_size(const std::string& text) {
 }
 
 double parse_growth(const std::string& text) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value >= 0 && *value <= kMostGrowth))
-    throw std::invalid_argument(
-        fmt::format("'{}' is no growth: give a number from 0 to {}", text, kMostGrowth));
-  return *value;
+  return parse_within(text, 0, kMostGrowth, "growth: give a number");
 }
 
 double parse_number_of_edges(const std::string& text) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value >= 3 && *value <= 1000))
-    throw std::invalid_argument(
-        fmt::format("'{}' is no number of edges per circle: give one from 3 to 1000", text));
-  return *value;
+  return parse_within(text, 3, 1000, "number of edges per circle: give one");
 }
 
 double parse_layers(const std::string& text) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value >= 1 && *value <= 20))
-    throw std::invalid_argument(
-        fmt::format("'{}' is no number of layers: give one from 1 to 20", text));
-  return *value;
+  return parse_within(text, 1, 20, "number of layers: give one");
 }
 
 std::uint64_t parse_count(const std::string& text) {

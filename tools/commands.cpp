@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <functional>
 #include <optional>
 #include <string_view>
@@ -26,6 +23,7 @@
 #include "engine/plan/run_setup.h"
 #include "engine/run/visit_error.h"
 #include "engine/shared/memory_budget.h"
+#include "engine/shared/scratch_directory.h"
 #include "engine/shared/stop_source.h"
 #include "engine/shared/workers.h"
 #include "tools/arguments.h"
@@ -67,31 +65,43 @@ ProgressStyle progress_style(const auto& command) {
   return command.is_json ? ProgressStyle::kJson : ProgressStyle::kText;
 }
 
-// Says which run begins or goes on, and what it will take.
-void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& line) {
+// What a run will take, with which the line reckons from here on.
+struct Expected {
+  int num_threads;
+  RunEstimate estimate;
+};
+Expected expected(const RunRecord& run, const RunControl& control, ProgressLine& line) {
   const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
   const RunEstimate estimate = estimate_run(run, control.output_options, num_threads);
   line.expect(estimate, !control.output.empty());
+  return {num_threads, estimate};
+}
+
+// Says which run begins or goes on, and what it will take.
+void tell_run(const RunRecord& run, const RunControl& control, ProgressLine& line) {
+  const Expected known = expected(run, control, line);
   const bool begins = run.phase == Phase::kIngest;
   const auto json = [&] {
     return Json{{"begins", begins},
                 {"phase", phase_name(run.phase)},
-                {"num_threads", num_threads},
-                {"estimate", to_json(estimate)}};
+                {"num_threads", known.num_threads},
+                {"estimate", to_json(known.estimate)}};
   };
   line.tell("run", json,
-            begins ? brief_estimate_text(estimate, num_threads)
+            begins ? brief_estimate_text(known.estimate, known.num_threads)
                    : fmt::format("goes on with the run in its store, in phase {}",
                                  phase_name(run.phase)));
 }
 
 // What it will take, once its sizes tell.
 void tell_sizes(const RunRecord& run, const RunControl& control, ProgressLine& line) {
-  const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
-  const RunEstimate estimate = estimate_run(run, control.output_options, num_threads);
-  line.expect(estimate, !control.output.empty());
-  const auto json = [&] { return Json{{"estimate", to_json(estimate)}}; };
-  line.tell("sizes", json, "sizes are known: " + brief_estimate_text(estimate, num_threads));
+  const Expected known = expected(run, control, line);
+  line.tell(
+      "sizes",
+      [&] {
+        return Json{{"estimate", to_json(known.estimate)}};
+      },
+      "sizes are known: " + brief_estimate_text(known.estimate, known.num_threads));
 }
 
 // Under the cap on memory.
@@ -497,29 +507,6 @@ int run_audit(const AuditCommand& command) {
 
 namespace {
 
-// A directory for as long as it is needed.
-class ScratchDirectory {
- public:
-  ScratchDirectory() {
-    std::string name = (std::filesystem::temp_directory_path() / "locvol-info-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr)
-      throw StoreError(fmt::format("no directory can be made in {}: {}",
-                                   std::filesystem::temp_directory_path().string(),
-                                   std::strerror(errno)));
-    path_ = name;
-  }
-  ~ScratchDirectory() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchDirectory(const ScratchDirectory&) = delete;
-  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 // Finds them as `mesh` would, in a store that is then thrown away. `run` gets to know them.
 SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) {
   if (run.parameters.sizes().is_uniform())
@@ -527,7 +514,7 @@ SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) 
         "sizes do not vary: --vtu has nothing to show without --growth, --sizes, "
         "--per-circle, --deviation or --layers");
   if (!command.vtu.empty()) require_writable(command.vtu);
-  const ScratchDirectory scratch;
+  const ScratchDirectory scratch(std::filesystem::temp_directory_path());
   MeshOptions options = command.options;
   options.input = command.surface;
   options.size = {size, false};

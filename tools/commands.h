@@ -82,7 +82,7 @@ struct AuditCommand {
 struct InfoCommand {
   std::filesystem::path surface;
   std::optional<SizeSpec> size;
-  MeshOptions options;  // growth and max_size alone
+  MeshOptions options;  // what sizes depend on alone
   OutputOptions output_options;
   std::filesystem::path vtu;  // for the octree of sizes; empty: none
   bool is_json = false;

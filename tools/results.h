@@ -75,9 +75,9 @@ std::string audit_text(const AuditReport& report);
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
                           std::uint64_t least_memory);
 // The same in one line, without its end.
+std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string sizes_text(const SizeReport& report);
 Json to_json(const SizeReport& report);
-std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);
 
 // Handles' count of a closed surface: the sum over its components.

@@ -18,11 +18,6 @@
 namespace locvol {
 namespace {
 
-double volume_of(const Box& box) {
-  const Point sides = box.max - box.min;
-  return std::max(sides.x, 0.0) * std::max(sides.y, 0.0) * std::max(sides.z, 0.0);
-}
-
 class NodeMaker {
  public:
   using Take = std::function<void(std::span<const SizedNode>)>;
@@ -58,7 +53,7 @@ class NodeMaker {
     const double distance = std::sqrt(voxel.squared_distance(box_));
     const Box root = frame_.root_box();
     if (size + law_.growth * distance >= most_ || !voxel.overlaps(root)) return;
-    const int level = level_no_wider(std::max(0.5 * side_, static_cast<double>(size)));
+    const int level = frame_.level_no_wider(std::max(0.5 * side_, static_cast<double>(size)));
     std::array<std::uint32_t, 3> first{}, last{};
     for (const int axis : {0, 1, 2}) {
       const auto cell = [&](double v) {
@@ -76,11 +71,6 @@ class NodeMaker {
           const SizedNode node{MortonKey::containing(low, level), size};
           if (nodes_.empty() || nodes_.back() != node) nodes_.push_back(node);
         }
-  }
-  int level_no_wider(double side) const {
-    int level = 0;
-    while (level < MortonKey::kMaxLevel && frame_.side(level) > side) ++level;
-    return level;
   }
 
   SizeLaw law_;
@@ -116,7 +106,7 @@ ImageFacts survey_size_image(const std::filesystem::path& file, const Box& box,
       note(size);
       facts.least = std::min(facts.least, size);
       const Box voxel = image.voxel(n % image.num[0], n / image.num[0], k);
-      if (voxel.overlaps(box)) of_volume += volume_of(voxel.common(box)) / std::pow(size, 3);
+      if (voxel.overlaps(box)) of_volume += voxel.common(box).volume() / std::pow(size, 3);
     }
   };
   read_size_image(file, {see_header, see_slice}, stop);

@@ -18,8 +18,6 @@
 namespace locvol {
 namespace {
 
-constexpr std::uint8_t kVtkHexahedron = 12;
-
 class Reporter {
  public:
   Reporter(const Reader& reader, const RunRecord& run, MortonKey leaf)
@@ -151,14 +149,6 @@ class Reporter {
   std::unordered_map<std::uint64_t, CellMesh::Vertex> vertices_;  // asked, never listed
 };
 
-// VTK's order of a hexahedron's corners, as octants.
-constexpr std::array<int, 8> kHexahedron = {0, 1, 3, 2, 4, 5, 7, 6};
-
-Point corner(const Box& box, int octant) {
-  return {octant & 1 ? box.max.x : box.min.x, octant & 2 ? box.max.y : box.min.y,
-          octant & 4 ? box.max.z : box.min.z};
-}
-
 }  // namespace
 
 CountsByKind counts_by_kind(std::span<const MeshPoint> points) {
@@ -176,17 +166,8 @@ std::optional<LeafReport> report_leaf(const Reader& reader, const RunRecord& run
 
 std::uint64_t write_leaves_vtu(std::span<const LeafRow> leaves, const Frame& frame,
                                const std::filesystem::path& file) {
-  VtuGrid grid;
-  grid.num_points = 8 * leaves.size();
-  grid.num_cells = leaves.size();
-  grid.point = [&](std::size_t i) {
-    return corner(frame.box(leaves[i / 8].key), kHexahedron[i % 8]);
-  };
-  grid.cell_type = kVtkHexahedron;
-  grid.vertices_per_cell = 8;
-  grid.vertex = [](std::size_t cell, std::size_t i) {
-    return static_cast<std::int64_t>(8 * cell + i);
-  };
+  VtuGrid grid =
+      grid_of_boxes(leaves.size(), [&](std::size_t i) { return frame.box(leaves[i].key); });
   const auto add = [&](const char* name, auto value) {
     grid.cell_data.push_back(vtu_array(
         name, leaves.size(), [&leaves, value](std::size_t i) { return value(leaves[i]); }));

@@ -25,15 +25,12 @@ void for_each_cube(const Reader& reader, const RunRecord& run, const Visit& visi
   for (const MortonKey leaf : reader.leaf_keys())
     for (const SizeCube& cube : reader.sizes(leaf).cubes) {
       const Box box = run.frame.box(cube.key);
-      const double farthest = std::ranges::max(cube.distance);
-      if (farthest < -0.87 * (box.max.x - box.min.x)) continue;  // outside
+      if (is_outside(cube, box.max.x - box.min.x)) continue;
       const Point center = box.center();
       visit(cube, Cube{cube.key, leaf, size_in(law, cube, box, center),
                        interpolated(cube.distance, box, center) - cube.excess});
     }
 }
-
-constexpr std::uint8_t kVtkVoxel = 11;
 
 }  // namespace
 
@@ -66,19 +63,8 @@ WrittenSizes write_sizes_vtu(const Reader& reader, const std::filesystem::path& 
   const auto run = reader.run();
   if (run)
     for_each_cube(reader, *run, [&](const SizeCube&, const Cube& cube) { cubes.push_back(cube); });
-  VtuGrid grid;
-  grid.num_points = 8 * cubes.size();
-  grid.num_cells = cubes.size();
-  grid.point = [&](std::size_t i) {
-    const Box box = run->frame.box(cubes[i / 8].key);
-    return Point{(i & 1 ? box.max : box.min).x, (i & 2 ? box.max : box.min).y,
-                 (i & 4 ? box.max : box.min).z};
-  };
-  grid.cell_type = kVtkVoxel;
-  grid.vertices_per_cell = 8;
-  grid.vertex = [](std::size_t cell, std::size_t i) {
-    return static_cast<std::int64_t>(8 * cell + i);
-  };
+  VtuGrid grid =
+      grid_of_boxes(cubes.size(), [&](std::size_t i) { return run->frame.box(cubes[i].key); });
   const auto add = [&](const char* name, auto value) {
     grid.cell_data.push_back(
         vtu_array(name, cubes.size(), [&cubes, value](std::size_t i) { return value(cubes[i]); }));

@@ -81,6 +81,26 @@ class GridWriter {
 
 }  // namespace
 
+VtuGrid grid_of_boxes(std::size_t num, const std::function<Box(std::size_t)>& box) {
+  constexpr std::uint8_t kVtkHexahedron = 12;
+  constexpr std::array<int, 8> kOctants = {0, 1, 3, 2, 4, 5, 7, 6};  // VTK's order of corners
+  VtuGrid grid;
+  grid.num_points = 8 * num;
+  grid.num_cells = num;
+  grid.point = [box, kOctants](std::size_t i) {
+    const auto [min, max] = box(i / 8);
+    const int octant = kOctants[i % 8];
+    return Point{octant & 1 ? max.x : min.x, octant & 2 ? max.y : min.y,
+                 octant & 4 ? max.z : min.z};
+  };
+  grid.cell_type = kVtkHexahedron;
+  grid.vertices_per_cell = 8;
+  grid.vertex = [](std::size_t cell, std::size_t i) {
+    return static_cast<std::int64_t>(8 * cell + i);
+  };
+  return grid;
+}
+
 std::uint64_t write_vtu_grid(const VtuGrid& grid, const std::filesystem::path& file) {
   return GridWriter(grid).write(file);
 }

@@ -51,6 +51,9 @@ struct VtuGrid {
   std::vector<VtuArray> point_data, cell_data;
 };
 
+// Of hexahedra, each with corners of its own; without data.
+VtuGrid grid_of_boxes(std::size_t num, const std::function<Box(std::size_t)>& box);
+
 // Returns the file's size. Errors as PartialFile; the file appears only when it is whole.
 std::uint64_t write_vtu_grid(const VtuGrid& grid, const std::filesystem::path& file);
 

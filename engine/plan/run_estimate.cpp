@@ -65,11 +65,6 @@ double graded_cells_of(const SizeLaw& law, double volume, double area) {
   return kGradedCells * area * sum;
 }
 
-double volume_of(const Box& box) {
-  const Point sides = box.max - box.min;
-  return std::max(sides.x, 0.0) * std::max(sides.y, 0.0) * std::max(sides.z, 0.0);
-}
-
 Box box_of(const SizeShape& shape) {
   if (shape.kind == ShapeKind::kBall) return Box::around(shape.a).expanded(shape.radius);
   return Box::around(shape.a).joined(shape.b);
@@ -130,7 +125,7 @@ double RunEstimate::total_seconds() const {
 double estimated_num_cells_at(const SizeShape& shape, const SizeLaw& law, const Box& box) {
   const auto volume_within = [&](double distance) {
     const Box around = box_of(shape).expanded(distance);
-    const double all = volume_of(around), in_box = volume_of(around.common(box));
+    const double all = around.volume(), in_box = around.common(box).volume();
     return all > 0 ? volume_around(shape, distance) * in_box / all : 0;
   };
   const double growth = law.growth > 0 ? law.growth : kDefaultGrowth;
@@ -158,7 +153,7 @@ double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law,
       at_shapes += estimated_num_cells_at(shape, law, surface.box);
     // Shapes are put inside, or across the surface: between all and the domain's share of the box.
     // And all of it has cells no smaller than any.
-    const double share = 0.5 * (1 + std::min(1.0, volume / volume_of(surface.box)));
+    const double share = 0.5 * (1 + std::min(1.0, volume / surface.box.volume()));
     const double most = kGradedCells * volume / std::pow(law.least, 3);
     return graded_cells_of(law, volume, surface.area) + std::min(most, share * at_shapes);
   }

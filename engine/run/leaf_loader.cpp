@@ -119,11 +119,9 @@ LoadedSize LeafLoader::load_size(MortonKey leaf, const FarSurface& far) {
             ? diagonal
             : far.distance(box.center(), std::numeric_limits<double>::max()) + 0.5 * diagonal;
     nodes = nodes_around(leaf, deepest);
-    for (const SizedNode& node : nodes) {
-      const Box at = state_.run().frame.box(node.key);
-      const SizeShape shape{ShapeKind::kBox, node.size, at.min, at.max};
-      most = std::min(most, size_bounds({&shape, 1}, parameters.growth, box).most);
-    }
+    for (const SizedNode& node : nodes)
+      most = std::min(most, node.size + parameters.growth *
+                                            state_.run().frame.box(node.key).most_distance(box));
   }
   const double distance = kExactDistance * most;
   const Box region = box.expanded(distance);

@@ -542,6 +542,23 @@ class GradedEngineTest : public EngineTest {
     options.growth = growth;
     return options;
   }
+  // Of a run with one thread: they are the same with others, and in pieces of so many visits.
+  // `run_of`: with a store of that name
+  Contents expect_same_records(const std::function<MeshOptions(const std::string&)>& run_of,
+                               const std::vector<int>& some_threads, int num_visits) const {
+    const auto one = run_of("one");
+    mesh(one, with_threads(1));
+    Contents expected = contents_of(one.store);
+    for (const int num_threads : some_threads) {
+      const auto run = run_of(std::to_string(num_threads));
+      mesh(run, with_threads(num_threads));
+      EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_threads << " threads";
+    }
+    const auto pieces = run_of("pieces");
+    mesh_in_pieces(pieces, num_visits);
+    EXPECT_TRUE(are_equal(contents_of(pieces.store), expected));
+    return expected;
+  }
 };
 
 // The audit asks the size where each cell's circumcenter is, by other code.
@@ -618,14 +635,7 @@ TEST_F(GradedEngineTest, ShapesGiveTheSameRecordsWithAnyThreadsAndInterruptions)
                   {{ShapeKind::kSegment, 0.05, {-1, 0, 0.4}, {-1.4, 0, 0}}, false, "a line"}};
     return run;
   };
-  mesh(with_shapes("one"), with_threads(1));
-  const Contents expected = contents_of(scratch_ / "one");
-  EXPECT_GT(expected.leaves.size(), 30U);
-  mesh(with_shapes("three"), with_threads(3));
-  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
-  const auto run = with_shapes("pieces");
-  mesh_in_pieces(run, 23);
-  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  EXPECT_GT(expect_same_records(with_shapes, {3}, 23).leaves.size(), 30U);
 }
 
 // By curvature, deviation and thickness.
@@ -682,14 +692,7 @@ TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterru
     run.layers = 3;
     return run;
   };
-  mesh(measured("one"), with_threads(1));
-  const Contents expected = contents_of(scratch_ / "one");
-  EXPECT_GT(expected.leaves.size(), 30U);
-  mesh(measured("three"), with_threads(3));
-  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
-  const auto run = measured("pieces");
-  mesh_in_pieces(run, 23);
-  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  EXPECT_GT(expect_same_records(measured, {3}, 23).leaves.size(), 30U);
 }
 
 // Voxels of point data on a grid 0.25 apart: small at one side of the ball, in voxels out of it as
@@ -716,14 +719,13 @@ TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
     run.size_image = image;
     return run;
   };
-  const RunSummary summary = mesh(of_image("one"), with_threads(1));
-  const Contents expected = contents_of(scratch_ / "one");
+  const Contents expected = expect_same_records(of_image, {3}, 23);
   const AuditReport report = audit(Store::open(scratch_ / "one", {.read_only = true}));
   EXPECT_TRUE(report.is_valid());
   EXPECT_EQ(report.num_poor_cells, 0U);
   EXPECT_EQ(boundary_of(expected).euler_characteristic, 2);
   const auto uniform = mesh(options("uniform", 0.25, 300)).run.counts.num_cells;
-  EXPECT_GT(summary.run.counts.num_cells, 8 * uniform);
+  EXPECT_GT(expected.run.counts.num_cells, 8 * uniform);
   std::vector<SizeCube> cubes;
   for (const auto& [key, leaf] : expected.leaves)
     cubes.insert(cubes.end(), leaf.sizes.cubes.begin(), leaf.sizes.cubes.end());
@@ -739,11 +741,6 @@ TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
     EXPECT_GT(size, 0.9 * size_of({std::min(p.x + 0.5, 1.0), p.y, p.z}));
   }
 
-  mesh(of_image("three"), with_threads(3));
-  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
-  const auto run = of_image("pieces");
-  mesh_in_pieces(run, 23);
-  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
   auto all = of_image("all");
   all.per_circle = 30, all.layers = 2;
   mesh(all);
@@ -810,17 +807,8 @@ TEST_F(GradedEngineTest, SharpAndThinPartsKeepTheirTopology) {
 
 TEST_F(GradedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
   write(torus(1, 0.4, 48, 24));
-  mesh(graded("one", 0.1, 100), with_threads(1));
-  const Contents expected = contents_of(scratch_ / "one");
-  EXPECT_GT(expected.leaves.size(), 8U);
-  for (const int num_threads : {2, 5}) {
-    const std::string name = std::to_string(num_threads);
-    mesh(graded(name, 0.1, 100), with_threads(num_threads));
-    EXPECT_TRUE(are_equal(contents_of(scratch_ / name), expected)) << name << " threads";
-  }
-  const auto run = graded("pieces", 0.1, 100);
-  mesh_in_pieces(run, 17);
-  EXPECT_TRUE(are_equal(contents_of(run.store), expected));
+  const auto run_of = [&](const std::string& name) { return graded(name, 0.1, 100); };
+  EXPECT_GT(expect_same_records(run_of, {2, 5}, 17).leaves.size(), 8U);
 }
 
 TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {

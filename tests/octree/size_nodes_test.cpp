@@ -5,28 +5,23 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
+
+#include "tests/octree/random_places.h"
 
 namespace locvol {
 namespace {
 
-const Frame kFrame({-4, -4, -4}, 0x1p-18);  // a root of side 8
 constexpr double kGrowth = 0.2;
 
-class SizeNodesTest : public testing::Test {
+class SizeNodesTest : public testing::Test, protected RandomPlaces {
  protected:
-  double uniform(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random_);
-  }
-  Point point(const Box& box) {
-    return {uniform(box.min.x, box.max.x), uniform(box.min.y, box.max.y),
-            uniform(box.min.z, box.max.z)};
-  }
+  SizeNodesTest() : RandomPlaces(5) {}
+
   // Of levels from 2 to 8: many lie in others.
   std::vector<SizedNode> nodes(int num) {
     std::vector<SizedNode> some;
     for (; num > 0; --num)
-      some.push_back({kFrame.key_of(point({{-3, -3, -3}, {1, 3, 3}}), int(2 + random_() % 7)),
+      some.push_back({kFrame.key_of(point({{-3, -3, -3}, {1, 3, 3}}), int(2 + bits() % 7)),
                       static_cast<float>(std::exp(uniform(-4, 0)))});
     unite(some);
     return some;
@@ -38,8 +33,6 @@ class SizeNodesTest : public testing::Test {
                                   kGrowth * std::sqrt(kFrame.box(n.key).squared_distance(p)));
     return least;
   }
-
-  std::mt19937_64 random_{5};
 };
 
 TEST_F(SizeNodesTest, UnitedNodesKeepTheLeastOfTheirSizes) {

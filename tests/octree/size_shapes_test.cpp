@@ -4,25 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
+
+#include "tests/octree/random_places.h"
 
 namespace locvol {
 namespace {
 
-const Frame kFrame({-4, -4, -4}, 0x1p-18);  // a root of side 8
-
-class SizeShapes : public testing::Test {
+class SizeShapes : public testing::Test, protected RandomPlaces {
  protected:
-  double uniform(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(random_);
-  }
-  Point point(const Box& box) {
-    return {uniform(box.min.x, box.max.x), uniform(box.min.y, box.max.y),
-            uniform(box.min.z, box.max.z)};
-  }
+  SizeShapes() : RandomPlaces(11) {}
+
   SizeShape shape() {
     const Point a = point(kFrame.root_box()), b = point(kFrame.root_box());
-    const auto kind = static_cast<ShapeKind>(random_() % 3);
+    const auto kind = static_cast<ShapeKind>(bits() % 3);
     const double size = uniform(0.01, 0.5);
     if (kind == ShapeKind::kBall) return {kind, size, a, {}, uniform(0, 1)};
     if (kind == ShapeKind::kSegment) return {kind, size, a, b};
@@ -34,8 +28,6 @@ class SizeShapes : public testing::Test {
     while (num-- > 0) some.push_back(shape());
     return some;
   }
-
-  std::mt19937_64 random_{11};
 };
 
 TEST_F(SizeShapes, DistancesOfClosedForm) {
@@ -71,8 +63,7 @@ TEST_F(SizeShapes, ThoseOfANodeAreAllThatMatterInIt) {
   ShapesOfNodes of_nodes(some, 0.2, kFrame);
   std::size_t most = 0;
   for (int n = 0; n < 300; ++n) {
-    const MortonKey node =
-        kFrame.key_of(point(kFrame.root_box()), static_cast<int>(random_() % 12));
+    const MortonKey node = kFrame.key_of(point(kFrame.root_box()), static_cast<int>(bits() % 12));
     const auto near = of_nodes.in(node);
     if (node.level() > 8) most = std::max(most, near.size());
     for (int i = 0; i < 20; ++i) {

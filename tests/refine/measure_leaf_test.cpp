@@ -10,12 +10,12 @@
 #include "octree/octree.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"
+#include "tests/refine/surface_pieces.h"
 
 namespace locvol {
 namespace {
 
 using namespace shapes;
-using brute_force::is_inside;
 
 constexpr double kPi = std::numbers::pi;
 
@@ -32,14 +32,8 @@ class Part {
     std::vector<SizedNode> all;
     for (const MortonKey leaf : octree_.leaves()) {
       const Box region = frame_.box(leaf).expanded(measure_reach(rules, size_));
-      SurfacePiece piece{.triangles = {},
-                         .region = region,
-                         .reference = region.center(),
-                         .is_reference_inside = is_inside(region.center(), mesh_)};
-      std::ranges::copy_if(mesh_, std::back_inserter(piece.triangles),
-                           [&](const Triangle& t) { return t.box().overlaps(region); });
       const std::vector<SizedNode> some =
-          measure_leaf({rules, size_, frame_, leaf, std::move(piece)});
+          measure_leaf({rules, size_, frame_, leaf, piece_around(region, mesh_)});
       for (const SizedNode& node : some) {
         EXPECT_TRUE(leaf.is_ancestor_or_self_of(node.key));
         EXPECT_LT(node.size, size_);

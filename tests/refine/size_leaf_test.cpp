@@ -9,6 +9,7 @@
 #include "octree/octree.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"
+#include "tests/refine/surface_pieces.h"
 
 namespace locvol {
 namespace {
@@ -40,13 +41,8 @@ class World {
   std::vector<SizeCube> sizes(MortonKey leaf) const {
     const double exact_distance = kExactDistance * law_.surface;
     const Box region = frame_.box(leaf).expanded(exact_distance);
-    SurfacePiece piece{.triangles = {},
-                       .region = region,
-                       .reference = region.center(),
-                       .is_reference_inside = is_inside(region.center(), mesh_)};
-    std::ranges::copy_if(mesh_, std::back_inserter(piece.triangles),
-                         [&](const Triangle& t) { return t.box().overlaps(region); });
-    return size_leaf({law_, exact_distance, frame_, leaf, std::move(piece), shapes_}, far_);
+    return size_leaf({law_, exact_distance, frame_, leaf, piece_around(region, mesh_), shapes_},
+                     far_);
   }
   SizeCubes all() const {
     SizeCubes sizes{law_, frame_, {}};

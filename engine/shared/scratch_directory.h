@@ -1,0 +1,35 @@
+// A directory for the files of one run.
+#pragma once
+
+#include <stdlib.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+namespace locvol {
+
+// A directory of its own, removed at the end. Throws std::system_error if none can be made.
+class ScratchDirectory {
+ public:
+  explicit ScratchDirectory(const std::filesystem::path& parent) {
+    std::string path = (parent / "locvol-XXXXXX").string();
+    if (mkdtemp(path.data()) == nullptr)
+      throw std::system_error(errno, std::generic_category(),
+                              "cannot make a directory for the run in " + parent.string());
+    path_ = path;
+  }
+  ScratchDirectory(const ScratchDirectory&) = delete;
+  ScratchDirectory& operator=(const ScratchDirectory&) = delete;
+  ~ScratchDirectory() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace locvol
