@@ -244,6 +244,18 @@ Distribution distribution(const Histogram& histogram) {
   return {histogram.edges, histogram.counts};
 }
 
+Distribution by_octave(const std::map<int, std::uint64_t>& num_cells) {
+  Distribution result;
+  if (num_cells.empty()) return result;
+  const int first = num_cells.begin()->first, last = num_cells.rbegin()->first;
+  for (int octave = first; octave <= last + 1; ++octave)
+    result.edges.push_back(std::ldexp(1.0, octave));
+  result.counts.resize(static_cast<std::size_t>(last - first) + 1);
+  for (const auto& [octave, num] : num_cells)
+    result.counts[static_cast<std::size_t>(octave - first)] = num;
+  return result;
+}
+
 Statistics statistics_of(const MeshStatistics& mesh, double size) {
   return {.volume = mesh.volume,
           .min_dihedral_degrees = mesh.min_dihedral_degrees,
@@ -251,9 +263,13 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
           .num_poor_cells = mesh.num_poor_cells,
           .max_radius_edge_ratio = mesh.max_radius_edge_ratio,
           .max_circumradius = mesh.max_circumradius * size,
+          .max_circumradius_over_size = mesh.max_radius_over_size,
+          .max_ratio_of_neighbors = mesh.max_neighbor_ratio,
           .dihedral_angles = distribution(mesh.dihedral_angles),
           .min_dihedral_angles = distribution(mesh.min_dihedral_angles),
-          .radius_edge_ratios = distribution(mesh.radius_edge_ratios)};
+          .radius_edge_ratios = distribution(mesh.radius_edge_ratios),
+          .circumradii_over_size = distribution(mesh.radii_over_size),
+          .cells_by_size = by_octave(mesh.num_cells_by_octave)};
 }
 
 Summary summary_of(const RunSummary& run) {

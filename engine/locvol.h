@@ -288,15 +288,25 @@ struct Distribution {
 /// What the cells of a mesh are like. Angles are in degrees. A cell has six dihedral angles; its
 /// radius-edge ratio is its circumradius over its shortest edge, 0.612 if it is regular.
 struct Statistics {
-  double volume = 0;                      ///< Of all cells.
-  double min_dihedral_degrees = 0;        ///< The smallest angle of all.
-  double max_dihedral_degrees = 0;        ///< The largest angle of all.
-  std::uint64_t num_poor_cells = 0;       ///< See Mesh::poor_cells(). Normally 0.
-  double max_radius_edge_ratio = 0;       ///< At most 2 where no place is unresolved.
-  double max_circumradius = 0;            ///< A length: below λ where no place is unresolved.
-  Distribution dihedral_angles = {};      ///< All angles, six a cell; in steps of two degrees.
-  Distribution min_dihedral_angles = {};  ///< The smallest angle of each cell.
-  Distribution radius_edge_ratios = {};   ///< One a cell, in steps of 0.05.
+  double volume = 0;                 ///< Of all cells.
+  double min_dihedral_degrees = 0;   ///< The smallest angle of all.
+  double max_dihedral_degrees = 0;   ///< The largest angle of all.
+  std::uint64_t num_poor_cells = 0;  ///< See Mesh::poor_cells(). Normally 0.
+  double max_radius_edge_ratio = 0;  ///< At most 2 where no place is unresolved.
+  double max_circumradius = 0;       ///< A length: below λ where no place is unresolved.
+  /// Of a cell, its circumradius over the size at its circumcenter: below 1 where no place is
+  /// unresolved. Where sizes do not vary, that size is λ.
+  double max_circumradius_over_size = 0;
+  /// The circumradii of two cells that share a facet, the larger over the smaller. 0 where sizes do
+  /// not vary.
+  double max_ratio_of_neighbors = 0;
+  Distribution dihedral_angles = {};        ///< All angles, six a cell; in steps of two degrees.
+  Distribution min_dihedral_angles = {};    ///< The smallest angle of each cell.
+  Distribution radius_edge_ratios = {};     ///< One a cell, in steps of 0.05.
+  Distribution circumradii_over_size = {};  ///< One a cell, in steps of 0.05, up to 1.
+  /// Of the size at their circumcenters, a length: edges are powers of two, from the least that
+  /// there are cells of.
+  Distribution cells_by_size = {};
 };
 
 /// Some facets of the mesh's boundary, each of which is in one cell only. Spans are valid until the

@@ -372,14 +372,14 @@ void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh&
     json.update(to_json(run));
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
-    if (statistics) json["statistics"] = to_json(*statistics);
+    if (statistics) json["statistics"] = to_json(*statistics, run.run);
     if (written) json["written"] = written_json(command.control.output, format, *written);
     print_json(json);
   } else {
     fmt::print("{}{}", summary_text(run), line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
     if (written) fmt::print("{}", written_text(command.control.output, format, *written));
-    if (statistics) fmt::print("{}", statistics_text(*statistics, run.run.surface));
+    if (statistics) fmt::print("{}", statistics_text(*statistics, run.run));
   }
 }
 

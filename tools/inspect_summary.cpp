@@ -201,7 +201,7 @@ Json to_json(const Summary& summary) {
   if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
   json["databases"] = Json::array();
   for (const auto& database : summary.databases) json["databases"].push_back(to_json(database));
-  if (summary.statistics) json["statistics"] = to_json(*summary.statistics);
+  if (summary.statistics) json["statistics"] = to_json(*summary.statistics, summary.run->run);
   json["faults"] = to_json(summary.faults);
   return json;
 }
@@ -304,7 +304,7 @@ void print(const Summary& summary) {
   if (summary.memory) print_memory(*summary.memory);
   print_databases(summary);
   if (summary.statistics)
-    fmt::print("\n{}", statistics_text(*summary.statistics, summary.run->run.surface));
+    fmt::print("\n{}", statistics_text(*summary.statistics, summary.run->run));
   print_sites(summary);
   print_poor_cells(summary);
   if (!summary.faults.empty()) fmt::print("\n");

@@ -87,6 +87,49 @@ std::vector<std::string> ratio_lines(const Histogram& ratios) {
   }));
 }
 
+std::vector<std::string> radius_lines(const Histogram& radii) {
+  std::vector<double> edges;
+  for (std::size_t i = 0; i < radii.edges.size(); i += 2) edges.push_back(radii.edges[i]);
+  return lines_of(bars_of(radii, edges, [](double low, double high) {
+    return fmt::format("{:.1f}-{:.1f}", low, high);
+  }));
+}
+
+std::vector<std::string> octave_lines(const std::map<int, std::uint64_t>& num_cells_by_octave) {
+  std::vector<Bar> bars;
+  for (const auto& [octave, num_cells] : num_cells_by_octave)
+    bars.push_back({fmt::format("{:.3g}-", std::ldexp(1.0, octave)), num_cells});
+  return lines_of(bars);
+}
+
+// Under their titles, side by side.
+std::string columns_text(const std::string& left_title, const std::string& right_title,
+                         const std::vector<std::string>& left,
+                         const std::vector<std::string>& right) {
+  std::string text = fmt::format("\n{:<33} {}\n", left_title, right_title);
+  for (std::size_t i = 0; i < std::max(left.size(), right.size()); ++i) {
+    std::string line =
+        fmt::format("{:<34}{}", i < left.size() ? left[i] : "", i < right.size() ? right[i] : "");
+    line.erase(line.find_last_not_of(' ') + 1);
+    text += line + "\n";
+  }
+  return text;
+}
+
+// Of a run whose sizes vary.
+std::string size_statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
+  const double num_uniform = num_uniform_cells(run);
+  return row("uniform", "{} cells if all were of size λ, {:.3g} times as many",
+             count_text(num_uniform), num_uniform / static_cast<double>(statistics.num_cells)) +
+         row("neighbors", "circumradii at most {:.3g} times each other's",
+             statistics.max_neighbor_ratio) +
+         columns_text("cells by size at their center",
+                      fmt::format("circumradius over that size, at most {:.6g}",
+                                  statistics.max_radius_over_size),
+                      octave_lines(statistics.num_cells_by_octave),
+                      radius_lines(statistics.radii_over_size));
+}
+
 std::string disk_text(double bytes) {
   return bytes < 9e18 ? bytes_text(static_cast<std::uint64_t>(bytes)) : "more than any disk";
 }
@@ -354,30 +397,26 @@ std::string audit_text(const AuditReport& report) {
          fmt::format("manifold; guarantee open at {}\n", plural(report.num_unresolved, "site"));
 }
 
-std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input) {
-  std::string text =
-      row("volume", "{:.6g}, {:+.2g}% of the input's {:.6g}", statistics.volume,
-          100 * (statistics.volume - input.volume) / input.volume, input.volume) +
-      row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
-          statistics.num_core_cells, statistics.max_circumradius) +
-      (statistics.min_dihedral_bound > 0
-           ? row("poor cells", "{}, with a dihedral angle below {}°", statistics.num_poor_cells,
-                 statistics.min_dihedral_bound)
-           : "") +
-      fmt::format(
-          "\n{:<33} {}\n",
-          fmt::format("dihedral angles {:.2f}° to {:.2f}°", statistics.min_dihedral_degrees,
-                      statistics.max_dihedral_degrees),
-          fmt::format("radius-edge ratios, at most {:.4g}", statistics.max_radius_edge_ratio));
-  const auto angles = angle_lines(statistics.dihedral_angles);
-  const auto ratios = ratio_lines(statistics.radius_edge_ratios);
-  for (std::size_t i = 0; i < std::max(angles.size(), ratios.size()); ++i) {
-    std::string line = fmt::format("{:<34}{}", i < angles.size() ? angles[i] : "",
-                                   i < ratios.size() ? ratios[i] : "");
-    line.erase(line.find_last_not_of(' ') + 1);
-    text += line + "\n";
-  }
-  return text;
+double num_uniform_cells(const RunRecord& run) {
+  return estimated_num_cells(run.surface, {.surface = run.parameters.size});
+}
+
+std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
+  const double volume = run.surface.volume;
+  return row("volume", "{:.6g}, {:+.2g}% of the input's {:.6g}", statistics.volume,
+             100 * (statistics.volume - volume) / volume, volume) +
+         row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
+             statistics.num_core_cells, statistics.max_circumradius) +
+         (statistics.min_dihedral_bound > 0
+              ? row("poor cells", "{}, with a dihedral angle below {}°", statistics.num_poor_cells,
+                    statistics.min_dihedral_bound)
+              : "") +
+         (run.parameters.sizes().is_uniform() ? "" : size_statistics_text(statistics, run)) +
+         columns_text(
+             fmt::format("dihedral angles {:.2f}° to {:.2f}°", statistics.min_dihedral_degrees,
+                         statistics.max_dihedral_degrees),
+             fmt::format("radius-edge ratios, at most {:.4g}", statistics.max_radius_edge_ratio),
+             angle_lines(statistics.dihedral_angles), ratio_lines(statistics.radius_edge_ratios));
 }
 
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
@@ -560,19 +599,28 @@ Json to_json(const WriteSummary& summary) {
           {"bytes", summary.bytes}};
 }
 
-Json to_json(const MeshStatistics& statistics) {
-  return {{"num_cells", statistics.num_cells},
-          {"num_core_cells", statistics.num_core_cells},
-          {"volume", statistics.volume},
-          {"min_dihedral_degrees", statistics.min_dihedral_degrees},
-          {"max_dihedral_degrees", statistics.max_dihedral_degrees},
-          {"min_dihedral_bound", statistics.min_dihedral_bound},
-          {"num_poor_cells", statistics.num_poor_cells},
-          {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
-          {"max_circumradius_over_size", statistics.max_circumradius},
-          {"dihedral_angles", to_json(statistics.dihedral_angles)},
-          {"min_dihedral_angles", to_json(statistics.min_dihedral_angles)},
-          {"radius_edge_ratios", to_json(statistics.radius_edge_ratios)}};
+Json to_json(const MeshStatistics& statistics, const RunRecord& run) {
+  Json json = {{"num_cells", statistics.num_cells},
+               {"num_core_cells", statistics.num_core_cells},
+               {"volume", statistics.volume},
+               {"min_dihedral_degrees", statistics.min_dihedral_degrees},
+               {"max_dihedral_degrees", statistics.max_dihedral_degrees},
+               {"min_dihedral_bound", statistics.min_dihedral_bound},
+               {"num_poor_cells", statistics.num_poor_cells},
+               {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
+               {"max_circumradius", statistics.max_circumradius * run.parameters.size},
+               {"max_circumradius_over_size", statistics.max_radius_over_size},
+               {"dihedral_angles", to_json(statistics.dihedral_angles)},
+               {"min_dihedral_angles", to_json(statistics.min_dihedral_angles)},
+               {"radius_edge_ratios", to_json(statistics.radius_edge_ratios)},
+               {"circumradii_over_size", to_json(statistics.radii_over_size)}};
+  if (run.parameters.sizes().is_uniform()) return json;
+  json["max_ratio_of_neighbors"] = statistics.max_neighbor_ratio;
+  json["estimated_uniform_cells"] = num_uniform_cells(run);
+  json["octaves"] = Json::array();
+  for (const auto& [octave, num_cells] : statistics.num_cells_by_octave)
+    json["octaves"].push_back({{"least", std::ldexp(1.0, octave)}, {"num_cells", num_cells}});
+  return json;
 }
 
 Json to_json(const RunEstimate& estimate) {

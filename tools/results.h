@@ -43,7 +43,7 @@ Json to_json(const DatabaseSize& size);
 Json to_json(const RunSummary& summary);
 Json to_json(const WriteSummary& summary);
 Json to_json(const AuditReport& report);
-Json to_json(const MeshStatistics& statistics);
+Json to_json(const MeshStatistics& statistics, const RunRecord& run);
 Json to_json(const RunEstimate& estimate);
 Json insertions_json(std::span<const std::uint64_t> num_insertions);  // by condition, from C1
 
@@ -78,7 +78,10 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string sizes_text(const SizeReport& report);
 Json to_json(const SizeReport& report);
-std::string statistics_text(const MeshStatistics& statistics, const SurfaceFacts& input);
+// `run`: whose mesh it is.
+std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run);
+// Estimated, of a run like this one but for its sizes: λ everywhere.
+double num_uniform_cells(const RunRecord& run);
 
 // Handles' count of a closed surface: the sum over its components.
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);

@@ -15,7 +15,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kNumAngleBins = 91, kNumRatioBins = 29;
+constexpr std::size_t kNumAngleBins = 91, kNumRatioBins = 29, kNumRadiusBins = 20;
 constexpr double kFirstRatio = 0.6, kRatioStep = 0.05;
 // Of six times the volume, squared, over that of a box with the same edges at the first corner.
 // Below that, a radius would show the rounding of a volume.
@@ -40,6 +40,13 @@ Histogram ratio_histogram() {
   for (std::size_t i = 0; i <= kNumRatioBins; ++i)
     ratios.edges.push_back(static_cast<double>(12 + i) / 20);
   return ratios;
+}
+
+Histogram radius_histogram() {
+  Histogram radii{{}, std::vector<std::uint64_t>(kNumRadiusBins)};
+  for (std::size_t i = 0; i <= kNumRadiusBins; ++i)
+    radii.edges.push_back(static_cast<double>(i) / kNumRadiusBins);
+  return radii;
 }
 
 // Finds the bin of an angle from its cosine, without branches.
@@ -121,6 +128,7 @@ Vectors edges_to(std::size_t k, std::span<const CellGauge::Corners> cells, doubl
 struct CellGauge::Measures {
   Lanes six_volumes, radius, ratio;
   Lanes is_flat_below;                 // six volumes, squared
+  Vectors to_center;                   // of the circumball, from the first corner
   std::array<Lanes, 6> minus_cosines;  // of dihedral angles
 };
 
@@ -142,6 +150,7 @@ CellGauge::Measures CellGauge::measures_of(std::span<const Corners> cells, doubl
       least(least(least(a2, b2), c2),
             least(least(squared_length(a - b), squared_length(b - c)), squared_length(c - a)));
   m.is_flat_below = kNearlyFlat * a2 * b2 * c2;
+  m.to_center = 1 / (2 * m.six_volumes) * (a2 * bc + b2 * ca + c2 * ab);
   m.radius = root(squared_length(a2 * bc + b2 * ca + c2 * ab)) / (2 * m.six_volumes);
   m.radius = m.radius < 0 ? -m.radius : m.radius;
   m.ratio = m.radius / root(shortest2);
@@ -155,9 +164,10 @@ CellGauge::CellGauge(double size, double min_dihedral)
   counted_.min_dihedral_bound = min_dihedral;
 }
 
-void CellGauge::add(std::span<const Corners> cells) {
+CellGauge::Radii CellGauge::add(std::span<const Corners> cells, const SizeField* sizes) {
   assert(cells.size() <= kAtOnce);
-  if (cells.empty()) return;
+  Radii radii{};
+  if (cells.empty()) return radii;
   const Measures m = measures_of(cells, 1 / size_);
   counted_.num_cells += cells.size();
   for (std::size_t lane = 0; lane < cells.size(); ++lane) {
@@ -169,15 +179,23 @@ void CellGauge::add(std::span<const Corners> cells) {
       cosines[i] = minus_cosine >= -1 ? -minus_cosine : 1;  // 1 for a facet without area
     }
     add_angles(cosines);
-    if (six_volumes * six_volumes > m.is_flat_below[lane]) {
-      add_radius(m.radius[lane], m.ratio[lane]);
-      continue;
+    const bool is_flat = !(six_volumes * six_volumes > m.is_flat_below[lane]);
+    double ratio = m.ratio[lane];
+    radii[lane] = m.radius[lane];
+    if (is_flat) {
+      Corners corners = cells[lane];
+      for (Point& corner : corners) corner = 1 / size_ * (corner - cells[lane][0]);
+      const CellQuality quality = quality_of(corners);
+      radii[lane] = quality.circumradius;
+      ratio = quality.radius_edge_ratio;
     }
-    Corners corners = cells[lane];
-    for (Point& corner : corners) corner = 1 / size_ * (corner - cells[lane][0]);
-    const CellQuality quality = quality_of(corners);
-    add_radius(quality.circumradius, quality.radius_edge_ratio);
+    add_radius(radii[lane], ratio);
+    const Point to_center{m.to_center.x[lane], m.to_center.y[lane], m.to_center.z[lane]};
+    const Point& corner = cells[lane][0];
+    add_radius_over_size(radii[lane],
+                         sizes ? sizes->at(is_flat ? corner : corner + size_ * to_center) : size_);
   }
+  return radii;
 }
 
 void CellGauge::add_angles(const std::array<double, 6>& cosines) {
@@ -200,6 +218,16 @@ void CellGauge::add_radius(double radius, double ratio) {
   ++counted_.radius_edge_ratios.counts[ratio_bin(ratio, counted_.radius_edge_ratios.edges)];
 }
 
+// `size`: h
+void CellGauge::add_radius_over_size(double radius, double size, std::uint64_t num_cells) {
+  const double over_size = radius * size_ / size;
+  constexpr double kLastBin = kNumRadiusBins - 1;
+  const double place = std::clamp(over_size * kNumRadiusBins, 0.0, kLastBin);
+  counted_.radii_over_size.counts[static_cast<std::size_t>(place)] += num_cells;
+  counted_.max_radius_over_size = std::max(counted_.max_radius_over_size, over_size);
+  counted_.num_cells_by_octave[std::ilogb(size)] += num_cells;
+}
+
 // Of spacing 1.75 λ: four dihedral angles of 60 degrees and two of 90.
 void CellGauge::add_core(std::uint64_t num_cells) {
   if (num_cells == 0) return;
@@ -216,6 +244,7 @@ void CellGauge::add_core(std::uint64_t num_cells) {
       num_cells;
   counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
   counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
+  add_radius_over_size(radius, size_, num_cells);
   max_cosine_ = std::max(max_cosine_, 0.5);
   min_cosine_ = std::min(min_cosine_, 0.0);
   const double volume = kLatticeSpacing * kLatticeSpacing * kLatticeSpacing / 12;
@@ -230,12 +259,15 @@ void CellGauge::add(const CellGauge& other) {
   to.num_poor_cells += from.num_poor_cells;
   for (const auto histogram :
        {&MeshStatistics::dihedral_angles, &MeshStatistics::min_dihedral_angles,
-        &MeshStatistics::radius_edge_ratios}) {
+        &MeshStatistics::radius_edge_ratios, &MeshStatistics::radii_over_size}) {
     auto& counts = (to.*histogram).counts;
     std::ranges::transform(counts, (from.*histogram).counts, counts.begin(), std::plus());
   }
   to.max_circumradius = std::max(to.max_circumradius, from.max_circumradius);
   to.max_radius_edge_ratio = std::max(to.max_radius_edge_ratio, from.max_radius_edge_ratio);
+  to.max_radius_over_size = std::max(to.max_radius_over_size, from.max_radius_over_size);
+  for (const auto& [octave, num_cells] : from.num_cells_by_octave)
+    to.num_cells_by_octave[octave] += num_cells;
   volume_.add(other.volume_);
   min_cosine_ = std::min(min_cosine_, other.min_cosine_);
   max_cosine_ = std::max(max_cosine_, other.max_cosine_);
@@ -258,6 +290,7 @@ std::uint64_t Histogram::total() const {
 MeshStatistics::MeshStatistics()
     : dihedral_angles(angle_histogram()),
       min_dihedral_angles(angle_histogram()),
-      radius_edge_ratios(ratio_histogram()) {}
+      radius_edge_ratios(ratio_histogram()),
+      radii_over_size(radius_histogram()) {}
 
 }  // namespace locvol

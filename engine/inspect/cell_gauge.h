@@ -3,11 +3,13 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <span>
 #include <vector>
 
 #include "engine/shared/compensated_sum.h"
 #include "octree/geometry.h"
+#include "octree/size_field.h"
 
 namespace locvol {
 
@@ -29,12 +31,18 @@ struct MeshStatistics {
   double min_dihedral_bound = 0;     // what the run asks for, in degrees; 0: nothing
   std::uint64_t num_poor_cells = 0;  // with a dihedral angle below that
   double max_radius_edge_ratio = 0;
-  double max_circumradius = 0;  // over λ
+  double max_circumradius = 0;      // over λ
+  double max_radius_over_size = 0;  // circumradius over h at the circumcenter
+  // Circumradii of two cells that share a facet, the larger over the smaller. 0: not asked for.
+  double max_neighbor_ratio = 0;
+  // Of h at their circumcenters: from 2 to this power to below twice that.
+  std::map<int, std::uint64_t> num_cells_by_octave;
   // In degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's cells, 60 and
   // 90 degrees, are in the middle of a bin.
   Histogram dihedral_angles;      // six a cell
   Histogram min_dihedral_angles;  // one a cell, its smallest
   Histogram radius_edge_ratios;   // edges at 0.6, 0.65, ..., 2, 2.05
+  Histogram radii_over_size;      // edges at 0, 0.05, ..., 1
 };
 
 // What is known of some cells. Counts and extremes know no order; volumes are added up in the order
@@ -48,8 +56,11 @@ class CellGauge {
   // degrees; cells with an angle below it, but for rounding, are poor.
   explicit CellGauge(double size, double min_dihedral = 0);
 
-  // At most kAtOnce, at little more than the price of one.
-  void add(std::span<const Corners> cells);
+  using Radii = std::array<double, kAtOnce>;
+
+  // At most kAtOnce, at little more than the price of one. `sizes`: h around them; null: λ. Returns
+  // their circumradii, over λ.
+  Radii add(std::span<const Corners> cells, const SizeField* sizes = nullptr);
   // Cells of the lattice core: all congruent, taken by formula.
   void add_core(std::uint64_t num_cells);
   void add(const CellGauge& other);
@@ -63,6 +74,7 @@ class CellGauge {
   static Measures measures_of(std::span<const Corners> cells, double scale);
   void add_angles(const std::array<double, 6>& cosines);
   void add_radius(double radius, double ratio);
+  void add_radius_over_size(double radius, double size, std::uint64_t num_cells = 1);
 
   double size_;
   double poor_cosine_;      // of an angle that is just good enough

@@ -1,21 +1,29 @@
 #include "engine/inspect/mesh_statistics.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 
 #include "engine/inspect/cell_gauge.h"
+#include "engine/inspect/neighbor_ratio.h"
+#include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/idle_pool.h"
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
+#include "octree/size_field.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -25,14 +33,22 @@ constexpr std::size_t kWindowBytes = std::size_t{8} << 20;
 // Of a task, which measures leaf after leaf.
 constexpr std::uint64_t kCellsPerPiece = 40'000;
 
+using CubeList = LeafList<SizeCube>;
+
 // What one thread reads with.
 struct Window {
   Window(const Store& store, const LinearOctree& octree)
-      : snapshot(store.snapshot()), tables(kWindowBytes, [this, &octree](std::size_t leaf) {
-          return PointTable(snapshot.points(octree.leaves()[leaf]));
+      : snapshot(store.snapshot()),
+        tables(kWindowBytes,
+               [this, &octree](std::size_t leaf) {
+                 return PointTable(snapshot.points(octree.leaves()[leaf]));
+               }),
+        cubes(kWindowBytes, [this, &octree](std::size_t leaf) {
+          return CubeList{snapshot.sizes(octree.leaves()[leaf]).cubes};
         }) {}
   const Snapshot snapshot;
   LeafWindow<PointTable> tables;
+  LeafWindow<CubeList> cubes;  // where sizes vary
 };
 
 // A finished run, its cells measured so far, and what for.
@@ -44,12 +60,19 @@ struct Measured {
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
-  bool is_enough = false;  // on_poor wants no more
+  std::optional<NeighborRatio> neighbors;  // where sizes vary, and all is measured
+  bool is_enough = false;                  // on_poor wants no more
   IdlePool<Window> windows;
 };
 
 CellGauge gauge_for(const RunRecord& run) {
   return CellGauge(run.parameters.size, run.parameters.min_dihedral);
+}
+
+// In the store's directory, or if nothing may be written there in that for temporary files.
+std::filesystem::path name_for_lists(const Store& store) {
+  const bool is_writable = ::access(store.directory().c_str(), W_OK) == 0;
+  return (is_writable ? store.directory() : std::filesystem::temp_directory_path()) / "neighbors";
 }
 
 LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge) {
@@ -70,47 +93,81 @@ class Piece : public Task {
   void compute() override {
     std::unique_ptr<Window> window =
         measured_.windows.take([&] { return std::make_unique<Window>(measured_.store, octree_); });
-    for (const std::size_t leaf : leaves_) measure(window->snapshot, leaf, window->tables);
+    for (const std::size_t leaf : leaves_) measure(leaf, *window);
     measured_.windows.put_back(std::move(window));
   }
   void apply() override {
     measured_.all.add(gauge_);
+    if (measured_.neighbors)
+      for (const LeafNeighbors& leaf : neighbors_) measured_.neighbors->add(leaf);
     measured_.on_piece();
     for (const LeafPoorCell& cell : poor_)
       measured_.is_enough = measured_.is_enough || !measured_.on_poor(cell);
   }
 
  private:
-  void measure(const Reader& reader, std::size_t leaf, LeafWindow<PointTable>& tables) {
-    const LeafCells cells = reader.cells(octree_.leaves()[leaf]);
-    const std::vector<Point> positions = positions_of(cells.vertices, leaf, tables);
+  void measure(std::size_t leaf, Window& window) {
+    const MortonKey key = octree_.leaves()[leaf];
+    const LeafCells cells = window.snapshot.cells(key);
+    const std::vector<std::size_t> near = near_leaves(leaf, kCellReach);
+    const std::vector<Point> positions = positions_of(cells.vertices, leaf, near, window.tables);
+    std::optional<SizeField> sizes;
+    if (!law_.is_uniform() && !cells.cells.empty()) sizes = sizes_around(leaf, near, window.cubes);
+    std::vector<double> radii;
     std::array<CellGauge::Corners, CellGauge::kAtOnce> some{};
     std::size_t num = 0;
+    const auto add_some = [&] {
+      const auto these = std::span(some).first(std::exchange(num, 0));
+      const CellGauge::Radii known = add(key, these, sizes ? &*sizes : nullptr);
+      if (measured_.neighbors)
+        radii.insert(radii.end(), known.begin(),
+                     known.begin() + static_cast<std::ptrdiff_t>(these.size()));
+    };
     for (const auto& [a, b, c, d] : cells.cells) {
       some[num++] = {positions[a], positions[b], positions[c], positions[d]};
       for (const std::uint32_t i : {a, b, c, d})
-        if (std::isnan(positions[i].x))
-          throw_unknown_point(cells.vertices[i], octree_.leaves()[leaf]);
-      if (num < some.size()) continue;
-      add(octree_.leaves()[leaf], some);
-      num = 0;
+        if (std::isnan(positions[i].x)) throw_unknown_point(cells.vertices[i], key);
+      if (num == some.size()) add_some();
     }
-    add(octree_.leaves()[leaf], std::span(some).first(num));
+    add_some();
+    if (measured_.neighbors) neighbors_.push_back(leaf_neighbors(cells, radii));
   }
 
-  void add(MortonKey leaf, std::span<const CellGauge::Corners> some) {
+  CellGauge::Radii add(MortonKey leaf, std::span<const CellGauge::Corners> some,
+                       const SizeField* sizes) {
     const std::uint64_t num_poor = gauge_.num_poor_cells();
-    gauge_.add(some);
-    if (!measured_.on_poor || gauge_.num_poor_cells() == num_poor) return;
+    const CellGauge::Radii radii = gauge_.add(some, sizes);
+    if (!measured_.on_poor || gauge_.num_poor_cells() == num_poor) return radii;
     for (const CellGauge::Corners& corners : some) {
       CellGauge one = gauge_for(run_);
       one.add({&corners, 1});
       if (one.num_poor_cells() > 0) poor_.push_back(poor_cell(leaf, corners, one));
     }
+    return radii;
+  }
+
+  // Where the leaf's cells may have their circumcenters.
+  SizeField sizes_around(std::size_t leaf, std::span<const std::size_t> near,
+                         LeafWindow<CubeList>& lists) const {
+    const Box region =
+        run_.frame.box(octree_.leaves()[leaf]).expanded(kCellReach / 2 * measured_.scale.of(leaf));
+    SizeCubes sizes{law_, run_.frame, {}};
+    for (const std::size_t other : near) {
+      const auto theirs = lists.get(other);
+      std::ranges::copy_if(
+          theirs->values, std::back_inserter(sizes.cubes),
+          [&](const SizeCube& cube) { return run_.frame.box(cube.key).overlaps(region); });
+    }
+    return SizeField(sizes);
+  }
+
+  std::vector<std::size_t> near_leaves(std::size_t leaf, double factor) const {
+    return leaves_near(octree_, run_.frame, leaf, factor * measured_.scale.of(leaf));
   }
 
   // NaN where no leaf near has the point.
   std::vector<Point> positions_of(std::span<const std::uint64_t> ids, std::size_t leaf,
+                                  std::span<const std::size_t> near,
                                   LeafWindow<PointTable>& tables) const {
     std::vector<Point> positions(ids.size(), {kUnknown, kUnknown, kUnknown});
     const std::size_t num_sites = num_site_ids(ids);
@@ -127,8 +184,7 @@ class Piece : public Task {
     };
     take_from(leaf);
     if (num_left == 0) return positions;
-    const double reach = kCellReach * measured_.scale.of(leaf);
-    for (const std::size_t other : leaves_near(octree_, run_.frame, leaf, reach))
+    for (const std::size_t other : near)
       if (other != leaf) take_from(other);
     return positions;
   }
@@ -148,8 +204,10 @@ class Piece : public Task {
   const LinearOctree& octree_ = measured_.octree;
   std::vector<std::size_t> leaves_;  // places in Morton order
   Lattice lattice_ = lattice_of(run_);
+  SizeLaw law_ = run_.parameters.sizes();
   CellGauge gauge_ = gauge_for(run_);
-  std::vector<LeafPoorCell> poor_;  // if they are asked for
+  std::vector<LeafNeighbors> neighbors_;  // of each leaf, if they are asked for
+  std::vector<LeafPoorCell> poor_;        // likewise
 };
 
 MeshStatistics measure(const Store& store, int num_threads, const StepProgress& on_step,
@@ -176,22 +234,32 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
                         },
                     .on_poor = std::move(on_poor),
                     .all = gauge_for(run),
+                    .neighbors = {},
                     .is_enough = false,
                     .windows = {}};
+  const bool has_neighbors = !run.parameters.sizes().is_uniform() && !measured.on_poor;
+  if (has_neighbors) measured.neighbors.emplace(name_for_lists(store));
   std::size_t leaf = 0;
   Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
     throw_if_stopped(stop);
     if (measured.is_enough) return nullptr;
     std::vector<std::size_t> leaves;
     for (std::uint64_t num = 0; leaf < num_cells.size() && num < kCellsPerPiece; ++leaf) {
-      if (num_cells[leaf] > 0) leaves.push_back(leaf);
+      if (num_cells[leaf] > 0 || has_neighbors) leaves.push_back(leaf);
       num += num_cells[leaf];
     }
     if (leaves.empty()) return nullptr;
     return std::make_unique<Piece>(measured, std::move(leaves));
   });
   measured.all.add_core(num_core_cells);
-  return measured.all.statistics();
+  MeshStatistics statistics = measured.all.statistics();
+  if (has_neighbors)
+    statistics.max_neighbor_ratio = measured.neighbors->ratio(
+        [&](std::size_t place) {
+          return leaves_near(octree, run.frame, place, 2 * kCellReach * measured.scale.of(place));
+        },
+        stop);
+  return statistics;
 }
 
 }  // namespace

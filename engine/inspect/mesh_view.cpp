@@ -247,6 +247,7 @@ class CellGatherer {
     const CellQuality quality = quality_of(mesh.corners(cell));
     out_.min_dihedral_degrees.push_back(static_cast<float>(quality.min_dihedral_degrees));
     out_.radius_edge_ratios.push_back(static_cast<float>(quality.radius_edge_ratio));
+    out_.circumradii.push_back(static_cast<float>(quality.circumradius));
     if (finds_boundary_) toggle_facets(mesh, cell);
   }
 

@@ -44,7 +44,7 @@ struct ViewCells {
   std::vector<std::array<std::uint32_t, 4>> cells;  // positively oriented
   // Whose the cells are: places in MeshView::leaves, and how many cells, in order.
   std::vector<std::array<std::uint32_t, 2>> leaves;
-  std::vector<float> min_dihedral_degrees, radius_edge_ratios;  // of each cell
+  std::vector<float> min_dihedral_degrees, radius_edge_ratios, circumradii;  // of each cell
   // Bit i: the facet opposite vertex i is on the boundary of the mesh. Empty unless all cells are
   // there.
   std::vector<std::uint8_t> boundary;

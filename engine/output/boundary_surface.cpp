@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/output/leaf_facets.h"
 #include "engine/shared/encode_in_order.h"
 
 namespace locvol {
@@ -10,40 +11,6 @@ namespace {
 
 constexpr std::size_t kOpenBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
 constexpr std::uint64_t kItemsAtOnce = std::uint64_t{1} << 14;
-
-// Of a positively oriented cell, across from each vertex: counterclockwise from outside.
-constexpr std::array<std::array<std::uint8_t, 3>, 4> kFacets{
-    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-
-struct LocalFacet {
-  std::uint32_t low, middle, high;  // places in the list of vertices
-  std::uint32_t cell_and_across;
-};
-
-// Those whose vertices no other one has. Sorted by the smallest vertex first, in linear time: then
-// only a few dozen at a time are left to sort.
-std::vector<LocalFacet> unpaired(const std::vector<LocalFacet>& facets, std::size_t num_vertices) {
-  std::vector<std::uint32_t> ends(num_vertices + 1);
-  for (const LocalFacet& facet : facets) ++ends[facet.low + 1];
-  for (std::size_t i = 1; i < ends.size(); ++i) ends[i] += ends[i - 1];
-  const std::vector<std::uint32_t> starts = ends;
-  std::vector<LocalFacet> sorted(facets.size());
-  for (const LocalFacet& facet : facets) sorted[ends[facet.low]++] = facet;
-
-  std::vector<LocalFacet> result;
-  const auto others = [](const LocalFacet& f) { return std::uint64_t{f.middle} << 32 | f.high; };
-  for (std::size_t v = 0; v < num_vertices; ++v) {
-    const auto at_vertex = std::span(sorted).subspan(starts[v], starts[v + 1] - starts[v]);
-    std::ranges::sort(at_vertex, {}, others);
-    for (auto first = at_vertex.begin(); first != at_vertex.end();) {
-      const auto last = std::find_if(
-          first, at_vertex.end(), [&](const LocalFacet& f) { return others(f) != others(*first); });
-      if (last - first == 1) result.push_back(*first);
-      first = last;
-    }
-  }
-  return result;
-}
 
 std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertices) {
   std::ranges::rotate(vertices, std::ranges::min_element(vertices));
@@ -81,21 +48,20 @@ std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
   std::vector<LocalFacet> facets;
   for (std::uint32_t i = 0; i < leaf.cells.size(); ++i)
     for (std::uint32_t across = 0; across < 4; ++across) {
-      const auto& [a, b, c] = kFacets[across];
-      std::array<std::uint32_t, 3> v = {leaf.cells[i][a], leaf.cells[i][b], leaf.cells[i][c]};
-      if (std::ranges::any_of(v, [&](std::uint32_t n) { return leaf.numbers[n] < 0; })) continue;
-      std::ranges::sort(v);
-      facets.push_back({v[0], v[1], v[2], 4 * i + across});
+      const LocalFacet facet = local_facet(leaf.cells[i], i, across);
+      const bool is_core =
+          std::ranges::any_of(facet.vertices, [&](std::uint32_t n) { return leaf.numbers[n] < 0; });
+      if (!is_core) facets.push_back(facet);
     }
   std::vector<Record> records;
-  for (const LocalFacet& facet : unpaired(facets, leaf.numbers.size())) {
-    const auto& cell = leaf.cells[facet.cell_and_across / 4];
-    std::array<std::uint64_t, 3> vertices;
+  for_each_facet(facets, leaf.numbers.size(), [&](std::span<const LocalFacet> same) {
+    if (same.size() != 1) return;
+    const auto& [cell, across] = same.front().side;
+    std::array<std::uint64_t, 3> vertices{};
     for (std::size_t i = 0; i < 3; ++i)
-      vertices[i] =
-          static_cast<std::uint64_t>(leaf.numbers[cell[kFacets[facet.cell_and_across % 4][i]]]);
-    records.push_back({smallest_first(vertices), 4 * leaf.first_cell + facet.cell_and_across});
-  }
+      vertices[i] = static_cast<std::uint64_t>(leaf.numbers[leaf.cells[cell][kFacets[across][i]]]);
+    records.push_back({smallest_first(vertices), 4 * (leaf.first_cell + cell) + across});
+  });
   std::ranges::sort(records, {}, &Record::key);
   return records;
 }
@@ -114,7 +80,7 @@ void BoundarySurface::find_facets(Workers& workers) {
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
 
-  LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return open.list(leaf); });
+  LeafWindow<LeafList<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return open.list(leaf); });
   for (std::size_t leaf = 0; leaf < num_leaves; ++leaf) {
     throw_if_stopped(stop_);
     std::vector<Record> records;
@@ -136,7 +102,8 @@ void BoundarySurface::find_facets(Workers& workers) {
 
 void BoundarySurface::find_vertices() {
   vertices_.emplace(output_);
-  LeafWindow<List<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return facets_.list(leaf); });
+  LeafWindow<LeafList<Record>> lists(kOpenBytes,
+                                     [&](std::size_t leaf) { return facets_.list(leaf); });
   for (std::size_t leaf = 0; leaf < numbering_->leaves().size(); ++leaf) {
     throw_if_stopped(stop_);
     const std::uint64_t first = numbering_->first_vertex(leaf),

@@ -9,10 +9,10 @@
 #include <span>
 #include <vector>
 
+#include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
-#include "engine/shared/partial_file.h"
 #include "engine/shared/workers.h"
 #include "storage/store.h"
 
@@ -75,35 +75,6 @@ class BoundarySurface {
       return {a, std::min(b, c), std::max(b, c)};
     }
   };
-  template <class T>
-  struct List {
-    std::vector<T> values;
-    std::size_t bytes() const { return sizeof *this + sizeof(T) * values.capacity(); }
-  };
-  // Lists of the leaves, one after another in a nameless file.
-  template <class T>
-  class LeafLists {
-   public:
-    explicit LeafLists(const std::filesystem::path& neighbor)
-        : file_(OpenFile::temporary(neighbor)) {}
-    void append(std::span<const T> list) {
-      file_.write_at(sizeof(T) * size(), std::as_bytes(list));
-      first_.push_back(size() + list.size());
-    }
-    std::uint64_t size() const { return first_.back(); }
-    std::uint64_t first(std::size_t leaf) const { return first_[leaf]; }
-    std::uint64_t length(std::size_t leaf) const { return first_[leaf + 1] - first_[leaf]; }
-    List<T> list(std::size_t leaf) const { return {read(first_[leaf], length(leaf))}; }
-    std::vector<T> read(std::uint64_t from, std::uint64_t count) const {
-      std::vector<T> values(count);
-      file_.read_at(sizeof(T) * from, std::as_writable_bytes(std::span(values)));
-      return values;
-    }
-
-   private:
-    OpenFile file_;
-    std::vector<std::uint64_t> first_{0};  // of each leaf, and the end
-  };
   // What a leaf's record lists, with the numbers of the vertices; -1: of the core.
   struct NumberedCells {
     std::uint64_t first_cell = 0;
@@ -125,7 +96,7 @@ class BoundarySurface {
   const StopToken* stop_;
   LeafLists<Record> facets_;
   std::optional<LeafLists<std::uint64_t>> vertices_;
-  std::optional<LeafWindow<List<std::uint64_t>>> vertices_near_;
+  std::optional<LeafWindow<LeafList<std::uint64_t>>> vertices_near_;
 };
 
 }  // namespace locvol

@@ -27,6 +27,9 @@ class PageTest(unittest.TestCase):
         locvol("generate", "sphere", "-o", surface, "--triangles", "3k")
         locvol("mesh", surface, "-o", cls.dir / "ball.vtu", "--size", "4%", "--leaf-capacity",
                "800", "--store", store, "--quiet")
+        locvol("mesh", surface, "-o", cls.dir / "graded.vtu", "--size", "4%", "--growth", "0.3",
+               "--store", cls.dir / "graded", "--quiet")
+        locvol("report", cls.dir / "graded", "-o", cls.dir / "graded.html")
         locvol("report", store, "-o", cls.dir / "whole.html")
         locvol("report", store, "-o", cls.dir / "planes.html", "--cells", "15000")
         cls.browser = browser.Browser(1200, 800).__enter__()
@@ -89,6 +92,14 @@ class PageTest(unittest.TestCase):
         self.assertNotEqual(angle, self.picture("locvolReport.set({color: 'ratio'})"))
         self.assertIn("60°", self.browser.run(
             "locvolReport.set({color: 'angle'}); return document.getElementById('legend').innerText"))
+        self.check_quiet()
+
+    def test_colors_cells_by_size_where_sizes_vary(self):
+        self.open("graded.html")
+        plain = self.picture("locvolReport.set({color: 'plain'})")
+        self.assertNotEqual(plain, self.picture("locvolReport.set({color: 'radius'})"))
+        self.assertIn("circumradius", self.browser.run(
+            "return document.getElementById('legend').innerText"))
         self.check_quiet()
 
     def test_shows_planes_of_a_large_mesh(self):

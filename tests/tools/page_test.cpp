@@ -202,6 +202,33 @@ TEST_F(PageTest, HoldsAllCellsAndTheirLeaves) {
     EXPECT_EQ(view["leaves"][field].size(), view["leaves"]["cells"].size()) << field;
 }
 
+TEST_F(PageTest, ColorsCellsBySizeWhereSizesVary) {
+  EXPECT_EQ(report().find("Cells by the size asked for"), std::string::npos);
+  const ProcessResult result =
+      run_locvol({"mesh", path("a <b> & c.stl"), "-o", path("g.vtu"), "--size", "4%", "--growth",
+                  "0.3", "--store", path("graded"), "--quiet"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  ASSERT_EQ(run_locvol({"report", path("graded"), "-o", path("g.html")}).exit_code, 0);
+  const std::string page = bytes_of(path("g.html"));
+  for (const char* text : {"Circumradius over the size asked for, at most 0.9",
+                           "Cells by the size asked for", "times as many", "each other's"})
+    EXPECT_NE(page.find(text), std::string::npos) << text;
+  if (three_library().empty()) GTEST_SKIP() << kNoThree;
+  EXPECT_FALSE(Json::parse(element(report(), "view-data")).contains("radius_octaves"));
+  const Json view = Json::parse(element(page, "view-data"));
+  ASSERT_EQ(view["cells"].size(), 1U);
+  const std::string levels =
+      inflated(from_base64(element(page, view["cells"][0]["circumradii"])), 1 << 22);
+  EXPECT_EQ(levels.size(), view["cells"][0]["num_cells"].get<std::size_t>());
+  const auto [least, most] =
+      std::ranges::minmax(levels, {}, [](char c) { return static_cast<unsigned char>(c); });
+  EXPECT_EQ(least, '\0');
+  EXPECT_EQ(most, '\xff');
+  const double low = view["radius_octaves"][0], high = view["radius_octaves"][1];
+  EXPECT_GT(high - low, 1);
+  EXPECT_LT(high - low, 4);
+}
+
 TEST_F(PageTest, StaysSmallWhateverTheMesh) {
   const std::size_t whole = report().size();
   EXPECT_LT(report({"--cells", "10"}).size(), whole);

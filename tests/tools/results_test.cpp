@@ -112,15 +112,15 @@ TEST(AuditText, TellsPoorCellsAndFindsTheMeshValid) {
 
 TEST(StatisticsText, TellsPoorCellsIfThereIsABound) {
   MeshStatistics statistics;
-  SurfaceFacts input;
-  input.volume = 1;
-  EXPECT_EQ(statistics_text(statistics, input).find("poor"), std::string::npos);
+  RunRecord run;
+  run.surface.volume = 1;
+  EXPECT_EQ(statistics_text(statistics, run).find("poor"), std::string::npos);
   statistics.min_dihedral_bound = 15;
   statistics.num_poor_cells = 3;
-  const std::string text = statistics_text(statistics, input);
+  const std::string text = statistics_text(statistics, run);
   EXPECT_NE(text.find("\npoor cells       3, with a dihedral angle below 15°\n"), std::string::npos)
       << text;
-  EXPECT_EQ(to_json(statistics)["num_poor_cells"], 3);
+  EXPECT_EQ(to_json(statistics, run)["num_poor_cells"], 3);
 }
 
 TEST(ParametersText, TellsTheBoundOnAngles) {
@@ -151,15 +151,47 @@ TEST(StatisticsText, DrawsBarsOfItsHistograms) {
   statistics.dihedral_angles.counts[90] = 1;      // 179 and more
   statistics.radius_edge_ratios.counts[0] = 998;  // 0.6 to 0.65
   statistics.radius_edge_ratios.counts[28] = 2;   // 2 and more
-  SurfaceFacts input;
-  input.volume = 1;
-  const std::string text = statistics_text(statistics, input);
+  RunRecord run;
+  run.surface.volume = 1;
+  const std::string text = statistics_text(statistics, run);
+  EXPECT_EQ(text.find("neighbors"), std::string::npos);  // sizes do not vary
   for (const char* line : {"volume           0.99, -1% of the input's 1\n",
                            "  55-65  66.7% ################   1.2-1.3\n",
                            "  85-95  33.3% ########           1.5-1.6\n",
                            "    0-5                           0.6-0.7  99.8% ################\n",
                            "175-180 < 0.1% .\n", " 2.0-   0.2% .\n"})
     EXPECT_NE(text.find(line), std::string::npos) << line << " in\n" << text;
+}
+
+TEST(StatisticsText, TellsOfSizesThatVary) {
+  MeshStatistics statistics;
+  statistics.num_cells = 1000;
+  statistics.num_cells_by_octave = {{-4, 600}, {-3, 400}};
+  statistics.radii_over_size.counts[18] = 999;  // 0.9 to 0.95
+  statistics.radii_over_size.counts[0] = 1;
+  statistics.max_radius_over_size = 0.9375;
+  statistics.max_neighbor_ratio = 2.5;
+  RunRecord run;
+  run.surface.volume = 1;
+  run.surface.area = 6;
+  run.parameters.size = 0.1;
+  run.parameters.growth = 0.2;
+  const double num_uniform = num_uniform_cells(run);
+  EXPECT_GT(num_uniform, 2000);
+  const std::string text = statistics_text(statistics, run);
+  for (const char* line :
+       {"neighbors        circumradii at most 2.5 times each other's\n",
+        "circumradius over that size, at most 0.9375\n",
+        "0.0625-  60.0% ################   0.0-0.1   0.1% .\n",
+        " 0.125-  40.0% ###########        0.1-0.2\n", "0.9-1.0  99.9% ################\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << " in\n" << text;
+  const Json json = to_json(statistics, run);
+  EXPECT_EQ(json["max_ratio_of_neighbors"], 2.5);
+  EXPECT_EQ(json["max_circumradius_over_size"], 0.9375);
+  EXPECT_EQ(json["estimated_uniform_cells"], num_uniform);
+  EXPECT_EQ(
+      json["octaves"],
+      Json::parse(R"([{"least": 0.0625, "num_cells": 600}, {"least": 0.125, "num_cells": 400}])"));
 }
 
 TEST(AuditJson, AgreesWithTheReport) {

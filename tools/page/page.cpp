@@ -284,11 +284,23 @@ class Page {
         "scale.{}</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to "
         "{:.2f}°</h3>{}"
         "</figure>\n<figure><h3>Smallest dihedral angle of each cell{}</h3>{}</figure>\n"
-        "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure></div></section>\n",
+        "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure>{}</div></section>\n",
         core, statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
         histogram_svg(statistics_->dihedral_angles, "°"), below_bound(),
         histogram_svg(statistics_->min_dihedral_angles, "°"), statistics_->max_radius_edge_ratio,
-        histogram_svg(statistics_->radius_edge_ratios, ""));
+        histogram_svg(statistics_->radius_edge_ratios, ""), sizes());
+  }
+
+  bool has_sizes() const { return !run_.parameters.sizes().is_uniform(); }
+
+  // Of a mesh whose sizes vary.
+  std::string sizes() const {
+    if (!has_sizes()) return "";
+    return fmt::format(
+        "\n<figure><h3>Circumradius over the size asked for, at most {:.6g}</h3>{}</figure>\n"
+        "<figure><h3>Cells by the size asked for</h3>{}</figure>",
+        statistics_->max_radius_over_size, histogram_svg(statistics_->radii_over_size, ""),
+        octaves_svg(statistics_->num_cells_by_octave));
   }
 
   std::string below_bound() const {
@@ -373,9 +385,22 @@ class Page {
       mesh.emplace_back("radius-edge ratio",
                         fmt::format("at most {:.4f}", m.max_radius_edge_ratio));
       mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
+      if (has_sizes()) add_sizes(mesh);
     }
     return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sites() +
            poor_cells();
+  }
+
+  void add_sizes(Rows& mesh) const {
+    const double num_uniform = num_uniform_cells(run_);
+    mesh.emplace_back("over the size", fmt::format("circumradius at most {:.6g} of the size there",
+                                                   statistics_->max_radius_over_size));
+    mesh.emplace_back("neighbors", fmt::format("circumradii at most {:.3g} times each other's",
+                                               statistics_->max_neighbor_ratio));
+    mesh.emplace_back(
+        "uniform",
+        fmt::format("{} cells if all were of size λ, {:.3g} times as many", count_text(num_uniform),
+                    num_uniform / static_cast<double>(run_.counts.num_cells)));
   }
 
   std::uint64_t num_nonempty() const {

@@ -95,6 +95,36 @@ std::string percent_text(double share) {
   return fmt::format("{}10⁻{}%", factor == "1" ? "" : factor + "·", exponent);
 }
 
+struct CountBar {
+  std::string label, title;
+  std::uint64_t count = 0;
+};
+
+// `unit`: what is counted.
+std::string bars_svg(std::span<const CountBar> bars, std::string_view name, std::string_view unit) {
+  double most = 0;
+  for (const CountBar& bar : bars) most = std::max(most, static_cast<double>(bar.count));
+  const double slot = kPlot.width / static_cast<double>(std::max<std::size_t>(bars.size(), 4));
+  const Scale y{0, most, kPlot.bottom(), kPlot.top + 14};
+  std::string content = line(kPlot.left, kPlot.bottom(), kPlot.right(), kPlot.bottom(), "axis");
+  const double step = std::max(1.0, tick_step(most, 5));
+  for (double value = 0; value <= most; value += step)
+    content += line(kPlot.left, y(value), kPlot.right(), y(value), "grid") +
+               text_at(kPlot.left - 6, y(value) + 4, short_text(value), "end");
+  for (std::size_t i = 0; i < bars.size(); ++i) {
+    const auto& [label, title, number] = bars[i];
+    const double at = kPlot.left + slot * static_cast<double>(i);
+    const auto count = static_cast<double>(number);
+    if (number > 0)
+      content += bar(at + 0.15 * slot, y(count), 0.7 * slot, kPlot.bottom() - y(count),
+                     fmt::format("{}: {} {}", title, number, unit)) +
+                 text_at(at + 0.5 * slot, y(count) - 4, short_text(count));
+    if (number > 0 && (bars.size() <= 12 || i % 4 == 0))
+      content += text_at(at + 0.5 * slot, kPlot.bottom() + 17, label);
+  }
+  return svg(kChartWidth, kChartHeight, name, content);
+}
+
 // The last edge that is shown: that after the last bin with something in it, or a little farther.
 double last_edge(const Histogram& histogram, double step) {
   std::size_t last = histogram.counts.size();
@@ -167,33 +197,26 @@ std::string counts_svg(const std::map<std::uint64_t, std::uint64_t>& num_leaves_
   if (num_leaves_of.empty()) return "";
   const std::uint64_t first = num_leaves_of.begin()->first;
   const std::uint64_t per_bar = (num_leaves_of.rbegin()->first - first) / kMaxBars + 1;
-  std::map<std::uint64_t, std::uint64_t> bars;  // by the first number that a bar stands for
-  std::uint64_t most = 0;
-  for (const auto& [value, count] : num_leaves_of) {
-    std::uint64_t& held = bars[first + (value - first) / per_bar * per_bar];
-    held += count;
-    most = std::max(most, held);
+  const std::uint64_t num = (num_leaves_of.rbegin()->first - first) / per_bar + 1;
+  std::vector<CountBar> bars(num);
+  for (std::uint64_t i = 0; i < num; ++i) {
+    const std::uint64_t low = first + i * per_bar;
+    bars[i].label =
+        per_bar == 1 ? std::to_string(low) : fmt::format("{}–{}", low, low + per_bar - 1);
+    bars[i].title = fmt::format("{} {}", name, bars[i].label);
   }
-  const std::uint64_t num = (bars.rbegin()->first - first) / per_bar + 1;
-  const double slot = kPlot.width / static_cast<double>(std::max<std::uint64_t>(num, 4));
-  const Scale y{0, static_cast<double>(most), kPlot.bottom(), kPlot.top + 14};
-  std::string content = line(kPlot.left, kPlot.bottom(), kPlot.right(), kPlot.bottom(), "axis");
-  const double step = std::max(1.0, tick_step(static_cast<double>(most), 5));
-  for (double value = 0; value <= static_cast<double>(most); value += step)
-    content += line(kPlot.left, y(value), kPlot.right(), y(value), "grid") +
-               text_at(kPlot.left - 6, y(value) + 4, short_text(value), "end");
-  for (const auto& [value, count] : bars) {
-    const double at = kPlot.left + slot * static_cast<double>((value - first) / per_bar);
-    const double top = y(static_cast<double>(count));
-    const std::string label =
-        per_bar == 1 ? std::to_string(value) : fmt::format("{}–{}", value, value + per_bar - 1);
-    content += bar(at + 0.15 * slot, top, 0.7 * slot, kPlot.bottom() - top,
-                   fmt::format("{} {}: {} leaves", name, label, count)) +
-               text_at(at + 0.5 * slot, top - 4, short_text(static_cast<double>(count)));
-    if (num <= 12 || (value - first) / per_bar % 4 == 0)
-      content += text_at(at + 0.5 * slot, kPlot.bottom() + 17, label);
+  for (const auto& [value, count] : num_leaves_of) bars[(value - first) / per_bar].count += count;
+  return bars_svg(bars, fmt::format("leaves by {}", name), "leaves");
+}
+
+std::string octaves_svg(const std::map<int, std::uint64_t>& num_cells_by_octave) {
+  std::vector<CountBar> bars;
+  for (const auto& [octave, count] : num_cells_by_octave) {
+    const double least = std::ldexp(1.0, octave);
+    bars.push_back({fmt::format("{:.3g}", least),
+                    fmt::format("size {:.3g} to {:.3g}", least, 2 * least), count});
   }
-  return svg(kChartWidth, kChartHeight, fmt::format("leaves by {}", name), content);
+  return bars_svg(bars, "cells by size", "cells");
 }
 
 // -- Timeline ------------------------------------------------------------------------------------

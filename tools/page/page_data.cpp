@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <new>
 #include <numeric>
 #include <utility>
@@ -61,6 +62,11 @@ class ViewWriter {
     json["best_axis"] = std::ranges::min_element(extent) - extent.begin();
     json["default_color"] = view.cells.empty() && !json["is_done"].get<bool>() ? "state" : "leaf";
     json["quality"] = {{"angle", kAngleBounds}, {"ratio", kRatioBounds}};
+    has_sizes_ = !run_.parameters.sizes().is_uniform() && !view.cells.empty();
+    if (has_sizes_) {
+      octaves_ = radius_octaves(view.cells);
+      json["radius_octaves"] = octaves_;
+    }
     json["leaves"] = leaves(view.leaves);
     json["are_leaves_merged"] =
         std::ranges::any_of(view.leaves, [](const ViewLeaf& leaf) { return leaf.num_leaves > 1; });
@@ -121,8 +127,32 @@ class ViewWriter {
         array(packed_levels(set.min_dihedral_degrees, kAngleBounds[0], kAngleBounds[1]));
     json["radius_edge_ratios"] =
         array(packed_levels(set.radius_edge_ratios, kRatioBounds[0], kRatioBounds[1]));
+    if (has_sizes_) json["circumradii"] = array(packed_octaves(set.circumradii));
     if (!set.boundary.empty()) json["boundary"] = array(bytes_of(set.boundary));
     return json;
+  }
+
+  // Logarithms to base 2, but for the few of extreme radius: one slim cell would take all colors.
+  static std::array<double, 2> radius_octaves(std::span<const ViewCells> sets) {
+    std::vector<float> radii;
+    for (const ViewCells& set : sets)
+      std::ranges::copy_if(set.circumradii, std::back_inserter(radii),
+                           [](float radius) { return std::isfinite(radius) && radius > 0; });
+    std::array<double, 2> octaves{};
+    if (radii.empty()) return octaves;
+    const std::size_t few = radii.size() / 1000;
+    for (const auto& [end, place] : {std::pair{0, few}, {1, radii.size() - 1 - few}}) {
+      const auto at = radii.begin() + static_cast<std::ptrdiff_t>(place);
+      std::ranges::nth_element(radii, at);
+      octaves[static_cast<std::size_t>(end)] = std::log2(static_cast<double>(*at));
+    }
+    return octaves;
+  }
+
+  std::string packed_octaves(std::span<const float> radii) const {
+    std::vector<float> logarithms(radii.size());
+    std::ranges::transform(radii, logarithms.begin(), [](float r) { return std::log2(r); });
+    return packed_levels(logarithms, octaves_[0], octaves_[1]);
   }
 
   Json surface(const ViewSurface& surface) {
@@ -135,6 +165,8 @@ class ViewWriter {
   const RunRecord& run_;
   const PutArray& put_array_;
   PageGrid grid_;
+  bool has_sizes_ = false;           // cells have colors by size
+  std::array<double, 2> octaves_{};  // of their circumradii
   int num_arrays_ = 0;
 };
 

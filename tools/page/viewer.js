@@ -66,6 +66,7 @@
     cells.corners = await indicesOf(set.cells, set.num_cells, 4);
     cells.angle = await inflate(set.min_dihedral_degrees);
     cells.ratio = await inflate(set.radius_edge_ratios);
+    if (set.circumradii) cells.radius = await inflate(set.circumradii);
     cells.leaf = new Uint32Array(set.num_cells);
     const runs = new Uint32Array((await inflate(set.leaves)).buffer);
     for (let i = 0, cell = 0; i < runs.length; i += 2)
@@ -136,6 +137,14 @@
     legend: () => gradient(QUALITY, worst, best, unit, label),
   });
 
+  // A radius is a byte, of its logarithm: see page_data.cpp.
+  const sized = ([low, high]) => ({
+    cell: (cells, i) => ramp(COUNT, cells.radius[i] / 255),
+    legend: () => swatches([0, 1, 2, 3, 4, 5, 6].map(i => i / 6).reverse().map(t =>
+      [(2 ** (low + t * (high - low))).toPrecision(3), ramp(COUNT, t)]),
+      'circumradius of the cell'),
+  });
+
   const COLORS = {
     leaf: {title: 'octree leaf', leaf: i => hsl((i * 137.508) % 360, 0.42 + 0.2 * (i % 3) / 2,
              0.6 + 0.14 * ((i >> 1) % 3) / 2),
@@ -151,6 +160,7 @@
             ...measured('angle', 0, 60, '°', 'smallest dihedral angle of the cell')},
     ratio: {title: 'radius-edge ratio',
             ...measured('ratio', 2, 0.612, '', 'radius-edge ratio of the cell')},
+    ...(view.radius_octaves ? {radius: {title: 'size', ...sized(view.radius_octaves)}} : {}),
     plain: {title: 'none', legend: () => ''},
   };
 

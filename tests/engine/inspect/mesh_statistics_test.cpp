@@ -7,6 +7,8 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <iterator>
+#include <map>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -14,6 +16,8 @@
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/cell_mesh.h"
+#include "octree/size_field.h"
+#include "refine/predicates.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/stops_at.h"
@@ -62,6 +66,12 @@ void count(double value, Histogram& histogram) {
   ++histogram.counts.at(std::min(bin, histogram.counts.size() - 1));
 }
 
+void count_over_size(double radius, double size, MeshStatistics& all) {
+  count(radius / size, all.radii_over_size);
+  all.max_radius_over_size = std::max(all.max_radius_over_size, radius / size);
+  ++all.num_cells_by_octave[std::ilogb(size)];
+}
+
 MeshStatistics by_brute_force(const std::vector<Corners>& cells, double size) {
   MeshStatistics all;
   for (const Corners& c : cells) {
@@ -75,6 +85,7 @@ MeshStatistics by_brute_force(const std::vector<Corners>& cells, double size) {
     all.max_dihedral_degrees = std::max(all.max_dihedral_degrees, most);
     all.max_radius_edge_ratio = std::max(all.max_radius_edge_ratio, quality.radius_edge_ratio);
     all.max_circumradius = std::max(all.max_circumradius, quality.circumradius / size);
+    count_over_size(quality.circumradius, size, all);
     all.volume += dot(c[1] - c[0], cross(c[2] - c[0], c[3] - c[0])) / 6;
     ++all.num_cells;
   }
@@ -89,12 +100,15 @@ void expect_same(const MeshStatistics& found, const MeshStatistics& expected) {
   EXPECT_EQ(found.dihedral_angles.total(), 6 * found.num_cells);
   EXPECT_EQ(found.min_dihedral_angles.total(), found.num_cells);
   EXPECT_EQ(found.radius_edge_ratios.total(), found.num_cells);
+  EXPECT_EQ(found.radii_over_size.counts, expected.radii_over_size.counts);
+  EXPECT_EQ(found.num_cells_by_octave, expected.num_cells_by_octave);
   // The core's cells are taken without their displacement, some 1e-5 of their size.
   EXPECT_NEAR(found.volume, expected.volume, 1e-7 * expected.volume);
   EXPECT_NEAR(found.min_dihedral_degrees, expected.min_dihedral_degrees, 1e-3);
   EXPECT_NEAR(found.max_dihedral_degrees, expected.max_dihedral_degrees, 1e-3);
   EXPECT_NEAR(found.max_radius_edge_ratio, expected.max_radius_edge_ratio, 1e-4);
   EXPECT_NEAR(found.max_circumradius, expected.max_circumradius, 1e-4);
+  EXPECT_NEAR(found.max_radius_over_size, expected.max_radius_over_size, 1e-4);
 }
 
 TEST(MeshStatistics, AreThoseOfTheWrittenCells) {
@@ -113,6 +127,61 @@ TEST(MeshStatistics, AreThoseOfTheWrittenCells) {
     EXPECT_GT(statistics.num_core_cells, 0u);
     EXPECT_LT(statistics.num_core_cells, statistics.num_cells);
     expect_same(statistics, by_brute_force(cells_of(dir / "mesh.vtu"), 0.07));
+  }
+}
+
+// The larger circumradius over the smaller, of two cells with a common facet.
+double largest_ratio(const std::vector<Corners>& cells) {
+  std::map<std::array<std::array<double, 3>, 3>, double> radii;  // by facet
+  double most = 0;
+  for (const Corners& c : cells) {
+    const double radius = quality_of(c).circumradius;
+    for (std::size_t across = 0; across < 4; ++across) {
+      std::array<std::array<double, 3>, 3> facet{};
+      for (std::size_t i = 0, n = 0; i < 4; ++i)
+        if (i != across) facet[n++] = {c[i].x, c[i].y, c[i].z};
+      std::ranges::sort(facet);
+      const auto [other, is_new] = radii.try_emplace(facet, radius);
+      if (!is_new) most = std::max({most, radius / other->second, other->second / radius});
+    }
+  }
+  return most;
+}
+
+TEST(MeshStatistics, AreThoseOfTheWrittenCellsWhereSizesVary) {
+  for (const std::size_t leaf_capacity : {200, 100'000}) {
+    const TempDir dir;
+    write_off(sphere(1, 31, 64), dir / "surface.off");
+    MeshOptions options;
+    options.input = dir / "surface.off";
+    options.store = dir / "store";
+    options.size = {0.06, false};
+    options.growth = 0.3;
+    options.leaf_capacity = leaf_capacity;
+    ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
+    const Store store = Store::open(dir / "store", {.read_only = true});
+    write_vtu(store, dir / "mesh.vtu");
+    const RunRecord run = *store.snapshot().run();
+    std::vector<SizeCube> cubes;
+    for (const MortonKey leaf : store.snapshot().leaf_keys())
+      std::ranges::copy(store.snapshot().sizes(leaf).cubes, std::back_inserter(cubes));
+    const std::vector<Corners> cells = cells_of(dir / "mesh.vtu");
+    MeshStatistics expected;
+    for (const Corners& c : cells) {
+      const Circumsphere ball = circumsphere_of(c[0], c[1], c[2], c[3]);
+      count_over_size(ball.radius, size_at(run.parameters.sizes(), run.frame, cubes, ball.center),
+                      expected);
+    }
+    const MeshStatistics found = mesh_statistics(store, 2);
+    ASSERT_EQ(found.num_cells, cells.size());
+    EXPECT_GT(found.num_cells_by_octave.size(), 1u);
+    EXPECT_EQ(found.num_cells_by_octave, expected.num_cells_by_octave);
+    EXPECT_EQ(found.radii_over_size.total(), found.num_cells);
+    EXPECT_EQ(found.radii_over_size.counts, expected.radii_over_size.counts);
+    EXPECT_NEAR(found.max_radius_over_size, expected.max_radius_over_size, 1e-6);
+    EXPECT_LT(found.max_radius_over_size, 1);
+    EXPECT_GT(found.max_circumradius, 1);
+    EXPECT_NEAR(found.max_neighbor_ratio, largest_ratio(cells), 1e-6);
   }
 }
 
