@@ -302,7 +302,8 @@ class Viewer {
         reader_(store.snapshot()),
         pages_(store),
         run_(stored_run(store, reader_)),
-        octree_(stored_octree(store, reader_)) {}
+        octree_(stored_octree(store, reader_)),
+        scale_(reader_, run_) {}
 
   MeshView view() {
     read_leaves();
@@ -365,7 +366,7 @@ class Viewer {
       const Box box = run_.frame.box(octree_.leaves()[leaf]);
       // Half-open: a plane between two leaves counts once.
       if (plane.position < box.min[plane.axis] || plane.position >= box.max[plane.axis]) continue;
-      const double side = box.max.x - box.min.x, extent = kCellExtent * run_.parameters.size;
+      const double side = box.max.x - box.min.x, extent = kCellExtent * scale_.of(leaf);
       num += static_cast<double>(num_cells_[leaf]) * std::min(1.0, extent / side);
     }
     return kEstimateMargin * num;
@@ -380,7 +381,7 @@ class Viewer {
     for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
       if (num_cells_[leaf] == 0) continue;
       const MortonKey key = octree_.leaves()[leaf];
-      const Box box = run_.frame.box(key).expanded(2 * run_.parameters.size);
+      const Box box = run_.frame.box(key).expanded(kCellReach * scale_.of(leaf));
       const bool is_met =
           std::ranges::any_of(planes, [&](const ViewPlane& plane) { return meets(plane, box); });
       if (!has_all && !is_met) continue;
@@ -435,6 +436,7 @@ class Viewer {
   PageRelease pages_;
   RunRecord run_;
   LinearOctree octree_;
+  LeafScale scale_;
   std::vector<std::uint64_t> num_cells_;  // of each leaf
   std::vector<bool> num_unresolved_;
   MeshView view_;

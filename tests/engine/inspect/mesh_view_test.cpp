@@ -63,13 +63,14 @@ std::set<FacetPoints> boundary_of(const std::multiset<CellPoints>& cells) {
 class MeshViewTest : public testing::Test {
  protected:
   Store meshed(const Shape& shape, double size, std::uint64_t leaf_capacity,
-               const RunControl& control = {}) {
+               const RunControl& control = {}, double growth = 0) {
     write_off(shape, input_);
     MeshOptions options;
     options.input = input_;
     options.store = scratch_ / "store";
     options.size = {size, false};
     options.leaf_capacity = leaf_capacity;
+    options.growth = growth;
     mesh(options, control);
     return Store::open(options.store, {.read_only = true});
   }
@@ -133,6 +134,25 @@ TEST_P(MeshViewOf, HasAllCellsOfASmallMeshAndItsBoundary) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Capacity, MeshViewOf, testing::Values(20000, 1000, 120));
+
+// Where sizes vary, cells reach farther out of their leaves than 2 λ.
+TEST_F(MeshViewTest, HasTheCellsThatMeetAPlaneWhereSizesVary) {
+  const Store store = meshed(sphere(1, 61, 128), 0.04, 300, {}, 0.3);
+  const auto all = cells_of(store);
+  ViewLimits limits;
+  limits.max_cells = all.size() * 3 / 5;
+  const MeshView view = mesh_view(store, limits);
+  ASSERT_GE(view.cells.size(), 3U);
+  for (const ViewCells& set : view.cells) {
+    std::multiset<CellPoints> expected;
+    for (const CellPoints& cell : all) {
+      const auto [low, high] =
+          std::ranges::minmax(cell, {}, [&](const Point& p) { return p[set.axis]; });
+      if (low[set.axis] <= set.position && set.position <= high[set.axis]) expected.insert(cell);
+    }
+    EXPECT_EQ(cells_of(set), expected);
+  }
+}
 
 TEST_F(MeshViewTest, HasTheCellsThatMeetSomePlanesOfALargeMesh) {
   const Store store = meshed(sphere(1, 31, 64), 0.1, 1000);
