@@ -214,9 +214,11 @@ class Lattice {
   void sites_within(const Point& q, double radius, std::vector<LatticeSite>& out) const;
   // On which side of planes between leaves the site lies.
   Point undisplaced(const LatticeSite& site) const;
-  // The site closest to q, but for displacements; at most kLatticeCircumradius λ away.
+  // The site closest to q, but for displacements; at most kLatticeCircumradius times the size away.
   LatticeSite nearest(const Point& q) const;
   double spacing() const { return 2 * half_; }
+  // Of its cells: their circumradii are kLatticeCircumradius times it. λ in uniform runs.
+  double size() const { return spacing() / kLatticeSpacing; }
   friend bool operator==(const Lattice&, const Lattice&) = default;
   // What makes it up, for those who store or send it. `lattice`: a Lattice or a const one
   template <class Self>

@@ -36,14 +36,25 @@ double size_in(const SizeLaw& law, const SizeCube& cube, const Box& box, const P
                          interpolated(cube.less, box, p));
 }
 
-double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
-               const Point& p) {
-  if (!frame.contains(p)) return law.surface;
-  const MortonKey key = frame.key_of(p);
-  const auto place = std::ranges::lower_bound(
-      cubes, key, {}, [](const SizeCube& cube) { return cube.key.range_max(); });
-  if (place == cubes.end() || !place->key.is_ancestor_or_self_of(key)) return law.surface;
-  return size_in(law, *place, frame.box(place->key), p);
+double largest_size(const SizeLaw& law, const SizeCube& cube) {  // interpolated, at a corner
+  double most = 0;
+  for (std::size_t k = 0; k < 8; ++k)
+    most = std::max(most, law.at_distance(cube.distance[k], cube.less[k]));
+  return most;
+}
+
+double SizeCursor::at(const Point& p) {
+  if (last_ == nullptr || !is_in_leaf(last_box_, p)) {
+    last_ = nullptr;
+    if (!frame_->contains(p)) return law_->surface;
+    const MortonKey key = frame_->key_of(p);
+    const auto place = std::ranges::lower_bound(
+        cubes_, key, {}, [](const SizeCube& cube) { return cube.key.range_max(); });
+    if (place == cubes_.end() || !place->key.is_ancestor_or_self_of(key)) return law_->surface;
+    last_ = &*place;
+    last_box_ = frame_->box(place->key);
+  }
+  return size_in(*law_, *last_, last_box_, p);
 }
 
 bool is_outside(const SizeCube& cube, double side) {
@@ -56,9 +67,7 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
   SizeRange range{std::numeric_limits<double>::infinity(), 0, 0};
   for (const SizeCube& cube : cubes) {
     const double nearest = std::ranges::min(cube.distance);
-    double most = 0;
-    for (std::size_t k = 0; k < 8; ++k)
-      most = std::max(most, law.at_distance(cube.distance[k], cube.less[k]));
+    const double most = largest_size(law, cube);
     range.most = std::max(range.most, most);
     if (is_outside(cube, frame.side(cube.key.level()))) continue;
     range.least =
@@ -74,13 +83,14 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
 // At the centers of its eighths. Cubes that a plane passes through, in any direction, have faces of
 // 1.5 times its area on average.
 SizeIntegrals size_integrals(const SizeLaw& law, const SizeCube& cube, const Box& box) {
-  const double side = box.max.x - box.min.x;
+  constexpr double kLatticeShare = 0.5;  // of the cells of a mesh that is no lattice
+  const double side = box.max.x - box.min.x, share = is_of_core(law, cube) ? kLatticeShare : 1;
   SizeIntegrals sum;
   for (int k = 0; k < 8; ++k) {
     const auto place = [&](int bit) { return (k >> bit & 1) != 0 ? 0.75 * side : 0.25 * side; };
     const Point p = box.min + Point{place(0), place(1), place(2)};
     if (interpolated(cube.distance, box, p) > 0)
-      sum.of_volume += 0.125 * std::pow(side / size_in(law, cube, box, p), 3);
+      sum.of_volume += 0.125 * share * std::pow(side / size_in(law, cube, box, p), 3);
   }
   const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
   if (nearest < 0 && farthest >= 0)
@@ -102,31 +112,44 @@ bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance) {
   return true;
 }
 
+bool is_of_core(const SizeLaw& law, const SizeCube& cube) {
+  return law.has_core() && is_saturated(law, cube, kCoreMargin * law.most);
+}
+
 SizeField::SizeField(const SizeCubes& sizes)
     : law_(sizes.law),
       root_(sizes.frame.root_box()),
       inverse_unit_(1 / sizes.frame.unit()),
       range_(size_range(sizes.law, sizes.frame, sizes.cubes)) {
+  std::vector<GridPoint> lows;
+  lows.reserve(sizes.cubes.size());
+  first_.reserve(sizes.cubes.size());
+  last_.reserve(sizes.cubes.size());
+  cubes_.reserve(sizes.cubes.size());
+  const auto is_less = [&](const SizeCube& cube) {
+    return law_.has_shapes() && std::ranges::any_of(cube.less, [](float d) { return d != 0; });
+  };
   for (const SizeCube& cube : sizes.cubes) {
     first_.push_back(cube.key.range_min().bits());
     last_.push_back(cube.key.range_max().bits());
-    cubes_.push_back({.low = sizes.frame.box(cube.key).min,
+    lows.push_back(cube.key.grid_min());
+    cubes_.push_back({.low = sizes.frame.position(lows.back()),
                       .inverse_side = 1 / sizes.frame.side(cube.key.level()),
                       .distance = cube.distance,
                       .less = cube.less,
                       .excess = cube.excess,
-                      .is_less = std::ranges::any_of(cube.less, [](float d) { return d != 0; })});
+                      .is_less = is_less(cube)});
   }
-  if (!cubes_.empty()) make_grid(sizes.cubes);
+  if (!cubes_.empty()) make_grid(sizes.cubes, lows);
 }
 
 // Nodes of the grid: about as many as cubes.
-void SizeField::make_grid(std::span<const SizeCube> cubes) {
+void SizeField::make_grid(std::span<const SizeCube> cubes, std::span<const GridPoint> lows) {
   constexpr std::uint32_t kMost = std::uint32_t{1} << MortonKey::kMaxLevel;
   std::array<std::uint32_t, 3> low{kMost, kMost, kMost}, high{};
-  for (const SizeCube& cube : cubes) {
-    const auto [x, y, z] = cube.key.grid_min();
-    const std::uint32_t last = cube.key.grid_side() - 1;
+  for (std::size_t n = 0; n < cubes.size(); ++n) {
+    const auto [x, y, z] = lows[n];
+    const std::uint32_t last = cubes[n].key.grid_side() - 1;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::uint32_t at = axis == 0 ? x : axis == 1 ? y : z;
       low[axis] = std::min(low[axis], at);
@@ -145,7 +168,7 @@ void SizeField::make_grid(std::span<const SizeCube> cubes) {
   }
   grid_.assign(num_nodes, {});
   for (std::uint32_t n = 0; n < cubes.size(); ++n) {
-    const auto [x, y, z] = cubes[n].key.grid_min();
+    const auto [x, y, z] = lows[n];
     const std::uint32_t last = cubes[n].key.grid_side() - 1;
     for (std::uint32_t k = z >> grid_shift_; k <= (z + last) >> grid_shift_; ++k)
       for (std::uint32_t j = y >> grid_shift_; j <= (y + last) >> grid_shift_; ++j)
@@ -195,6 +218,14 @@ double SizeField::graded_at(const Point& p) const {
   const Cube::Place at = cube->place(p);
   return law_.at_distance(cube->depth(at),
                           cube->is_less ? interpolated(cube->less, at[0], at[1], at[2]) : 0);
+}
+
+double SizeField::room(const Point& p) const {
+  const Cube* cube = cube_at(p);
+  if (cube == nullptr) return -law_.most;
+  const Cube::Place at = cube->place(p);
+  const double less = cube->is_less ? interpolated(cube->less, at[0], at[1], at[2]) : 0;
+  return law_.surface - less + law_.growth * cube->depth(at) - law_.most;
 }
 
 double SizeField::least_depth(const Point& p) const {

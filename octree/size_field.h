@@ -25,6 +25,8 @@ struct SizeLaw {
   double least = surface;  // of any shape
 
   bool is_uniform() const { return growth == 0; }
+  // Is there a lattice whose points need not be listed, where sizes vary? It is that of `most`.
+  bool has_core() const { return !is_uniform() && most < std::numeric_limits<double>::infinity(); }
   bool has_shapes() const { return least < surface; }
   // Where the surface is so far, and h is by `less` smaller than that alone would make it.
   double at_distance(double distance, double less = 0) const {
@@ -63,9 +65,29 @@ bool is_outside(const SizeCube& cube, double side);
 double interpolated(const std::array<float, 8>& corners, const Box& box, const Point& p);
 // h at a point of the cube's box.
 double size_in(const SizeLaw& law, const SizeCube& cube, const Box& box, const Point& p);
+// No less than h anywhere in the cube.
+double largest_size(const SizeLaw& law, const SizeCube& cube);
+
+// Looks up h, quickly where a place lies near the one before. What it is made of must outlive it.
+class SizeCursor {
+ public:
+  // `cubes`: in Morton order
+  SizeCursor(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes)
+      : law_(&law), frame_(&frame), cubes_(cubes) {}
+  double at(const Point& p);  // h(p); where no cube is known, λ
+
+ private:
+  const SizeLaw* law_;
+  const Frame* frame_;
+  std::span<const SizeCube> cubes_;
+  const SizeCube* last_ = nullptr;
+  Box last_box_;
+};
 // h(p); where no cube is known, λ. `cubes`: in Morton order
-double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
-               const Point& p);
+inline double size_at(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes,
+                      const Point& p) {
+  return SizeCursor(law, frame, cubes).at(p);
+}
 // No more, and no less, than h in any of the cubes; in any that the surface may pass through.
 // Without such, of the last: λ, or the second where that is less.
 struct SizeRange {
@@ -76,7 +98,15 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
 double base_size(const SizeLaw& law, const SizeCube& cube);
 // Is h as large as it gets in all of the cube, and within `distance` of it?
 bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance = 0);
-// Of 1 / h³ over what of the cube is inside, and of 1 / h² over the surface in it, about.
+// Where h grows no more there is the lattice of that size, and farther in its core (SizeLaw::
+// has_core). How much larger than that h would be at the border of either, over growth · most:
+// balls of the lattice's cells have their centers where h is as large; around a point of the core
+// there is nothing but the lattice.
+inline constexpr double kLatticeMargin = 1, kCoreMargin = kLatticeMargin + 3;
+// Is all of the cube of the core?
+bool is_of_core(const SizeLaw& law, const SizeCube& cube);
+// Of 1 / h³ over what of the cube is inside, and of 1 / h² over the surface in it, about; of the
+// core as much less as the lattice has fewer cells.
 struct SizeIntegrals {
   double of_volume = 0, of_area = 0;
 };
@@ -119,6 +149,9 @@ class SizeField {
   // sign and change by no more than the way: from the mean of them that h is made of, a corner is
   // as far as √3/2 of the side at most.
   double least_depth(const Point& p) const;
+  // How much larger than it is anywhere h would be, if it grew on; less than 0 where it is smaller.
+  // REQUIRES: law().has_core(), and the cube at p is known
+  double room(const Point& p) const;
   // λ.
   double on_surface() const { return law_.surface; }
   // h(p) of a point of the surface; of others, λ where that is less.
@@ -164,7 +197,7 @@ class SizeField {
   struct Range {
     std::uint32_t first = 0, end = 0;
   };
-  void make_grid(std::span<const SizeCube> cubes);
+  void make_grid(std::span<const SizeCube> cubes, std::span<const GridPoint> lows);
   std::vector<Range> grid_;
   std::array<std::uint32_t, 3> grid_origin_{}, grid_shape_{};
   int grid_shift_ = 0;  // of positions on the octree's grid, to get at the grid's nodes

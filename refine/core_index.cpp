@@ -38,11 +38,11 @@ bool CoreIndex::has_within(const Point& q, double radius) const {
   return contains(site) && squared_distance(lattice_.undisplaced(site), q) < radius * radius;
 }
 
-void CoreIndex::append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const {
+void CoreIndex::append_met(const Point& q, std::vector<std::uint64_t>& ids) const {
   std::vector<MeshPoint> near;
-  within(q, kLatticeStar * size, near);
+  within(q, kLatticeStar * size(), near);
   for (const MeshPoint& p : near)
-    if (changes_star(q - p.position, kLatticeSpacing * size)) ids.push_back(p.id);
+    if (changes_star(q - p.position, lattice_.spacing())) ids.push_back(p.id);
 }
 
 }  // namespace locvol

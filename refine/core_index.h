@@ -1,6 +1,6 @@
 // The lattice core around a leaf (engine/README.md): points of P that a visit need not load, unless
 // it inserts near them. All cells at them are the lattice's: no other point lies in their
-// circumballs, which reach kLatticeStar λ, and their neighbors are of P.
+// circumballs, which reach kLatticeStar times its size, and their neighbors are of P.
 #pragma once
 
 #include <cstdint>
@@ -30,10 +30,12 @@ class CoreIndex {
   }
   // All of them at most `radius` from q, in order of id.
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const;
-  // Is one of them closer to q than `radius`? REQUIRES: radius <= 2λ, and no other point of P is
+  // Is one of them closer to q than `radius`? REQUIRES: radius <= 2 size(), and no other point of P
+  // is
   bool has_within(const Point& q, double radius) const;
-  // Appends the ids of those at which a point inserted at q changes cells. `size`: λ
-  void append_met(const Point& q, double size, std::vector<std::uint64_t>& ids) const;
+  // Appends the ids of those at which a point inserted at q changes cells.
+  void append_met(const Point& q, std::vector<std::uint64_t>& ids) const;
+  double size() const { return lattice_.size(); }  // of the lattice: λ in uniform runs
 
  private:
   Lattice lattice_;

@@ -457,6 +457,28 @@ void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const Sur
   });
 }
 
+// Where h grows no more, lattice points are those of its size.
+void cover_inside(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
+                  const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
+  const SizeLaw& law = input.sizes.law;
+  if (std::ranges::all_of(input.sizes.cubes,
+                          [&](const SizeCube& cube) { return is_of_core(law, cube); })) {
+    points.core.is_whole = true;
+    return;
+  }
+  const double of_one = law.growth * law.most;
+  for_each_site(input.lattice.sites_in(input.box), [&](const LatticeSite& site) {
+    poll();
+    const Point p = input.lattice.position(site);
+    const double room = sizes.room(p);
+    if (room < kLatticeMargin * of_one) return;
+    if (room >= kCoreMargin * of_one)
+      add_row({site, 1}, points.core);
+    else if (surface.is_inside(p) && is_deep_enough(input, sizes, surface, sampler, p))
+      points.lattice.push_back(site);
+  });
+}
+
 void cover_with_lattice(const CoverInput& input, const SizeField& sizes,
                         const SurfacePatch& surface, const SurfaceSampler& sampler, StopPoll poll,
                         CoverPoints& points) {
@@ -495,7 +517,9 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
   SurfaceSampler sampler(input, sizes, stop);
   points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
-  const auto cover = is_uniform(input) ? cover_with_lattice : cover_with_cubes;
+  const auto cover = is_uniform(input)            ? cover_with_lattice
+                     : input.sizes.law.has_core() ? cover_inside
+                                                  : cover_with_cubes;
   cover(input, sizes, surface, sampler, StopPoll(stop), points);
   return points;
 }

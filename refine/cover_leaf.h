@@ -44,18 +44,17 @@ inline constexpr double kCoreDepth = 3.0;
 
 // Where sizes vary, only cubes of at least this side, over base_size(), have lattice points. In
 // smaller ones, near the surface, steps of two in size would make too many cells; there fill_leaf
-// has what it takes. But where h grows no more, all cubes are of one size: they have them if that
-// fits h, and is over it at least the second.
-inline constexpr double kLeastCube = 5, kLeastOfSaturated = 1.4;
+// has what it takes. Where h has a bound no cube has any: there is the lattice of that size, as
+// everywhere in uniform runs, as deep as kLatticeMargin says.
+inline constexpr double kLeastCube = 5;
 inline bool has_lattice(const SizeLaw& law, const SizeCube& cube, double side) {
-  return side >= kLeastCube * base_size(law, cube) ||
-         (side >= kLeastOfSaturated * law.most && is_saturated(law, cube));
+  return !law.has_core() && side >= kLeastCube * base_size(law, cube);
 }
 
 struct CoverInput {
   double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
   std::uint64_t seed = 0;
-  Lattice lattice;
+  Lattice lattice;                    // of λ; where sizes vary of the largest h, or of cubes
   Box box;                            // of the leaf, half-open
   SurfacePiece surface;               // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
@@ -67,7 +66,8 @@ struct CoverInput {
 struct CoverPoints {
   std::vector<Point> samples;        // on the surface, in the half-open box
   std::vector<LatticeSite> lattice;  // inside, as deep as that, but not of the core; ascending
-  LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther
+  LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther; where
+                                     // sizes vary, as kCoreMargin says
 };
 
 // Afterwards every point of the surface in the box is within kSampleRadius λ of a sample, own or

@@ -128,6 +128,8 @@ class HoleSearch {
     if (sizes.is_uniform()) {
       find_lattice();
       mark_sites(all);
+    } else {
+      add_border_of_core(all);
     }
     Box known = input.box;
     for (const Point& p : all) known = known.joined(p);
@@ -164,10 +166,7 @@ class HoleSearch {
         if (around.contains(center)) search_from(center);
       }
     }
-    std::ranges::sort(found_.met_core);
-    const auto repeated = std::ranges::unique(found_.met_core);
-    found_.met_core.erase(repeated.begin(), repeated.end());
-    return std::move(found_);
+    return found();
   }
 
   // Where sizes vary, the balls of the lattice's cells are centered on the cubes' faces, a quarter
@@ -191,6 +190,13 @@ class HoleSearch {
       }
       starts.swap(left);
     }
+    return found();
+  }
+
+  FillPoints found() {
+    std::ranges::sort(found_.met_core);
+    const auto repeated = std::ranges::unique(found_.met_core);
+    found_.met_core.erase(repeated.begin(), repeated.end());
     return std::move(found_);
   }
   // In small cubes and in those beside them, in order.
@@ -203,8 +209,8 @@ class HoleSearch {
       const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
       constexpr double kBesideSmall = 2.5;  // sides are powers of two of one another
       const bool is_among_lattice =
-          side > kBesideSmall * kLeastCube * base_size(law, cube) ||
-          (has_lattice(law, cube, side) && is_saturated(law, cube, kBesideSmall * side));
+          law.has_core() ? is_saturated(law, cube, (kLatticeMargin + 1) * law.most + side)
+                         : side > kBesideSmall * kLeastCube * base_size(law, cube);
       if (farthest < 0 || (is_among_lattice && nearest > 0)) continue;
       const SizeRange sizes = size_range(law, frame, {&cube, 1});
       const double distance = kStart * sizes.most;
@@ -234,9 +240,15 @@ class HoleSearch {
     std::ranges::sort(places);
     const auto repeated = std::ranges::unique(places);
     places.erase(repeated.begin(), repeated.end());
+    // All of the lattice is there as far as its balls reach.
+    const SizeLaw& law = input_.sizes.law;
+    const auto is_in_lattice = [&](const Point& p) {
+      return law.has_core() && sizes_.room(p) >= (kLatticeMargin + 1) * law.growth * law.most;
+    };
     std::vector<Point> starts;
     for (const auto& [x, y, z] : places) {
       const Point start = frame.position({x, y, z});
+      if (is_in_lattice(start)) continue;
       const double distance = kStart * sizes_.at(start);
       if (input_.box.squared_distance(start) <= distance * distance) starts.push_back(start);
     }
@@ -283,6 +295,19 @@ class HoleSearch {
       origin_ = known->position - (place(site_of(known->id)) - origin_);
   }
 
+  // Appends points of the core that are not among others of it: where sizes vary.
+  void add_border_of_core(std::vector<Point>& all) const {
+    const Lattice& lattice = input_.core.lattice;
+    for (const auto& [first, count] : input_.core.rows)
+      for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n) {
+        const LatticeSite site = first + LatticeSite{0, 0, 2 * n};
+        const bool is_among_core = std::ranges::all_of(
+            kLatticeNeighbors,
+            [&](const LatticeSite& step) { return core_.contains(site + step); });
+        if (!is_among_core) all.push_back(lattice.undisplaced(site));
+      }
+  }
+
   // Appends points of the core that matter.
   void mark_sites(std::vector<Point>& all) {
     const Point low = (1 / half_) * (input_.box.min - origin_);
@@ -321,11 +346,12 @@ class HoleSearch {
     const double hole = climber_.height() * size / sizes_.at(center);
     if (!is_in_leaf(input_.box, center) ||
         !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
+        (!sizes_.is_uniform() && core_.has_within(center, sizes_.at(center))) ||
         !surface_.is_inside(center) || !is_deep_enough(center))
       return hole;
     found_.centers.push_back(center);
     points_->add(center);
-    core_.append_met(center, size_, found_.met_core);
+    core_.append_met(center, found_.met_core);
     return hole;
   }
 

@@ -653,7 +653,7 @@ bool ImproveAngles::are_facets_as_round() const {
 bool ImproveAngles::changes_core() {
   if (surroundings_.core == nullptr) return true;
   met_core_.clear();
-  surroundings_.core->append_met(change_.place, input_.criteria.size, met_core_);
+  surroundings_.core->append_met(change_.place, met_core_);
   return !met_core_.empty();
 }
 

@@ -195,13 +195,13 @@ bool LeafMesh::is_at_core(const MeshPoint& p, bool is_own) const {
 // Of a ball without local points in it. A center that is closer to a core point than to all others
 // lies in its Voronoi cell, which is the lattice's, and none but neighbors of that point are within
 // kLatticeCircumradius of the cell's corners: so others, and with them the radius, exceed the
-// distance by more than rounding, in squares by 0.0014 λ² and more.
+// distance by more than rounding, in squares by 0.0014 of the size's and more.
 bool LeafMesh::has_core_point(const Point& center, double squared_radius) const {
-  const double size = input_.criteria.size;
+  if (surroundings_.core == nullptr) return false;
+  const double size = surroundings_.core->size();
   const double least = squared_radius - 0.0007 * size * size;
-  return surroundings_.core != nullptr && least > 0 &&
-         surroundings_.core->has_within(center,
-                                        std::min(std::sqrt(least), kLatticeCircumradius * size));
+  return least > 0 && surroundings_.core->has_within(
+                          center, std::min(std::sqrt(least), kLatticeCircumradius * size));
 }
 
 // All marks at once, each in a byte of its own: bit i is vertex i's.
@@ -584,11 +584,11 @@ bool LeafMesh::is_loaded(const CellBall& ball) const {
          });
 }
 
-// All cells at q that belong to the mesh have vertices within 2λ.
+// All cells at q that belong to the mesh have vertices within twice the size.
 void LeafMesh::take_in_core(const Point& q, Cell hint, std::vector<MeshPoint>& taken) {
   taken.clear();
   if (surroundings_.core == nullptr) return;
-  surroundings_.core->within(q, kNeighborhood * input_.criteria.size, taken);
+  surroundings_.core->within(q, kNeighborhood * surroundings_.core->size(), taken);
   std::erase_if(taken, [&](const MeshPoint& p) { return is_known(p.id); });
   insert_all(taken, true, hint);
 }

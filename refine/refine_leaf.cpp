@@ -659,7 +659,7 @@ VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
 
 void Refinement::insert(const Point& q, PointKind kind, int condition) {
   const VertexRef ref = new_point(q, kind, condition);
-  if (surroundings_.core) surroundings_.core->append_met(q, input_.criteria.size, delta_.met_core);
+  if (surroundings_.core) surroundings_.core->append_met(q, delta_.met_core);
   if (!mesh_.has_cells()) {
     mesh_.insert_first({ref, q, kind}, ref);
     return;

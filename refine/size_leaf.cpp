@@ -69,7 +69,7 @@ class SizeTree {
       shapes = near_shapes;
     }
     const double asked = asked_at(center, shapes, near_branches, most);
-    if (!may_stay(node, side, distance, std::min(law.at_distance(distance), asked))) {
+    if (!may_stay(node, side, distance, asked)) {
       for (int octant = 0; octant < 8; ++octant)
         descend(node.child(octant), near, shapes, near_branches);
       return;
@@ -95,12 +95,21 @@ class SizeTree {
     cubes_.push_back(cube);
   }
 
-  // `size`: h at its center.
-  bool may_stay(MortonKey node, double side, double distance, double size) const {
+  // `distance`, `asked`: at its center.
+  bool may_stay(MortonKey node, double side, double distance, double asked) const {
     if (node.level() >= kMaxCubeLevel) return true;
+    const SizeLaw& law = input_.law;
+    constexpr double kAllAround = 1.9;  // over the side: half a diagonal, and that a depth in it is
+                                        // known but for the side (SizeField::least_depth)
+    const double unbounded = std::min(law.surface + law.growth * distance, asked);
+    if (law.has_core() &&
+        unbounded >= law.most + law.growth * (kAllAround * side + kCoreMargin * law.most))
+      return true;
     if (distance < 0 && -distance > kHalfDiagonal * side) return true;
     const double radius = kCubeRadius * side;
-    return radius < std::max(input_.law.least, size - input_.law.growth * radius);
+    const double least_of_surface = law.surface + law.growth * std::max(0.0, distance - radius);
+    return radius <
+           std::max(law.least, std::min({law.most, least_of_surface, asked - law.growth * radius}));
   }
 
   // What shapes and nodes ask for, if that is less than `most`; else `most`.

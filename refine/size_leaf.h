@@ -35,7 +35,7 @@ struct SizeInput {
 
 // In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's
 // cells in it, √5/4 of its side, may exceed h at a circumcenter; outside, as long as the surface
-// may pass through it.
+// may pass through it. In the core (SizeLaw::has_core) cubes are of any size.
 // Throws Stopped; `stop` may be null
 std::vector<SizeCube> size_leaf(SizeInput input, const FarSurface& far,
                                 const StopToken* stop = nullptr);

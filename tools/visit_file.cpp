@@ -102,7 +102,7 @@ void require_sense(const StoredVisit& visit) {
     if (!input.box.contains(p.position))
       throw std::runtime_error("an own point is not in the leaf");
   const auto is_near = [&](const LatticeSite& site) {
-    return input.box.expanded((kCoreReach + 1) * input.criteria.size)
+    return input.box.expanded((kCoreReach + 1) * input.core.lattice.size())
         .contains(input.core.lattice.undisplaced(site));
   };
   for (const auto& [first, count] : input.core.rows)

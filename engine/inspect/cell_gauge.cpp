@@ -157,8 +157,9 @@ CellGauge::Measures CellGauge::measures_of(std::span<const Corners> cells, doubl
   return m;
 }
 
-CellGauge::CellGauge(double size, double min_dihedral)
+CellGauge::CellGauge(double size, double min_dihedral, double core_size)
     : size_(size),
+      core_size_(core_size > 0 ? core_size : size),
       poor_cosine_(min_dihedral > 0 ? cosine_of(min_dihedral * (1 - kAngleSlack))
                                     : std::numeric_limits<double>::infinity()) {
   counted_.min_dihedral_bound = min_dihedral;
@@ -228,11 +229,12 @@ void CellGauge::add_radius_over_size(double radius, double size, std::uint64_t n
   counted_.num_cells_by_octave[std::ilogb(size)] += num_cells;
 }
 
-// Of spacing 1.75 λ: four dihedral angles of 60 degrees and two of 90.
+// Of spacing 1.75 times the size: four dihedral angles of 60 degrees and two of 90.
 void CellGauge::add_core(std::uint64_t num_cells) {
   if (num_cells == 0) return;
-  const double edge = std::sqrt(3.0) / 2 * kLatticeSpacing;  // the shortest
-  const double radius = std::sqrt(5.0) / 4 * kLatticeSpacing, ratio = radius / edge;
+  const double spacing = kLatticeSpacing * (core_size_ / size_);
+  const double edge = std::sqrt(3.0) / 2 * spacing;  // the shortest
+  const double radius = std::sqrt(5.0) / 4 * spacing, ratio = radius / edge;
   const AngleBins bins;
   const std::size_t bin60 = bins.bin(0.5), bin90 = bins.bin(0);
   counted_.num_cells += num_cells;
@@ -244,10 +246,10 @@ void CellGauge::add_core(std::uint64_t num_cells) {
       num_cells;
   counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
   counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
-  add_radius_over_size(radius, size_, num_cells);
+  add_radius_over_size(radius, core_size_, num_cells);
   max_cosine_ = std::max(max_cosine_, 0.5);
   min_cosine_ = std::min(min_cosine_, 0.0);
-  const double volume = kLatticeSpacing * kLatticeSpacing * kLatticeSpacing / 12;
+  const double volume = spacing * spacing * spacing / 12;
   volume_.add(volume * static_cast<double>(num_cells));
 }
 

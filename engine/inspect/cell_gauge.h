@@ -53,8 +53,9 @@ class CellGauge {
   static constexpr std::size_t kAtOnce = 2;
 
   // `size`: λ, in units of which cells are measured, so that nothing overflows. `min_dihedral`: in
-  // degrees; cells with an angle below it, but for rounding, are poor.
-  explicit CellGauge(double size, double min_dihedral = 0);
+  // degrees; cells with an angle below it, but for rounding, are poor. `core_size`: of the lattice
+  // core, if that is not λ.
+  explicit CellGauge(double size, double min_dihedral = 0, double core_size = 0);
 
   using Radii = std::array<double, kAtOnce>;
 
@@ -76,7 +77,7 @@ class CellGauge {
   void add_radius(double radius, double ratio);
   void add_radius_over_size(double radius, double size, std::uint64_t num_cells = 1);
 
-  double size_;
+  double size_, core_size_;
   double poor_cosine_;      // of an angle that is just good enough
   MeshStatistics counted_;  // but for what the members below tell
   CompensatedSum volume_;

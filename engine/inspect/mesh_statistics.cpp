@@ -66,7 +66,7 @@ struct Measured {
 };
 
 CellGauge gauge_for(const RunRecord& run) {
-  return CellGauge(run.parameters.size, run.parameters.min_dihedral);
+  return CellGauge(run.parameters.size, run.parameters.min_dihedral, core_size(run.parameters));
 }
 
 // In the store's directory, or if nothing may be written there in that for temporary files.

@@ -240,7 +240,7 @@ bool is_to_be_full(RunState& state, MortonKey leaf) {
   double num_points = 0;
   for (const SizeCube& cube : cubes) {
     const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
-    if (farthest < 0) continue;
+    if (farthest < 0 || is_of_core(law, cube)) continue;
     const Box box = frame.box(cube.key);
     const double side =
         std::min(frame.side(cube.key.level()), frame.side(leaf.level()));  // may be split below it

@@ -13,7 +13,7 @@ MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
 }
 
 bool is_whole_all_around(RunState& state, MortonKey leaf) {
-  const double star = kLatticeStar * state.size();
+  const double star = kLatticeStar * core_size(state.run().parameters);
   return std::ranges::all_of(
       state.octree().leaves_within(state.run().frame, state.box(leaf), star),
       [&](MortonKey other) { return state.leaves().points(other).core.is_whole; });
@@ -46,7 +46,8 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   const std::uint64_t num_points = state.leaves().info(leaf).num_core_points;
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
-  const CoreIndex around(core_around(state, leaf, kLatticeStar * state.size()));
+  const CoreIndex around(
+      core_around(state, leaf, kLatticeStar * core_size(state.run().parameters)));
   const SiteBox sites = state.sites(leaf);
   std::uint64_t num_cells = 0;
   for_each_core_site(state.leaves().points(leaf).core, sites, sites,
@@ -89,8 +90,9 @@ void make_explicit(RunState& state, const LatticeSite& site) {
   }
   list_core_point(state, site);
   const Point place = state.lattice().position(site);
-  for (const MortonKey other : state.octree().leaves_within(state.run().frame, Box::around(place),
-                                                            kNeighborhood * state.size()))
+  for (const MortonKey other :
+       state.octree().leaves_within(state.run().frame, Box::around(place),
+                                    kNeighborhood * core_size(state.run().parameters)))
     state.ask_for_visit(other, place);
 }
 

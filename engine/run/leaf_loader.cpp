@@ -165,10 +165,11 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
   const bool has_shapes = state_.run().parameters.sizes().has_shapes();
-  SizeCubes sizes =
-      sizes_around(leaf, has_shapes ? state_.reach_of(leaf, sample_radius(false)) : 0);
-  const std::uint64_t num_lattice =
-      state_.is_uniform() ? most_lattice_points(box, size) : 9 * sizes.cubes.size();
+  SizeCubes sizes = sizes_around(leaf, has_shapes ? sample_radius(false) : 0);
+  const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
+                                    : sizes.law.has_core()
+                                        ? most_lattice_points(box, sizes.law.most)
+                                        : 9 * sizes.cubes.size();
   const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
                         .num_points = around.size() + num_lattice + most_samples(triangles, size),
                         .num_triangles = triangles.size()};
@@ -193,7 +194,7 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
   const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
   points.insert(points.end(), own.begin(), own.end());
   std::ranges::sort(points, {}, &MeshPoint::id);
-  CoreRows core = core_around(state_, leaf, kCoreReach * size);
+  CoreRows core = core_around(state_, leaf, kCoreReach * core_size(state_.run().parameters));
   const Box region = state_.box(leaf).expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
   const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
@@ -205,7 +206,7 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
                     .points = std::move(points),
                     .core = std::move(core),
                     .surface = surface_around(leaf, patch_distance, std::move(triangles), kOfFill),
-                    .sizes = sizes_around(leaf, state_.reach_of(leaf, kFillReach))}};
+                    .sizes = sizes_around(leaf, kFillReach)}};
 }
 
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
@@ -238,8 +239,8 @@ LoadedLeaf LeafLoader::load(MortonKey leaf) {
   if (!state_.is_cover()) return loaded;
   loaded.input.waiting = waiting_around(leaf);
   loaded.input.surface = surface_around(leaf, patch_distance, std::move(triangles), fineness);
-  loaded.input.core = core_around(state_, leaf, kCoreReach * size);
-  loaded.input.sizes = sizes_around(leaf, state_.reach_of(leaf, kReach));
+  loaded.input.core = core_around(state_, leaf, kCoreReach * core_size(state_.run().parameters));
+  loaded.input.sizes = sizes_around(leaf, kReach);
   return loaded;
 }
 
@@ -308,16 +309,25 @@ std::vector<SizedNode> LeafLoader::nodes_around(MortonKey leaf, double deepest) 
   return nodes;
 }
 
-SizeCubes LeafLoader::sizes_around(MortonKey leaf, double distance) {
+SizeCubes LeafLoader::sizes_around(MortonKey leaf, double k) {
   SizeCubes sizes;
   if (state_.is_uniform()) return sizes;
   const Frame& frame = state_.run().frame;
   sizes.law = state_.run().parameters.sizes();
   sizes.frame = frame;
-  const Box box = state_.box(leaf), region = box.expanded(distance);
-  for (const MortonKey other : state_.octree().leaves_within(frame, box, distance)) {
+  const Box box = state_.box(leaf);
+  const double farthest = state_.reach_of(leaf, k);
+  const double factor = kSlack * reach_factor(sizes.law.growth, k);
+  const auto reaches = [&](const SizeCube& cube) {
+    const double squared = box.squared_distance(frame.box(cube.key));
+    if (squared == 0) return true;
+    if (squared > farthest * farthest) return false;
+    const double reach = factor * largest_size(sizes.law, cube);
+    return squared <= reach * reach;
+  };
+  for (const MortonKey other : state_.octree().leaves_within(frame, box, farthest)) {
     std::ranges::copy_if(state_.leaves().sizes(other).cubes, std::back_inserter(sizes.cubes),
-                         [&](const SizeCube& c) { return frame.box(c.key).overlaps(region); });
+                         reaches);
     state_.leaves().trim();
   }
   // A cube may be larger than a leaf that was split.
@@ -360,10 +370,16 @@ std::uint64_t LeafLoader::max_own_points(MortonKey leaf) {
 std::vector<Box> LeafLoader::waiting_around(MortonKey leaf) {
   std::vector<Box> waiting;
   if (state_.run().parameters.min_dihedral == 0) return waiting;
+  // One that has come into the queue since for want of a listed point, all of the core before,
+  // waits for a later epoch: a visit far away may have made it do so, or be about to.
+  const auto& own = state_.leaves().info(leaf).queued;
+  const auto is_of_epoch = [epoch = own ? own->epoch : state_.run().epoch](const LeafInfo& info) {
+    return info.queued && info.queued->epoch <= epoch;
+  };
   for (const MortonKey other : state_.octree().leaves_within(
            state_.run().frame, state_.box(leaf), 0.5 * state_.reach_of(leaf, kNeighborhood)))
     if (const LeafInfo& info = state_.leaves().info(other);
-        other != leaf && info.queued && info.num_visits == 0)
+        other != leaf && is_of_epoch(info) && info.num_visits == 0)
       waiting.push_back(state_.box(other));
   return waiting;
 }
@@ -400,23 +416,23 @@ std::vector<MeshPoint> LeafLoader::points_around(MortonKey leaf, double k) {
   const Box box = state_.box(leaf), nearly = box.expanded(distance);
   const double factor = reach_factor(state_.run().parameters.growth, k);
   const bool is_uniform = state_.is_uniform();
-  const auto is_within = [&](const Point& p, double reach) {
-    return box.squared_distance(p) <= reach * reach;
-  };
-  const auto reach_at = [&](const Point& p, std::span<const SizeCube> cubes) {
-    if (is_uniform) return distance;
-    return std::min(
-        distance, factor * size_at(state_.run().parameters.sizes(), state_.run().frame, cubes, p));
-  };
+  const SizeLaw law = state_.run().parameters.sizes();
+  const double near = std::min(distance, factor * law.least);  // any point's reach
   std::vector<MeshPoint> around;
   for (const MortonKey other : state_.octree().leaves_within(state_.run().frame, box, distance)) {
     if (other == leaf || state_.leaves().info(other).num_points == 0) continue;
     std::span<const SizeCube> cubes;
     if (!is_uniform) cubes = state_.leaves().sizes(other).cubes;
-    std::ranges::copy_if(
-        state_.leaves().points(other).points, std::back_inserter(around), [&](const MeshPoint& p) {
-          return nearly.contains(p.position) && is_within(p.position, reach_at(p.position, cubes));
-        });
+    SizeCursor sizes(law, state_.run().frame, cubes);
+    std::ranges::copy_if(state_.leaves().points(other).points, std::back_inserter(around),
+                         [&](const MeshPoint& p) {
+                           if (!nearly.contains(p.position)) return false;
+                           const double squared = box.squared_distance(p.position);
+                           if (squared > distance * distance) return false;
+                           if (is_uniform || squared <= near * near) return true;
+                           const double reach = factor * sizes.at(p.position);
+                           return squared <= reach * reach;
+                         });
     state_.leaves().trim();
   }
   std::ranges::sort(around, {}, &MeshPoint::id);

@@ -65,7 +65,9 @@ class LeafLoader {
   // What the surface asks for that may matter in the leaf, which is no deeper below it than
   // `deepest`; with less detail where that is far.
   std::vector<SizedNode> nodes_around(MortonKey leaf, double deepest);
-  SizeCubes sizes_around(MortonKey leaf, double distance);
+  // h wherever a ball through a point of the leaf may be centered, and wherever it may reach, if
+  // its radius is at most k / 2 times h at its center.
+  SizeCubes sizes_around(MortonKey leaf, double k);
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::vector<Box> waiting_around(MortonKey leaf);
   SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,

@@ -153,9 +153,15 @@ double RunState::conflict_distance(MortonKey leaf) {
   if (is_uniform()) return kConflict * size();
   const LeafInfo& info = leaves_.info(leaf);
   const double largest = kSlack * info.largest_size, reached = kSlack * info.reached_size;
-  if (run_.phase == Phase::kFill) return reach_factor(run_.parameters.growth, kFillReach) * largest;
+  // Others are too far from the core (kCoreMargin) to read of it, or to insert close to it.
+  const SizeLaw law = run_.parameters.sizes();
+  const bool is_near_core = law.has_core() && info.largest_size >= law.most;
+  const double read = std::max(kCoreReach, reach_factor(law.growth, kReach));
+  const double of_core = is_near_core ? kSlack * (kInsertion + kLatticeStar + read) * law.most : 0;
+  if (run_.phase == Phase::kFill)
+    return std::max(of_core, reach_factor(run_.parameters.growth, kFillReach) * largest);
   const double reach = reach_factor(run_.parameters.growth, kReach);
-  return std::max(2 * reach * largest, (0.5 * kReach + reach) * reached);
+  return std::max({of_core, 2 * reach * largest, (0.5 * kReach + reach) * reached});
 }
 
 bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {

@@ -7,11 +7,18 @@ namespace locvol {
 
 inline constexpr double kMinChildSide = 2;  // over λ, of a leaf after splits
 
-// The lattice of a run in cover mode: its points' positions are a function of the run alone.
+// The lattice of a run in cover mode: its points' positions are a function of the run alone. Where
+// sizes vary, that of the largest, or if there is none of the octree's cubes.
 inline Lattice lattice_of(const RunRecord& run) {
-  if (!run.parameters.sizes().is_uniform()) return Lattice::of_cubes(run.frame);
-  const double size = run.parameters.size;
-  return {run.frame, size, kMinChildSide * size};
+  const SizeLaw law = run.parameters.sizes();
+  if (law.is_uniform()) return {run.frame, law.surface, kMinChildSide * law.surface};
+  if (law.has_core()) return {run.frame, law.most, kMinChildSide * law.least};
+  return Lattice::of_cubes(run.frame);
+}
+// λ in uniform runs.
+inline double core_size(const RunParameters& parameters) {
+  const SizeLaw law = parameters.sizes();
+  return law.has_core() ? law.most : law.surface;
 }
 
 }  // namespace locvol

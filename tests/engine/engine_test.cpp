@@ -167,7 +167,7 @@ void expect_consistent(const Contents& contents) {
       const bool is_site = is_cover && point.id < kFirstOtherId;
       EXPECT_EQ(is_site, point.kind == PointKind::kLattice);
       if (!is_site) continue;
-      EXPECT_EQ(point.position, lattice.position(site_of(point.id)));
+      EXPECT_EQ(point.position, lattice.position_of(point.id));
       EXPECT_FALSE(core.sites.contains(site_of(point.id)));
     }
     const auto count = [&](const auto& counts) {
@@ -599,6 +599,45 @@ TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
   EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
   const RunSummary free = mesh(graded("free", 0.1, 0, 0.3));
   EXPECT_GT(bounded.run.counts.num_cells, 1.1 * static_cast<double>(free.run.counts.num_cells));
+}
+
+// Where h has a bound, the lattice of that size need not be listed: in leaves of many widths, some
+// of them all of the core, and where a shape lies in the midst of it.
+TEST_F(GradedEngineTest, HasACoreWhereSizesAreBounded) {
+  write(sphere(1, 61, 128));
+  for (const std::uint64_t leaf_capacity : {150, 2000}) {
+    for (const bool has_shape : {false, true}) {
+      const std::string name = std::to_string(leaf_capacity) + (has_shape ? "shape" : "");
+      auto run = graded(name, 0.05, leaf_capacity, 0.3);
+      if (has_shape) {
+        run.growth = 0;  // but around the shape
+        run.shapes = {{{ShapeKind::kBall, 0.01, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
+      } else {
+        run.max_size = SizeSpec{0.08, false};
+      }
+      const RunSummary summary = mesh(run);
+      EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+      const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+      EXPECT_TRUE(report.is_valid()) << name;
+      EXPECT_EQ(report.num_poor_cells, 0U) << name;
+      std::uint64_t num_core_cells = 0;
+      const Contents contents = contents_of(run.store);
+      for (const auto& [key, leaf] : contents.leaves) num_core_cells += leaf.info.num_core_cells;
+      EXPECT_GT(num_core_cells, summary.run.counts.num_cells / 20) << name;
+      EXPECT_EQ(boundary_of(contents).euler_characteristic, 2) << name;
+    }
+  }
+}
+
+TEST_F(GradedEngineTest, ACoreGivesTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write(sphere(1, 61, 128));
+  const auto bounded = [&](const std::string& name) {
+    auto run = graded(name, 0.08, 150, 0.3);
+    run.max_size = SizeSpec{0.1, false};
+    run.shapes = {{{ShapeKind::kBall, 0.02, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
+    return run;
+  };
+  EXPECT_GT(expect_same_records(bounded, {3, 5}, 23).leaves.size(), 30U);
 }
 
 // Small cells on the surface and inside, in leaves of many widths.

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "octree/octree.h"
@@ -87,6 +89,37 @@ TEST(SizeField, StopsAtItsBound) {
   EXPECT_EQ(field.at({1, 1, 10.5}), 0.75);
   EXPECT_EQ(field.largest(), 0.75);
   EXPECT_NEAR(field.at({1, 1, 3.5}), 0.6, 1e-6);
+}
+
+// What h would be if it grew on, over its bound.
+TEST(SizeField, HasRoomWhereItIsBounded) {
+  std::mt19937_64 random(5);
+  SizeCubes sizes = cubes_at_a_plane({0.6, 0, 0.8}, 3);
+  sizes.law.most = 0.9, sizes.law.least = 0.1;
+  for (SizeCube& cube : sizes.cubes) cube.less.fill(0.05F);
+  ASSERT_TRUE(sizes.law.has_core());
+  const SizeField field(sizes);
+  const double of_one = sizes.law.growth * sizes.law.most;
+  int num_in_core = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Point p = random_point(random, kFrame.root_box());
+    const double room = field.room(p), at = field.at(p);
+    if (room >= 0)
+      EXPECT_EQ(at, sizes.law.most);
+    else if (room > -0.3)
+      EXPECT_NEAR(at, sizes.law.most + room, 1e-9);
+    const auto cube = std::ranges::find_if(sizes.cubes, [&](const SizeCube& c) {
+      return c.key.is_ancestor_or_self_of(kFrame.key_of(p));
+    });
+    ASSERT_NE(cube, sizes.cubes.end());
+    if (!is_of_core(sizes.law, *cube)) continue;
+    ++num_in_core;
+    EXPECT_GE(room, kCoreMargin * of_one - 1e-6);
+  }
+  EXPECT_GT(num_in_core, 100);
+  sizes.law.most = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(sizes.law.has_core());
+  EXPECT_FALSE(is_of_core(sizes.law, sizes.cubes.back()));
 }
 
 TEST(SizeField, IsSmallestWhereNothingIsKnown) {

@@ -697,7 +697,7 @@ TEST(CoverLeaf, EndsWhereSizesJumpAtAFace) {
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     const CoverPoints points = cover_leaf({.size = 0.3,
                                            .seed = seed,
-                                           .lattice = Lattice::of_cubes(frame),
+                                           .lattice = Lattice(frame, 0.3, 0.2),
                                            .box = box,
                                            .surface = surface,
                                            .nearby_samples = {},
