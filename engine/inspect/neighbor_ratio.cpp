@@ -15,13 +15,13 @@ double ratio_of(double a, double b) { return a < b ? b / a : a / b; }
 }  // namespace
 
 LeafNeighbors leaf_neighbors(const LeafCells& cells, std::span<const double> radii) {
-  std::vector<LocalFacet> facets;
+  std::vector<ListedFacet> facets;
   facets.reserve(4 * cells.cells.size());
   for (std::uint32_t cell = 0; cell < cells.cells.size(); ++cell)
     for (std::uint32_t across = 0; across < 4; ++across)
-      facets.push_back(local_facet(cells.cells[cell], cell, across));
+      facets.push_back(listed_facet(cells.cells[cell], cell, across));
   LeafNeighbors result;
-  for_each_facet(facets, cells.vertices.size(), [&](std::span<const LocalFacet> same) {
+  for_each_facet(facets, cells.vertices.size(), [&](std::span<const ListedFacet> same) {
     const double radius = radii[same.front().side.cell];
     if (same.size() > 1) {
       result.most = std::max(result.most, ratio_of(radius, radii[same.back().side.cell]));

@@ -45,16 +45,16 @@ BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
 
 std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
     const NumberedCells& leaf) {
-  std::vector<LocalFacet> facets;
+  std::vector<ListedFacet> facets;
   for (std::uint32_t i = 0; i < leaf.cells.size(); ++i)
     for (std::uint32_t across = 0; across < 4; ++across) {
-      const LocalFacet facet = local_facet(leaf.cells[i], i, across);
+      const ListedFacet facet = listed_facet(leaf.cells[i], i, across);
       const bool is_core =
           std::ranges::any_of(facet.vertices, [&](std::uint32_t n) { return leaf.numbers[n] < 0; });
       if (!is_core) facets.push_back(facet);
     }
   std::vector<Record> records;
-  for_each_facet(facets, leaf.numbers.size(), [&](std::span<const LocalFacet> same) {
+  for_each_facet(facets, leaf.numbers.size(), [&](std::span<const ListedFacet> same) {
     if (same.size() != 1) return;
     const auto& [cell, across] = same.front().side;
     std::array<std::uint64_t, 3> vertices{};
