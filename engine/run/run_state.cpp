@@ -154,13 +154,13 @@ double RunState::conflict_distance(MortonKey leaf) {
   const LeafInfo& info = leaves_.info(leaf);
   const double largest = kSlack * info.largest_size, reached = kSlack * info.reached_size;
   // Others are too far from the core (kCoreMargin) to read of it, or to insert close to it.
-  const SizeLaw law = run_.parameters.sizes();
-  const bool is_near_core = law.has_core() && info.largest_size >= law.most;
-  const double read = std::max(kCoreReach, reach_factor(law.growth, kReach));
-  const double of_core = is_near_core ? kSlack * (kInsertion + kLatticeStar + read) * law.most : 0;
+  const bool is_near_core = info.largest_size >= run_.parameters.max_size;  // which may be infinite
+  const double reach = reach_factor(run_.parameters.growth, kReach);
+  const double read = std::max(kCoreReach, reach);
+  const double of_core =
+      is_near_core ? kSlack * (kInsertion + kLatticeStar + read) * run_.parameters.max_size : 0;
   if (run_.phase == Phase::kFill)
     return std::max(of_core, reach_factor(run_.parameters.growth, kFillReach) * largest);
-  const double reach = reach_factor(run_.parameters.growth, kReach);
   return std::max({of_core, 2 * reach * largest, (0.5 * kReach + reach) * reached});
 }
 

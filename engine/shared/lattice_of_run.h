@@ -15,10 +15,9 @@ inline Lattice lattice_of(const RunRecord& run) {
   if (law.has_core()) return {run.frame, law.most, kMinChildSide * law.least};
   return Lattice::of_cubes(run.frame);
 }
-// λ in uniform runs.
-inline double core_size(const RunParameters& parameters) {
-  const SizeLaw law = parameters.sizes();
-  return law.has_core() ? law.most : law.surface;
+// λ in uniform runs. Asked often: it looks at no shapes.
+inline double core_size(const RunParameters& p) {
+  return SizeLaw{.growth = p.growth, .most = p.max_size}.has_core() ? p.max_size : p.size;
 }
 
 }  // namespace locvol
