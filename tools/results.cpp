@@ -78,9 +78,14 @@ std::vector<std::string> angle_lines(const Histogram& angles) {
   }));
 }
 
+std::vector<double> every_second(const std::vector<double>& edges) {
+  std::vector<double> some;
+  for (std::size_t i = 0; i < edges.size(); i += 2) some.push_back(edges[i]);
+  return some;
+}
+
 std::vector<std::string> ratio_lines(const Histogram& ratios) {
-  std::vector<double> edges;
-  for (std::size_t i = 0; i < ratios.edges.size(); i += 2) edges.push_back(ratios.edges[i]);
+  std::vector<double> edges = every_second(ratios.edges);
   edges.push_back(ratios.edges.back());
   return lines_of(bars_of(ratios, edges, [](double low, double high) {
     return low < 1.99 ? fmt::format("{:.1f}-{:.1f}", low, high) : std::string("2.0-");
@@ -88,9 +93,7 @@ std::vector<std::string> ratio_lines(const Histogram& ratios) {
 }
 
 std::vector<std::string> radius_lines(const Histogram& radii) {
-  std::vector<double> edges;
-  for (std::size_t i = 0; i < radii.edges.size(); i += 2) edges.push_back(radii.edges[i]);
-  return lines_of(bars_of(radii, edges, [](double low, double high) {
+  return lines_of(bars_of(radii, every_second(radii.edges), [](double low, double high) {
     return fmt::format("{:.1f}-{:.1f}", low, high);
   }));
 }
@@ -118,11 +121,8 @@ std::string columns_text(const std::string& left_title, const std::string& right
 
 // Of a run whose sizes vary.
 std::string size_statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
-  const double num_uniform = num_uniform_cells(run);
-  return row("uniform", "{} cells if all were of size λ, {:.3g} times as many",
-             count_text(num_uniform), num_uniform / static_cast<double>(statistics.num_cells)) +
-         row("neighbors", "circumradii at most {:.3g} times each other's",
-             statistics.max_neighbor_ratio) +
+  return row("uniform", "{}", uniform_text(run, statistics.num_cells)) +
+         row("neighbors", "{}", neighbors_text(statistics)) +
          columns_text("cells by size at their center",
                       fmt::format("circumradius over that size, at most {:.6g}",
                                   statistics.max_radius_over_size),
@@ -395,6 +395,17 @@ std::string audit_text(const AuditReport& report) {
   if (report.num_unresolved == 0) return text + "valid\n";
   return text +
          fmt::format("manifold; guarantee open at {}\n", plural(report.num_unresolved, "site"));
+}
+
+std::string uniform_text(const RunRecord& run, std::uint64_t num_cells) {
+  const double num_uniform = num_uniform_cells(run);
+  return fmt::format("{} cells if all were of size λ, {:.3g} times as many",
+                     count_text(num_uniform), num_uniform / static_cast<double>(num_cells));
+}
+
+std::string neighbors_text(const MeshStatistics& statistics) {
+  return fmt::format("circumradii at most {:.3g} times each other's",
+                     statistics.max_neighbor_ratio);
 }
 
 double num_uniform_cells(const RunRecord& run) {

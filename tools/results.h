@@ -80,6 +80,10 @@ std::string sizes_text(const SizeReport& report);
 Json to_json(const SizeReport& report);
 // `run`: whose mesh it is.
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run);
+// Of a run whose sizes vary: what a mesh of λ everywhere would have (an estimate), and how fast
+// cells grow.
+std::string uniform_text(const RunRecord& run, std::uint64_t num_cells);
+std::string neighbors_text(const MeshStatistics& statistics);
 // Estimated, of a run like this one but for its sizes: λ everywhere.
 double num_uniform_cells(const RunRecord& run);
 

@@ -392,15 +392,10 @@ class Page {
   }
 
   void add_sizes(Rows& mesh) const {
-    const double num_uniform = num_uniform_cells(run_);
     mesh.emplace_back("over the size", fmt::format("circumradius at most {:.6g} of the size there",
                                                    statistics_->max_radius_over_size));
-    mesh.emplace_back("neighbors", fmt::format("circumradii at most {:.3g} times each other's",
-                                               statistics_->max_neighbor_ratio));
-    mesh.emplace_back(
-        "uniform",
-        fmt::format("{} cells if all were of size λ, {:.3g} times as many", count_text(num_uniform),
-                    num_uniform / static_cast<double>(run_.counts.num_cells)));
+    mesh.emplace_back("neighbors", neighbors_text(*statistics_));
+    mesh.emplace_back("uniform", uniform_text(run_, run_.counts.num_cells));
   }
 
   std::uint64_t num_nonempty() const {

@@ -111,17 +111,24 @@ void expect_same(const MeshStatistics& found, const MeshStatistics& expected) {
   EXPECT_NEAR(found.max_radius_over_size, expected.max_radius_over_size, 1e-4);
 }
 
+// A finished run of the shape.
+Store meshed(const TempDir& dir, const Shape& shape, double size, std::uint64_t leaf_capacity = 0,
+             double growth = 0) {
+  write_off(shape, dir / "surface.off");
+  MeshOptions options;
+  options.input = dir / "surface.off";
+  options.store = dir / "store";
+  options.size = {size, false};
+  options.leaf_capacity = leaf_capacity;
+  options.growth = growth;
+  EXPECT_EQ(mesh(options).outcome, RunOutcome::kDone);
+  return Store::open(options.store, {.read_only = true});
+}
+
 TEST(MeshStatistics, AreThoseOfTheWrittenCells) {
   for (const Shape& shape : {sphere(1, 31, 64), torus(1, 0.4, 60, 30)}) {
     const TempDir dir;
-    write_off(shape, dir / "surface.off");
-    MeshOptions options;
-    options.input = dir / "surface.off";
-    options.store = dir / "store";
-    options.size = {0.07, false};
-    options.leaf_capacity = 200;  // many leaves
-    ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
-    const Store store = Store::open(dir / "store", {.read_only = true});
+    const Store store = meshed(dir, shape, 0.07, 200);  // many leaves
     write_vtu(store, dir / "mesh.vtu");
     const MeshStatistics statistics = mesh_statistics(store);
     EXPECT_GT(statistics.num_core_cells, 0u);
@@ -151,15 +158,7 @@ double largest_ratio(const std::vector<Corners>& cells) {
 TEST(MeshStatistics, AreThoseOfTheWrittenCellsWhereSizesVary) {
   for (const std::size_t leaf_capacity : {200, 100'000}) {
     const TempDir dir;
-    write_off(sphere(1, 31, 64), dir / "surface.off");
-    MeshOptions options;
-    options.input = dir / "surface.off";
-    options.store = dir / "store";
-    options.size = {0.06, false};
-    options.growth = 0.3;
-    options.leaf_capacity = leaf_capacity;
-    ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
-    const Store store = Store::open(dir / "store", {.read_only = true});
+    const Store store = meshed(dir, sphere(1, 31, 64), 0.06, leaf_capacity, 0.3);
     write_vtu(store, dir / "mesh.vtu");
     const RunRecord run = *store.snapshot().run();
     std::vector<SizeCube> cubes;
@@ -187,13 +186,7 @@ TEST(MeshStatistics, AreThoseOfTheWrittenCellsWhereSizesVary) {
 
 TEST(MeshStatistics, AreTheSameToTheBitOnAnyNumberOfThreads) {
   const TempDir dir;
-  write_off(sphere(1, 31, 64), dir / "surface.off");
-  MeshOptions options;
-  options.input = dir / "surface.off";
-  options.store = dir / "store";
-  options.size = {0.03, false};
-  ASSERT_EQ(mesh(options).outcome, RunOutcome::kDone);
-  const Store store = Store::open(dir / "store", {.read_only = true});
+  const Store store = meshed(dir, sphere(1, 31, 64), 0.03);
   const MeshStatistics one = mesh_statistics(store, 1), four = mesh_statistics(store, 4);
   ASSERT_GT(one.num_cells - one.num_core_cells, 150'000u);  // several tasks
   EXPECT_EQ(one.volume, four.volume);

@@ -60,6 +60,18 @@ std::set<FacetPoints> boundary_of(const std::multiset<CellPoints>& cells) {
   return boundary;
 }
 
+// Those that meet the plane of the set.
+std::multiset<CellPoints> cells_meeting(const std::multiset<CellPoints>& all,
+                                        const ViewCells& set) {
+  std::multiset<CellPoints> met;
+  for (const CellPoints& cell : all) {
+    const auto [low, high] =
+        std::ranges::minmax(cell, {}, [&](const Point& p) { return p[set.axis]; });
+    if (low[set.axis] <= set.position && set.position <= high[set.axis]) met.insert(cell);
+  }
+  return met;
+}
+
 class MeshViewTest : public testing::Test {
  protected:
   Store meshed(const Shape& shape, double size, std::uint64_t leaf_capacity,
@@ -144,13 +156,7 @@ TEST_F(MeshViewTest, HasTheCellsThatMeetAPlaneWhereSizesVary) {
   const MeshView view = mesh_view(store, limits);
   ASSERT_GE(view.cells.size(), 3U);
   for (const ViewCells& set : view.cells) {
-    std::multiset<CellPoints> expected;
-    for (const CellPoints& cell : all) {
-      const auto [low, high] =
-          std::ranges::minmax(cell, {}, [&](const Point& p) { return p[set.axis]; });
-      if (low[set.axis] <= set.position && set.position <= high[set.axis]) expected.insert(cell);
-    }
-    EXPECT_EQ(cells_of(set), expected);
+    EXPECT_EQ(cells_of(set), cells_meeting(all, set));
   }
 }
 
@@ -166,12 +172,7 @@ TEST_F(MeshViewTest, HasTheCellsThatMeetSomePlanesOfALargeMesh) {
   std::array<int, 3> num_planes{};
   for (const ViewCells& set : view.cells) {
     ++num_planes.at(static_cast<std::size_t>(set.axis));
-    std::multiset<CellPoints> expected;
-    for (const CellPoints& cell : all) {
-      const auto [low, high] =
-          std::ranges::minmax(cell, {}, [&](const Point& p) { return p[set.axis]; });
-      if (low[set.axis] <= set.position && set.position <= high[set.axis]) expected.insert(cell);
-    }
+    const std::multiset<CellPoints> expected = cells_meeting(all, set);
     EXPECT_GT(expected.size(), 100U);
     EXPECT_EQ(cells_of(set), expected);
     EXPECT_TRUE(set.boundary.empty());
