@@ -140,8 +140,7 @@ class Engine {
     SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&stop_);
-      const auto [of_volume, of_area] = size_totals(state_, leaf);
-      totals.of_volume += of_volume, totals.of_area += of_area;
+      totals += size_totals(state_, leaf);
       state_.find_reached_size(leaf);
       if (state_.is_commit_due()) commit();
     }

@@ -82,16 +82,17 @@ SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const Siz
 
 // At the centers of its eighths. Cubes that a plane passes through, in any direction, have faces of
 // 1.5 times its area on average.
-SizeIntegrals size_integrals(const SizeLaw& law, const SizeCube& cube, const Box& box) {
-  constexpr double kLatticeShare = 0.5;  // of the cells of a mesh that is no lattice
-  const double side = box.max.x - box.min.x, share = is_of_core(law, cube) ? kLatticeShare : 1;
-  SizeIntegrals sum;
+SizeTotals size_totals(const SizeLaw& law, const SizeCube& cube, const Box& box) {
+  const double side = box.max.x - box.min.x;
+  SizeTotals sum;
   for (int k = 0; k < 8; ++k) {
     const auto place = [&](int bit) { return (k >> bit & 1) != 0 ? 0.75 * side : 0.25 * side; };
     const Point p = box.min + Point{place(0), place(1), place(2)};
     if (interpolated(cube.distance, box, p) > 0)
-      sum.of_volume += 0.125 * share * std::pow(side / size_in(law, cube, box, p), 3);
+      sum.of_volume += 0.125 * std::pow(side / size_in(law, cube, box, p), 3);
   }
+  if (is_of_lattice(law, cube)) sum.of_lattice = sum.of_volume;
+  if (is_of_core(law, cube)) sum.of_core = sum.of_volume;
   const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
   if (nearest < 0 && farthest >= 0)
     sum.of_area = std::pow(side / size_in(law, cube, box, box.center()), 2) / 1.5;
@@ -110,6 +111,10 @@ bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance) {
   for (std::size_t k = 0; k < 8; ++k)
     if (!(size(k) >= least)) return false;
   return true;
+}
+
+bool is_of_lattice(const SizeLaw& law, const SizeCube& cube) {
+  return law.has_core() && is_saturated(law, cube, kLatticeMargin * law.most);
 }
 
 bool is_of_core(const SizeLaw& law, const SizeCube& cube) {

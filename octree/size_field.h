@@ -103,14 +103,23 @@ bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance = 0)
 // balls of the lattice's cells have their centers where h is as large; around a point of the core
 // there is nothing but the lattice.
 inline constexpr double kLatticeMargin = 1, kCoreMargin = kLatticeMargin + 3;
-// Is all of the cube of the core?
+// Has all of the cube the lattice? Is all of it of the core?
+bool is_of_lattice(const SizeLaw& law, const SizeCube& cube);
 bool is_of_core(const SizeLaw& law, const SizeCube& cube);
-// Of 1 / h³ over what of the cube is inside, and of 1 / h² over the surface in it, about; of the
-// core as much less as the lattice has fewer cells.
-struct SizeIntegrals {
-  double of_volume = 0, of_area = 0;
+// Integrals of 1 / h³ over the domain, over what of it has the lattice, and of that over the core;
+// of 1 / h² over the surface.
+struct SizeTotals {
+  double of_volume = 0, of_area = 0, of_lattice = 0, of_core = 0;
+  bool are_known() const { return of_volume > 0; }
+  SizeTotals& operator+=(const SizeTotals& other) {
+    of_volume += other.of_volume, of_area += other.of_area;
+    of_lattice += other.of_lattice, of_core += other.of_core;
+    return *this;
+  }
+  friend bool operator==(const SizeTotals&, const SizeTotals&) = default;
 };
-SizeIntegrals size_integrals(const SizeLaw& law, const SizeCube& cube, const Box& box);
+// Of what is in the cube, about.
+SizeTotals size_totals(const SizeLaw& law, const SizeCube& cube, const Box& box);
 
 // How far from a point balls through it reach, over h there, if their radii are at most k / 2 times
 // h at their centers.

@@ -484,9 +484,10 @@ void serialize(auto& archive, RunCounts& counts, unsigned) {
 
 void serialize(auto& archive, StoreFormat& format, unsigned) { each(archive, format.version); }
 
-void serialize(auto& archive, RunRecord& run, unsigned) {
+void serialize(auto& archive, RunRecord& run, unsigned version) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
        run.counts, run.sizes.of_volume, run.sizes.of_area, run.image_file);
+  if (version >= 1) each(archive, run.sizes.of_lattice, run.sizes.of_core);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned) {
@@ -606,6 +607,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
+BOOST_CLASS_VERSION(locvol::RunRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)

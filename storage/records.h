@@ -182,14 +182,6 @@ struct RunCounts {
   friend bool operator==(const RunCounts&, const RunCounts&) = default;
 };
 
-// Of sizes that vary, once they are known: the integrals of 1 / h³ over the domain and of 1 / h²
-// over its surface.
-struct SizeTotals {
-  double of_volume = 0, of_area = 0;
-  bool are_known() const { return of_volume > 0; }
-  friend bool operator==(const SizeTotals&, const SizeTotals&) = default;
-};
-
 struct RunRecord {
   RunParameters parameters;
   SurfaceFacts surface;
@@ -198,7 +190,7 @@ struct RunRecord {
   std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
   RunCounts counts;
-  SizeTotals sizes;
+  SizeTotals sizes;  // where they vary, once they are known
   std::string image_file;  // of sizes; empty: none
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };

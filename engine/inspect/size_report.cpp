@@ -45,12 +45,12 @@ SizeReport report_sizes(const Reader& reader) {
     report.least = std::min(report.least, known.size);
     report.most = std::max(report.most, known.size);
     const Box box = run->frame.box(cube.key);
-    const double of_volume = size_integrals(run->parameters.sizes(), cube, box).of_volume;
+    const SizeTotals sum = size_totals(run->parameters.sizes(), cube, box);
     const int exponent = std::ilogb(known.size);
     SizeOctave& octave = octaves[exponent];
     octave.least = std::ldexp(1.0, exponent);
-    octave.num_cells += kGradedCells * of_volume;
-    octave.volume += of_volume * std::pow(known.size, 3);
+    octave.num_cells += graded_num_cells(sum);
+    octave.volume += sum.of_volume * std::pow(known.size, 3);
   });
   if (report.num_cubes == 0) return {};
   for (const auto& [exponent, octave] : octaves)

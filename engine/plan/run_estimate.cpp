@@ -51,18 +51,24 @@ double cells_of(double volume, double area) {  // over λ³ and λ²
          kCellsPerArea * area * volume / (volume + kThinness * area);
 }
 
-// The sum of 1 / h³ over the volume, as if it were a ball of the same volume and area.
-double graded_cells_of(const SizeLaw& law, double volume, double area) {
-  const double radius = 3 * volume / area;
-  if (!(radius > 0) || !std::isfinite(radius)) return 0;
+// Of a surface, as if it were a ball of the same volume and area, without shapes.
+SizeTotals estimated_totals(const SizeLaw& law, const SurfaceFacts& surface) {
+  SizeTotals totals{.of_area = surface.area / (law.surface * law.surface)};
+  const double radius = 3 * std::abs(surface.volume) / surface.area;
+  if (law.is_uniform() || !(radius > 0) || !std::isfinite(radius)) return totals;
+  const auto size_beyond = [&](double margin) { return law.most * (1 + margin * law.growth); };
   constexpr int kSteps = 1000;
-  double sum = 0;
   for (int i = 0; i < kSteps; ++i) {  // finer where h is smaller
     const auto depth = [&](double step) { return radius * std::pow(step / kSteps, 3); };
     const double low = depth(i), high = depth(i + 1), middle = depth(i + 0.5);
-    sum += (high - low) * std::pow(1 - middle / radius, 2) / std::pow(law.at_distance(middle), 3);
+    const double sum = surface.area * (high - low) * std::pow(1 - middle / radius, 2) /
+                       std::pow(law.at_distance(middle), 3);
+    totals.of_volume += sum;
+    const double size = law.surface + law.growth * middle;  // without a bound
+    if (size >= size_beyond(kLatticeMargin)) totals.of_lattice += sum;
+    if (size >= size_beyond(kCoreMargin)) totals.of_core += sum;
   }
-  return kGradedCells * area * sum;
+  return totals;
 }
 
 Box box_of(const SizeShape& shape) {
@@ -155,7 +161,7 @@ double estimated_num_cells(const SurfaceFacts& surface, const SizeLaw& law,
     // And all of it has cells no smaller than any.
     const double share = 0.5 * (1 + std::min(1.0, volume / surface.box.volume()));
     const double most = kGradedCells * volume / std::pow(law.least, 3);
-    return graded_cells_of(law, volume, surface.area) + std::min(most, share * at_shapes);
+    return graded_num_cells(estimated_totals(law, surface)) + std::min(most, share * at_shapes);
   }
   return cells_of(std::abs(surface.volume) / (size * size * size), surface.area / (size * size));
 }
@@ -164,8 +170,9 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   const SurfaceFacts& surface = run.surface;
   const RunParameters& parameters = run.parameters;
   const bool are_sizes_known = run.sizes.are_known();
-  const double area =
-      are_sizes_known ? run.sizes.of_area : surface.area / (parameters.size * parameters.size);
+  const SizeTotals totals =
+      are_sizes_known ? run.sizes : estimated_totals(parameters.sizes(), surface);
+  const double area = totals.of_area;
   const auto num_triangles = static_cast<double>(surface.num_triangles);
   const bool is_cover = parameters.init == Initialization::kCover;
   RunEstimate estimate;
@@ -173,14 +180,15 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   estimate.is_thin = 2 * std::abs(surface.volume) < parameters.size * surface.area;
   const bool is_uniform = parameters.sizes().is_uniform();
   estimate.num_cells = are_sizes_known
-                           ? kGradedCells * run.sizes.of_volume
+                           ? graded_num_cells(run.sizes)
                            : estimated_num_cells(surface, parameters.sizes(), parameters.shapes);
   if (!are_sizes_known && !parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
   estimate.is_least = !are_sizes_known && parameters.has_nodes();
   estimate.num_vertices = kVerticesPerCell * estimate.num_cells +
                           (is_uniform ? kVerticesPerArea : kGradedVerticesPerArea) * area;
-  estimate.num_listed_cells =
-      is_cover && is_uniform ? listed_of(estimate.num_cells, area) : estimate.num_cells;
+  estimate.num_listed_cells = is_cover && is_uniform
+                                  ? listed_of(estimate.num_cells, area)
+                                  : estimate.num_cells - kLatticeCellsPerVolume * totals.of_core;
   estimate.store_bytes = kLeastBytes + kBytesPerTriangle * num_triangles +
                          (!is_cover    ? kBytesPerPaperCell
                           : is_uniform ? kBytesPerListedCell

@@ -19,8 +19,12 @@ constexpr RunStage stage_of(Phase phase) {
   return phase < Phase::kRefine ? RunStage::kInitialize : RunStage::kRefine;
 }
 
-// Where sizes vary: cells to h³, with those at the boundary.
+// Where sizes vary: cells to h³, with those at the boundary; the lattice has fewer.
 inline constexpr double kGradedCells = 4.5;
+constexpr double graded_num_cells(const SizeTotals& totals) {
+  return kGradedCells * (totals.of_volume - totals.of_lattice) +
+         kLatticeCellsPerVolume * totals.of_lattice;
+}
 // More are refused there: nobody could want them.
 inline constexpr double kMostCells = 1e13;
 

@@ -263,11 +263,8 @@ void split_empty_leaf(RunState& state, MortonKey leaf) {
 
 SizeTotals size_totals(RunState& state, MortonKey leaf) {
   SizeTotals totals;
-  for (const SizeCube& cube : state.leaves().sizes(leaf).cubes) {
-    const auto [of_volume, of_area] =
-        size_integrals(state.run().parameters.sizes(), cube, state.box(cube.key));
-    totals.of_volume += of_volume, totals.of_area += of_area;
-  }
+  for (const SizeCube& cube : state.leaves().sizes(leaf).cubes)
+    totals += size_totals(state.run().parameters.sizes(), cube, state.box(cube.key));
   return totals;
 }
 

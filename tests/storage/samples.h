@@ -39,7 +39,7 @@ inline RunRecord sample_run() {
   run.epoch = 3;
   run.next_point_id = 123456789012;
   run.counts.num_visits = 77;
-  run.sizes = {1.5e6, 2.5e4};
+  run.sizes = {1.5e6, 2.5e4, 6e5, 5e5};
   run.image_file = "field.vti";
   return run;
 }

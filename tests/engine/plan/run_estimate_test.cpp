@@ -33,8 +33,16 @@ struct Trial {
   const char* name;
   Shape shape;
   double size;
-  double growth = 0;
+  double growth = 0, max_size = 0;
 };
+
+void expect_work_of(const RunEstimate& estimate, std::uint64_t num_listed,
+                    const std::filesystem::path& store) {
+  EXPECT_NEAR(estimate.num_listed_cells, static_cast<double>(num_listed),
+              0.15 * static_cast<double>(num_listed));
+  const auto bytes = static_cast<double>(std::filesystem::file_size(store / "data.mdb"));
+  EXPECT_LT(bytes, kBytesFactor * estimate.store_bytes);
+}
 
 // None of these was used for the fit.
 TEST(RunEstimate, IsThatOfWholeRuns) {
@@ -44,8 +52,9 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
       {"flat torus", torus(3, 0.5, 90, 30), 0.12},
       {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.08},
       {"growing ball", sphere(2, 61, 128), 0.08, 0.2},
-      {"growing torus", torus(3, 0.5, 90, 30), 0.06, 0.3}};
-  for (const auto& [name, shape, size, growth] : trials) {
+      {"growing torus", torus(3, 0.5, 90, 30), 0.06, 0.3},
+      {"bounded ball", sphere(2, 61, 128), 0.06, 0.2, 0.09}};
+  for (const auto& [name, shape, size, growth, max_size] : trials) {
     SCOPED_TRACE(name);
     const TempDir scratch;
     write_off(shape, scratch / "surface.off");
@@ -54,6 +63,7 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
     options.store = scratch / "store";
     options.size = {size, false};
     options.growth = growth;
+    if (max_size > 0) options.max_size = {max_size, false};
     const RunSummary made = mesh(options);
     const RunEstimate estimate = estimate_run(made.run.surface, made.run.parameters);
     const auto num_cells = static_cast<double>(made.run.counts.num_cells);
@@ -67,10 +77,10 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
       num_listed += info.num_cells;
       return true;
     });
-    EXPECT_NEAR(estimate.num_listed_cells, static_cast<double>(num_listed),
-                0.15 * static_cast<double>(num_listed));
-    const auto bytes = static_cast<double>(std::filesystem::file_size(options.store / "data.mdb"));
-    EXPECT_LT(bytes, kBytesFactor * estimate.store_bytes);
+    expect_work_of(estimate, num_listed, options.store);
+    RunRecord as_it_began = made.run;  // with its sizes, where they vary
+    as_it_began.phase = Phase::kRefine;
+    expect_work_of(estimate_run(as_it_began, {}), num_listed, options.store);
     for (const FormatInfo& format : mesh_formats()) {
       SCOPED_TRACE(format.name);
       const OutputOptions output = {format.format, format.has_cell_data};
