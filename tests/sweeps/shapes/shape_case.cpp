@@ -233,7 +233,22 @@ double MeshingWork::num_cells(double size) const {
   return 2.4 * volume_ / (size * size * size) + 3 * num_squares;
 }
 
-ShapeCase make_case(std::uint64_t seed, std::uint64_t number) {
+// Not much smaller than λ, so that there is not much more to mesh.
+std::vector<std::string> some_sizes(double size, Dice& dice) {
+  std::vector<std::string> sizes;
+  const auto add = [&](const char* name, double value) {
+    sizes.insert(sizes.end(), {name, fmt::format("{}", value)});
+  };
+  if (dice.chance(0.6)) add("--growth", dice.one_of(std::array{0.05, 0.1, 0.2, 0.3}));
+  if (!sizes.empty() && dice.chance(0.5)) add("--max-size", size * dice.uniform(1.2, 5));
+  if (dice.chance(0.4)) add("--per-circle", dice.integer(8, 20));
+  if (dice.chance(0.3)) add("--deviation", size * dice.uniform(0.02, 0.2));
+  if (sizes.empty() || dice.chance(0.3)) add("--layers", dice.integer(2, 3));
+  add("--min-size", size * dice.uniform(0.4, 0.9));
+  return sizes;
+}
+
+ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes) {
   Dice dice(seed, number);
   // In turn, so that a short sweep has them all.
   const Family& family = families()[number % families().size()];
@@ -253,6 +268,7 @@ ShapeCase make_case(std::uint64_t seed, std::uint64_t number) {
   if (dice.chance(0.1)) made.memory = "160M";
   made.is_repeated = dice.chance(0.1);
   made.refine_seed = dice.chance(0.2) ? dice.bits() % 1000 : 0;
+  if (has_sizes) made.sizes = some_sizes(made.size, dice);
   return made;
 }
 
@@ -270,6 +286,7 @@ std::vector<std::string> ShapeCase::mesh_arguments() const {
                                         fmt::format("{}", leaf_capacity)};
   if (refine_seed > 0)
     arguments.insert(arguments.end(), {"--seed", fmt::format("{}", refine_seed)});
+  arguments.insert(arguments.end(), sizes.begin(), sizes.end());
   if (!memory.empty()) arguments.insert(arguments.end(), {"--memory", memory});
   return arguments;
 }

@@ -22,9 +22,10 @@ struct ShapeCase {
   double size = 0;  // λ
   std::uint64_t leaf_capacity = 0;
   int num_threads = 1;
-  std::string memory = {};        // empty: the default
-  bool is_repeated = false;       // with another number of threads, for the same bytes
-  std::uint64_t refine_seed = 0;  // --seed
+  std::string memory = {};              // empty: the default
+  bool is_repeated = false;             // with another number of threads, for the same bytes
+  std::uint64_t refine_seed = 0;        // --seed
+  std::vector<std::string> sizes = {};  // --growth and its like
 
   std::string file_name() const;
   void write_surface(const std::filesystem::path& directory) const;
@@ -34,7 +35,8 @@ struct ShapeCase {
   bool is_resolved() const;
 };
 
-ShapeCase make_case(std::uint64_t seed, std::uint64_t number);
+// `has_sizes`: the same, with sizes that vary.
+ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes = false);
 
 // How much there is to mesh.
 class MeshingWork {
