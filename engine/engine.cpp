@@ -4,7 +4,11 @@
 
 #include <algorithm>
 #include <functional>
+#include <optional>
 #include <span>
+#include <string>
+#include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -13,6 +17,13 @@
 #include "engine/plan/disk_room.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
+#include "engine/ranks/color_results.h"
+#include "engine/ranks/deal_out.h"
+#include "engine/ranks/exchange.h"
+#include "engine/ranks/rank_store.h"
+#include "engine/ranks/rank_visits.h"
+#include "engine/ranks/recorded_exchange.h"
+#include "engine/ranks/visit_results.h"
 #include "engine/run/apply_visit.h"
 #include "engine/run/first_points.h"
 #include "engine/run/leaf_loader.h"
@@ -38,7 +49,8 @@ class Engine {
  public:
   // Throws Stopped.
   Engine(Store& store, const MemoryPlan& plan, int num_threads, const TellProgress& on_progress,
-         const StopSource& stop, const WorkClock& clock)
+         const StopSource& stop, const WorkClock& clock, Exchange* exchange = nullptr,
+         bool is_behind = false)
       : on_progress_(on_progress),
         stop_(stop),
         plan_(plan),
@@ -48,7 +60,9 @@ class Engine {
         num_threads_(plan.num_threads(num_threads > 0 ? num_threads : num_usable_threads())),
         visits_(state_, budget_, num_threads_),
         clock_(clock),
-        timeline_(store.snapshot().timeline(), clock.started()) {
+        timeline_(store.snapshot().timeline(), clock.started()),
+        is_behind_(is_behind) {
+    if (exchange != nullptr) ranks_.emplace(state_, exchange_.emplace(*exchange));
     note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run().phase);
   }
 
@@ -67,79 +81,65 @@ class Engine {
     if (state_.run().phase == Phase::kRefine) refine();
     if (state_.run().phase == Phase::kMend) mend();
   } catch (const Stopped&) {
-    commit();
+    commit_what_is_done();
     throw;
   }
 
  private:
   // Load, compute, commit.
   void refine() {
-    const auto load = [this](MortonKey leaf) {
-      return make_visit(
-          loader_.load(leaf),
-          [this](LoadedLeaf& loaded) {
-            return refine_leaf(std::move(loaded.input), {.stop = &stop_}, loader_.whole());
-          },
-          [this, leaf](const LeafDelta& delta) {
-            apply_visit(state_, loader_, leaf, delta);
-            note_visit();
-          });
-    };
-    visit_all(load);
-    const bool is_whole = state_.run().counts.num_unresolved == 0;
+    visit_all([this](MortonKey leaf) { return loader_.load(leaf); },
+              [this](LoadedLeaf& loaded) {
+                return refine_leaf(std::move(loaded.input), {.stop = stop()}, loader_.whole());
+              },
+              [this](MortonKey leaf, const LeafDelta& delta) {
+                apply_visit(state_, loader_, leaf, delta);
+              });
+    const std::uint64_t num_unresolved = state_.run().counts.num_unresolved;
+    const bool is_whole = exchange_ ? !any(*exchange_, num_unresolved > 0) : num_unresolved == 0;
     if (!is_whole) enqueue_for_mending(state_);
     end_phase(is_whole ? Phase::kDone : Phase::kMend);
   }
 
   void mend() {
-    const auto load = [this](MortonKey leaf) {
-      return make_visit(
-          load_mend(state_, leaf), [](LoadedMend& loaded) { return mended_cells(loaded); },
-          [this, leaf](const MendedCells& cells) {
-            apply_mend(state_, leaf, cells);
-            note_visit();
-          });
-    };
-    visit_all(load);
-    merge_sites(state_);
+    visit_all(
+        [this](MortonKey leaf) { return load_mend(state_, leaf); },
+        [](LoadedMend& loaded) { return mended_cells(loaded); },
+        [this](MortonKey leaf, const MendedCells& cells) { apply_mend(state_, leaf, cells); });
+    if (exchange_)
+      merge_sites_in_turn(state_, *exchange_);
+    else
+      merge_sites(state_);
     end_phase(Phase::kDone);
   }
 
   // What sizes the surface asks for, in each leaf.
   void measure_surface() {
-    const auto load = [&](MortonKey leaf) {
-      return make_visit(
-          loader_.load_measure(leaf),
-          [&](LoadedMeasure& loaded) { return measure_leaf(std::move(loaded.input), &stop_); },
-          [this, leaf](const std::vector<SizedNode>& nodes) {
-            apply_measure(state_, leaf, nodes);
-            note_visit();
-          });
-    };
     split_rich_leaves();
-    visit_first_leaves(load, first_epoch() - 4);
+    visit_first_leaves(
+        first_epoch() - 4, [this](MortonKey leaf) { return loader_.load_measure(leaf); },
+        [this](LoadedMeasure& loaded) { return measure_leaf(std::move(loaded.input), stop()); },
+        [this](MortonKey leaf, const std::vector<SizedNode>& nodes) {
+          apply_measure(state_, leaf, nodes);
+        });
     end_phase(Phase::kSize);
   }
 
   // What the size is in each leaf that the domain may meet, where it is not the same everywhere.
   void measure_sizes() {
     const FarSurface far = loader_.far_surface();
-    const auto load = [&](MortonKey leaf) {
-      return make_visit(
-          loader_.load_size(leaf, far),
-          [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), far, &stop_); },
-          [this, leaf](const std::vector<SizeCube>& cubes) {
-            apply_sizes(state_, leaf, cubes);
-            note_visit();
-          });
-    };
     if (state_.run().parameters.has_image()) split_rich_leaves();
-    visit_first_leaves(load, first_epoch() - 3);
+    visit_first_leaves(
+        first_epoch() - 3, [&](MortonKey leaf) { return loader_.load_size(leaf, far); },
+        [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), far, stop()); },
+        [this](MortonKey leaf, const std::vector<SizeCube>& cubes) {
+          apply_sizes(state_, leaf, cubes);
+        });
     split_leaves(state_.octree().leaves(),
                  [this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
     SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(&stop_);
+      throw_if_stopped(stop());
       totals += size_totals(state_, leaf);
       state_.find_reached_size(leaf);
       if (state_.is_commit_due()) commit();
@@ -151,16 +151,10 @@ class Engine {
   // Each leaf that the domain may meet gets its share of a point set that covers it: first what
   // does not depend on its neighbors' share. Covered leaves wait for the next epoch.
   void cover() {
-    const auto load = [this](MortonKey leaf) {
-      return make_visit(
-          loader_.load_cover(leaf),
-          [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), &stop_); },
-          [this, leaf](const CoverPoints& points) {
-            apply_cover(state_, leaf, points);
-            note_visit();
-          });
-    };
-    visit_first_leaves(load, first_epoch() - 2);
+    visit_first_leaves(
+        first_epoch() - 2, [this](MortonKey leaf) { return loader_.load_cover(leaf); },
+        [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), stop()); },
+        [this](MortonKey leaf, const CoverPoints& points) { apply_cover(state_, leaf, points); });
     end_phase(Phase::kFill);
   }
 
@@ -176,7 +170,7 @@ class Engine {
     double num_leaves = 0;
     std::vector<MortonKey> rich;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(&stop_);
+      throw_if_stopped(stop());
       const double share = loader_.share_of_pieces(leaf);
       if (share > 1) rich.push_back(leaf);
       num_leaves += share;
@@ -193,7 +187,7 @@ class Engine {
   void split_leaves(std::span<const MortonKey> leaves, const IsTooMuch& is_too_much) {
     std::vector<MortonKey> waiting(leaves.rbegin(), leaves.rend());
     while (!waiting.empty()) {
-      throw_if_stopped(&stop_);
+      throw_if_stopped(stop());
       const MortonKey leaf = waiting.back();
       waiting.pop_back();
       if (is_too_much(leaf)) {
@@ -215,23 +209,20 @@ class Engine {
         state_.run().surface.file, p.sizes().least, p.leaf_capacity, kMaxStartLeaves));
   }
 
-  void visit_first_leaves(const VisitPipeline::Load& load, std::uint32_t epoch) {
-    if (state_.queue().num_in_epoch(epoch) > 0 && open_epoch()) visit_epoch(load);
+  template <class Load, class Compute, class Apply>
+  void visit_first_leaves(std::uint32_t epoch, const Load& load, const Compute& compute,
+                          const Apply& apply) {
+    if (ranks_) return visit_as_rank(epoch, load, compute, apply);
+    if (state_.queue().num_in_epoch(epoch) > 0 && open_epoch()) visit_epoch(load, compute, apply);
   }
 
   // Then what does.
   void fill() {
-    const auto load = [this](MortonKey leaf) {
-      return make_visit(
-          loader_.load_fill(leaf),
-          [this](LoadedFill& loaded) { return fill_leaf(std::move(loaded.input), &stop_); },
-          [this, leaf](const FillPoints& points) {
-            apply_fill(state_, leaf, points);
-            note_visit();
-          });
-    };
-    visit_all(load);
-    begin_refinement(&stop_);
+    visit_all(
+        [this](MortonKey leaf) { return loader_.load_fill(leaf); },
+        [this](LoadedFill& loaded) { return fill_leaf(std::move(loaded.input), stop()); },
+        [this](MortonKey leaf, const FillPoints& points) { apply_fill(state_, leaf, points); });
+    begin_refinement(stop());
   }
 
   // All or nothing: a second time, the same points would come again.
@@ -243,25 +234,101 @@ class Engine {
   }
 
   // Epoch after epoch, until the queue is empty.
-  void visit_all(const VisitPipeline::Load& load) {
-    while (open_epoch()) visit_epoch(load);
+  template <class Load, class Compute, class Apply>
+  void visit_all(const Load& load, const Compute& compute, const Apply& apply) {
+    if (ranks_) return visit_as_rank(std::nullopt, load, compute, apply);
+    while (open_epoch()) visit_epoch(load, compute, apply);
   }
 
   // False: no leaves wait.
   bool open_epoch() {
-    if (state_.open_epoch(&stop_)) commit();
+    if (state_.open_epoch(stop())) commit();
     return !state_.queue().is_empty();
   }
 
-  void visit_epoch(const VisitPipeline::Load& load) try {
-    visits_.visit_epoch(load, [this] { return stop_.ask(); });
+  // All leaves of the open epoch: apply(leaf, compute(load(leaf))).
+  template <class Load, class Compute, class Apply>
+  void visit_epoch(const Load& load, const Compute& compute, const Apply& apply) {
+    visit(state_.queue().front_epoch(), load, compute, [&](MortonKey leaf, const auto& result) {
+      apply(leaf, result);
+      note_visit();
+    });
+  }
+
+  // The rank's leaves, color after color, of one epoch or of all: what a color's visits find is
+  // sent, and then applied, when all ranks have made theirs.
+  template <class Load, class Compute, class Apply>
+  void visit_as_rank(std::optional<std::uint32_t> epoch, const Load& load, const Compute& compute,
+                     const Apply& apply) {
+    using Loaded = std::invoke_result_t<Load, MortonKey>;
+    using Result = std::invoke_result_t<Compute, Loaded&>;
+    std::optional<ColorResults> results;
+    const auto find_results = [&](const QueuePosition& color) {
+      results.emplace(state_, *exchange_);
+      visit(ranks_->own_leaves(color), load, compute, [&](MortonKey leaf, const Result& result) {
+        results->add(leaf, num_new_ids(result), encode_result(result));
+      });
+    };
+    // After an end, what was found is found again; all go on with that.
+    const auto find_results_again = [&](const QueuePosition& color) {
+      if (results) return;
+      may_stop_ = false;
+      find_results(color);
+      may_stop_ = true;
+    };
+    using enum RankVisits::Step;
+    for (auto next = ranks_->next(); next.step != kNone; next = ranks_->next()) {
+      const QueuePosition& color = next.position;
+      tell(ranks_->totals());
+      if (epoch && next.step <= kVisit && color.epoch > *epoch) return;
+      if (next.step == kOpen) {
+        ranks_->open_epoch(color.epoch);
+        end_superstep();
+      } else if (next.step == kVisit) {
+        bool is_stopped = false;
+        try {
+          find_results(color);
+        } catch (const Stopped&) {
+          is_stopped = true;
+        }
+        if (any(*exchange_, is_stopped)) throw Stopped();
+        const SumOfRanks ids = sum(*exchange_, results->num_ids());
+        const std::uint64_t begin = state_.run().next_point_id;
+        state_.begin_applying(color, begin + ids.before, begin + ids.all);
+        end_superstep();
+      } else if (next.step == kSend) {
+        find_results_again(color);
+        results->send_some();
+        if (!any(*exchange_, !results->is_all_sent())) state_.note_all_sent();
+        end_superstep();
+      } else if (state_.rank().applied) {
+        find_results_again(color);
+        results->apply_all([&](MortonKey leaf, std::string_view result) {
+          apply(leaf, decode_result<Result>(result));
+          note_visit();
+        });
+        results.reset();
+        state_.end_applying();
+        commit();
+      }
+    }
+  }
+
+  template <class Load, class Compute, class Take>
+  void visit(std::vector<QueueEntry> leaves, const Load& load, const Compute& compute,
+             const Take& take) try {
+    const auto begin = [&](MortonKey leaf) {
+      return make_visit(load(leaf), compute,
+                        [&take, leaf](const auto& result) { take(leaf, result); });
+    };
+    visits_.visit(std::move(leaves), begin, [this] { return stop()->ask(); });
   } catch (const VisitError& e) {
-    commit();  // so that the visit can be made again, as it was
+    commit_what_is_done();  // so that the visit can be made again, as it was
     throw VisitError(e.leaf(), std::string(e.what()) + "; this is a bug of locvol. The store " +
                                    state_.store().directory().string() +
                                    " holds all that was done before");
   } catch (const OverBudget& e) {
-    commit();
+    commit_what_is_done();
     throw OverBudget(std::string(e.what()) + "; go on with a larger one, at least " +
                          memory_text(plan_.cap_with_heap(e.bytes())) +
                          ": nothing that was done is lost",
@@ -277,14 +344,31 @@ class Engine {
   }
 
   void begin_refinement(const StopSource* stop) {
-    enqueue_for_refinement(state_, stop);
+    enqueue_for_refinement(state_, ranks_ ? nullptr : stop);  // all ranks stop, or none
     end_phase(Phase::kRefine);
   }
 
   void end_phase(Phase next) {
     note_sample(state_.run().phase);
     state_.begin_phase(next);
+    if (ranks_)
+      end_superstep();
+    else
+      commit();
+  }
+
+  const StopSource* stop() const { return is_behind_ || !may_stop_ ? &never_ : &stop_; }
+
+  // Of several ranks, each has committed the last superstep, and has changed nothing since.
+  void commit_what_is_done() {
+    if (!ranks_) commit();
+  }
+
+  // With what was said during it.
+  void end_superstep() {
+    state_.end_superstep(exchange_->take());
     commit();
+    is_behind_ = false;
   }
 
   void commit() {
@@ -293,16 +377,24 @@ class Engine {
     tell_progress();
   }
 
+  // Of several ranks, all tell what all have, between two supersteps.
   void tell_progress() const {
-    if (!on_progress_) return;
-    const RunRecord& run = state_.run();
-    on_progress_({.phase = run.phase,
-                  .counts = run.counts,
-                  .num_leaves = state_.octree().size(),
-                  .num_queued = state_.queue().size(),
-                  .num_in_epoch = state_.queue().num_in_epoch(run.epoch),
-                  .epoch = run.epoch,
-                  .first_epoch = first_epoch()});
+    if (!ranks_)
+      tell({.counts = state_.run().counts,
+            .num_leaves = state_.octree().size(),
+            .num_queued = state_.queue().size(),
+            .num_in_epoch = state_.queue().num_in_epoch(state_.run().epoch)});
+  }
+
+  void tell(const RankVisits::Totals& all) const {
+    if (on_progress_)
+      on_progress_({.phase = state_.run().phase,
+                    .counts = all.counts,
+                    .num_leaves = all.num_leaves,
+                    .num_queued = all.num_queued,
+                    .num_in_epoch = all.num_in_epoch,
+                    .epoch = state_.run().epoch,
+                    .first_epoch = first_epoch()});
   }
 
   // `phase`: what took the time since the last sample.
@@ -337,6 +429,13 @@ class Engine {
   VisitPipeline visits_;
   WorkClock clock_;
   RunTimeline timeline_;
+  // Absent: one process has all of the run.
+  std::optional<RecordedExchange> exchange_;
+  std::optional<RankVisits> ranks_;
+  // Until the first commit: others say what they said before, and cannot hear of a stop.
+  bool is_behind_;
+  bool may_stop_ = true;  // not while what all ranks are applying is found again
+  const StopSource never_{nullptr};
 };
 
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
@@ -395,6 +494,12 @@ RunSummary interrupted(const Store& store) {
   return summary;
 }
 
+void require_cells(const RunRecord& run) {
+  if (run.counts.num_cells == 0)
+    throw InputError(run.surface.file +
+                     ": no cell fits the surface at this size; choose a smaller one");
+}
+
 RunSummary finish(Store& store, const RunControl& control, const StopSource& stop,
                   const WorkClock& clock, Phase until = Phase::kDone) {
   const RunRecord run = store.snapshot().run().value();
@@ -413,9 +518,7 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
   }
   if (until < Phase::kDone) return interrupted(store);
   RunSummary summary = summarize(store.snapshot());
-  if (summary.run.counts.num_cells == 0)
-    throw InputError(summary.run.surface.file +
-                     ": no cell fits the surface at this size; choose a smaller one");
+  require_cells(summary.run);
   return summary;
 }
 
@@ -472,6 +575,82 @@ void require_same_image(const RunRecord& run, const std::filesystem::path& store
                         ", which is another file by now: restore it, or force a new run");
 }
 
+// Throws InputError, the same on all ranks.
+void require_for_ranks(const MeshOptions& options) {
+  const bool has_sizes = options.growth > 0 || options.max_size || options.deviation ||
+                         options.per_circle > 0 || options.layers > 0 || !options.shapes.empty() ||
+                         !options.size_image.empty();
+  if (has_sizes || options.init != Initialization::kCover)
+    throw InputError(
+        "several processes mesh at one size, in cover mode: without --growth, --max-size, --sizes, "
+        "--per-circle, --deviation, --layers and --init paper, or by one process (locvol mesh)");
+}
+
+// The first rank takes the surface in, and gives each its share.
+void ingest_for_ranks(const MeshOptions& options, const RunControl& control, Exchange& exchange,
+                      const StopSource& stop) {
+  std::optional<Store> whole;
+  const std::filesystem::path place = options.store.string() + ".whole";
+  bool is_stopped = false;
+  if (exchange.rank() == 0) try {
+      whole = ingested(
+          surface_in_file(options.input), place,
+          [&](const std::string& digest, const Box& box) {
+            return planned_run(options, digest, box, {});
+          },
+          [&] { return Store::open(place, {.create = true}); }, control, stop);
+      is_stopped = whole->snapshot().run()->phase == Phase::kIngest;
+    } catch (const Stopped&) {
+      is_stopped = true;
+    }
+  if (any(exchange, is_stopped)) throw Stopped();
+  if (Store::owns(options.store)) std::filesystem::remove_all(options.store);
+  Store store = Store::open(options.store, {.create = true});
+  deal_out(whole ? &*whole : nullptr, store, exchange);
+  whole.reset();
+  if (exchange.rank() == 0) std::filesystem::remove_all(place);
+}
+
+// Nothing: it is to begin. Throws StoreError, the same on all ranks, or StoreMismatch.
+std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& exchange,
+                                         const StopSource& stop) {
+  std::optional<HeldRun> held;
+  try {
+    held = held_by_ranks(options.store, exchange);
+  } catch (const StoreError&) {
+    if (!options.is_forced) throw;
+  }
+  if (!held) return held;
+  std::optional<RunParameters> asked;
+  if (exchange.rank() == 0)
+    asked = planned_run(options, surface_in_file(options.input).digest(&stop),
+                        held->run.surface.box, {})
+                .parameters;
+  if (!any(exchange, asked && *asked != held->run.parameters)) return held;
+  if (options.is_forced) return std::nullopt;
+  if (asked) require_same_run(held->run.parameters, *asked, options.store);
+  throw StoreMismatch("the store " + options.store.string() +
+                      " has a part of another run than is asked for");
+}
+
+// What all ranks have.
+RunSummary summarize(const Reader& own, Exchange& exchange) {
+  RunSummary summary = summarize(own);
+  std::uint64_t num_own = 0;
+  own.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    num_own += info.holding == Holding::kOwn ? 1 : 0;
+    return true;
+  });
+  summary.run.counts = total_counts(exchange, summary.run.counts);
+  summary.num_leaves = sum(exchange, num_own).all;
+  summary.max_visits_of_a_leaf =
+      std::ranges::max(gather_numbers(exchange, summary.max_visits_of_a_leaf));
+  if (summary.outcome == RunOutcome::kInterrupted) return summary;
+  require_cells(summary.run);
+  if (summary.run.counts.num_unresolved > 0) summary.outcome = RunOutcome::kUnresolved;
+  return summary;
+}
+
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
                   const StopSource& stop) {
   const WorkClock clock;
@@ -526,6 +705,25 @@ RunSummary find_sizes(const MeshOptions& options, const RunControl& control) {
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control) {
   return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
     return resume(directory, in_turn, stop);
+  });
+}
+
+RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
+  require_for_ranks(options);
+  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+    const WorkClock clock;
+    const std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
+    if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
+    Store store = Store::open(options.store);
+    const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(in_turn.memory_bytes));
+    if (held && held->is_ahead) say_again(exchange, store.snapshot().rank()->said);
+    try {
+      Engine(store, plan, in_turn.num_threads, in_turn.on_progress, stop, clock, &exchange,
+             held && held->is_behind)
+          .run(Phase::kDone, [](const RunRecord&) {});
+    } catch (const Stopped&) {
+    }
+    return summarize(store.snapshot(), exchange);
   });
 }
 

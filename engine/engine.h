@@ -35,4 +35,11 @@ RunSummary resume(const std::filesystem::path& store, const RunControl& control 
 RunSummary find_sizes(const MeshOptions& options, const RunControl& control = {});
 RunSummary summarize(const Reader& reader);
 
+class Exchange;
+// mesh() by several ranks at once, each of which calls it with a store of its own, where no run is:
+// what is the rank's own in these, put together, is what mesh() makes. The first reads the input.
+// Of cover mode and one size. `counts` of the summary's run: of all ranks. Throws ExchangeError,
+// too.
+RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange);
+
 }  // namespace locvol

@@ -36,6 +36,16 @@ void collect_within(const Frame& frame, MortonKey node, Leaves leaves, const Box
   }
 }
 
+void complete(MortonKey node, Leaves leaves, std::vector<MortonKey>& octree) {
+  if (leaves.empty() || leaves.front() == node) return octree.push_back(node);
+  for (int octant = 0; octant < 8; ++octant) {
+    const MortonKey child = node.child(octant);
+    const auto end = std::ranges::upper_bound(leaves, child.range_max());
+    complete(child, {leaves.begin(), end}, octree);
+    leaves = {end, leaves.end()};
+  }
+}
+
 }  // namespace
 
 LinearOctree::LinearOctree(std::vector<MortonKey> leaves) : leaves_(std::move(leaves)) {
@@ -50,6 +60,12 @@ LinearOctree::LinearOctree(std::vector<MortonKey> leaves) : leaves_(std::move(le
   if (leaves_.empty() || leaves_.front().range_min() != MortonKey::root().range_min() ||
       leaves_.back().range_max() != MortonKey::root().range_max())
     throw std::invalid_argument("octree: the leaves do not cover the root");
+}
+
+LinearOctree LinearOctree::coarsest_with(std::span<const MortonKey> leaves) {
+  std::vector<MortonKey> octree;
+  complete(MortonKey::root(), leaves, octree);
+  return LinearOctree(std::move(octree));
 }
 
 LinearOctree LinearOctree::uniform(int level) {

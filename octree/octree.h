@@ -17,6 +17,9 @@ class LinearOctree {
   LinearOctree() : leaves_{MortonKey::root()} {}
   // Throws std::invalid_argument unless the keys are sorted and cover the root exactly once.
   explicit LinearOctree(std::vector<MortonKey> leaves);
+  // The coarsest that has all of these among its leaves. REQUIRES: they are in Morton order, none
+  // inside another
+  static LinearOctree coarsest_with(std::span<const MortonKey> leaves);
   static LinearOctree uniform(int level);  // 8^level leaves; REQUIRES: 0 <= level <= kMaxLevel
 
   std::span<const MortonKey> leaves() const { return leaves_; }

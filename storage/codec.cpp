@@ -68,6 +68,9 @@
 //   9 keys        [sum u64]
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
 //  11 sizes       [key steps u64 | distance f32, of each corner | excess f32 | less f32, of each corner] [node steps u64 | size f32]
+//  12 rank        first [key steps u64], rank u32, superstep u64; `applied` as `queued`; is all
+//                 sent u8, number sent u64, next id u64, end id u64; said: its length u64 and bytes
+//  13 result      first id u64; its length u64 and its bytes
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -81,7 +84,7 @@ static_assert(std::numeric_limits<double>::is_iec559);
 
 using Kinds = boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells,
                                    LeafSurface, LeafUnresolved, QueueEntry, MemoryRecord, KeySums,
-                                   TimelineRecord, LeafSizes>;
+                                   TimelineRecord, LeafSizes, RankRecord, RankResult>;
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
@@ -89,6 +92,7 @@ constexpr PointKind last_of(PointKind) { return PointKind::kInserted; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
 constexpr Phase last_of(Phase) { return Phase::kDone; }
 constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }
+constexpr Holding last_of(Holding) { return Holding::kBeyond; }
 
 template <class T>
 concept Enumeration = std::is_enum_v<T>;
@@ -490,12 +494,13 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   if (version >= 1) each(archive, run.sizes.of_lattice, run.sizes.of_core);
 }
 
-void serialize(auto& archive, LeafInfo& info, unsigned) {
+void serialize(auto& archive, LeafInfo& info, unsigned version) {
   each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
        info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
        info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
        info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,
        info.surface_size, info.reached_size);
+  if (version >= 1) each(archive, info.holding);
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -583,6 +588,16 @@ void serialize(auto& archive, KeySums& keys, unsigned) {
   each(archive, columns(keys.sums, Plain(field<>)));
 }
 
+void serialize(auto& archive, RankResult& result, unsigned) {
+  each(archive, result.first_id, result.bytes);
+}
+
+void serialize(auto& archive, RankRecord& record, unsigned) {
+  each(archive, columns(record.first, KeySteps(field<>)), record.rank, record.superstep,
+       record.applied, record.is_all_sent, record.num_sent, record.next_id, record.end_id,
+       record.said);
+}
+
 void serialize(auto& archive, TimelineRecord& record, unsigned) {
   using Sample = TimelineSample;
   constexpr auto kCounts = &Sample::counts;
@@ -608,6 +623,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 
 // Parts of records come without a version of their own.
 BOOST_CLASS_VERSION(locvol::RunRecord, 1)
+BOOST_CLASS_VERSION(locvol::LeafInfo, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
@@ -803,6 +819,8 @@ template std::string encode(const MemoryRecord&, MortonKey);
 template std::string encode(const KeySums&, MortonKey);
 template std::string encode(const TimelineRecord&, MortonKey);
 template std::string encode(const LeafSizes&, MortonKey);
+template std::string encode(const RankRecord&, MortonKey);
+template std::string encode(const RankResult&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -815,5 +833,7 @@ template MemoryRecord decode(std::string_view, MortonKey);
 template KeySums decode(std::string_view, MortonKey);
 template TimelineRecord decode(std::string_view, MortonKey);
 template LeafSizes decode(std::string_view, MortonKey);
+template RankRecord decode(std::string_view, MortonKey);
+template RankResult decode(std::string_view, MortonKey);
 
 }  // namespace locvol

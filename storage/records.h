@@ -28,6 +28,13 @@ struct QueuePosition {
   friend auto operator<=>(const QueuePosition&, const QueuePosition&) = default;
 };
 
+// Of a run that several ranks work on: what a rank's store has of a leaf.
+enum class Holding : std::uint8_t {
+  kOwn,    // it is the rank's: all that there is
+  kCopy,   // near the rank's: its records, as its own rank has them
+  kBeyond  // nothing is known of it, and what happens there does not matter to the rank
+};
+
 struct LeafInfo {
   bool is_center_inside = false;  // side of the center of the leaf's box, the reference point
   std::uint32_t num_visits = 0;
@@ -51,6 +58,7 @@ struct LeafInfo {
   double least_size = 0, largest_size = 0, surface_size = 0;
   // The largest h where a visit of the leaf may put a point, there or around it.
   double reached_size = 0;
+  Holding holding = Holding::kOwn;
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -190,9 +198,33 @@ struct RunRecord {
   std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
   RunCounts counts;
-  SizeTotals sizes;  // where they vary, once they are known
+  SizeTotals sizes;        // where they vary, once they are known
   std::string image_file;  // of sizes; empty: none
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
+};
+
+// What a visit on another rank found, until it is applied here.
+struct RankResult {
+  std::uint64_t first_id = 0;  // of its new points
+  std::string bytes;
+  friend bool operator==(const RankResult&, const RankResult&) = default;
+};
+
+// What a rank knows of a run that several work on, besides its leaves.
+struct RankRecord {
+  std::vector<MortonKey> first;  // where each rank's share of the leaves begins
+  std::uint32_t rank = 0;
+  std::uint64_t superstep = 0;  // so many have been committed; ranks are at most one apart
+  // Of a color whose visits all ranks have made: what they found is being applied. Of this rank's
+  // results so many have been sent to those that they matter to, if any have not. The next point of
+  // this rank gets `next_id`; when all is applied, that of the run is `end_id`.
+  std::optional<QueuePosition> applied;
+  bool is_all_sent = false;
+  std::uint64_t num_sent = 0, next_id = 0, end_id = 0;
+  // What the rank has said to others during the last of them: to be said again to those that have
+  // not committed it.
+  std::string said;
+  friend bool operator==(const RankRecord&, const RankRecord&) = default;
 };
 
 // How the memory of the last process that worked on the run was shared out, in bytes, and what it

@@ -18,7 +18,8 @@
 // Numbers in keys are big-endian, so that LMDB's order of bytes is their order.
 //
 //   meta                             "format" | "keys" | "run" |
-//                                    "memory" | "timeline"          -> record
+//                                    "memory" | "timeline" | "rank" -> record;
+//                                    "result", leaf u64           -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
@@ -36,7 +37,8 @@
 namespace locvol {
 namespace {
 
-constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey = "timeline";
+constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey = "timeline",
+                           kRankKey = "rank", kResultKey = "result";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -332,6 +334,31 @@ std::optional<MemoryRecord> Reader::memory() const {
                                  MortonKey());
 }
 
+std::optional<RankRecord> Reader::rank() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kRankKey));
+  if (!bytes) return std::nullopt;
+  return decode_in<RankRecord>(impl_->environment->directory(), Database::kMeta, *bytes,
+                               MortonKey());
+}
+
+std::vector<MortonKey> Reader::result_keys() const {
+  std::vector<MortonKey> keys;
+  const auto take = [&](const std::string& key, const std::string&) {
+    if (!key.starts_with(kResultKey)) return false;
+    keys.push_back(
+        leaf_of_key(impl_->environment->directory(), Database::kMeta, key, kResultKey.size()));
+    return true;
+  };
+  impl_->for_each(Database::kMeta, take, std::string(kResultKey), 1);
+  return keys;
+}
+
+std::optional<RankResult> Reader::result(MortonKey key) const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kResultKey) + leaf_key(key));
+  if (!bytes) return std::nullopt;
+  return decode_in<RankResult>(impl_->environment->directory(), Database::kMeta, *bytes, key);
+}
+
 TimelineRecord Reader::timeline() const {
   const auto bytes = impl_->find(Database::kMeta, std::string(kTimelineKey));
   if (!bytes) return {};
@@ -448,6 +475,18 @@ void Batch::put_run(const RunRecord& run) {
 
 void Batch::put_memory(const MemoryRecord& memory) {
   impl_->put(Database::kMeta, std::string(kMemoryKey), encode(memory, MortonKey()));
+}
+
+void Batch::put_rank(const RankRecord& rank) {
+  impl_->put(Database::kMeta, std::string(kRankKey), encode(rank, MortonKey()));
+}
+
+void Batch::put_result(MortonKey key, const RankResult& result) {
+  impl_->put(Database::kMeta, std::string(kResultKey) + leaf_key(key), encode(result, key));
+}
+
+void Batch::erase_result(MortonKey key) {
+  impl_->put(Database::kMeta, std::string(kResultKey) + leaf_key(key), std::nullopt);
 }
 
 void Batch::put_timeline(const TimelineRecord& timeline) {

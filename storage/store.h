@@ -37,6 +37,7 @@ class Reader {
   std::optional<RunRecord> run() const;
   std::optional<MemoryRecord> memory() const;
   TimelineRecord timeline() const;
+  std::optional<RankRecord> rank() const;  // absent: one process has all of the run
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
@@ -44,6 +45,9 @@ class Reader {
   LeafUnresolved unresolved(MortonKey key) const;
   LeafSizes sizes(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
+  // Of visits on other ranks, what is yet to be applied, by the leaf: all, in Morton order.
+  std::vector<MortonKey> result_keys() const;
+  std::optional<RankResult> result(MortonKey key) const;
   // The first `max` leaves, or entries of the queue, from `from` on, in order. Decodes no record,
   // so a damaged one is listed like any other; a damaged key may be no valid one.
   std::vector<MortonKey> leaf_keys(MortonKey from, std::size_t max) const;
@@ -83,6 +87,9 @@ class Batch : public Reader {
   void put_run(const RunRecord& run);
   void put_memory(const MemoryRecord& memory);
   void put_timeline(const TimelineRecord& timeline);
+  void put_rank(const RankRecord& rank);
+  void put_result(MortonKey key, const RankResult& result);
+  void erase_result(MortonKey key);
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);

@@ -226,7 +226,7 @@ std::vector<bool> sides_of(const LinearOctree& octree, const CutLeaves& near) {
 // Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
 // points are to come.
 StartLeaves completed(const CutLeaves& near, int level) {
-  const LinearOctree octree = coarsest_octree(near.keys);
+  const LinearOctree octree = LinearOctree::coarsest_with(near.keys);
   const std::vector<bool> sides = sides_of(octree, near);
   StartLeaves leaves;
   for (std::size_t i = 0; i < octree.size(); ++i) {
@@ -243,7 +243,7 @@ StartLeaves completed(const CutLeaves& near, int level) {
 // Where sizes grow from the surface inwards, leaves do: those inside are at most twice as wide as
 // the ones beside them, and as narrow as shapes and the largest size ask for.
 StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSides& sides_wanted) {
-  LinearOctree octree = coarsest_octree(near.keys);
+  LinearOctree octree = LinearOctree::coarsest_with(near.keys);
   const std::vector<bool> sides = sides_of(octree, near);
   std::map<MortonKey, bool> is_inside;  // of leaves to begin with
   for (std::size_t i = 0; i < octree.size(); ++i) is_inside.emplace(octree.leaves()[i], sides[i]);

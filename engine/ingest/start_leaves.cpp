@@ -130,19 +130,10 @@ std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& su
     watch.advance(bucket.triangles.count);
   }
   auto cells = near.take();
-  if (!cells || static_cast<double>(coarsest_octree(*cells).size()) + num_inside > kMaxStartLeaves)
+  if (!cells || static_cast<double>(LinearOctree::coarsest_with(*cells).size()) + num_inside >
+                    kMaxStartLeaves)
     return std::nullopt;
   return cells;
-}
-
-void complete(MortonKey node, std::span<const MortonKey> leaves, std::vector<MortonKey>& octree) {
-  if (leaves.empty() || leaves.front() == node) return octree.push_back(node);
-  for (int octant = 0; octant < 8; ++octant) {
-    const MortonKey child = node.child(octant);
-    const auto end = std::ranges::upper_bound(leaves, child.range_max());
-    complete(child, {leaves.begin(), end}, octree);
-    leaves = {end, leaves.end()};
-  }
 }
 
 }  // namespace
@@ -166,12 +157,6 @@ std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
       "size {} with {} points to a leaf needs more than {} leaves: choose a size of at least "
       "{:.3g}, or a larger leaf capacity",
       parameters.size, parameters.leaf_capacity, kMaxStartLeaves, 1.01 * larger.size));
-}
-
-LinearOctree coarsest_octree(const std::vector<MortonKey>& leaves) {
-  std::vector<MortonKey> octree;
-  complete(MortonKey::root(), leaves, octree);
-  return LinearOctree(std::move(octree));
 }
 
 }  // namespace locvol

@@ -17,8 +17,4 @@ namespace locvol {
 std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
                                           const RunParameters& parameters, IngestWatch& watch);
 
-// The coarsest octree that has all of `leaves` among its leaves. REQUIRES: they are in Morton
-// order, none inside another
-LinearOctree coarsest_octree(const std::vector<MortonKey>& leaves);
-
 }  // namespace locvol

@@ -21,11 +21,12 @@ namespace locvol {
 namespace {
 
 void count_core_cells(RunState& state, MortonKey leaf) {
-  state.put_num_core_cells(leaf, num_core_cells(state, leaf));
+  if (state.is_own(leaf)) state.put_num_core_cells(leaf, num_core_cells(state, leaf));
 }
 
 // The leaf's points, triangles and known side go to its children.
 void split_leaf(RunState& state, MortonKey leaf) {
+  if (state.holding(leaf) == Holding::kBeyond) return;
   std::array<RunState::Child, 8> children;
   const LeafPoints& own = state.leaves().points(leaf);
   for (const MeshPoint& point : own.points) {
@@ -190,6 +191,7 @@ class Visit {
   }
 
   void store_unresolved(const std::vector<Violation>& violations) {
+    if (state_.holding(leaf_) == Holding::kBeyond) return;
     if (violations.empty() && state_.leaves().info(leaf_).num_unresolved == 0) return;
     std::vector<UnresolvedSite> sites;
     for (const Violation& v : violations)
@@ -296,7 +298,7 @@ void enqueue_for_refinement(RunState& state, const StopToken* stop) {
   num_cells.reserve(leaves.size());
   for (const MortonKey leaf : leaves) {
     throw_if_stopped(stop);
-    num_cells.push_back(num_core_cells(state, leaf));
+    num_cells.push_back(state.is_own(leaf) ? num_core_cells(state, leaf) : 0);
     state.leaves().trim();
   }
   for (std::size_t i = 0; i < leaves.size(); ++i) {

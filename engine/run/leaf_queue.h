@@ -5,6 +5,7 @@
 // Memory: about 70 bytes a waiting leaf.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <map>
@@ -24,6 +25,10 @@ class LeafQueue {
   bool is_empty() const { return entries_.empty(); }
   std::size_t size() const { return entries_.size(); }
   std::size_t num_in_epoch(std::uint32_t epoch) const;
+  template <class Predicate>
+  std::size_t count_if(const Predicate& is_counted) const {
+    return static_cast<std::size_t>(std::ranges::count_if(entries_, is_counted, &QueueEntry::leaf));
+  }
   QueuePosition front() const;  // REQUIRES: !is_empty()
   // The leaves at the front that share its epoch and color, in Morton order: independent of each
   // other, once colored. REQUIRES: !is_empty()

@@ -165,11 +165,12 @@ void enqueue_for_mending(RunState& state) {
   }
 }
 
-void merge_sites(RunState& state) {
+std::vector<MortonKey> merge_sites(RunState& state) {
+  std::vector<MortonKey> changed;
   const double size = state.size();
   for (const MortonKey leaf : state.octree().leaves()) {
     state.leaves().trim();
-    if (state.leaves().info(leaf).num_unresolved == 0) continue;
+    if (state.leaves().info(leaf).num_unresolved == 0 || !state.is_own(leaf)) continue;
     // A visit's sites lie within its reach of its leaf.
     const double distance = state.is_cover() ? 2 * state.reach_of(leaf, kReach) + size
                                              : std::numeric_limits<double>::infinity();
@@ -184,8 +185,11 @@ void merge_sites(RunState& state) {
     LeafUnresolved own = state.leaves().unresolved(leaf);
     const auto num_before = own.sites.size();
     own.sites = thinned(own.sites, kept, size);
-    if (own.sites.size() < num_before) state.put_unresolved(leaf, std::move(own));
+    if (own.sites.size() == num_before) continue;
+    state.put_unresolved(leaf, std::move(own));
+    changed.push_back(leaf);
   }
+  return changed;
 }
 
 }  // namespace locvol

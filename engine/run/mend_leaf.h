@@ -42,7 +42,7 @@ void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells);
 // Leaves with unresolved sites wait: only there may the boundary be torn.
 void enqueue_for_mending(RunState& state);
 // Sites within λ of each other become one, the first in Morton order. Of a run whose leaves have
-// been thinned already, changes nothing.
-void merge_sites(RunState& state);
+// been thinned already, changes nothing. Of the rank's own leaves; gives those that it changed.
+std::vector<MortonKey> merge_sites(RunState& state);
 
 }  // namespace locvol

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <string>
 #include <utility>
 
 #include "engine/run/coloring.h"
+#include "engine/shared/leaf_name.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/refine_leaf.h"
@@ -24,35 +26,65 @@ RunRecord read_run(const Store& store) {
   return *run;
 }
 
-// A leaf's count, in the run's total.
-void put_count(std::uint64_t& count, std::uint64_t now, std::uint64_t& total) {
-  total = total - count + now;
-  count = now;
-}
-
 }  // namespace
 
 RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
     : store_(store),
+      rank_(store.snapshot().rank()),
+      shares_(rank_ ? Shares(rank_->first) : Shares()),
       run_(read_run(store)),
       lattice_(lattice_of(run_)),
       octree_(store.snapshot().leaf_keys()),
       leaves_(store, cache_bytes),
       queue_(store.snapshot()),
-      max_unwritten_bytes_(max_unwritten_bytes) {}
+      max_unwritten_bytes_(max_unwritten_bytes) {
+  const auto is_share = [&](MortonKey leaf) {
+    return !rank_ || shares_.owner_of(leaf) == static_cast<int>(rank_->rank);
+  };
+  num_own_leaves_ = static_cast<std::uint64_t>(std::ranges::count_if(octree_.leaves(), is_share));
+  num_own_queued_ = queue_.count_if(is_share);
+}
+
+std::vector<int> RunState::ranks_touched(MortonKey leaf) const {
+  std::vector<int> ranks;
+  for (const MortonKey other : octree_.leaves_within(run_.frame, box(leaf), kTouch * size())) {
+    const auto near = shares_.ranks_within(run_.frame, box(other), kTouch * size());
+    std::vector<int> both;
+    std::ranges::set_union(ranks, near, std::back_inserter(both));
+    ranks = std::move(both);
+  }
+  return ranks;
+}
+
+Holding RunState::holding_of_child(MortonKey leaf, Holding parent) const {
+  if (parent != Holding::kCopy) return parent;
+  const auto near = shares_.ranks_within(run_.frame, box(leaf), kTouch * size());
+  return std::ranges::binary_search(near, static_cast<int>(rank_->rank)) ? parent
+                                                                         : Holding::kBeyond;
+}
+
+void RunState::put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::uint64_t now,
+                         std::uint64_t RunCounts::*total) {
+  LeafInfo& info = leaves_.edit_info(leaf);
+  if (info.holding == Holding::kOwn) run_.counts.*total += now - info.*count;
+  info.*count = now;
+}
 
 void RunState::enqueue(MortonKey leaf, std::uint32_t epoch) {
-  if (leaves_.info(leaf).queued) return;
+  if (is_beyond(leaf) || leaves_.info(leaf).queued) return;
   const QueuePosition position{epoch, kNoColor};
   leaves_.edit_info(leaf).queued = position;
   queue_.put({position, leaf});
+  if (is_own(leaf)) ++num_own_queued_;
 }
 
 void RunState::dequeue(MortonKey leaf) {
+  if (is_beyond(leaf)) return;
   auto& queued = leaves_.edit_info(leaf).queued;
   assert(queued);
   queue_.erase({*queued, leaf});
   queued.reset();
+  if (is_own(leaf)) --num_own_queued_;
 }
 
 bool RunState::open_epoch(const StopToken* stop) {
@@ -60,14 +92,41 @@ bool RunState::open_epoch(const StopToken* stop) {
   const QueuePosition waiting = queue_.front();
   const std::vector<MortonKey> epoch = queue_.front_leaves();
   const std::vector<std::uint32_t> colors = colors_of(epoch, stop);
-  for (std::size_t i = 0; i < epoch.size(); ++i) {
-    const QueuePosition position{waiting.epoch, colors[i]};
-    queue_.erase({waiting, epoch[i]});
-    queue_.put({position, epoch[i]});
-    leaves_.edit_info(epoch[i]).queued = position;
-  }
+  for (std::size_t i = 0; i < epoch.size(); ++i) put_color(epoch[i], waiting, colors[i]);
   run_.epoch = waiting.epoch;
   return true;
+}
+
+void RunState::put_color(MortonKey leaf, const QueuePosition& waiting, std::uint32_t color) {
+  const QueuePosition position{waiting.epoch, color};
+  queue_.erase({waiting, leaf});
+  queue_.put({position, leaf});
+  leaves_.edit_info(leaf).queued = position;
+}
+
+std::vector<RunState::Waiting> RunState::waiting(std::uint32_t epoch) {
+  std::vector<Waiting> waiting;
+  if (queue_.is_empty() || queue_.front() != QueuePosition{epoch, kNoColor}) return waiting;
+  for (const MortonKey leaf : queue_.front_leaves())
+    if (is_own(leaf)) waiting.push_back({leaf, conflict_distance(leaf)});
+  return waiting;
+}
+
+void RunState::open_epoch(std::uint32_t epoch, std::span<const MortonKey> leaves,
+                          std::span<const std::uint32_t> colors) {
+  const QueuePosition waiting{epoch, kNoColor};
+  std::size_t num_held = 0;
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    if (!octree_.is_leaf(leaves[i]) || is_beyond(leaves[i])) continue;
+    if (leaves_.info(leaves[i]).queued != waiting)
+      throw RefineError(leaf_name(leaves[i]) + ": waits on its rank, and not where it is a copy");
+    ++num_held;
+    put_color(leaves[i], waiting, colors[i]);
+  }
+  if (queue_.num_in_epoch(epoch) != num_held)
+    throw RefineError(std::to_string(queue_.num_in_epoch(epoch) - num_held) +
+                      " leaves wait where they are copies, and not on their ranks");
+  run_.epoch = epoch;
 }
 
 double RunState::size_at(const Point& p) {
@@ -96,6 +155,7 @@ double RunState::surface_size(MortonKey leaf) {
 }
 
 void RunState::put_sizes(MortonKey leaf, LeafSizes sizes) {
+  if (is_beyond(leaf)) return;
   LeafInfo& info = leaves_.edit_info(leaf);
   const SizeRange range = size_range(run_.parameters.sizes(), run_.frame, sizes.cubes);
   info.least_size = range.least;
@@ -192,65 +252,71 @@ MortonKey RunState::owner_of(const Point& p) const {
 
 void RunState::add_to_leaf(const MeshPoint& point) {
   const MortonKey owner = owner_of(point.position);
+  if (is_beyond(owner)) return;
   auto& points = leaves_.edit_points(owner).points;
   points.insert(std::ranges::upper_bound(points, point.id, {}, &MeshPoint::id), point);
-  ++leaves_.edit_info(owner).num_points;
-  ++run_.counts.num_points;
+  put_count(owner, &LeafInfo::num_points, points.size(), &RunCounts::num_points);
 }
 
 void RunState::remove_point(const MeshPoint& point) {
   const MortonKey owner = owner_of(point.position);
+  if (is_beyond(owner)) return;
   auto& points = leaves_.edit_points(owner).points;
   const auto place = std::ranges::lower_bound(points, point.id, {}, &MeshPoint::id);
   if (place == points.end() || place->id != point.id)
     throw RefineError("deleted point " + std::to_string(point.id) + " is not in P");
   points.erase(place);
-  --leaves_.edit_info(owner).num_points;
-  --run_.counts.num_points;
+  put_count(owner, &LeafInfo::num_points, points.size(), &RunCounts::num_points);
 }
 
 void RunState::put_core(MortonKey leaf, const LatticeCore& core) {
+  if (is_beyond(leaf)) return;
   leaves_.edit_points(leaf).core = core;
-  put_count(leaves_.edit_info(leaf).num_core_points, num_points(core, sites(leaf)),
-            run_.counts.num_points);
+  put_count(leaf, &LeafInfo::num_core_points, num_points(core, sites(leaf)),
+            &RunCounts::num_points);
 }
 
 void RunState::list_core_point(MortonKey leaf, const LatticeSite& site) {
+  if (is_beyond(leaf)) return;
   LatticeCore& core = leaves_.edit_points(leaf).core;
   core = without(core, sites(leaf), site);
-  --leaves_.edit_info(leaf).num_core_points;
-  --run_.counts.num_points;
+  put_count(leaf, &LeafInfo::num_core_points, leaves_.info(leaf).num_core_points - 1,
+            &RunCounts::num_points);
   add_lattice_point(site);
 }
 
 void RunState::add_visit(MortonKey leaf, const VisitStats& stats) {
+  if (is_beyond(leaf)) return;
   LeafInfo& info = leaves_.edit_info(leaf);
   ++info.num_visits;
-  ++run_.counts.num_visits;
   info.num_deletions += stats.deletions;
-  run_.counts.num_deletions += stats.deletions;
   info.num_moves += stats.moves;
+  for (std::size_t c = 0; c < kNumConditions; ++c) info.num_insertions[c] += stats.insertions[c];
+  if (info.holding != Holding::kOwn) return;
+  ++run_.counts.num_visits;
+  run_.counts.num_deletions += stats.deletions;
   run_.counts.num_moves += stats.moves;
-  for (std::size_t c = 0; c < kNumConditions; ++c) {
-    info.num_insertions[c] += stats.insertions[c];
+  for (std::size_t c = 0; c < kNumConditions; ++c)
     run_.counts.num_insertions[c] += stats.insertions[c];
-  }
 }
 
 void RunState::allow_short_visit(MortonKey leaf) {
-  leaves_.edit_info(leaf).first_new_id = run_.next_point_id;
+  if (!is_beyond(leaf)) leaves_.edit_info(leaf).first_new_id = run_.next_point_id;
 }
 
 void RunState::require_whole_visit(MortonKey leaf) {
+  if (is_beyond(leaf)) return;
   if (leaves_.info(leaf).first_new_id != 0) leaves_.edit_info(leaf).first_new_id = 0;
 }
 
 void RunState::put_cells(MortonKey leaf, LeafCells cells) {
-  put_count(leaves_.edit_info(leaf).num_cells, cells.cells.size(), run_.counts.num_cells);
+  if (is_beyond(leaf)) return;
+  put_count(leaf, &LeafInfo::num_cells, cells.cells.size(), &RunCounts::num_cells);
   leaves_.put_cells(leaf, std::move(cells));
 }
 
 void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
+  if (is_beyond(leaf)) return;
   LeafCells held = leaves_.cells(leaf);
   CellList list{std::move(held.vertices), std::move(held.cells)};
   apply(changes, list);
@@ -267,33 +333,43 @@ void RunState::ask_for_visit(MortonKey leaf, const Point& place) {
 }
 
 void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {
+  if (is_beyond(leaf)) return;
   LeafInfo& info = leaves_.edit_info(leaf);
   info.num_left_out += info.num_cells - left.cells.size();
   put_cells(leaf, std::move(left));
 }
 
 void RunState::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
-  put_count(leaves_.edit_info(leaf).num_unresolved, unresolved.sites.size(),
-            run_.counts.num_unresolved);
+  if (is_beyond(leaf)) return;
+  put_count(leaf, &LeafInfo::num_unresolved, unresolved.sites.size(), &RunCounts::num_unresolved);
   leaves_.put_unresolved(leaf, std::move(unresolved));
 }
 
 void RunState::put_num_core_cells(MortonKey leaf, std::uint64_t num_cells) {
-  if (leaves_.info(leaf).num_core_cells != num_cells)
-    put_count(leaves_.edit_info(leaf).num_core_cells, num_cells, run_.counts.num_cells);
+  // Of a copy, not all is known that it takes to count them.
+  if (is_own(leaf) && leaves_.info(leaf).num_core_cells != num_cells)
+    put_count(leaf, &LeafInfo::num_core_cells, num_cells, &RunCounts::num_cells);
 }
 
 void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
   const LeafInfo parent = leaves_.info(leaf);
-  run_.counts.num_cells -= parent.num_cells + parent.num_core_cells;
-  run_.counts.num_unresolved -= parent.num_unresolved;
+  if (parent.holding == Holding::kOwn) {
+    run_.counts.num_cells -= parent.num_cells + parent.num_core_cells;
+    run_.counts.num_unresolved -= parent.num_unresolved;
+  }
   if (parent.queued) dequeue(leaf);
   leaves_.erase_leaf(leaf);
   octree_.split(leaf);
+  if (parent.holding == Holding::kOwn) num_own_leaves_ += 7;
   for (int octant = 0; octant < 8; ++octant) {
     auto& [is_center_inside, points, surface, sizes] = children[static_cast<std::size_t>(octant)];
     const MortonKey key = leaf.child(octant);
     LeafInfo info;
+    info.holding = holding_of_child(key, parent.holding);
+    if (info.holding == Holding::kBeyond) {
+      leaves_.add_leaf(key, info, {}, {});
+      continue;
+    }
     info.is_center_inside = is_center_inside;
     info.num_points = points.points.size();
     info.num_core_points = num_points(points.core, sites(key));
@@ -316,6 +392,30 @@ bool RunState::is_commit_due() const {
          std::chrono::steady_clock::now() - last_commit_ > kMaxTimeOfCommit;
 }
 
+void RunState::begin_applying(const QueuePosition& color, std::uint64_t first, std::uint64_t end) {
+  rank_->applied = color;
+  rank_->is_all_sent = false;
+  rank_->num_sent = 0;
+  rank_->next_id = first;
+  rank_->end_id = end;
+}
+
+void RunState::end_applying() {
+  rank_->applied.reset();
+  run_.next_point_id = rank_->end_id;
+}
+
+void RunState::keep_result(MortonKey leaf, RankResult result) {
+  unwritten_results_[leaf] = std::move(result);
+}
+
+void RunState::drop_result(MortonKey leaf) { unwritten_results_[leaf] = std::nullopt; }
+
+void RunState::end_superstep(std::string said) {
+  ++rank_->superstep;
+  rank_->said = std::move(said);
+}
+
 void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
   Batch batch = store_.begin();
   leaves_.write_to(batch);
@@ -323,7 +423,14 @@ void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineR
   batch.put_run(run_);
   if (memory) batch.put_memory(*memory);
   if (timeline) batch.put_timeline(*timeline);
+  if (rank_) batch.put_rank(*rank_);
+  for (const auto& [leaf, result] : unwritten_results_)
+    if (result)
+      batch.put_result(leaf, *result);
+    else
+      batch.erase_result(leaf);
   batch.commit();
+  unwritten_results_.clear();
   num_unwritten_visits_ = 0;
   last_commit_ = std::chrono::steady_clock::now();
   leaves_.trim();

@@ -7,11 +7,14 @@
 // `LeafInfo::queued` says where in the queue the leaf waits.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "engine/run/leaf_cache.h"
@@ -19,6 +22,7 @@
 #include "engine/shared/lattice_of_run.h"
 #include "octree/lattice.h"
 #include "octree/octree.h"
+#include "octree/shares.h"
 #include "refine/leaf.h"
 #include "storage/store.h"
 
@@ -29,6 +33,12 @@ namespace locvol {
 // it writes. What it reads of the core is the farthest that it reads. Leaves farther apart than
 // both together are independent of each other.
 inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
+
+// Likewise, how far from a leaf a visit of it changes what is known of others: it makes a core
+// point explicit, and those around that are to look at it. It reads no farther; sites of two leaves
+// that may become one are as near.
+inline constexpr double kTouch =
+    std::max(kInsertion + kLatticeStar + kNeighborhood, 2 * kReach + 1);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
@@ -51,6 +61,35 @@ class RunState {
   bool is_cover() const { return run_.parameters.init == Initialization::kCover; }
   Box box(MortonKey leaf) const { return run_.frame.box(leaf); }
   SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(box(leaf)); }
+
+  // -- Ranks
+  // Where several work on a run, a rank's store has, besides its own leaves, copies of those within
+  // kTouch of them: what a visit changes there is told to it, so that its own visits find what they
+  // read. All else is empty leaves, as large as the octree allows. Changes of those are dropped,
+  // and counts are of own leaves.
+
+  // kBeyond, too, of what is no leaf of the rank's octree.
+  Holding holding(MortonKey leaf) {
+    return rank_ && !octree_.is_leaf(leaf) ? Holding::kBeyond : leaves_.info(leaf).holding;
+  }
+  std::uint64_t num_own_leaves() const { return num_own_leaves_; }
+  std::uint64_t num_own_queued() const { return num_own_queued_; }
+  bool is_own(MortonKey leaf) { return holding(leaf) == Holding::kOwn; }
+  // Those that have a leaf which a visit of this one may change, ascending. REQUIRES: it is own
+  std::vector<int> ranks_touched(MortonKey leaf) const;
+  const RankRecord& rank() const { return *rank_; }  // REQUIRES: several work on the run
+  // From now on `color` is applied: its first own new point gets this id, and after all the run's
+  // next one is `end`.
+  void begin_applying(const QueuePosition& color, std::uint64_t first, std::uint64_t end);
+  void note_sent(std::uint64_t num_sent) { rank_->num_sent = num_sent; }
+  void note_all_sent() { rank_->is_all_sent = true; }
+  void put_next_own_id(std::uint64_t id) { rank_->next_id = id; }
+  void end_applying();
+  // What a visit on another rank found, from the next commit on; it is applied, likewise.
+  void keep_result(MortonKey leaf, RankResult result);
+  void drop_result(MortonKey leaf);
+  // The next new point gets this id.
+  void begin_ids(std::uint64_t first) { run_.next_point_id = first; }
 
   // -- Sizes
 
@@ -78,6 +117,17 @@ class RunState {
   // If the leaves at the front wait for an epoch that has not begun, begins it: gives them colors.
   // That is to be committed before any of them is visited. Throws Stopped before any change.
   bool open_epoch(const StopToken* stop = nullptr);
+  // Which of the rank's leaves wait for the epoch, in Morton order, and how far from each others
+  // must have other colors. REQUIRES: the epoch is not open
+  struct Waiting {
+    MortonKey leaf;
+    double conflict_distance = 0;
+  };
+  std::vector<Waiting> waiting(std::uint32_t epoch);
+  // Opens the epoch with these colors, which are those that `waiting` of all ranks get. Throws
+  // RefineError: a copy waits, and its leaf does not, or the reverse.
+  void open_epoch(std::uint32_t epoch, std::span<const MortonKey> leaves,
+                  std::span<const std::uint32_t> colors);
   bool is_epoch_open() const { return !queue_.is_empty() && queue_.front().color != kNoColor; }
   // Can neither's visit read or change what the other's writes? REQUIRES: of the open epoch
   bool are_independent(const QueueEntry& a, const QueueEntry& b);
@@ -129,8 +179,16 @@ class RunState {
   // One batch with all changes; durable on return.
   void commit(const std::optional<MemoryRecord>& memory = std::nullopt,
               const TimelineRecord* timeline = nullptr);
+  // The next commit ends a superstep, in which the rank has said this to others.
+  void end_superstep(std::string said);
 
  private:
+  bool is_beyond(MortonKey leaf) { return holding(leaf) == Holding::kBeyond; }
+  Holding holding_of_child(MortonKey leaf, Holding parent) const;
+  // A count of the leaf, in the run's total if the leaf is own.
+  void put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::uint64_t now,
+                 std::uint64_t RunCounts::*total);
+  void put_color(MortonKey leaf, const QueuePosition& waiting, std::uint32_t color);
   MortonKey owner_of(const Point& position) const;
   void add_to_leaf(const MeshPoint& point);
   // Of leaves of this one alone, where sizes vary. REQUIRES: cover mode
@@ -139,6 +197,10 @@ class RunState {
                                        const StopToken* stop);
 
   Store& store_;
+  std::optional<RankRecord> rank_;  // absent: one process has all of the run
+  std::map<MortonKey, std::optional<RankResult>> unwritten_results_;  // nothing: to be erased
+  Shares shares_;
+  std::uint64_t num_own_leaves_ = 0, num_own_queued_ = 0;
   RunRecord run_;
   Lattice lattice_;
   LinearOctree octree_;

@@ -24,15 +24,16 @@ auto named(MortonKey leaf, const Action& action) {
 
 }  // namespace
 
-// One epoch's visits.
+// One epoch's visits, or one color's.
 class VisitPipeline::Run {
  public:
-  Run(VisitPipeline& pipeline, const Load& load, const IsStopped& is_stopped)
+  Run(VisitPipeline& pipeline, std::vector<QueueEntry> leaves, const Load& load,
+      const IsStopped& is_stopped)
       : state_(pipeline.state_),
         budget_(pipeline.budget_),
         load_(load),
         is_stopped_(is_stopped),
-        waiting_(state_.queue().front_epoch()) {}
+        waiting_(std::move(leaves)) {}
 
   // One visit among acute folds may take as long as fifty others. They have memory reserved.
   void run(Workers& workers) {
@@ -114,8 +115,9 @@ class VisitPipeline::Run {
   std::uint64_t bytes_wanted_ = 0;
 };
 
-void VisitPipeline::visit_epoch(const Load& load, const IsStopped& is_stopped) {
-  Run(*this, load, is_stopped).run(workers_);
+void VisitPipeline::visit(std::vector<QueueEntry> leaves, const Load& load,
+                          const IsStopped& is_stopped) {
+  Run(*this, std::move(leaves), load, is_stopped).run(workers_);
 }
 
 }  // namespace locvol

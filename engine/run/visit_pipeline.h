@@ -65,11 +65,12 @@ class VisitPipeline {
   VisitPipeline(RunState& state, MemoryBudget& budget, int num_threads)
       : state_(state), budget_(budget), workers_(num_threads) {}
 
-  // Visits all leaves that wait in the open epoch. Throws Stopped before the last of them if that
-  // is asked for: before a visit begins, or in its middle by what was loaded for it. What was not
-  // applied by then is dropped. Throws the first error in queue order, with all visits before it
-  // applied: VisitError, OverBudget with the leaf's name, and what applying a visit throws.
-  void visit_epoch(const Load& load, const IsStopped& is_stopped);
+  // Visits these leaves, which wait in the open epoch, in queue order. Throws Stopped before the
+  // last of them if that is asked for: before a visit begins, or in its middle by what was loaded
+  // for it. What was not applied by then is dropped. Throws the first error in queue order, with
+  // all visits before it applied: VisitError, OverBudget with the leaf's name, and what applying a
+  // visit throws.
+  void visit(std::vector<QueueEntry> leaves, const Load& load, const IsStopped& is_stopped);
 
  private:
   class Run;

@@ -119,6 +119,12 @@ inline Shape together(Shape a, const Shape& b) {
   return a;
 }
 
+// Two, one of them along the axes: at their edges no spacing tells the sheets apart.
+inline Shape knives() {
+  constexpr double kAngle = 0.1;
+  return together(turned(wedge(4, 8, kAngle)), translated(wedge(4, 8, kAngle), {9, 0, 0}));
+}
+
 inline void write_off(const Shape& shape, const std::filesystem::path& file) {
   std::ofstream out(file);
   out.precision(std::numeric_limits<double>::max_digits10);

@@ -12,6 +12,7 @@
 #include "engine/plan/run_setup.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
+#include "tests/engine/store_contents.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
@@ -19,52 +20,6 @@ namespace locvol {
 namespace {
 
 using namespace testing_shapes;
-
-// All that a store holds.
-struct LeafContents {
-  LeafInfo info;
-  LeafPoints points;
-  LeafCells cells;
-  LeafSurface surface;
-  LeafUnresolved unresolved;
-  LeafSizes sizes;
-  friend bool operator==(const LeafContents&, const LeafContents&) = default;
-};
-struct Contents {
-  RunRecord run;
-  std::map<MortonKey, LeafContents> leaves;
-  std::vector<QueueEntry> queue;
-  friend bool operator==(const Contents&, const Contents&) = default;
-};
-
-Contents contents_of(const std::filesystem::path& directory) {
-  const Store store = Store::open(directory, {.read_only = true});
-  const Snapshot snapshot = store.snapshot();
-  Contents contents{.run = *snapshot.run(), .leaves = {}, .queue = {}};
-  for (const MortonKey key : snapshot.leaf_keys())
-    contents.leaves[key] = {*snapshot.leaf(key),   snapshot.points(key),     snapshot.cells(key),
-                            snapshot.surface(key), snapshot.unresolved(key), snapshot.sizes(key)};
-  snapshot.for_each_queued([&](const QueueEntry& entry) {
-    contents.queue.push_back(entry);
-    return true;
-  });
-  return contents;
-}
-
-// Says which record differs first, where EXPECT_EQ could only print bytes.
-testing::AssertionResult are_equal(const Contents& a, const Contents& b) {
-  if (a.run != b.run) return testing::AssertionFailure() << "the run records differ";
-  if (a.leaves.size() != b.leaves.size())
-    return testing::AssertionFailure()
-           << a.leaves.size() << " and " << b.leaves.size() << " leaves";
-  for (const auto& [key, leaf] : a.leaves) {
-    const auto other = b.leaves.find(key);
-    if (other == b.leaves.end() || leaf != other->second)
-      return testing::AssertionFailure() << "leaf " << key.bits() << " differs";
-  }
-  if (a.queue != b.queue) return testing::AssertionFailure() << "the queues differ";
-  return testing::AssertionSuccess();
-}
 
 CoreByBruteForce core_of(const Contents& contents) {
   std::vector<MortonKey> leaves;
@@ -421,12 +376,6 @@ TEST_F(EngineTest, MeshesCloseStrandsInPaperMode) {
   EXPECT_EQ(boundary.num_open_edges, 0U);
   EXPECT_EQ(boundary.euler_characteristic, 0);
   EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
-}
-
-// Two knives, one of them along the axes: at their edges no spacing tells the sheets apart.
-Shape knives() {
-  constexpr double kAngle = 0.1;
-  return together(turned(wedge(4, 8, kAngle)), translated(wedge(4, 8, kAngle), {9, 0, 0}));
 }
 
 TEST_F(EngineTest, MendsTheBoundaryWhereFoldsStayUnresolved) {

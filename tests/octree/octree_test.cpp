@@ -78,6 +78,19 @@ TEST(LinearOctree, UniformIsTheSameAsSplittingEverything) {
   }
 }
 
+TEST(LinearOctree, CoarsestWithSomeLeavesHasThemAndNoMoreThanItMust) {
+  const LinearOctree uniform = LinearOctree::uniform(3);
+  const std::vector<MortonKey> some = {uniform.leaves()[0], uniform.leaves()[77],
+                                       uniform.leaves()[78], uniform.leaves()[511]};
+  const LinearOctree octree = LinearOctree::coarsest_with(some);
+  for (const MortonKey leaf : some) EXPECT_TRUE(octree.is_leaf(leaf));
+  // Where eight siblings are leaves, one of them is wanted, or holds one that is.
+  for (const MortonKey leaf : octree.leaves())
+    EXPECT_TRUE(std::ranges::any_of(
+        some, [&](MortonKey key) { return leaf.parent().is_ancestor_or_self_of(key); }));
+  EXPECT_EQ(LinearOctree::coarsest_with({}).size(), 1U);
+}
+
 TEST(LinearOctree, RefusesWhatIsNoCover) {
   const std::vector<MortonKey> cover = copy(RandomOctrees(22).octree(40).leaves());
   EXPECT_NO_THROW(LinearOctree{cover});

@@ -64,6 +64,7 @@ inline LeafInfo sample_info() {
   info.largest_size = 3;
   info.surface_size = 2;
   info.reached_size = 4;
+  info.holding = Holding::kCopy;
   return info;
 }
 
@@ -99,6 +100,18 @@ inline LeafSizes sample_sizes() {
 
 inline MemoryRecord sample_memory() {
   return {512 << 20, 20 << 20, 100000, 64 << 20, 90 << 20, 300 << 20, 480 << 20};
+}
+
+inline RankRecord sample_rank() {
+  RankRecord record;
+  record.first = {MortonKey::root().range_min(), sample_leaf().range_min()};
+  record.rank = 1;
+  record.superstep = 42;
+  record.applied = QueuePosition{3, 1};
+  record.is_all_sent = true, record.num_sent = 17;
+  record.next_id = 1000, record.end_id = 1234;
+  record.said = std::string("a\0b", 3);
+  return record;
 }
 
 inline TimelineRecord sample_timeline() {

@@ -1,0 +1,55 @@
+// What the visits of one color found, told to the ranks that it matters to, and applied by each of
+// them in the order of one process. Visits of one color neither see nor change each other: so what
+// they find is the same while others are being applied.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/ranks/exchange.h"
+#include "engine/run/run_state.h"
+#include "engine/shared/partial_file.h"
+
+namespace locvol {
+
+// Memory: 32 bytes for each visit, and kMessageBytes for each rank nearby; own results are in a
+// nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
+// std::system_error
+class ColorResults {
+ public:
+  static constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
+
+  ColorResults(RunState& state, Exchange& exchange);
+
+  // Of the rank's own leaves, in Morton order; `num_ids`: that applying it will give.
+  void add(MortonKey leaf, std::uint64_t num_ids, std::string_view result);
+  std::uint64_t num_ids() const;  // of all
+
+  // Called by all ranks, as often as any has something to send: sends some, and keeps what comes.
+  // REQUIRES: RankRecord::applied, and not is_all_sent
+  void send_some();
+  bool is_all_sent() const;
+  // When all ranks have: calls apply(leaf, result) for all that matter to this rank, in Morton
+  // order. Each is gone from the store with the commit that keeps what it changes.
+  using Apply = std::function<void(MortonKey leaf, std::string_view result)>;
+  void apply_all(const Apply& apply);
+
+ private:
+  struct Result {
+    MortonKey leaf;
+    std::uint64_t num_ids = 0, offset = 0, size = 0;
+  };
+
+  std::string bytes_of(const Result& result) const;
+
+  RunState& state_;
+  Exchange& exchange_;
+  OpenFile file_;
+  std::uint64_t size_ = 0;  // of the file
+  std::vector<Result> results_;
+};
+
+}  // namespace locvol

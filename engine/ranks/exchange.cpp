@@ -1,0 +1,58 @@
+#include "engine/ranks/exchange.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace locvol {
+namespace {
+
+using Numbers = std::vector<std::uint64_t>;
+
+// By rank.
+std::vector<Numbers> gather_lists(Exchange& exchange, std::span<const std::uint64_t> numbers) {
+  std::string message(numbers.size_bytes(), '\0');
+  std::memcpy(message.data(), numbers.data(), message.size());
+  std::vector<Numbers> lists;
+  for (const std::string& bytes : exchange.gather(message)) {
+    if (bytes.size() != message.size())
+      throw ExchangeError("ranks disagree on what they are saying: this is a bug of locvol");
+    lists.emplace_back(numbers.size());
+    std::memcpy(lists.back().data(), bytes.data(), bytes.size());
+  }
+  return lists;
+}
+
+}  // namespace
+
+Numbers gather_numbers(Exchange& exchange, std::uint64_t number) {
+  Numbers numbers;
+  for (const Numbers& list : gather_lists(exchange, {&number, 1})) numbers.push_back(list.front());
+  return numbers;
+}
+
+SumOfRanks sum(Exchange& exchange, std::uint64_t number) {
+  const Numbers numbers = gather_numbers(exchange, number);
+  SumOfRanks sum;
+  for (int rank = 0; rank < exchange.num_ranks(); ++rank) {
+    if (rank == exchange.rank()) sum.before = sum.all;
+    sum.all += numbers[static_cast<std::size_t>(rank)];
+  }
+  return sum;
+}
+
+Numbers sums(Exchange& exchange, std::span<const std::uint64_t> numbers) {
+  Numbers sums(numbers.size());
+  for (const Numbers& list : gather_lists(exchange, numbers))
+    for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += list[i];
+  return sums;
+}
+
+std::uint64_t smallest(Exchange& exchange, std::uint64_t number) {
+  return std::ranges::min(gather_numbers(exchange, number));
+}
+
+bool any(Exchange& exchange, bool is_true) {
+  return std::ranges::max(gather_numbers(exchange, is_true ? 1 : 0)) == 1;
+}
+
+}  // namespace locvol

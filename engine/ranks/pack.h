@@ -1,0 +1,76 @@
+// Values as bytes, for another rank: of the same program, on a machine of the same kind. Of what
+// has fields() (refine/leaf_fields.h), which are to be declared before this is used.
+#pragma once
+
+#include <boost/archive/binary_iarchive.hpp>
+#include <boost/archive/binary_oarchive.hpp>
+#include <boost/serialization/array.hpp>
+#include <boost/serialization/string.hpp>
+#include <boost/serialization/vector.hpp>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "engine/ranks/exchange.h"
+#include "octree/morton_key.h"
+#include "refine/leaf_fields.h"
+
+namespace boost::serialization {
+
+template <class Archive, locvol::HasFields T>
+void serialize(Archive& archive, T& value, unsigned) {
+  locvol::for_each_field(value, [&](const char*, auto& member) { archive& member; });
+}
+
+template <class Archive>
+void serialize(Archive& archive, locvol::MortonKey& key, unsigned) {
+  std::uint64_t bits = key.bits();
+  archive& bits;
+  key = locvol::MortonKey::from_bits(bits);
+}
+
+template <class Archive, class T>
+void serialize(Archive& archive, std::optional<T>& value, unsigned) {
+  bool is_there = value.has_value();
+  archive& is_there;
+  if (is_there && !value) value.emplace();
+  if (is_there) archive&* value;
+}
+
+// Neither versions nor addresses are of any use here.
+template <locvol::HasFields T>
+struct implementation_level<T> : mpl::int_<object_serializable> {};
+template <locvol::HasFields T>
+struct tracking_level<T> : mpl::int_<track_never> {};
+
+}  // namespace boost::serialization
+
+BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
+
+namespace locvol {
+
+inline constexpr unsigned kPackFlags = boost::archive::no_header | boost::archive::no_codecvt;
+
+template <class T>
+std::string pack(const T& value) {
+  std::ostringstream stream;
+  boost::archive::binary_oarchive archive(stream, kPackFlags);
+  archive << value;
+  return std::move(stream).str();
+}
+
+// Throws ExchangeError: the bytes are of no such value.
+template <class T>
+T unpack(std::string_view bytes) try {
+  std::istringstream stream{std::string(bytes)};
+  boost::archive::binary_iarchive archive(stream, kPackFlags);
+  T value;
+  archive >> value;
+  return value;
+} catch (const boost::archive::archive_exception& e) {
+  throw ExchangeError(std::string("what another rank said did not arrive whole: ") + e.what());
+}
+
+}  // namespace locvol

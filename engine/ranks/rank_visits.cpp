@@ -1,0 +1,147 @@
+#include "engine/ranks/rank_visits.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "engine/ranks/pack.h"
+#include "engine/run/coloring.h"
+#include "engine/run/mend_leaf.h"
+#include "storage/codec.h"
+
+namespace locvol {
+
+struct WaitingLeaves {
+  std::vector<MortonKey> leaves;
+  std::vector<double> distances;
+};
+auto fields(Maybe<WaitingLeaves> auto& waiting) {
+  auto& [leaves, distances] = waiting;
+  return std::tuple(Field("leaves", leaves), Field("distances", distances));
+}
+
+// Where a rank stands between two supersteps.
+struct StandingOfRank {
+  std::uint64_t front = 0;               // of its queue: epoch, color
+  std::uint64_t sends = 0, applies = 0;  // 1: results of a color; not all are sent, or applied
+  std::uint64_t num_leaves = 0, num_queued = 0, num_in_epoch = 0;
+  std::vector<std::uint64_t> counts;
+};
+auto fields(Maybe<StandingOfRank> auto& standing) {
+  auto& [front, sends, applies, num_leaves, num_queued, num_in_epoch, counts] = standing;
+  return std::tuple(Field("front", front), Field("sends", sends), Field("applies", applies),
+                    Field("num_leaves", num_leaves), Field("num_queued", num_queued),
+                    Field("num_in_epoch", num_in_epoch), Field("counts", counts));
+}
+
+struct MergedSites {
+  MortonKey leaf;
+  std::string sites;  // LeafUnresolved, as the store's codec writes it
+};
+auto fields(Maybe<MergedSites> auto& merged) {
+  auto& [leaf, sites] = merged;
+  return std::tuple(Field("leaf", leaf), Field("sites", sites));
+}
+
+namespace {
+
+std::vector<std::uint64_t> numbers_of(const RunCounts& counts) {
+  std::vector<std::uint64_t> numbers = {counts.num_visits,    counts.num_points,
+                                        counts.num_cells,     counts.num_unresolved,
+                                        counts.num_deletions, counts.num_moves};
+  numbers.insert(numbers.end(), counts.num_insertions.begin(), counts.num_insertions.end());
+  return numbers;
+}
+
+RunCounts counts_of(const std::vector<std::uint64_t>& numbers) {
+  RunCounts counts{numbers[0], numbers[1], numbers[2], numbers[3], {}, numbers[4], numbers[5]};
+  std::copy(numbers.begin() + 6, numbers.end(), counts.num_insertions.begin());
+  return counts;
+}
+
+}  // namespace
+
+RankVisits::Next RankVisits::next() {
+  constexpr std::uint64_t kNothing = std::numeric_limits<std::uint64_t>::max();
+  StandingOfRank own{.counts = numbers_of(state_.run().counts)};
+  const LeafQueue& queue = state_.queue();
+  own.front =
+      queue.is_empty() ? kNothing : std::uint64_t{queue.front().epoch} << 32 | queue.front().color;
+  const RankRecord& rank = state_.rank();
+  own.sends = rank.applied && !rank.is_all_sent ? 1 : 0;
+  own.applies = rank.applied ? 1 : 0;
+  own.num_leaves = state_.num_own_leaves();
+  own.num_queued = state_.num_own_queued();
+  if (!queue.is_empty() && queue.front().epoch == state_.run().epoch)
+    for (const QueueEntry& entry : queue.front_epoch())
+      own.num_in_epoch += state_.is_own(entry.leaf) ? 1 : 0;
+  totals_ = {};
+  std::uint64_t first = kNothing, num_sending = 0, num_applying = 0;
+  std::vector<std::uint64_t> counts(own.counts.size());
+  for (const std::string& message : exchange_.gather(pack(own))) {
+    const auto of_rank = unpack<StandingOfRank>(message);
+    first = std::min(first, of_rank.front);
+    num_sending += of_rank.sends;
+    num_applying += of_rank.applies;
+    totals_.num_leaves += of_rank.num_leaves;
+    totals_.num_queued += of_rank.num_queued;
+    totals_.num_in_epoch += of_rank.num_in_epoch;
+    for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += of_rank.counts.at(i);
+  }
+  totals_.counts = counts_of(counts);
+  if (num_sending > 0) return {Step::kSend, *rank.applied};
+  // Some may have done so before they ended.
+  if (num_applying > 0) return {Step::kApply, rank.applied.value_or(QueuePosition())};
+  if (first == kNothing) return {};
+  const QueuePosition position{static_cast<std::uint32_t>(first >> 32),
+                               static_cast<std::uint32_t>(first)};
+  return {position.color == kNoColor ? Step::kOpen : Step::kVisit, position};
+}
+
+void RankVisits::open_epoch(std::uint32_t epoch) {
+  WaitingLeaves own;
+  for (const auto& [leaf, distance] : state_.waiting(epoch)) {
+    own.leaves.push_back(leaf);
+    own.distances.push_back(distance);
+  }
+  WaitingLeaves all;  // in Morton order, as the ranks have them
+  for (const std::string& message : exchange_.gather(pack(own))) {
+    const auto of_rank = unpack<WaitingLeaves>(message);
+    all.leaves.insert(all.leaves.end(), of_rank.leaves.begin(), of_rank.leaves.end());
+    all.distances.insert(all.distances.end(), of_rank.distances.begin(), of_rank.distances.end());
+  }
+  const LinearOctree octree = LinearOctree::coarsest_with(all.leaves);
+  const std::vector<std::uint32_t> colors =
+      color_leaves(octree, state_.run().frame, all.leaves, all.distances);
+  state_.open_epoch(epoch, all.leaves, colors);
+}
+
+std::vector<QueueEntry> RankVisits::own_leaves(const QueuePosition& position) {
+  std::vector<QueueEntry> entries;
+  if (state_.queue().is_empty() || state_.queue().front() != position) return entries;
+  for (const MortonKey leaf : state_.queue().front_leaves())
+    if (state_.is_own(leaf)) entries.push_back({position, leaf});
+  return entries;
+}
+
+RunCounts total_counts(Exchange& exchange, const RunCounts& own) {
+  return counts_of(sums(exchange, numbers_of(own)));
+}
+
+void merge_sites_in_turn(RunState& state, Exchange& exchange) {
+  for (int rank = 0; rank < exchange.num_ranks(); ++rank) {
+    std::vector<MergedSites> merged;
+    if (rank == exchange.rank())
+      for (const MortonKey leaf : merge_sites(state))
+        merged.push_back({leaf, encode(state.leaves().unresolved(leaf), leaf)});
+    const std::string message = exchange.gather(pack(merged))[static_cast<std::size_t>(rank)];
+    if (rank == exchange.rank()) continue;
+    for (const auto& [leaf, sites] : unpack<std::vector<MergedSites>>(message))
+      if (state.octree().is_leaf(leaf))
+        state.put_unresolved(leaf, decode<LeafUnresolved>(sites, leaf));
+  }
+}
+
+}  // namespace locvol

@@ -1,0 +1,38 @@
+// What visits find, as bytes that another rank can apply: of the same program, on a machine of the
+// same kind.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/run/mend_leaf.h"
+#include "octree/size_field.h"
+#include "octree/size_nodes.h"
+#include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
+#include "refine/leaf.h"
+
+namespace locvol {
+
+// Of a LeafDelta, MendedCells, FillPoints, CoverPoints, and vectors of SizedNode and SizeCube.
+template <class Result>
+std::string encode_result(const Result& result);
+// Throws ExchangeError: the bytes are none of a result.
+template <class Result>
+Result decode_result(std::string_view bytes);
+
+// Ids that are given when the result is applied.
+inline std::uint64_t num_new_ids(const LeafDelta& delta) {
+  std::uint64_t num = 0;
+  for (const InsertedPoint& point : delta.inserted) num += point.is_deleted ? 0 : 1;
+  return num;
+}
+inline std::uint64_t num_new_ids(const CoverPoints& points) { return points.samples.size(); }
+inline std::uint64_t num_new_ids(const FillPoints& points) { return points.centers.size(); }
+inline std::uint64_t num_new_ids(const MendedCells&) { return 0; }
+inline std::uint64_t num_new_ids(const std::vector<SizedNode>&) { return 0; }
+inline std::uint64_t num_new_ids(const std::vector<SizeCube>&) { return 0; }
+
+}  // namespace locvol

@@ -1,0 +1,125 @@
+#include "engine/ranks/thread_ranks.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <numeric>
+#include <string>
+
+namespace locvol {
+namespace {
+
+// What rank `from` says to rank `to` in its n-th call.
+std::string said(int from, int to, int n) {
+  return std::string(static_cast<std::size_t>(from * to + n) % 5, 'x') + std::to_string(from) +
+         ">" + std::to_string(to) + "#" + std::to_string(n);
+}
+
+// Throws ExchangeError where messages are not what was said.
+void talk(Exchange& exchange, int num_rounds) {
+  for (int n = 0; n < num_rounds; ++n) {
+    std::vector<std::string> messages;
+    for (int to = 0; to < exchange.num_ranks(); ++to)
+      messages.push_back(said(exchange.rank(), to, n));
+    messages = exchange.swap(std::move(messages));
+    const std::vector<std::string> gathered = exchange.gather(said(exchange.rank(), 99, n));
+    for (int from = 0; from < exchange.num_ranks(); ++from) {
+      const auto i = static_cast<std::size_t>(from);
+      if (messages.at(i) != said(from, exchange.rank(), n) || gathered.at(i) != said(from, 99, n))
+        throw ExchangeError("something else arrived");
+    }
+  }
+}
+
+TEST(ThreadRanks, HearWhatIsSaidToThem) {
+  for (const int num_ranks : {1, 2, 3, 8})
+    run_as_ranks(num_ranks, [&](Exchange& exchange) {
+      EXPECT_EQ(exchange.num_ranks(), num_ranks);
+      talk(exchange, 50);
+      const auto others = static_cast<std::uint64_t>(num_ranks - 1);
+      EXPECT_EQ(exchange.stats().num_messages, 100 * others);
+    });
+}
+
+TEST(ThreadRanks, AddUp) {
+  run_as_ranks(5, [](Exchange& exchange) {
+    const auto rank = static_cast<std::uint64_t>(exchange.rank());
+    const SumOfRanks total = sum(exchange, 10 * rank);
+    EXPECT_EQ(total.all, 100U);
+    EXPECT_EQ(total.before, 10 * (rank * (rank - 1)) / 2);
+    EXPECT_EQ(smallest(exchange, 7 - rank), 3U);
+    EXPECT_TRUE(any(exchange, rank == 3));
+    EXPECT_FALSE(any(exchange, rank == 5));
+    const std::vector<std::uint64_t> numbers = {rank, 1};
+    EXPECT_EQ(sums(exchange, numbers), (std::vector<std::uint64_t>{10, 5}));
+    EXPECT_EQ(gather_numbers(exchange, rank), (std::vector<std::uint64_t>{0, 1, 2, 3, 4}));
+  });
+}
+
+TEST(ThreadRanks, EndWhenOneFails) {
+  std::atomic<int> num_ended = 0;
+  try {
+    run_as_ranks(4, [&](Exchange& exchange) {
+      talk(exchange, 3);
+      if (exchange.rank() == 2) throw std::runtime_error("the disk is full");
+      try {
+        talk(exchange, 3);
+      } catch (const ExchangeError&) {
+        ++num_ended;
+        throw;
+      }
+    });
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_EQ(std::string(e.what()), "the disk is full");
+  }
+  EXPECT_EQ(num_ended, 3);
+}
+
+TEST(ThreadRanks, NoticeEachMessageThatIsLost) {
+  for (std::uint64_t lost = 0; lost < 6; ++lost) {
+    const ThreadRanksOptions options{.fault =
+                                         [&](int from, int to, std::uint64_t number) {
+                                           return from == 1 && to == 0 && number == lost
+                                                      ? MessageFault::kLost
+                                                      : MessageFault::kNone;
+                                         },
+                                     .patience = std::chrono::milliseconds(50)};
+    EXPECT_THROW(run_as_ranks(
+                     3, [](Exchange& exchange) { talk(exchange, 3); }, options),
+                 ExchangeError);
+  }
+}
+
+TEST(ThreadRanks, HearEachMessageOnceAndInOrder) {
+  for (const MessageFault fault : {MessageFault::kDoubled, MessageFault::kNone}) {
+    const ThreadRanksOptions options{.fault = [&](int from, int to, std::uint64_t number) {
+      return (from + to + int(number)) % 3 == 0 ? fault : MessageFault::kNone;
+    }};
+    run_as_ranks(
+        4, [](Exchange& exchange) { talk(exchange, 20); }, options);
+  }
+}
+
+// One that comes after the next is waited for, unless there is no next.
+TEST(ThreadRanks, WaitForAMessageThatIsLate) {
+  for (const std::uint64_t number : {2, 3, 5}) {
+    const ThreadRanksOptions options{.fault =
+                                         [&](int from, int, std::uint64_t n) {
+                                           return from == 0 && n == number ? MessageFault::kLate
+                                                                           : MessageFault::kNone;
+                                         },
+                                     .patience = std::chrono::milliseconds(100)};
+    const auto run = [&] {
+      run_as_ranks(
+          3, [](Exchange& exchange) { talk(exchange, 3); }, options);
+    };
+    if (number == 5)
+      EXPECT_THROW(run(), ExchangeError);
+    else
+      EXPECT_NO_THROW(run());
+  }
+}
+
+}  // namespace
+}  // namespace locvol
