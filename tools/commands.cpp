@@ -21,6 +21,8 @@
 #include "engine/plan/disk_room.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
+#include "engine/ranks/deal_out.h"
+#include "engine/ranks/exchange.h"
 #include "engine/run/visit_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
@@ -448,6 +450,81 @@ int run_mesh(const MeshCommand& command) try {
   return code;
 } catch (const VisitError& error) {
   fail(error, store_of(command));
+} catch (const Stopped&) {
+  return tell_read_in_vain(command.is_json);
+}
+
+std::filesystem::path store_of(const MeshCommand& command, int rank) {
+  std::string name = command.options.store.empty() ? command.control.output.string() + ".locvol-%r"
+                                                   : command.options.store.string();
+  for (auto place = name.find("%r"); place != std::string::npos; place = name.find("%r", place))
+    name.replace(place, 2, std::to_string(rank));
+  return name;
+}
+
+int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
+  const bool is_first = exchange.rank() == 0;
+  const StopSignal& stop = StopSignal::install();
+  MeshCommand own = command;
+  own.options.store = store_of(command, exchange.rank());
+  own.is_quiet = command.is_quiet || !is_first;
+  if (is_first)
+    require_output(command.control.output, command.control.output_options.format,
+                   command.options.input);
+  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
+  ProgressLine line(progress_style(own), cap);
+  if (!own.size) {
+    double size = 0;
+    if (is_first) try {
+        size = chosen_size(command.options.input, cap, line).value;
+      } catch (const Stopped&) {  // all are to know
+      }
+    const std::string bytes(reinterpret_cast<const char*>(&size), sizeof size);
+    exchange.gather(bytes).front().copy(reinterpret_cast<char*>(&size), sizeof size);
+    if (size == 0) throw Stopped();
+    own.size = SizeSpec{size, false};
+  }
+  own.options.size = *own.size;
+  const bool is_removable = command.options.store.empty() && !command.is_store_kept &&
+                            is_absent_or_store(own.options.store);
+
+  const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
+    return mesh_as_rank(own.options, control, exchange);
+  });
+  if (run.summary.outcome == RunOutcome::kInterrupted) {
+    line.clear();
+    if (is_first) fmt::print(stderr, "locvol-mpi: interrupted; the same command goes on\n");
+    if (is_first && command.is_json) print_json({{"outcome", outcome_name(run.summary.outcome)}});
+    return kExitInterrupted;
+  }
+
+  const ExchangeStats said = exchange.stats();
+  const Json of_rank = {{"rank", exchange.rank()},
+                        {"num_messages_sent", said.num_messages},
+                        {"bytes_sent", said.num_bytes},
+                        {"seconds_waiting", said.seconds},
+                        {"peak_resident_bytes", peak_resident_memory()}};
+  for (const std::string& text : exchange.gather(of_rank.dump()))
+    if (command.is_json)
+      line.tell(
+          "rank", [&] { return Json::parse(text); }, "");
+
+  // What is written comes from one store, the first rank's.
+  const std::filesystem::path whole = own.options.store.string() + ".whole";
+  {
+    std::optional<Store> joined;
+    if (is_first) {
+      remove_store(whole);
+      joined = Store::open(whole, {.create = true});
+    }
+    join(open_to_read(own.options.store), joined ? &*joined : nullptr, exchange);
+  }
+  std::uint64_t code = kExitDone;
+  if (is_first) code = static_cast<std::uint64_t>(finish(run, whole, own, stop, line));
+  code = gather_numbers(exchange, code).front();
+  if (is_first) remove_store(whole);
+  if (code == kExitDone && is_removable) remove_store(own.options.store);
+  return static_cast<int>(code);
 } catch (const Stopped&) {
   return tell_read_in_vain(command.is_json);
 }

@@ -98,6 +98,11 @@ struct GenerateCommand {
 // Where `mesh` keeps its run: the directory that the user names, or OUTPUT.locvol.
 std::filesystem::path store_of(const MeshCommand& command);
 int run_mesh(const MeshCommand& command);
+class Exchange;
+// By several ranks, each of which calls it; what goes to stdout is the first rank's. In the name of
+// the store, %r is the rank.
+std::filesystem::path store_of(const MeshCommand& command, int rank);
+int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);
 int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);
 int run_replay(const ReplayCommand& command);

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes Debian packages in build/packages: locvol, the command, and liblocvol-dev, the library.
+# Makes Debian packages in build/packages: locvol, the command; liblocvol-dev, the library; where there
+# is MPI locvol-mpi.
 # Usage: tools/package.sh
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -33,6 +33,13 @@ for library in libc6 libboost-serialization libdeflate0 libfmt libhdf5 liblmdb0 
 done
 [[ $depends != *-dev* ]] || fail "$command depends on what only its build needs: $depends"
 
+[[ $depends != *mpi* ]] || fail "$command depends on MPI: $depends"
+if [[ -e $build/tools/locvol-mpi ]]; then
+  mpi=$(echo "$out"/locvol-mpi_*.deb)
+  has_path "$mpi" bin/locvol-mpi
+  [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
+fi
+
 dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"

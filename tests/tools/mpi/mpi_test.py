@@ -1,0 +1,125 @@
+"""Runs of several processes against one: the same bytes, also after processes were killed.
+
+Usage: mpi_test.py LOCVOL LOCVOL_MPI MPIRUN
+"""
+
+import os
+import pathlib
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+LOCVOL, LOCVOL_MPI, MPIRUN = sys.argv[1:4]
+ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
+                   OMPI_MCA_rmaps_base_oversubscribe="1")
+
+
+def processes_of(parent):
+    """The ids of all processes below one."""
+    found = []
+    for stat in pathlib.Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rsplit(")", 1)[1].split()
+        except OSError:  # it has ended
+            continue
+        if int(fields[1]) == parent:
+            child = int(stat.parent.name)
+            found += [child] + processes_of(child)
+    return found
+
+
+def name_of(process):
+    try:
+        return pathlib.Path(f"/proc/{process}/comm").read_text().strip()
+    except OSError:
+        return ""
+
+
+class MpiTest(unittest.TestCase):
+    def setUp(self):
+        self.scratch = pathlib.Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.scratch, ignore_errors=True)
+        self.surface = self.scratch / "torus.stl"
+        subprocess.run([LOCVOL, "generate", "torus", "-n", "5000", "-o", self.surface],
+                       check=True, stdout=subprocess.DEVNULL)
+
+    def mesh(self, size):
+        """The bytes of what one process makes."""
+        output = self.scratch / "one.vtu"
+        subprocess.run([LOCVOL, "mesh", self.surface, "-o", output, "-s", size, "-q",
+                        "--leaf-capacity", "1000"], check=True, stdout=subprocess.DEVNULL)
+        return output.read_bytes()
+
+    def start(self, num_ranks, size, *arguments):
+        return subprocess.Popen(
+            [MPIRUN, "-n", str(num_ranks), LOCVOL_MPI, "mesh", self.surface, "-o",
+             self.scratch / "many.vtu", "-s", size, "-q", "--leaf-capacity", "1000", *arguments],
+            env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    def test_same_bytes(self):
+        expected = self.mesh("6%")
+        for num_ranks, num_threads in ((1, 2), (3, 1), (5, 2)):
+            run = self.start(num_ranks, "6%", "-t", str(num_threads))
+            said = run.communicate()[0]
+            self.assertEqual(run.returncode, 0, said)
+            self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, said)
+            left = sorted(path.name for path in self.scratch.iterdir())
+            self.assertEqual(left, ["many.vtu", "one.vtu", "torus.stl"])
+
+    def test_goes_on_after_kills(self):
+        expected = self.mesh("4%")
+        seed = time.time_ns()
+        choice = random.Random(seed)
+        stores = ("--store", self.scratch / "part-%r", "-t", "1")
+        num_killed = 0
+        for attempt in range(100):
+            run = self.start(3, "4%", *stores)
+            if attempt < 8:
+                time.sleep(choice.uniform(0.1, 1.2))
+                ranks = [p for p in processes_of(run.pid) if name_of(p) == "locvol-mpi"]
+                # One rank, all of them, or mpirun.
+                dying = choice.choice([ranks[:1], ranks[1:2], ranks, [run.pid]])
+                for process in dying:
+                    try:
+                        os.kill(process, signal.SIGKILL)
+                        num_killed += 1
+                    except ProcessLookupError:
+                        pass
+                for process in ranks if dying == [run.pid] else []:
+                    while name_of(process) == "locvol-mpi":  # until they notice, and leave the stores
+                        time.sleep(0.02)
+            said = run.communicate()[0]
+            if run.returncode == 0:
+                break
+        self.assertEqual(run.returncode, 0, f"seed {seed}: {said}")
+        self.assertGreater(num_killed, 0)
+        self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, f"seed {seed}")
+
+    def test_refuses_a_store_that_is_gone(self):
+        stores = ("--store", self.scratch / "part-%r")
+        run = self.start(2, "10%", *stores)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 0, said)
+        shutil.rmtree(self.scratch / "part-1")
+        run = self.start(2, "10%", *stores)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn(f"rank 1, store {self.scratch}/part-1: there is no part of the run", said)
+
+    def test_says_what_is_wrong(self):
+        run = self.start(2, "10%", "--memory", "1K")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        run = self.start(2, "0")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 2, said)
+        self.assertEqual(said.count("locvol-mpi: error:"), 1, said)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,186 @@
+#include "tools/command_line.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "engine/ingest/size_file.h"
+#include "tools/arguments.h"
+
+namespace locvol {
+
+CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
+                        std::vector<std::string_view> extensions) {
+  const auto parse = [extensions](const std::string& text) {
+    return parse_output(text, extensions);
+  };
+  return add_parsed(app, "-o,--output", parse, output,
+                    fmt::format("File to write ({})", fmt::join(extensions, ", ")))
+      ->type_name("FILE");
+}
+
+CLI::Option* add_format(CLI::App& app, OutputOptions& options, const std::string& otherwise) {
+  return add_parsed(app, "--format", parse_format, options.format,
+                    fmt::format("Format of the file (default: {}); `locvol export --help` lists "
+                                "all",
+                                otherwise))
+      ->type_name("NAME");
+}
+
+CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options) {
+  return add_parsed(app, "--cell-data", parse_cell_data, options.has_quality,
+                    "Write with the cells (vtu, vtu-zlib, vtkhdf): leaf, or also their quality: "
+                    "radius-edge ratio and least dihedral angle (default: leaf)")
+      ->type_name("leaf|quality");
+}
+
+void check_cell_data(const OutputOptions& options) {
+  if (options.has_quality && !info_of(options.format).has_cell_data)
+    throw CLI::ValidationError("--cell-data",
+                               fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
+                                           info_of(options.format).name));
+}
+
+CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
+  CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
+  CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
+  add_cell_data(app, options)->needs(file);
+  app.final_callback([&output, &options, format] {
+    if (output.empty()) return;
+    try {
+      if (format->count() == 0) options.format = format_meant_by(output);
+    } catch (const InputError& error) {
+      throw CLI::ValidationError("-o", fmt::format("{}, or --format names one", error.what()));
+    }
+    check_cell_data(options);
+  });
+  return file;
+}
+
+std::string format_list() {
+  std::string list = "Formats, by name and by extension:\n";
+  for (const FormatInfo& info : mesh_formats())
+    list += fmt::format("  {:<9} {:<14} {}\n", info.name, fmt::join(info.extensions, " "),
+                        info.description);
+  return list;
+}
+
+void add_store(CLI::App& app, std::filesystem::path& store) {
+  app.add_option("DIR", store, "Store of a run")->type_name("")->required();
+}
+
+void add_json(CLI::App& app, bool& is_json) {
+  app.add_flag("--json", is_json, "Print the result as JSON");
+}
+
+void add_memory(CLI::App& app, std::uint64_t& memory_bytes) {
+  add_parsed(app, "-m,--memory", parse_memory, memory_bytes,
+             "Cap on the memory of the process (512M, 2G, 25% of what is free; default: 50%); the "
+             "mesh is the same under any")
+      ->type_name("SIZE");
+}
+
+void add_threads(CLI::App& app, int& num_threads) {
+  add_parsed(app, "-t,--threads", parse_threads, num_threads,
+             "Threads to work with (default: as many as the process may use); the mesh is the same "
+             "with any number")
+      ->type_name("N");
+}
+
+void add_quiet(CLI::App& app, bool& is_quiet) {
+  app.add_flag("-q,--quiet", is_quiet, "No progress and no notes on stderr");
+}
+
+void add_sizes(CLI::App& app, MeshOptions& options) {
+  add_parsed(app, "--growth", parse_growth, options.growth,
+             fmt::format("Cells grow from the surface inwards, by so much of the way: 0 (the "
+                         "default: one size) to {}",
+                         kMostGrowth))
+      ->type_name("G");
+  add_parsed(app, "--max-size", parse_size, options.max_size,
+             "What cells do not grow beyond, as --size")
+      ->type_name("SIZE");
+  add_parsed(app, "--per-circle", parse_number_of_edges, options.per_circle,
+             "Smaller cells where the surface is curved: so many edges around a circle")
+      ->type_name("N");
+  add_parsed(app, "--deviation", parse_size, options.deviation,
+             "Smaller cells where the boundary would be farther from the surface, as --size")
+      ->type_name("LENGTH");
+  add_parsed(app, "--layers", parse_layers, options.layers,
+             "Smaller cells where a part is thin: so many across it")
+      ->type_name("K");
+  add_parsed(
+      app, "--min-size", parse_size, options.min_size,
+      fmt::format("What these three do not go below, as --size (default: {} λ)", kDefaultLeast))
+      ->type_name("SIZE");
+  const auto take_sizes = [&options](const std::vector<std::string>& files) {
+    for (const std::filesystem::path file : files) {
+      if (file.extension() != ".vti") {
+        for (SizeRequest& request : read_size_requests(file))
+          options.shapes.push_back(std::move(request));
+      } else if (!std::exchange(options.size_image, file).empty()) {
+        throw CLI::ValidationError("--sizes: one image of sizes at most");
+      }
+    }
+    return true;
+  };
+  app.add_option(
+         "--sizes", take_sizes,
+         fmt::format("Points, balls, boxes and lines with sizes, or a VTK image of sizes "
+                     "(.vti), where cells are to be smaller; around them they grow by {} of "
+                     "the way, to --size, unless --growth is given. May be repeated",
+                     kDefaultGrowth))
+      ->type_name("FILE")
+      ->take_all();
+}
+
+CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
+  CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
+  MeshOptions& options = command.options;
+  mesh->add_option("SURFACE", options.input, "Closed surface: STL, OBJ, OFF or PLY")
+      ->type_name("")
+      ->required();
+  add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
+  add_parsed(*mesh, "-s,--size", parse_size, command.size,
+             fmt::format("{}; default: one for about half a million cells", kSizeHelp))
+      ->type_name("SIZE");
+  add_sizes(*mesh, options);
+  add_memory(*mesh, command.control.memory_bytes);
+  add_threads(*mesh, command.control.num_threads);
+  mesh->add_option("--store", options.store,
+                   "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
+                   "when the run is done with exit code 0)")
+      ->type_name("DIR");
+  mesh->add_flag("--keep-store", command.is_store_kept, "Keep the default store, too");
+  add_parsed(*mesh, "--leaf-capacity", parse_count, options.leaf_capacity,
+             "Split a leaf with more points than this")
+      ->type_name("K");
+  add_parsed(*mesh, "--init", parse_init, options.init,
+             "First points: cover the domain, or few as in the paper (default: cover)")
+      ->type_name("cover|paper");
+  add_parsed(*mesh, "--seed", parse_seed, options.seed, "Seed of the surface sample (default: 0)")
+      ->type_name("N");
+  add_parsed(*mesh, "--min-dihedral", parse_angle, options.min_dihedral,
+             fmt::format("Leave no cell with a dihedral angle below this, in degrees; 0: any "
+                         "(default: {}; with --init paper 0)",
+                         kDefaultMinDihedral))
+      ->type_name("DEG");
+  add_parsed(*mesh, "--spacing-floor", parse_fraction, options.spacing_floor,
+             fmt::format("Insert no point closer than this to another, as a fraction of λ "
+                         "(default: {})",
+                         options.spacing_floor))
+      ->type_name("F");
+  mesh->add_flag("--force", options.is_forced, "Start anew over the store of another run");
+  add_quiet(*mesh, command.is_quiet);
+  add_json(*mesh, command.is_json);
+  return mesh;
+}
+
+int report_usage(const CLI::App& app, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
+  fmt::print(stderr, "{0}: error: {1}\n{0}: `{0} --help` and `{0} COMMAND --help` say more\n",
+             app.get_name(), error.what());
+  return kExitUsage;
+}
+
+}  // namespace locvol

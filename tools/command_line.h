@@ -1,0 +1,59 @@
+// What can be typed: options that several commands share, and `mesh`, which is a command of two
+// programs.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/plan/options.h"
+#include "tools/commands.h"
+
+namespace locvol {
+
+inline constexpr const char* kFooter =
+    "Results go to stdout, progress to stderr.\n"
+    "Exit codes: 0 done; 1 error (audit: not valid); 2 usage; 3 done, but with unresolved sites;\n"
+    "4 interrupted, and resumable.";
+inline constexpr const char* kSizeHelp =
+    "Bound λ of circumradii and surface balls: a length (0.01), or a percentage of the smallest "
+    "side of the bounding box (2%)";
+
+// An option whose text `parse` makes into a value; its std::invalid_argument is a usage error.
+template <typename Parse>
+CLI::Option* add_parsed(CLI::App& app, const std::string& name, Parse parse, auto& target,
+                        const std::string& description) {
+  const auto assign = [name, parse, &target](const std::string& text) {
+    try {
+      target = parse(text);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(name, error.what());
+    }
+  };
+  return app.add_option_function<std::string>(name, assign, description);
+}
+
+CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
+                        std::vector<std::string_view> extensions);
+CLI::Option* add_format(CLI::App& app, OutputOptions& options, const std::string& otherwise);
+CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options);
+void check_cell_data(const OutputOptions& options);
+// The mesh's file; its format, by name or by extension; its cell data.
+CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options);
+std::string format_list();
+void add_store(CLI::App& app, std::filesystem::path& store);
+void add_json(CLI::App& app, bool& is_json);
+void add_memory(CLI::App& app, std::uint64_t& memory_bytes);
+void add_threads(CLI::App& app, int& num_threads);
+void add_quiet(CLI::App& app, bool& is_quiet);
+void add_sizes(CLI::App& app, MeshOptions& options);
+CLI::App* declare_mesh(CLI::App& app, MeshCommand& command);
+// What is wrong with the line that was typed. Returns the exit code; --help and --version come
+// here, too.
+int report_usage(const CLI::App& app, const CLI::ParseError& error);
+
+}  // namespace locvol

@@ -1,0 +1,64 @@
+#include "tools/guarded.h"
+
+#include <array>
+#include <cstdio>
+#include <exception>
+#include <initializer_list>
+#include <new>
+#include <stdexcept>
+#include <system_error>
+
+#include "tools/exit_code.h"
+
+namespace locvol {
+namespace {
+
+std::array<char, 4096> store_name{};
+
+// A result that did not reach its reader is no result.
+void flush_output() {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    throw std::runtime_error("cannot write to standard output");
+  }
+}
+
+int fail(const char* name, const char* message) {
+  for (const char* text : {name, ": error: ", message, "\n"}) std::fputs(text, stderr);
+  return kExitError;
+}
+
+// The system refused memory or a file, for now: nothing is lost. Allocates nothing.
+int fail_resumably(const char* name, const char* message, const char* cure) {
+  const auto print = [](std::initializer_list<const char*> texts) {
+    for (const char* text : texts) std::fputs(text, stderr);
+  };
+  print({name, ": error: ", message, "; "});
+  if (store_name[0] != '\0')
+    print({"the store ", store_name.data(), " keeps what was committed: "});
+  print({cure, ", and give the same command again\n"});
+  return kExitError;
+}
+
+}  // namespace
+
+void note_store(const std::filesystem::path& store) {
+  std::snprintf(store_name.data(), store_name.size(), "%s", store.c_str());
+}
+
+int guarded(const char* name, const std::function<int()>& run) {
+  try {
+    const int code = run();
+    flush_output();
+    return code;
+  } catch (const std::bad_alloc&) {
+    return fail_resumably(name, "out of memory", "free some memory");
+  } catch (const std::system_error& error) {
+    return fail_resumably(name, error.what(), "mend that");
+  } catch (const std::exception& error) {
+    return fail(name, error.what());
+  } catch (...) {
+    return fail(name, "unknown error");
+  }
+}
+
+}  // namespace locvol
