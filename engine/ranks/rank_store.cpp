@@ -88,7 +88,9 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& directory, Exc
   if (!are_all_there && std::ranges::all_of(parts, is_new)) return std::nullopt;
   require_same_run(parts);
   const auto [oldest, newest] = std::ranges::minmax(parts, {}, &HeldPart::superstep);
-  return HeldRun{*run, rank->superstep < newest.superstep, rank->superstep > oldest.superstep};
+  return HeldRun{.run = *run,
+                 .is_behind = rank->superstep != newest.superstep,
+                 .is_ahead = rank->superstep != oldest.superstep};
 }
 
 }  // namespace locvol
