@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
+#include "engine/exchange/recorded_exchange.h"
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/ingest.h"
 #include "engine/plan/disk_room.h"
@@ -19,10 +21,8 @@
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/color_results.h"
 #include "engine/ranks/deal_out.h"
-#include "engine/ranks/exchange.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/ranks/rank_visits.h"
-#include "engine/ranks/recorded_exchange.h"
 #include "engine/ranks/visit_results.h"
 #include "engine/run/apply_visit.h"
 #include "engine/run/first_points.h"
@@ -441,6 +441,7 @@ class Engine {
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
   if (!Store::exists(store)) return std::nullopt;
   const Store held = Store::open(store, {.read_only = true});
+  require_whole_run(held);
   return held.snapshot().run();
 }
 
@@ -655,6 +656,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
                   const StopSource& stop) {
   const WorkClock clock;
   Store store = Store::open(directory);
+  require_whole_run(store);
   const auto held = store.snapshot().run();
   if (!held) throw StoreError(directory.string() + ": the store holds no run to go on with");
   if (held->phase == Phase::kIngest) {

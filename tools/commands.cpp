@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/audit/audit.h"
+#include "engine/exchange/exchange.h"
 #include "engine/formats/writer.h"
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
@@ -22,7 +23,6 @@
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/deal_out.h"
-#include "engine/ranks/exchange.h"
 #include "engine/run/visit_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
@@ -462,6 +462,52 @@ std::filesystem::path store_of(const MeshCommand& command, int rank) {
   return name;
 }
 
+namespace {
+
+// Each rank measures and writes its part. Returns the exit code.
+int finish_in_parts(const TimedRun& run, const MeshCommand& command, Exchange& exchange,
+                    ProgressLine& line) {
+  const Store store = open_to_read(command.options.store);
+  MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
+  Seconds seconds = run.seconds;
+  mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress&) {
+    return mesh_statistics_of_ranks(store, exchange, run.num_writers);
+  });
+  if (!command.control.output.empty())
+    mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress&) {
+      return write_mesh_as_rank(store, command.control.output, command.control.output_options,
+                                exchange, run.num_writers);
+    });
+  // Where sites are, each rank knows of its own.
+  if (run.summary.outcome == RunOutcome::kUnresolved &&
+      store.snapshot().run()->counts.num_unresolved)
+    tell_unresolved(store, command.is_json, line);
+  line.clear();
+  if (exchange.rank() == 0) print_result(run.summary, run.summary.outcome, mesh, seconds, command);
+  return exit_code(run.summary.outcome);
+}
+
+// The first rank gets all in one store, and goes on as `mesh` does.
+int finish_on_first(const TimedRun& run, const MeshCommand& command, Exchange& exchange,
+                    const StopSignal& stop, ProgressLine& line) {
+  const bool is_first = exchange.rank() == 0;
+  const std::filesystem::path whole = command.options.store.string() + ".whole";
+  {
+    std::optional<Store> joined;
+    if (is_first) {
+      remove_store(whole);
+      joined = Store::open(whole, {.create = true});
+    }
+    join(open_to_read(command.options.store), joined ? &*joined : nullptr, exchange);
+  }
+  std::uint64_t code = kExitDone;
+  if (is_first) code = static_cast<std::uint64_t>(finish(run, whole, command, stop, line));
+  if (is_first) remove_store(whole);
+  return static_cast<int>(gather_numbers(exchange, code).front());
+}
+
+}  // namespace
+
 int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
   const bool is_first = exchange.rank() == 0;
   const StopSignal& stop = StopSignal::install();
@@ -509,22 +555,12 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
       line.tell(
           "rank", [&] { return Json::parse(text); }, "");
 
-  // What is written comes from one store, the first rank's.
-  const std::filesystem::path whole = own.options.store.string() + ".whole";
-  {
-    std::optional<Store> joined;
-    if (is_first) {
-      remove_store(whole);
-      joined = Store::open(whole, {.create = true});
-    }
-    join(open_to_read(own.options.store), joined ? &*joined : nullptr, exchange);
-  }
-  std::uint64_t code = kExitDone;
-  if (is_first) code = static_cast<std::uint64_t>(finish(run, whole, own, stop, line));
-  code = gather_numbers(exchange, code).front();
-  if (is_first) remove_store(whole);
+  const bool is_in_parts = command.control.output.empty() ||
+                           can_be_written_in_parts(command.control.output_options.format);
+  const int code = is_in_parts ? finish_in_parts(run, own, exchange, line)
+                               : finish_on_first(run, own, exchange, stop, line);
   if (code == kExitDone && is_removable) remove_store(own.options.store);
-  return static_cast<int>(code);
+  return code;
 } catch (const Stopped&) {
   return tell_read_in_vain(command.is_json);
 }
@@ -546,7 +582,7 @@ int run_resume(const ResumeCommand& command) try {
 
 int run_export(const ExportCommand& command) {
   const MeshFormat format = command.output_options.format;
-  const Store store = open_to_read(command.store);
+  const Store store = open_whole(command.store);
   require_done(store);
   const RunRecord run = run_of(store);
   require_output(command.output, format, run.surface.file);
@@ -568,7 +604,7 @@ int run_export(const ExportCommand& command) {
 }
 
 int run_audit(const AuditCommand& command) {
-  const Store store = open_to_read(command.store);
+  const Store store = open_whole(command.store);
   require_done(store);
   ProgressLine line(progress_style(command), 0);
   const AuditReport report = with_steps(

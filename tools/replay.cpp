@@ -172,7 +172,7 @@ void print(const StoredVisit& visit, const Replay& replay, std::optional<std::ui
 
 StoredVisit visit_of(const ReplayCommand& command) {
   if (!command.from.empty()) return read_visit(command.from);
-  const Store store = open_to_read(command.store);
+  const Store store = open_whole(command.store);
   const MortonKey leaf =
       find_leaf(store.snapshot(), run_of(store), command.leaf.value(), store.directory());
   return stored_visit(store, leaf);

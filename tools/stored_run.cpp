@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "engine/inspect/leaf_scan.h"
+#include "engine/plan/run_setup.h"
 #include "tools/results.h"
 
 namespace locvol {
@@ -26,6 +27,12 @@ std::string place_text(const Reader& reader, const RunRecord& run, MortonKey nod
 
 Store open_to_read(const std::filesystem::path& directory) {
   return Store::open(directory, {.read_only = true});
+}
+
+Store open_whole(const std::filesystem::path& directory) {
+  Store store = open_to_read(directory);
+  require_whole_run(store);
+  return store;
 }
 
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory) {

@@ -11,6 +11,8 @@
 namespace locvol {
 
 Store open_to_read(const std::filesystem::path& directory);
+// Of a run that one process makes; throws StoreMismatch otherwise.
+Store open_whole(const std::filesystem::path& directory);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory);

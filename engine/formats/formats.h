@@ -21,6 +21,9 @@ struct IndexWidths {
 // as `least` says, and Int64 if Int32 does not hold its numbers.
 std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                         const IndexWidths& least = {});
+// What is in the mesh's pieces alone, or with all else (`has_frame`), of a file that several write.
+std::uint64_t write_part_of_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                                bool has_frame);
 std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                                    const IndexWidths& least = {8, 8});
 // VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name.

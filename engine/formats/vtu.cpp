@@ -42,8 +42,14 @@ constexpr std::uint64_t kCountBytes = 8;
 
 class RawArrays {
  public:
-  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least)
-      : mesh_(mesh), arrays_(vtu_arrays(mesh, has_quality, least)), file_(file), out_(file) {}
+  // `has_frame`: what is no item of an array is written, too.
+  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least,
+            bool has_frame = true)
+      : mesh_(mesh),
+        arrays_(vtu_arrays(mesh, has_quality, least)),
+        file_(file),
+        out_(file),
+        has_frame_(has_frame) {}
 
   std::uint64_t write() {
     std::uint64_t end = 0;
@@ -54,12 +60,7 @@ class RawArrays {
     const std::string head = header(arrays_, offsets_, mesh_, false);
     data_ = head.size();
     const std::uint64_t bytes = data_ + end + kVtuFooter.size();
-    file_.reserve(bytes);
-    file_.write_at(0, std::as_bytes(std::span(head)));
-    for (std::size_t i = 0; i < arrays_.size(); ++i) {
-      const std::uint64_t count = arrays_[i].bytes();
-      file_.write_at(data_ + offsets_[i], std::as_bytes(std::span(&count, 1)));
-    }
+    if (has_frame_) write_frame(head, bytes);
     const bool has_quality = place(ArrayName::kRadiusEdge) < arrays_.size();
     mesh_.for_each_piece(
         {.has_points = true, .has_cells = true, .has_corners = has_quality},
@@ -68,11 +69,20 @@ class RawArrays {
           return true;
         },
         [](bool) {});
-    file_.write_at(data_ + end, std::as_bytes(std::span(kVtuFooter)));
     return bytes;
   }
 
  private:
+  void write_frame(const std::string& head, std::uint64_t bytes) {
+    file_.reserve(bytes);
+    file_.write_at(0, std::as_bytes(std::span(head)));
+    for (std::size_t i = 0; i < arrays_.size(); ++i) {
+      const std::uint64_t count = arrays_[i].bytes();
+      file_.write_at(data_ + offsets_[i], std::as_bytes(std::span(&count, 1)));
+    }
+    file_.write_at(bytes - kVtuFooter.size(), std::as_bytes(std::span(kVtuFooter)));
+  }
+
   std::size_t place(ArrayName name) const {
     return static_cast<std::size_t>(std::ranges::find(arrays_, name, &ArrayInfo::array) -
                                     arrays_.begin());
@@ -119,6 +129,7 @@ class RawArrays {
   std::uint64_t data_ = 0;  // where the arrays begin
   PartialFile& file_;
   PlacedFile out_;
+  bool has_frame_;
 };
 
 // ---- Compressed: the head of an array says how large its blocks are -----------------------------
@@ -147,6 +158,11 @@ void write_compressed(const ArrayInfo& array, ArrayBlocks& blocks, PartialFile& 
 std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                         const IndexWidths& least) {
   return RawArrays(mesh, has_quality, file, least).write();
+}
+
+std::uint64_t write_part_of_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+                                bool has_frame) {
+  return RawArrays(mesh, has_quality, file, {}, has_frame).write();
 }
 
 std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,

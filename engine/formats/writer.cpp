@@ -1,8 +1,10 @@
 #include "engine/formats/writer.h"
 
 #include <list>
+#include <optional>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/formats/formats.h"
 #include "engine/shared/partial_file.h"
 
@@ -62,6 +64,30 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
   const std::uint64_t bytes = write(mesh, options, *all.front(), all.back());
   PartialFile::publish_all(all);
   return {counts.num_vertices, counts.num_cells, bytes, counts.num_boundary_facets};
+}
+
+WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path& file,
+                                const OutputOptions& options, Exchange& exchange, int num_threads) {
+  MeshSource mesh(store, file, num_threads, {}, nullptr, &exchange);
+  const MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
+  check_limits(options.format, counts, file);
+  const bool is_first = exchange.rank() == 0;
+  std::optional<PartialFile> own;
+  if (is_first) own.emplace(file);
+  any(exchange, false);  // it is there
+  std::uint64_t bytes = 0;
+  if (is_first) {
+    bytes = write_part_of_vtu(mesh, options.has_quality, *own, true);
+    any(exchange, false);  // and whole
+    own->publish();
+  } else {
+    PartialFile part = PartialFile::of_another(file);
+    bytes = write_part_of_vtu(mesh, options.has_quality, part, false);
+    part.finish_part();
+    any(exchange, false);
+  }
+  any(exchange, false);  // and has its name
+  return {counts.num_vertices, counts.num_cells, bytes, 0};
 }
 
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads,

@@ -25,6 +25,13 @@ struct WriteSummary {
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads = 1,
                         const StepProgress& on_step = {}, const StopToken* stop = nullptr);
+class Exchange;
+// The same by several ranks, of which each writes what is its own into the one file: all see its
+// directory. Of formats whose pieces have places that are known before (can_be_written_in_parts()).
+WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path& file,
+                                const OutputOptions& options, Exchange& exchange,
+                                int num_threads = 1);
+constexpr bool can_be_written_in_parts(MeshFormat format) { return format == MeshFormat::kVtu; }
 // The same as VTU, without the quality.
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,
                        const StepProgress& on_step = {});

@@ -157,6 +157,28 @@ CellGauge::Measures CellGauge::measures_of(std::span<const Corners> cells, doubl
   return m;
 }
 
+MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b) {
+  MeshStatistics all = a;
+  all.num_cells += b.num_cells;
+  all.num_core_cells += b.num_core_cells;
+  all.volume += b.volume;
+  all.min_dihedral_degrees = std::min(a.min_dihedral_degrees, b.min_dihedral_degrees);
+  all.num_poor_cells += b.num_poor_cells;
+  all.max_neighbor_ratio = 0;
+  for (const auto most :
+       {&MeshStatistics::max_dihedral_degrees, &MeshStatistics::min_dihedral_bound,
+        &MeshStatistics::max_radius_edge_ratio, &MeshStatistics::max_circumradius,
+        &MeshStatistics::max_radius_over_size})
+    all.*most = std::max(a.*most, b.*most);
+  for (const auto& [octave, num] : b.num_cells_by_octave) all.num_cells_by_octave[octave] += num;
+  for (const auto histogram :
+       {&MeshStatistics::dihedral_angles, &MeshStatistics::min_dihedral_angles,
+        &MeshStatistics::radius_edge_ratios, &MeshStatistics::radii_over_size})
+    for (std::size_t i = 0; i < (all.*histogram).counts.size(); ++i)
+      (all.*histogram).counts[i] += (b.*histogram).counts[i];
+  return all;
+}
+
 CellGauge::CellGauge(double size, double min_dihedral, double core_size)
     : size_(size),
       core_size_(core_size > 0 ? core_size : size),

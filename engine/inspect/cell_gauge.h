@@ -45,6 +45,9 @@ struct MeshStatistics {
   Histogram radii_over_size;      // edges at 0, 0.05, ..., 1
 };
 
+// Of all cells of both, but for max_neighbor_ratio, which is lost.
+MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b);
+
 // What is known of some cells. Counts and extremes know no order; volumes are added up in the order
 // that they come in.
 class CellGauge {

@@ -14,6 +14,7 @@
 #include <span>
 #include <utility>
 
+#include "engine/exchange/pack.h"
 #include "engine/inspect/cell_gauge.h"
 #include "engine/inspect/neighbor_ratio.h"
 #include "engine/output/leaf_lists.h"
@@ -27,6 +28,28 @@
 #include "refine/predicates.h"
 
 namespace locvol {
+
+auto fields(Maybe<Histogram> auto& histogram) {
+  auto& [edges, counts] = histogram;
+  return std::tuple(Field("edges", edges), Field("counts", counts));
+}
+auto fields(Maybe<MeshStatistics> auto& s) {
+  return std::tuple(
+      Field("num_cells", s.num_cells), Field("num_core_cells", s.num_core_cells),
+      Field("volume", s.volume), Field("min_dihedral_degrees", s.min_dihedral_degrees),
+      Field("max_dihedral_degrees", s.max_dihedral_degrees),
+      Field("min_dihedral_bound", s.min_dihedral_bound), Field("num_poor_cells", s.num_poor_cells),
+      Field("max_radius_edge_ratio", s.max_radius_edge_ratio),
+      Field("max_circumradius", s.max_circumradius),
+      Field("max_radius_over_size", s.max_radius_over_size),
+      Field("max_neighbor_ratio", s.max_neighbor_ratio),
+      Field("num_cells_by_octave", s.num_cells_by_octave),
+      Field("dihedral_angles", s.dihedral_angles),
+      Field("min_dihedral_angles", s.min_dihedral_angles),
+      Field("radius_edge_ratios", s.radius_edge_ratios),
+      Field("radii_over_size", s.radii_over_size));
+}
+
 namespace {
 
 constexpr std::size_t kWindowBytes = std::size_t{8} << 20;
@@ -219,9 +242,10 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   num_cells.reserve(octree.size());
   std::uint64_t num_listed_cells = 0, num_core_cells = 0;
   snapshot.for_each_leaf([&](MortonKey, const LeafInfo& info) {
-    num_cells.push_back(info.num_cells);
-    num_listed_cells += info.num_cells;
-    num_core_cells += info.num_core_cells;
+    const bool is_own = info.holding == Holding::kOwn;
+    num_cells.push_back(is_own ? info.num_cells : 0);
+    num_listed_cells += num_cells.back();
+    num_core_cells += is_own ? info.num_core_cells : 0;
     return true;
   });
   Measured measured{.store = store,
@@ -267,6 +291,16 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
 MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
                                const StopToken* stop) {
   return measure(store, num_threads, on_step, {}, stop);
+}
+
+MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange, int num_threads) {
+  const MeshStatistics own = mesh_statistics(store, num_threads);
+  std::optional<MeshStatistics> all;
+  for (const std::string& message : exchange.gather(pack(own))) {
+    const auto of_rank = unpack<MeshStatistics>(message);
+    all = all ? together(*all, of_rank) : of_rank;
+  }
+  return *all;
 }
 
 void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,

@@ -12,13 +12,19 @@
 
 namespace locvol {
 
-// Streams over the cells that the store lists. Those of the lattice core are all alike and are
-// taken by formula, without the lattice's displacement of 2^-18 of its spacing. The result is the
-// same for any number of threads. Steps are listed cells.
-// Memory: for each thread a leaf, its cells, and 8 MB for the points around it.
-// Throws StoreError unless the store holds a finished run; CorruptRecord, Stopped.
+// Streams over the cells that the store lists, of a rank's store its own. Those of the lattice core
+// are all alike and are taken by formula, without the lattice's displacement of 2^-18 of its
+// spacing. The result is the same for any number of threads. Steps are listed cells. Memory: for
+// each thread a leaf, its cells, and 8 MB for the points around it. Throws StoreError unless the
+// store holds a finished run; CorruptRecord, Stopped.
 MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
                                const StepProgress& on_step = {}, const StopToken* stop = nullptr);
+
+class Exchange;
+// Of all cells of a run that several ranks work on, each of which calls it and gets the same: the
+// volume is added up rank by rank.
+MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange,
+                                        int num_threads = 1);
 
 // A cell with a dihedral angle below the run's bound, which C7 could not improve.
 struct LeafPoorCell {

@@ -16,7 +16,7 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 }  // namespace
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-                       const StepProgress& on_step, const StopToken* stop)
+                       const StepProgress& on_step, const StopToken* stop, Exchange* exchange)
     : store_(store),
       snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
@@ -24,7 +24,7 @@ MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, 
       on_step_(on_step),
       stop_(stop),
       pages_(store),
-      numbering_(snapshot_, run_, output, pages_, stop),
+      numbering_(snapshot_, run_, output, pages_, stop, exchange),
       positions_(snapshot_, numbering_),
       workers_(num_threads) {}
 
@@ -63,13 +63,12 @@ std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) co
 }
 
 std::function<std::optional<MeshSource::LeafRange>()> MeshSource::ranges(const PieceParts& parts) {
-  return [this, parts, leaf = std::size_t{0}]() mutable -> std::optional<LeafRange> {
-    const std::size_t num_leaves = numbering_.leaves().size();
-    if (leaf == num_leaves) return std::nullopt;
+  return [this, parts, leaf = numbering_.first_own()]() mutable -> std::optional<LeafRange> {
+    if (leaf == numbering_.end_own()) return std::nullopt;
     throw_if_stopped(stop_);
     LeafRange range{leaf, leaf};
     std::uint64_t bytes = 0;
-    for (; range.end < num_leaves && bytes < kFullPieceBytes; ++range.end)
+    for (; range.end < numbering_.end_own() && bytes < kFullPieceBytes; ++range.end)
       bytes += bytes_of(range.end, parts);
     leaf = range.end;
     pages_.count(bytes);
@@ -142,7 +141,8 @@ void MeshSource::add_cells(std::size_t leaf, bool has_corners, Window& window,
   const std::uint64_t num_core = add_core_cells(leaf, window, piece);
   if (num_core != numbering_.num_core_cells(leaf))
     throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
-  piece.runs.push_back({static_cast<std::uint32_t>(leaf), cells.cells.size(), num_core});
+  piece.runs.push_back(
+      {static_cast<std::uint32_t>(numbering_.place(leaf)), cells.cells.size(), num_core});
 }
 
 std::vector<QualityValues> quality_of(const MeshPiece& piece) {

@@ -23,7 +23,7 @@ namespace locvol {
 
 // The cells of one leaf: first those that its record lists, then those of the lattice core.
 struct LeafRun {
-  std::uint32_t leaf = 0;  // its place in Morton order
+  std::uint32_t leaf = 0;  // its place in Morton order, among all
   std::uint64_t num_listed = 0, num_core = 0;
 };
 
@@ -57,9 +57,11 @@ struct QualityValues {
 class MeshSource {
  public:
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
-  // Steps are cells, told in the first pass over them. Any pass throws Stopped.
+  // Steps are cells, told in the first pass over them. Any pass throws Stopped. `exchange`: see
+  // VertexNumbering; then numbers are of all ranks, and pieces of own leaves.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-             const StepProgress& on_step = {}, const StopToken* stop = nullptr);
+             const StepProgress& on_step = {}, const StopToken* stop = nullptr,
+             Exchange* exchange = nullptr);
 
   const RunRecord& run() const { return run_; }
   std::uint64_t num_vertices() const { return numbering_.num_vertices(); }

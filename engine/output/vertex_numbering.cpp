@@ -1,11 +1,15 @@
 #include "engine/output/vertex_numbering.h"
 
 #include <algorithm>
+#include <cstring>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <tuple>
 
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
+#include "octree/shares.h"
 
 namespace locvol {
 namespace {
@@ -32,34 +36,146 @@ std::vector<bool> named_vertices(const LeafCells& cells) {
   return is_named;
 }
 
+// Own ones are one after another.
+std::pair<std::size_t, std::size_t> own_leaves(const Reader& reader,
+                                               std::span<const MortonKey> leaves) {
+  const RankRecord rank = reader.rank().value();
+  const Shares shares(rank.first);
+  const auto owner = [&](MortonKey leaf) { return shares.owner_of(leaf); };
+  const auto own = std::ranges::equal_range(leaves, static_cast<int>(rank.rank), {}, owner);
+  return {static_cast<std::size_t>(own.begin() - leaves.begin()),
+          static_cast<std::size_t>(own.end() - leaves.begin())};
+}
+
 }  // namespace
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const std::filesystem::path& output, PageRelease& pages,
-                                 const StopToken* stop)
+                                 const StopToken* stop, Exchange* exchange)
     : frame_(run.frame),
       lattice_(lattice_of(run)),
       scale_(reader, run),
       octree_(reader.leaf_keys()),
-      ids_file_(OpenFile::temporary(output)) {
-  first_vertex_.reserve(octree_.size() + 1);
-  first_cell_.reserve(octree_.size() + 1);
-  num_core_vertices_.reserve(octree_.size());
-  num_core_cells_.reserve(octree_.size());
-  num_core_before_.reserve(octree_.size() + 1);
+      ids_file_(OpenFile::temporary(output)),
+      num_core_vertices_(octree_.size()),
+      num_core_cells_(octree_.size()),
+      first_used_(octree_.size()),
+      num_used_(octree_.size()),
+      end_own_(octree_.size()) {
+  if (exchange != nullptr) std::tie(first_own_, end_own_) = own_leaves(reader, leaves());
+  std::vector<Numbered> own;
+  std::vector<std::uint64_t> num_cells;
+  std::uint64_t num_vertices = 0, num_used = 0, num_all_cells = 0;
   LeafWindow<Names> names(kNamesBytes,
                           [&](std::size_t leaf) { return load_names(reader, pages, leaf); });
-  for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+  for (std::size_t leaf = first_own_; leaf < end_own_; ++leaf) {
     throw_if_stopped(stop);
     const std::vector<std::uint64_t> used = find_used(leaf, names);
     const auto here = names.get(leaf);
-    ids_file_.write_at(first_used(leaf) * sizeof(std::uint64_t), std::as_bytes(std::span(used)));
-    first_vertex_.push_back(num_vertices() + used.size() + here->num_core_points);
-    num_core_vertices_.push_back(here->num_core_points);
-    num_core_before_.push_back(num_core_before_.back() + here->num_core_points);
-    num_core_cells_.push_back(here->num_core_cells);
-    first_cell_.push_back(num_cells() + here->num_cells + here->num_core_cells);
+    ids_file_.write_at(num_used * sizeof(std::uint64_t), std::as_bytes(std::span(used)));
+    own.push_back({num_vertices, here->num_core_points, num_used, used.size()});
+    num_used += used.size();
+    num_vertices += used.size() + here->num_core_points;
+    num_core_cells_[leaf] = here->num_core_cells;
+    num_cells.push_back(here->num_cells + here->num_core_cells);
+    num_all_cells += num_cells.back();
   }
+
+  SumOfRanks of_vertices{num_vertices, 0}, of_cells{num_all_cells, 0};
+  std::vector<std::pair<std::size_t, Numbered>> beside;
+  if (exchange != nullptr) {
+    of_vertices = sum(*exchange, num_vertices);
+    of_cells = sum(*exchange, num_all_cells);
+    first_place_ = sum(*exchange, end_own_ - first_own_).before;
+    for (Numbered& leaf : own) leaf.first_vertex += of_vertices.before;
+    beside = numbers_beside(reader, own, *exchange);
+  }
+  number(own, beside, of_vertices.all);
+  std::uint64_t next_cell = 0;
+  for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+    const bool is_own = first_own_ <= leaf && leaf < end_own_;
+    if (leaf == first_own_) next_cell = of_cells.before;
+    first_cell_.push_back(next_cell);
+    if (is_own) next_cell += num_cells[leaf - first_own_];
+  }
+  first_cell_.push_back(of_cells.all);
+}
+
+// Leaves of which nothing is known get what lies between those that are known.
+void VertexNumbering::number(std::span<const Numbered> own,
+                             std::span<const std::pair<std::size_t, Numbered>> beside,
+                             std::uint64_t num_all) {
+  auto other = beside.begin();
+  std::uint64_t next = 0;
+  for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
+    const Numbered* known = nullptr;
+    if (first_own_ <= leaf && leaf < end_own_)
+      known = &own[leaf - first_own_];
+    else if (other != beside.end() && other->first == leaf)
+      known = &(other++)->second;
+    if (known != nullptr) {
+      if (known->first_vertex < next)
+        corrupt(leaves()[leaf], "its vertices are not where its rank says");
+      next = known->first_vertex;
+      num_core_vertices_[leaf] = known->num_core;
+      first_used_[leaf] = known->first_used;
+      num_used_[leaf] = known->num_used;
+    }
+    first_vertex_.push_back(next);
+    if (known != nullptr) next += known->num_used + known->num_core;
+  }
+  first_vertex_.push_back(num_all);
+}
+
+// Each rank tells of its leaves those that have leaves within reach. Their used ids are appended to
+// the file.
+std::vector<std::pair<std::size_t, VertexNumbering::Numbered>> VertexNumbering::numbers_beside(
+    const Reader& reader, std::span<const Numbered> own, Exchange& exchange) {
+  struct Header {
+    std::uint64_t leaf, first_vertex, num_core, num_used;
+  };
+  constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
+  const Shares shares(reader.rank().value().first);
+  std::uint64_t num_in_file = 0;
+  for (const Numbered& leaf : own) num_in_file += leaf.num_used;
+  std::vector<std::pair<std::size_t, Numbered>> beside;
+  std::size_t next = 0;
+  do {
+    std::vector<std::string> messages(static_cast<std::size_t>(exchange.num_ranks()));
+    for (std::size_t most = 0; next < own.size() && most < kMessageBytes; ++next) {
+      const std::size_t leaf = first_own_ + next;
+      const Header header{leaves()[leaf].bits(), own[next].first_vertex, own[next].num_core,
+                          own[next].num_used};
+      for (const int rank :
+           shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf))) {
+        if (rank == exchange.rank()) continue;
+        std::string& message = messages[static_cast<std::size_t>(rank)];
+        const std::vector<std::uint64_t> ids = read_ids(own[next].first_used, own[next].num_used);
+        message.append(reinterpret_cast<const char*>(&header), sizeof header);
+        message.append(reinterpret_cast<const char*>(ids.data()), 8 * ids.size());
+        most = std::max(most, message.size());
+      }
+    }
+    for (std::string_view message : exchange.swap(std::move(messages)))
+      while (!message.empty()) {
+        Header header;
+        if (message.size() < sizeof header) throw ExchangeError("half a message arrived");
+        std::memcpy(&header, message.data(), sizeof header);
+        message.remove_prefix(sizeof header);
+        const std::uint64_t bytes = 8 * header.num_used;
+        if (message.size() < bytes) throw ExchangeError("half a message arrived");
+        const auto place = std::ranges::lower_bound(leaves(), MortonKey::from_bits(header.leaf));
+        if (place == leaves().end() || place->bits() != header.leaf)
+          throw ExchangeError("another rank has other leaves");
+        ids_file_.write_at(8 * num_in_file, std::as_bytes(std::span(message.substr(0, bytes))));
+        beside.push_back({static_cast<std::size_t>(place - leaves().begin()),
+                          {header.first_vertex, header.num_core, num_in_file, header.num_used}});
+        num_in_file += header.num_used;
+        message.remove_prefix(bytes);
+      }
+  } while (any(exchange, next < own.size()));
+  std::ranges::sort(beside, {}, &std::pair<std::size_t, Numbered>::first);
+  return beside;
 }
 
 VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRelease& pages,
@@ -115,9 +231,13 @@ std::vector<std::uint64_t> VertexNumbering::find_used(std::size_t leaf,
 }
 
 std::vector<std::uint64_t> VertexNumbering::used_ids(std::size_t leaf) const {
-  std::vector<std::uint64_t> ids(first_used(leaf + 1) - first_used(leaf));
-  ids_file_.read_at(first_used(leaf) * sizeof(std::uint64_t),
-                    std::as_writable_bytes(std::span(ids)));
+  return read_ids(first_used_[leaf], num_used_[leaf]);
+}
+
+std::vector<std::uint64_t> VertexNumbering::read_ids(std::uint64_t first,
+                                                     std::uint64_t count) const {
+  std::vector<std::uint64_t> ids(count);
+  ids_file_.read_at(first * sizeof(std::uint64_t), std::as_writable_bytes(std::span(ids)));
   return ids;
 }
 

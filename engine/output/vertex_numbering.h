@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/partial_file.h"
@@ -21,19 +23,28 @@ namespace locvol {
 // A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
 // from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
 // of their numbers, in a nameless file of 8 bytes per vertex beside the output.
-// Memory: 48 bytes per leaf, and 16 MB while it is made.
-// Threads: const functions are safe from many threads.
-// Errors: StoreError; CorruptRecord when records contradict each other; std::system_error.
+// Of several ranks, each numbers its own leaves, and is told the numbers of points beside them.
+// What is said of all vertices, cells and leaves is then of all ranks, and what is asked of one
+// leaf is known of own ones; of others within kCellReach, what numbers need. Leaves beyond stand
+// for all that is there. Memory: 56 bytes per leaf, and 16 MB while it is made. Threads: const
+// functions are safe from many threads. Errors: StoreError; CorruptRecord when records contradict
+// each other; std::system_error.
 class VertexNumbering {
  public:
   // `reader` is used by the constructor only, which throws Stopped.
+  // `exchange`: null, if one process has all of the run; else all ranks call it.
   VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
-                  PageRelease& pages, const StopToken* stop = nullptr);
+                  PageRelease& pages, const StopToken* stop = nullptr,
+                  Exchange* exchange = nullptr);
 
   VertexNumbering(const VertexNumbering&) = delete;
   VertexNumbering& operator=(const VertexNumbering&) = delete;
 
   std::span<const MortonKey> leaves() const { return octree_.leaves(); }
+  // The rank's own leaves, from `first` to before `end`; and the place of one among all leaves.
+  std::size_t first_own() const { return first_own_; }
+  std::size_t end_own() const { return end_own_; }
+  std::uint64_t place(std::size_t leaf) const { return first_place_ + (leaf - first_own_); }
   std::uint64_t num_vertices() const { return first_vertex_.back(); }
   std::uint64_t num_cells() const { return first_cell_.back(); }
   // Of a leaf; num_leaves: the end.
@@ -98,17 +109,27 @@ class VertexNumbering {
   Names load_names(const Reader& reader, PageRelease& pages, std::size_t leaf) const;
   std::vector<std::uint64_t> find_used(std::size_t leaf, LeafWindow<Names>& names) const;
   void check_core(std::size_t leaf, const LatticeCore& core) const;
-  std::uint64_t first_used(std::size_t leaf) const {
-    return first_vertex_[leaf] - num_core_before_[leaf];
-  }
+  std::vector<std::uint64_t> read_ids(std::uint64_t first, std::uint64_t count) const;
+  // Of own leaves, and of those beside them.
+  struct Numbered {
+    std::uint64_t first_vertex = 0, num_core = 0, first_used = 0, num_used = 0;
+  };
+  std::vector<std::pair<std::size_t, Numbered>> numbers_beside(const Reader& reader,
+                                                               std::span<const Numbered> own,
+                                                               Exchange& exchange);
+  void number(std::span<const Numbered> own,
+              std::span<const std::pair<std::size_t, Numbered>> beside, std::uint64_t num_all);
 
   Frame frame_;
   Lattice lattice_;
   LeafScale scale_;
   LinearOctree octree_;
   OpenFile ids_file_;
-  std::vector<std::uint64_t> first_vertex_{0}, first_cell_{0};  // of each leaf, and the end
-  std::vector<std::uint64_t> num_core_vertices_, num_core_cells_, num_core_before_{0};
+  std::vector<std::uint64_t> first_vertex_, first_cell_;  // of each leaf, and the end
+  std::vector<std::uint64_t> num_core_vertices_, num_core_cells_;
+  std::vector<std::uint64_t> first_used_, num_used_;  // in the file
+  std::size_t first_own_ = 0, end_own_ = 0;
+  std::uint64_t first_place_ = 0;
 };
 
 // Memory: 20 MB, divided by `num_shares`, for ids and cores of leaves near the current one, and

@@ -293,4 +293,14 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
                       "force a new run over it");
 }
 
+void require_whole_run(const Store& store) {
+  const auto rank = store.snapshot().rank();
+  if (rank)
+    throw StoreMismatch(
+        fmt::format("the store {} has the part of rank {} of a run by {} processes: locvol-mpi "
+                    "goes on with it, "
+                    "and `locvol inspect` looks into it",
+                    store.directory().string(), rank->rank, rank->first.size()));
+}
+
 }  // namespace locvol

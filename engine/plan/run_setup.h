@@ -48,4 +48,7 @@ void require_same_run(const RunParameters& held, const RunParameters& asked,
 // Throws InputError unless sizes that are known ask for a number of cells that anyone could want.
 void require_few_cells(const RunRecord& run);
 
+// Throws StoreMismatch if the store has a rank's part of a run that several processes work on.
+void require_whole_run(const Store& store);
+
 }  // namespace locvol

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "engine/run/run_state.h"
 #include "engine/shared/partial_file.h"
 

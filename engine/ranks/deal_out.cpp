@@ -18,7 +18,7 @@ struct DealtLeaf {
 
 }  // namespace locvol
 
-#include "engine/ranks/pack.h"
+#include "engine/exchange/pack.h"
 #include "engine/ranks/rank_visits.h"
 
 namespace locvol {

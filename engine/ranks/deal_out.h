@@ -2,7 +2,7 @@
 // copies of those near them.
 #pragma once
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "engine/run/run_state.h"
 #include "storage/store.h"
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/ranks/pack.h"
+#include "engine/exchange/pack.h"
 #include "storage/codec.h"
 
 namespace locvol {

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "storage/store.h"
 
 namespace locvol {

@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "engine/ranks/pack.h"
+#include "engine/exchange/pack.h"
 #include "engine/run/coloring.h"
 #include "engine/run/mend_leaf.h"
 #include "storage/codec.h"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "engine/run/run_state.h"
 
 namespace locvol {

@@ -2,7 +2,7 @@
 
 #include <tuple>
 
-#include "engine/ranks/pack.h"
+#include "engine/exchange/pack.h"
 
 namespace locvol {
 

@@ -120,8 +120,23 @@ PartialFile::PartialFile(std::filesystem::path file, const StopToken* stop)
       unfinished_(partial_),
       out_(create(partial_), partial_) {}
 
+PartialFile::PartialFile(std::filesystem::path file, const StopToken* stop, OpenFile out)
+    : file_(std::move(file)), partial_(out.name()), stop_(stop), out_(std::move(out)) {}
+
+PartialFile PartialFile::of_another(std::filesystem::path file, const StopToken* stop) {
+  std::filesystem::path partial = with_suffix(file, ".partial");
+  const int descriptor = ::open(partial.c_str(), O_RDWR | O_CLOEXEC);
+  if (descriptor < 0) fail("write", partial);
+  return PartialFile(std::move(file), stop, OpenFile(descriptor, std::move(partial)));
+}
+
 PartialFile::~PartialFile() {
-  if (!is_published_) give_up();
+  if (unfinished_ && !is_published_) give_up();
+}
+
+void PartialFile::finish_part() {
+  if (::fsync(out_.descriptor()) != 0) fail("write", partial_);
+  out_.close();
 }
 
 void PartialFile::give_up() {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -43,6 +44,9 @@ class OpenFile {
 class PartialFile {
  public:
   explicit PartialFile(std::filesystem::path file, const StopToken* stop = nullptr);
+  // One that another process has begun, to write a part of it, too: who began it publishes it, or
+  // removes it.
+  static PartialFile of_another(std::filesystem::path file, const StopToken* stop = nullptr);
   PartialFile(const PartialFile&) = delete;
   PartialFile& operator=(const PartialFile&) = delete;
   ~PartialFile();
@@ -57,10 +61,12 @@ class PartialFile {
     if (num_written_ >= next_step_) write_behind();
   }
   void publish();
+  void finish_part();  // of another's: durable on return
   // All of them or none, but for a crash between two names.
   static void publish_all(std::span<PartialFile* const> files);
 
  private:
+  PartialFile(std::filesystem::path file, const StopToken* stop, OpenFile out);
   void finish();         // makes it durable
   void write_to_disk();  // piece by piece, as far as the system can
   void write_behind();
@@ -69,7 +75,7 @@ class PartialFile {
 
   std::filesystem::path file_, partial_;
   const StopToken* stop_;
-  UnfinishedName unfinished_;
+  std::optional<UnfinishedName> unfinished_;  // absent: it is another's
   OpenFile out_;
   std::uint64_t num_written_ = 0, next_step_ = std::uint64_t{1} << 30;
   bool is_published_ = false;

@@ -1,7 +1,7 @@
 // The locvol-mpi command: `mesh`, by all processes of an MPI job.
 #include <CLI/CLI.hpp>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "tools/command_line.h"
 #include "tools/commands.h"
 #include "tools/exit_code.h"

@@ -501,7 +501,7 @@ PageSummary write_page(const Store& store, const std::filesystem::path& file,
 
 int run_report(const ReportCommand& command) {
   require_writable(command.output);
-  const Store store = open_to_read(command.store);
+  const Store store = open_whole(command.store);
   ViewLimits limits;
   if (command.max_cells) limits.max_cells = *command.max_cells;
   const PageSummary page =

@@ -8,12 +8,15 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/exchange/thread_ranks.h"
+#include "engine/formats/writer.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/deal_out.h"
-#include "engine/ranks/thread_ranks.h"
 #include "engine/shared/input_error.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/store_contents.h"
+#include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
@@ -79,6 +82,45 @@ TEST_F(RunOfRanks, HasTheRecordsOfOneProcess) {
   EXPECT_GT(expected.leaves.size(), 100U);
   for (const int num_ranks : {1, 2, 3, 7})
     EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, num_ranks % 2 + 1))) << num_ranks;
+}
+
+TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
+  write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
+            scratch_ / "input.off");
+  const MeshOptions options = this->options("store", 0.06, 500);
+  mesh(options);
+  const Store store = Store::open(options.store, {.read_only = true});
+  const MeshStatistics expected = mesh_statistics(store);
+  for (const int num_ranks : {1, 3, 6})
+    for (const bool has_quality : {false, true}) {
+      SCOPED_TRACE(num_ranks);
+      const OutputOptions output{MeshFormat::kVtu, has_quality};
+      write_mesh(store, scratch_ / "one.vtu", output);
+      run_as_ranks(num_ranks, [&](Exchange& exchange) {
+        MeshOptions own = options;
+        own.store += "-" + std::to_string(num_ranks) + "-" + std::to_string(exchange.rank());
+        const RunSummary summary = mesh_as_rank(own, {}, exchange);
+        const Store part = Store::open(own.store, {.read_only = true});
+        const WriteSummary written =
+            write_mesh_as_rank(part, scratch_ / "many.vtu", output, exchange);
+        EXPECT_EQ(written.num_cells, summary.run.counts.num_cells);
+        EXPECT_EQ(written.bytes, std::filesystem::file_size(scratch_ / "many.vtu"));
+        const MeshStatistics all = mesh_statistics_of_ranks(part, exchange);
+        EXPECT_EQ(all.num_cells, expected.num_cells);
+        EXPECT_EQ(all.num_core_cells, expected.num_core_cells);
+        EXPECT_EQ(all.dihedral_angles.counts, expected.dihedral_angles.counts);
+        EXPECT_EQ(all.min_dihedral_angles.counts, expected.min_dihedral_angles.counts);
+        EXPECT_EQ(all.radius_edge_ratios.counts, expected.radius_edge_ratios.counts);
+        EXPECT_EQ(all.radii_over_size.counts, expected.radii_over_size.counts);
+        EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
+        EXPECT_EQ(all.max_dihedral_degrees, expected.max_dihedral_degrees);
+        EXPECT_EQ(all.min_dihedral_degrees, expected.min_dihedral_degrees);
+        EXPECT_EQ(all.max_circumradius, expected.max_circumradius);
+        EXPECT_NEAR(all.volume, expected.volume, 1e-12 * expected.volume);
+      });
+      EXPECT_TRUE(bytes_of(scratch_ / "many.vtu") == bytes_of(scratch_ / "one.vtu"));
+      EXPECT_FALSE(std::filesystem::exists(scratch_ / "many.vtu.partial"));
+    }
 }
 
 // Leaves that are split, whose parts are a copy's, or beyond.

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 
 namespace locvol {
 namespace {

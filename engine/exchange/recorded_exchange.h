@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 
 namespace locvol {
 

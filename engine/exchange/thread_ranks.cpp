@@ -1,4 +1,4 @@
-#include "engine/ranks/thread_ranks.h"
+#include "engine/exchange/thread_ranks.h"
 
 #include <atomic>
 #include <cassert>

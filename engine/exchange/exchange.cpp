@@ -1,4 +1,4 @@
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 
 #include <algorithm>
 #include <cstring>

@@ -5,6 +5,7 @@
 #include <boost/archive/binary_iarchive.hpp>
 #include <boost/archive/binary_oarchive.hpp>
 #include <boost/serialization/array.hpp>
+#include <boost/serialization/map.hpp>
 #include <boost/serialization/string.hpp>
 #include <boost/serialization/vector.hpp>
 #include <optional>
@@ -13,7 +14,7 @@
 #include <string_view>
 #include <utility>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 #include "octree/morton_key.h"
 #include "refine/leaf_fields.h"
 

@@ -1,8 +1,8 @@
-#include "engine/ranks/recorded_exchange.h"
+#include "engine/exchange/recorded_exchange.h"
 
 #include <gtest/gtest.h>
 
-#include "engine/ranks/thread_ranks.h"
+#include "engine/exchange/thread_ranks.h"
 
 namespace locvol {
 namespace {

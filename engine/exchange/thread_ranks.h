@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "engine/ranks/exchange.h"
+#include "engine/exchange/exchange.h"
 
 namespace locvol {
 

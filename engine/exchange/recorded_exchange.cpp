@@ -1,4 +1,4 @@
-#include "engine/ranks/recorded_exchange.h"
+#include "engine/exchange/recorded_exchange.h"
 
 #include <cstdint>
 #include <cstring>
