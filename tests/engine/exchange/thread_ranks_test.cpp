@@ -109,7 +109,7 @@ TEST(ThreadRanks, WaitForAMessageThatIsLate) {
                                            return from == 0 && n == number ? MessageFault::kLate
                                                                            : MessageFault::kNone;
                                          },
-                                     .patience = std::chrono::milliseconds(100)};
+                                     .patience = std::chrono::seconds(2)};
     const auto run = [&] {
       run_as_ranks(
           3, [](Exchange& exchange) { talk(exchange, 3); }, options);
