@@ -60,9 +60,9 @@ TEST(ThreadRanks, EndWhenOneFails) {
   std::atomic<int> num_ended = 0;
   try {
     run_as_ranks(4, [&](Exchange& exchange) {
-      talk(exchange, 3);
-      if (exchange.rank() == 2) throw std::runtime_error("the disk is full");
       try {
+        talk(exchange, 3);
+        if (exchange.rank() == 2) throw std::runtime_error("the disk is full");
         talk(exchange, 3);
       } catch (const ExchangeError&) {
         ++num_ended;
