@@ -98,6 +98,7 @@ class Engine {
     const std::uint64_t num_unresolved = state_.run().counts.num_unresolved;
     const bool is_whole = exchange_ ? !any(*exchange_, num_unresolved > 0) : num_unresolved == 0;
     if (!is_whole) enqueue_for_mending(state_);
+    if (!is_whole && exchange_) share_cells(state_, *exchange_);
     end_phase(is_whole ? Phase::kDone : Phase::kMend);
   }
 
@@ -266,7 +267,8 @@ class Engine {
     const auto find_results = [&](const QueuePosition& color) {
       results.emplace(state_, *exchange_);
       visit(ranks_->own_leaves(color), load, compute, [&](MortonKey leaf, const Result& result) {
-        results->add(leaf, num_new_ids(result), encode_result(result));
+        results->add(leaf, num_new_ids(result), encode_result(result),
+                     [&] { return encode_for_others(result); });
       });
     };
     // After an end, what was found is found again; all go on with that.

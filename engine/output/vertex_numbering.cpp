@@ -57,12 +57,16 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
       scale_(reader, run),
       octree_(reader.leaf_keys()),
       ids_file_(OpenFile::temporary(output)),
+      names_file_(OpenFile::temporary(output)),
       num_core_vertices_(octree_.size()),
       num_core_cells_(octree_.size()),
       first_used_(octree_.size()),
       num_used_(octree_.size()),
       end_own_(octree_.size()) {
-  if (exchange != nullptr) std::tie(first_own_, end_own_) = own_leaves(reader, leaves());
+  if (exchange != nullptr) {
+    std::tie(first_own_, end_own_) = own_leaves(reader, leaves());
+    exchange_names(reader, pages, *exchange);
+  }
   std::vector<Numbered> own;
   std::vector<std::uint64_t> num_cells;
   std::uint64_t num_vertices = 0, num_used = 0, num_all_cells = 0;
@@ -127,53 +131,98 @@ void VertexNumbering::number(std::span<const Numbered> own,
   first_vertex_.push_back(num_all);
 }
 
-// Each rank tells of its leaves those that have leaves within reach. Their used ids are appended to
-// the file.
-std::vector<std::pair<std::size_t, VertexNumbering::Numbered>> VertexNumbering::numbers_beside(
-    const Reader& reader, std::span<const Numbered> own, Exchange& exchange) {
-  struct Header {
-    std::uint64_t leaf, first_vertex, num_core, num_used;
-  };
+namespace {
+
+// Lists of numbers, each with the leaf that it is of, to those ranks that are within reach of it.
+struct NumberListHeader {
+  std::uint64_t leaf = 0, count = 0;
+};
+
+void append_list(std::string& message, MortonKey leaf, std::span<const std::uint64_t> numbers) {
+  const NumberListHeader header{leaf.bits(), numbers.size()};
+  message.append(reinterpret_cast<const char*>(&header), sizeof header);
+  message.append(reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes());
+}
+
+// Calls take(place of the leaf, numbers) for each. Throws ExchangeError.
+template <class Take>
+void take_lists(std::string_view message, std::span<const MortonKey> leaves, const Take& take) {
+  while (!message.empty()) {
+    NumberListHeader header;
+    if (message.size() < sizeof header) throw ExchangeError("half a message arrived");
+    std::memcpy(&header, message.data(), sizeof header);
+    message.remove_prefix(sizeof header);
+    std::vector<std::uint64_t> numbers(header.count);
+    if (message.size() / sizeof header.count < header.count)
+      throw ExchangeError("half a message arrived");
+    std::memcpy(numbers.data(), message.data(), sizeof header.count * header.count);
+    message.remove_prefix(sizeof header.count * header.count);
+    const auto place = std::ranges::lower_bound(leaves, MortonKey::from_bits(header.leaf));
+    if (place == leaves.end() || place->bits() != header.leaf)
+      throw ExchangeError("another rank has other leaves");
+    take(static_cast<std::size_t>(place - leaves.begin()), numbers);
+  }
+}
+
+}  // namespace
+
+// Round after round, of messages of 4 MB: list(leaf) of own leaves goes to ranks within reach.
+template <class List, class Take>
+void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
+                                        const Take& take) const {
   constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
   const Shares shares(reader.rank().value().first);
-  std::uint64_t num_in_file = 0;
-  for (const Numbered& leaf : own) num_in_file += leaf.num_used;
-  std::vector<std::pair<std::size_t, Numbered>> beside;
-  std::size_t next = 0;
+  std::size_t leaf = first_own_;
   do {
     std::vector<std::string> messages(static_cast<std::size_t>(exchange.num_ranks()));
-    for (std::size_t most = 0; next < own.size() && most < kMessageBytes; ++next) {
-      const std::size_t leaf = first_own_ + next;
-      const Header header{leaves()[leaf].bits(), own[next].first_vertex, own[next].num_core,
-                          own[next].num_used};
-      for (const int rank :
-           shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf))) {
+    for (std::size_t most = 0; leaf < end_own_ && most < kMessageBytes; ++leaf) {
+      const std::vector<int> ranks =
+          shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf));
+      if (ranks.size() == 1) continue;
+      const std::vector<std::uint64_t> numbers = list(leaf);
+      for (const int rank : ranks) {
         if (rank == exchange.rank()) continue;
         std::string& message = messages[static_cast<std::size_t>(rank)];
-        const std::vector<std::uint64_t> ids = read_ids(own[next].first_used, own[next].num_used);
-        message.append(reinterpret_cast<const char*>(&header), sizeof header);
-        message.append(reinterpret_cast<const char*>(ids.data()), 8 * ids.size());
+        append_list(message, leaves()[leaf], numbers);
         most = std::max(most, message.size());
       }
     }
-    for (std::string_view message : exchange.swap(std::move(messages)))
-      while (!message.empty()) {
-        Header header;
-        if (message.size() < sizeof header) throw ExchangeError("half a message arrived");
-        std::memcpy(&header, message.data(), sizeof header);
-        message.remove_prefix(sizeof header);
-        const std::uint64_t bytes = 8 * header.num_used;
-        if (message.size() < bytes) throw ExchangeError("half a message arrived");
-        const auto place = std::ranges::lower_bound(leaves(), MortonKey::from_bits(header.leaf));
-        if (place == leaves().end() || place->bits() != header.leaf)
-          throw ExchangeError("another rank has other leaves");
-        ids_file_.write_at(8 * num_in_file, std::as_bytes(std::span(message.substr(0, bytes))));
-        beside.push_back({static_cast<std::size_t>(place - leaves().begin()),
-                          {header.first_vertex, header.num_core, num_in_file, header.num_used}});
-        num_in_file += header.num_used;
-        message.remove_prefix(bytes);
-      }
-  } while (any(exchange, next < own.size()));
+    for (const std::string& message : exchange.swap(std::move(messages)))
+      take_lists(message, leaves(), take);
+  } while (any(exchange, leaf < end_own_));
+}
+
+void VertexNumbering::exchange_names(const Reader& reader, PageRelease& pages, Exchange& exchange) {
+  std::uint64_t size = 0;
+  tell_ranks_beside(
+      reader, exchange, [&](std::size_t leaf) { return load_names(reader, pages, leaf).foreign; },
+      [&](std::size_t leaf, const std::vector<std::uint64_t>& ids) {
+        names_file_.write_at(sizeof(std::uint64_t) * size, std::as_bytes(std::span(ids)));
+        names_beside_[leaf] = {size, ids.size()};
+        size += ids.size();
+      });
+}
+
+// Their used ids are appended to the file.
+std::vector<std::pair<std::size_t, VertexNumbering::Numbered>> VertexNumbering::numbers_beside(
+    const Reader& reader, std::span<const Numbered> own, Exchange& exchange) {
+  std::uint64_t num_in_file = 0;
+  for (const Numbered& leaf : own) num_in_file += leaf.num_used;
+  std::vector<std::pair<std::size_t, Numbered>> beside;
+  tell_ranks_beside(
+      reader, exchange,
+      [&](std::size_t leaf) {
+        const Numbered& numbered = own[leaf - first_own_];
+        std::vector<std::uint64_t> numbers = read_ids(numbered.first_used, numbered.num_used);
+        numbers.insert(numbers.begin(), {numbered.first_vertex, numbered.num_core});
+        return numbers;
+      },
+      [&](std::size_t leaf, const std::vector<std::uint64_t>& numbers) {
+        const auto ids = std::span(numbers).subspan(2);
+        ids_file_.write_at(sizeof(std::uint64_t) * num_in_file, std::as_bytes(ids));
+        beside.push_back({leaf, {numbers[0], numbers[1], num_in_file, ids.size()}});
+        num_in_file += ids.size();
+      });
   std::ranges::sort(beside, {}, &std::pair<std::size_t, Numbered>::first);
   return beside;
 }
@@ -187,6 +236,13 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
   require_ascending(cells.vertices, key, "the vertices of the cells");
 
   Names names;
+  if (const auto beside = names_beside_.find(leaf); beside != names_beside_.end()) {
+    const auto [first, count] = beside->second;
+    names.foreign.resize(count);
+    names_file_.read_at(sizeof(std::uint64_t) * first,
+                        std::as_writable_bytes(std::span(names.foreign)));
+    return names;
+  }
   names.num_cells = cells.cells.size();
   if (!points.core.is_empty()) {
     check_core(leaf, points.core);

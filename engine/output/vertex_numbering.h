@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
 #include <utility>
 #include <vector>
@@ -114,6 +115,11 @@ class VertexNumbering {
   struct Numbered {
     std::uint64_t first_vertex = 0, num_core = 0, first_used = 0, num_used = 0;
   };
+  template <class List, class Take>
+  void tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
+                         const Take& take) const;
+  // What cells of other ranks' leaves within reach name.
+  void exchange_names(const Reader& reader, PageRelease& pages, Exchange& exchange);
   std::vector<std::pair<std::size_t, Numbered>> numbers_beside(const Reader& reader,
                                                                std::span<const Numbered> own,
                                                                Exchange& exchange);
@@ -124,7 +130,9 @@ class VertexNumbering {
   Lattice lattice_;
   LeafScale scale_;
   LinearOctree octree_;
-  OpenFile ids_file_;
+  OpenFile ids_file_, names_file_;
+  // Of leaves beside the rank's own: where in that file are ids that their cells name, how many.
+  std::map<std::size_t, std::pair<std::uint64_t, std::uint64_t>> names_beside_;
   std::vector<std::uint64_t> first_vertex_, first_cell_;  // of each leaf, and the end
   std::vector<std::uint64_t> num_core_vertices_, num_core_cells_;
   std::vector<std::uint64_t> first_used_, num_used_;  // in the file

@@ -27,11 +27,21 @@ ColorResults::ColorResults(RunState& state, Exchange& exchange)
       exchange_(exchange),
       file_(OpenFile::temporary(state.store().directory() / "results")) {}
 
-void ColorResults::add(MortonKey leaf, std::uint64_t num_ids, std::string_view result) {
+void ColorResults::add(MortonKey leaf, std::uint64_t num_ids, std::string_view result,
+                       const std::function<std::string()>& for_others) {
   assert(results_.empty() || results_.back().leaf < leaf);
-  file_.write_at(size_, std::as_bytes(std::span(result)));
-  results_.push_back({leaf, num_ids, size_, result.size()});
-  size_ += result.size();
+  Result added{leaf, num_ids, size_, result.size()};
+  const auto append = [&](std::string_view bytes) {
+    file_.write_at(size_, std::as_bytes(std::span(bytes)));
+    size_ += bytes.size();
+  };
+  append(result);
+  if (state_.ranks_touched(leaf).size() > 1) {
+    const std::string others = for_others();
+    added.size_for_others = others.size();
+    append(others);
+  }
+  results_.push_back(added);
 }
 
 std::uint64_t ColorResults::num_ids() const {
@@ -40,9 +50,9 @@ std::uint64_t ColorResults::num_ids() const {
   return num;
 }
 
-std::string ColorResults::bytes_of(const Result& result) const {
-  std::string bytes(result.size, '\0');
-  file_.read_at(result.offset, std::as_writable_bytes(std::span(bytes)));
+std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) const {
+  std::string bytes(size, '\0');
+  file_.read_at(offset, std::as_writable_bytes(std::span(bytes)));
   return bytes;
 }
 
@@ -55,10 +65,9 @@ void ColorResults::send_some() {
   std::size_t most = 0;  // bytes of a message
   for (; num_sent < results_.size() && most < kMessageBytes; ++num_sent) {
     const Result& result = results_[num_sent];
-    std::string bytes;
-    for (const int rank : state_.ranks_touched(result.leaf)) {
+    const std::string bytes = bytes_at(result.offset + result.size, result.size_for_others);
+    for (const int rank : bytes.empty() ? std::vector<int>() : state_.ranks_touched(result.leaf)) {
       if (rank == exchange_.rank()) continue;
-      if (bytes.empty()) bytes = bytes_of(result);
       std::string& message = messages[static_cast<std::size_t>(rank)];
       append_to(message, {result.leaf.bits(), next_id, bytes.size()}, bytes);
       most = std::max(most, message.size());
@@ -94,7 +103,7 @@ void ColorResults::apply_all(const Apply& apply) {
     apply_others_before(result.leaf);
     state_.begin_ids(state_.rank().next_id);
     state_.put_next_own_id(state_.rank().next_id + result.num_ids);
-    apply(result.leaf, bytes_of(result));
+    apply(result.leaf, bytes_at(result.offset, result.size));
   }
   apply_others_before(std::nullopt);
 }

@@ -24,8 +24,10 @@ class ColorResults {
 
   ColorResults(RunState& state, Exchange& exchange);
 
-  // Of the rank's own leaves, in Morton order; `num_ids`: that applying it will give.
-  void add(MortonKey leaf, std::uint64_t num_ids, std::string_view result);
+  // Of the rank's own leaves, in Morton order; `num_ids`: that applying it will give; for_others():
+  // what they get.
+  void add(MortonKey leaf, std::uint64_t num_ids, std::string_view result,
+           const std::function<std::string()>& for_others);
   std::uint64_t num_ids() const;  // of all
 
   // Called by all ranks, as often as any has something to send: sends some, and keeps what comes.
@@ -41,9 +43,10 @@ class ColorResults {
   struct Result {
     MortonKey leaf;
     std::uint64_t num_ids = 0, offset = 0, size = 0;
+    std::uint64_t size_for_others = 0;  // after it; 0: it matters to none
   };
 
-  std::string bytes_of(const Result& result) const;
+  std::string bytes_at(std::uint64_t offset, std::uint64_t size) const;
 
   RunState& state_;
   Exchange& exchange_;

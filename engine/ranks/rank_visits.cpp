@@ -45,6 +45,15 @@ auto fields(Maybe<MergedSites> auto& merged) {
   return std::tuple(Field("leaf", leaf), Field("sites", sites));
 }
 
+struct SharedCells {
+  MortonKey leaf;
+  std::string cells;  // LeafCells, as the store's codec writes them
+};
+auto fields(Maybe<SharedCells> auto& shared) {
+  auto& [leaf, cells] = shared;
+  return std::tuple(Field("leaf", leaf), Field("cells", cells));
+}
+
 namespace {
 
 std::vector<std::uint64_t> numbers_of(const RunCounts& counts) {
@@ -128,6 +137,24 @@ std::vector<QueueEntry> RankVisits::own_leaves(const QueuePosition& position) {
 
 RunCounts total_counts(Exchange& exchange, const RunCounts& own) {
   return counts_of(sums(exchange, numbers_of(own)));
+}
+
+void share_cells(RunState& state, Exchange& exchange) {
+  std::vector<std::vector<SharedCells>> shared(static_cast<std::size_t>(exchange.num_ranks()));
+  for (const MortonKey leaf : state.octree().leaves()) {
+    if (!state.is_own(leaf) || state.leaves().info(leaf).num_cells == 0) continue;
+    const std::vector<int> ranks = state.ranks_holding(leaf);
+    if (ranks.size() == 1) continue;
+    const std::string cells = encode(state.leaves().cells(leaf), leaf);
+    for (const int rank : ranks)
+      if (rank != exchange.rank()) shared[static_cast<std::size_t>(rank)].push_back({leaf, cells});
+    state.leaves().trim();
+  }
+  std::vector<std::string> messages;
+  for (const auto& of_rank : shared) messages.push_back(pack(of_rank));
+  for (const std::string& message : exchange.swap(std::move(messages)))
+    for (const auto& [leaf, cells] : unpack<std::vector<SharedCells>>(message))
+      state.put_shared_cells(leaf, decode<LeafCells>(cells, leaf));
 }
 
 void merge_sites_in_turn(RunState& state, Exchange& exchange) {

@@ -44,6 +44,8 @@ class RankVisits {
 
 // Of all ranks.
 RunCounts total_counts(Exchange& exchange, const RunCounts& own);
+// Before mending: copies get the cells that their leaves have. Memory: all of them.
+void share_cells(RunState& state, Exchange& exchange);
 // As merge_sites(), by one rank after the other.
 void merge_sites_in_turn(RunState& state, Exchange& exchange);
 

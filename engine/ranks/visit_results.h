@@ -19,6 +19,16 @@ namespace locvol {
 // Of a LeafDelta, MendedCells, FillPoints, CoverPoints, and vectors of SizedNode and SizeCube.
 template <class Result>
 std::string encode_result(const Result& result);
+// Without what only the visited leaf's own rank keeps: the list of its cells.
+template <class Result>
+std::string encode_for_others(const Result& result) {
+  return encode_result(result);
+}
+inline std::string encode_for_others(const LeafDelta& delta) {
+  LeafDelta others = delta;
+  others.cells = {};
+  return encode_result(others);
+}
 // Throws ExchangeError: the bytes are none of a result.
 template <class Result>
 Result decode_result(std::string_view bytes);

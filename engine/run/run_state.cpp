@@ -56,6 +56,10 @@ std::vector<int> RunState::ranks_touched(MortonKey leaf) const {
   return ranks;
 }
 
+std::vector<int> RunState::ranks_holding(MortonKey leaf) const {
+  return shares_.ranks_within(run_.frame, box(leaf), kTouch * size());
+}
+
 Holding RunState::holding_of_child(MortonKey leaf, Holding parent) const {
   if (parent != Holding::kCopy) return parent;
   const auto near = shares_.ranks_within(run_.frame, box(leaf), kTouch * size());
@@ -310,13 +314,16 @@ void RunState::require_whole_visit(MortonKey leaf) {
 }
 
 void RunState::put_cells(MortonKey leaf, LeafCells cells) {
-  if (is_beyond(leaf)) return;
+  if (is_own(leaf)) put_shared_cells(leaf, std::move(cells));
+}
+
+void RunState::put_shared_cells(MortonKey leaf, LeafCells cells) {
   put_count(leaf, &LeafInfo::num_cells, cells.cells.size(), &RunCounts::num_cells);
   leaves_.put_cells(leaf, std::move(cells));
 }
 
 void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
-  if (is_beyond(leaf)) return;
+  if (!is_own(leaf)) return;
   LeafCells held = leaves_.cells(leaf);
   CellList list{std::move(held.vertices), std::move(held.cells)};
   apply(changes, list);
@@ -336,7 +343,7 @@ void RunState::leave_out_cells(MortonKey leaf, LeafCells left) {
   if (is_beyond(leaf)) return;
   LeafInfo& info = leaves_.edit_info(leaf);
   info.num_left_out += info.num_cells - left.cells.size();
-  put_cells(leaf, std::move(left));
+  put_shared_cells(leaf, std::move(left));
 }
 
 void RunState::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {

@@ -65,8 +65,8 @@ class RunState {
   // -- Ranks
   // Where several work on a run, a rank's store has, besides its own leaves, copies of those within
   // kTouch of them: what a visit changes there is told to it, so that its own visits find what they
-  // read. All else is empty leaves, as large as the octree allows. Changes of those are dropped,
-  // and counts are of own leaves.
+  // read; their cells are not kept, but for mending. All else is empty leaves, as large as the
+  // octree allows. Changes of those are dropped, and counts are of own leaves.
 
   // kBeyond, too, of what is no leaf of the rank's octree.
   Holding holding(MortonKey leaf) {
@@ -77,6 +77,8 @@ class RunState {
   bool is_own(MortonKey leaf) { return holding(leaf) == Holding::kOwn; }
   // Those that have a leaf which a visit of this one may change, ascending. REQUIRES: it is own
   std::vector<int> ranks_touched(MortonKey leaf) const;
+  // Those that have a copy of it, and its own.
+  std::vector<int> ranks_holding(MortonKey leaf) const;
   const RankRecord& rank() const { return *rank_; }  // REQUIRES: several work on the run
   // From now on `color` is applied: its first own new point gets this id, and after all the run's
   // next one is `end`.
@@ -151,8 +153,10 @@ class RunState {
   // of points that go nothing is known.
   void allow_short_visit(MortonKey leaf);
   void require_whole_visit(MortonKey leaf);
-  // Each in place of what the leaf had.
+  // Each in place of what the leaf had. Of copies cells are dropped, unless they are shared for
+  // mending.
   void put_cells(MortonKey leaf, LeafCells cells);
+  void put_shared_cells(MortonKey leaf, LeafCells cells);
   void change_cells(MortonKey leaf, const CellChanges& changes);
   // The leaf is visited once more, and looks around the place if not at all of it; without points
   // it has nothing to restore.
