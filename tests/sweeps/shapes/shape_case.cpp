@@ -240,11 +240,13 @@ std::vector<std::string> some_sizes(double size, Dice& dice) {
     sizes.insert(sizes.end(), {name, fmt::format("{}", value)});
   };
   if (dice.chance(0.6)) add("--growth", dice.one_of(std::array{0.05, 0.1, 0.2, 0.3}));
-  if (!sizes.empty() && dice.chance(0.5)) add("--max-size", size * dice.uniform(1.2, 5));
+  const bool is_growing = !sizes.empty();
+  if (is_growing && dice.chance(0.5)) add("--max-size", size * dice.uniform(1.2, 5));
+  const std::size_t num_before = sizes.size();
   if (dice.chance(0.4)) add("--per-circle", dice.integer(8, 20));
   if (dice.chance(0.3)) add("--deviation", size * dice.uniform(0.02, 0.2));
-  if (sizes.empty() || dice.chance(0.3)) add("--layers", dice.integer(2, 3));
-  add("--min-size", size * dice.uniform(0.4, 0.9));
+  if (sizes.empty() || dice.chance(0.2)) add("--layers", dice.integer(2, 3));
+  if (sizes.size() > num_before) add("--min-size", size * dice.uniform(0.4, 0.9));
   return sizes;
 }
 
