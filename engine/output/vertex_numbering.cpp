@@ -155,7 +155,8 @@ void take_lists(std::string_view message, std::span<const MortonKey> leaves, con
     std::vector<std::uint64_t> numbers(header.count);
     if (message.size() / sizeof header.count < header.count)
       throw ExchangeError("half a message arrived");
-    std::memcpy(numbers.data(), message.data(), sizeof header.count * header.count);
+    std::ranges::copy(message.substr(0, sizeof header.count * header.count),
+                      reinterpret_cast<char*>(numbers.data()));
     message.remove_prefix(sizeof header.count * header.count);
     const auto place = std::ranges::lower_bound(leaves, MortonKey::from_bits(header.leaf));
     if (place == leaves.end() || place->bits() != header.leaf)
