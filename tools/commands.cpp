@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -525,8 +526,8 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
         size = chosen_size(command.options.input, cap, line).value;
       } catch (const Stopped&) {  // all are to know
       }
-    const std::string bytes(reinterpret_cast<const char*>(&size), sizeof size);
-    exchange.gather(bytes).front().copy(reinterpret_cast<char*>(&size), sizeof size);
+    size =
+        std::bit_cast<double>(gather_numbers(exchange, std::bit_cast<std::uint64_t>(size)).front());
     if (size == 0) throw Stopped();
     own.size = SizeSpec{size, false};
   }

@@ -1,17 +1,27 @@
 #include "engine/output/vertex_numbering.h"
 
 #include <algorithm>
-#include <cstring>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <tuple>
 
+#include "engine/exchange/pack.h"
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/shares.h"
 
 namespace locvol {
+
+// Of a leaf: ids, or where its vertices are.
+struct NumberList {
+  MortonKey leaf;
+  std::vector<std::uint64_t> numbers;
+};
+auto fields(Maybe<NumberList> auto& list) {
+  auto& [leaf, numbers] = list;
+  return std::tuple(Field("leaf", leaf), Field("numbers", numbers));
+}
+
 namespace {
 
 constexpr std::size_t kNamesBytes = std::size_t{16} << 20, kTableBytes = std::size_t{8} << 20,
@@ -131,42 +141,6 @@ void VertexNumbering::number(std::span<const Numbered> own,
   first_vertex_.push_back(num_all);
 }
 
-namespace {
-
-// Lists of numbers, each with the leaf that it is of, to those ranks that are within reach of it.
-struct NumberListHeader {
-  std::uint64_t leaf = 0, count = 0;
-};
-
-void append_list(std::string& message, MortonKey leaf, std::span<const std::uint64_t> numbers) {
-  const NumberListHeader header{leaf.bits(), numbers.size()};
-  message.append(reinterpret_cast<const char*>(&header), sizeof header);
-  message.append(reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes());
-}
-
-// Calls take(place of the leaf, numbers) for each. Throws ExchangeError.
-template <class Take>
-void take_lists(std::string_view message, std::span<const MortonKey> leaves, const Take& take) {
-  while (!message.empty()) {
-    NumberListHeader header;
-    if (message.size() < sizeof header) throw ExchangeError("half a message arrived");
-    std::memcpy(&header, message.data(), sizeof header);
-    message.remove_prefix(sizeof header);
-    std::vector<std::uint64_t> numbers(header.count);
-    if (message.size() / sizeof header.count < header.count)
-      throw ExchangeError("half a message arrived");
-    std::ranges::copy(message.substr(0, sizeof header.count * header.count),
-                      reinterpret_cast<char*>(numbers.data()));
-    message.remove_prefix(sizeof header.count * header.count);
-    const auto place = std::ranges::lower_bound(leaves, MortonKey::from_bits(header.leaf));
-    if (place == leaves.end() || place->bits() != header.leaf)
-      throw ExchangeError("another rank has other leaves");
-    take(static_cast<std::size_t>(place - leaves.begin()), numbers);
-  }
-}
-
-}  // namespace
-
 // Round after round, of messages of 4 MB: list(leaf) of own leaves goes to ranks within reach.
 template <class List, class Take>
 void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
@@ -175,21 +149,28 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
   const Shares shares(reader.rank().value().first);
   std::size_t leaf = first_own_;
   do {
-    std::vector<std::string> messages(static_cast<std::size_t>(exchange.num_ranks()));
-    for (std::size_t most = 0; leaf < end_own_ && most < kMessageBytes; ++leaf) {
+    std::vector<std::vector<NumberList>> lists(static_cast<std::size_t>(exchange.num_ranks()));
+    std::vector<std::size_t> num_bytes(lists.size());
+    for (; leaf < end_own_ && std::ranges::max(num_bytes) < kMessageBytes; ++leaf) {
       const std::vector<int> ranks =
           shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf));
       if (ranks.size() == 1) continue;
-      const std::vector<std::uint64_t> numbers = list(leaf);
+      const NumberList of_leaf{leaves()[leaf], list(leaf)};
       for (const int rank : ranks) {
         if (rank == exchange.rank()) continue;
-        std::string& message = messages[static_cast<std::size_t>(rank)];
-        append_list(message, leaves()[leaf], numbers);
-        most = std::max(most, message.size());
+        lists[static_cast<std::size_t>(rank)].push_back(of_leaf);
+        num_bytes[static_cast<std::size_t>(rank)] += sizeof(std::uint64_t) * of_leaf.numbers.size();
       }
     }
+    std::vector<std::string> messages;
+    for (const auto& of_rank : lists) messages.push_back(pack(of_rank));
     for (const std::string& message : exchange.swap(std::move(messages)))
-      take_lists(message, leaves(), take);
+      for (const NumberList& received : unpack<std::vector<NumberList>>(message)) {
+        const auto place = std::ranges::lower_bound(leaves(), received.leaf);
+        if (place == leaves().end() || *place != received.leaf)
+          throw ExchangeError("another rank has other leaves");
+        take(static_cast<std::size_t>(place - leaves().begin()), received.numbers);
+      }
   } while (any(exchange, leaf < end_own_));
 }
 

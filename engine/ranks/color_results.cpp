@@ -2,25 +2,28 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cstring>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <utility>
 
+#include "engine/exchange/pack.h"
+
 namespace locvol {
-namespace {
 
-// Before the bytes of each result in a message.
-struct ResultHeader {
-  std::uint64_t leaf = 0, first_id = 0, size = 0;
+// What another rank gets of a visit.
+struct SentResult {
+  MortonKey leaf;
+  RankResult result;
 };
-
-void append_to(std::string& message, const ResultHeader& header, std::string_view bytes) {
-  message.append(reinterpret_cast<const char*>(&header), sizeof header);
-  message += bytes;
+auto fields(Maybe<RankResult> auto& result) {
+  auto& [first_id, bytes] = result;
+  return std::tuple(Field("first_id", first_id), Field("bytes", bytes));
 }
-
-}  // namespace
+auto fields(Maybe<SentResult> auto& sent) {
+  auto& [leaf, result] = sent;
+  return std::tuple(Field("leaf", leaf), Field("result", result));
+}
 
 ColorResults::ColorResults(RunState& state, Exchange& exchange)
     : state_(state),
@@ -59,32 +62,28 @@ std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) con
 bool ColorResults::is_all_sent() const { return state_.rank().num_sent == results_.size(); }
 
 void ColorResults::send_some() {
-  std::vector<std::string> messages(static_cast<std::size_t>(exchange_.num_ranks()));
+  std::vector<std::vector<SentResult>> sent(static_cast<std::size_t>(exchange_.num_ranks()));
+  std::vector<std::size_t> num_bytes(sent.size());
   std::uint64_t next_id = state_.rank().next_id, num_sent = state_.rank().num_sent;
   for (std::size_t i = 0; i < num_sent; ++i) next_id += results_[i].num_ids;
-  std::size_t most = 0;  // bytes of a message
-  for (; num_sent < results_.size() && most < kMessageBytes; ++num_sent) {
+  for (; num_sent < results_.size() && std::ranges::max(num_bytes) < kMessageBytes; ++num_sent) {
     const Result& result = results_[num_sent];
-    const std::string bytes = bytes_at(result.offset + result.size, result.size_for_others);
-    for (const int rank : bytes.empty() ? std::vector<int>() : state_.ranks_touched(result.leaf)) {
-      if (rank == exchange_.rank()) continue;
-      std::string& message = messages[static_cast<std::size_t>(rank)];
-      append_to(message, {result.leaf.bits(), next_id, bytes.size()}, bytes);
-      most = std::max(most, message.size());
+    if (result.size_for_others > 0) {
+      const RankResult for_others{next_id,
+                                  bytes_at(result.offset + result.size, result.size_for_others)};
+      for (const int rank : state_.ranks_touched(result.leaf)) {
+        if (rank == exchange_.rank()) continue;
+        sent[static_cast<std::size_t>(rank)].push_back({result.leaf, for_others});
+        num_bytes[static_cast<std::size_t>(rank)] += for_others.bytes.size();
+      }
     }
     next_id += result.num_ids;
   }
-  for (std::string_view message : exchange_.swap(std::move(messages)))
-    while (!message.empty()) {
-      ResultHeader header;
-      if (message.size() < sizeof header) throw ExchangeError("half a message arrived");
-      std::memcpy(&header, message.data(), sizeof header);
-      message.remove_prefix(sizeof header);
-      if (message.size() < header.size) throw ExchangeError("half a message arrived");
-      state_.keep_result(MortonKey::from_bits(header.leaf),
-                         {header.first_id, std::string(message.substr(0, header.size))});
-      message.remove_prefix(header.size);
-    }
+  std::vector<std::string> messages;
+  for (const auto& of_rank : sent) messages.push_back(pack(of_rank));
+  for (const std::string& message : exchange_.swap(std::move(messages)))
+    for (SentResult& received : unpack<std::vector<SentResult>>(message))
+      state_.keep_result(received.leaf, std::move(received.result));
   state_.note_sent(num_sent);
 }
 

@@ -15,8 +15,8 @@
 
 namespace locvol {
 
-// Memory: 32 bytes for each visit, and kMessageBytes for each rank nearby; own results are in a
-// nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
+// Memory: 32 bytes for each visit, and twice kMessageBytes for each rank nearby; own results are in
+// a nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
 // std::system_error
 class ColorResults {
  public:

@@ -36,22 +36,14 @@ auto fields(Maybe<StandingOfRank> auto& standing) {
                     Field("num_in_epoch", num_in_epoch), Field("counts", counts));
 }
 
-struct MergedSites {
+// A record of a leaf, as the store's codec writes it.
+struct SharedRecord {
   MortonKey leaf;
-  std::string sites;  // LeafUnresolved, as the store's codec writes it
+  std::string record;
 };
-auto fields(Maybe<MergedSites> auto& merged) {
-  auto& [leaf, sites] = merged;
-  return std::tuple(Field("leaf", leaf), Field("sites", sites));
-}
-
-struct SharedCells {
-  MortonKey leaf;
-  std::string cells;  // LeafCells, as the store's codec writes them
-};
-auto fields(Maybe<SharedCells> auto& shared) {
-  auto& [leaf, cells] = shared;
-  return std::tuple(Field("leaf", leaf), Field("cells", cells));
+auto fields(Maybe<SharedRecord> auto& shared) {
+  auto& [leaf, record] = shared;
+  return std::tuple(Field("leaf", leaf), Field("record", record));
 }
 
 namespace {
@@ -140,7 +132,7 @@ RunCounts total_counts(Exchange& exchange, const RunCounts& own) {
 }
 
 void share_cells(RunState& state, Exchange& exchange) {
-  std::vector<std::vector<SharedCells>> shared(static_cast<std::size_t>(exchange.num_ranks()));
+  std::vector<std::vector<SharedRecord>> shared(static_cast<std::size_t>(exchange.num_ranks()));
   for (const MortonKey leaf : state.octree().leaves()) {
     if (!state.is_own(leaf) || state.leaves().info(leaf).num_cells == 0) continue;
     const std::vector<int> ranks = state.ranks_holding(leaf);
@@ -153,19 +145,19 @@ void share_cells(RunState& state, Exchange& exchange) {
   std::vector<std::string> messages;
   for (const auto& of_rank : shared) messages.push_back(pack(of_rank));
   for (const std::string& message : exchange.swap(std::move(messages)))
-    for (const auto& [leaf, cells] : unpack<std::vector<SharedCells>>(message))
+    for (const auto& [leaf, cells] : unpack<std::vector<SharedRecord>>(message))
       state.put_shared_cells(leaf, decode<LeafCells>(cells, leaf));
 }
 
 void merge_sites_in_turn(RunState& state, Exchange& exchange) {
   for (int rank = 0; rank < exchange.num_ranks(); ++rank) {
-    std::vector<MergedSites> merged;
+    std::vector<SharedRecord> merged;
     if (rank == exchange.rank())
       for (const MortonKey leaf : merge_sites(state))
         merged.push_back({leaf, encode(state.leaves().unresolved(leaf), leaf)});
     const std::string message = exchange.gather(pack(merged))[static_cast<std::size_t>(rank)];
     if (rank == exchange.rank()) continue;
-    for (const auto& [leaf, sites] : unpack<std::vector<MergedSites>>(message))
+    for (const auto& [leaf, sites] : unpack<std::vector<SharedRecord>>(message))
       if (state.octree().is_leaf(leaf))
         state.put_unresolved(leaf, decode<LeafUnresolved>(sites, leaf));
   }

@@ -48,7 +48,7 @@ RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwrit
 std::vector<int> RunState::ranks_touched(MortonKey leaf) const {
   std::vector<int> ranks;
   for (const MortonKey other : octree_.leaves_within(run_.frame, box(leaf), kTouch * size())) {
-    const auto near = shares_.ranks_within(run_.frame, box(other), kTouch * size());
+    const std::vector<int> near = ranks_holding(other);
     std::vector<int> both;
     std::ranges::set_union(ranks, near, std::back_inserter(both));
     ranks = std::move(both);
@@ -62,7 +62,7 @@ std::vector<int> RunState::ranks_holding(MortonKey leaf) const {
 
 Holding RunState::holding_of_child(MortonKey leaf, Holding parent) const {
   if (parent != Holding::kCopy) return parent;
-  const auto near = shares_.ranks_within(run_.frame, box(leaf), kTouch * size());
+  const std::vector<int> near = ranks_holding(leaf);
   return std::ranges::binary_search(near, static_cast<int>(rank_->rank)) ? parent
                                                                          : Holding::kBeyond;
 }
@@ -96,8 +96,7 @@ bool RunState::open_epoch(const StopToken* stop) {
   const QueuePosition waiting = queue_.front();
   const std::vector<MortonKey> epoch = queue_.front_leaves();
   const std::vector<std::uint32_t> colors = colors_of(epoch, stop);
-  for (std::size_t i = 0; i < epoch.size(); ++i) put_color(epoch[i], waiting, colors[i]);
-  run_.epoch = waiting.epoch;
+  open_epoch(waiting.epoch, epoch, colors);
   return true;
 }
 
