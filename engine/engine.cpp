@@ -20,7 +20,9 @@
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/color_results.h"
-#include "engine/ranks/deal_out.h"
+#include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/ranks/rank_sizes.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/ranks/rank_visits.h"
 #include "engine/ranks/visit_results.h"
@@ -44,6 +46,11 @@ namespace {
 
 using TellProgress = std::function<void(const Progress&)>;
 
+// Of Phase::kSize, once leaves are split that an image asks too many sizes of.
+std::uint32_t first_stage_with_surface(const RunRecord& run) {
+  return run.parameters.has_image() ? 1 : 0;
+}
+
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
@@ -63,7 +70,17 @@ class Engine {
         timeline_(store.snapshot().timeline(), clock.started()),
         is_behind_(is_behind) {
     if (exchange != nullptr) ranks_.emplace(state_, exchange_.emplace(*exchange));
+    whole_exchange_ = exchange;
     note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run().phase);
+  }
+
+  // Of several ranks, when any of them is finding sizes: tells each what it may ask of the surface
+  // of others. What comes of it is not in the store: so it is said again after each start, and
+  // nobody waits for it in a superstep. Called by all.
+  void share_surface(Exchange& exchange) {
+    far_.emplace(loader_.far_surface(&never_));
+    share_far_surface(state_, loader_, *far_, exchange);
+    budget_.keep(far_->bytes());
   }
 
   // Until all is done, or the phase `until` begins, or the user stops it: then all visits that were
@@ -74,14 +91,14 @@ class Engine {
       measure_sizes();
       on_sizes(state_.run());
     }
-    if (state_.run().phase >= until) return;
-    if (state_.run().phase == Phase::kScatter) scatter();
-    if (state_.run().phase == Phase::kCover) cover();
-    if (state_.run().phase == Phase::kFill) fill();
-    if (state_.run().phase == Phase::kRefine) refine();
-    if (state_.run().phase == Phase::kMend) mend();
+    const auto is_next = [&](Phase phase) { return state_.run().phase == phase && phase < until; };
+    if (is_next(Phase::kScatter)) scatter();
+    if (is_next(Phase::kCover)) cover();
+    if (is_next(Phase::kFill)) fill();
+    if (is_next(Phase::kRefine)) refine();
+    if (is_next(Phase::kMend)) mend();
   } catch (const Stopped&) {
-    commit_what_is_done();
+    commit();
     throw;
   }
 
@@ -128,30 +145,58 @@ class Engine {
 
   // What the size is in each leaf that the domain may meet, where it is not the same everywhere.
   void measure_sizes() {
-    const FarSurface far = loader_.far_surface();
+    const std::uint32_t first = first_stage_with_surface(state_.run());
     if (state_.run().parameters.has_image()) split_rich_leaves();
-    visit_first_leaves(
-        first_epoch() - 3, [&](MortonKey leaf) { return loader_.load_size(leaf, far); },
-        [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), far, stop()); },
-        [this](MortonKey leaf, const std::vector<SizeCube>& cubes) {
-          apply_sizes(state_, leaf, cubes);
-        });
-    split_leaves(state_.octree().leaves(),
+    if (!ranks_) {
+      far_.emplace(loader_.far_surface(stop()));
+      budget_.keep(far_->bytes());
+    } else if (!far_) {
+      share_surface(*whole_exchange_);
+    }
+    if (!ranks_ || state_.rank().stage == first) {
+      visit_first_leaves(
+          first_epoch() - 3, [&](MortonKey leaf) { return loader_.load_size(leaf, *far_); },
+          [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), *far_, stop()); },
+          [this](MortonKey leaf, const std::vector<SizeCube>& cubes) {
+            apply_sizes(state_, leaf, cubes);
+          });
+      if (ranks_) {
+        state_.end_stage();
+        end_superstep();
+      }
+    }
+    far_.reset();
+    split_leaves(state_.octree().leaves(), first + 1,
                  [this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
     SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(stop());
+      throw_if_stopped(lone_stop());
+      if (!state_.is_own(leaf)) continue;
       totals += size_totals(state_, leaf);
-      state_.find_reached_size(leaf);
-      if (state_.is_commit_due()) commit();
+      if (!ranks_) find_reached_size(leaf);
     }
-    state_.note_sizes(totals);
+    state_.note_sizes(exchange_ ? total_sizes(totals, *exchange_) : totals);
     end_phase(Phase::kCover);
+  }
+
+  void find_reached_size(MortonKey leaf) {
+    state_.find_reached_size(leaf);
+    if (state_.is_commit_due()) commit();
+  }
+
+  // Of several ranks, once sizes are known all around: so far copies reached less far.
+  void find_reached_sizes() {
+    if (!ranks_ || state_.is_uniform() || state_.rank().stage > 0) return;
+    for (const MortonKey leaf : state_.octree().leaves())
+      if (state_.is_own(leaf)) find_reached_size(leaf);
+    state_.end_stage();
+    end_superstep();
   }
 
   // Each leaf that the domain may meet gets its share of a point set that covers it: first what
   // does not depend on its neighbors' share. Covered leaves wait for the next epoch.
   void cover() {
+    find_reached_sizes();
     visit_first_leaves(
         first_epoch() - 2, [this](MortonKey leaf) { return loader_.load_cover(leaf); },
         [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), stop()); },
@@ -167,38 +212,57 @@ class Engine {
 
   // That ask for so many sizes that a visit would be too large.
   void split_rich_leaves() {
-    if (state_.is_epoch_open()) return;
+    if (ranks_ ? state_.rank().stage > 0 : state_.is_epoch_open()) return;
     double num_leaves = 0;
     std::vector<MortonKey> rich;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(stop());
+      throw_if_stopped(lone_stop());
+      if (!state_.is_own(leaf)) continue;
       const double share = loader_.share_of_pieces(leaf);
       if (share > 1) rich.push_back(leaf);
       num_leaves += share;
       state_.leaves().trim();
     }
     require_few_leaves(num_leaves);
-    split_leaves(rich, [this](MortonKey leaf) {
+    split_leaves(rich, 0, [this](MortonKey leaf) {
       return leaf.level() < kMaxCubeLevel && loader_.share_of_pieces(leaf) > 1;
     });
   }
 
-  // Those of the leaves, and their parts, that are too much, before they have points.
+  // Those of the leaves that are the rank's own, and their parts, that are too much, before they
+  // have points. Of several ranks, all split what one does, as the phase's stage `stage`.
   template <class IsTooMuch>
-  void split_leaves(std::span<const MortonKey> leaves, const IsTooMuch& is_too_much) {
+  void split_leaves(std::span<const MortonKey> leaves, std::uint32_t stage,
+                    const IsTooMuch& is_too_much) {
+    if (ranks_ && state_.rank().stage > stage) return;
     std::vector<MortonKey> waiting(leaves.rbegin(), leaves.rend());
-    while (!waiting.empty()) {
-      throw_if_stopped(stop());
-      const MortonKey leaf = waiting.back();
-      waiting.pop_back();
-      if (is_too_much(leaf)) {
-        require_few_leaves(static_cast<double>(state_.octree().size()));
-        split_empty_leaf(state_, leaf);
-        for (int octant = 7; octant >= 0; --octant) waiting.push_back(leaf.child(octant));
+    do {
+      std::vector<SplitLeaf> split;
+      while (!waiting.empty()) {
+        throw_if_stopped(lone_stop());
+        const MortonKey leaf = waiting.back();
+        waiting.pop_back();
+        if (state_.is_own(leaf) && is_too_much(leaf)) {
+          require_few_leaves(static_cast<double>(state_.octree().size()));
+          if (ranks_) split.push_back({leaf, state_.others_holding(leaf)});
+          split_empty_leaf(state_, leaf);
+          for (int octant = 7; octant >= 0; --octant) waiting.push_back(leaf.child(octant));
+        }
+        state_.leaves().trim();
+        if (!state_.is_commit_due()) continue;
+        if (ranks_) break;
+        commit();
       }
-      state_.leaves().trim();
-      if (state_.is_commit_due()) commit();
-    }
+      if (ranks_) share_splits(state_, split, *exchange_);
+    } while (ranks_ && end_round_of_splits(!waiting.empty()));
+  }
+
+  // Goes on if any rank has more to split.
+  bool end_round_of_splits(bool has_more) {
+    const bool goes_on = any(*exchange_, has_more);
+    if (!goes_on) state_.end_stage();
+    end_superstep();
+    return goes_on;
   }
 
   void require_few_leaves(double num_leaves) const {
@@ -268,7 +332,7 @@ class Engine {
       results.emplace(state_, *exchange_);
       visit(ranks_->own_leaves(color), load, compute, [&](MortonKey leaf, const Result& result) {
         results->add(leaf, num_new_ids(result), encode_result(result),
-                     [&] { return encode_for_others(result); });
+                     [&] { return encode_for_others(state_, result); });
       });
     };
     // After an end, what was found is found again; all go on with that.
@@ -278,14 +342,28 @@ class Engine {
       find_results(color);
       may_stop_ = true;
     };
+    // Of these words are none: when they are all there, a rank does it whether others have or not.
+    const auto apply_all = [&] {
+      if (!state_.rank().applied || !state_.rank().is_all_sent) return;
+      find_results_again(*state_.rank().applied);
+      results->apply_all([&](MortonKey leaf, std::string_view result) {
+        apply(leaf, decode_result<Result>(result));
+        note_visit();
+      });
+      results.reset();
+      state_.end_applying();
+      if (state_.is_commit_due()) commit();
+    };
     using enum RankVisits::Step;
-    for (auto next = ranks_->next(); next.step != kNone; next = ranks_->next()) {
+    for (;;) {
+      apply_all();
+      const auto next = ranks_->next();
+      if (next.step == kNone) return;
       const QueuePosition& color = next.position;
       tell(ranks_->totals());
       if (epoch && next.step <= kVisit && color.epoch > *epoch) return;
       if (next.step == kOpen) {
         ranks_->open_epoch(color.epoch);
-        end_superstep();
       } else if (next.step == kVisit) {
         bool is_stopped = false;
         try {
@@ -293,26 +371,12 @@ class Engine {
         } catch (const Stopped&) {
           is_stopped = true;
         }
-        if (any(*exchange_, is_stopped)) throw Stopped();
-        const SumOfRanks ids = sum(*exchange_, results->num_ids());
-        const std::uint64_t begin = state_.run().next_point_id;
-        state_.begin_applying(color, begin + ids.before, begin + ids.all);
-        end_superstep();
-      } else if (next.step == kSend) {
+        if (!results->begin(color, is_stopped)) throw Stopped();
+      } else {
         find_results_again(color);
-        results->send_some();
-        if (!any(*exchange_, !results->is_all_sent())) state_.note_all_sent();
-        end_superstep();
-      } else if (state_.rank().applied) {
-        find_results_again(color);
-        results->apply_all([&](MortonKey leaf, std::string_view result) {
-          apply(leaf, decode_result<Result>(result));
-          note_visit();
-        });
-        results.reset();
-        state_.end_applying();
-        commit();
+        results->send_more();
       }
+      end_superstep();
     }
   }
 
@@ -325,12 +389,12 @@ class Engine {
     };
     visits_.visit(std::move(leaves), begin, [this] { return stop()->ask(); });
   } catch (const VisitError& e) {
-    commit_what_is_done();  // so that the visit can be made again, as it was
+    commit();  // so that the visit can be made again, as it was
     throw VisitError(e.leaf(), std::string(e.what()) + "; this is a bug of locvol. The store " +
                                    state_.store().directory().string() +
                                    " holds all that was done before");
   } catch (const OverBudget& e) {
-    commit_what_is_done();
+    commit();
     throw OverBudget(std::string(e.what()) + "; go on with a larger one, at least " +
                          memory_text(plan_.cap_with_heap(e.bytes())) +
                          ": nothing that was done is lost",
@@ -347,7 +411,17 @@ class Engine {
 
   void begin_refinement(const StopSource* stop) {
     enqueue_for_refinement(state_, ranks_ ? nullptr : stop);  // all ranks stop, or none
+    if (ranks_ && is_balanced(Phase::kRefine)) state_.note_stay(Phase::kRefine);
     end_phase(Phase::kRefine);
+  }
+
+  // Or does it pay to move leaves?
+  bool is_balanced(Phase next) {
+    constexpr double kBalanced = 1.1;
+    double cost = 0;
+    for (const MortonKey leaf : state_.octree().leaves())
+      if (state_.is_own(leaf)) cost += predicted_cost(state_.leaves().info(leaf), next);
+    return imbalance(cost, *exchange_) <= kBalanced;
   }
 
   void end_phase(Phase next) {
@@ -360,11 +434,8 @@ class Engine {
   }
 
   const StopSource* stop() const { return is_behind_ || !may_stop_ ? &never_ : &stop_; }
-
-  // Of several ranks, each has committed the last superstep, and has changed nothing since.
-  void commit_what_is_done() {
-    if (!ranks_) commit();
-  }
+  // Where all ranks stop, or none.
+  const StopSource* lone_stop() const { return ranks_ ? &never_ : &stop_; }
 
   // With what was said during it.
   void end_superstep() {
@@ -432,12 +503,14 @@ class Engine {
   WorkClock clock_;
   RunTimeline timeline_;
   // Absent: one process has all of the run.
-  std::optional<RecordedExchange> exchange_;
+  Exchange* whole_exchange_ = nullptr;
+  std::optional<RecordedExchange> exchange_;  // of what is said in supersteps
   std::optional<RankVisits> ranks_;
   // Until the first commit: others say what they said before, and cannot hear of a stop.
   bool is_behind_;
   bool may_stop_ = true;  // not while what all ranks are applying is found again
   const StopSource never_{nullptr};
+  std::optional<FarSurface> far_;  // while sizes are found
 };
 
 std::optional<RunRecord> held_run(const std::filesystem::path& store) {
@@ -580,38 +653,70 @@ void require_same_image(const RunRecord& run, const std::filesystem::path& store
 
 // Throws InputError, the same on all ranks.
 void require_for_ranks(const MeshOptions& options) {
-  const bool has_sizes = options.growth > 0 || options.max_size || options.deviation ||
-                         options.per_circle > 0 || options.layers > 0 || !options.shapes.empty() ||
-                         !options.size_image.empty();
-  if (has_sizes || options.init != Initialization::kCover)
+  if (options.init != Initialization::kCover)
     throw InputError(
-        "several processes mesh at one size, in cover mode: without --growth, --max-size, --sizes, "
-        "--per-circle, --deviation, --layers and --init paper, or by one process (locvol mesh)");
+        "several processes mesh in cover mode: without --init paper, or by one process "
+        "(locvol mesh)");
+}
+
+RunRecord planned_by_rank(const MeshOptions& options, const std::string& digest, const Box& box,
+                          const StopSource& stop) {
+  return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
 }
 
 // The first rank takes the surface in, and gives each its share.
 void ingest_for_ranks(const MeshOptions& options, const RunControl& control, Exchange& exchange,
                       const StopSource& stop) {
-  std::optional<Store> whole;
-  const std::filesystem::path place = options.store.string() + ".whole";
+  const std::filesystem::path own = store_of_rank(options.store, exchange.rank());
+  std::vector<Store> whole;
+  const std::filesystem::path place = own.string() + ".whole";
   bool is_stopped = false;
   if (exchange.rank() == 0) try {
-      whole = ingested(
+      std::filesystem::remove_all(place);
+      whole.push_back(ingested(
           surface_in_file(options.input), place,
           [&](const std::string& digest, const Box& box) {
-            return planned_run(options, digest, box, {});
+            return planned_by_rank(options, digest, box, stop);
           },
-          [&] { return Store::open(place, {.create = true}); }, control, stop);
-      is_stopped = whole->snapshot().run()->phase == Phase::kIngest;
+          [&] { return Store::open(place, {.create = true}); }, control, stop));
+      is_stopped = whole.front().snapshot().run()->phase == Phase::kIngest;
     } catch (const Stopped&) {
       is_stopped = true;
     }
   if (any(exchange, is_stopped)) throw Stopped();
-  if (Store::owns(options.store)) std::filesystem::remove_all(options.store);
-  Store store = Store::open(options.store, {.create = true});
-  deal_out(whole ? &*whole : nullptr, store, exchange);
-  whole.reset();
+  NextStore next(own);
+  move_leaves(whole, equal_shares(whole, exchange), next.store(), exchange);
+  next.take_place({}, exchange);
+  whole.clear();
   if (exchange.rank() == 0) std::filesystem::remove_all(place);
+}
+
+std::vector<Store> opened(std::span<const std::filesystem::path> stores) {
+  std::vector<Store> open;
+  for (const std::filesystem::path& store : stores)
+    open.push_back(Store::open(store, {.read_only = true}));
+  return open;
+}
+
+// Cuts shares anew, by what is known by now.
+void move_to_equal_shares(const std::filesystem::path& own,
+                          std::span<const std::filesystem::path> parts, Exchange& exchange) {
+  std::vector<Store> from = opened(parts);
+  NextStore next(own);
+  move_leaves(from, equal_shares(from, exchange), next.store(), exchange);
+  from.clear();
+  next.take_place(parts, exchange);
+}
+
+// Before which phase leaves are to move next, if at all: to have copies as far as sizes ask for;
+// and where most of the work begins, if shares are not equal.
+Phase next_move(const Reader& reader) {
+  const RunRecord run = reader.run().value();
+  const Phase moved_at = reader.rank().value().moved_at;
+  const bool has_sizes = !run.parameters.sizes().is_uniform();
+  if (has_sizes && moved_at < Phase::kCover && run.phase <= Phase::kCover) return Phase::kCover;
+  if (moved_at < Phase::kRefine && run.phase <= Phase::kRefine) return Phase::kRefine;
+  return Phase::kDone;
 }
 
 // Nothing: it is to begin. Throws StoreError, the same on all ranks, or StoreMismatch.
@@ -626,8 +731,8 @@ std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& e
   if (!held) return held;
   std::optional<RunParameters> asked;
   if (exchange.rank() == 0)
-    asked = planned_run(options, surface_in_file(options.input).digest(&stop),
-                        held->run.surface.box, {})
+    asked = planned_by_rank(options, surface_in_file(options.input).digest(&stop),
+                            held->run.surface.box, stop)
                 .parameters;
   if (!any(exchange, asked && *asked != held->run.parameters)) return held;
   if (options.is_forced) return std::nullopt;
@@ -652,6 +757,52 @@ RunSummary summarize(const Reader& own, Exchange& exchange) {
   require_cells(summary.run);
   if (summary.run.counts.num_unresolved > 0) summary.outcome = RunOutcome::kUnresolved;
   return summary;
+}
+
+// After a start: are some ranks finding sizes, and all so far that they may tell of their surface?
+bool is_surface_shared(const Reader& own, Exchange& exchange) {
+  const RunRecord run = own.run().value();
+  if (run.parameters.sizes().is_uniform()) return false;  // the same on all
+  const bool is_before =
+      run.phase < Phase::kSize ||
+      (run.phase == Phase::kSize && own.rank()->stage < first_stage_with_surface(run));
+  const std::uint64_t standing = is_before ? 0 : run.phase == Phase::kSize ? 1 : 2;
+  return smallest(exchange, standing) == 1;
+}
+
+// Takes a run that the ranks' stores hold to its end.
+RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<HeldRun> held,
+                         const RunControl& control, const StopSource& stop, const WorkClock& clock,
+                         Exchange& exchange) {
+  const std::filesystem::path own = store_of_rank(stores, exchange.rank());
+  if (held && !held->is_of_these_ranks) {
+    move_to_equal_shares(own, held->parts, exchange);
+    held.reset();
+  }
+  const auto on_sizes = [&](const RunRecord& known) {
+    require_few_cells(known);
+    if (control.on_sizes) control.on_sizes(known);
+  };
+  for (;; held.reset()) {
+    Store store = Store::open(own);
+    const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
+    const Phase until = next_move(store.snapshot());
+    bool is_stopped = false;
+    try {
+      Engine engine(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
+                    held && held->is_behind);
+      if (is_surface_shared(store.snapshot(), exchange)) engine.share_surface(exchange);
+      if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
+      engine.run(until, on_sizes);
+    } catch (const Stopped&) {
+      is_stopped = true;
+    }
+    const Phase phase = store.snapshot().run()->phase;
+    if (is_stopped || phase == Phase::kDone) return summarize(store.snapshot(), exchange);
+    if (next_move(store.snapshot()) != phase) continue;
+    { const Store closed = std::move(store); }
+    move_to_equal_shares(own, {&own, 1}, exchange);
+  }
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
@@ -716,19 +867,41 @@ RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, E
   require_for_ranks(options);
   return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
     const WorkClock clock;
-    const std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
+    std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
     if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
-    Store store = Store::open(options.store);
-    const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(in_turn.memory_bytes));
-    if (held && held->is_ahead) say_again(exchange, store.snapshot().rank()->said);
-    try {
-      Engine(store, plan, in_turn.num_threads, in_turn.on_progress, stop, clock, &exchange,
-             held && held->is_behind)
-          .run(Phase::kDone, [](const RunRecord&) {});
-    } catch (const Stopped&) {
-    }
-    return summarize(store.snapshot(), exchange);
+    return go_on_as_rank(options.store, std::move(held), in_turn, stop, clock, exchange);
   });
+}
+
+RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
+                          Exchange& exchange) {
+  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+    const WorkClock clock;
+    std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+    if (!held) throw StoreError(stores.string() + ": the stores hold no run to go on with");
+    if (held->run.parameters.init != Initialization::kCover)
+      throw StoreError(stores.string() + ": the run is one of paper mode, for one process alone");
+    return go_on_as_rank(stores, std::move(held), in_turn, stop, clock, exchange);
+  });
+}
+
+RunRecord join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
+                     Exchange& exchange) {
+  const std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+  if (!held) throw StoreError(stores.string() + ": the stores hold no run");
+  if (held->is_within_superstep)
+    throw StoreError(
+        stores.string() +
+        ": the run ended within a superstep: go on with it first, and stop it (SIGINT)");
+  std::optional<Store> joined;
+  if (exchange.rank() == 0) {
+    if (Store::exists(whole) && Store::open(whole, {.read_only = true}).snapshot().run())
+      throw StoreError(whole.string() + ": it holds a run: give another directory");
+    joined = Store::open(whole, {.create = true});
+  }
+  const std::vector<Store> from = opened(held->parts);
+  join_leaves(from, joined ? &*joined : nullptr, exchange);
+  return held->run;
 }
 
 RunSummary summarize(const Reader& reader) {

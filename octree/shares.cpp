@@ -37,6 +37,21 @@ int Shares::owner_of(MortonKey leaf) const {
   return static_cast<int>(after - first_.begin()) - 1;
 }
 
+std::vector<MortonKey> Shares::nodes_of(int rank) const {
+  std::vector<MortonKey> nodes, waiting = {MortonKey::root()};
+  while (!waiting.empty()) {
+    const MortonKey node = waiting.back();
+    waiting.pop_back();
+    const int first = owner_of(node.range_min()), last = owner_of(node.range_max());
+    if (rank < first || last < rank) continue;
+    if (first == last)
+      nodes.push_back(node);
+    else
+      for (int octant = 7; octant >= 0; --octant) waiting.push_back(node.child(octant));
+  }
+  return nodes;
+}
+
 std::vector<int> Shares::ranks_within(const Frame& frame, const Box& box, double distance) const {
   std::vector<int> ranks;
   if (distance < 0) return ranks;

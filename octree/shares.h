@@ -27,6 +27,8 @@ class Shares {
   int num_ranks() const { return static_cast<int>(first_.size()); }
   const std::vector<MortonKey>& first() const { return first_; }  // as the constructor takes it
   int owner_of(MortonKey leaf) const;
+  // The largest nodes that are all of the rank's, in Morton order.
+  std::vector<MortonKey> nodes_of(int rank) const;
   // Ranks that a leaf within the distance of the box belongs to, or may if it is split, ascending.
   std::vector<int> ranks_within(const Frame& frame, const Box& box, double distance) const;
 

@@ -223,6 +223,9 @@ struct LeafDelta {
   std::vector<PoorCell> poor;
   VisitStats stats;
   bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
+  // Where sizes vary, and the delta is applied by one who may not know them there: h at `inserted`,
+  // then at `deleted`, then at `left`. Empty: to be looked up.
+  std::vector<double> sizes = {};
   friend bool operator==(const LeafDelta&, const LeafDelta&) = default;
 };
 

@@ -140,12 +140,13 @@ auto fields(Maybe<VisitStats> auto& stats) {
 }
 auto fields(Maybe<LeafDelta> auto& delta) {
   auto& [inserted, deleted, moved, left, others_gone, others_made, cells, met_core, unresolved,
-         poor, stats, is_overfull] = delta;
+         poor, stats, is_overfull, sizes] = delta;
   return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("moved", moved),
                     Field("left", left), Field("others_gone", others_gone),
                     Field("others_made", others_made), Field("cells", cells),
                     Field("met_core", met_core), Field("unresolved", unresolved),
-                    Field("poor", poor), Field("stats", stats), Field("is_overfull", is_overfull));
+                    Field("poor", poor), Field("stats", stats), Field("is_overfull", is_overfull),
+                    Field("sizes", sizes));
 }
 
 template <class T>

@@ -26,7 +26,7 @@ class SizeTree {
            const StopToken* stop)
       : input_(input),
         surface_(surface),
-        far_(far),
+        far_(far.around(input.frame.box(input.leaf))),
         poll_(stop),
         step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)),
         nodes_(input.nodes, input.law.growth, input.frame) {
@@ -175,7 +175,7 @@ class SizeTree {
 
   const SizeInput& input_;
   const SurfacePatch& surface_;
-  const FarSurface& far_;
+  const FarPoints far_;
   BoxTree triangles_;
   StopPoll poll_;
   // Distances are multiples of it, a little less than they are: so they take half as many bytes.

@@ -69,8 +69,10 @@
 //  10 timeline    [the numbers of a TimelineSample, steps u64 | phase u8]
 //  11 sizes       [key steps u64 | distance f32, of each corner | excess f32 | less f32, of each corner] [node steps u64 | size f32]
 //  12 rank        first [key steps u64], rank u32, superstep u64; `applied` as `queued`; is all
-//                 sent u8, number sent u64, next id u64, end id u64; said: its length u64 and bytes
+//                 sent u8, number sent u64, next id u64, end id u64, moves u64, moved at u8, stage
+//                 u32
 //  13 result      first id u64; its length u64 and its bytes
+//  14 words       their length u64 and bytes
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -84,7 +86,7 @@ static_assert(std::numeric_limits<double>::is_iec559);
 
 using Kinds = boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells,
                                    LeafSurface, LeafUnresolved, QueueEntry, MemoryRecord, KeySums,
-                                   TimelineRecord, LeafSizes, RankRecord, RankResult>;
+                                   TimelineRecord, LeafSizes, RankRecord, RankResult, RankWords>;
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
@@ -501,6 +503,7 @@ void serialize(auto& archive, LeafInfo& info, unsigned version) {
        info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,
        info.surface_size, info.reached_size);
   if (version >= 1) each(archive, info.holding);
+  if (version >= 2) each(archive, columns(info.ranks, Plain(field<>)));
 }
 
 void serialize(auto& archive, LeafPoints& record, unsigned) {
@@ -592,11 +595,15 @@ void serialize(auto& archive, RankResult& result, unsigned) {
   each(archive, result.first_id, result.bytes);
 }
 
-void serialize(auto& archive, RankRecord& record, unsigned) {
+void serialize(auto& archive, RankRecord& record, unsigned version) {
+  if (version < 1)
+    throw DecodeError("an older locvol's, whose runs by several processes end there");
   each(archive, columns(record.first, KeySteps(field<>)), record.rank, record.superstep,
        record.applied, record.is_all_sent, record.num_sent, record.next_id, record.end_id,
-       record.said);
+       record.num_moves, record.moved_at, record.stage);
 }
+
+void serialize(auto& archive, RankWords& words, unsigned) { each(archive, words.said); }
 
 void serialize(auto& archive, TimelineRecord& record, unsigned) {
   using Sample = TimelineSample;
@@ -623,7 +630,8 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 
 // Parts of records come without a version of their own.
 BOOST_CLASS_VERSION(locvol::RunRecord, 1)
-BOOST_CLASS_VERSION(locvol::LeafInfo, 1)
+BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
+BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
@@ -821,6 +829,7 @@ template std::string encode(const TimelineRecord&, MortonKey);
 template std::string encode(const LeafSizes&, MortonKey);
 template std::string encode(const RankRecord&, MortonKey);
 template std::string encode(const RankResult&, MortonKey);
+template std::string encode(const RankWords&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -835,5 +844,6 @@ template TimelineRecord decode(std::string_view, MortonKey);
 template LeafSizes decode(std::string_view, MortonKey);
 template RankRecord decode(std::string_view, MortonKey);
 template RankResult decode(std::string_view, MortonKey);
+template RankWords decode(std::string_view, MortonKey);
 
 }  // namespace locvol

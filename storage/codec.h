@@ -38,7 +38,8 @@ class DecodeError : public std::runtime_error {
 // Equal records give equal bytes. `leaf` goes into the bytes, so that a record which turns up in
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
 // For StoreFormat, KeySums, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
-// LeafUnresolved, LeafSizes, QueueEntry, MemoryRecord, RankRecord, RankResult and TimelineRecord.
+// LeafUnresolved, LeafSizes, QueueEntry, MemoryRecord, RankRecord, RankWords, RankResult and
+// TimelineRecord.
 // Safe from many threads; as many zstd contexts are kept as were in use at once. REQUIRES:
 // enumerators and conditions in range, LeafCells::cells index LeafCells::vertices
 template <class Record>

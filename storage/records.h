@@ -59,6 +59,8 @@ struct LeafInfo {
   // The largest h where a visit of the leaf may put a point, there or around it.
   double reached_size = 0;
   Holding holding = Holding::kOwn;
+  // That have the leaf, or a copy of it, ascending; empty: one alone has it.
+  std::vector<std::uint32_t> ranks = {};
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -221,10 +223,19 @@ struct RankRecord {
   std::optional<QueuePosition> applied;
   bool is_all_sent = false;
   std::uint64_t num_sent = 0, next_id = 0, end_id = 0;
-  // What the rank has said to others during the last of them: to be said again to those that have
-  // not committed it.
-  std::string said;
+  // How often leaves have moved to other ranks, and in which phase they last did, or were found to
+  // be well where they are.
+  std::uint64_t num_moves = 0;
+  Phase moved_at = Phase::kIngest;
+  std::uint32_t stage = 0;  // supersteps of the phase that were no visits
   friend bool operator==(const RankRecord&, const RankRecord&) = default;
+};
+
+// What a rank has said to others during its last superstep: to be said again to those that have not
+// committed it.
+struct RankWords {
+  std::string said;
+  friend bool operator==(const RankWords&, const RankWords&) = default;
 };
 
 // How the memory of the last process that worked on the run was shared out, in bytes, and what it

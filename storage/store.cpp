@@ -18,7 +18,8 @@
 // Numbers in keys are big-endian, so that LMDB's order of bytes is their order.
 //
 //   meta                             "format" | "keys" | "run" |
-//                                    "memory" | "timeline" | "rank" -> record;
+//                                    "memory" | "timeline" | "rank"
+//                                    | "words"                    -> record;
 //                                    "result", leaf u64           -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
@@ -38,7 +39,7 @@ namespace locvol {
 namespace {
 
 constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey = "timeline",
-                           kRankKey = "rank", kResultKey = "result";
+                           kRankKey = "rank", kResultKey = "result", kWordsKey = "words";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
@@ -341,6 +342,13 @@ std::optional<RankRecord> Reader::rank() const {
                                MortonKey());
 }
 
+RankWords Reader::words() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kWordsKey));
+  if (!bytes) return {};
+  return decode_in<RankWords>(impl_->environment->directory(), Database::kMeta, *bytes,
+                              MortonKey());
+}
+
 std::vector<MortonKey> Reader::result_keys() const {
   std::vector<MortonKey> keys;
   const auto take = [&](const std::string& key, const std::string&) {
@@ -479,6 +487,10 @@ void Batch::put_memory(const MemoryRecord& memory) {
 
 void Batch::put_rank(const RankRecord& rank) {
   impl_->put(Database::kMeta, std::string(kRankKey), encode(rank, MortonKey()));
+}
+
+void Batch::put_words(const RankWords& words) {
+  impl_->put(Database::kMeta, std::string(kWordsKey), encode(words, MortonKey()));
 }
 
 void Batch::put_result(MortonKey key, const RankResult& result) {

@@ -38,6 +38,7 @@ class Reader {
   std::optional<MemoryRecord> memory() const;
   TimelineRecord timeline() const;
   std::optional<RankRecord> rank() const;  // absent: one process has all of the run
+  RankWords words() const;                 // of the rank's last superstep
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
@@ -88,6 +89,7 @@ class Batch : public Reader {
   void put_memory(const MemoryRecord& memory);
   void put_timeline(const TimelineRecord& timeline);
   void put_rank(const RankRecord& rank);
+  void put_words(const RankWords& words);
   void put_result(MortonKey key, const RankResult& result);
   void erase_result(MortonKey key);
   void put_leaf(MortonKey key, const LeafInfo& info);

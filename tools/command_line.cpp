@@ -176,6 +176,29 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   return mesh;
 }
 
+CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
+  CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
+  add_store(*resume, command.store);
+  add_mesh_output(*resume, command.control.output, command.control.output_options);
+  add_memory(*resume, command.control.memory_bytes);
+  add_threads(*resume, command.control.num_threads);
+  add_quiet(*resume, command.is_quiet);
+  add_json(*resume, command.is_json);
+  return resume;
+}
+
+CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
+  CLI::App* export_app = app.add_subcommand("export", "Write the mesh of a finished run");
+  add_store(*export_app, command.store);
+  add_mesh_output(*export_app, command.output, command.output_options)->required();
+  add_memory(*export_app, command.memory_bytes);
+  add_threads(*export_app, command.num_threads);
+  export_app->footer(format_list());
+  add_quiet(*export_app, command.is_quiet);
+  add_json(*export_app, command.is_json);
+  return export_app;
+}
+
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
   fmt::print(stderr, "{0}: error: {1}\n{0}: `{0} --help` and `{0} COMMAND --help` say more\n",

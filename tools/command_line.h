@@ -1,5 +1,4 @@
-// What can be typed: options that several commands share, and `mesh`, which is a command of two
-// programs.
+// What can be typed: options that several commands share, and commands of two programs.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -52,6 +51,8 @@ void add_threads(CLI::App& app, int& num_threads);
 void add_quiet(CLI::App& app, bool& is_quiet);
 void add_sizes(CLI::App& app, MeshOptions& options);
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command);
+CLI::App* declare_resume(CLI::App& app, ResumeCommand& command);
+CLI::App* declare_export(CLI::App& app, ExportCommand& command);
 // What is wrong with the line that was typed. Returns the exit code; --help and --version come
 // here, too.
 int report_usage(const CLI::App& app, const CLI::ParseError& error);

@@ -23,7 +23,8 @@
 #include "engine/plan/disk_room.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
-#include "engine/ranks/deal_out.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/ranks/rank_store.h"
 #include "engine/run/visit_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
@@ -455,20 +456,17 @@ int run_mesh(const MeshCommand& command) try {
   return tell_read_in_vain(command.is_json);
 }
 
-std::filesystem::path store_of(const MeshCommand& command, int rank) {
-  std::string name = command.options.store.empty() ? command.control.output.string() + ".locvol-%r"
-                                                   : command.options.store.string();
-  for (auto place = name.find("%r"); place != std::string::npos; place = name.find("%r", place))
-    name.replace(place, 2, std::to_string(rank));
-  return name;
+std::filesystem::path stores_of_ranks(const MeshCommand& command) {
+  const std::filesystem::path beside = command.control.output.string() + ".locvol-%r";
+  return command.options.store.empty() ? beside : command.options.store;
 }
 
 namespace {
 
 // Each rank measures and writes its part. Returns the exit code.
-int finish_in_parts(const TimedRun& run, const MeshCommand& command, Exchange& exchange,
-                    ProgressLine& line) {
-  const Store store = open_to_read(command.options.store);
+int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
+                    const RunCommand& command, Exchange& exchange, ProgressLine& line) {
+  const Store store = open_to_read(directory);
   MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
   Seconds seconds = run.seconds;
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress&) {
@@ -489,22 +487,52 @@ int finish_in_parts(const TimedRun& run, const MeshCommand& command, Exchange& e
 }
 
 // The first rank gets all in one store, and goes on as `mesh` does.
-int finish_on_first(const TimedRun& run, const MeshCommand& command, Exchange& exchange,
-                    const StopSignal& stop, ProgressLine& line) {
+int finish_on_first(const TimedRun& run, const std::filesystem::path& directory,
+                    const RunCommand& command, Exchange& exchange, const StopSignal& stop,
+                    ProgressLine& line) {
   const bool is_first = exchange.rank() == 0;
-  const std::filesystem::path whole = command.options.store.string() + ".whole";
+  const std::filesystem::path whole = directory.string() + ".whole";
   {
     std::optional<Store> joined;
     if (is_first) {
       remove_store(whole);
       joined = Store::open(whole, {.create = true});
     }
-    join(open_to_read(command.options.store), joined ? &*joined : nullptr, exchange);
+    const Store own = open_to_read(directory);
+    join_leaves({&own, 1}, joined ? &*joined : nullptr, exchange);
   }
   std::uint64_t code = kExitDone;
   if (is_first) code = static_cast<std::uint64_t>(finish(run, whole, command, stop, line));
   if (is_first) remove_store(whole);
   return static_cast<int>(gather_numbers(exchange, code).front());
+}
+
+// What is the same after `mesh` and `resume` by ranks.
+int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
+                   const RunCommand& command, Exchange& exchange, const StopSignal& stop,
+                   ProgressLine& line) {
+  const bool is_first = exchange.rank() == 0;
+  if (run.summary.outcome == RunOutcome::kInterrupted) {
+    line.clear();
+    if (is_first)
+      fmt::print(stderr, "locvol-mpi: interrupted; the same command, or resume, goes on\n");
+    if (is_first && command.is_json) print_json({{"outcome", outcome_name(run.summary.outcome)}});
+    return kExitInterrupted;
+  }
+  const ExchangeStats said = exchange.stats();
+  const Json of_rank = {{"rank", exchange.rank()},
+                        {"num_messages_sent", said.num_messages},
+                        {"bytes_sent", said.num_bytes},
+                        {"seconds_waiting", said.seconds},
+                        {"peak_resident_bytes", peak_resident_memory()}};
+  for (const std::string& text : exchange.gather(of_rank.dump()))
+    if (command.is_json && is_first)
+      line.tell(
+          "rank", [&] { return Json::parse(text); }, "");
+  const bool is_in_parts = command.control.output.empty() ||
+                           can_be_written_in_parts(command.control.output_options.format);
+  return is_in_parts ? finish_in_parts(run, directory, command, exchange, line)
+                     : finish_on_first(run, directory, command, exchange, stop, line);
 }
 
 }  // namespace
@@ -513,7 +541,7 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
   const bool is_first = exchange.rank() == 0;
   const StopSignal& stop = StopSignal::install();
   MeshCommand own = command;
-  own.options.store = store_of(command, exchange.rank());
+  own.options.store = stores_of_ranks(command);
   own.is_quiet = command.is_quiet || !is_first;
   if (is_first)
     require_output(command.control.output, command.control.output_options.format,
@@ -532,38 +560,60 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
     own.size = SizeSpec{size, false};
   }
   own.options.size = *own.size;
-  const bool is_removable = command.options.store.empty() && !command.is_store_kept &&
-                            is_absent_or_store(own.options.store);
+  const std::filesystem::path store = store_of_rank(own.options.store, exchange.rank());
+  const bool is_removable =
+      command.options.store.empty() && !command.is_store_kept && is_absent_or_store(store);
 
   const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
     return mesh_as_rank(own.options, control, exchange);
   });
-  if (run.summary.outcome == RunOutcome::kInterrupted) {
-    line.clear();
-    if (is_first) fmt::print(stderr, "locvol-mpi: interrupted; the same command goes on\n");
-    if (is_first && command.is_json) print_json({{"outcome", outcome_name(run.summary.outcome)}});
-    return kExitInterrupted;
-  }
-
-  const ExchangeStats said = exchange.stats();
-  const Json of_rank = {{"rank", exchange.rank()},
-                        {"num_messages_sent", said.num_messages},
-                        {"bytes_sent", said.num_bytes},
-                        {"seconds_waiting", said.seconds},
-                        {"peak_resident_bytes", peak_resident_memory()}};
-  for (const std::string& text : exchange.gather(of_rank.dump()))
-    if (command.is_json)
-      line.tell(
-          "rank", [&] { return Json::parse(text); }, "");
-
-  const bool is_in_parts = command.control.output.empty() ||
-                           can_be_written_in_parts(command.control.output_options.format);
-  const int code = is_in_parts ? finish_in_parts(run, own, exchange, line)
-                               : finish_on_first(run, own, exchange, stop, line);
-  if (code == kExitDone && is_removable) remove_store(own.options.store);
+  const int code = finish_as_rank(run, store, own, exchange, stop, line);
+  if (code == kExitDone && is_removable) remove_store(store);
   return code;
 } catch (const Stopped&) {
   return tell_read_in_vain(command.is_json);
+}
+
+int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
+  const StopSignal& stop = StopSignal::install();
+  ResumeCommand own = command;
+  own.is_quiet = command.is_quiet || exchange.rank() != 0;
+  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
+  ProgressLine line(progress_style(own), cap);
+  const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
+    return resume_as_rank(own.store, control, exchange);
+  });
+  return finish_as_rank(run, store_of_rank(own.store, exchange.rank()), own, exchange, stop, line);
+}
+
+int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
+  ResumeCommand resume;
+  resume.store = command.store;
+  resume.control.output = command.output;
+  resume.control.output_options = command.output_options;
+  resume.control.memory_bytes = command.memory_bytes;
+  resume.control.num_threads = command.num_threads;
+  resume.is_quiet = command.is_quiet;
+  resume.is_json = command.is_json;
+  const std::optional<HeldRun> held = held_by_ranks(command.store, exchange);
+  if (!held || held->run.phase != Phase::kDone)
+    throw StoreError(command.store.string() +
+                     ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
+  return run_resume_as_rank(resume, exchange);
+}
+
+int run_join(const JoinCommand& command, Exchange& exchange) {
+  join_ranks(command.stores, command.whole, exchange);
+  if (exchange.rank() != 0) return kExitDone;
+  const RunSummary summary = summarize(open_to_read(command.whole).snapshot());
+  if (command.is_json) {
+    Json json = {{"outcome", outcome_name(summary.outcome)}, {"store", command.whole.string()}};
+    json.update(to_json(summary));
+    print_json(json);
+  } else {
+    fmt::print("{}{}", summary_text(summary), line_text("store", command.whole.string()));
+  }
+  return exit_code(summary.outcome);
 }
 
 int run_resume(const ResumeCommand& command) try {

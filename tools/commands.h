@@ -66,6 +66,12 @@ struct ExportCommand {
   bool is_json = false;
 };
 
+struct JoinCommand {
+  std::filesystem::path stores;  // %r is the rank
+  std::filesystem::path whole;
+  bool is_json = false;
+};
+
 struct ReportCommand {
   std::filesystem::path store;
   std::filesystem::path output;
@@ -99,10 +105,12 @@ struct GenerateCommand {
 std::filesystem::path store_of(const MeshCommand& command);
 int run_mesh(const MeshCommand& command);
 class Exchange;
-// By several ranks, each of which calls it; what goes to stdout is the first rank's. In the name of
-// the store, %r is the rank.
-std::filesystem::path store_of(const MeshCommand& command, int rank);
+// By several ranks, each of which calls it; what goes to stdout is the first rank's.
+std::filesystem::path stores_of_ranks(const MeshCommand& command);  // %r is the rank
 int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);
+int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange);
+int run_export_as_rank(const ExportCommand& command, Exchange& exchange);
+int run_join(const JoinCommand& command, Exchange& exchange);
 int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);
 int run_replay(const ReplayCommand& command);

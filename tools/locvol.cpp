@@ -30,17 +30,6 @@ constexpr const char* kDescription =
     "Meshes the volume inside a closed surface with tetrahedra, out of core.";
 using Subcommand = std::pair<CLI::App*, std::function<int()>>;
 
-CLI::App* declare_resume(CLI::App& app, ResumeCommand& command) {
-  CLI::App* resume = app.add_subcommand("resume", "Go on with an interrupted run; keeps its store");
-  add_store(*resume, command.store);
-  add_mesh_output(*resume, command.control.output, command.control.output_options);
-  add_memory(*resume, command.control.memory_bytes);
-  add_threads(*resume, command.control.num_threads);
-  add_quiet(*resume, command.is_quiet);
-  add_json(*resume, command.is_json);
-  return resume;
-}
-
 CLI::Option* add_leaf(CLI::App& app, auto& leaf, const std::string& description) {
   return add_parsed(app, "--leaf", parse_leaf, leaf,
                     description + ", by its key or a point in it (x,y,z)")
@@ -134,18 +123,6 @@ CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
       throw CLI::RequiredError("DIR and --leaf, or --from,");
   });
   return replay;
-}
-
-CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
-  CLI::App* export_app = app.add_subcommand("export", "Write the mesh of a finished run");
-  add_store(*export_app, command.store);
-  add_mesh_output(*export_app, command.output, command.output_options)->required();
-  add_memory(*export_app, command.memory_bytes);
-  add_threads(*export_app, command.num_threads);
-  export_app->footer(format_list());
-  add_quiet(*export_app, command.is_quiet);
-  add_json(*export_app, command.is_json);
-  return export_app;
 }
 
 CLI::App* declare_report(CLI::App& app, ReportCommand& command) {

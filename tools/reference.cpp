@@ -5,6 +5,8 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <cctype>
+#include <string>
 #include <vector>
 
 #include "tools/generate.h"
@@ -126,8 +128,8 @@ std::string roff(const std::string& text) {
 std::string bold(const std::string& text) { return "\\fB" + roff(text) + "\\fR"; }
 std::string italic(const std::string& text) { return "\\fI" + roff(text) + "\\fR"; }
 
-std::string man_synopsis(const CommandEntry& command) {
-  std::string text = bold("locvol " + command.name);
+std::string man_synopsis(const CLI::App& app, const CommandEntry& command) {
+  std::string text = bold(app.get_name() + " " + command.name);
   for (const OptionEntry& p : command.positionals)
     text += p.is_required ? " " + italic(p.value) : " [" + italic(p.value) + "]";
   for (const OptionEntry& o : command.options)
@@ -143,8 +145,8 @@ std::string man_option(const OptionEntry& option) {
   return text + "\n" + roff(option.description) + (option.is_required ? " (required)" : "") + "\n";
 }
 
-std::string man_command(const CommandEntry& command) {
-  std::string text = ".SS " + man_synopsis(command) + roff(command.description) + ".\n";
+std::string man_command(const CLI::App& app, const CommandEntry& command) {
+  std::string text = ".SS " + man_synopsis(app, command) + roff(command.description) + ".\n";
   for (const OptionEntry& entry : command.positionals) text += man_option(entry);
   for (const OptionEntry& entry : command.options)
     if (entry.names.front() != "-h") text += man_option(entry);
@@ -225,16 +227,69 @@ T. K. Dey and A. G. Slatton, "Localized Delaunay Refinement for Volumes", Comput
 30(5), 2011.
 )";
 
+constexpr std::string_view kManDescriptionOfRanks =
+    R"(is
+.BR locvol (1)
+by all processes of an MPI job at once, its ranks: on one machine or many. The mesh is the same, byte
+by byte, for any number of them.
+.PP
+Each rank has a store of its own, on a disk of its own, which no other needs to see: in the name that
+.B \-\-store
+gives,
+.B %r
+is its number. The first rank reads the surface; the directory of the output has to be seen by all.
+.B \-\-memory
+and
+.B \-\-threads
+are a rank's. Progress is one line, of all.
+.PP
+After an end of any kind, of a rank or of all, the same command goes on, and so does
+.BR "locvol\-mpi resume" .
+After a stop (SIGINT, SIGTERM) any number of ranks does. A rank whose store is gone, or is of another
+run, is named.
+)";
+
+constexpr std::string_view kManEndOfRanks =
+    R"(.SH EXIT STATUS
+As of
+.BR locvol (1).
+A rank that fails ends the job.
+.SH FILES
+.TP
+.IB OUTPUT .locvol\- N
+The store of rank N, if
+.B \-\-store
+names none; removed when the run ends with exit status 0.
+.TP
+.IB STORE .next
+A store to which leaves were moving when the run ended. Settled when it goes on.
+.SH EXAMPLES
+.nf
+mpirun \-n 8 locvol\-mpi mesh part.stl \-o part.vtu \-\-size 0.5% \-\-memory 4G \-\-store /local/part\-%r
+mpirun \-n 8 locvol\-mpi resume /local/part\-%r \-o part.vtu
+mpirun \-n 8 locvol\-mpi join /local/part\-%r /scratch/part && locvol audit /scratch/part
+.fi
+.SH SEE ALSO
+.BR locvol (1),
+.BR mpirun (1)
+)";
+
 std::string man_page(const CLI::App& app, const std::vector<CommandEntry>& commands) {
+  const bool is_of_ranks = app.get_name() == "locvol-mpi";
+  std::string title = app.get_name();
+  std::ranges::transform(title, title.begin(), [](unsigned char c) { return std::toupper(c); });
   std::string text = fmt::format(
-      ".TH LOCVOL 1 \"\" \"{}\" \"User Commands\"\n.SH NAME\nlocvol \\- {}\n.SH SYNOPSIS\n",
-      app.version(), roff("mesh the volume inside a closed surface with tetrahedra, out of core"));
-  for (const CommandEntry& command : commands) text += man_synopsis(command) + ".br\n";
-  text += fmt::format(".SH DESCRIPTION\n.B locvol\n{}.SH OPTIONS\n", kManDescription);
+      ".TH {} 1 \"\" \"{}\" \"User Commands\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n", title,
+      app.version(), roff(app.get_name()),
+      roff(is_of_ranks ? "mesh the volume inside a closed surface by many processes"
+                       : "mesh the volume inside a closed surface with tetrahedra, out of core"));
+  for (const CommandEntry& command : commands) text += man_synopsis(app, command) + ".br\n";
+  text += fmt::format(".SH DESCRIPTION\n.B {}\n{}.SH OPTIONS\n", roff(app.get_name()),
+                      is_of_ranks ? kManDescriptionOfRanks : kManDescription);
   for (const OptionEntry& option : entry_of(app).options) text += man_option(option);
   text += ".SH COMMANDS\n";
-  for (const CommandEntry& command : commands) text += man_command(command);
-  return text.append(kManEnd);
+  for (const CommandEntry& command : commands) text += man_command(app, command);
+  return text.append(is_of_ranks ? kManEndOfRanks : kManEnd);
 }
 
 // bash

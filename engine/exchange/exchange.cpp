@@ -55,4 +55,6 @@ bool any(Exchange& exchange, bool is_true) {
   return std::ranges::max(gather_numbers(exchange, is_true ? 1 : 0)) == 1;
 }
 
+void wait_for_all(Exchange& exchange) { exchange.gather({}); }
+
 }  // namespace locvol

@@ -2,6 +2,7 @@
 // call in the same order. An implementation knows nothing of runs, and the engine nothing of MPI.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <stdexcept>
@@ -49,5 +50,10 @@ std::vector<std::uint64_t> sums(Exchange& exchange, std::span<const std::uint64_
 std::uint64_t smallest(Exchange& exchange, std::uint64_t number);
 // Is it true on any rank?
 bool any(Exchange& exchange, bool is_true);
+// Returns when all ranks have called it.
+void wait_for_all(Exchange& exchange);
+
+// Of what is sent in parts, about as much as goes into one message.
+inline constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
 
 }  // namespace locvol

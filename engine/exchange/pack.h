@@ -8,8 +8,10 @@
 #include <boost/serialization/map.hpp>
 #include <boost/serialization/string.hpp>
 #include <boost/serialization/vector.hpp>
+#include <new>
 #include <optional>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -72,6 +74,10 @@ T unpack(std::string_view bytes) try {
   return value;
 } catch (const boost::archive::archive_exception& e) {
   throw ExchangeError(std::string("what another rank said did not arrive whole: ") + e.what());
+} catch (const std::bad_alloc&) {  // it asks for more than there can be
+  throw ExchangeError("what another rank said is something else, or did not arrive whole");
+} catch (const std::length_error&) {
+  throw ExchangeError("what another rank said is something else, or did not arrive whole");
 }
 
 }  // namespace locvol

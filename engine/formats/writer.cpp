@@ -74,19 +74,19 @@ WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path&
   const bool is_first = exchange.rank() == 0;
   std::optional<PartialFile> own;
   if (is_first) own.emplace(file);
-  any(exchange, false);  // it is there
+  wait_for_all(exchange);  // it is there
   std::uint64_t bytes = 0;
   if (is_first) {
     bytes = write_part_of_vtu(mesh, options.has_quality, *own, true);
-    any(exchange, false);  // and whole
+    wait_for_all(exchange);  // and whole
     own->publish();
   } else {
     PartialFile part = PartialFile::of_another(file);
     bytes = write_part_of_vtu(mesh, options.has_quality, part, false);
     part.finish_part();
-    any(exchange, false);
+    wait_for_all(exchange);
   }
-  any(exchange, false);  // and has its name
+  wait_for_all(exchange);  // and has its name
   return {counts.num_vertices, counts.num_cells, bytes, 0};
 }
 

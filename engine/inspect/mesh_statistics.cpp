@@ -12,7 +12,10 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
+#include <tuple>
 #include <utility>
+#include <vector>
 
 #include "engine/exchange/pack.h"
 #include "engine/inspect/cell_gauge.h"
@@ -48,6 +51,20 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("min_dihedral_angles", s.min_dihedral_angles),
       Field("radius_edge_ratios", s.radius_edge_ratios),
       Field("radii_over_size", s.radii_over_size));
+}
+
+// Of a leaf, told to ranks near it.
+struct ToldFacets {
+  MortonKey leaf;
+  std::vector<OpenFacet> open;
+};
+auto fields(Maybe<OpenFacet> auto& facet) {
+  auto& [vertices, radius] = facet;
+  return std::tuple(Field("vertices", vertices), Field("radius", radius));
+}
+auto fields(Maybe<ToldFacets> auto& told) {
+  auto& [leaf, open] = told;
+  return std::tuple(Field("leaf", leaf), Field("open", open));
 }
 
 namespace {
@@ -233,8 +250,33 @@ class Piece : public Task {
   std::vector<LeafPoorCell> poor_;        // likewise
 };
 
+// Each rank is told of cells that may be neighbors of its own. Memory: these.
+void share_neighbors(const Reader& reader, NeighborRatio& neighbors, Exchange& exchange) {
+  std::vector<std::vector<ToldFacets>> told(static_cast<std::size_t>(exchange.num_ranks()));
+  std::vector<MortonKey> leaves;
+  reader.for_each_leaf([&](MortonKey leaf, const LeafInfo& info) {
+    if (info.holding == Holding::kOwn)
+      for (const std::uint32_t rank : info.ranks)
+        if (static_cast<int>(rank) != exchange.rank())
+          told[rank].push_back({leaf, neighbors.open_facets(leaves.size())});
+    leaves.push_back(leaf);
+    return true;
+  });
+  std::vector<std::string> messages;
+  for (const auto& of_rank : told) messages.push_back(pack(of_rank));
+  for (const std::string& message : exchange.swap(std::move(messages)))
+    for (ToldFacets& of_leaf : unpack<std::vector<ToldFacets>>(message)) {
+      const auto place = std::ranges::lower_bound(leaves, of_leaf.leaf);
+      if (place == leaves.end() || *place != of_leaf.leaf)
+        throw ExchangeError("another rank has other leaves");
+      neighbors.put_told(static_cast<std::size_t>(place - leaves.begin()), std::move(of_leaf.open));
+    }
+}
+
+// `exchange`: null, if one process has all of the mesh; else all ranks call it.
 MeshStatistics measure(const Store& store, int num_threads, const StepProgress& on_step,
-                       std::function<bool(const LeafPoorCell&)> on_poor, const StopToken* stop) {
+                       std::function<bool(const LeafPoorCell&)> on_poor, const StopToken* stop,
+                       Exchange* exchange = nullptr) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   const LinearOctree octree = stored_octree(store, snapshot);
@@ -277,6 +319,8 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   });
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
+  if (has_neighbors && exchange != nullptr)
+    share_neighbors(snapshot, *measured.neighbors, *exchange);
   if (has_neighbors)
     statistics.max_neighbor_ratio = measured.neighbors->ratio(
         [&](std::size_t place) {
@@ -294,12 +338,15 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepPr
 }
 
 MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange, int num_threads) {
-  const MeshStatistics own = mesh_statistics(store, num_threads);
+  const MeshStatistics own = measure(store, num_threads, {}, {}, nullptr, &exchange);
   std::optional<MeshStatistics> all;
+  double most = 0;
   for (const std::string& message : exchange.gather(pack(own))) {
     const auto of_rank = unpack<MeshStatistics>(message);
+    most = std::max(most, of_rank.max_neighbor_ratio);
     all = all ? together(*all, of_rank) : of_rank;
   }
+  all->max_neighbor_ratio = most;
   return *all;
 }
 

@@ -38,17 +38,21 @@ void NeighborRatio::add(const LeafNeighbors& leaf) {
   most_ = std::max(most_, leaf.most);
 }
 
+LeafList<OpenFacet> NeighborRatio::list(std::size_t leaf) const {
+  const auto told = told_.find(leaf);
+  return told == told_.end() ? open_.list(leaf) : LeafList<OpenFacet>{told->second};
+}
+
 double NeighborRatio::ratio(const std::function<std::vector<std::size_t>(std::size_t leaf)>& near,
                             const StopToken* stop) const {
   double most = most_;
-  LeafWindow<LeafList<OpenFacet>> lists(kOpenBytes,
-                                        [&](std::size_t leaf) { return open_.list(leaf); });
+  LeafWindow<LeafList<OpenFacet>> lists(kOpenBytes, [&](std::size_t leaf) { return list(leaf); });
   for (std::size_t leaf = 0; leaf < open_.num_leaves(); ++leaf) {
     throw_if_stopped(stop);
-    if (open_.length(leaf) == 0) continue;
+    if (!has_open(leaf)) continue;
     const auto here = lists.get(leaf);
     for (const std::size_t other : near(leaf)) {
-      if (other <= leaf || open_.length(other) == 0) continue;
+      if (other <= leaf || !has_open(other)) continue;
       const auto theirs = lists.get(other);
       auto place = theirs->values.begin();
       for (const OpenFacet& facet : here->values) {

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/output/leaf_lists.h"
@@ -29,19 +31,27 @@ struct LeafNeighbors {
 LeafNeighbors leaf_neighbors(const LeafCells& cells, std::span<const double> radii);
 
 // Of all leaves, those near each other. Two cells that share a facet are listed by such.
-// Memory: LeafLists, and 8 MB while ratio() is found.
+// Memory: LeafLists, what is told, and 8 MB while ratio() is found.
 class NeighborRatio {
  public:
   // `store`: beside which a nameless file is to be.
   explicit NeighborRatio(const std::filesystem::path& store) : open_(store) {}
 
   void add(const LeafNeighbors& leaf);  // in Morton order
+  // Where several ranks measure a mesh: what one knows of a leaf, and another, which has added that
+  // as one without cells, is told.
+  std::vector<OpenFacet> open_facets(std::size_t leaf) const { return open_.list(leaf).values; }
+  void put_told(std::size_t leaf, std::vector<OpenFacet> open) { told_[leaf] = std::move(open); }
   // near(leaf): the places of leaves near it. Throws Stopped.
   double ratio(const std::function<std::vector<std::size_t>(std::size_t leaf)>& near,
                const StopToken* stop = nullptr) const;
 
  private:
+  bool has_open(std::size_t leaf) const { return open_.length(leaf) > 0 || told_.contains(leaf); }
+  LeafList<OpenFacet> list(std::size_t leaf) const;
+
   LeafLists<OpenFacet> open_;
+  std::map<std::size_t, std::vector<OpenFacet>> told_;
   double most_ = 0;
 };
 

@@ -145,7 +145,6 @@ void VertexNumbering::number(std::span<const Numbered> own,
 template <class List, class Take>
 void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
                                         const Take& take) const {
-  constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
   const Shares shares(reader.rank().value().first);
   std::size_t leaf = first_own_;
   do {

@@ -25,6 +25,19 @@ auto fields(Maybe<SentResult> auto& sent) {
   return std::tuple(Field("leaf", leaf), Field("result", result));
 }
 
+struct ColorMessage {
+  bool is_stopped = false, has_more = false;
+  std::uint64_t num_ids = 0;        // of all of the sender's visits
+  std::uint64_t first_own_id = 0;   // 0: it is not known yet
+  std::vector<SentResult> results;  // ids are counted from that one
+};
+auto fields(Maybe<ColorMessage> auto& message) {
+  auto& [is_stopped, has_more, num_ids, first_own_id, results] = message;
+  return std::tuple(Field("is_stopped", is_stopped), Field("has_more", has_more),
+                    Field("num_ids", num_ids), Field("first_own_id", first_own_id),
+                    Field("results", results));
+}
+
 ColorResults::ColorResults(RunState& state, Exchange& exchange)
     : state_(state),
       exchange_(exchange),
@@ -33,24 +46,22 @@ ColorResults::ColorResults(RunState& state, Exchange& exchange)
 void ColorResults::add(MortonKey leaf, std::uint64_t num_ids, std::string_view result,
                        const std::function<std::string()>& for_others) {
   assert(results_.empty() || results_.back().leaf < leaf);
-  Result added{leaf, num_ids, size_, result.size()};
+  Result added{.leaf = leaf,
+               .num_ids = num_ids,
+               .offset = size_,
+               .size = result.size(),
+               .touched = state_.others_touched(leaf)};
   const auto append = [&](std::string_view bytes) {
     file_.write_at(size_, std::as_bytes(std::span(bytes)));
     size_ += bytes.size();
   };
   append(result);
-  if (state_.ranks_touched(leaf).size() > 1) {
+  if (!added.touched.empty()) {
     const std::string others = for_others();
     added.size_for_others = others.size();
     append(others);
   }
-  results_.push_back(added);
-}
-
-std::uint64_t ColorResults::num_ids() const {
-  std::uint64_t num = 0;
-  for (const Result& result : results_) num += result.num_ids;
-  return num;
+  results_.push_back(std::move(added));
 }
 
 std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) const {
@@ -59,32 +70,64 @@ std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) con
   return bytes;
 }
 
-bool ColorResults::is_all_sent() const { return state_.rank().num_sent == results_.size(); }
-
-void ColorResults::send_some() {
-  std::vector<std::vector<SentResult>> sent(static_cast<std::size_t>(exchange_.num_ranks()));
+// Of each rank's results from `num_sent` on what a message has room for. By rank.
+std::vector<ColorMessage> ColorResults::swap_some(std::uint64_t num_sent, ColorMessage own) {
+  std::vector<ColorMessage> sent(static_cast<std::size_t>(exchange_.num_ranks()), own);
   std::vector<std::size_t> num_bytes(sent.size());
-  std::uint64_t next_id = state_.rank().next_id, num_sent = state_.rank().num_sent;
-  for (std::size_t i = 0; i < num_sent; ++i) next_id += results_[i].num_ids;
+  std::uint64_t first_id = 0;
+  for (std::size_t i = 0; i < num_sent; ++i) first_id += results_[i].num_ids;
   for (; num_sent < results_.size() && std::ranges::max(num_bytes) < kMessageBytes; ++num_sent) {
     const Result& result = results_[num_sent];
-    if (result.size_for_others > 0) {
-      const RankResult for_others{next_id,
+    if (!result.touched.empty()) {
+      const RankResult for_others{first_id,
                                   bytes_at(result.offset + result.size, result.size_for_others)};
-      for (const int rank : state_.ranks_touched(result.leaf)) {
-        if (rank == exchange_.rank()) continue;
-        sent[static_cast<std::size_t>(rank)].push_back({result.leaf, for_others});
+      for (const int rank : result.touched) {
+        sent[static_cast<std::size_t>(rank)].results.push_back({result.leaf, for_others});
         num_bytes[static_cast<std::size_t>(rank)] += for_others.bytes.size();
       }
     }
-    next_id += result.num_ids;
+    first_id += result.num_ids;
   }
+  num_sent_ = num_sent;
   std::vector<std::string> messages;
-  for (const auto& of_rank : sent) messages.push_back(pack(of_rank));
+  for (ColorMessage& message : sent) {
+    message.has_more = num_sent < results_.size();
+    messages.push_back(pack(message));
+  }
+  std::vector<ColorMessage> received;
   for (const std::string& message : exchange_.swap(std::move(messages)))
-    for (SentResult& received : unpack<std::vector<SentResult>>(message))
-      state_.keep_result(received.leaf, std::move(received.result));
-  state_.note_sent(num_sent);
+    received.push_back(unpack<ColorMessage>(message));
+  return received;
+}
+
+void ColorResults::keep(std::vector<ColorMessage> messages) {
+  for (ColorMessage& message : messages)
+    for (auto& [leaf, result] : message.results) {
+      result.first_id += message.first_own_id;
+      state_.keep_result(leaf, std::move(result));
+    }
+  state_.note_sent(num_sent_);
+  if (std::ranges::none_of(messages, &ColorMessage::has_more)) state_.note_all_sent();
+}
+
+bool ColorResults::begin(const QueuePosition& color, bool is_stopped) {
+  ColorMessage own{.is_stopped = is_stopped, .results = {}};
+  for (const Result& result : results_) own.num_ids += result.num_ids;
+  std::vector<ColorMessage> messages = swap_some(0, std::move(own));
+  if (std::ranges::any_of(messages, &ColorMessage::is_stopped)) return false;
+  std::uint64_t next_id = state_.run().next_point_id;
+  for (ColorMessage& message : messages) {
+    message.first_own_id = next_id;
+    next_id += message.num_ids;
+  }
+  state_.begin_applying(color, messages[static_cast<std::size_t>(exchange_.rank())].first_own_id,
+                        next_id);
+  keep(std::move(messages));
+  return true;
+}
+
+void ColorResults::send_more() {
+  keep(swap_some(state_.rank().num_sent, {.first_own_id = state_.rank().next_id, .results = {}}));
 }
 
 void ColorResults::apply_all(const Apply& apply) {

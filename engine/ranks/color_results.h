@@ -15,25 +15,27 @@
 
 namespace locvol {
 
-// Memory: 32 bytes for each visit, and twice kMessageBytes for each rank nearby; own results are in
-// a nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
+struct ColorMessage;  // of one rank to another
+
+// Memory: some 60 bytes for each visit, and twice kMessageBytes for each rank nearby; own results
+// are in a nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
 // std::system_error
 class ColorResults {
  public:
-  static constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
-
   ColorResults(RunState& state, Exchange& exchange);
 
   // Of the rank's own leaves, in Morton order; `num_ids`: that applying it will give; for_others():
   // what they get.
   void add(MortonKey leaf, std::uint64_t num_ids, std::string_view result,
            const std::function<std::string()>& for_others);
-  std::uint64_t num_ids() const;  // of all
 
-  // Called by all ranks, as often as any has something to send: sends some, and keeps what comes.
-  // REQUIRES: RankRecord::applied, and not is_all_sent
-  void send_some();
-  bool is_all_sent() const;
+  // Called by all ranks when each has made its visits, or was stopped: sends some of what they
+  // found, keeps what comes, and begins to apply the color. False: a rank was stopped, and nothing
+  // has changed.
+  bool begin(const QueuePosition& color, bool is_stopped);
+  // Called by all ranks, as long as any has more to send. REQUIRES: RankRecord::applied, and not
+  // is_all_sent
+  void send_more();
   // When all ranks have: calls apply(leaf, result) for all that matter to this rank, in Morton
   // order. Each is gone from the store with the commit that keeps what it changes.
   using Apply = std::function<void(MortonKey leaf, std::string_view result)>;
@@ -43,16 +45,20 @@ class ColorResults {
   struct Result {
     MortonKey leaf;
     std::uint64_t num_ids = 0, offset = 0, size = 0;
-    std::uint64_t size_for_others = 0;  // after it; 0: it matters to none
+    std::vector<int> touched;           // other ranks that it matters to
+    std::uint64_t size_for_others = 0;  // after it, what these get
   };
 
   std::string bytes_at(std::uint64_t offset, std::uint64_t size) const;
+  std::vector<ColorMessage> swap_some(std::uint64_t num_sent, ColorMessage own);
+  void keep(std::vector<ColorMessage> messages);
 
   RunState& state_;
   Exchange& exchange_;
   OpenFile file_;
   std::uint64_t size_ = 0;  // of the file
   std::vector<Result> results_;
+  std::uint64_t num_sent_ = 0;
 };
 
 }  // namespace locvol

@@ -1,10 +1,12 @@
 #include "engine/ranks/rank_store.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <string>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 #include "engine/exchange/pack.h"
 #include "storage/codec.h"
@@ -16,16 +18,40 @@ struct HeldPart {
   std::string directory;
   bool is_there = false;
   std::string run;  // what makes it this run, and no other
-  std::uint64_t rank = 0, num_ranks = 0, superstep = 0;
+  std::uint64_t rank = 0, num_ranks = 0, superstep = 0, num_moves = 0;
+  bool is_within_superstep = false;
 };
 auto fields(Maybe<HeldPart> auto& part) {
-  auto& [directory, is_there, run, rank, num_ranks, superstep] = part;
+  auto& [directory, is_there, run, rank, num_ranks, superstep, num_moves, is_within_superstep] =
+      part;
   return std::tuple(Field("directory", directory), Field("is_there", is_there), Field("run", run),
                     Field("rank", rank), Field("num_ranks", num_ranks),
-                    Field("superstep", superstep));
+                    Field("superstep", superstep), Field("num_moves", num_moves),
+                    Field("is_within_superstep", is_within_superstep));
 }
 
 namespace {
+
+// Throws StoreError, the same on all ranks: two on one machine have the same directory.
+void require_own_stores(const std::filesystem::path& own, Exchange& exchange) {
+  std::array<char, 256> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  std::error_code unknown;  // then as it is
+  std::filesystem::path place = std::filesystem::weakly_canonical(own, unknown);
+  if (unknown) place = own;
+  const std::vector<std::string> places =
+      exchange.gather(std::string(host.data()) + ':' + place.string());
+  for (std::size_t rank = 1; rank < places.size(); ++rank)
+    for (std::size_t other = 0; other < rank; ++other)
+      if (places[rank] == places[other])
+        throw StoreError("ranks " + std::to_string(other) + " and " + std::to_string(rank) +
+                         " would have one store, " + places[rank] +
+                         ": each needs its own; %r in its name is the rank's number");
+}
+
+std::filesystem::path next_of(const std::filesystem::path& directory) {
+  return directory.string() + ".next";
+}
 
 std::string identity_of(const RunRecord& run) {
   RunRecord alone;
@@ -34,26 +60,86 @@ std::string identity_of(const RunRecord& run) {
   return encode(alone, MortonKey());
 }
 
-// Throws StoreError, the same on all ranks.
-void require_same_run(const std::vector<HeldPart>& parts) {
-  const auto& newest = *std::ranges::max_element(parts, {}, &HeldPart::superstep);
+HeldPart part_in(const std::filesystem::path& directory) {
+  HeldPart part;
+  part.directory = directory.string();
+  if (!Store::exists(directory)) return part;
+  const Store store = Store::open(directory, {.read_only = true});
+  const Snapshot snapshot = store.snapshot();
+  const auto run = snapshot.run();
+  if (!run || run->phase == Phase::kIngest) return part;
+  part.is_there = true;
+  part.run = identity_of(*run);
+  if (const auto rank = snapshot.rank()) {
+    part.rank = rank->rank;
+    part.num_ranks = rank->first.size();
+    part.superstep = rank->superstep;
+    part.num_moves = rank->num_moves;
+    part.is_within_superstep = rank->applied.has_value();
+  }
+  return part;
+}
+
+// Of all ranks, those of the first rank first.
+std::vector<HeldPart> gather_parts(const std::vector<HeldPart>& own, Exchange& exchange) {
+  std::vector<HeldPart> parts;
+  for (const std::string& message : exchange.gather(pack(own)))
+    for (HeldPart& part : unpack<std::vector<HeldPart>>(message)) parts.push_back(std::move(part));
+  return parts;
+}
+
+// After an end while leaves moved: they are where they were, or where they were to go.
+void settle(const std::filesystem::path& directory, Exchange& exchange) {
+  const std::filesystem::path next = next_of(directory);
+  const std::vector<HeldPart> held = gather_parts({part_in(directory)}, exchange),
+                              nexts = gather_parts({part_in(next)}, exchange);
+  const auto num_ranks = static_cast<std::uint64_t>(exchange.num_ranks());
+  std::uint64_t newest = 0;
+  for (const HeldPart& part : nexts)
+    if (part.is_there && part.num_ranks == num_ranks) newest = std::max(newest, part.num_moves);
+  const auto is_newest = [&](const HeldPart& part) {
+    return part.is_there && part.num_ranks == num_ranks && part.num_moves == newest;
+  };
+  bool is_whole = newest > 0;
+  for (std::size_t rank = 0; rank < num_ranks; ++rank) {
+    is_whole = is_whole && (is_newest(held[rank]) || is_newest(nexts[rank]));
+    for (const HeldPart& part : held)
+      if (nexts[rank].is_there && part.is_there && nexts[rank].num_ranks != num_ranks &&
+          nexts[rank].num_moves == part.num_moves)
+        throw StoreError("rank " + std::to_string(rank) + ", store " + nexts[rank].directory +
+                         ": leaves were moving to " + std::to_string(nexts[rank].num_ranks) +
+                         " ranks: start as many");
+  }
+  const HeldPart& own = nexts[static_cast<std::size_t>(exchange.rank())];
+  wait_for_all(exchange);  // all have seen what there is
+  if (is_whole && is_newest(own)) {
+    std::filesystem::remove_all(directory);
+    std::filesystem::rename(next, directory);
+  } else if (Store::owns(next)) {
+    std::filesystem::remove_all(next);
+  }
+}
+
+// Throws StoreError, the same on all ranks. `parts`: those of the run's ranks, in order, and
+// others.
+void require_same_run(const std::vector<HeldPart>& parts, std::size_t num_ranks) {
+  const auto of_run = std::span(parts).first(num_ranks);
+  const auto& newest = *std::ranges::max_element(of_run, {}, &HeldPart::superstep);
   const auto& first = *std::ranges::find_if(parts, &HeldPart::is_there);
   for (std::size_t rank = 0; rank < parts.size(); ++rank) {
     const HeldPart& part = parts[rank];
     const std::string named = "rank " + std::to_string(rank) + ", store " + part.directory + ": ";
+    if (part.is_there && part.run != first.run)
+      throw StoreError(named + "this is a part of another run than in " + first.directory);
+    if (rank >= num_ranks) continue;
     if (!part.is_there)
       throw StoreError(named + "there is no part of the run that other ranks hold (" +
                        first.directory + "): bring it back, or force a new run on all ranks");
-    if (part.num_ranks == 0)
+    if (part.num_ranks == 0 && num_ranks > 1)
       throw StoreError(named + "it has a run that one process makes: give another directory");
-    if (part.num_ranks != parts.size())
-      throw StoreError(named + "the run is one of " + std::to_string(part.num_ranks) +
-                       " ranks: start as many");
     if (part.rank != rank)
       throw StoreError(named + "this is the part of rank " + std::to_string(part.rank));
-    if (part.run != first.run)
-      throw StoreError(named + "this is a part of another run than in " + first.directory);
-    if (part.superstep + 1 < newest.superstep)
+    if (part.num_moves < newest.num_moves || part.superstep + 1 < newest.superstep)
       throw StoreError(named + "this part is " + std::to_string(newest.superstep - part.superstep) +
                        " supersteps older than that in " + newest.directory +
                        ": a copy of it that is as new is needed");
@@ -62,35 +148,79 @@ void require_same_run(const std::vector<HeldPart>& parts) {
 
 }  // namespace
 
-std::optional<HeldRun> held_by_ranks(const std::filesystem::path& directory, Exchange& exchange) {
-  HeldPart own;
-  own.directory = directory.string();
-  std::optional<RunRecord> run;
-  std::optional<RankRecord> rank;
-  if (Store::exists(directory)) {
-    const Store store = Store::open(directory, {.read_only = true});
-    const Snapshot snapshot = store.snapshot();
-    run = snapshot.run();
-    rank = snapshot.rank();
-    own.is_there = run.has_value();
-    if (run) own.run = identity_of(*run);
-    if (rank)
-      own.rank = rank->rank, own.num_ranks = rank->first.size(), own.superstep = rank->superstep;
+std::filesystem::path store_of_rank(const std::filesystem::path& stores, int rank) {
+  std::string name = stores.string();
+  const std::string number = std::to_string(rank);
+  for (auto place = name.find("%r"); place != std::string::npos;
+       place = name.find("%r", place + number.size()))
+    name.replace(place, 2, number);
+  return name;
+}
+
+std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
+  const int num_ranks = exchange.num_ranks();
+  const std::filesystem::path own = store_of_rank(stores, exchange.rank());
+  require_own_stores(own, exchange);
+  settle(own, exchange);
+  std::vector<HeldPart> parts = gather_parts({part_in(own)}, exchange);
+  const HeldPart newest = std::ranges::max(parts, {}, [](const HeldPart& part) {
+    return std::pair(part.is_there ? part.num_moves + 1 : 0, part.superstep);
+  });
+  if (!newest.is_there) return std::nullopt;
+  const int num_before = static_cast<int>(std::max<std::uint64_t>(1, newest.num_ranks));
+  HeldRun held;
+  if (exchange.rank() < num_before) held.parts.push_back(own);
+  std::vector<HeldPart> of_none;  // those of ranks that are no more
+  for (int rank = num_ranks + exchange.rank(); rank < num_before; rank += num_ranks) {
+    held.parts.push_back(store_of_rank(stores, rank));
+    of_none.push_back(part_in(held.parts.back()));
   }
-  std::vector<HeldPart> parts;
-  for (const std::string& message : exchange.gather(pack(own)))
-    parts.push_back(unpack<HeldPart>(message));
-  // Of a run that was being dealt out, some may have their part.
-  const auto is_new = [](const HeldPart& part) {
-    return !part.is_there || (part.num_ranks > 0 && part.superstep == 0);
-  };
-  const bool are_all_there = std::ranges::all_of(parts, &HeldPart::is_there);
-  if (!are_all_there && std::ranges::all_of(parts, is_new)) return std::nullopt;
-  require_same_run(parts);
-  const auto [oldest, newest] = std::ranges::minmax(parts, {}, &HeldPart::superstep);
-  return HeldRun{.run = *run,
-                 .is_behind = rank->superstep != newest.superstep,
-                 .is_ahead = rank->superstep != oldest.superstep};
+  // They come by rank that sees them, and go by their own.
+  std::vector<std::vector<HeldPart>> by_rank;
+  for (const std::string& message : exchange.gather(pack(of_none)))
+    by_rank.push_back(unpack<std::vector<HeldPart>>(message));
+  for (int rank = num_ranks; rank < num_before; ++rank)
+    parts.push_back(by_rank[static_cast<std::size_t>(rank % num_ranks)].at(
+        static_cast<std::size_t>(rank / num_ranks - 1)));
+  require_same_run(parts, static_cast<std::size_t>(num_before));
+
+  const auto of_run = std::span(parts).first(static_cast<std::size_t>(num_before));
+  const auto [oldest, latest] = std::ranges::minmax(of_run, {}, &HeldPart::superstep);
+  std::string run;
+  if (!held.parts.empty())
+    run = encode(Store::open(held.parts.front(), {.read_only = true}).snapshot().run().value(),
+                 MortonKey());
+  held.run = decode<RunRecord>(exchange.gather(run).front(), MortonKey());
+  held.is_of_these_ranks = newest.num_ranks == static_cast<std::uint64_t>(num_ranks);
+  held.is_within_superstep = oldest.superstep != latest.superstep ||
+                             std::ranges::any_of(of_run, &HeldPart::is_within_superstep);
+  if (held.is_of_these_ranks) {
+    const HeldPart& part = parts[static_cast<std::size_t>(exchange.rank())];
+    held.is_behind = part.superstep != latest.superstep;
+    held.is_ahead = part.superstep != oldest.superstep;
+  } else if (held.is_within_superstep) {
+    throw StoreError(oldest.directory + ": the run of " + std::to_string(num_before) +
+                     " ranks ended within a superstep, which only as many can end: start as many, "
+                     "and stop them (SIGINT)");
+  }
+  return held;
+}
+
+NextStore::NextStore(std::filesystem::path directory) : directory_(std::move(directory)) {
+  const bool has_files =
+      std::filesystem::exists(directory_) && !std::filesystem::is_empty(directory_);
+  if (has_files && !Store::owns(directory_))
+    throw StoreError(directory_.string() + ": it has files that are not locvol's: give another");
+  std::filesystem::remove_all(next_of(directory_));
+  store_.emplace(Store::open(next_of(directory_), {.create = true}));
+}
+
+void NextStore::take_place(std::span<const std::filesystem::path> parts, Exchange& exchange) {
+  store_.reset();
+  wait_for_all(exchange);
+  for (const std::filesystem::path& part : parts) std::filesystem::remove_all(part);
+  std::filesystem::remove_all(directory_);
+  std::filesystem::rename(next_of(directory_), directory_);
 }
 
 }  // namespace locvol

@@ -3,22 +3,48 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "engine/exchange/exchange.h"
 #include "storage/store.h"
 
 namespace locvol {
 
+// Where a rank has its store: %r in the name is its number.
+std::filesystem::path store_of_rank(const std::filesystem::path& stores, int rank);
+
 struct HeldRun {
   RunRecord run;
   // Others have committed a superstep that this rank has not; the reverse: then this rank has to
-  // say_again() what it said in it (RankRecord::said).
+  // say_again() what it said in it (RankWords).
   bool is_behind = false, is_ahead = false;
+  // As many ranks have the run as there are. If not, leaves have to move first: this rank gives
+  // those in its `parts`.
+  bool is_of_these_ranks = true;
+  bool is_within_superstep = false;  // then leaves cannot move
+  std::vector<std::filesystem::path> parts;
 };
-// The run that all ranks' stores hold a part of; nothing, if it has yet to be dealt out. Called by
-// all ranks. Throws StoreError, the same on all, with rank and directory: a rank has no part of the
-// run that others have, is of another run, of a run of another number of ranks, or older by more
-// than a superstep.
-std::optional<HeldRun> held_by_ranks(const std::filesystem::path& directory, Exchange& exchange);
+// The run that all stores hold a part of, which other ranks or one process may have made; nothing,
+// if there is none yet. What a move of leaves left behind is settled. Called by all ranks; the
+// first ones see the stores of ranks that are no more. Throws StoreError, the same on all, with
+// rank and directory: a rank has no part of the run that others have, is of another run, or older
+// by more than a superstep; a run of another number of ranks ended within a superstep.
+std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
+
+// A store that is to take a rank's store's place when all ranks have theirs: either all do, or
+// none.
+class NextStore {
+ public:
+  // Throws StoreError: the directory has other files.
+  explicit NextStore(std::filesystem::path directory);
+  Store& store() { return *store_; }
+  // Called by all ranks when it holds a run. `parts`: what was given away, and goes.
+  void take_place(std::span<const std::filesystem::path> parts, Exchange& exchange);
+
+ private:
+  std::filesystem::path directory_;
+  std::optional<Store> store_;
+};
 
 }  // namespace locvol

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
+#include "engine/ranks/counts_of_ranks.h"
 #include "engine/run/coloring.h"
 #include "engine/run/mend_leaf.h"
 #include "storage/codec.h"
@@ -24,14 +25,14 @@ auto fields(Maybe<WaitingLeaves> auto& waiting) {
 
 // Where a rank stands between two supersteps.
 struct StandingOfRank {
-  std::uint64_t front = 0;               // of its queue: epoch, color
-  std::uint64_t sends = 0, applies = 0;  // 1: results of a color; not all are sent, or applied
+  std::uint64_t front = 0;  // of its queue: epoch, color
+  bool is_sending = false;  // results of a color
   std::uint64_t num_leaves = 0, num_queued = 0, num_in_epoch = 0;
   std::vector<std::uint64_t> counts;
 };
 auto fields(Maybe<StandingOfRank> auto& standing) {
-  auto& [front, sends, applies, num_leaves, num_queued, num_in_epoch, counts] = standing;
-  return std::tuple(Field("front", front), Field("sends", sends), Field("applies", applies),
+  auto& [front, is_sending, num_leaves, num_queued, num_in_epoch, counts] = standing;
+  return std::tuple(Field("front", front), Field("is_sending", is_sending),
                     Field("num_leaves", num_leaves), Field("num_queued", num_queued),
                     Field("num_in_epoch", num_in_epoch), Field("counts", counts));
 }
@@ -46,55 +47,33 @@ auto fields(Maybe<SharedRecord> auto& shared) {
   return std::tuple(Field("leaf", leaf), Field("record", record));
 }
 
-namespace {
-
-std::vector<std::uint64_t> numbers_of(const RunCounts& counts) {
-  std::vector<std::uint64_t> numbers = {counts.num_visits,    counts.num_points,
-                                        counts.num_cells,     counts.num_unresolved,
-                                        counts.num_deletions, counts.num_moves};
-  numbers.insert(numbers.end(), counts.num_insertions.begin(), counts.num_insertions.end());
-  return numbers;
-}
-
-RunCounts counts_of(const std::vector<std::uint64_t>& numbers) {
-  RunCounts counts{numbers[0], numbers[1], numbers[2], numbers[3], {}, numbers[4], numbers[5]};
-  std::copy(numbers.begin() + 6, numbers.end(), counts.num_insertions.begin());
-  return counts;
-}
-
-}  // namespace
-
 RankVisits::Next RankVisits::next() {
   constexpr std::uint64_t kNothing = std::numeric_limits<std::uint64_t>::max();
   StandingOfRank own{.counts = numbers_of(state_.run().counts)};
   const LeafQueue& queue = state_.queue();
   own.front =
       queue.is_empty() ? kNothing : std::uint64_t{queue.front().epoch} << 32 | queue.front().color;
-  const RankRecord& rank = state_.rank();
-  own.sends = rank.applied && !rank.is_all_sent ? 1 : 0;
-  own.applies = rank.applied ? 1 : 0;
+  own.is_sending = state_.rank().applied.has_value();
   own.num_leaves = state_.num_own_leaves();
   own.num_queued = state_.num_own_queued();
   if (!queue.is_empty() && queue.front().epoch == state_.run().epoch)
     for (const QueueEntry& entry : queue.front_epoch())
       own.num_in_epoch += state_.is_own(entry.leaf) ? 1 : 0;
   totals_ = {};
-  std::uint64_t first = kNothing, num_sending = 0, num_applying = 0;
+  std::uint64_t first = kNothing;
+  bool is_sending = false;
   std::vector<std::uint64_t> counts(own.counts.size());
   for (const std::string& message : exchange_.gather(pack(own))) {
     const auto of_rank = unpack<StandingOfRank>(message);
     first = std::min(first, of_rank.front);
-    num_sending += of_rank.sends;
-    num_applying += of_rank.applies;
+    is_sending = is_sending || of_rank.is_sending;
     totals_.num_leaves += of_rank.num_leaves;
     totals_.num_queued += of_rank.num_queued;
     totals_.num_in_epoch += of_rank.num_in_epoch;
     for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += of_rank.counts.at(i);
   }
   totals_.counts = counts_of(counts);
-  if (num_sending > 0) return {Step::kSend, *rank.applied};
-  // Some may have done so before they ended.
-  if (num_applying > 0) return {Step::kApply, rank.applied.value_or(QueuePosition())};
+  if (is_sending) return {Step::kSend, state_.rank().applied.value()};
   if (first == kNothing) return {};
   const QueuePosition position{static_cast<std::uint32_t>(first >> 32),
                                static_cast<std::uint32_t>(first)};
@@ -127,19 +106,14 @@ std::vector<QueueEntry> RankVisits::own_leaves(const QueuePosition& position) {
   return entries;
 }
 
-RunCounts total_counts(Exchange& exchange, const RunCounts& own) {
-  return counts_of(sums(exchange, numbers_of(own)));
-}
-
 void share_cells(RunState& state, Exchange& exchange) {
   std::vector<std::vector<SharedRecord>> shared(static_cast<std::size_t>(exchange.num_ranks()));
   for (const MortonKey leaf : state.octree().leaves()) {
     if (!state.is_own(leaf) || state.leaves().info(leaf).num_cells == 0) continue;
-    const std::vector<int> ranks = state.ranks_holding(leaf);
-    if (ranks.size() == 1) continue;
+    const std::vector<int> ranks = state.others_holding(leaf);
+    if (ranks.empty()) continue;
     const std::string cells = encode(state.leaves().cells(leaf), leaf);
-    for (const int rank : ranks)
-      if (rank != exchange.rank()) shared[static_cast<std::size_t>(rank)].push_back({leaf, cells});
+    for (const int rank : ranks) shared[static_cast<std::size_t>(rank)].push_back({leaf, cells});
     state.leaves().trim();
   }
   std::vector<std::string> messages;

@@ -24,11 +24,12 @@ class RankVisits {
   const Totals& totals() const { return totals_; }
 
   // What comes next.
-  enum class Step { kOpen, kVisit, kSend, kApply, kNone };
+  enum class Step { kOpen, kVisit, kSend, kNone };
   struct Next {
     Step step = Step::kNone;  // kNone: no leaf waits
     QueuePosition position;   // kOpen: the epoch; else the color that it is of
   };
+  // REQUIRES: what has been sent by all is applied
   Next next();
   // Gives all that wait in it their colors, which is to be committed. Memory: 16 bytes for each
   // leaf of the epoch, of all ranks.
@@ -42,8 +43,6 @@ class RankVisits {
   Totals totals_;
 };
 
-// Of all ranks.
-RunCounts total_counts(Exchange& exchange, const RunCounts& own);
 // Before mending: copies get the cells that their leaves have. Memory: all of them.
 void share_cells(RunState& state, Exchange& exchange);
 // As merge_sites(), by one rank after the other.

@@ -23,8 +23,8 @@ auto fields(Maybe<MendedCells::OfLeaf> auto& cells) {
   return std::tuple(Field("leaf", leaf), Field("places", places));
 }
 auto fields(Maybe<MendedCells> auto& cells) {
-  auto& [left_out, others] = cells;
-  return std::tuple(Field("left_out", left_out), Field("others", others));
+  auto& [left_out, others, reach] = cells;
+  return std::tuple(Field("left_out", left_out), Field("others", others), Field("reach", reach));
 }
 auto fields(Maybe<SizedNode> auto& node) {
   auto& [key, size] = node;

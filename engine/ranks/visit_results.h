@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "engine/run/apply_visit.h"
 #include "engine/run/mend_leaf.h"
 #include "octree/size_field.h"
 #include "octree/size_nodes.h"
@@ -19,13 +20,14 @@ namespace locvol {
 // Of a LeafDelta, MendedCells, FillPoints, CoverPoints, and vectors of SizedNode and SizeCube.
 template <class Result>
 std::string encode_result(const Result& result);
-// Without what only the visited leaf's own rank keeps: the list of its cells.
+// Without what only the visited leaf's own rank keeps, the list of its cells; with the sizes that
+// only it may know.
 template <class Result>
-std::string encode_for_others(const Result& result) {
+std::string encode_for_others(RunState&, const Result& result) {
   return encode_result(result);
 }
-inline std::string encode_for_others(const LeafDelta& delta) {
-  LeafDelta others = delta;
+inline std::string encode_for_others(RunState& state, const LeafDelta& delta) {
+  LeafDelta others = with_sizes(state, delta);
   others.cells = {};
   return encode_result(others);
 }

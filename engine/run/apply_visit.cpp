@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
@@ -68,10 +69,17 @@ class Visit {
 
   void apply(const LeafDelta& delta) {
     state_.dequeue(leaf_);
-    for (const InsertedPoint& point : delta.inserted) insert(point);
-    for (const MeshPoint& point : delta.deleted) erase(point);
+    std::size_t n = 0;
+    const auto size_at = [&](const Point& p, bool is_asked = true) {
+      if (state_.is_uniform()) return state_.size();
+      if (!delta.sizes.empty()) return delta.sizes.at(n++);
+      return is_asked ? state_.size_at(p) : 0;
+    };
+    for (const InsertedPoint& point : delta.inserted)
+      insert(point, size_at(point.position, !point.is_deleted && !point.changed));
+    for (const MeshPoint& point : delta.deleted) erase(point, size_at(point.position));
     for (const MeshPoint& point : delta.moved) take_away(point);
-    for (const Point& place : delta.left) have_others_look(place);
+    for (const Point& place : delta.left) have_others_look(place, size_at(place));
     state_.add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
       store_cells(delta.cells);
@@ -88,7 +96,8 @@ class Visit {
   }
 
  private:
-  void insert(const InsertedPoint& point) {
+  // `size`: h there
+  void insert(const InsertedPoint& point, double size) {
     if (point.is_deleted) return ids_.push_back(std::nullopt);
     const MeshPoint added = state_.add_point(point.position, point.kind);
     ids_.push_back(added.id);
@@ -96,23 +105,27 @@ class Visit {
     if (point.changed)
       enqueue_owners(*point.changed);
     else
-      enqueue_around(point.position, state_.reach_at(point.position, kNeighborhood));
+      enqueue_around(point.position, reach_of_size(size, kNeighborhood));
   }
 
-  void erase(const MeshPoint& point) {
+  void erase(const MeshPoint& point, double size) {
     take_away(point);
-    enqueue_around(point.position, state_.reach_at(point.position, kReach));
+    const double reach = reach_of_size(size, kReach);
+    enqueue_around(point.position, reach);
     // A later visit knows the points that came by their ids; of those that went it would know
     // nothing.
-    for (const MortonKey other :
-         leaves_within(point.position, state_.reach_at(point.position, kReach)))
+    for (const MortonKey other : leaves_within(point.position, reach))
       if (other != leaf_) state_.require_whole_visit(other);
   }
 
   // They would look for what the point changed where it is now.
-  void have_others_look(const Point& place) {
-    for (const MortonKey other : leaves_within(place, state_.reach_at(place, kNeighborhood)))
+  void have_others_look(const Point& place, double size) {
+    for (const MortonKey other : leaves_within(place, reach_of_size(size, kNeighborhood)))
       if (other != leaf_ && state_.leaves().info(other).queued) state_.ask_for_visit(other, place);
+  }
+
+  double reach_of_size(double size, double k) const {
+    return state_.is_uniform() ? k * size : reach_factor(state_.run().parameters.growth, k) * size;
   }
 
   // What a move changes of other leaves, the delta tells.
@@ -208,6 +221,15 @@ class Visit {
 
 }  // namespace
 
+LeafDelta with_sizes(RunState& state, LeafDelta delta) {
+  if (state.is_uniform()) return delta;
+  for (const InsertedPoint& point : delta.inserted)
+    delta.sizes.push_back(state.size_at(point.position));
+  for (const MeshPoint& point : delta.deleted) delta.sizes.push_back(state.size_at(point.position));
+  for (const Point& place : delta.left) delta.sizes.push_back(state.size_at(place));
+  return delta;
+}
+
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
   Visit(state, loader, leaf).apply(delta);
 }
@@ -267,7 +289,11 @@ SizeTotals size_totals(RunState& state, MortonKey leaf) {
   SizeTotals totals;
   for (const SizeCube& cube : state.leaves().sizes(leaf).cubes)
     totals += size_totals(state.run().parameters.sizes(), cube, state.box(cube.key));
-  return totals;
+  // In whole steps, sums of leaves do not depend on their order: below 2^43 cells.
+  constexpr double kSteps = 1 << 10;
+  const auto in_steps = [](double v) { return std::round(kSteps * v) / kSteps; };
+  return {in_steps(totals.of_volume), in_steps(totals.of_area), in_steps(totals.of_lattice),
+          in_steps(totals.of_core)};
 }
 
 void apply_cover(RunState& state, MortonKey leaf, const CoverPoints& points) {

@@ -13,6 +13,8 @@ namespace locvol {
 // neighbors, cells, unresolved sites, counts, the queue; an overfull leaf is split.
 // Throws RefineError if the delta contradicts the run; the state is then not to be committed.
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta);
+// With what another rank may have to know of sizes to apply it.
+LeafDelta with_sizes(RunState& state, LeafDelta delta);
 
 // The same for what the surface in a leaf asks for, in the first epoch of a run whose sizes depend
 // on it.

@@ -117,7 +117,8 @@ LoadedSize LeafLoader::load_size(MortonKey leaf, const FarSurface& far) {
     const double deepest =
         state_.leaves().info(leaf).num_triangles > 0
             ? diagonal
-            : far.distance(box.center(), std::numeric_limits<double>::max()) + 0.5 * diagonal;
+            : far.around(box).distance(box.center(), std::numeric_limits<double>::max()) +
+                  0.5 * diagonal;
     nodes = nodes_around(leaf, deepest);
     for (const SizedNode& node : nodes)
       most = std::min(most, node.size + parameters.growth *
@@ -142,17 +143,34 @@ LoadedSize LeafLoader::load_size(MortonKey leaf, const FarSurface& far) {
               .nodes = std::move(nodes)}};
 }
 
-FarSurface LeafLoader::far_surface() {
-  FarSurface far;
+FarSurface LeafLoader::far_surface(const StopToken* stop) {
+  FarSurface far(state_.run().frame);
   for (const MortonKey leaf : state_.octree().leaves()) {
-    throw_if_stopped(stop_);
+    throw_if_stopped(stop);
     state_.leaves().trim();
-    if (state_.leaves().info(leaf).num_triangles > 0)
-      far.add(state_.box(leaf), state_.leaves().surface(leaf).triangles);
+    if (state_.leaves().info(leaf).num_triangles > 0 && state_.is_own(leaf))
+      far.add(leaf, state_.leaves().surface(leaf).triangles);
   }
   far.finish();
-  budget_.keep(far.bytes());
   return far;
+}
+
+std::vector<SizedNode> LeafLoader::nodes_seen_from(std::span<const Box> places) {
+  constexpr std::size_t kFewNodes = 10000;
+  std::vector<SizedNode> nodes;
+  std::size_t num_united = 0;
+  for (const MortonKey leaf : state_.octree().leaves()) {
+    if (!state_.is_own(leaf)) continue;
+    for (const SizedNode& node : state_.leaves().sizes(leaf).nodes)
+      nodes.push_back(seen_from(places, node));
+    state_.leaves().trim();
+    if (nodes.size() > 2 * num_united + kFewNodes) {
+      unite(nodes);
+      num_united = nodes.size();
+    }
+  }
+  unite(nodes);
+  return nodes;
 }
 
 LoadedCover LeafLoader::load_cover(MortonKey leaf) {
@@ -284,27 +302,44 @@ double LeafLoader::surface_reach(MortonKey leaf) {
   return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.surface_size(leaf);
 }
 
+// The node, or the largest one that it lies in whose side is small over its distance: what that is
+// does not depend on which of those between them is known.
+SizedNode LeafLoader::seen_from(std::span<const Box> places, SizedNode node) const {
+  constexpr double kDetail = 0.05;  // sides of nodes, over their distance
+  const Frame& frame = state_.run().frame;
+  while (node.key.level() > 0) {
+    const MortonKey above = node.key.parent();
+    const Box box = frame.box(above);
+    const double side = frame.side(above.level()) / kDetail;
+    if (std::ranges::any_of(
+            places, [&](const Box& place) { return place.squared_distance(box) < side * side; }))
+      break;
+    node.key = above;
+  }
+  return node;
+}
+
 // At a place at the depth d, a node on the surface at the distance D >= d matters if s + g D < λ +
 // g d.
 std::vector<SizedNode> LeafLoader::nodes_around(MortonKey leaf, double deepest) {
-  constexpr double kDetail = 0.05;  // sides of nodes, over their distance
+  constexpr double kWidest = 1.1;  // of what seen_from() makes of a node, the way across
   const RunParameters& p = state_.run().parameters;
   const Frame& frame = state_.run().frame;
   const Box box = state_.box(leaf);
   const double farthest = deepest + (p.size - p.sizes().least) / p.growth;
   std::vector<SizedNode> nodes;
-  for (const MortonKey other : state_.octree().leaves_within(frame, box, farthest)) {
+  const auto take = [&](const SizedNode& node) {
+    const SizedNode seen = seen_from({&box, 1}, node);
+    if (box.squared_distance(frame.box(seen.key)) <= farthest * farthest) nodes.push_back(seen);
+  };
+  for (const MortonKey other : state_.octree().leaves_within(frame, box, kWidest * farthest)) {
     throw_if_stopped(stop_);
+    if (!state_.is_own(other)) continue;
     if (state_.leaves().info(other).num_triangles == 0 && !p.has_image()) continue;
-    for (SizedNode node : state_.leaves().sizes(other).nodes) {
-      const double squared = box.squared_distance(frame.box(node.key));
-      if (squared > farthest * farthest) continue;
-      const double side = kDetail * std::sqrt(squared);
-      while (frame.side(node.key.level()) < 0.5 * side) node.key = node.key.parent();
-      nodes.push_back(node);
-    }
+    for (const SizedNode& node : state_.leaves().sizes(other).nodes) take(node);
     state_.leaves().trim();
   }
+  for (const SizedNode& node : told_nodes_) take(node);
   unite(nodes);
   return nodes;
 }

@@ -4,6 +4,8 @@
 
 #include <memory>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/run/point_grid.h"
@@ -41,8 +43,12 @@ class LeafLoader {
   // should be split.
   double share_of_pieces(MortonKey leaf);
   LoadedSize load_size(MortonKey leaf, const FarSurface& far);
-  // Of all leaves; reserves its memory for good.
-  FarSurface far_surface();
+  // Of the rank's own leaves. Throws Stopped
+  FarSurface far_surface(const StopToken* stop);
+  // What the surface in them, or an image, asks for, with as much detail as matters in these boxes.
+  std::vector<SizedNode> nodes_seen_from(std::span<const Box> places);
+  // The same of other ranks' leaves, of load_size() to come.
+  void take_nodes(std::vector<SizedNode> told) { told_nodes_ = std::move(told); }
   LoadedCover load_cover(MortonKey leaf);
   LoadedFill load_fill(MortonKey leaf);
   LoadedLeaf load(MortonKey leaf);  // in paper mode throws OverBudget: P has outgrown the memory
@@ -68,6 +74,7 @@ class LeafLoader {
   // h wherever a ball through a point of the leaf may be centered, and wherever it may reach, if
   // its radius is at most k / 2 times h at its center.
   SizeCubes sizes_around(MortonKey leaf, double k);
+  SizedNode seen_from(std::span<const Box> places, SizedNode node) const;
   std::uint64_t most_points_of_visit(std::uint64_t num_own, std::uint64_t num_ghosts) const;
   std::vector<Box> waiting_around(MortonKey leaf);
   SurfacePiece surface_around(MortonKey leaf, double distance, std::vector<Triangle> triangles,
@@ -81,6 +88,7 @@ class LeafLoader {
   MemoryBudget& budget_;
   const StopToken* stop_;
   ShapesOfNodes shapes_;
+  std::vector<SizedNode> told_nodes_;
   // All below is for paper mode.
   std::unique_ptr<const SurfacePatch> whole_surface_;
   std::uint64_t num_points_reserved_ = 0, num_points_ = 0;

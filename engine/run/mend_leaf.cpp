@@ -16,15 +16,13 @@ namespace {
 constexpr std::uint64_t kBytesPerCell = 120;  // with lists of the cells at each vertex
 constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
 
-// Those that have a vertex in a cell at the leaf's points, and their cells in the mesh: circumradii
-// are below half of the reach (in paper mode there is no such bound).
-std::vector<MortonKey> leaves_around(RunState& state, MortonKey leaf) {
-  if (!state.is_cover()) {
-    const auto all = state.octree().leaves();
-    return {all.begin(), all.end()};
-  }
-  return state.octree().leaves_within(state.run().frame, state.box(leaf),
-                                      state.reach_of(leaf, kReach));
+// Those that have a vertex in a cell at the leaf's points, and their cells in the mesh, are as
+// near: circumradii are below half of the reach (in paper mode there is no such bound).
+double reach_of_cells(RunState& state, MortonKey leaf) {
+  return state.is_cover() ? state.reach_of(leaf, kReach) : std::numeric_limits<double>::infinity();
+}
+std::vector<MortonKey> leaves_around(const RunState& state, MortonKey leaf, double reach) {
+  return state.octree().leaves_within(state.run().frame, state.box(leaf), reach);
 }
 
 std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
@@ -38,20 +36,23 @@ std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
 class MendLoader {
  public:
   MendLoader(RunState& state, MortonKey leaf)
-      : state_(state), own_(ids_of(state.leaves().points(leaf))) {
-    for (const MortonKey other : leaves_around(state, leaf))
+      : state_(state),
+        reach_(reach_of_cells(state, leaf)),
+        own_(ids_of(state.leaves().points(leaf))) {
+    for (const MortonKey other : leaves_around(state, leaf, reach_))
       if (state.leaves().info(other).num_cells > 0) take_from(other);
     std::ranges::sort(others_);
     const auto repeated = std::ranges::unique(others_);
     others_.erase(repeated.begin(), repeated.end());
     is_on_surface_.resize(own_.size() + others_.size());
-    for (const MortonKey other : leaves_around(state, leaf))
+    for (const MortonKey other : leaves_around(state, leaf, reach_))
       for (const MeshPoint& p : state.leaves().points(other).points)
         if (const auto v = index_of(p.id)) is_on_surface_[*v] = p.kind == PointKind::kSurface;
   }
 
   LoadedMend loaded() {
     LoadedMend result;
+    result.reach = reach_;
     result.input.num_own = static_cast<std::uint32_t>(own_.size());
     result.input.is_on_surface = std::move(is_on_surface_);
     result.input.cells.reserve(cells_.size());
@@ -95,6 +96,7 @@ class MendLoader {
   }
 
   RunState& state_;
+  double reach_;
   std::vector<std::uint64_t> own_, others_;
   std::vector<bool> is_on_surface_;
   std::vector<std::array<std::uint64_t, 4>> cells_;
@@ -127,6 +129,7 @@ LoadedMend load_mend(RunState& state, MortonKey leaf) { return MendLoader(state,
 
 MendedCells mended_cells(const LoadedMend& loaded) {
   MendedCells result;
+  result.reach = loaded.reach;
   const std::vector<std::uint32_t> left_out = mend_boundary(loaded.input);
   auto origin = loaded.origins.begin();
   for (const std::uint32_t c : left_out) {
@@ -148,7 +151,7 @@ void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
   if (cells.left_out.empty()) return;
   for (const auto& [home, places] : cells.left_out)
     state.leave_out_cells(home, without(state.leaves().cells(home), places));
-  for (const MortonKey other : leaves_around(state, leaf)) {
+  for (const MortonKey other : leaves_around(state, leaf, cells.reach)) {
     if (other == leaf || state.leaves().info(other).num_points == 0) continue;
     const auto& points = state.leaves().points(other).points;
     if (std::ranges::any_of(cells.others, [&](std::uint64_t id) {

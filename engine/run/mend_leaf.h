@@ -13,6 +13,7 @@ namespace locvol {
 // All cells at a leaf's own points, copied from the run.
 struct LoadedMend {
   std::uint64_t bytes = 0;  // that the visit takes at its peak
+  double reach = 0;         // how far from the leaf such cells may have vertices
   MendInput input;
   std::vector<std::uint64_t> ids;  // of the vertices
   // The cells from `first` on are of that leaf's record, at these places.
@@ -32,6 +33,7 @@ struct MendedCells {
   };
   std::vector<OfLeaf> left_out;       // in Morton order
   std::vector<std::uint64_t> others;  // ids of their vertices in other leaves, ascending
+  double reach = 0;                   // as far from the leaf as these may be
 };
 
 LoadedMend load_mend(RunState& state, MortonKey leaf);

@@ -12,13 +12,32 @@
 #include "engine/shared/leaf_name.h"
 #include "refine/cover_leaf.h"
 #include "refine/fill_leaf.h"
+#include "refine/measure_leaf.h"
 #include "refine/refine_leaf.h"
+#include "refine/size_leaf.h"
 
 namespace locvol {
 namespace {
 
 constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
 constexpr std::chrono::seconds kMaxTimeOfCommit{1};
+
+constexpr double kSlack = 1.01;
+
+// How far apart visits are independent for what they read and write of the core. Others are too far
+// from it (kCoreMargin) to read of it, or to insert close to it.
+double conflict_at_core(const RunParameters& p, const LeafInfo& info) {
+  if (info.largest_size < p.max_size) return 0;  // which may be infinite
+  const double read = std::max(kCoreReach, reach_factor(p.growth, kReach));
+  return kSlack * (kInsertion + kLatticeStar + read) * p.max_size;
+}
+
+// Of visits that refine, where sizes vary. `reached`: LeafInfo::reached_size, or more
+double graded_conflict(const RunParameters& p, const LeafInfo& info, double reached) {
+  const double reach = reach_factor(p.growth, kReach);
+  return std::max({conflict_at_core(p, info), kSlack * 2 * reach * info.largest_size,
+                   kSlack * (0.5 * kReach + reach) * reached});
+}
 
 RunRecord read_run(const Store& store) {
   const auto run = store.snapshot().run();
@@ -27,6 +46,21 @@ RunRecord read_run(const Store& store) {
 }
 
 }  // namespace
+
+double touch_distance(const RunRecord& run, const LeafInfo& info) {
+  const RunParameters& p = run.parameters;
+  if (p.growth == 0) return kTouch * p.size;
+  if (run.phase <= Phase::kSize) {
+    const SizeRules rules{p.per_circle, p.deviation, p.layers, p.min_size};
+    return kSlack * std::max(kExactDistance * p.size, measure_reach(rules, p.size));
+  }
+  // As long as it is not known, no more than twice as large (find_reached_size()).
+  const double reached = info.reached_size > 0 ? info.reached_size : 2 * info.largest_size;
+  const double reach = reach_factor(p.growth, kReach);
+  return std::max({graded_conflict(p, info, reached),
+                   kSlack * 2 * reach * info.largest_size + p.size,   // merge_sites()
+                   kSlack * 0.5 * reach * (1 + p.growth) * p.size});  // triangles
+}
 
 RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
     : store_(store),
@@ -45,26 +79,23 @@ RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwrit
   num_own_queued_ = queue_.count_if(is_share);
 }
 
-std::vector<int> RunState::ranks_touched(MortonKey leaf) const {
+std::vector<int> RunState::others_touched(MortonKey leaf) {
+  if (run_.phase <= Phase::kCover) return others_holding(leaf);
   std::vector<int> ranks;
-  for (const MortonKey other : octree_.leaves_within(run_.frame, box(leaf), kTouch * size())) {
-    const std::vector<int> near = ranks_holding(other);
-    std::vector<int> both;
-    std::ranges::set_union(ranks, near, std::back_inserter(both));
-    ranks = std::move(both);
-  }
+  const double distance = touch_distance(run_, leaves_.info(leaf));
+  for (const MortonKey other : octree_.leaves_within(run_.frame, box(leaf), distance))
+    for (const int rank : others_holding(other))
+      if (const auto place = std::ranges::lower_bound(ranks, rank);
+          place == ranks.end() || *place != rank)
+        ranks.insert(place, rank);
   return ranks;
 }
 
-std::vector<int> RunState::ranks_holding(MortonKey leaf) const {
-  return shares_.ranks_within(run_.frame, box(leaf), kTouch * size());
-}
-
-Holding RunState::holding_of_child(MortonKey leaf, Holding parent) const {
-  if (parent != Holding::kCopy) return parent;
-  const std::vector<int> near = ranks_holding(leaf);
-  return std::ranges::binary_search(near, static_cast<int>(rank_->rank)) ? parent
-                                                                         : Holding::kBeyond;
+std::vector<int> RunState::others_holding(MortonKey leaf) {
+  std::vector<int> ranks;
+  for (const std::uint32_t rank : leaves_.info(leaf).ranks)
+    if (rank != rank_->rank) ranks.push_back(static_cast<int>(rank));
+  return ranks;
 }
 
 void RunState::put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::uint64_t now,
@@ -72,6 +103,11 @@ void RunState::put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::ui
   LeafInfo& info = leaves_.edit_info(leaf);
   if (info.holding == Holding::kOwn) run_.counts.*total += now - info.*count;
   info.*count = now;
+}
+
+void RunState::begin_phase(Phase next) {
+  run_.phase = next;
+  if (rank_) rank_->stage = 0;
 }
 
 void RunState::enqueue(MortonKey leaf, std::uint32_t epoch) {
@@ -135,10 +171,6 @@ void RunState::open_epoch(std::uint32_t epoch, std::span<const MortonKey> leaves
 double RunState::size_at(const Point& p) {
   if (is_uniform()) return size();
   return locvol::size_at(run_.parameters.sizes(), run_.frame, leaves_.sizes(owner_of(p)).cubes, p);
-}
-
-double RunState::reach_at(const Point& p, double k) {
-  return is_uniform() ? k * size() : reach_factor(run_.parameters.growth, k) * size_at(p);
 }
 
 double RunState::reach_of(MortonKey leaf, double k) {
@@ -208,23 +240,16 @@ std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its
 // reach, and mending writes as far.
 double RunState::conflict_distance(MortonKey leaf) {
   if (run_.phase <= Phase::kSize) return -1;
-  constexpr double kSlack = 1.01;
   if (run_.phase == Phase::kCover)  // it reads samples within r_s of its box, and writes to its box
     return kSlack *
            std::min(reach_of(leaf, sample_radius(is_uniform())),
                     reach_factor(run_.parameters.growth, sample_radius(is_uniform())) * size());
   if (is_uniform()) return kConflict * size();
   const LeafInfo& info = leaves_.info(leaf);
-  const double largest = kSlack * info.largest_size, reached = kSlack * info.reached_size;
-  // Others are too far from the core (kCoreMargin) to read of it, or to insert close to it.
-  const bool is_near_core = info.largest_size >= run_.parameters.max_size;  // which may be infinite
-  const double reach = reach_factor(run_.parameters.growth, kReach);
-  const double read = std::max(kCoreReach, reach);
-  const double of_core =
-      is_near_core ? kSlack * (kInsertion + kLatticeStar + read) * run_.parameters.max_size : 0;
   if (run_.phase == Phase::kFill)
-    return std::max(of_core, reach_factor(run_.parameters.growth, kFillReach) * largest);
-  return std::max({of_core, 2 * reach * largest, (0.5 * kReach + reach) * reached});
+    return std::max(conflict_at_core(run_.parameters, info),
+                    kSlack * reach_factor(run_.parameters.growth, kFillReach) * info.largest_size);
+  return graded_conflict(run_.parameters, info, info.reached_size);
 }
 
 bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {
@@ -371,11 +396,8 @@ void RunState::split(MortonKey leaf, std::array<Child, 8> children) {
     auto& [is_center_inside, points, surface, sizes] = children[static_cast<std::size_t>(octant)];
     const MortonKey key = leaf.child(octant);
     LeafInfo info;
-    info.holding = holding_of_child(key, parent.holding);
-    if (info.holding == Holding::kBeyond) {
-      leaves_.add_leaf(key, info, {}, {});
-      continue;
-    }
+    info.holding = parent.holding;
+    info.ranks = parent.ranks;
     info.is_center_inside = is_center_inside;
     info.num_points = points.points.size();
     info.num_core_points = num_points(points.core, sites(key));
@@ -419,7 +441,7 @@ void RunState::drop_result(MortonKey leaf) { unwritten_results_[leaf] = std::nul
 
 void RunState::end_superstep(std::string said) {
   ++rank_->superstep;
-  rank_->said = std::move(said);
+  unwritten_words_ = RankWords{std::move(said)};
 }
 
 void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineRecord* timeline) {
@@ -430,6 +452,7 @@ void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineR
   if (memory) batch.put_memory(*memory);
   if (timeline) batch.put_timeline(*timeline);
   if (rank_) batch.put_rank(*rank_);
+  if (unwritten_words_) batch.put_words(*unwritten_words_);
   for (const auto& [leaf, result] : unwritten_results_)
     if (result)
       batch.put_result(leaf, *result);
@@ -437,6 +460,7 @@ void RunState::commit(const std::optional<MemoryRecord>& memory, const TimelineR
       batch.erase_result(leaf);
   batch.commit();
   unwritten_results_.clear();
+  unwritten_words_.reset();
   num_unwritten_visits_ = 0;
   last_commit_ = std::chrono::steady_clock::now();
   leaves_.trim();

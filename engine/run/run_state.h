@@ -39,6 +39,9 @@ inline constexpr double kConflict = kInsertion + kLatticeStar + kCoreReach;
 // that may become one are as near.
 inline constexpr double kTouch =
     std::max(kInsertion + kLatticeStar + kNeighborhood, 2 * kReach + 1);
+// The same of any run in cover mode, as a length: before sizes are known, of visits that find them.
+// Of those that come later, if leaves are not split. REQUIRES: LeafInfo has what is known of sizes
+double touch_distance(const RunRecord& run, const LeafInfo& info);
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
@@ -64,9 +67,10 @@ class RunState {
 
   // -- Ranks
   // Where several work on a run, a rank's store has, besides its own leaves, copies of those within
-  // kTouch of them: what a visit changes there is told to it, so that its own visits find what they
-  // read; their cells are not kept, but for mending. All else is empty leaves, as large as the
-  // octree allows. Changes of those are dropped, and counts are of own leaves.
+  // either's touch_distance() of them: what a visit changes there is told to it, so that its own
+  // visits find what they read; their cells are not kept, but for mending. All else is empty
+  // leaves, as large as the octree allows. Changes of those are dropped, and counts are of own
+  // leaves.
 
   // kBeyond, too, of what is no leaf of the rank's octree.
   Holding holding(MortonKey leaf) {
@@ -75,10 +79,11 @@ class RunState {
   std::uint64_t num_own_leaves() const { return num_own_leaves_; }
   std::uint64_t num_own_queued() const { return num_own_queued_; }
   bool is_own(MortonKey leaf) { return holding(leaf) == Holding::kOwn; }
-  // Those that have a leaf which a visit of this one may change, ascending. REQUIRES: it is own
-  std::vector<int> ranks_touched(MortonKey leaf) const;
-  // Those that have a copy of it, and its own.
-  std::vector<int> ranks_holding(MortonKey leaf) const;
+  // Others that have a leaf which a visit of this one may change, ascending. REQUIRES: it is own
+  std::vector<int> others_touched(MortonKey leaf);
+  // Others that have it, or a copy.
+  std::vector<int> others_holding(MortonKey leaf);
+  const Shares& shares() const { return shares_; }
   const RankRecord& rank() const { return *rank_; }  // REQUIRES: several work on the run
   // From now on `color` is applied: its first own new point gets this id, and after all the run's
   // next one is `end`.
@@ -87,6 +92,10 @@ class RunState {
   void note_all_sent() { rank_->is_all_sent = true; }
   void put_next_own_id(std::uint64_t id) { rank_->next_id = id; }
   void end_applying();
+  // A superstep of the phase that is no visits.
+  void end_stage() { ++rank_->stage; }
+  // Leaves are well where they are, from this phase on.
+  void note_stay(Phase phase) { rank_->moved_at = phase; }
   // What a visit on another rank found, from the next commit on; it is applied, likewise.
   void keep_result(MortonKey leaf, RankResult result);
   void drop_result(MortonKey leaf);
@@ -97,9 +106,8 @@ class RunState {
 
   bool is_uniform() const { return run_.parameters.sizes().is_uniform(); }
   double size_at(const Point& p);  // h(p)
-  // How far from p, or from any point of the leaf, a ball through it reaches if its radius is at
-  // most k / 2 times h at its center.
-  double reach_at(const Point& p, double k);
+  // How far from any point of the leaf a ball through it reaches if its radius is at most k / 2
+  // times h at its center.
   double reach_of(MortonKey leaf, double k);
   // Of h in the leaf, the least; and the largest on the surface there.
   double least_size(MortonKey leaf);
@@ -110,7 +118,7 @@ class RunState {
 
   // -- Phases and the queue
 
-  void begin_phase(Phase next) { run_.phase = next; }
+  void begin_phase(Phase next);
   void note_sizes(const SizeTotals& totals) { run_.sizes = totals; }
   // A leaf that waits keeps its place; another waits for the next epoch.
   void enqueue(MortonKey leaf) { enqueue(leaf, run_.epoch + 1); }
@@ -188,7 +196,6 @@ class RunState {
 
  private:
   bool is_beyond(MortonKey leaf) { return holding(leaf) == Holding::kBeyond; }
-  Holding holding_of_child(MortonKey leaf, Holding parent) const;
   // A count of the leaf, in the run's total if the leaf is own.
   void put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::uint64_t now,
                  std::uint64_t RunCounts::*total);
@@ -202,6 +209,7 @@ class RunState {
 
   Store& store_;
   std::optional<RankRecord> rank_;  // absent: one process has all of the run
+  std::optional<RankWords> unwritten_words_;
   std::map<MortonKey, std::optional<RankResult>> unwritten_results_;  // nothing: to be erased
   Shares shares_;
   std::uint64_t num_own_leaves_ = 0, num_own_queued_ = 0;

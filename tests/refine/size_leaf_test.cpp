@@ -27,13 +27,11 @@ class World {
         law_{.surface = size, .growth = growth},
         shapes_(shapes),
         frame_(Frame::around(bounding_box(mesh), size, 1.75 * size)),
-        octree_(LinearOctree::uniform(level)) {
+        octree_(LinearOctree::uniform(level)),
+        far_(frame_) {
     for (const SizeShape& shape : shapes) law_.least = std::min(law_.least, shape.size);
     for (const MortonKey leaf : octree_.leaves()) {
-      Mesh met;
-      std::ranges::copy_if(mesh_, std::back_inserter(met),
-                           [&](const Triangle& t) { return meets(t, frame_.box(leaf)); });
-      if (!met.empty()) far_.add(frame_.box(leaf), met);
+      if (const Mesh met = triangles_in(leaf); !met.empty()) far_.add(leaf, met);
     }
     far_.finish();
   }
@@ -52,7 +50,14 @@ class World {
     }
     return sizes;
   }
+  Mesh triangles_in(MortonKey leaf) const {
+    Mesh met;
+    std::ranges::copy_if(mesh_, std::back_inserter(met),
+                         [&](const Triangle& t) { return meets(t, frame_.box(leaf)); });
+    return met;
+  }
   const Mesh& mesh() const { return mesh_; }
+  const LinearOctree& octree() const { return octree_; }
   const Frame& frame() const { return frame_; }
   const SizeLaw& law() const { return law_; }
   const FarSurface& far() const { return far_; }
@@ -241,13 +246,51 @@ TEST(FarSurface, TellsHowFarTheSurfaceIs) {
       const Point p = uniform_in(random, bounding_box(world.mesh()).expanded(0.5));
       const double exact = distance(p, world.mesh());
       if (exact < 2 * part) continue;
-      const double found = world.far().distance(p, 100);
-      EXPECT_NEAR(found, exact, 0.5 * part);
-      EXPECT_EQ(world.far().distance(p, 0.5 * exact), 0.5 * exact);
+      const FarPoints around = world.far().around(Box::around(p));
+      const double found = around.distance(p, 100);
+      EXPECT_NEAR(found, exact, std::max(0.5 * part, 0.05 * exact));
+      EXPECT_EQ(around.distance(p, 0.5 * exact), 0.5 * exact);
       ++num;
       sum += found / exact - 1;
     }
     EXPECT_NEAR(sum / num, 0, 0.03);
+  }
+}
+
+// Leaves of several processes, each of which is told what it needs of the others'.
+TEST(FarSurface, OfPartsIsThatOfTheWhole) {
+  Random random(5);
+  for (const World& world : worlds()) {
+    const std::span<const MortonKey> leaves = world.octree().leaves();
+    constexpr std::size_t kNumParts = 3;
+    std::vector<FarSurface> parts(kNumParts, FarSurface(world.frame()));
+    std::vector<std::vector<Box>> places(kNumParts);
+    for (std::size_t i = 0; i < leaves.size(); ++i) {
+      const std::size_t part = i * kNumParts / leaves.size();
+      places[part].push_back(world.frame().box(leaves[i]));
+      if (const Mesh met = world.triangles_in(leaves[i]); !met.empty())
+        parts[part].add(leaves[i], met);
+    }
+    for (FarSurface& part : parts) part.finish();
+    std::vector<FarSurface> whole = parts;
+    std::size_t num_told = 0;
+    for (std::size_t to = 0; to < kNumParts; ++to)
+      for (std::size_t from = 0; from < kNumParts; ++from) {
+        if (from == to) continue;
+        const std::vector<FarPoint> told = parts[from].seen_from(places[to]);
+        num_told += told.size();
+        whole[to].add_told(told);
+      }
+    EXPECT_GT(num_told, 100U);
+    for (std::size_t part = 0; part < kNumParts; ++part)
+      for (const Box& place : places[part]) {
+        const FarPoints expected = world.far().around(place), found = whole[part].around(place);
+        ASSERT_EQ(found.size(), expected.size());
+        for (int n = 0; n < 10; ++n) {
+          const Point p = uniform_in(random, place);
+          EXPECT_EQ(found.distance(p, 100), expected.distance(p, 100));
+        }
+      }
   }
 }
 

@@ -263,9 +263,11 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("run.v0", without_core, MortonKey());
   expect_golden("run.v1", sample_run(), MortonKey());
   LeafInfo of_one_rank = sample_info();
+  of_one_rank.ranks.clear();
+  expect_golden("leaf.v1", of_one_rank, sample_leaf());
   of_one_rank.holding = Holding::kOwn;
   expect_golden("leaf.v0", of_one_rank, sample_leaf());
-  expect_golden("leaf.v1", sample_info(), sample_leaf());
+  expect_golden("leaf.v2", sample_info(), sample_leaf());
   expect_golden("points.v0", sample_points(), sample_leaf());
   expect_golden("cells.v0", sample_cells(), sample_leaf());
   expect_golden("surface.v0", sample_surface(), sample_leaf());
@@ -273,7 +275,9 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("sizes.v0", sample_sizes(), sample_leaf());
   expect_golden("queue.v0", sample_queue_entry(), sample_leaf());
   expect_golden("memory.v0", sample_memory(), MortonKey());
-  expect_golden("rank.v0", sample_rank(), MortonKey());
+  expect_golden("rank.v1", sample_rank(), MortonKey());
+  EXPECT_THROW(decode<RankRecord>(bytes_of(golden_file("rank.v0")), MortonKey()), DecodeError);
+  expect_golden("words.v0", RankWords{std::string("a\0b", 3)}, MortonKey());
   expect_golden("result.v0", RankResult{77, std::string("a\0b", 3)}, sample_leaf());
   expect_golden("timeline.v0", sample_timeline(), MortonKey());
   expect_golden("keys.v0", KeySums{{1, 0, ~std::uint64_t{0}}}, MortonKey());

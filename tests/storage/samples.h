@@ -65,6 +65,7 @@ inline LeafInfo sample_info() {
   info.surface_size = 2;
   info.reached_size = 4;
   info.holding = Holding::kCopy;
+  info.ranks = {1, 3};
   return info;
 }
 
@@ -110,7 +111,7 @@ inline RankRecord sample_rank() {
   record.applied = QueuePosition{3, 1};
   record.is_all_sent = true, record.num_sent = 17;
   record.next_id = 1000, record.end_id = 1234;
-  record.said = std::string("a\0b", 3);
+  record.num_moves = 2, record.moved_at = Phase::kCover, record.stage = 1;
   return record;
 }
 

@@ -1,18 +1,23 @@
 // Whole runs of several ranks against one process.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
 #include <chrono>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "engine/engine.h"
 #include "engine/exchange/thread_ranks.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/plan/run_setup.h"
-#include "engine/ranks/deal_out.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/store_contents.h"
@@ -43,17 +48,19 @@ class RunOfRanks : public testing::Test {
     run_as_ranks(
         num_ranks,
         [&](Exchange& exchange) {
-          MeshOptions own = options;
-          own.store = name + "-" + std::to_string(exchange.rank());
+          MeshOptions all = options;
+          all.store = name + "-%r";
           RunControl control;
           control.num_threads = num_threads;
-          mesh_as_rank(own, control, exchange);
+          mesh_as_rank(all, control, exchange);
           std::optional<Store> whole;
           if (exchange.rank() == 0) {
             std::filesystem::remove_all(name);
             whole = Store::open(name, {.create = true});
           }
-          join(Store::open(own.store, {.read_only = true}), whole ? &*whole : nullptr, exchange);
+          const Store own =
+              Store::open(store_of_rank(all.store, exchange.rank()), {.read_only = true});
+          join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
         },
         ranks);
     return contents_of(name);
@@ -97,10 +104,11 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
       const OutputOptions output{MeshFormat::kVtu, has_quality};
       write_mesh(store, scratch_ / "one.vtu", output);
       run_as_ranks(num_ranks, [&](Exchange& exchange) {
-        MeshOptions own = options;
-        own.store += "-" + std::to_string(num_ranks) + "-" + std::to_string(exchange.rank());
-        const RunSummary summary = mesh_as_rank(own, {}, exchange);
-        const Store part = Store::open(own.store, {.read_only = true});
+        MeshOptions many = options;
+        many.store += "-" + std::to_string(num_ranks) + "-%r";
+        const RunSummary summary = mesh_as_rank(many, {}, exchange);
+        const Store part =
+            Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
         const WriteSummary written =
             write_mesh_as_rank(part, scratch_ / "many.vtu", output, exchange);
         EXPECT_EQ(written.num_cells, summary.run.counts.num_cells);
@@ -168,7 +176,7 @@ TEST_F(RunOfRanks, GoesOnAfterAnyRankEnds) {
     again.store += "-" + std::to_string(round);
     int num_ended = 0;
     for (bool is_done = false; !is_done;) {
-      const std::uint64_t last = 10 + 7 * round + static_cast<std::uint64_t>(num_ended) % 5;
+      const std::uint64_t last = 32 + 5 * round + static_cast<std::uint64_t>(num_ended) % 5;
       const int ending = (num_ended + static_cast<int>(round)) % 3;
       const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
         if (from == ending && to == (from + 1) % 3 && number == last)
@@ -192,7 +200,7 @@ TEST_F(RunOfRanks, EndsWhereAMessageIsLost) {
   const MeshOptions options = this->options("store", 0.3, 300);
   mesh(options);
   const Contents expected = contents_of(options.store);
-  for (std::uint64_t lost = 0; lost < 100; lost += 23) {
+  for (std::uint64_t lost = 0; lost < 60; lost += 13) {
     MeshOptions again = options;
     again.store += "-" + std::to_string(lost);
     const ThreadRanksOptions ranks{.fault =
@@ -223,10 +231,9 @@ TEST_F(RunOfRanks, RefusesStoresThatDoNotBelongTogether) {
   std::filesystem::rename(aside, second);
   EXPECT_EQ(refusal_of(options), "none");
 
-  const MeshOptions alone = this->options("alone-2-0", 0.3, 300);
+  const MeshOptions alone = this->options("alone-2-1", 0.3, 300);
   mesh(alone);
-  EXPECT_NE(refusal_of(this->options("alone", 0.3, 300)).find("a run that one process makes"),
-            std::string::npos);
+  EXPECT_NE(refusal_of(this->options("alone", 0.3, 300)).find("rank 0, store"), std::string::npos);
 }
 
 TEST_F(RunOfRanks, OfOtherParametersIsRefusedUnlessForced) {
@@ -240,9 +247,133 @@ TEST_F(RunOfRanks, OfOtherParametersIsRefusedUnlessForced) {
   mesh(alone);
   EXPECT_TRUE(are_equal(contents_of(alone.store), forced));
 
-  MeshOptions graded = options("graded", 0.3, 300);
-  graded.growth = 0.2;
-  EXPECT_THROW(mesh_by(2, graded, 1), InputError);
+  MeshOptions paper = options("paper", 0.3, 300);
+  paper.init = Initialization::kPaper;
+  EXPECT_THROW(mesh_by(2, paper, 1), InputError);
+}
+
+// Growth, with a bound and without, and what asks for smaller cells.
+std::vector<MeshOptions> with_sizes(const MeshOptions& options) {
+  std::vector<MeshOptions> some(5, options);
+  some[0].growth = 0.3;
+  some[1].growth = 0.2;
+  some[0].size = some[1].size = {0.1, false};
+  some[1].max_size = SizeSpec{0.12, false};
+  some[2].shapes = {{.shape = {ShapeKind::kBall, 0.05, {0.3, 0.2, 0.1}, {}, 0.1}, .place = {}}};
+  some[3].deviation = SizeSpec{0.02, false};
+  some[4].layers = 3;
+  some[4].per_circle = 12;
+  for (std::size_t i = 0; i < some.size(); ++i) some[i].store += "-sizes" + std::to_string(i);
+  return some;
+}
+
+TEST_F(RunOfRanks, FindsSizesAsOneProcess) {
+  write_off(together(sphere(0.8, 12, 24), translated(torus(0.5, 0.2, 16, 8), {1.6, 0, 0.4})),
+            scratch_ / "input.off");
+  int num_ranks = 2;
+  for (const MeshOptions& options : with_sizes(this->options("store", 0.2, 300))) {
+    mesh(options);
+    const Contents expected = contents_of(options.store);
+    EXPECT_GT(expected.leaves.size(), 20U);
+    EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, 1)))
+        << options.store << ", " << num_ranks;
+    num_ranks = num_ranks % 5 + 1;
+  }
+}
+
+TEST_F(RunOfRanks, MeasuresNeighborsOfOtherRanks) {
+  write_off(sphere(1, 24, 48), scratch_ / "input.off");
+  MeshOptions options = this->options("store", 0.08, 400);
+  options.growth = 0.2;
+  mesh(options);
+  const MeshStatistics expected = mesh_statistics(Store::open(options.store, {.read_only = true}));
+  EXPECT_GT(expected.max_neighbor_ratio, 1);
+  mesh_by(5, options, 1);
+  run_as_ranks(5, [&](Exchange& exchange) {
+    const Store own = Store::open(store_of_rank(options.store.string() + "-5-%r", exchange.rank()),
+                                  {.read_only = true});
+    const MeshStatistics all = mesh_statistics_of_ranks(own, exchange);
+    EXPECT_EQ(all.max_neighbor_ratio, expected.max_neighbor_ratio);
+    EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
+  });
+}
+
+// As above, while sizes are found and leaves move.
+TEST_F(RunOfRanks, WithSizesGoesOnAfterAnyRankEnds) {
+  write_off(sphere(1, 16, 32), scratch_ / "input.off");
+  MeshOptions options = with_sizes(this->options("store", 0.25, 300))[3];
+  options.deviation = SizeSpec{0.02, false};
+  mesh(options);
+  const Contents expected = contents_of(options.store);
+  for (std::uint64_t round = 0; round < 3; ++round) {
+    MeshOptions again = options;
+    again.store += "-" + std::to_string(round);
+    int num_ended = 0;
+    for (bool is_done = false; !is_done;) {
+      // After so many words, whatever they are.
+      const std::uint64_t last = 32 + 5 * round + static_cast<std::uint64_t>(num_ended) % 7;
+      const int ending = (num_ended + static_cast<int>(round)) % 3;
+      const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
+        if (from == ending && to == (from + 1) % 3 && number == last)
+          throw std::runtime_error("killed");
+        return MessageFault::kNone;
+      }};
+      try {
+        EXPECT_TRUE(are_equal(expected, mesh_by(3, again, 1, ranks)));
+        is_done = true;
+      } catch (const std::runtime_error& e) {
+        EXPECT_EQ(std::string(e.what()), "killed");
+        ASSERT_LT(++num_ended, 500);
+      }
+    }
+    EXPECT_GT(num_ended, 1);
+  }
+}
+
+// Stopped now and then, and gone on with by any number of ranks, or begun by one process.
+TEST_F(RunOfRanks, GoesOnByAnotherNumberOfRanks) {
+  write_off(torus(1, 0.4, 32, 16), scratch_ / "input.off");
+  for (const double growth : {0.0, 0.2}) {
+    MeshOptions options = this->options("store" + std::to_string(growth), 0.15, 200);
+    options.growth = growth;
+    mesh(options);
+    const Contents expected = contents_of(options.store);
+    const auto one = [&](int rank) { return options.store.string() + "-r" + std::to_string(rank); };
+    const auto stopped_after = [](int num_asked) {
+      RunControl control;
+      control.is_stopped = [num = std::make_shared<std::atomic<int>>(num_asked)] {
+        return (*num)-- < 0;
+      };
+      return control;
+    };
+    MeshOptions begun = options;
+    begun.store = one(0);
+    EXPECT_EQ(mesh(begun, stopped_after(40)).outcome, RunOutcome::kInterrupted);
+    MeshOptions all = options;
+    all.store = options.store.string() + "-r%r";
+    bool is_done = false;
+    int num_interrupted = 0;
+    for (int round = 0; !is_done; ++round) {
+      const int num_ranks = std::array{3, 5, 2, 1, 4}[static_cast<std::size_t>(round) % 5];
+      run_as_ranks(num_ranks, [&](Exchange& exchange) {
+        const RunSummary summary = mesh_as_rank(all, stopped_after(3 + round), exchange);
+        if (exchange.rank() == 0) is_done = summary.outcome == RunOutcome::kDone;
+      });
+      num_interrupted += is_done ? 0 : 1;
+      ASSERT_LT(round, 100);
+      for (int rank = 0; rank < 6; ++rank)
+        EXPECT_EQ(std::filesystem::exists(one(rank)), rank < num_ranks) << rank;
+    }
+    EXPECT_GT(num_interrupted, 2);
+    run_as_ranks(2, [&](Exchange& exchange) {
+      mesh_as_rank(all, {}, exchange);
+      std::optional<Store> whole;
+      if (exchange.rank() == 0) whole = Store::open(one(9), {.create = true});
+      const Store own = Store::open(one(exchange.rank()), {.read_only = true});
+      join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
+    });
+    EXPECT_TRUE(are_equal(expected, contents_of(one(9))));
+  }
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ LeafDelta sample_delta() {
   delta.stats.insertions = {1, 2, 3, 4, 5, 6, 7};
   delta.stats.cells_made = 99;
   delta.is_overfull = true;
+  delta.sizes = {1, 0.5, 0.25};
   return delta;
 }
 
@@ -47,12 +48,13 @@ TEST(VisitResults, ComeBack) {
   EXPECT_EQ(filled.met_core, fill.met_core);
 
   const MortonKey leaf = MortonKey::root().child(3).child(7);
-  const auto mended = decode_result<MendedCells>(
-      encode_result(MendedCells{.left_out = {{leaf, {1, 5, 9}}}, .others = {33, 44}}));
+  const auto mended = decode_result<MendedCells>(encode_result(
+      MendedCells{.left_out = {{leaf, {1, 5, 9}}}, .others = {33, 44}, .reach = 0.5}));
   ASSERT_EQ(mended.left_out.size(), 1U);
   EXPECT_EQ(mended.left_out[0].leaf, leaf);
   EXPECT_EQ(mended.left_out[0].places, (std::vector<std::uint32_t>{1, 5, 9}));
   EXPECT_EQ(mended.others, (std::vector<std::uint64_t>{33, 44}));
+  EXPECT_EQ(mended.reach, 0.5);
 
   const std::vector<SizedNode> nodes = {{leaf, 0.5F}, {leaf.child(1), 0.25F}};
   EXPECT_EQ(decode_result<std::vector<SizedNode>>(encode_result(nodes)), nodes);

@@ -48,18 +48,30 @@ class MpiTest(unittest.TestCase):
         subprocess.run([LOCVOL, "generate", "torus", "-n", "5000", "-o", self.surface],
                        check=True, stdout=subprocess.DEVNULL)
 
-    def mesh(self, size):
+    def mesh(self, size, *arguments, name="one.vtu"):
         """The bytes of what one process makes."""
-        output = self.scratch / "one.vtu"
+        output = self.scratch / name
         subprocess.run([LOCVOL, "mesh", self.surface, "-o", output, "-s", size, "-q",
-                        "--leaf-capacity", "1000"], check=True, stdout=subprocess.DEVNULL)
+                        "--leaf-capacity", "1000", *arguments], check=True,
+                       stdout=subprocess.DEVNULL)
         return output.read_bytes()
 
+    def start_command(self, num_ranks, *arguments):
+        return subprocess.Popen([MPIRUN, "-n", str(num_ranks), LOCVOL_MPI, *arguments],
+                                env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                text=True)
+
     def start(self, num_ranks, size, *arguments):
-        return subprocess.Popen(
-            [MPIRUN, "-n", str(num_ranks), LOCVOL_MPI, "mesh", self.surface, "-o",
-             self.scratch / "many.vtu", "-s", size, "-q", "--leaf-capacity", "1000", *arguments],
-            env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        return self.start_command(
+            num_ranks, "mesh", self.surface, "-o", self.scratch / "many.vtu", "-s", size, "-q",
+            "--leaf-capacity", "1000", *arguments)
+
+    def run_command(self, num_ranks, *arguments):
+        """What it said; it has to succeed."""
+        run = self.start_command(num_ranks, *arguments)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 0, said)
+        return said
 
     def ended(self, run):
         """What it said. mpirun may wait for ever for a rank that was killed while it began."""
@@ -79,6 +91,44 @@ class MpiTest(unittest.TestCase):
             self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, said)
             left = sorted(path.name for path in self.scratch.iterdir())
             self.assertEqual(left, ["many.vtu", "one.vtu", "torus.stl"])
+
+    def test_same_bytes_where_sizes_vary(self):
+        sizes = ("--growth", "0.2", "--deviation", "0.5%")
+        expected = self.mesh("10%", *sizes)
+        run = self.start(3, "10%", *sizes)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 0, said)
+        self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, said)
+
+    def test_goes_on_by_other_numbers_of_ranks(self):
+        expected = self.mesh("3%")
+        stores = str(self.scratch / "part-%r")
+        num_stopped = 0
+        for num_ranks in (3, 2, 4):
+            run = self.start(num_ranks, "3%", "--store", stores, "-t", "1")
+            time.sleep(1.2)
+            ranks = [p for p in processes_of(run.pid) if name_of(p) == "locvol-mpi"]
+            try:
+                for rank in ranks[:1]:
+                    os.kill(rank, signal.SIGINT)
+            except ProcessLookupError:
+                pass
+            said = run.communicate()[0]
+            self.assertIn(run.returncode, (0, 4), said)
+            num_stopped += run.returncode == 4
+        self.assertGreater(num_stopped, 0)
+        said = self.run_command(4, "resume", stores, "-o", self.scratch / "many.vtu")
+        self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, said)
+
+        # Looked into by one process.
+        whole = self.scratch / "whole"
+        self.run_command(2, "join", stores, whole)
+        subprocess.run([LOCVOL, "audit", whole, "-q"], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([LOCVOL, "export", whole, "-q", "-o", self.scratch / "other.vtu"],
+                       check=True, stdout=subprocess.DEVNULL)
+        self.assertTrue((self.scratch / "other.vtu").read_bytes() == expected)
+        self.run_command(3, "export", stores, "-q", "-o", self.scratch / "another.vtu")
+        self.assertTrue((self.scratch / "another.vtu").read_bytes() == expected)
 
     def test_goes_on_after_kills(self):
         expected = self.mesh("4%")
@@ -129,6 +179,10 @@ class MpiTest(unittest.TestCase):
         run = self.start(2, "10%", "--memory", "1K")
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 1, said)
+        run = self.start(2, "10%", "--store", self.scratch / "part")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn("ranks 0 and 1 would have one store", said)
         run = self.start(2, "0")
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 2, said)
