@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ctime>
 #include <functional>
 #include <optional>
 #include <span>
@@ -50,6 +51,17 @@ using TellProgress = std::function<void(const Progress&)>;
 std::uint32_t first_stage_with_surface(const RunRecord& run) {
   return run.parameters.has_image() ? 1 : 0;
 }
+
+// Adds what the process works in its life to a number of seconds.
+class CpuClock {
+ public:
+  explicit CpuClock(double& seconds) : seconds_(seconds) {}
+  ~CpuClock() { seconds_ += static_cast<double>(std::clock() - start_) / CLOCKS_PER_SEC; }
+
+ private:
+  double& seconds_;
+  const std::clock_t start_ = std::clock();
+};
 
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
@@ -101,6 +113,9 @@ class Engine {
     commit();
     throw;
   }
+
+  // In seconds of all threads, of several ranks: of this one's visits, without applying them.
+  double cpu_of_visits() const { return cpu_of_visits_; }
 
  private:
   // Load, compute, commit.
@@ -329,6 +344,7 @@ class Engine {
     using Result = std::invoke_result_t<Compute, Loaded&>;
     std::optional<ColorResults> results;
     const auto find_results = [&](const QueuePosition& color) {
+      const CpuClock cpu(cpu_of_visits_);
       results.emplace(state_, *exchange_);
       visit(ranks_->own_leaves(color), load, compute, [&](MortonKey leaf, const Result& result) {
         results->add(leaf, num_new_ids(result), encode_result(result),
@@ -411,16 +427,16 @@ class Engine {
 
   void begin_refinement(const StopSource* stop) {
     enqueue_for_refinement(state_, ranks_ ? nullptr : stop);  // all ranks stop, or none
-    if (ranks_ && is_balanced(Phase::kRefine)) state_.note_stay(Phase::kRefine);
+    if (ranks_ && is_balanced()) state_.note_stay(Phase::kRefine);
     end_phase(Phase::kRefine);
   }
 
   // Or does it pay to move leaves?
-  bool is_balanced(Phase next) {
-    constexpr double kBalanced = 1.1;
+  bool is_balanced() {
+    constexpr double kBalanced = 1.05;
     double cost = 0;
     for (const MortonKey leaf : state_.octree().leaves())
-      if (state_.is_own(leaf)) cost += predicted_cost(state_.leaves().info(leaf), next);
+      if (state_.is_own(leaf)) cost += predicted_cost(state_.leaves().info(leaf));
     return imbalance(cost, *exchange_) <= kBalanced;
   }
 
@@ -503,6 +519,7 @@ class Engine {
   WorkClock clock_;
   RunTimeline timeline_;
   // Absent: one process has all of the run.
+  double cpu_of_visits_ = 0;
   Exchange* whole_exchange_ = nullptr;
   std::optional<RecordedExchange> exchange_;  // of what is said in supersteps
   std::optional<RankVisits> ranks_;
@@ -651,6 +668,14 @@ void require_same_image(const RunRecord& run, const std::filesystem::path& store
                         ", which is another file by now: restore it, or force a new run");
 }
 
+// What messages take, and Open MPI (measured: 11 MiB), is no run's. Throws OverBudget.
+RunControl for_rank(RunControl control) {
+  constexpr std::uint64_t kBytes = std::uint64_t{24} << 20;
+  const std::uint64_t cap = memory_cap(control.memory_bytes);
+  control.memory_bytes = memory_cap(cap > kBytes ? cap - kBytes : 1);
+  return control;
+}
+
 // Throws InputError, the same on all ranks.
 void require_for_ranks(const MeshOptions& options) {
   if (options.init != Initialization::kCover)
@@ -783,25 +808,31 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
     require_few_cells(known);
     if (control.on_sizes) control.on_sizes(known);
   };
+  double cpu_of_visits = 0;
+  bool is_to_move = false;
   for (;; held.reset()) {
+    if (is_to_move) move_to_equal_shares(own, {&own, 1}, exchange);
     Store store = Store::open(own);
     const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
     const Phase until = next_move(store.snapshot());
+    Engine engine(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
+                  held && held->is_behind);
     bool is_stopped = false;
     try {
-      Engine engine(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
-                    held && held->is_behind);
       if (is_surface_shared(store.snapshot(), exchange)) engine.share_surface(exchange);
       if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
       engine.run(until, on_sizes);
     } catch (const Stopped&) {
       is_stopped = true;
     }
+    cpu_of_visits += engine.cpu_of_visits();
     const Phase phase = store.snapshot().run()->phase;
-    if (is_stopped || phase == Phase::kDone) return summarize(store.snapshot(), exchange);
-    if (next_move(store.snapshot()) != phase) continue;
-    { const Store closed = std::move(store); }
-    move_to_equal_shares(own, {&own, 1}, exchange);
+    if (is_stopped || phase == Phase::kDone) {
+      RunSummary summary = summarize(store.snapshot(), exchange);
+      summary.cpu_of_visits = cpu_of_visits;
+      return summary;
+    }
+    is_to_move = next_move(store.snapshot()) == phase;
   }
 }
 
@@ -865,7 +896,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
 
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
   require_for_ranks(options);
-  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
     const WorkClock clock;
     std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
     if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
@@ -875,7 +906,7 @@ RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, E
 
 RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
                           Exchange& exchange) {
-  return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
+  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
     const WorkClock clock;
     std::optional<HeldRun> held = held_by_ranks(stores, exchange);
     if (!held) throw StoreError(stores.string() + ": the stores hold no run to go on with");

@@ -18,6 +18,7 @@ struct RunSummary {
   RunOutcome outcome = RunOutcome::kDone;
   RunRecord run;
   std::uint64_t num_leaves = 0, max_visits_of_a_leaf = 0;
+  double cpu_of_visits = 0;  // of several ranks: this one's, in seconds, since it started
 };
 
 // Starts a run, or goes on with the one that the store holds. Throws InputError, StoreError,

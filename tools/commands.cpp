@@ -472,8 +472,11 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress&) {
     return mesh_statistics_of_ranks(store, exchange, run.num_writers);
   });
+  RunCommand named = command;
+  if (command.is_in_pieces) named.control.output = index_of_pieces(command.control.output);
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress&) {
+      if (command.is_in_pieces) return write_piece_as_rank(store, command.control.output, exchange);
       return write_mesh_as_rank(store, command.control.output, command.control.output_options,
                                 exchange, run.num_writers);
     });
@@ -482,8 +485,16 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
       store.snapshot().run()->counts.num_unresolved)
     tell_unresolved(store, command.is_json, line);
   line.clear();
-  if (exchange.rank() == 0) print_result(run.summary, run.summary.outcome, mesh, seconds, command);
+  if (exchange.rank() == 0) print_result(run.summary, run.summary.outcome, mesh, seconds, named);
   return exit_code(run.summary.outcome);
+}
+
+// Throws InputError.
+void require_pieces(const RunCommand& command) {
+  const OutputOptions& options = command.control.output_options;
+  if (command.is_in_pieces && !command.control.output.empty() &&
+      (options.format != MeshFormat::kVtu || options.has_quality))
+    throw InputError("--pieces are VTU files without quality: name an output that ends in .vtu");
 }
 
 // The first rank gets all in one store, and goes on as `mesh` does.
@@ -524,6 +535,7 @@ int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
                         {"num_messages_sent", said.num_messages},
                         {"bytes_sent", said.num_bytes},
                         {"seconds_waiting", said.seconds},
+                        {"cpu_seconds_of_visits", run.summary.cpu_of_visits},
                         {"peak_resident_bytes", peak_resident_memory()}};
   for (const std::string& text : exchange.gather(of_rank.dump()))
     if (command.is_json && is_first)
@@ -537,16 +549,28 @@ int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
 
 }  // namespace
 
+namespace {
+
+// By default those of one machine share half of what is free.
+std::uint64_t memory_of_rank(std::uint64_t asked, Exchange& exchange) {
+  const int num_here = num_ranks_here(exchange);
+  return asked > 0 ? asked : memory_cap(0) / static_cast<std::uint64_t>(num_here);
+}
+
+}  // namespace
+
 int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
   const bool is_first = exchange.rank() == 0;
   const StopSignal& stop = StopSignal::install();
+  require_pieces(command);
   MeshCommand own = command;
   own.options.store = stores_of_ranks(command);
+  own.control.memory_bytes = memory_of_rank(command.control.memory_bytes, exchange);
   own.is_quiet = command.is_quiet || !is_first;
   if (is_first)
     require_output(command.control.output, command.control.output_options.format,
                    command.options.input);
-  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
+  const std::uint64_t cap = memory_cap(own.control.memory_bytes);
   ProgressLine line(progress_style(own), cap);
   if (!own.size) {
     double size = 0;
@@ -576,9 +600,11 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
 
 int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
   const StopSignal& stop = StopSignal::install();
+  require_pieces(command);
   ResumeCommand own = command;
   own.is_quiet = command.is_quiet || exchange.rank() != 0;
-  const std::uint64_t cap = memory_cap(command.control.memory_bytes);
+  own.control.memory_bytes = memory_of_rank(command.control.memory_bytes, exchange);
+  const std::uint64_t cap = memory_cap(own.control.memory_bytes);
   ProgressLine line(progress_style(own), cap);
   const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
     return resume_as_rank(own.store, control, exchange);
@@ -595,6 +621,7 @@ int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   resume.control.num_threads = command.num_threads;
   resume.is_quiet = command.is_quiet;
   resume.is_json = command.is_json;
+  resume.is_in_pieces = command.is_in_pieces;
   const std::optional<HeldRun> held = held_by_ranks(command.store, exchange);
   if (!held || held->run.phase != Phase::kDone)
     throw StoreError(command.store.string() +
@@ -658,8 +685,9 @@ int run_audit(const AuditCommand& command) {
   const Store store = open_whole(command.store);
   require_done(store);
   ProgressLine line(progress_style(command), 0);
-  const AuditReport report = with_steps(
-      RunStage::kAudit, line, [&](const StepProgress& on_step) { return audit(store, on_step); });
+  const AuditReport report = with_steps(RunStage::kAudit, line, [&](const StepProgress& on_step) {
+    return audit(store, on_step, command.one_in);
+  });
   line.clear();
   if (command.is_json) {
     print_json(to_json(report));

@@ -20,6 +20,7 @@ struct RunCommand {
   RunControl control;  // its functions are the command's
   bool is_quiet = false;
   bool is_json = false;
+  bool is_in_pieces = false;  // by several ranks: each writes a file of its own
 };
 
 struct MeshCommand : RunCommand {
@@ -64,6 +65,7 @@ struct ExportCommand {
   int num_threads = 0;             // 0: all that the process may use
   bool is_quiet = false;
   bool is_json = false;
+  bool is_in_pieces = false;
 };
 
 struct JoinCommand {
@@ -81,6 +83,7 @@ struct ReportCommand {
 
 struct AuditCommand {
   std::filesystem::path store;
+  std::uint64_t one_in = 1;  // so many leaves, one is checked
   bool is_quiet = false;
   bool is_json = false;
 };

@@ -143,6 +143,9 @@ CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
       "audit",
       "Check the mesh of a finished run from its store alone; exit code 1 if it is not valid");
   add_store(*audit, command.store);
+  add_parsed(*audit, "--one-in", parse_count, command.one_in,
+             "Check one leaf in N, with all that lies near it (default: all)")
+      ->type_name("N");
   add_quiet(*audit, command.is_quiet);
   add_json(*audit, command.is_json);
   return audit;

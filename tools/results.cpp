@@ -365,7 +365,8 @@ std::string summary_text(const RunSummary& summary) {
          row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site"));
 }
 
-std::string audit_text(const AuditReport& report) {
+// Of all of a mesh.
+std::string topology_text(const AuditReport& report) {
   std::string text = mesh_and_input("", "mesh", "input");
   text += mesh_and_input("volume", fmt::format("{:.6g}", report.volume),
                          fmt::format("{:.6g}", report.surface_volume));
@@ -375,6 +376,13 @@ std::string audit_text(const AuditReport& report) {
                          report.surface_euler_characteristic);
   text += mesh_and_input("genus", genus(report.num_components, report.euler_characteristic),
                          genus(report.surface_num_components, report.surface_euler_characteristic));
+  return text;
+}
+
+std::string audit_text(const AuditReport& report) {
+  std::string text = report.is_sample() ? fmt::format("a sample: {} of {} leaves, and of these\n",
+                                                      report.num_checked_leaves, report.num_leaves)
+                                        : topology_text(report);
   text += fmt::format(
       "cells {}, vertices {}; boundary facets {}, vertices {}\n"
       "largest circumradius {:.6g} λ, radius-edge ratio {:.6g}\n"
@@ -392,7 +400,8 @@ std::string audit_text(const AuditReport& report) {
   }
   for (const std::string& violation : report.violations) text += fmt::format("  {}\n", violation);
   if (!report.is_valid()) return text + "NOT VALID\n";
-  if (report.num_unresolved == 0) return text + "valid\n";
+  if (report.num_unresolved == 0)
+    return text + (report.is_sample() ? "valid, as far as it was checked\n" : "valid\n");
   return text +
          fmt::format("manifold; guarantee open at {}\n", plural(report.num_unresolved, "site"));
 }
@@ -655,6 +664,8 @@ Json to_json(const AuditReport& report) {
   if (report.worst_leaf.is_valid())
     worst = {{"leaf", key_text(report.worst_leaf)}, {"position", to_json(report.worst_place)}};
   return {{"is_valid", report.is_valid()},
+          {"num_leaves", report.num_leaves},
+          {"num_checked_leaves", report.num_checked_leaves},
           {"mesh",
            {{"num_cells", report.num_cells},
             {"num_vertices", report.num_vertices},

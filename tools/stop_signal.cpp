@@ -70,7 +70,7 @@ const StopSignal& StopSignal::install() {
   event.sigev_notify = SIGEV_SIGNAL;
   event.sigev_signo = SIGALRM;
   has_patience = timer_create(CLOCK_MONOTONIC, &event, &patience) == 0;
-  for (const int signal : {SIGINT, SIGTERM}) handle(signal, on_stop, SA_RESTART);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) handle(signal, on_stop, SA_RESTART);
   handle(SIGALRM, on_patience_over, SA_RESTART);
   return stop;
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/audit/audit_leaf.h"
+#include "octree/mix.h"
 
 namespace locvol {
 namespace {
@@ -73,14 +74,18 @@ void set_sites_near(std::size_t leaf, const AuditLeaves& leaves, const Reader& r
 }
 
 void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
-                  const RunRecord& run, AuditFindings& findings, const StepProgress& on_step) {
+                  const RunRecord& run, AuditFindings& findings, const StepProgress& on_step,
+                  std::uint64_t one_in) {
   const AuditBounds bounds = bounds_of(run);
   AuditReport& report = findings.report();
   report.min_dihedral_bound = bounds.min_dihedral;
   AuditLoader loader(store, reader, leaves, run);
   BoundaryComponents components;
+  report.num_leaves = leaves.size();
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     if (on_step) on_step(i, leaves.size());
+    if (mix(leaves.key(i).bits()) % one_in != 0) continue;
+    ++report.num_checked_leaves;
     report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
     if (run.counts.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
@@ -97,7 +102,7 @@ void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& l
 
 }  // namespace
 
-AuditReport audit(const Store& store, const StepProgress& on_step) {
+AuditReport audit(const Store& store, const StepProgress& on_step, std::uint64_t one_in) {
   AuditReport report;
   AuditFindings findings(report);
   const Snapshot snapshot = store.snapshot();
@@ -105,7 +110,7 @@ AuditReport audit(const Store& store, const StepProgress& on_step) {
   const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
   if (!check_run(run, leaves, snapshot, findings)) return report;
   copy_surface_facts(run->surface, report);
-  check_leaves(store, snapshot, leaves, *run, findings, on_step);
+  check_leaves(store, snapshot, leaves, *run, findings, on_step, one_in);
   return report;
 }
 

@@ -2,6 +2,8 @@
 // alone, leaf by leaf, by other code than built it. Not that surface Delaunay balls are below λ.
 #pragma once
 
+#include <cstdint>
+
 #include "engine/audit/audit_report.h"
 #include "engine/shared/step_progress.h"
 #include "storage/store.h"
@@ -11,6 +13,8 @@ namespace locvol {
 // Memory: a leaf with what lies within 2λ of it; 64 MB for the borders of leaves met before; and
 // where the boundary of the mesh crosses from leaves done to leaves to do, some 100 bytes a vertex.
 // Steps are leaves. Throws StoreError, CorruptRecord.
-AuditReport audit(const Store& store, const StepProgress& on_step = {});
+// `one_in`: checks one leaf in so many, by chance but always the same ones, with all that lies near
+// it; what is told of the mesh is then of these.
+AuditReport audit(const Store& store, const StepProgress& on_step = {}, std::uint64_t one_in = 1);
 
 }  // namespace locvol

@@ -11,6 +11,9 @@
 namespace locvol {
 
 struct AuditReport {
+  std::uint64_t num_leaves = 0, num_checked_leaves = 0;  // fewer, if it is a sample
+  bool is_sample() const { return num_checked_leaves < num_leaves; }
+  // Of what was checked:
   std::uint64_t num_cells = 0, num_vertices = 0, num_boundary_facets = 0, num_boundary_vertices = 0;
   double volume = 0, surface_volume = 0;
   double max_circumradius = 0;  // over λ
@@ -57,8 +60,8 @@ struct AuditReport {
            num_misplaced_cells + num_unknown_vertices + num_misplaced_points + num_repeated_points +
            num_run_faults;
   }
-  // No violation, and at least one cell.
-  bool is_valid() const { return num_violations() == 0 && num_cells > 0; }
+  // No violation, and at least one cell, unless it is a sample.
+  bool is_valid() const { return num_violations() == 0 && (num_cells > 0 || is_sample()); }
 };
 
 }  // namespace locvol

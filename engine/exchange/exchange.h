@@ -53,7 +53,7 @@ bool any(Exchange& exchange, bool is_true);
 // Returns when all ranks have called it.
 void wait_for_all(Exchange& exchange);
 
-// Of what is sent in parts, about as much as goes into one message.
-inline constexpr std::size_t kMessageBytes = std::size_t{4} << 20;
+// Of what is sent in parts, about as much as a rank sends at once, to all others together.
+inline constexpr std::size_t kMessageBytes = std::size_t{1} << 20;
 
 }  // namespace locvol

@@ -28,6 +28,7 @@ void add_section(VtuSection section, std::string_view name,
     if (!std::exchange(is_open, true)) {
       text.add("      <").add(name);
       if (section == VtuSection::kCellData) text.add(" Scalars=\"").add(array.name).add('"');
+      if (array.has_global_ids) text.add(" GlobalIds=\"").add(array.name).add('"');
       text.add(">\n");
     }
     add_array(array, text);

@@ -19,6 +19,7 @@ struct VtuArrayEntry {
   std::string name, vtk_type;        // "Float64"
   std::uint64_t num_components = 1;  // of points: 3
   std::uint64_t offset = 0;          // of its head, after the mark
+  bool has_global_ids = false;       // numbers of points that other files have, too
 };
 
 // A multiple of eight bytes; as many whatever the offsets.

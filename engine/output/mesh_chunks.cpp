@@ -22,8 +22,8 @@ ChunkReader::ChunkReader(const Reader& reader, const VertexNumbering& numbering,
 
 void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
   std::uint64_t num_cells = 0;
-  const std::size_t num_leaves = numbering_.leaves().size();
-  for (std::size_t leaf = 0; leaf < num_leaves;) {
+  const std::size_t end = numbering_.end_own();
+  for (std::size_t leaf = numbering_.first_own(); leaf < end;) {
     MeshChunk chunk;
     chunk.first_vertex = numbering_.first_vertex(leaf);
     chunk.first_cell = num_cells;
@@ -32,7 +32,7 @@ void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
       return chunk.vertices.size() * sizeof chunk.vertices[0] +
              numbered.cells.size() * sizeof numbered.cells[0];
     };
-    for (; leaf < num_leaves && bytes() < kFullBytes; ++leaf) {
+    for (; leaf < end && bytes() < kFullBytes; ++leaf) {
       add_own(leaf, chunk);
       add_stored_cells(leaf, numbered);
       add_core_cells(leaf, numbered);

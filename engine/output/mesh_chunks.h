@@ -32,7 +32,8 @@ class ChunkReader {
   // All must outlive this object.
   ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages);
 
-  // Calls the visitor with each chunk, in order.
+  // Calls the visitor with each chunk of the rank's own leaves, in order; cells are counted from
+  // the first of these on.
   void for_each(const std::function<void(const MeshChunk&)>& visit);
 
  private:

@@ -149,8 +149,8 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
   std::size_t leaf = first_own_;
   do {
     std::vector<std::vector<NumberList>> lists(static_cast<std::size_t>(exchange.num_ranks()));
-    std::vector<std::size_t> num_bytes(lists.size());
-    for (; leaf < end_own_ && std::ranges::max(num_bytes) < kMessageBytes; ++leaf) {
+    std::size_t num_bytes = 0;
+    for (; leaf < end_own_ && num_bytes < kMessageBytes; ++leaf) {
       const std::vector<int> ranks =
           shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf));
       if (ranks.size() == 1) continue;
@@ -158,7 +158,7 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
       for (const int rank : ranks) {
         if (rank == exchange.rank()) continue;
         lists[static_cast<std::size_t>(rank)].push_back(of_leaf);
-        num_bytes[static_cast<std::size_t>(rank)] += sizeof(std::uint64_t) * of_leaf.numbers.size();
+        num_bytes += sizeof(std::uint64_t) * of_leaf.numbers.size();
       }
     }
     std::vector<std::string> messages;

@@ -73,17 +73,17 @@ std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) con
 // Of each rank's results from `num_sent` on what a message has room for. By rank.
 std::vector<ColorMessage> ColorResults::swap_some(std::uint64_t num_sent, ColorMessage own) {
   std::vector<ColorMessage> sent(static_cast<std::size_t>(exchange_.num_ranks()), own);
-  std::vector<std::size_t> num_bytes(sent.size());
+  std::size_t num_bytes = 0;
   std::uint64_t first_id = 0;
   for (std::size_t i = 0; i < num_sent; ++i) first_id += results_[i].num_ids;
-  for (; num_sent < results_.size() && std::ranges::max(num_bytes) < kMessageBytes; ++num_sent) {
+  for (; num_sent < results_.size() && num_bytes < kMessageBytes; ++num_sent) {
     const Result& result = results_[num_sent];
     if (!result.touched.empty()) {
       const RankResult for_others{first_id,
                                   bytes_at(result.offset + result.size, result.size_for_others)};
       for (const int rank : result.touched) {
         sent[static_cast<std::size_t>(rank)].results.push_back({result.leaf, for_others});
-        num_bytes[static_cast<std::size_t>(rank)] += for_others.bytes.size();
+        num_bytes += for_others.bytes.size();
       }
     }
     first_id += result.num_ids;

@@ -17,9 +17,9 @@ namespace locvol {
 
 struct ColorMessage;  // of one rank to another
 
-// Memory: some 60 bytes for each visit, and twice kMessageBytes for each rank nearby; own results
-// are in a nameless file beside the store, others' in the store. Errors: ExchangeError, StoreError,
-// std::system_error
+// Memory: some 60 bytes for each visit, and a few times kMessageBytes, and twice what ranks nearby
+// send; own results are in a nameless file beside the store, others' in the store. Errors:
+// ExchangeError, StoreError, std::system_error
 class ColorResults {
  public:
   ColorResults(RunState& state, Exchange& exchange);

@@ -66,6 +66,44 @@ namespace {
 
 std::size_t at(int rank) { return static_cast<std::size_t>(rank); }
 
+// About how much of the triangles is in the box.
+double area_in(const Box& box, std::span<const Triangle> triangles) {
+  double area = 0;
+  for (const Triangle& triangle : triangles) {
+    const Box around = triangle.box();
+    double share = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double width = around.max[axis] - around.min[axis];
+      const double common =
+          std::min(around.max[axis], box.max[axis]) - std::max(around.min[axis], box.min[axis]);
+      if (width > 0) share *= std::max(0.0, common) / width;
+    }
+    const auto& [a, b, c] = triangle.corners;
+    area += share * 0.5 * norm(cross(b - a, c - a));
+  }
+  return area;
+}
+
+// Of what is to be done in a leaf from the run's phase on. At one size nearly all of it is at the
+// surface.
+double predicted_cost(const Reader& reader, MortonKey leaf, const LeafInfo& info,
+                      const RunRecord& run) {
+  constexpr double kInside = 0.02, kOutside = 1e-4;  // of the side of a leaf, squared
+  if (run.phase > Phase::kFill) return predicted_cost(info);
+  const SizeLaw law = run.parameters.sizes();
+  if (!law.is_uniform() && run.phase > Phase::kSize) {
+    SizeTotals totals;
+    for (const SizeCube& cube : reader.sizes(leaf).cubes)
+      totals += size_totals(law, cube, run.frame.box(cube.key));
+    return totals.of_volume - totals.of_core + totals.of_area;
+  }
+  const double side = run.frame.side(leaf.level()) / run.parameters.size;
+  const double least = (info.is_center_inside ? kInside : kOutside) * side * side;
+  if (info.num_triangles == 0) return least;
+  return least + area_in(run.frame.box(leaf), reader.surface(leaf).triangles) /
+                     (run.parameters.size * run.parameters.size);
+}
+
 // In Morton order.
 template <class Visit>
 void for_each_own(const Store& store, const Visit& visit) {
@@ -109,17 +147,21 @@ class LeafRounds {
   explicit LeafRounds(Exchange& exchange) : exchange_(exchange), sent_(at(exchange.num_ranks())) {}
 
   void send(int rank, MovedLeaf leaf) {
-    most_bytes_ = std::max(most_bytes_, num_bytes_[at(rank)] += num_bytes(leaf));
+    const std::size_t bytes = num_bytes(leaf);
+    all_bytes_ += bytes;
+    most_bytes_ = std::max(most_bytes_, num_bytes_[at(rank)] += bytes);
     sent_[at(rank)].push_back(std::move(leaf));
   }
 
   template <class Next, class Take>
   void run(Store* to, const Next& next, const Take& take) {
+    // All may send to one.
+    const std::size_t most_to_one = std::max(kMessageBytes / sent_.size(), kLeastBytes);
     bool has_more = true;
     do {
       num_bytes_.assign(sent_.size(), 0);
-      most_bytes_ = 0;
-      while (has_more && most_bytes_ < kMessageBytes) has_more = next();
+      most_bytes_ = all_bytes_ = 0;
+      while (has_more && all_bytes_ < kMessageBytes && most_bytes_ < most_to_one) has_more = next();
       std::vector<std::string> messages;
       for (auto& leaves : sent_) {
         messages.push_back(pack(leaves));
@@ -139,10 +181,12 @@ class LeafRounds {
   }
 
  private:
+  static constexpr std::size_t kLeastBytes = std::size_t{1} << 17;
+
   Exchange& exchange_;
   std::vector<std::vector<MovedLeaf>> sent_;
   std::vector<std::size_t> num_bytes_;
-  std::size_t most_bytes_ = 0;
+  std::size_t most_bytes_ = 0, all_bytes_ = 0;  // to one, to all
 };
 
 // Walks through the leaves of stores, one at a time.
@@ -325,10 +369,9 @@ void put_timeline(Batch& batch, std::span<const Store> from) {
 
 }  // namespace
 
-double predicted_cost(const LeafInfo& info, Phase phase) {
-  constexpr double kInside = 0.05, kOutside = 0.001;
-  if (phase > Phase::kFill) return kOutside + static_cast<double>(info.num_points);
-  return info.num_triangles > 0 ? 1 : info.is_center_inside ? kInside : kOutside;
+double predicted_cost(const LeafInfo& info) {
+  constexpr double kAny = 1e-3;
+  return kAny + static_cast<double>(info.num_points);
 }
 
 void move_leaves(std::span<const Store> from, const Shares& shares, Store& own,
@@ -380,50 +423,50 @@ void join_leaves(std::span<const Store> from, Store* whole, Exchange& exchange) 
 }
 
 Shares equal_shares(std::span<const Store> from, Exchange& exchange) {
-  // Of each store where its leaves begin, and what they cost: in whole steps, so that sums do not
-  // depend on their order.
-  const auto cost_of = [](const LeafInfo& info, Phase phase) {
-    constexpr double kSteps = 1 << 10;
-    return static_cast<std::uint64_t>(kSteps * predicted_cost(info, phase));
+  // In whole steps, so that sums do not depend on their order.
+  struct LeafCost {
+    MortonKey leaf;
+    std::uint64_t cost = 0;
   };
+  std::vector<std::vector<LeafCost>> costs;  // of each store
   std::vector<CostOfPart> own_parts;
   for (const Store& store : from) {
-    const Phase phase = store.snapshot().run()->phase;
+    constexpr double kSteps = 1 << 10;
+    const Snapshot snapshot = store.snapshot();
+    const RunRecord run = snapshot.run().value();
+    auto& of_store = costs.emplace_back();
     CostOfPart part;
     for_each_own(store, [&](MortonKey leaf, const LeafInfo& info) {
-      if (!part.first.is_valid()) part.first = leaf.range_min();
-      part.cost += cost_of(info, phase);
+      const double cost = predicted_cost(snapshot, leaf, info, run);
+      of_store.push_back({leaf, 1 + static_cast<std::uint64_t>(kSteps * cost)});
+      part.cost += of_store.back().cost;
     });
-    if (part.first.is_valid()) own_parts.push_back(part);
+    if (of_store.empty()) continue;
+    part.first = of_store.front().leaf.range_min();
+    own_parts.push_back(part);
   }
   std::vector<CostOfPart> parts;
   for (const std::string& message : exchange.gather(pack(own_parts)))
     for (const CostOfPart& part : unpack<std::vector<CostOfPart>>(message)) parts.push_back(part);
-  std::uint64_t all = 0;
-  for (const CostOfPart& part : parts) all += part.cost;
+  double all = 0;
+  for (const CostOfPart& part : parts) all += static_cast<double>(part.cost);
 
   // The leaf's middle decides. Who has the leaf with which a share begins, says so.
   const auto num_ranks = at(exchange.num_ranks());
   std::vector<ShareBegin> own_begins;
-  for (const Store& store : from) {
-    const Phase phase = store.snapshot().run()->phase;
-    std::optional<std::uint64_t> before;
+  for (const auto& of_store : costs) {
+    std::uint64_t before = 0;
+    for (const CostOfPart& part : parts)
+      if (!of_store.empty() && part.first < of_store.front().leaf.range_min()) before += part.cost;
     std::optional<std::uint64_t> last;
-    for_each_own(store, [&](MortonKey leaf, const LeafInfo& info) {
-      if (!before) {
-        before = 0;
-        for (const CostOfPart& part : parts)
-          if (part.first < leaf.range_min()) *before += part.cost;
-      }
-      const std::uint64_t cost = cost_of(info, phase);
-      const double middle = static_cast<double>(*before) + 0.5 * static_cast<double>(cost);
-      const double place =
-          all == 0 ? 0 : middle / static_cast<double>(all) * static_cast<double>(num_ranks);
-      const std::uint64_t share = std::min<std::uint64_t>(num_ranks - 1, std::uint64_t(place));
+    for (const auto& [leaf, cost] : of_store) {
+      const double middle = static_cast<double>(before) + 0.5 * static_cast<double>(cost);
+      const std::uint64_t share = std::min<std::uint64_t>(
+          num_ranks - 1, std::uint64_t(middle / all * static_cast<double>(num_ranks)));
       if (last != share) own_begins.push_back({share, leaf.range_min()});
       last = share;
-      *before += cost;
-    });
+      before += cost;
+    }
   }
   std::vector<MortonKey> first(num_ranks, MortonKey::root().range_max());
   for (const std::string& message : exchange.gather(pack(own_begins)))

@@ -20,10 +20,11 @@ void move_leaves(std::span<const Store> from, const Shares& shares, Store& own, 
 // The same to one store, as a single process has it: the first rank's; null on others.
 void join_leaves(std::span<const Store> from, Store* whole, Exchange& exchange);
 
-// Of what is to be done in a leaf from this phase on. At first nearly all of it is at the surface;
-// later it goes with the points, for those of the core are not listed.
-double predicted_cost(const LeafInfo& info, Phase phase);
-// Shares of about equal cost, of what the ranks' stores hold. Memory: a few bytes a rank.
+// Of what is to be done in a leaf, once first points are known: it goes with them, for those of the
+// core are not listed.
+double predicted_cost(const LeafInfo& info);
+// Shares of about equal cost, of what the ranks' stores hold. Memory: a few bytes a rank, and 16
+// for each leaf of the rank's stores.
 Shares equal_shares(std::span<const Store> from, Exchange& exchange);
 // The largest share of a cost over the mean.
 double imbalance(double own_cost, Exchange& exchange);

@@ -32,15 +32,18 @@ auto fields(Maybe<HeldPart> auto& part) {
 
 namespace {
 
-// Throws StoreError, the same on all ranks: two on one machine have the same directory.
-void require_own_stores(const std::filesystem::path& own, Exchange& exchange) {
+std::string host_name() {
   std::array<char, 256> host{};
   ::gethostname(host.data(), host.size() - 1);
+  return host.data();
+}
+
+// Throws StoreError, the same on all ranks: two on one machine have the same directory.
+void require_own_stores(const std::filesystem::path& own, Exchange& exchange) {
   std::error_code unknown;  // then as it is
   std::filesystem::path place = std::filesystem::weakly_canonical(own, unknown);
   if (unknown) place = own;
-  const std::vector<std::string> places =
-      exchange.gather(std::string(host.data()) + ':' + place.string());
+  const std::vector<std::string> places = exchange.gather(host_name() + ':' + place.string());
   for (std::size_t rank = 1; rank < places.size(); ++rank)
     for (std::size_t other = 0; other < rank; ++other)
       if (places[rank] == places[other])
@@ -155,6 +158,12 @@ std::filesystem::path store_of_rank(const std::filesystem::path& stores, int ran
        place = name.find("%r", place + number.size()))
     name.replace(place, 2, number);
   return name;
+}
+
+int num_ranks_here(Exchange& exchange) {
+  const std::vector<std::string> hosts = exchange.gather(host_name());
+  return static_cast<int>(
+      std::ranges::count(hosts, hosts[static_cast<std::size_t>(exchange.rank())]));
 }
 
 std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {

@@ -14,6 +14,9 @@ namespace locvol {
 // Where a rank has its store: %r in the name is its number.
 std::filesystem::path store_of_rank(const std::filesystem::path& stores, int rank);
 
+// On this rank's machine.
+int num_ranks_here(Exchange& exchange);
+
 struct HeldRun {
   RunRecord run;
   // Others have committed a superstep that this rank has not; the reverse: then this rank has to

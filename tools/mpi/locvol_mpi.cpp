@@ -24,6 +24,12 @@ constexpr const char* kDescription =
     "MPI job: mpirun -n 8 locvol-mpi mesh part.stl -o part.vtu --store /local/part-%r. The mesh is "
     "that of `locvol mesh`. In the name of a store, %r is a process's number.";
 
+void add_pieces(CLI::App* app, bool& is_in_pieces) {
+  app->add_flag("--pieces", is_in_pieces,
+                "Write a file for each process (for -o part.vtu part-0.vtu and so on), and "
+                "part.pvtu, which names them, instead of one for all");
+}
+
 CLI::App* declare_join(CLI::App& app, JoinCommand& command) {
   CLI::App* join = app.add_subcommand(
       "join",
@@ -49,9 +55,9 @@ void declare(CLI::App& app, Commands& commands) {
   app.footer(kFooter);
   app.set_version_flag("--version", "locvol-mpi " LOCVOL_VERSION);
   app.require_subcommand(1);
-  declare_mesh(app, commands.mesh);
-  declare_resume(app, commands.resume);
-  declare_export(app, commands.export_command);
+  add_pieces(declare_mesh(app, commands.mesh), commands.mesh.is_in_pieces);
+  add_pieces(declare_resume(app, commands.resume), commands.resume.is_in_pieces);
+  add_pieces(declare_export(app, commands.export_command), commands.export_command.is_in_pieces);
   declare_join(app, commands.join);
   app.add_subcommand("reference", "Print the manual page");
 }

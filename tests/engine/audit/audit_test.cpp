@@ -501,6 +501,36 @@ TEST(Predicates, CircumsphereOfNearlyFlatCells) {
             std::numeric_limits<double>::infinity());
 }
 
+// Of a sample only faults in its leaves are seen.
+TEST(Audit, ChecksASample) {
+  const TempDir dir;
+  const AuditReport all = audit_of(ball());
+  EXPECT_FALSE(all.is_sample());
+  const Store store = HandMadeStore(ball(), mixed_octree()).write(dir / "store");
+  const AuditReport some = audit(store, {}, 2);
+  EXPECT_TRUE(some.is_sample());
+  EXPECT_EQ(some.num_leaves, all.num_checked_leaves);
+  EXPECT_GT(some.num_checked_leaves, 0U);
+  EXPECT_TRUE(some.is_valid()) << described(some);
+  EXPECT_LT(some.num_cells, all.num_cells);
+  EXPECT_GT(some.num_cells, 0U);
+
+  int num_seen = 0, num_unseen = 0;
+  const std::size_t num_cells = ball().cells.size();
+  for (std::size_t i = 0; i < num_cells; i += num_cells / 20) {
+    HandMadeMesh mesh = ball();
+    std::swap(mesh.cells[i][0], mesh.cells[i][1]);
+    const std::string name = "store" + std::to_string(i);
+    const Store damaged = HandMadeStore(mesh, mixed_octree()).write(dir / name);
+    EXPECT_EQ(audit(damaged).num_misoriented_cells, 1U);
+    const AuditReport found = audit(damaged, {}, 2);
+    EXPECT_EQ(found.is_valid(), found.num_violations() == 0);
+    ++(found.num_misoriented_cells == 1 ? num_seen : num_unseen);
+  }
+  EXPECT_GT(num_seen, 0);
+  EXPECT_GT(num_unseen, 0);
+}
+
 TEST(Predicates, DistancesToATriangle) {
   const Triangle t = {0, {Point{0, 0, 0}, {4, 0, 0}, {0, 4, 0}}};
   const std::vector<std::pair<Point, double>> known = {{{1, 1, 2}, 2},

@@ -3,11 +3,14 @@
 Usage: mpi_test.py LOCVOL LOCVOL_MPI MPIRUN
 """
 
+import array
 import os
 import pathlib
 import random
+import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -38,6 +41,21 @@ def name_of(process):
         return pathlib.Path(f"/proc/{process}/comm").read_text().strip()
     except OSError:
         return ""
+
+
+def arrays_of(file):
+    """The arrays of a raw VTU file, by name."""
+    head, data = file.read_bytes().split(b'encoding="raw">', 1)
+    data = data[data.index(b"_") + 1:]
+    arrays = {}
+    for kind, name, offset in re.findall(
+            rb'<DataArray type="(\w+)" Name="(\w+)".*?offset="(\d+)"', head):
+        code = {b"Float64": "d", b"Int64": "q", b"Int32": "i", b"UInt32": "I", b"UInt8": "B",
+                b"Float32": "f"}[kind]
+        size, = struct.unpack_from("<Q", data, int(offset))
+        start = int(offset) + 8
+        arrays[name.decode()] = array.array(code, data[start:start + size])
+    return arrays
 
 
 class MpiTest(unittest.TestCase):
@@ -129,6 +147,29 @@ class MpiTest(unittest.TestCase):
         self.assertTrue((self.scratch / "other.vtu").read_bytes() == expected)
         self.run_command(3, "export", stores, "-q", "-o", self.scratch / "another.vtu")
         self.assertTrue((self.scratch / "another.vtu").read_bytes() == expected)
+
+    def test_pieces_are_parts_of_the_one_file(self):
+        self.mesh("6%")
+        run = self.start(3, "6%", "--pieces")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 0, said)
+        self.assertFalse((self.scratch / "many.vtu").exists())
+        whole = arrays_of(self.scratch / "one.vtu")
+        index = (self.scratch / "many.pvtu").read_text()
+        cells = []
+        for rank in range(3):
+            self.assertIn(f'<Piece Source="many-{rank}.vtu"/>', index)
+            piece = arrays_of(self.scratch / f"many-{rank}.vtu")
+            numbers = piece["GlobalPointIds"]
+            self.assertEqual(len(numbers), len(set(numbers)))
+            for place, number in enumerate(numbers):
+                self.assertEqual(piece["Points"][3 * place:3 * place + 3],
+                                 whole["Points"][3 * number:3 * number + 3])
+            cells += [numbers[place] for place in piece["connectivity"]]
+            self.assertEqual(list(piece["offsets"]),
+                             list(range(4, len(piece["connectivity"]) + 4, 4)))
+            self.assertEqual(set(piece["types"]), {10})
+        self.assertEqual(cells, list(whole["connectivity"]))
 
     def test_goes_on_after_kills(self):
         expected = self.mesh("4%")
