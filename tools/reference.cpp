@@ -245,7 +245,7 @@ are a rank's. Progress is one line, of all.
 .PP
 After an end of any kind, of a rank or of all, the same command goes on, and so does
 .BR "locvol\-mpi resume" .
-After a stop (SIGINT, SIGTERM) any number of ranks does. A rank whose store is gone, or is of another
+After a stop (SIGINT, SIGUSR1) any number of ranks does. A rank whose store is gone, or is of another
 run, is named.
 )";
 

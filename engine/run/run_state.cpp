@@ -57,7 +57,10 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
   // As long as it is not known, no more than twice as large (find_reached_size()).
   const double reached = info.reached_size > 0 ? info.reached_size : 2 * info.largest_size;
   const double reach = reach_factor(p.growth, kReach);
-  return std::max({graded_conflict(p, info, reached),
+  // A visit moves the vertices of balls that are centered as far as it puts points, and deletes as
+  // near to those; others look around where these were.
+  const double of_moved = (0.5 * kReach + 1 + reach * (1 + p.growth)) * reached;
+  return std::max({graded_conflict(p, info, reached), kSlack * of_moved,
                    kSlack * 2 * reach * info.largest_size + p.size,   // merge_sites()
                    kSlack * 0.5 * reach * (1 + p.growth) * p.size});  // triangles
 }

@@ -36,7 +36,9 @@ done
 [[ $depends != *mpi* ]] || fail "$command depends on MPI: $depends"
 if [[ -e $build/tools/locvol-mpi ]]; then
   mpi=$(echo "$out"/locvol-mpi_*.deb)
-  has_path "$mpi" bin/locvol-mpi
+  for path in bin/locvol-mpi share/man/man1/locvol-mpi.1.gz share/doc/locvol-mpi/cluster.md; do
+    has_path "$mpi" $path
+  done
   [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
 fi
 
