@@ -25,18 +25,19 @@ auto fields(Maybe<SentResult> auto& sent) {
   return std::tuple(Field("leaf", leaf), Field("result", result));
 }
 
-struct ColorMessage {
+// What all are told of a rank's visits.
+struct ColorFacts {
   bool is_stopped = false, has_more = false;
-  std::uint64_t num_ids = 0;        // of all of the sender's visits
-  std::uint64_t first_own_id = 0;   // 0: it is not known yet
-  std::vector<SentResult> results;  // ids are counted from that one
+  std::uint64_t num_ids = 0;       // of all of its visits
+  std::uint64_t first_own_id = 0;  // 0: it is not known yet
 };
-auto fields(Maybe<ColorMessage> auto& message) {
-  auto& [is_stopped, has_more, num_ids, first_own_id, results] = message;
+auto fields(Maybe<ColorFacts> auto& facts) {
+  auto& [is_stopped, has_more, num_ids, first_own_id] = facts;
   return std::tuple(Field("is_stopped", is_stopped), Field("has_more", has_more),
-                    Field("num_ids", num_ids), Field("first_own_id", first_own_id),
-                    Field("results", results));
+                    Field("num_ids", num_ids), Field("first_own_id", first_own_id));
 }
+// What it tells those that it matters to; ids are counted from its first one on.
+using SentResults = std::vector<SentResult>;
 
 ColorResults::ColorResults(RunState& state, Exchange& exchange)
     : state_(state),
@@ -70,9 +71,9 @@ std::string ColorResults::bytes_at(std::uint64_t offset, std::uint64_t size) con
   return bytes;
 }
 
-// Of each rank's results from `num_sent` on what a message has room for. By rank.
-std::vector<ColorMessage> ColorResults::swap_some(std::uint64_t num_sent, ColorMessage own) {
-  std::vector<ColorMessage> sent(static_cast<std::size_t>(exchange_.num_ranks()), own);
+// Of own results from `num_sent` on what there is room for: to each rank.
+std::vector<std::string> ColorResults::messages_from(std::uint64_t num_sent) {
+  std::vector<SentResults> sent(static_cast<std::size_t>(exchange_.num_ranks()));
   std::size_t num_bytes = 0;
   std::uint64_t first_id = 0;
   for (std::size_t i = 0; i < num_sent; ++i) first_id += results_[i].num_ids;
@@ -82,52 +83,65 @@ std::vector<ColorMessage> ColorResults::swap_some(std::uint64_t num_sent, ColorM
       const RankResult for_others{first_id,
                                   bytes_at(result.offset + result.size, result.size_for_others)};
       for (const int rank : result.touched) {
-        sent[static_cast<std::size_t>(rank)].results.push_back({result.leaf, for_others});
+        sent[static_cast<std::size_t>(rank)].push_back({result.leaf, for_others});
         num_bytes += for_others.bytes.size();
       }
     }
     first_id += result.num_ids;
   }
   num_sent_ = num_sent;
-  std::vector<std::string> messages;
-  for (ColorMessage& message : sent) {
-    message.has_more = num_sent < results_.size();
-    messages.push_back(pack(message));
-  }
-  std::vector<ColorMessage> received;
-  for (const std::string& message : exchange_.swap(std::move(messages)))
-    received.push_back(unpack<ColorMessage>(message));
-  return received;
+  std::vector<std::string> messages;  // most of them empty: what is far matters to none
+  for (const SentResults& results : sent)
+    messages.push_back(results.empty() ? std::string() : pack(results));
+  return messages;
 }
 
-void ColorResults::keep(std::vector<ColorMessage> messages) {
-  for (ColorMessage& message : messages)
-    for (auto& [leaf, result] : message.results) {
-      result.first_id += message.first_own_id;
+std::vector<ColorFacts> ColorResults::gather(ColorFacts own) {
+  own.has_more = num_sent_ < results_.size();
+  std::vector<ColorFacts> facts;
+  for (const std::string& message : exchange_.gather(pack(own)))
+    facts.push_back(unpack<ColorFacts>(message));
+  return facts;
+}
+
+void ColorResults::swap_and_keep(std::vector<std::string> messages,
+                                 const std::vector<ColorFacts>& facts) {
+  const std::vector<std::string> received = exchange_.swap(std::move(messages));
+  for (std::size_t rank = 0; rank < received.size(); ++rank) {
+    if (received[rank].empty()) continue;
+    for (auto& [leaf, result] : unpack<SentResults>(received[rank])) {
+      result.first_id += facts[rank].first_own_id;
       state_.keep_result(leaf, std::move(result));
     }
+  }
   state_.note_sent(num_sent_);
-  if (std::ranges::none_of(messages, &ColorMessage::has_more)) state_.note_all_sent();
+  if (std::ranges::none_of(facts, &ColorFacts::has_more)) state_.note_all_sent();
 }
 
 bool ColorResults::begin(const QueuePosition& color, bool is_stopped) {
-  ColorMessage own{.is_stopped = is_stopped, .results = {}};
+  std::vector<std::string> messages = messages_from(0);
+  ColorFacts own;
+  own.is_stopped = is_stopped;
   for (const Result& result : results_) own.num_ids += result.num_ids;
-  std::vector<ColorMessage> messages = swap_some(0, std::move(own));
-  if (std::ranges::any_of(messages, &ColorMessage::is_stopped)) return false;
+  std::vector<ColorFacts> facts = gather(own);
+  if (std::ranges::any_of(facts, &ColorFacts::is_stopped)) return false;
   std::uint64_t next_id = state_.run().next_point_id;
-  for (ColorMessage& message : messages) {
-    message.first_own_id = next_id;
-    next_id += message.num_ids;
+  for (ColorFacts& of_rank : facts) {
+    of_rank.first_own_id = next_id;
+    next_id += of_rank.num_ids;
   }
-  state_.begin_applying(color, messages[static_cast<std::size_t>(exchange_.rank())].first_own_id,
+  state_.begin_applying(color, facts[static_cast<std::size_t>(exchange_.rank())].first_own_id,
                         next_id);
-  keep(std::move(messages));
+  swap_and_keep(std::move(messages), facts);
   return true;
 }
 
 void ColorResults::send_more() {
-  keep(swap_some(state_.rank().num_sent, {.first_own_id = state_.rank().next_id, .results = {}}));
+  std::vector<std::string> messages = messages_from(state_.rank().num_sent);
+  ColorFacts own;
+  own.first_own_id = state_.rank().next_id;
+  const std::vector<ColorFacts> facts = gather(own);
+  swap_and_keep(std::move(messages), facts);
 }
 
 void ColorResults::apply_all(const Apply& apply) {

@@ -15,7 +15,7 @@
 
 namespace locvol {
 
-struct ColorMessage;  // of one rank to another
+struct ColorFacts;
 
 // Memory: some 60 bytes for each visit, and a few times kMessageBytes, and twice what ranks nearby
 // send; own results are in a nameless file beside the store, others' in the store. Errors:
@@ -50,8 +50,9 @@ class ColorResults {
   };
 
   std::string bytes_at(std::uint64_t offset, std::uint64_t size) const;
-  std::vector<ColorMessage> swap_some(std::uint64_t num_sent, ColorMessage own);
-  void keep(std::vector<ColorMessage> messages);
+  std::vector<std::string> messages_from(std::uint64_t num_sent);
+  std::vector<ColorFacts> gather(ColorFacts own);
+  void swap_and_keep(std::vector<std::string> messages, const std::vector<ColorFacts>& facts);
 
   RunState& state_;
   Exchange& exchange_;
