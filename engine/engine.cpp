@@ -86,12 +86,12 @@ class Engine {
     note_sample(timeline_.is_empty() ? Phase::kIngest : state_.run().phase);
   }
 
-  // Of several ranks, when any of them is finding sizes: tells each what it may ask of the surface
-  // of others. What comes of it is not in the store: so it is said again after each start, and
-  // nobody waits for it in a superstep. Called by all.
-  void share_surface(Exchange& exchange) {
-    far_.emplace(loader_.far_surface(&never_));
-    share_far_surface(state_, loader_, *far_, exchange);
+  // What stands for the surface while sizes are found. Of several ranks each is told what it may
+  // ask of others' surface: by all at once, when all are at that stage, or past it. It is not in
+  // the store: so it is said again after each start, and nobody waits for it in a superstep.
+  void find_far_surface() {
+    far_.emplace(loader_.far_surface(lone_stop()));
+    if (ranks_) share_far_surface(state_, loader_, *far_, *whole_exchange_);
     budget_.keep(far_->bytes());
   }
 
@@ -162,12 +162,7 @@ class Engine {
   void measure_sizes() {
     const std::uint32_t first = first_stage_with_surface(state_.run());
     if (state_.run().parameters.has_image()) split_rich_leaves();
-    if (!ranks_) {
-      far_.emplace(loader_.far_surface(stop()));
-      budget_.keep(far_->bytes());
-    } else if (!far_) {
-      share_surface(*whole_exchange_);
-    }
+    if (!far_) find_far_surface();
     if (!ranks_ || state_.rank().stage == first) {
       visit_first_leaves(
           first_epoch() - 3, [&](MortonKey leaf) { return loader_.load_size(leaf, *far_); },
@@ -819,7 +814,7 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
                   held && held->is_behind);
     bool is_stopped = false;
     try {
-      if (is_surface_shared(store.snapshot(), exchange)) engine.share_surface(exchange);
+      if (is_surface_shared(store.snapshot(), exchange)) engine.find_far_surface();
       if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
       engine.run(until, on_sizes);
     } catch (const Stopped&) {

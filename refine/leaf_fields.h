@@ -9,6 +9,7 @@
 
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/size_nodes.h"
 #include "refine/leaf.h"
 
 namespace locvol {
@@ -83,6 +84,11 @@ auto fields(Maybe<Frame> auto& frame) {
   auto [origin, unit] = Frame::members(frame);
   return std::tuple(Field("origin", origin), Field("unit", unit));
 }
+auto fields(Maybe<SizedNode> auto& node) {
+  auto& [key, size] = node;
+  return std::tuple(Field("key", key), Field("size", size));
+}
+
 auto fields(Maybe<SizeCubes> auto& sizes) {
   auto& [law, frame, cubes] = sizes;
   return std::tuple(Field("law", law), Field("frame", frame), Field("cubes", cubes));

@@ -1,4 +1,4 @@
-// SIGINT and SIGTERM.
+// SIGINT, SIGTERM, and SIGUSR1, which batch systems and mpirun can send.
 //
 // A run is asked to end, once StopSignal is installed, and does so within a fraction of a second.
 // What cannot be asked (a commit to a slow disk, CGAL, the unexpected) is given kPatience: then the

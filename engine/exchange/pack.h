@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "engine/exchange/exchange.h"
 #include "octree/morton_key.h"
@@ -78,6 +79,31 @@ T unpack(std::string_view bytes) try {
   throw ExchangeError("what another rank said is something else, or did not arrive whole");
 } catch (const std::length_error&) {
   throw ExchangeError("what another rank said is something else, or did not arrive whole");
+}
+
+// Each rank's value, by rank.
+template <class T>
+std::vector<T> gather_values(Exchange& exchange, const T& own) {
+  std::vector<T> values;
+  for (const std::string& message : exchange.gather(pack(own)))
+    values.push_back(unpack<T>(message));
+  return values;
+}
+
+// A list to each rank, by rank; gives those to this one. Of an empty one nothing is said.
+template <class T>
+std::vector<std::vector<T>> swap_lists(Exchange& exchange, std::vector<std::vector<T>> lists) {
+  std::vector<std::string> messages;
+  for (std::vector<T>& list : lists) {
+    messages.push_back(list.empty() ? std::string() : pack(list));
+    list = {};
+  }
+  messages = exchange.swap(std::move(messages));
+  for (std::size_t rank = 0; rank < messages.size(); ++rank) {
+    if (!messages[rank].empty()) lists[rank] = unpack<std::vector<T>>(messages[rank]);
+    messages[rank] = {};
+  }
+  return lists;
 }
 
 }  // namespace locvol

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -8,6 +10,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/formats/outputs.h"
 #include "engine/formats/vtu_header.h"
 #include "engine/formats/writer.h"
@@ -18,7 +21,6 @@
 namespace locvol {
 namespace {
 
-constexpr std::uint8_t kTetra = 10;  // of VTK's types of cells
 constexpr std::string_view kGlobalIds = "GlobalPointIds";
 
 // The place of an array: its head is the number of its bytes.
@@ -140,15 +142,13 @@ class PieceWriter {
   }
 
   void put_cells(const MeshChunk& chunk, std::uint64_t first_cell) {
-    std::vector<std::int64_t> places, connectivity, ends;
+    std::vector<std::int64_t> places, connectivity;
     for (const std::uint64_t number : chunk.numbers) places.push_back(place_of(number));
-    for (const MeshChunk::Cell& cell : chunk.cells) {
+    for (const MeshChunk::Cell& cell : chunk.cells)
       for (const std::uint32_t v : cell) connectivity.push_back(places[v]);
-      ends.push_back(static_cast<std::int64_t>(4 * (first_cell + ends.size() + 1)));
-    }
     put(kConnectivity, 4 * first_cell, connectivity);
-    put(kEnds, first_cell, ends);
-    put(kTypes, first_cell, std::vector<std::uint8_t>(chunk.cells.size(), kTetra));
+    put(kEnds, first_cell, offset_bytes(first_cell + 1, chunk.cells.size(), 8));
+    put(kTypes, first_cell, std::vector<std::uint8_t>(chunk.cells.size(), kVtkTetra));
   }
 
   ChunkReader& chunks_;
@@ -181,7 +181,7 @@ std::string index_of_pieces(const std::filesystem::path& file, int num_ranks) {
 }  // namespace
 
 std::filesystem::path piece_of(const std::filesystem::path& file, int rank) {
-  return with_end(file, "-" + std::to_string(rank) + ".vtu");
+  return with_end(file, fmt::format("-{}.vtu", rank));
 }
 
 std::filesystem::path index_of_pieces(const std::filesystem::path& file) {

@@ -262,10 +262,8 @@ void share_neighbors(const Reader& reader, NeighborRatio& neighbors, Exchange& e
     leaves.push_back(leaf);
     return true;
   });
-  std::vector<std::string> messages;
-  for (const auto& of_rank : told) messages.push_back(pack(of_rank));
-  for (const std::string& message : exchange.swap(std::move(messages)))
-    for (ToldFacets& of_leaf : unpack<std::vector<ToldFacets>>(message)) {
+  for (auto& of_rank : swap_lists(exchange, std::move(told)))
+    for (ToldFacets& of_leaf : of_rank) {
       const auto place = std::ranges::lower_bound(leaves, of_leaf.leaf);
       if (place == leaves.end() || *place != of_leaf.leaf)
         throw ExchangeError("another rank has other leaves");
@@ -341,8 +339,7 @@ MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange, 
   const MeshStatistics own = measure(store, num_threads, {}, {}, nullptr, &exchange);
   std::optional<MeshStatistics> all;
   double most = 0;
-  for (const std::string& message : exchange.gather(pack(own))) {
-    const auto of_rank = unpack<MeshStatistics>(message);
+  for (const MeshStatistics& of_rank : gather_values(exchange, own)) {
     most = std::max(most, of_rank.max_neighbor_ratio);
     all = all ? together(*all, of_rank) : of_rank;
   }

@@ -141,7 +141,7 @@ void VertexNumbering::number(std::span<const Numbered> own,
   first_vertex_.push_back(num_all);
 }
 
-// Round after round, of messages of 4 MB: list(leaf) of own leaves goes to ranks within reach.
+// Round after round: list(leaf) of own leaves goes to ranks within reach.
 template <class List, class Take>
 void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
                                         const Take& take) const {
@@ -161,10 +161,8 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
         num_bytes += sizeof(std::uint64_t) * of_leaf.numbers.size();
       }
     }
-    std::vector<std::string> messages;
-    for (const auto& of_rank : lists) messages.push_back(pack(of_rank));
-    for (const std::string& message : exchange.swap(std::move(messages)))
-      for (const NumberList& received : unpack<std::vector<NumberList>>(message)) {
+    for (const auto& of_rank : swap_lists(exchange, std::move(lists)))
+      for (const NumberList& received : of_rank) {
         const auto place = std::ranges::lower_bound(leaves(), received.leaf);
         if (place == leaves().end() || *place != received.leaf)
           throw ExchangeError("another rank has other leaves");

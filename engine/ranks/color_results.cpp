@@ -98,10 +98,7 @@ std::vector<std::string> ColorResults::messages_from(std::uint64_t num_sent) {
 
 std::vector<ColorFacts> ColorResults::gather(ColorFacts own) {
   own.has_more = num_sent_ < results_.size();
-  std::vector<ColorFacts> facts;
-  for (const std::string& message : exchange_.gather(pack(own)))
-    facts.push_back(unpack<ColorFacts>(message));
-  return facts;
+  return gather_values(exchange_, own);
 }
 
 void ColorResults::swap_and_keep(std::vector<std::string> messages,

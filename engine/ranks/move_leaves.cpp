@@ -4,6 +4,7 @@
 #include <bit>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -162,16 +163,11 @@ class LeafRounds {
       num_bytes_.assign(sent_.size(), 0);
       most_bytes_ = all_bytes_ = 0;
       while (has_more && all_bytes_ < kMessageBytes && most_bytes_ < most_to_one) has_more = next();
-      std::vector<std::string> messages;
-      for (auto& leaves : sent_) {
-        messages.push_back(pack(leaves));
-        leaves.clear();
-      }
-      const std::vector<std::string> received = exchange_.swap(std::move(messages));
+      auto received = swap_lists(exchange_, std::exchange(sent_, Lists(sent_.size())));
       if (to == nullptr) continue;
       Batch batch = to->begin();
-      for (const std::string& message : received)
-        for (const MovedLeaf& leaf : unpack<std::vector<MovedLeaf>>(message)) {
+      for (const auto& of_rank : received)
+        for (const MovedLeaf& leaf : of_rank) {
           put(batch, leaf);
           take(leaf.leaf);
         }
@@ -183,8 +179,10 @@ class LeafRounds {
  private:
   static constexpr std::size_t kLeastBytes = std::size_t{1} << 17;
 
+  using Lists = std::vector<std::vector<MovedLeaf>>;
+
   Exchange& exchange_;
-  std::vector<std::vector<MovedLeaf>> sent_;
+  Lists sent_;
   std::vector<std::size_t> num_bytes_;
   std::size_t most_bytes_ = 0, all_bytes_ = 0;  // to one, to all
 };
@@ -286,31 +284,25 @@ class CopyDealer {
         }
       return true;
     });
-    std::vector<std::string> messages;
-    for (const auto& leaves : asking) messages.push_back(pack(leaves));
     const LinearOctree octree = LinearOctree::coarsest_with(leaves_);
-    const std::vector<std::string> received = exchange_.swap(std::move(messages));
+    asking = swap_lists(exchange_, std::move(asking));
     for (int rank = 0; rank < exchange_.num_ranks(); ++rank)
-      for (const auto& [leaf, distance] : unpack<std::vector<AskingLeaf>>(received[at(rank)]))
+      for (const auto& [leaf, distance] : asking[at(rank)])
         for (const MortonKey near :
              octree.leaves_within(run_.frame, run_.frame.box(leaf), distance))
           if (std::ranges::binary_search(leaves_, near)) add_holder(near, rank);
   }
 
   void add_holder(MortonKey leaf, int rank) {
-    std::vector<std::uint32_t>& ranks = holders_[leaf];
-    if (ranks.empty()) ranks.push_back(static_cast<std::uint32_t>(exchange_.rank()));
-    const auto added = static_cast<std::uint32_t>(rank);
-    if (const auto place = std::ranges::lower_bound(ranks, added);
-        place == ranks.end() || *place != added)
-      ranks.insert(place, added);
+    holders_[leaf].insert(
+        {static_cast<std::uint32_t>(exchange_.rank()), static_cast<std::uint32_t>(rank)});
   }
 
   void put_holders() {
     Batch batch = own_.begin();
     for (const auto& [leaf, ranks] : holders_) {
       LeafInfo info = batch.leaf(leaf).value();
-      info.ranks = ranks;
+      info.ranks.assign(ranks.begin(), ranks.end());
       batch.put_leaf(leaf, info);
     }
     batch.commit();
@@ -321,7 +313,7 @@ class CopyDealer {
   const Shares& shares_;
   std::vector<MortonKey> leaves_;  // own
   Exchange& exchange_;
-  std::map<MortonKey, std::vector<std::uint32_t>> holders_;  // of own that others have, too
+  std::map<MortonKey, std::set<std::uint32_t>> holders_;  // of own that others have, too
 };
 
 // What the run's totals have of the leaf.
@@ -446,8 +438,8 @@ Shares equal_shares(std::span<const Store> from, Exchange& exchange) {
     own_parts.push_back(part);
   }
   std::vector<CostOfPart> parts;
-  for (const std::string& message : exchange.gather(pack(own_parts)))
-    for (const CostOfPart& part : unpack<std::vector<CostOfPart>>(message)) parts.push_back(part);
+  for (const auto& of_rank : gather_values(exchange, own_parts))
+    parts.insert(parts.end(), of_rank.begin(), of_rank.end());
   double all = 0;
   for (const CostOfPart& part : parts) all += static_cast<double>(part.cost);
 
@@ -469,8 +461,8 @@ Shares equal_shares(std::span<const Store> from, Exchange& exchange) {
     }
   }
   std::vector<MortonKey> first(num_ranks, MortonKey::root().range_max());
-  for (const std::string& message : exchange.gather(pack(own_begins)))
-    for (const auto& [share, leaf] : unpack<std::vector<ShareBegin>>(message))
+  for (const auto& of_rank : gather_values(exchange, own_begins))
+    for (const auto& [share, leaf] : of_rank)
       for (std::size_t rank = 0; rank <= share; ++rank) first[rank] = std::min(first[rank], leaf);
   first.front() = MortonKey::root();
   return Shares(std::move(first));

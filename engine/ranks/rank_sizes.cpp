@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 #include <tuple>
+#include <type_traits>
 #include <utility>
 
 #include "engine/exchange/pack.h"
@@ -14,21 +15,20 @@ auto fields(Maybe<FarPoint> auto& point) {
   auto& [node, place] = point;
   return std::tuple(Field("node", node), Field("place", place));
 }
-auto fields(Maybe<SizedNode> auto& node) {
-  auto& [key, size] = node;
-  return std::tuple(Field("key", key), Field("size", size));
-}
-
 namespace {
 
-// A list to each of the others; those that come are taken.
-template <class T, class ListFor, class Take>
-void swap_lists(Exchange& exchange, const ListFor& list_for, const Take& take) {
-  std::vector<std::string> messages;
-  for (int rank = 0; rank < exchange.num_ranks(); ++rank)
-    messages.push_back(pack(rank == exchange.rank() ? std::vector<T>() : list_for(rank)));
-  for (const std::string& message : exchange.swap(std::move(messages)))
-    take(unpack<std::vector<T>>(message));
+// A list for each of the others; all that come, one after another.
+template <class ListFor>
+auto swap_with_others(Exchange& exchange, const ListFor& list_for) {
+  std::vector<std::invoke_result_t<ListFor, int>> lists;
+  for (int rank = 0; rank < exchange.num_ranks(); ++rank) {
+    lists.emplace_back();
+    if (rank != exchange.rank()) lists.back() = list_for(rank);
+  }
+  std::invoke_result_t<ListFor, int> all;
+  for (const auto& of_rank : swap_lists(exchange, std::move(lists)))
+    all.insert(all.end(), of_rank.begin(), of_rank.end());
+  return all;
 }
 
 }  // namespace
@@ -43,20 +43,11 @@ void share_far_surface(RunState& state, LeafLoader& loader, FarSurface& far, Exc
   const auto places_of = [&](int rank) -> const std::vector<Box>& {
     return places[static_cast<std::size_t>(rank)];
   };
-  std::vector<FarPoint> points;
-  swap_lists<FarPoint>(
-      exchange, [&](int rank) { return far.seen_from(places_of(rank)); },
-      [&](const std::vector<FarPoint>& told) {
-        points.insert(points.end(), told.begin(), told.end());
-      });
-  far.add_told(points);
+  far.add_told(
+      swap_with_others(exchange, [&](int rank) { return far.seen_from(places_of(rank)); }));
   if (!state.run().parameters.has_nodes()) return;
-  std::vector<SizedNode> nodes;
-  swap_lists<SizedNode>(
-      exchange, [&](int rank) { return loader.nodes_seen_from(places_of(rank)); },
-      [&](const std::vector<SizedNode>& told) {
-        nodes.insert(nodes.end(), told.begin(), told.end());
-      });
+  std::vector<SizedNode> nodes =
+      swap_with_others(exchange, [&](int rank) { return loader.nodes_seen_from(places_of(rank)); });
   unite(nodes);
   loader.take_nodes(std::move(nodes));
 }
@@ -68,21 +59,17 @@ void share_splits(RunState& state, const std::vector<SplitLeaf>& split, Exchange
       if (std::ranges::find(ranks, rank) != ranks.end()) leaves.push_back(leaf);
     return leaves;
   };
-  swap_lists<MortonKey>(exchange, of_rank, [&](const std::vector<MortonKey>& leaves) {
-    for (const MortonKey leaf : leaves) {
-      split_empty_leaf(state, leaf);
-      state.leaves().trim();
-    }
-  });
+  for (const MortonKey leaf : swap_with_others(exchange, of_rank)) {
+    split_empty_leaf(state, leaf);
+    state.leaves().trim();
+  }
 }
 
 SizeTotals total_sizes(const SizeTotals& own, Exchange& exchange) {
   SizeTotals all;
-  for (const std::string& message : exchange.gather(
-           pack(std::vector{own.of_volume, own.of_area, own.of_lattice, own.of_core}))) {
-    const auto of_rank = unpack<std::vector<double>>(message);
+  for (const auto& of_rank : gather_values(
+           exchange, std::vector{own.of_volume, own.of_area, own.of_lattice, own.of_core}))
     all += {of_rank.at(0), of_rank.at(1), of_rank.at(2), of_rank.at(3)};
-  }
   return all;
 }
 

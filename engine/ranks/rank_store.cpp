@@ -83,19 +83,11 @@ HeldPart part_in(const std::filesystem::path& directory) {
   return part;
 }
 
-// Of all ranks, those of the first rank first.
-std::vector<HeldPart> gather_parts(const std::vector<HeldPart>& own, Exchange& exchange) {
-  std::vector<HeldPart> parts;
-  for (const std::string& message : exchange.gather(pack(own)))
-    for (HeldPart& part : unpack<std::vector<HeldPart>>(message)) parts.push_back(std::move(part));
-  return parts;
-}
-
 // After an end while leaves moved: they are where they were, or where they were to go.
 void settle(const std::filesystem::path& directory, Exchange& exchange) {
   const std::filesystem::path next = next_of(directory);
-  const std::vector<HeldPart> held = gather_parts({part_in(directory)}, exchange),
-                              nexts = gather_parts({part_in(next)}, exchange);
+  const std::vector<HeldPart> held = gather_values(exchange, part_in(directory)),
+                              nexts = gather_values(exchange, part_in(next));
   const auto num_ranks = static_cast<std::uint64_t>(exchange.num_ranks());
   std::uint64_t newest = 0;
   for (const HeldPart& part : nexts)
@@ -171,7 +163,7 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
   const std::filesystem::path own = store_of_rank(stores, exchange.rank());
   require_own_stores(own, exchange);
   settle(own, exchange);
-  std::vector<HeldPart> parts = gather_parts({part_in(own)}, exchange);
+  std::vector<HeldPart> parts = gather_values(exchange, part_in(own));
   const HeldPart newest = std::ranges::max(parts, {}, [](const HeldPart& part) {
     return std::pair(part.is_there ? part.num_moves + 1 : 0, part.superstep);
   });
@@ -185,9 +177,7 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
     of_none.push_back(part_in(held.parts.back()));
   }
   // They come by rank that sees them, and go by their own.
-  std::vector<std::vector<HeldPart>> by_rank;
-  for (const std::string& message : exchange.gather(pack(of_none)))
-    by_rank.push_back(unpack<std::vector<HeldPart>>(message));
+  const std::vector<std::vector<HeldPart>> by_rank = gather_values(exchange, of_none);
   for (int rank = num_ranks; rank < num_before; ++rank)
     parts.push_back(by_rank[static_cast<std::size_t>(rank % num_ranks)].at(
         static_cast<std::size_t>(rank / num_ranks - 1)));

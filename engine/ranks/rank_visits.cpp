@@ -63,8 +63,7 @@ RankVisits::Next RankVisits::next() {
   std::uint64_t first = kNothing;
   bool is_sending = false;
   std::vector<std::uint64_t> counts(own.counts.size());
-  for (const std::string& message : exchange_.gather(pack(own))) {
-    const auto of_rank = unpack<StandingOfRank>(message);
+  for (const StandingOfRank& of_rank : gather_values(exchange_, own)) {
     first = std::min(first, of_rank.front);
     is_sending = is_sending || of_rank.is_sending;
     totals_.num_leaves += of_rank.num_leaves;
@@ -87,8 +86,7 @@ void RankVisits::open_epoch(std::uint32_t epoch) {
     own.distances.push_back(distance);
   }
   WaitingLeaves all;  // in Morton order, as the ranks have them
-  for (const std::string& message : exchange_.gather(pack(own))) {
-    const auto of_rank = unpack<WaitingLeaves>(message);
+  for (const WaitingLeaves& of_rank : gather_values(exchange_, own)) {
     all.leaves.insert(all.leaves.end(), of_rank.leaves.begin(), of_rank.leaves.end());
     all.distances.insert(all.distances.end(), of_rank.distances.begin(), of_rank.distances.end());
   }
@@ -116,10 +114,8 @@ void share_cells(RunState& state, Exchange& exchange) {
     for (const int rank : ranks) shared[static_cast<std::size_t>(rank)].push_back({leaf, cells});
     state.leaves().trim();
   }
-  std::vector<std::string> messages;
-  for (const auto& of_rank : shared) messages.push_back(pack(of_rank));
-  for (const std::string& message : exchange.swap(std::move(messages)))
-    for (const auto& [leaf, cells] : unpack<std::vector<SharedRecord>>(message))
+  for (const auto& of_rank : swap_lists(exchange, std::move(shared)))
+    for (const auto& [leaf, cells] : of_rank)
       state.put_shared_cells(leaf, decode<LeafCells>(cells, leaf));
 }
 

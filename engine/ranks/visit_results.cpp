@@ -26,10 +26,6 @@ auto fields(Maybe<MendedCells> auto& cells) {
   auto& [left_out, others, reach] = cells;
   return std::tuple(Field("left_out", left_out), Field("others", others), Field("reach", reach));
 }
-auto fields(Maybe<SizedNode> auto& node) {
-  auto& [key, size] = node;
-  return std::tuple(Field("key", key), Field("size", size));
-}
 
 }  // namespace locvol
 

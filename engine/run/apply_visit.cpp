@@ -71,7 +71,6 @@ class Visit {
     state_.dequeue(leaf_);
     std::size_t n = 0;
     const auto size_at = [&](const Point& p, bool is_asked = true) {
-      if (state_.is_uniform()) return state_.size();
       if (!delta.sizes.empty()) return delta.sizes.at(n++);
       return is_asked ? state_.size_at(p) : 0;
     };
@@ -125,7 +124,7 @@ class Visit {
   }
 
   double reach_of_size(double size, double k) const {
-    return state_.is_uniform() ? k * size : reach_factor(state_.run().parameters.growth, k) * size;
+    return reach_factor(state_.run().parameters.growth, k) * size;
   }
 
   // What a move changes of other leaves, the delta tells.

@@ -78,6 +78,34 @@ class RunOfRanks : public testing::Test {
     return "none";
   }
 
+  // As if the machine of one of three had failed, again and again: after 32 words, whatever they
+  // are, or `spread` and some more. All ranks end then.
+  void expect_to_go_on_after_ends(const MeshOptions& options, std::uint64_t round,
+                                  std::uint64_t spread) {
+    if (round == 0) mesh(options);
+    const Contents expected = contents_of(options.store);
+    MeshOptions again = options;
+    again.store += "-" + std::to_string(round);
+    int num_ended = 0;
+    for (bool is_done = false; !is_done;) {
+      const std::uint64_t last = 32 + 5 * round + static_cast<std::uint64_t>(num_ended) % spread;
+      const int ending = (num_ended + static_cast<int>(round)) % 3;
+      const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
+        if (from == ending && to == (from + 1) % 3 && number == last)
+          throw std::runtime_error("killed");
+        return MessageFault::kNone;
+      }};
+      try {
+        EXPECT_TRUE(are_equal(expected, mesh_by(3, again, 1, ranks)));
+        is_done = true;
+      } catch (const std::runtime_error& e) {
+        EXPECT_EQ(std::string(e.what()), "killed");
+        ASSERT_LT(++num_ended, 500);
+      }
+    }
+    EXPECT_GT(num_ended, 1);
+  }
+
   TempDir scratch_;
 };
 
@@ -164,35 +192,11 @@ TEST_F(RunOfRanks, OfARealModelHasTheRecordsOfOneProcess) {
     EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, 2))) << num_ranks;
 }
 
-// As if the machine of one had failed, sooner or later in the run: all ranks end, each with what it
-// has committed.
+// Sooner or later in the run, and with what has been committed.
 TEST_F(RunOfRanks, GoesOnAfterAnyRankEnds) {
   write_off(torus(1, 0.4, 48, 24), scratch_ / "input.off");
   const MeshOptions options = this->options("store", 0.12, 300);
-  mesh(options);
-  const Contents expected = contents_of(options.store);
-  for (std::uint64_t round = 0; round < 4; ++round) {
-    MeshOptions again = options;
-    again.store += "-" + std::to_string(round);
-    int num_ended = 0;
-    for (bool is_done = false; !is_done;) {
-      const std::uint64_t last = 32 + 5 * round + static_cast<std::uint64_t>(num_ended) % 5;
-      const int ending = (num_ended + static_cast<int>(round)) % 3;
-      const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
-        if (from == ending && to == (from + 1) % 3 && number == last)
-          throw std::runtime_error("killed");
-        return MessageFault::kNone;
-      }};
-      try {
-        EXPECT_TRUE(are_equal(expected, mesh_by(3, again, 1, ranks)));
-        is_done = true;
-      } catch (const std::runtime_error& e) {
-        EXPECT_EQ(std::string(e.what()), "killed");
-        ASSERT_LT(++num_ended, 500);
-      }
-    }
-    EXPECT_GT(num_ended, 1);
-  }
+  for (std::uint64_t round = 0; round < 4; ++round) expect_to_go_on_after_ends(options, round, 5);
 }
 
 TEST_F(RunOfRanks, EndsWhereAMessageIsLost) {
@@ -303,31 +307,7 @@ TEST_F(RunOfRanks, WithSizesGoesOnAfterAnyRankEnds) {
   write_off(sphere(1, 16, 32), scratch_ / "input.off");
   MeshOptions options = with_sizes(this->options("store", 0.25, 300))[3];
   options.deviation = SizeSpec{0.02, false};
-  mesh(options);
-  const Contents expected = contents_of(options.store);
-  for (std::uint64_t round = 0; round < 3; ++round) {
-    MeshOptions again = options;
-    again.store += "-" + std::to_string(round);
-    int num_ended = 0;
-    for (bool is_done = false; !is_done;) {
-      // After so many words, whatever they are.
-      const std::uint64_t last = 32 + 5 * round + static_cast<std::uint64_t>(num_ended) % 7;
-      const int ending = (num_ended + static_cast<int>(round)) % 3;
-      const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
-        if (from == ending && to == (from + 1) % 3 && number == last)
-          throw std::runtime_error("killed");
-        return MessageFault::kNone;
-      }};
-      try {
-        EXPECT_TRUE(are_equal(expected, mesh_by(3, again, 1, ranks)));
-        is_done = true;
-      } catch (const std::runtime_error& e) {
-        EXPECT_EQ(std::string(e.what()), "killed");
-        ASSERT_LT(++num_ended, 500);
-      }
-    }
-    EXPECT_GT(num_ended, 1);
-  }
+  for (std::uint64_t round = 0; round < 3; ++round) expect_to_go_on_after_ends(options, round, 7);
 }
 
 // Stopped now and then, and gone on with by any number of ranks, or begun by one process.
