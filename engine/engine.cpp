@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <ctime>
 #include <functional>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -325,38 +327,69 @@ class Engine {
   template <class Load, class Compute, class Apply>
   void visit_epoch(const Load& load, const Compute& compute, const Apply& apply) {
     visit(state_.queue().front_epoch(), load, compute, [&](MortonKey leaf, const auto& result) {
+      state_.begin_ids(state_.run().next_point_id);
       apply(leaf, result);
+      state_.end_ids();
       note_visit();
     });
   }
 
   // The rank's leaves, color after color, of one epoch or of all: what a color's visits find is
-  // sent, and then applied, when all ranks have made theirs.
+  // sent to whom it matters to, and then applied. Visits that matter to no other rank, and read
+  // what none changes, are made while ranks wait for each other: of the color at hand the last few,
+  // and of the next one.
   template <class Load, class Compute, class Apply>
   void visit_as_rank(std::optional<std::uint32_t> epoch, const Load& load, const Compute& compute,
                      const Apply& apply) {
     using Loaded = std::invoke_result_t<Load, MortonKey>;
     using Result = std::invoke_result_t<Compute, Loaded&>;
-    std::optional<ColorResults> results;
-    const auto find_results = [&](const QueuePosition& color) {
+    std::unique_ptr<ColorResults> results, ahead;  // of the color at hand, and of the next own one
+    const auto take_up = [&](const QueuePosition& color) {
+      if (results) return;
+      if (ahead && ahead->color() == color)
+        results = std::move(ahead);
+      else
+        results = std::make_unique<ColorResults>(state_, *exchange_, color);
+    };
+    const auto find = [&](ColorResults& found, std::vector<QueueEntry> leaves) {
       const CpuClock cpu(cpu_of_visits_);
-      results.emplace(state_, *exchange_);
-      visit(ranks_->own_leaves(color), load, compute, [&](MortonKey leaf, const Result& result) {
-        results->add(leaf, num_new_ids(result), encode_result(result),
-                     [&] { return encode_for_others(state_, result); });
+      visit(std::move(leaves), load, compute, [&](MortonKey leaf, const Result& result) {
+        found.add(leaf, encode_result(result), [&] { return encode_for_others(state_, result); });
       });
     };
-    // After an end, what was found is found again; all go on with that.
-    const auto find_results_again = [&](const QueuePosition& color) {
-      if (results) return;
+    // Others count on it.
+    const auto find_unstopped = [&](ColorResults& found, std::vector<QueueEntry> leaves) {
       may_stop_ = false;
-      find_results(color);
+      find(found, std::move(leaves));
       may_stop_ = true;
     };
+    const auto threads = static_cast<std::size_t>(num_threads_);
+    const WorkWhileWaiting work(*exchange_, [&] {
+      const bool is_ahead = !results || !results->has_own();
+      if (is_ahead && !ahead && state_.is_epoch_open())
+        ahead = std::make_unique<ColorResults>(state_, *exchange_, state_.queue().front());
+      ColorResults* const found = (is_ahead ? ahead : results).get();
+      if (found == nullptr) return false;
+      std::vector<QueueEntry> leaves = found->far_from_others();
+      leaves.resize(std::min(leaves.size(), threads));
+      if (leaves.empty()) return false;
+      find_unstopped(*found, std::move(leaves));
+      return true;
+    });
+    const auto find_results = [&] {
+      find(*results, results->near_others());
+      constexpr std::size_t kMeanwhile = 32;  // visits of a thread: some seconds at most
+      std::vector<QueueEntry> far = results->far_from_others();
+      far.resize(far.size() - std::min(far.size(), kMeanwhile * threads));
+      find(*results, std::move(far));
+    };
     // Of these words are none: when they are all there, a rank does it whether others have or not.
+    // After an end, what was found is found again; all go on with that.
     const auto apply_all = [&] {
       if (!state_.rank().applied || !state_.rank().is_all_sent) return;
-      find_results_again(*state_.rank().applied);
+      take_up(*state_.rank().applied);
+      find_unstopped(*results, results->near_others());
+      find_unstopped(*results, results->far_from_others());
       results->apply_all([&](MortonKey leaf, std::string_view result) {
         apply(leaf, decode_result<Result>(result));
         note_visit();
@@ -376,15 +409,17 @@ class Engine {
       if (next.step == kOpen) {
         ranks_->open_epoch(color.epoch);
       } else if (next.step == kVisit) {
+        take_up(color);
         bool is_stopped = false;
         try {
-          find_results(color);
+          find_results();
         } catch (const Stopped&) {
           is_stopped = true;
         }
-        if (!results->begin(color, is_stopped)) throw Stopped();
+        if (!results->begin(next.first_own_id, next.end_id, is_stopped)) throw Stopped();
       } else {
-        find_results_again(color);
+        take_up(color);
+        find_unstopped(*results, results->near_others());
         results->send_more();
       }
       end_superstep();
@@ -520,7 +555,7 @@ class Engine {
   std::optional<RankVisits> ranks_;
   // Until the first commit: others say what they said before, and cannot hear of a stop.
   bool is_behind_;
-  bool may_stop_ = true;  // not while what all ranks are applying is found again
+  bool may_stop_ = true;  // not while all ranks wait for what is found
   const StopSource never_{nullptr};
   std::optional<FarSurface> far_;  // while sizes are found
 };

@@ -1,6 +1,7 @@
 #include "engine/exchange/exchange.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 
 namespace locvol {
@@ -23,6 +24,15 @@ std::vector<Numbers> gather_lists(Exchange& exchange, std::span<const std::uint6
 }
 
 }  // namespace
+
+bool Exchange::work() {
+  if (!work_) return false;
+  const auto start = std::chrono::steady_clock::now();
+  const bool was_any = work_();
+  seconds_of_work_ +=
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return was_any;
+}
 
 Numbers gather_numbers(Exchange& exchange, std::uint64_t number) {
   Numbers numbers;

@@ -4,9 +4,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace locvol {
@@ -36,6 +38,34 @@ class Exchange {
   // The same message to each. Takes as much memory as all of them.
   virtual std::vector<std::string> gather(const std::string& message) = 0;
   virtual ExchangeStats stats() const = 0;
+
+  // Work of the caller's that may be done while a verb waits for others: it does a piece of it, and
+  // tells whether there was one. It calls no verb; what it throws, the verb throws.
+  using Work = std::function<bool()>;
+  virtual void set_work(Work work) { work_ = std::move(work); }
+
+ protected:
+  // Does a piece of the caller's work, if there is any.
+  bool work();
+  double seconds_of_work() const { return seconds_of_work_; }  // so far
+
+ private:
+  Work work_;
+  double seconds_of_work_ = 0;
+};
+
+// Has an exchange do this work for as long as it lives.
+class WorkWhileWaiting {
+ public:
+  WorkWhileWaiting(Exchange& exchange, Exchange::Work work) : exchange_(exchange) {
+    exchange_.set_work(std::move(work));
+  }
+  WorkWhileWaiting(const WorkWhileWaiting&) = delete;
+  WorkWhileWaiting& operator=(const WorkWhileWaiting&) = delete;
+  ~WorkWhileWaiting() { exchange_.set_work(nullptr); }
+
+ private:
+  Exchange& exchange_;
 };
 
 // Each rank's number.

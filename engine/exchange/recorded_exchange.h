@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/exchange/exchange.h"
@@ -18,6 +19,7 @@ class RecordedExchange : public Exchange {
   std::vector<std::string> swap(std::vector<std::string> messages) override;
   std::vector<std::string> gather(const std::string& message) override;
   ExchangeStats stats() const override { return exchange_.stats(); }
+  void set_work(Work work) override { exchange_.set_work(std::move(work)); }
 
   // All that was said since it was last asked.
   std::string take();

@@ -25,6 +25,11 @@ class Channel {
     changed_.notify_one();
   }
 
+  bool has_next() {
+    const std::lock_guard lock(mutex_);
+    return waiting_.contains(num_taken_);
+  }
+
   // Nothing: it has not come by then, or a rank has failed.
   std::optional<std::string> take(Clock::time_point until, const std::atomic<bool>& has_failed) {
     std::unique_lock lock(mutex_);
@@ -113,22 +118,25 @@ class ThreadRank : public Exchange {
   }
 
   std::vector<std::string> receive(std::string own) {
-    const Clock::time_point start = Clock::now(), until = start + network_.options.patience;
     std::vector<std::string> messages;
     for (int from = 0; from < num_ranks(); ++from) {
       if (from == rank_) {
         messages.push_back(std::move(own));
         continue;
       }
-      auto message = network_.channel(from, rank_).take(until, network_.has_failed);
+      Channel& channel = network_.channel(from, rank_);
+      while (!channel.has_next() && !network_.has_failed && work()) {
+      }
+      const Clock::time_point start = Clock::now();
+      auto message = channel.take(start + network_.options.patience, network_.has_failed);
       if (!message)
         throw ExchangeError("rank " + std::to_string(rank_) + " waits for message " +
                             std::to_string(num_verbs_) + " from rank " + std::to_string(from) +
                             " in vain");
+      stats_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
       messages.push_back(std::move(*message));
     }
     ++num_verbs_;
-    stats_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
     return messages;
   }
 

@@ -25,16 +25,18 @@ auto fields(Maybe<WaitingLeaves> auto& waiting) {
 
 // Where a rank stands between two supersteps.
 struct StandingOfRank {
-  std::uint64_t front = 0;  // of its queue: epoch, color
-  bool is_sending = false;  // results of a color
+  std::uint64_t front = 0;         // of its queue: epoch, color
+  std::uint64_t num_at_front = 0;  // own leaves
+  bool is_sending = false;         // results of a color
   std::uint64_t num_leaves = 0, num_queued = 0, num_in_epoch = 0;
   std::vector<std::uint64_t> counts;
 };
 auto fields(Maybe<StandingOfRank> auto& standing) {
-  auto& [front, is_sending, num_leaves, num_queued, num_in_epoch, counts] = standing;
-  return std::tuple(Field("front", front), Field("is_sending", is_sending),
-                    Field("num_leaves", num_leaves), Field("num_queued", num_queued),
-                    Field("num_in_epoch", num_in_epoch), Field("counts", counts));
+  auto& [front, num_at_front, is_sending, num_leaves, num_queued, num_in_epoch, counts] = standing;
+  return std::tuple(Field("front", front), Field("num_at_front", num_at_front),
+                    Field("is_sending", is_sending), Field("num_leaves", num_leaves),
+                    Field("num_queued", num_queued), Field("num_in_epoch", num_in_epoch),
+                    Field("counts", counts));
 }
 
 // A record of a leaf, as the store's codec writes it.
@@ -53,6 +55,9 @@ RankVisits::Next RankVisits::next() {
   const LeafQueue& queue = state_.queue();
   own.front =
       queue.is_empty() ? kNothing : std::uint64_t{queue.front().epoch} << 32 | queue.front().color;
+  if (!queue.is_empty())
+    for (const MortonKey leaf : queue.front_leaves())
+      own.num_at_front += state_.is_own(leaf) ? 1 : 0;
   own.is_sending = state_.rank().applied.has_value();
   own.num_leaves = state_.num_own_leaves();
   own.num_queued = state_.num_own_queued();
@@ -63,7 +68,8 @@ RankVisits::Next RankVisits::next() {
   std::uint64_t first = kNothing;
   bool is_sending = false;
   std::vector<std::uint64_t> counts(own.counts.size());
-  for (const StandingOfRank& of_rank : gather_values(exchange_, own)) {
+  const std::vector<StandingOfRank> ranks = gather_values(exchange_, own);
+  for (const StandingOfRank& of_rank : ranks) {
     first = std::min(first, of_rank.front);
     is_sending = is_sending || of_rank.is_sending;
     totals_.num_leaves += of_rank.num_leaves;
@@ -76,7 +82,15 @@ RankVisits::Next RankVisits::next() {
   if (first == kNothing) return {};
   const QueuePosition position{static_cast<std::uint32_t>(first >> 32),
                                static_cast<std::uint32_t>(first)};
-  return {position.color == kNoColor ? Step::kOpen : Step::kVisit, position};
+  if (position.color == kNoColor) return {Step::kOpen, position};
+  Next next{Step::kVisit, position, state_.run().next_point_id, state_.run().next_point_id};
+  for (std::size_t rank = 0; rank < ranks.size(); ++rank) {
+    if (ranks[rank].front != first) continue;
+    const std::uint64_t num_ids = ranks[rank].num_at_front * kIdsOfVisit;
+    if (rank < static_cast<std::size_t>(exchange_.rank())) next.first_own_id += num_ids;
+    next.end_id += num_ids;
+  }
+  return next;
 }
 
 void RankVisits::open_epoch(std::uint32_t epoch) {
@@ -94,14 +108,6 @@ void RankVisits::open_epoch(std::uint32_t epoch) {
   const std::vector<std::uint32_t> colors =
       color_leaves(octree, state_.run().frame, all.leaves, all.distances);
   state_.open_epoch(epoch, all.leaves, colors);
-}
-
-std::vector<QueueEntry> RankVisits::own_leaves(const QueuePosition& position) {
-  std::vector<QueueEntry> entries;
-  if (state_.queue().is_empty() || state_.queue().front() != position) return entries;
-  for (const MortonKey leaf : state_.queue().front_leaves())
-    if (state_.is_own(leaf)) entries.push_back({position, leaf});
-  return entries;
 }
 
 void share_cells(RunState& state, Exchange& exchange) {

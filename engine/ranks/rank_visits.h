@@ -2,8 +2,7 @@
 // at once.
 #pragma once
 
-#include <optional>
-#include <vector>
+#include <cstdint>
 
 #include "engine/exchange/exchange.h"
 #include "engine/run/run_state.h"
@@ -28,14 +27,14 @@ class RankVisits {
   struct Next {
     Step step = Step::kNone;  // kNone: no leaf waits
     QueuePosition position;   // kOpen: the epoch; else the color that it is of
+    // kVisit: where ids of new points begin that are of the rank's own leaves, and end for all.
+    std::uint64_t first_own_id = 0, end_id = 0;
   };
   // REQUIRES: what has been sent by all is applied
   Next next();
   // Gives all that wait in it their colors, which is to be committed. Memory: 16 bytes for each
   // leaf of the epoch, of all ranks.
   void open_epoch(std::uint32_t epoch);
-  // The rank's own leaves that wait there, in Morton order.
-  std::vector<QueueEntry> own_leaves(const QueuePosition& position);
 
  private:
   RunState& state_;

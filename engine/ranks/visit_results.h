@@ -2,7 +2,6 @@
 // same kind.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -34,17 +33,5 @@ inline std::string encode_for_others(RunState& state, const LeafDelta& delta) {
 // Throws ExchangeError: the bytes are none of a result.
 template <class Result>
 Result decode_result(std::string_view bytes);
-
-// Ids that are given when the result is applied.
-inline std::uint64_t num_new_ids(const LeafDelta& delta) {
-  std::uint64_t num = 0;
-  for (const InsertedPoint& point : delta.inserted) num += point.is_deleted ? 0 : 1;
-  return num;
-}
-inline std::uint64_t num_new_ids(const CoverPoints& points) { return points.samples.size(); }
-inline std::uint64_t num_new_ids(const FillPoints& points) { return points.centers.size(); }
-inline std::uint64_t num_new_ids(const MendedCells&) { return 0; }
-inline std::uint64_t num_new_ids(const std::vector<SizedNode>&) { return 0; }
-inline std::uint64_t num_new_ids(const std::vector<SizeCube>&) { return 0; }
 
 }  // namespace locvol

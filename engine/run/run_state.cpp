@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -262,7 +263,18 @@ bool RunState::are_independent(const QueueEntry& a, const QueueEntry& b) {
   return box(a.leaf).squared_distance(box(b.leaf)) > distance * distance;
 }
 
+void RunState::begin_ids(std::uint64_t first) {
+  run_.next_point_id = first;
+  ids_end_ = first + kIdsOfVisit;
+}
+
+void RunState::end_ids() {
+  run_.next_point_id = std::exchange(ids_end_, std::numeric_limits<std::uint64_t>::max());
+}
+
 MeshPoint RunState::add_point(const Point& position, PointKind kind) {
+  if (run_.next_point_id == ids_end_)
+    throw RefineError("a visit has more than " + std::to_string(kIdsOfVisit) + " new points");
   const MeshPoint point{run_.next_point_id++, position, kind};
   add_to_leaf(point);
   return point;
@@ -433,6 +445,7 @@ void RunState::begin_applying(const QueuePosition& color, std::uint64_t first, s
 
 void RunState::end_applying() {
   rank_->applied.reset();
+  end_ids();
   run_.next_point_id = rank_->end_id;
 }
 

@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <span>
@@ -42,6 +43,10 @@ inline constexpr double kTouch =
 // The same of any run in cover mode, as a length: before sizes are known, of visits that find them.
 // Of those that come later, if leaves are not split. REQUIRES: LeafInfo has what is known of sizes
 double touch_distance(const RunRecord& run, const LeafInfo& info);
+
+// Each visit of an epoch has so many ids for its new points, far more than it takes: which ones
+// depends on its place among those visits alone.
+inline constexpr std::uint64_t kIdsOfVisit = std::uint64_t{1} << 24;
 
 inline constexpr std::size_t kDefaultCacheBytes = std::size_t{128} << 20;
 inline constexpr std::size_t kDefaultUnwrittenBytes = std::size_t{32} << 20;
@@ -99,8 +104,6 @@ class RunState {
   // What a visit on another rank found, from the next commit on; it is applied, likewise.
   void keep_result(MortonKey leaf, RankResult result);
   void drop_result(MortonKey leaf);
-  // The next new point gets this id.
-  void begin_ids(std::uint64_t first) { run_.next_point_id = first; }
 
   // -- Sizes
 
@@ -144,7 +147,11 @@ class RunState {
 
   // -- Points
 
-  // Appends to the points of the leaf that owns `position`, and gives the next id.
+  // Whose ids follow each other from here on, until they end: those of a visit.
+  void begin_ids(std::uint64_t first);
+  void end_ids();
+  // Appends to the points of the leaf that owns `position`, and gives the next id. Throws
+  // RefineError: a visit has too few
   MeshPoint add_point(const Point& position, PointKind kind);
   // A point of the lattice has the site's id.
   MeshPoint add_lattice_point(const LatticeSite& site);
@@ -214,6 +221,7 @@ class RunState {
   Shares shares_;
   std::uint64_t num_own_leaves_ = 0, num_own_queued_ = 0;
   RunRecord run_;
+  std::uint64_t ids_end_ = std::numeric_limits<std::uint64_t>::max();
   Lattice lattice_;
   LinearOctree octree_;
   LeafCache leaves_;

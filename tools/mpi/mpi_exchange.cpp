@@ -29,22 +29,24 @@ class Stopwatch {
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-// MPI's own waiting keeps a core busy, which ranks of one machine need for their work.
-void wait_for_all(std::vector<MPI_Request>& requests) {
+// Does `work` meanwhile, as long as there is any. MPI's own waiting keeps a core busy, which ranks
+// of one machine need for theirs.
+void wait_for_all(std::vector<MPI_Request>& requests, const Exchange::Work& work) {
   constexpr std::chrono::microseconds kLongest{1000};
   std::chrono::microseconds pause{0};
   const auto num = static_cast<int>(requests.size());
   for (int are_done = 0; are_done == 0;) {
     MPI_Testall(num, requests.data(), &are_done, MPI_STATUSES_IGNORE);
     if (are_done != 0) break;
+    if (work()) continue;
     pause == pause.zero() ? std::this_thread::yield() : std::this_thread::sleep_for(pause);
     pause = std::min(kLongest, 2 * pause + std::chrono::microseconds(1));
   }
 }
 
-void wait_for(MPI_Request request) {
+void wait_for(MPI_Request request, const Exchange::Work& work) {
   std::vector<MPI_Request> requests = {request};
-  wait_for_all(requests);
+  wait_for_all(requests, work);
 }
 
 }  // namespace
@@ -63,6 +65,12 @@ void MpiExchange::end_all(int exit_code) {
   std::abort();
 }
 
+ExchangeStats MpiExchange::stats() const {
+  ExchangeStats stats = stats_;
+  stats.seconds -= seconds_of_work();
+  return stats;
+}
+
 std::vector<std::string> MpiExchange::swap(std::vector<std::string> messages) {
   assert(messages.size() == static_cast<std::size_t>(num_ranks_));
   const Stopwatch stopwatch(stats_.seconds);
@@ -71,7 +79,7 @@ std::vector<std::string> MpiExchange::swap(std::vector<std::string> messages) {
   MPI_Request sizes_known;
   MPI_Ialltoall(sizes.data(), 1, MPI_UINT64_T, theirs.data(), 1, MPI_UINT64_T, MPI_COMM_WORLD,
                 &sizes_known);
-  wait_for(sizes_known);
+  wait_for(sizes_known, [this] { return work(); });
 
   std::vector<std::string> received(messages.size());
   std::vector<MPI_Request> requests;
@@ -96,7 +104,7 @@ std::vector<std::string> MpiExchange::swap(std::vector<std::string> messages) {
     stats_.num_messages += messages[i].empty() ? 0 : 1;
     stats_.num_bytes += messages[i].size();
   }
-  wait_for_all(requests);
+  wait_for_all(requests, [this] { return work(); });
   return received;
 }
 
@@ -108,7 +116,7 @@ std::vector<std::string> MpiExchange::gather(const std::string& message) {
     MPI_Request sizes_known;
     MPI_Iallgather(&size, 1, MPI_UINT64_T, sizes.data(), 1, MPI_UINT64_T, MPI_COMM_WORLD,
                    &sizes_known);
-    wait_for(sizes_known);
+    wait_for(sizes_known, [this] { return work(); });
   }
   std::vector<int> counts, places;
   std::size_t total = 0;
@@ -124,7 +132,7 @@ std::vector<std::string> MpiExchange::gather(const std::string& message) {
   MPI_Request done;
   MPI_Iallgatherv(message.data(), static_cast<int>(message.size()), MPI_BYTE, all.data(),
                   counts.data(), places.data(), MPI_BYTE, MPI_COMM_WORLD, &done);
-  wait_for(done);
+  wait_for(done, [this] { return work(); });
   if (!message.empty()) {
     stats_.num_messages += static_cast<std::uint64_t>(num_ranks_ - 1);
     stats_.num_bytes += static_cast<std::uint64_t>(num_ranks_ - 1) * message.size();

@@ -21,7 +21,7 @@ class MpiExchange : public Exchange {
   int num_ranks() const override { return num_ranks_; }
   std::vector<std::string> swap(std::vector<std::string> messages) override;
   std::vector<std::string> gather(const std::string& message) override;
-  ExchangeStats stats() const override { return stats_; }
+  ExchangeStats stats() const override;
   // Ends all ranks' processes, with this exit code: after an error, of which others know nothing.
   [[noreturn]] void end_all(int exit_code);
 

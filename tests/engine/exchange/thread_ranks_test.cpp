@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <numeric>
+#include <stdexcept>
 #include <string>
+#include <thread>
 
 namespace locvol {
 namespace {
@@ -54,6 +56,34 @@ TEST(ThreadRanks, AddUp) {
     EXPECT_EQ(sums(exchange, numbers), (std::vector<std::uint64_t>{10, 5}));
     EXPECT_EQ(gather_numbers(exchange, rank), (std::vector<std::uint64_t>{0, 1, 2, 3, 4}));
   });
+}
+
+TEST(ThreadRanks, WorkWhileTheyWait) {
+  std::atomic<int> num_done = 0;
+  run_as_ranks(2, [&](Exchange& exchange) {
+    if (exchange.rank() == 1) {
+      while (num_done < 5) std::this_thread::yield();
+      wait_for_all(exchange);
+    } else {
+      const WorkWhileWaiting work(exchange, [&] { return ++num_done < 100; });
+      wait_for_all(exchange);
+    }
+    wait_for_all(exchange);
+    const int num_then = num_done;
+    talk(exchange, 20);
+    EXPECT_EQ(num_done, num_then);
+  });
+}
+
+TEST(ThreadRanks, EndWhenTheirWorkFails) {
+  EXPECT_THROW(run_as_ranks(3,
+                            [&](Exchange& exchange) {
+                              const bool is_late = exchange.rank() == 2;
+                              const WorkWhileWaiting work(
+                                  exchange, [&]() -> bool { throw std::domain_error("of work"); });
+                              if (!is_late) talk(exchange, 1);
+                            }),
+               std::domain_error);
 }
 
 TEST(ThreadRanks, EndWhenOneFails) {

@@ -32,7 +32,6 @@ LeafDelta sample_delta() {
 TEST(VisitResults, ComeBack) {
   const LeafDelta delta = sample_delta();
   EXPECT_EQ(decode_result<LeafDelta>(encode_result(delta)), delta);
-  EXPECT_EQ(num_new_ids(delta), 2U);
   EXPECT_EQ(decode_result<LeafDelta>(encode_result(LeafDelta())), LeafDelta());
 
   const CoverPoints cover{{{1, 2, 3}, {4, 5, 6}}, {{1, -2, 3}}, {false, {{{5, 6, 7}, 8}}}};
@@ -40,7 +39,6 @@ TEST(VisitResults, ComeBack) {
   EXPECT_EQ(covered.samples, cover.samples);
   EXPECT_EQ(covered.lattice, cover.lattice);
   EXPECT_EQ(covered.core, cover.core);
-  EXPECT_EQ(num_new_ids(cover), 2U);
 
   const FillPoints fill{{{1, 2, 3}}, {4, 5}};
   const auto filled = decode_result<FillPoints>(encode_result(fill));

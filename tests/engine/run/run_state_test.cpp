@@ -124,6 +124,19 @@ TEST_F(RunStateTest, AddsPointsToTheLeafThatOwnsThem) {
   EXPECT_EQ(store_.snapshot().run()->next_point_id, 2U);
 }
 
+TEST_F(RunStateTest, GivesIdsToVisitsByTheirPlaces) {
+  RunState state(store_, 1 << 20);
+  const Point p = {0.3, 0.3, 0.3};
+  state.begin_ids(1000);
+  EXPECT_EQ(state.add_point(p, PointKind::kVolume).id, 1000U);
+  EXPECT_EQ(state.add_point(p, PointKind::kVolume).id, 1001U);
+  state.end_ids();
+  state.begin_ids(state.run().next_point_id);
+  EXPECT_EQ(state.add_point(p, PointKind::kVolume).id, 1000 + kIdsOfVisit);
+  state.end_ids();
+  EXPECT_EQ(state.run().next_point_id, 1000 + 2 * kIdsOfVisit);
+}
+
 TEST_F(RunStateTest, WritesChangesThroughATinyCache) {
   RunState state(store_, 0);
   for (std::size_t i = 0; i < octree_.size(); ++i) {
