@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <ctime>
 #include <functional>
 #include <limits>
@@ -40,6 +41,7 @@
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/stop_source.h"
+#include "octree/stop.h"
 #include "refine/cover_leaf.h"
 #include "refine/refine_leaf.h"
 #include "refine/size_leaf.h"
@@ -65,6 +67,19 @@ class CpuClock {
   const std::clock_t start_ = std::clock();
 };
 
+// The user's wish to stop, where the run may.
+class AllowedStop : public StopToken {
+ public:
+  AllowedStop(const StopSource& wish, bool is_allowed) : wish_(wish), is_allowed_(is_allowed) {}
+  bool is_stopped() const override { return is_allowed_ && wish_.is_stopped(); }
+  bool ask() const { return is_allowed_ && wish_.ask(); }
+  void allow(bool is_allowed) { is_allowed_ = is_allowed; }
+
+ private:
+  const StopSource& wish_;
+  std::atomic<bool> is_allowed_;
+};
+
 // Takes a run that has been ingested to its end: the whole program, once its input is in the store.
 class Engine {
  public:
@@ -73,11 +88,11 @@ class Engine {
          const StopSource& stop, const WorkClock& clock, Exchange* exchange = nullptr,
          bool is_behind = false)
       : on_progress_(on_progress),
-        stop_(stop),
+        stop_(stop, exchange == nullptr),
         plan_(plan),
         budget_(plan.heap()),
         state_(store, budget_.free_bytes(), plan.max_unwritten()),
-        loader_(state_, budget_, &stop),
+        loader_(state_, budget_, &stop_),
         num_threads_(plan.num_threads(num_threads > 0 ? num_threads : num_usable_threads())),
         visits_(state_, budget_, num_threads_),
         clock_(clock),
@@ -92,7 +107,7 @@ class Engine {
   // ask of others' surface: by all at once, when all are at that stage, or past it. It is not in
   // the store: so it is said again after each start, and nobody waits for it in a superstep.
   void find_far_surface() {
-    far_.emplace(loader_.far_surface(lone_stop()));
+    far_.emplace(loader_.far_surface(&stop_));
     if (ranks_) share_far_surface(state_, loader_, *far_, *whole_exchange_);
     budget_.keep(far_->bytes());
   }
@@ -124,7 +139,7 @@ class Engine {
   void refine() {
     visit_all([this](MortonKey leaf) { return loader_.load(leaf); },
               [this](LoadedLeaf& loaded) {
-                return refine_leaf(std::move(loaded.input), {.stop = stop()}, loader_.whole());
+                return refine_leaf(std::move(loaded.input), {.stop = &stop_}, loader_.whole());
               },
               [this](MortonKey leaf, const LeafDelta& delta) {
                 apply_visit(state_, loader_, leaf, delta);
@@ -153,7 +168,7 @@ class Engine {
     split_rich_leaves();
     visit_first_leaves(
         first_epoch() - 4, [this](MortonKey leaf) { return loader_.load_measure(leaf); },
-        [this](LoadedMeasure& loaded) { return measure_leaf(std::move(loaded.input), stop()); },
+        [this](LoadedMeasure& loaded) { return measure_leaf(std::move(loaded.input), &stop_); },
         [this](MortonKey leaf, const std::vector<SizedNode>& nodes) {
           apply_measure(state_, leaf, nodes);
         });
@@ -168,7 +183,7 @@ class Engine {
     if (!ranks_ || state_.rank().stage == first) {
       visit_first_leaves(
           first_epoch() - 3, [&](MortonKey leaf) { return loader_.load_size(leaf, *far_); },
-          [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), *far_, stop()); },
+          [&](LoadedSize& loaded) { return size_leaf(std::move(loaded.input), *far_, &stop_); },
           [this](MortonKey leaf, const std::vector<SizeCube>& cubes) {
             apply_sizes(state_, leaf, cubes);
           });
@@ -182,7 +197,7 @@ class Engine {
                  [this](MortonKey leaf) { return is_to_be_full(state_, leaf); });
     SizeTotals totals;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(lone_stop());
+      throw_if_stopped(&stop_);
       if (!state_.is_own(leaf)) continue;
       totals += size_totals(state_, leaf);
       if (!ranks_) find_reached_size(leaf);
@@ -211,7 +226,7 @@ class Engine {
     find_reached_sizes();
     visit_first_leaves(
         first_epoch() - 2, [this](MortonKey leaf) { return loader_.load_cover(leaf); },
-        [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), stop()); },
+        [this](LoadedCover& loaded) { return cover_leaf(std::move(loaded.input), &stop_); },
         [this](MortonKey leaf, const CoverPoints& points) { apply_cover(state_, leaf, points); });
     end_phase(Phase::kFill);
   }
@@ -228,7 +243,7 @@ class Engine {
     double num_leaves = 0;
     std::vector<MortonKey> rich;
     for (const MortonKey leaf : state_.octree().leaves()) {
-      throw_if_stopped(lone_stop());
+      throw_if_stopped(&stop_);
       if (!state_.is_own(leaf)) continue;
       const double share = loader_.share_of_pieces(leaf);
       if (share > 1) rich.push_back(leaf);
@@ -251,7 +266,7 @@ class Engine {
     do {
       std::vector<SplitLeaf> split;
       while (!waiting.empty()) {
-        throw_if_stopped(lone_stop());
+        throw_if_stopped(&stop_);
         const MortonKey leaf = waiting.back();
         waiting.pop_back();
         if (state_.is_own(leaf) && is_too_much(leaf)) {
@@ -297,9 +312,9 @@ class Engine {
   void fill() {
     visit_all(
         [this](MortonKey leaf) { return loader_.load_fill(leaf); },
-        [this](LoadedFill& loaded) { return fill_leaf(std::move(loaded.input), stop()); },
+        [this](LoadedFill& loaded) { return fill_leaf(std::move(loaded.input), &stop_); },
         [this](MortonKey leaf, const FillPoints& points) { apply_fill(state_, leaf, points); });
-    begin_refinement(stop());
+    begin_refinement(&stop_);
   }
 
   // All or nothing: a second time, the same points would come again.
@@ -319,7 +334,7 @@ class Engine {
 
   // False: no leaves wait.
   bool open_epoch() {
-    if (state_.open_epoch(stop())) commit();
+    if (state_.open_epoch(&stop_)) commit();
     return !state_.queue().is_empty();
   }
 
@@ -357,12 +372,6 @@ class Engine {
         found.add(leaf, encode_result(result), [&] { return encode_for_others(state_, result); });
       });
     };
-    // Others count on it.
-    const auto find_unstopped = [&](ColorResults& found, std::vector<QueueEntry> leaves) {
-      may_stop_ = false;
-      find(found, std::move(leaves));
-      may_stop_ = true;
-    };
     const auto threads = static_cast<std::size_t>(num_threads_);
     const WorkWhileWaiting work(*exchange_, [&] {
       const bool is_ahead = !results || !results->has_own();
@@ -373,7 +382,7 @@ class Engine {
       std::vector<QueueEntry> leaves = found->far_from_others();
       leaves.resize(std::min(leaves.size(), threads));
       if (leaves.empty()) return false;
-      find_unstopped(*found, std::move(leaves));
+      find(*found, std::move(leaves));
       return true;
     });
     const auto find_results = [&] {
@@ -388,8 +397,8 @@ class Engine {
     const auto apply_all = [&] {
       if (!state_.rank().applied || !state_.rank().is_all_sent) return;
       take_up(*state_.rank().applied);
-      find_unstopped(*results, results->near_others());
-      find_unstopped(*results, results->far_from_others());
+      find(*results, results->near_others());
+      find(*results, results->far_from_others());
       results->apply_all([&](MortonKey leaf, std::string_view result) {
         apply(leaf, decode_result<Result>(result));
         note_visit();
@@ -411,15 +420,17 @@ class Engine {
       } else if (next.step == kVisit) {
         take_up(color);
         bool is_stopped = false;
+        stop_.allow(!is_behind_);
         try {
           find_results();
         } catch (const Stopped&) {
           is_stopped = true;
         }
+        stop_.allow(false);  // all ranks stop here, or none
         if (!results->begin(next.first_own_id, next.end_id, is_stopped)) throw Stopped();
       } else {
         take_up(color);
-        find_unstopped(*results, results->near_others());
+        find(*results, results->near_others());
         results->send_more();
       }
       end_superstep();
@@ -433,7 +444,7 @@ class Engine {
       return make_visit(load(leaf), compute,
                         [&take, leaf](const auto& result) { take(leaf, result); });
     };
-    visits_.visit(std::move(leaves), begin, [this] { return stop()->ask(); });
+    visits_.visit(std::move(leaves), begin, [this] { return stop_.ask(); });
   } catch (const VisitError& e) {
     commit();  // so that the visit can be made again, as it was
     throw VisitError(e.leaf(), std::string(e.what()) + "; this is a bug of locvol. The store " +
@@ -455,8 +466,8 @@ class Engine {
       tell_progress();
   }
 
-  void begin_refinement(const StopSource* stop) {
-    enqueue_for_refinement(state_, ranks_ ? nullptr : stop);  // all ranks stop, or none
+  void begin_refinement(const StopToken* stop) {
+    enqueue_for_refinement(state_, stop);
     if (ranks_ && is_balanced()) state_.note_stay(Phase::kRefine);
     end_phase(Phase::kRefine);
   }
@@ -478,10 +489,6 @@ class Engine {
     else
       commit();
   }
-
-  const StopSource* stop() const { return is_behind_ || !may_stop_ ? &never_ : &stop_; }
-  // Where all ranks stop, or none.
-  const StopSource* lone_stop() const { return ranks_ ? &never_ : &stop_; }
 
   // With what was said during it.
   void end_superstep() {
@@ -539,7 +546,7 @@ class Engine {
   }
 
   const TellProgress& on_progress_;
-  const StopSource& stop_;
+  AllowedStop stop_;
   const MemoryPlan& plan_;
   MemoryBudget budget_;
   RunState state_;
@@ -555,8 +562,6 @@ class Engine {
   std::optional<RankVisits> ranks_;
   // Until the first commit: others say what they said before, and cannot hear of a stop.
   bool is_behind_;
-  bool may_stop_ = true;  // not while all ranks wait for what is found
-  const StopSource never_{nullptr};
   std::optional<FarSurface> far_;  // while sizes are found
 };
 
