@@ -30,17 +30,19 @@ class Stopwatch {
 };
 
 // Does `work` meanwhile, as long as there is any. MPI's own waiting keeps a core busy, which ranks
-// of one machine need for theirs.
+// of one machine need for theirs: the longer it takes, the longer the pauses, up to a sixteenth.
 void wait_for_all(std::vector<MPI_Request>& requests, const Exchange::Work& work) {
-  constexpr std::chrono::microseconds kLongest{1000};
-  std::chrono::microseconds pause{0};
+  using std::chrono::microseconds;
+  constexpr microseconds kShortest{20}, kLongest{5000};
   const auto num = static_cast<int>(requests.size());
+  const auto start = std::chrono::steady_clock::now();
   for (int are_done = 0; are_done == 0;) {
     MPI_Testall(num, requests.data(), &are_done, MPI_STATUSES_IGNORE);
     if (are_done != 0) break;
     if (work()) continue;
-    pause == pause.zero() ? std::this_thread::yield() : std::this_thread::sleep_for(pause);
-    pause = std::min(kLongest, 2 * pause + std::chrono::microseconds(1));
+    const auto waited = std::chrono::steady_clock::now() - start;
+    std::this_thread::sleep_for(
+        std::clamp(std::chrono::duration_cast<microseconds>(waited / 16), kShortest, kLongest));
   }
 }
 
