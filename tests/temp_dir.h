@@ -3,9 +3,11 @@
 
 #include <stdlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <system_error>
+#include <vector>
 
 namespace locvol {
 
@@ -31,5 +33,15 @@ class TempDir {
  private:
   std::filesystem::path path_;
 };
+
+using Names = std::vector<std::string>;
+// Of all that is in it, ascending.
+inline Names names_in(const TempDir& dir) {
+  Names names;
+  for (const auto& entry : std::filesystem::directory_iterator(dir.path()))
+    names.push_back(entry.path().filename().string());
+  std::ranges::sort(names);
+  return names;
+}
 
 }  // namespace locvol

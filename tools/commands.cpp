@@ -473,12 +473,16 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
     return mesh_statistics_of_ranks(store, exchange, run.num_writers);
   });
   RunCommand named = command;
-  if (command.is_in_pieces) named.control.output = index_of_pieces(command.control.output);
+  if (command.is_in_pieces) {
+    const MeshFormat format = command.control.output_options.format;
+    named.control.output = index_of_pieces(command.control.output, format)
+                               .value_or(piece_of(command.control.output, format, 0));
+  }
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress&) {
-      if (command.is_in_pieces) return write_piece_as_rank(store, command.control.output, exchange);
-      return write_mesh_as_rank(store, command.control.output, command.control.output_options,
-                                exchange, run.num_writers);
+      const auto write = command.is_in_pieces ? write_piece_as_rank : write_mesh_as_rank;
+      return write(store, command.control.output, command.control.output_options, exchange,
+                   run.num_writers);
     });
   // Where sites are, each rank knows of its own.
   if (run.summary.outcome == RunOutcome::kUnresolved &&
@@ -491,10 +495,14 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
 
 // Throws InputError.
 void require_pieces(const RunCommand& command) {
-  const OutputOptions& options = command.control.output_options;
-  if (command.is_in_pieces && !command.control.output.empty() &&
-      (options.format != MeshFormat::kVtu || options.has_quality))
-    throw InputError("--pieces are VTU files without quality: name an output that ends in .vtu");
+  const MeshFormat format = command.control.output_options.format;
+  if (!command.is_in_pieces || command.control.output.empty() || can_be_written_in_pieces(format))
+    return;
+  std::vector<std::string_view> names;
+  for (const FormatInfo& info : mesh_formats())
+    if (can_be_written_in_pieces(info.format)) names.push_back(info.name);
+  throw InputError(fmt::format("--pieces cannot be {}: these formats have pieces: {}",
+                               info_of(format).name, fmt::join(names, ", ")));
 }
 
 // The first rank gets all in one store, and goes on as `mesh` does.
@@ -541,7 +549,7 @@ int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
     if (command.is_json && is_first)
       line.tell(
           "rank", [&] { return Json::parse(text); }, "");
-  const bool is_in_parts = command.control.output.empty() ||
+  const bool is_in_parts = command.is_in_pieces || command.control.output.empty() ||
                            can_be_written_in_parts(command.control.output_options.format);
   return is_in_parts ? finish_in_parts(run, directory, command, exchange, line)
                      : finish_on_first(run, directory, command, exchange, stop, line);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <exception>
 
 namespace locvol {
 namespace {
@@ -66,5 +67,17 @@ bool any(Exchange& exchange, bool is_true) {
 }
 
 void wait_for_all(Exchange& exchange) { exchange.gather({}); }
+
+void do_on_all(Exchange& exchange, const std::function<void()>& work) {
+  std::exception_ptr failure;
+  try {
+    work();
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  if (!any(exchange, failure != nullptr)) return;
+  if (failure) std::rethrow_exception(failure);
+  throw ExchangeError("another process has failed");
+}
 
 }  // namespace locvol

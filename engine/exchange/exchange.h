@@ -82,6 +82,9 @@ std::uint64_t smallest(Exchange& exchange, std::uint64_t number);
 bool any(Exchange& exchange, bool is_true);
 // Returns when all ranks have called it.
 void wait_for_all(Exchange& exchange);
+// The same once each has done its work, which talks to no other rank. If that throws on any, then
+// on all: there what it was, on others ExchangeError.
+void do_on_all(Exchange& exchange, const std::function<void()>& work);
 
 // Of what is sent in parts, about as much as a rank sends at once, to all others together.
 inline constexpr std::size_t kMessageBytes = std::size_t{1} << 20;

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <string>
 
 #include "engine/output/mesh_source.h"
 #include "engine/shared/partial_file.h"
@@ -16,9 +18,10 @@ struct IndexWidths {
 };
 
 // Cell data: `leaf` (its place in Morton order) and, with the quality, `radius_edge_ratio` and
-// `min_dihedral_degrees`, in Float32.
-// VTU: XML with raw appended data, UInt64 headers. Of `connectivity` and `offsets` each is as wide
-// as `least` says, and Int64 if Int32 does not hold its numbers.
+// `min_dihedral_degrees`, in Float32. A part has `GlobalPointIds`, too, as point data: the numbers
+// of its vertices in the mesh of all ranks. VTU: XML with raw appended data, UInt64 headers. Of
+// `connectivity` and `offsets` each is as wide as `least` says, and Int64 if Int32 does not hold
+// its numbers.
 std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                         const IndexWidths& least = {});
 // What is in the mesh's pieces alone, or with all else (`has_frame`), of a file that several write.
@@ -29,8 +32,20 @@ std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFi
 // VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name.
 std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file);
 
+// A part of a mesh in a file beside others, for one that makes a whole of them.
+struct PieceFile {
+  std::string name;
+  std::uint64_t num_vertices = 0, num_cells = 0;
+};
+// It names VTU files.
+void write_pvtu(std::span<const PieceFile> pieces, bool has_quality, PartialFile& file);
+// A partition for each VTKHDF file, of virtual datasets: a reader gets values from where they are.
+void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, bool has_quality,
+                              PartialFile& file);
+
 // Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1
-// ("boundary").
+// ("boundary"); of the part of rank r, of volume and surface r + 2 in partition r + 1, with tags
+// that are the same in all parts.
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file);
 // Tetrahedra and boundary triangles, all with the reference 1. Version 4 from 2^31 of them on; the

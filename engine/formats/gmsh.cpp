@@ -1,6 +1,9 @@
 #include <array>
 #include <bit>
+#include <optional>
 #include <ranges>
+#include <span>
+#include <vector>
 
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
@@ -23,10 +26,6 @@ void add_format(std::string_view version, Bytes& bytes) {
   bytes.add(std::int32_t{1}).add_text("\n$EndMeshFormat\n").add_text(kGroups);
 }
 
-void add_box(const Box& box, Bytes& bytes) {
-  bytes.add(box.min.x).add(box.min.y).add(box.min.z).add(box.max.x).add(box.max.y).add(box.max.z);
-}
-
 // ---- 4.1: tags and counts of 64 bits, nodes and elements by entity ------------------------------
 
 struct Msh4Layout {
@@ -34,22 +33,73 @@ struct Msh4Layout {
   std::uint64_t tags, coordinates, cells, facets, end;  // places in the file
 };
 
-// No points, no curves, one surface, and one volume that it bounds.
+// Numbers from 1 on, in the mesh of all ranks.
+struct Msh4Tags {
+  std::uint64_t first_cell = 1, first_facet = 1;
+  std::uint64_t least_vertex = 0, most_vertex = 0;  // 0: there are none
+};
+
+Msh4Tags tags_of(MeshSource& mesh) {
+  Msh4Tags tags;
+  tags.first_cell += mesh.first_of_all_cells();
+  tags.first_facet += mesh.num_all_cells() + mesh.boundary().num_facets_of_lower_ranks();
+  if (mesh.num_vertices() == 0) return tags;
+  const auto [least, most] = mesh.range_of_numbers();
+  tags.least_vertex = least + 1;
+  tags.most_vertex = most + 1;
+  return tags;
+}
+
+// Of a part, its own: 1 are those of the whole.
+std::int32_t entity_of(const std::optional<MeshPart>& part) { return part ? part->rank + 2 : 1; }
+
+// No points, no curves, one surface, and one volume.
+void add_entity_counts(Bytes& bytes) {
+  for (const std::uint64_t count : {0, 0, 1, 1}) bytes.add(count);
+}
+
+void add_box_and_group(const Box& box, std::int32_t group, Bytes& bytes) {
+  bytes.add(box.min.x).add(box.min.y).add(box.min.z).add(box.max.x).add(box.max.y).add(box.max.z);
+  bytes.add(std::uint64_t{1}).add(group);
+}
+
+// The surface bounds the volume.
 void add_entities(const Box& box, Bytes& bytes) {
   bytes.add_text("$Entities\n");
-  for (const std::uint64_t count : {0, 0, 1, 1}) bytes.add(count);
+  add_entity_counts(bytes);
   bytes.add(kSurface);
-  add_box(box, bytes);
-  bytes.add(std::uint64_t{1}).add(kBoundaryGroup).add(std::uint64_t{0});
-  bytes.add(kVolume);
-  add_box(box, bytes);
-  bytes.add(std::uint64_t{1}).add(kVolumeGroup).add(std::uint64_t{1}).add(kSurface);
+  add_box_and_group(box, kBoundaryGroup, bytes);
+  bytes.add(std::uint64_t{0}).add(kVolume);
+  add_box_and_group(box, kVolumeGroup, bytes);
+  bytes.add(std::uint64_t{1}).add(kSurface);
   bytes.add_text("\n$EndEntities\n");
 }
 
-void add_section_head(std::uint64_t num_blocks, std::uint64_t num_items, Bytes& bytes) {
-  const std::uint64_t first_tag = num_items > 0 ? 1 : 0;
-  bytes.add(num_blocks).add(num_items).add(first_tag).add(num_items);
+// What a part has of them: no ghosts, and no entities between partitions.
+void add_partitioned_entities(const Box& box, const MeshPart& part, Bytes& bytes) {
+  const auto add_part_of = [&](std::int32_t dimension, std::int32_t entity, std::int32_t group) {
+    bytes.add(entity_of(part)).add(dimension).add(entity).add(std::uint64_t{1}).add(part.rank + 1);
+    add_box_and_group(box, group, bytes);
+    bytes.add(std::uint64_t{0});
+  };
+  bytes.add_text("$PartitionedEntities\n");
+  bytes.add(static_cast<std::uint64_t>(part.num_ranks)).add(std::uint64_t{0});
+  add_entity_counts(bytes);
+  add_part_of(2, kSurface, kBoundaryGroup);
+  add_part_of(3, kVolume, kVolumeGroup);
+  bytes.add_text("\n$EndPartitionedEntities\n");
+}
+
+// `num_blocks`: there is one for each entity that has some of the items.
+void add_section_head(std::uint64_t num_blocks, std::uint64_t num_items, std::uint64_t least_tag,
+                      std::uint64_t most_tag, Bytes& bytes) {
+  bytes.add(num_blocks).add(num_items);
+  bytes.add(num_items > 0 ? least_tag : 0).add(num_items > 0 ? most_tag : 0);
+}
+
+void add_block_head(std::int32_t dimension, std::int32_t entity, std::int32_t type,
+                    std::uint64_t count, Bytes& bytes) {
+  if (count > 0) bytes.add(dimension).add(entity).add(type).add(count);
 }
 
 // The three runs of bytes around the arrays: before the nodes, before and after the elements.
@@ -58,19 +108,27 @@ struct Msh4Frame {
   static constexpr std::string_view kAfter = "\n$EndElements\n";
 };
 
-Msh4Frame frame_of(const Box& box, const Msh4Layout& n) {
+Msh4Frame frame_of(const MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) {
+  const Box& box = mesh.run().surface.box;
+  const std::int32_t entity = entity_of(mesh.part());
+  const std::uint64_t num_volumes = n.num_cells > 0 ? 1 : 0,
+                      num_surfaces = n.num_facets > 0 ? 1 : 0;
   Msh4Frame frame;
   Bytes& head = frame.before_nodes;
   add_format("4.1", head);
   add_entities(box, head);
+  if (const auto part = mesh.part()) add_partitioned_entities(box, *part, head);
   head.add_text("$Nodes\n");
-  add_section_head(1, n.num_vertices, head);
-  head.add(std::int32_t{3}).add(kVolume).add(std::int32_t{0}).add(n.num_vertices);
+  add_section_head(num_volumes, n.num_vertices, tags.least_vertex, tags.most_vertex, head);
+  add_block_head(3, entity, 0, n.num_vertices, head);
   Bytes& middle = frame.before_cells;
   middle.add_text("\n$EndNodes\n$Elements\n");
-  add_section_head(2, n.num_cells + n.num_facets, middle);
-  middle.add(std::int32_t{3}).add(kVolume).add(kTetrahedron).add(n.num_cells);
-  frame.before_facets.add(std::int32_t{2}).add(kSurface).add(kTriangle).add(n.num_facets);
+  const std::uint64_t end_tag =
+      num_surfaces > 0 ? tags.first_facet + n.num_facets : tags.first_cell + n.num_cells;
+  add_section_head(num_volumes + num_surfaces, n.num_cells + n.num_facets, tags.first_cell,
+                   end_tag - 1, middle);
+  add_block_head(3, entity, kTetrahedron, n.num_cells, middle);
+  add_block_head(2, entity, kTriangle, n.num_facets, frame.before_facets);
   return frame;
 }
 
@@ -84,14 +142,16 @@ void place_arrays(const Msh4Frame& frame, Msh4Layout& layout) {
   layout.end = layout.facets + kFacetBytes4 * layout.num_facets;
 }
 
-void write_piece4(const MeshPiece& piece, const Msh4Layout& layout, PlacedFile& out) {
+void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layout& layout,
+                  std::uint64_t first_tag, PlacedFile& out) {
+  const auto tag_of = [&](std::uint64_t vertex) { return mesh.number_of(vertex) + 1; };
   std::vector<std::uint64_t> tags(piece.points.size());
-  for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = piece.first_vertex + i + 1;
+  for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = tag_of(piece.first_vertex + i);
   std::vector<std::array<std::uint64_t, 5>> cells(piece.cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) {
-    cells[i][0] = piece.first_cell + i + 1;
+    cells[i][0] = first_tag + piece.first_cell + i;
     for (std::size_t k = 0; k < 4; ++k)
-      cells[i][k + 1] = static_cast<std::uint64_t>(piece.cells[i][k]) + 1;
+      cells[i][k + 1] = tag_of(static_cast<std::uint64_t>(piece.cells[i][k]));
   }
   const std::array<PlacedFile::Part, 3> parts = {
       {{layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},
@@ -129,7 +189,8 @@ void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   Msh4Layout layout{mesh.num_vertices(), mesh.num_cells(), boundary.num_facets(), 0, 0, 0, 0, 0};
-  const Msh4Frame frame = frame_of(mesh.run().surface.box, layout);
+  const Msh4Tags tags = tags_of(mesh);
+  const Msh4Frame frame = frame_of(mesh, layout, tags);
   place_arrays(frame, layout);
   const std::uint64_t bytes = layout.end + Msh4Frame::kAfter.size();
   file.reserve(bytes);
@@ -140,7 +201,7 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   mesh.for_each_piece(
       {.has_points = true, .has_cells = true},
       [&](const MeshPiece& piece) {
-        write_piece4(piece, layout, out);
+        write_piece4(mesh, piece, layout, tags.first_cell, out);
         return true;
       },
       [](bool) {});
@@ -149,9 +210,9 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
       mesh.workers(), boundary.facets({}),
       [&](const BoundarySurface::Facets& some) {
         Bytes list;
-        std::uint64_t tag = layout.num_cells + some.first;
+        std::uint64_t tag = tags.first_facet + some.first;
         for (const auto& [a, b, c] : std::views::transform(some.facets, &BoundaryFacet::vertices))
-          list.add(std::array<std::uint64_t, 4>{++tag, a + 1, b + 1, c + 1});
+          list.add(std::array<std::uint64_t, 4>{tag++, a + 1, b + 1, c + 1});
         return list;
       },
       [&](const Bytes& list) { facets.append(list.bytes()); });

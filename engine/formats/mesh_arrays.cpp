@@ -75,7 +75,7 @@ IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells) {
 }
 
 std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
-                                   bool has_quality, const IndexWidths& widths) {
+                                   bool has_quality, const IndexWidths& widths, bool is_part) {
   std::vector<ArrayInfo> arrays = {
       {ArrayName::kPoints, "Points", "Float64", 3, 8, num_vertices},
       {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 4,
@@ -83,6 +83,8 @@ std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num
       {ArrayName::kEnds, "offsets", vtk_int(widths.offsets), 1, widths.offsets, num_cells},
       {ArrayName::kLeaf, "leaf", "UInt32", 1, 4, num_cells, true},
   };
+  if (is_part)
+    arrays.push_back({ArrayName::kPointIds, kGlobalPointIds, "Int64", 1, 8, num_vertices});
   if (has_quality) {
     arrays.push_back(
         {ArrayName::kRadiusEdge, "radius_edge_ratio", "Float32", 1, 4, num_cells, true});
@@ -168,6 +170,8 @@ ArrayBlocks::NextBlock ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t 
 std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block& block) const {
   if (info.array == ArrayName::kLeaf)
     return bytes_of(mesh_.leaves_of_cells(block.first, block.count));
+  if (info.array == ArrayName::kPointIds)
+    return bytes_of(mesh_.numbers_of(block.first, block.count));
   if (info.array == ArrayName::kTypes) return std::vector(block.count, std::byte{kVtkTetra});
   const std::uint64_t first = block.first + (info.array == ArrayName::kEnds ? 1 : 0);
   return offset_bytes(first, block.count, info.value_bytes);

@@ -18,6 +18,7 @@ namespace locvol {
 
 enum class ArrayName {
   kPoints,
+  kPointIds,
   kConnectivity,
   kEnds,    // of cells among the vertices of all
   kStarts,  // the same, from 0 on: one more
@@ -28,6 +29,7 @@ enum class ArrayName {
 };
 
 inline constexpr std::uint8_t kVtkTetra = 10;
+inline constexpr std::string_view kGlobalPointIds = "GlobalPointIds";
 
 struct ArrayInfo {
   ArrayName array;
@@ -44,9 +46,11 @@ struct ArrayInfo {
 IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells);
 
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
-// size if the first one does, even with heads of eight bytes between them.
+// size if the first one does, even with heads of eight bytes between them. `is_part`: with the
+// vertices' numbers in the mesh of all ranks.
 std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
-                                   bool has_quality, const IndexWidths& widths);
+                                   bool has_quality, const IndexWidths& widths,
+                                   bool is_part = false);
 
 using NarrowCell = std::array<std::int32_t, 4>;
 // The vertices of cells in values of so many bytes: the cells' own, or those of `narrow`, which it

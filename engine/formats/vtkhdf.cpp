@@ -1,13 +1,18 @@
 #include <hdf5.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <functional>
+#include <mutex>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "engine/formats/deflate.h"
 #include "engine/formats/formats.h"
@@ -19,20 +24,22 @@ namespace {
 constexpr std::uint64_t kChunkBytes = std::uint64_t{1} << 20;
 constexpr unsigned kDeflateLevel = 1;  // for the record: chunks come compressed
 
-// Errors are thrown, so the library need not print them.
-class SilentErrors {
+// A turn at the library, which knows no threads. Errors are thrown, so it need not print them.
+class HdfTurn {
  public:
-  SilentErrors() {
+  HdfTurn() : lock_(mutex_) {
     // The first call of all: at exit, HDF5 would try to write what a full disk refused, and crash.
     H5dont_atexit();
     H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   }
-  ~SilentErrors() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
-  SilentErrors(const SilentErrors&) = delete;
-  SilentErrors& operator=(const SilentErrors&) = delete;
+  ~HdfTurn() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
+  HdfTurn(const HdfTurn&) = delete;
+  HdfTurn& operator=(const HdfTurn&) = delete;
 
  private:
+  static inline std::mutex mutex_;
+  std::lock_guard<std::mutex> lock_;
   H5E_auto2_t function_ = nullptr;
   void* data_ = nullptr;
 };
@@ -79,24 +86,28 @@ class HdfFile {
     throw std::runtime_error(what + ": HDF5 reports an error");
   }
 
-  Id group(hid_t parent, const char* name) const {
+  // Names are paths.
+  Id group(const char* name) const {
     const Id properties = own(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
     check(H5Pset_obj_track_times(properties.get(), false));
-    return own(H5Gcreate2(parent, name, H5P_DEFAULT, properties.get(), H5P_DEFAULT), H5Gclose);
+    return own(H5Gcreate2(id(), name, H5P_DEFAULT, properties.get(), H5P_DEFAULT), H5Gclose);
   }
   void attribute(hid_t object, const char* name, hid_t type, hid_t space, const void* value) const {
     const Id created =
         own(H5Acreate2(object, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
     check(H5Awrite(created.get(), type, value));
   }
-  // One value in a dataset of rank 1.
-  void number(hid_t parent, const char* name, std::uint64_t value) const {
-    const hsize_t length = 1;
+  Id dataset(const std::string& name, hid_t type, hid_t space, const Id& properties) const {
+    return own(
+        H5Dcreate2(id(), name.c_str(), type, space, H5P_DEFAULT, properties.get(), H5P_DEFAULT),
+        H5Dclose);
+  }
+  // A dataset of rank 1.
+  void numbers(const char* name, const std::vector<std::uint64_t>& values) const {
+    const hsize_t length = values.size();
     const Id space = own(H5Screate_simple(1, &length, nullptr), H5Sclose);
-    const Id dataset = own(H5Dcreate2(parent, name, H5T_STD_I64LE, space.get(), H5P_DEFAULT,
-                                      properties().get(), H5P_DEFAULT),
-                           H5Dclose);
-    check(H5Dwrite(dataset.get(), H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, &value));
+    const Id dataset = this->dataset(name, H5T_STD_I64LE, space.get(), properties());
+    check(H5Dwrite(dataset.get(), H5T_NATIVE_UINT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()));
   }
   Id properties() const {
     Id created = own(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
@@ -119,28 +130,57 @@ hid_t type_of(std::string_view vtk_type) {
   return H5T_STD_U8LE;
 }
 
-// Of rank 2 if items are rows of values and stay so; the connectivity is a list. Chunks are
-// compressed by the threads, and HDF5 only puts them into their places.
-void write_array(const HdfFile& hdf, hid_t parent, const char* name, const ArrayInfo& info,
-                 ArrayBlocks& blocks) {
-  const bool has_rows = info.array == ArrayName::kPoints;
-  const std::uint64_t values_per_item = has_rows ? 1 : info.num_components;
+// VTK's name of the array in this format.
+std::string_view hdf_name(const ArrayInfo& info) {
+  switch (info.array) {
+    case ArrayName::kConnectivity:
+      return "Connectivity";
+    case ArrayName::kStarts:
+      return "Offsets";
+    case ArrayName::kTypes:
+      return "Types";
+    default:
+      return info.name;
+  }
+}
+
+std::string path_of(const ArrayInfo& info) {
+  std::string path = "VTKHDF/";
+  if (info.is_cell_data) path += "CellData/";
+  if (info.array == ArrayName::kPointIds) path += "PointData/";
+  return path.append(hdf_name(info));
+}
+
+// Of rank 2 if items are rows of values and stay so; the connectivity is a list.
+struct Extent {
+  explicit Extent(const ArrayInfo& info)
+      : rank(info.array == ArrayName::kPoints ? 2 : 1),
+        values_per_item(rank == 2 ? 1 : info.num_components),
+        size{info.num_items * values_per_item, info.num_components} {}
+  int rank;
+  std::uint64_t values_per_item;
+  std::array<hsize_t, 2> size;
+};
+
+HdfFile::Id space_of(const HdfFile& hdf, const Extent& extent) {
+  return hdf.own(H5Screate_simple(extent.rank, extent.size.data(), nullptr), H5Sclose);
+}
+
+// Chunks are compressed by the threads, and HDF5 only puts them into their places.
+void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks) {
   const std::uint64_t most_items = kChunkBytes / std::bit_ceil(info.item_bytes());
   const std::uint64_t chunk_items = std::min(most_items, info.num_items);
-  const int rank = has_rows ? 2 : 1;
-  const std::array<hsize_t, 2> size = {info.num_items * values_per_item, info.num_components};
-  const std::array<hsize_t, 2> chunk = {chunk_items * values_per_item, info.num_components};
-  const auto space = hdf.own(H5Screate_simple(rank, size.data(), nullptr), H5Sclose);
+  const Extent extent(info);
+  const std::array<hsize_t, 2> chunk = {chunk_items * extent.values_per_item, info.num_components};
+  const auto space = space_of(hdf, extent);
   const auto properties = hdf.properties();
   if (chunk_items > 0) {
-    hdf.check(H5Pset_chunk(properties.get(), rank, chunk.data()));
+    hdf.check(H5Pset_chunk(properties.get(), extent.rank, chunk.data()));
     hdf.check(H5Pset_fill_time(properties.get(), H5D_FILL_TIME_NEVER));
     hdf.check(H5Pset_shuffle(properties.get()));
     hdf.check(H5Pset_deflate(properties.get(), kDeflateLevel));
   }
-  const auto dataset = hdf.own(H5Dcreate2(parent, name, type_of(info.vtk_type), space.get(),
-                                          H5P_DEFAULT, properties.get(), H5P_DEFAULT),
-                               H5Dclose);
+  const auto dataset = hdf.dataset(path_of(info), type_of(info.vtk_type), space.get(), properties);
   std::array<hsize_t, 2> place = {0, 0};
   blocks.for_each_block(
       info, chunk_items,
@@ -171,45 +211,79 @@ void add_version_and_type(const HdfFile& hdf, hid_t group) {
   hdf.attribute(group, "Type", text.get(), scalar.get(), kType.data());
 }
 
-// VTK's name of the array in this format.
-const char* hdf_name(const ArrayInfo& info) {
-  switch (info.array) {
-    case ArrayName::kConnectivity:
-      return "Connectivity";
-    case ArrayName::kStarts:
-      return "Offsets";
-    case ArrayName::kTypes:
-      return "Types";
-    default:
-      return info.name.data();
+// All but the arrays.
+void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool is_part) {
+  std::vector<std::uint64_t> num_vertices, num_cells, num_corners;
+  for (const PieceFile& partition : partitions) {
+    num_vertices.push_back(partition.num_vertices);
+    num_cells.push_back(partition.num_cells);
+    num_corners.push_back(4 * partition.num_cells);
   }
+  add_version_and_type(hdf, hdf.group("VTKHDF").get());
+  hdf.numbers("VTKHDF/NumberOfPoints", num_vertices);
+  hdf.numbers("VTKHDF/NumberOfCells", num_cells);
+  hdf.numbers("VTKHDF/NumberOfConnectivityIds", num_corners);
+  hdf.group("VTKHDF/CellData");
+  if (is_part) hdf.group("VTKHDF/PointData");
+}
+
+std::vector<ArrayInfo> hdf_arrays(const PieceFile& partition, bool has_quality, bool is_part) {
+  std::vector<ArrayInfo> arrays =
+      mesh_arrays(partition.num_vertices, partition.num_cells, has_quality, {8, 8}, is_part);
+  const auto ends = std::ranges::find(arrays, ArrayName::kEnds, &ArrayInfo::array);
+  ends->array = ArrayName::kStarts;
+  ++ends->num_items;
+  return arrays;
+}
+
+// The array of each piece's file, one after another.
+void write_virtual_array(const HdfFile& hdf, std::span<const PieceFile> pieces,
+                         const std::function<ArrayInfo(const PieceFile&)>& array_of) {
+  ArrayInfo all = array_of(pieces.front());
+  for (const PieceFile& piece : pieces.subspan(1)) all.num_items += array_of(piece).num_items;
+  const auto space = space_of(hdf, Extent(all));
+  const auto properties = hdf.properties();
+  std::array<hsize_t, 2> place = {0, 0};
+  for (const PieceFile& piece : pieces) {
+    const Extent extent(array_of(piece));
+    if (extent.size[0] == 0) continue;
+    hdf.check(H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, place.data(), nullptr,
+                                  extent.size.data(), nullptr));
+    hdf.check(H5Pset_virtual(properties.get(), space.get(), piece.name.c_str(),
+                             path_of(all).c_str(), space_of(hdf, extent).get()));
+    place[0] += extent.size[0];
+  }
+  hdf.dataset(path_of(all), type_of(all.vtk_type), space.get(), properties);
 }
 
 }  // namespace
 
 std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file) {
-  const SilentErrors silent;
+  const HdfTurn turn;
   ArrayBlocks blocks(mesh, has_quality, file.name());
   errno = 0;
   HdfFile hdf(file.partial_name());
-  {
-    const auto root = hdf.group(hdf.id(), "VTKHDF");
-    add_version_and_type(hdf, root.get());
-    hdf.number(root.get(), "NumberOfPoints", mesh.num_vertices());
-    hdf.number(root.get(), "NumberOfCells", mesh.num_cells());
-    hdf.number(root.get(), "NumberOfConnectivityIds", 4 * mesh.num_cells());
-    const auto cell_data = hdf.group(root.get(), "CellData");
-    for (ArrayInfo info : mesh_arrays(mesh.num_vertices(), mesh.num_cells(), has_quality, {8, 8})) {
-      if (info.array == ArrayName::kEnds) {
-        info.array = ArrayName::kStarts;
-        ++info.num_items;
-      }
-      write_array(hdf, info.is_cell_data ? cell_data.get() : root.get(), hdf_name(info), info,
-                  blocks);
-    }
-  }
+  const PieceFile whole{file.name().string(), mesh.num_vertices(), mesh.num_cells()};
+  const bool is_part = mesh.part().has_value();
+  write_head(hdf, {&whole, 1}, is_part);
+  for (const ArrayInfo& info : hdf_arrays(whole, has_quality, is_part))
+    write_array(hdf, info, blocks);
   hdf.close();
   return std::filesystem::file_size(file.partial_name());
+}
+
+void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, bool has_quality,
+                              PartialFile& file) {
+  const HdfTurn turn;
+  errno = 0;
+  HdfFile hdf(file.partial_name());
+  write_head(hdf, pieces, true);
+  const std::size_t num_arrays = hdf_arrays(pieces.front(), has_quality, true).size();
+  for (std::size_t i = 0; i < num_arrays; ++i)
+    write_virtual_array(hdf, pieces, [&](const PieceFile& piece) {
+      return hdf_arrays(piece, has_quality, true)[i];
+    });
+  hdf.close();
 }
 
 }  // namespace locvol

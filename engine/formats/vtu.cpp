@@ -11,6 +11,12 @@
 namespace locvol {
 namespace {
 
+VtuSection section_of(const ArrayInfo& info) {
+  if (info.is_cell_data) return VtuSection::kCellData;
+  if (info.array == ArrayName::kPoints) return VtuSection::kPoints;
+  return info.array == ArrayName::kPointIds ? VtuSection::kPointData : VtuSection::kCells;
+}
+
 // `offsets`: of the arrays, after the mark
 std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::uint64_t>& offsets,
                    const MeshSource& mesh, bool is_compressed) {
@@ -18,11 +24,9 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     const ArrayInfo& info = arrays[i];
     const bool is_points = info.array == ArrayName::kPoints;
-    entries.push_back({is_points           ? VtuSection::kPoints
-                       : info.is_cell_data ? VtuSection::kCellData
-                                           : VtuSection::kCells,
-                       std::string(info.name), std::string(info.vtk_type),
-                       is_points ? info.num_components : 1, offsets[i]});
+    entries.push_back({section_of(info), std::string(info.name), std::string(info.vtk_type),
+                       is_points ? info.num_components : 1, offsets[i],
+                       info.array == ArrayName::kPointIds});
   }
   return vtu_header(mesh.num_vertices(), mesh.num_cells(), entries, is_compressed);
 }
@@ -31,9 +35,9 @@ std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, bool has_quality,
                                   const IndexWidths& least) {
   const std::uint64_t num_vertices = mesh.num_vertices(), num_cells = mesh.num_cells();
   const auto [connectivity, offsets] = index_widths(num_vertices, num_cells);
-  return mesh_arrays(
-      num_vertices, num_cells, has_quality,
-      {std::max(connectivity, least.connectivity), std::max(offsets, least.offsets)});
+  return mesh_arrays(num_vertices, num_cells, has_quality,
+                     {std::max(connectivity, least.connectivity), std::max(offsets, least.offsets)},
+                     mesh.part().has_value());
 }
 
 // ---- Raw: the head of an array is the number of its bytes ---------------------------------------
@@ -106,12 +110,17 @@ class RawArrays {
         offset_bytes(first_cell + 1, num_cells, info(ArrayName::kEnds).value_bytes);
     const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
     const std::vector<std::uint32_t> leaves = leaves_of(piece);
+    std::vector<std::int64_t> numbers;
     std::vector<float> ratios, angles;
     std::vector<PlacedFile::Part> parts = {
         part(ArrayName::kPoints, piece.first_vertex, piece.points),
         part(ArrayName::kConnectivity, first_cell, connectivity),
         part(ArrayName::kEnds, first_cell, ends), part(ArrayName::kLeaf, first_cell, leaves),
         part(ArrayName::kTypes, first_cell, types)};
+    if (mesh_.part()) {
+      numbers = mesh_.numbers_of(piece.first_vertex, piece.points.size());
+      parts.push_back(part(ArrayName::kPointIds, piece.first_vertex, numbers));
+    }
     if (has_quality) {
       for (const auto& [ratio, angle] : quality_of(piece)) {
         ratios.push_back(ratio);

@@ -1,7 +1,11 @@
 #include "engine/formats/writer.h"
 
+#include <fmt/format.h>
+
 #include <list>
 #include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "engine/exchange/exchange.h"
@@ -49,6 +53,30 @@ std::uint64_t write(MeshSource& mesh, const OutputOptions& options, PartialFile&
   return 0;
 }
 
+std::filesystem::path with_end(const std::filesystem::path& file, const std::string& end) {
+  return file.parent_path() / (file.stem().string() + end);
+}
+
+// In order of rank.
+std::vector<PieceFile> piece_files(const std::filesystem::path& file, MeshFormat format,
+                                   const MeshSource& mesh, Exchange& exchange) {
+  const auto num_vertices = gather_numbers(exchange, mesh.num_vertices());
+  const auto num_cells = gather_numbers(exchange, mesh.num_cells());
+  std::vector<PieceFile> pieces;
+  for (std::size_t rank = 0; rank < num_cells.size(); ++rank)
+    pieces.push_back({piece_of(file, format, static_cast<int>(rank)).filename().string(),
+                      num_vertices[rank], num_cells[rank]});
+  return pieces;
+}
+
+void write_index(std::span<const PieceFile> pieces, const OutputOptions& options,
+                 PartialFile& file) {
+  if (options.format == MeshFormat::kVtkHdf)
+    write_partitioned_vtkhdf(pieces, options.has_quality, file);
+  else
+    write_pvtu(pieces, options.has_quality, file);
+}
+
 }  // namespace
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
@@ -73,21 +101,64 @@ WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path&
   check_limits(options.format, counts, file);
   const bool is_first = exchange.rank() == 0;
   std::optional<PartialFile> own;
-  if (is_first) own.emplace(file);
-  wait_for_all(exchange);  // it is there
+  do_on_all(exchange, [&] {
+    if (is_first) own.emplace(file);
+  });
   std::uint64_t bytes = 0;
-  if (is_first) {
-    bytes = write_part_of_vtu(mesh, options.has_quality, *own, true);
-    wait_for_all(exchange);  // and whole
-    own->publish();
-  } else {
-    PartialFile part = PartialFile::of_another(file);
-    bytes = write_part_of_vtu(mesh, options.has_quality, part, false);
-    part.finish_part();
-    wait_for_all(exchange);
-  }
-  wait_for_all(exchange);  // and has its name
+  do_on_all(exchange, [&] {
+    if (is_first) {
+      bytes = write_part_of_vtu(mesh, options.has_quality, *own, true);
+    } else {
+      PartialFile part = PartialFile::of_another(file);
+      bytes = write_part_of_vtu(mesh, options.has_quality, part, false);
+      part.finish_part();
+    }
+  });
+  if (is_first) own->publish();
+  wait_for_all(exchange);  // it has its name
   return {counts.num_vertices, counts.num_cells, bytes, 0};
+}
+
+bool can_be_written_in_pieces(MeshFormat format) {
+  return format == MeshFormat::kVtu || format == MeshFormat::kVtuZlib ||
+         format == MeshFormat::kVtkHdf || format == MeshFormat::kMsh4;
+}
+
+std::filesystem::path piece_of(const std::filesystem::path& file, MeshFormat format, int rank) {
+  if (format == MeshFormat::kMsh4) return with_end(file, fmt::format("_{}.msh", rank + 1));
+  return with_end(file,
+                  fmt::format("-{}.{}", rank, format == MeshFormat::kVtkHdf ? "vtkhdf" : "vtu"));
+}
+
+std::optional<std::filesystem::path> index_of_pieces(const std::filesystem::path& file,
+                                                     MeshFormat format) {
+  if (format == MeshFormat::kMsh4) return std::nullopt;
+  return with_end(file, format == MeshFormat::kVtkHdf ? ".vtkhdf" : ".pvtu");
+}
+
+WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path& file,
+                                 const OutputOptions& options, Exchange& exchange,
+                                 int num_threads) {
+  const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
+  MeshSource mesh(store, name, num_threads, {}, nullptr, &exchange, true);
+  const MeshCounts counts = counts_of(mesh, options.format);
+  const std::vector<PieceFile> pieces = piece_files(file, options.format, mesh, exchange);
+  const auto of_all = index_of_pieces(file, options.format);
+  std::optional<PartialFile> piece, index;
+  std::uint64_t bytes = 0;
+  do_on_all(exchange, [&] {
+    bytes = write(mesh, options, piece.emplace(name), nullptr);
+    piece->finish();
+    if (!of_all || exchange.rank() != 0) return;
+    write_index(pieces, options, index.emplace(*of_all));
+    index->finish();
+  });
+  piece->publish();
+  wait_for_all(exchange);  // all have their names
+  if (index) index->publish();
+  wait_for_all(exchange);
+  return {mesh.num_all_vertices(), mesh.num_all_cells(), sum(exchange, bytes).all,
+          sum(exchange, counts.num_boundary_facets).all};
 }
 
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "engine/formats/mesh_format.h"
 #include "engine/shared/step_progress.h"
@@ -31,13 +32,19 @@ class Exchange;
 WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path& file,
                                 const OutputOptions& options, Exchange& exchange,
                                 int num_threads = 1);
-// A VTU file for each rank, with its cells and all of their vertices, and a .pvtu file that names
-// them: nothing is gathered. Vertices have their numbers in the one file as point data. Each rank
-// sees the directory of its own. `file`: whose names these have in place of its extension.
+// A file for each rank, with its cells and all of their vertices, in formats that have parts; where
+// a file can name them all, also that one. Nothing is gathered but 16 bytes a rank. Each rank sees
+// the directory of its own file, and all are whole before one has its name. `file`: whose names
+// these have in place of its extension.
 WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path& file,
-                                 Exchange& exchange);
-std::filesystem::path piece_of(const std::filesystem::path& file, int rank);  // FILE-3.vtu
-std::filesystem::path index_of_pieces(const std::filesystem::path& file);     // FILE.pvtu
+                                 const OutputOptions& options, Exchange& exchange,
+                                 int num_threads = 1);
+bool can_be_written_in_pieces(MeshFormat format);
+// FILE-3.vtu, FILE-3.vtkhdf; FILE_4.msh, as Gmsh has it. REQUIRES: the format has pieces
+std::filesystem::path piece_of(const std::filesystem::path& file, MeshFormat format, int rank);
+// FILE.pvtu, FILE.vtkhdf; Gmsh has none.
+std::optional<std::filesystem::path> index_of_pieces(const std::filesystem::path& file,
+                                                     MeshFormat format);
 constexpr bool can_be_written_in_parts(MeshFormat format) { return format == MeshFormat::kVtu; }
 // The same as VTU, without the quality.
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,

@@ -1,6 +1,7 @@
 #include "engine/output/boundary_surface.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "engine/output/leaf_facets.h"
@@ -21,7 +22,8 @@ std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertice
 
 BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                                  VertexPositions& positions, const std::filesystem::path& output,
-                                 PageRelease& pages, Workers& workers, const StopToken* stop)
+                                 PageRelease& pages, Workers& workers, const StopToken* stop,
+                                 Exchange* exchange)
     : reader_(&reader),
       numbering_(&numbering),
       positions_(&positions),
@@ -29,7 +31,8 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       pages_(&pages),
       stop_(stop),
       facets_(output) {
-  find_facets(workers);
+  find_facets(workers, exchange);
+  if (exchange != nullptr) num_facets_before_ = sum(*exchange, num_facets()).before;
 }
 
 BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
@@ -41,6 +44,21 @@ BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
   result.cells = std::move(cells.cells);
   pages_->count(sizeof(result.cells[0]) * result.cells.size());
   return result;
+}
+
+std::vector<std::uint64_t> BoundarySurface::flat(std::span<const Record> records) {
+  std::vector<std::uint64_t> values;
+  for (const auto& [vertices, cell_and_across] : records)
+    values.insert(values.end(), {vertices[0], vertices[1], vertices[2], cell_and_across});
+  return values;
+}
+
+std::vector<BoundarySurface::Record> BoundarySurface::records_in(
+    std::span<const std::uint64_t> values) {
+  std::vector<Record> records;
+  for (; values.size() >= 4; values = values.subspan(4))
+    records.push_back({{values[0], values[1], values[2]}, values[3]});
+  return records;
 }
 
 std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
@@ -66,28 +84,45 @@ std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
   return records;
 }
 
-void BoundarySurface::find_facets(Workers& workers) {
-  LeafLists<Record> open(output_);  // facets in one cell of those that a leaf lists, by key
-  const std::size_t num_leaves = numbering_->leaves().size();
+void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
+  const std::size_t first_own = numbering_->first_own(), end_own = numbering_->end_own();
+  // In one cell of those that a leaf lists, by key: of own leaves, and then of those beside them.
+  LeafLists<Record> open(output_);
   NumberWindow numbers(*reader_, *numbering_);
-  std::size_t next = 0;
+  std::size_t next = first_own;
   encode_in_order(
       workers,
       [&]() -> std::optional<NumberedCells> {
-        if (next == num_leaves) return std::nullopt;
+        if (next == end_own) return std::nullopt;
         throw_if_stopped(stop_);
         return load_cells(next++, numbers);
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
+  std::map<std::size_t, std::size_t> beside;  // places of their lists
+  if (exchange != nullptr)
+    numbering_->tell_ranks_beside(
+        *reader_, *exchange, 2 * kCellReach,
+        [&](std::size_t leaf) { return flat(open.list(leaf - first_own).values); },
+        [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+          beside[leaf] = open.num_leaves();
+          open.append(records_in(values));
+        });
 
-  LeafWindow<LeafList<Record>> lists(kOpenBytes, [&](std::size_t leaf) { return open.list(leaf); });
-  for (std::size_t leaf = 0; leaf < num_leaves; ++leaf) {
+  const auto list_of = [&](std::size_t leaf) -> std::optional<std::size_t> {
+    if (first_own <= leaf && leaf < end_own) return leaf - first_own;
+    const auto found = beside.find(leaf);
+    return found == beside.end() ? std::nullopt : std::optional(found->second);
+  };
+  LeafWindow<LeafList<Record>> lists(kOpenBytes, [&](std::size_t list) { return open.list(list); });
+  for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
     throw_if_stopped(stop_);
+    const std::size_t own = leaf - first_own;
     std::vector<Record> records;
-    if (open.length(leaf) > 0) records = lists.get(leaf)->values;
+    if (open.length(own) > 0) records = lists.get(own)->values;
     for (const std::size_t other : numbering_->near(leaf, 2 * kCellReach)) {
-      if (other == leaf || records.empty() || open.length(other) == 0) continue;
-      const auto theirs = lists.get(other);
+      const auto list = list_of(other);
+      if (other == leaf || records.empty() || !list || open.length(*list) == 0) continue;
+      const auto theirs = lists.get(*list);
       auto place = theirs->values.begin();
       std::erase_if(records, [&](const Record& record) {
         place =

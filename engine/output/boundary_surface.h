@@ -29,21 +29,25 @@ struct BoundaryFacet {
 // Two cells that share a facet are stored by leaves within 4λ of each other. Leaf by leaf, facets
 // that are in one cell of it go to a nameless file beside the output; from there, those of a leaf
 // are set against those of the leaves around it. A point of the lattice core has all of its cells
-// in the mesh, so no facet with one is on the boundary.
-// Memory: 24 bytes a leaf, 12 MB for lists of leaves near the current one, and for each thread a
-// leaf's cells and facets; 20 MB while facets are found.
+// in the mesh, so no facet with one is on the boundary. Of several ranks, each tells those beside
+// it of its own, finds the facets of its cells, and has no numbers of the boundary's vertices.
+// Memory: 24 bytes a leaf, 64 a leaf of another rank beside, 12 MB for lists of leaves near the
+// current one, and for each thread a leaf's cells and facets; 20 MB while facets are found.
 // Threads: used by one at a time. Errors: StoreError, std::system_error.
 class BoundarySurface {
  public:
   // All but `workers` must outlive this object. What looks at all leaves throws Stopped.
+  // `exchange`: as for VertexNumbering
   BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                   VertexPositions& positions, const std::filesystem::path& output,
-                  PageRelease& pages, Workers& workers, const StopToken* stop = nullptr);
+                  PageRelease& pages, Workers& workers, const StopToken* stop = nullptr,
+                  Exchange* exchange = nullptr);
   BoundarySurface(const BoundarySurface&) = delete;
   BoundarySurface& operator=(const BoundarySurface&) = delete;
 
   std::uint64_t num_facets() const { return facets_.size(); }
-  std::uint64_t num_vertices();  // finds them at the first call
+  std::uint64_t num_facets_of_lower_ranks() const { return num_facets_before_; }
+  std::uint64_t num_vertices();  // finds them at the first call; REQUIRES: one process
 
   // Some of the facets, one after another; what was not asked for is empty.
   struct Facets {
@@ -53,7 +57,7 @@ class BoundarySurface {
     std::vector<std::array<std::uint64_t, 3>> places;  // of the vertices, among the boundary's
   };
   struct FacetParts {
-    bool has_corners = false, has_places = false;
+    bool has_corners = false, has_places = false;  // REQUIRES: one process for the places
   };
   struct Vertices {
     std::uint64_t first = 0;
@@ -84,7 +88,10 @@ class BoundarySurface {
 
   NumberedCells load_cells(std::size_t leaf, NumberWindow& numbers);
   static std::vector<Record> facets_in_one_cell(const NumberedCells& leaf);
-  void find_facets(Workers& workers);
+  // For another rank.
+  static std::vector<std::uint64_t> flat(std::span<const Record> records);
+  static std::vector<Record> records_in(std::span<const std::uint64_t> values);
+  void find_facets(Workers& workers, Exchange* exchange);
   void find_vertices();
   std::uint64_t place_of(std::uint64_t vertex);
 
@@ -94,7 +101,8 @@ class BoundarySurface {
   std::filesystem::path output_;
   PageRelease* pages_;
   const StopToken* stop_;
-  LeafLists<Record> facets_;
+  LeafLists<Record> facets_;  // of own leaves
+  std::uint64_t num_facets_before_ = 0;
   std::optional<LeafLists<std::uint64_t>> vertices_;
   std::optional<LeafWindow<LeafList<std::uint64_t>>> vertices_near_;
 };

@@ -16,26 +16,51 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 }  // namespace
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-                       const StepProgress& on_step, const StopToken* stop, Exchange* exchange)
+                       const StepProgress& on_step, const StopToken* stop, Exchange* exchange,
+                       bool is_part)
     : store_(store),
       snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
       output_(output),
       on_step_(on_step),
       stop_(stop),
+      exchange_(exchange),
       pages_(store),
       numbering_(snapshot_, run_, output, pages_, stop, exchange),
       positions_(snapshot_, numbering_),
-      workers_(num_threads) {}
+      workers_(num_threads),
+      end_cell_(numbering_.num_cells()) {
+  if (is_part) become_part();
+}
+
+void MeshSource::become_part() {
+  NamedVertices named(numbering_);
+  for_each_piece(
+      {.has_cells = true}, [&](const MeshPiece& piece) { return named.add_own(piece.cells); },
+      [&](const std::vector<std::uint64_t>& others) { named.add_others(others); });
+  vertices_.emplace(snapshot_, numbering_, std::move(named));
+  part_ = {exchange_->rank(), exchange_->num_ranks()};
+  first_cell_ = numbering_.first_cell(numbering_.first_own());
+  end_cell_ = numbering_.first_cell(numbering_.end_own());
+}
+
+std::vector<std::int64_t> MeshSource::numbers_of(std::uint64_t first_vertex,
+                                                 std::uint64_t count) const {
+  std::vector<std::int64_t> numbers(count);
+  for (std::uint64_t i = 0; i < count; ++i)
+    numbers[i] = static_cast<std::int64_t>(number_of(first_vertex + i));
+  return numbers;
+}
 
 std::vector<std::uint32_t> MeshSource::leaves_of_cells(std::uint64_t first,
                                                        std::uint64_t count) const {
+  first += first_cell_;
   std::vector<std::uint32_t> leaves;
   leaves.reserve(count);
   if (count == 0) return leaves;
   for (std::size_t leaf = numbering_.leaf_of_cell(first); leaves.size() < count; ++leaf) {
     const std::uint64_t end = std::min(numbering_.first_cell(leaf + 1), first + count);
-    leaves.resize(end - first, static_cast<std::uint32_t>(leaf));
+    leaves.resize(end - first, static_cast<std::uint32_t>(numbering_.place(leaf)));
   }
   return leaves;
 }
@@ -43,7 +68,7 @@ std::vector<std::uint32_t> MeshSource::leaves_of_cells(std::uint64_t first,
 BoundarySurface& MeshSource::boundary() {
   if (!boundary_)
     boundary_ = std::make_unique<BoundarySurface>(snapshot_, numbering_, positions_, output_,
-                                                  pages_, workers_, stop_);
+                                                  pages_, workers_, stop_, exchange_);
   return *boundary_;
 }
 
@@ -62,17 +87,25 @@ std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) co
          (parts.has_corners ? sizeof(std::array<Point, 4>) * num_listed : 0);
 }
 
-std::function<std::optional<MeshSource::LeafRange>()> MeshSource::ranges(const PieceParts& parts) {
-  return [this, parts, leaf = numbering_.first_own()]() mutable -> std::optional<LeafRange> {
-    if (leaf == numbering_.end_own()) return std::nullopt;
+std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const PieceParts& parts) {
+  const std::size_t num_others =
+      vertices_ && parts.has_points ? vertices_->other_positions().size() : 0;
+  return [this, parts, leaf = numbering_.first_own(), num_others,
+          other = std::size_t{0}]() mutable -> std::optional<PieceRange> {
     throw_if_stopped(stop_);
-    LeafRange range{leaf, leaf};
+    if (leaf == numbering_.end_own()) {
+      if (other == num_others) return std::nullopt;
+      constexpr std::size_t kOthersAtOnce = kFullPieceBytes / sizeof(MeshPiece::Vertex);
+      const std::size_t first = std::exchange(other, std::min(other + kOthersAtOnce, num_others));
+      return PieceRange{first, other, true};
+    }
+    PieceRange range{leaf, leaf};
     std::uint64_t bytes = 0;
     for (; range.end < numbering_.end_own() && bytes < kFullPieceBytes; ++range.end)
       bytes += bytes_of(range.end, parts);
     leaf = range.end;
     pages_.count(bytes);
-    const std::uint64_t num_cells = parts.has_cells ? numbering_.first_cell(leaf) : 0;
+    const std::uint64_t num_cells = parts.has_cells ? numbering_.first_cell(leaf) - first_cell_ : 0;
     if (on_step_ && num_cells > num_told_) on_step_(num_told_ = num_cells, this->num_cells());
     return range;
   };
@@ -86,23 +119,41 @@ std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& p
   };
 }
 
-MeshPiece MeshSource::read(const LeafRange& range, const PieceParts& parts) {
+MeshPiece MeshSource::others(const PieceRange& range) const {
+  MeshPiece piece;
+  piece.first_vertex = vertices_->num_own() + range.first;
+  piece.first_cell = num_cells();
+  const auto positions = vertices_->other_positions();
+  piece.points.assign(positions.begin() + static_cast<std::ptrdiff_t>(range.first),
+                      positions.begin() + static_cast<std::ptrdiff_t>(range.end));
+  return piece;
+}
+
+MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
+  if (range.is_of_others) return others(range);
   std::unique_ptr<Window> window = windows_.take(
       [this] { return std::make_unique<Window>(store_, numbering_, workers_.num_threads()); });
   MeshPiece piece;
-  piece.first_vertex = numbering_.first_vertex(range.first);
-  piece.first_cell = numbering_.first_cell(range.first);
+  const std::uint64_t first_vertex = numbering_.first_vertex(range.first);
+  piece.first_vertex = vertices_ ? vertices_->place_of_own(first_vertex) : first_vertex;
+  piece.first_cell = numbering_.first_cell(range.first) - first_cell_;
   for (std::size_t leaf = range.first; leaf < range.end; ++leaf) {
     if (parts.has_points) add_points(leaf, *window, piece);
     if (parts.has_cells) add_cells(leaf, parts.has_corners, *window, piece);
   }
   windows_.put_back(std::move(window));
+  if (vertices_)
+    for (MeshPiece::Cell& cell : piece.cells)
+      for (std::int64_t& vertex : cell)
+        vertex = static_cast<std::int64_t>(vertices_->place_of(static_cast<std::uint64_t>(vertex)));
   return piece;
 }
 
 void MeshSource::add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const {
+  std::uint64_t number = numbering_.first_vertex(leaf);
   numbering_.for_each_vertex(window.snapshot, leaf, [&](const Point& p) {
-    piece.points.push_back({p.x, p.y, p.z});
+    if (!vertices_ || vertices_->has_own(number)) piece.points.push_back({p.x, p.y, p.z});
+    ++number;
   });
 }
 

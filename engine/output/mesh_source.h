@@ -11,6 +11,7 @@
 
 #include "engine/output/boundary_surface.h"
 #include "engine/output/leaf_window.h"
+#include "engine/output/part_vertices.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/encode_in_order.h"
@@ -27,7 +28,8 @@ struct LeafRun {
   std::uint64_t num_listed = 0, num_core = 0;
 };
 
-// Some leaves, one after another in Morton order. What was not asked for is empty.
+// Some leaves, one after another in Morton order; of a part, at last vertices of other ranks alone.
+// What was not asked for is empty.
 struct MeshPiece {
   using Vertex = std::array<double, 3>;
   using Cell = std::array<std::int64_t, 4>;  // positively oriented
@@ -49,41 +51,64 @@ struct QualityValues {
   float radius_edge_ratio = 0, min_dihedral_degrees = 0;
 };
 
-// Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order.
-// Memory: that of VertexNumbering and BoundarySurface, 8 MB for the points near a leaf and those of
-// NumberWindow, which the threads divide, and for each thread a piece: a mebibyte, or a leaf more.
+// Which rank's part of a mesh.
+struct MeshPart {
+  int rank = 0, num_ranks = 1;
+};
+
+// Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order. A part is
+// what one rank has, as a mesh by itself: its cells, from 0 on, with all of their vertices, which
+// have the numbers of PartVertices.
+// Memory: that of VertexNumbering, PartVertices and BoundarySurface, 8 MB for the points near a
+// leaf and those of NumberWindow, which the threads divide, and for each thread a piece: a
+// mebibyte, or a leaf more.
 // Threads: used by one at a time; what is given to encode is called from any.
 // Errors: StoreError; CorruptRecord; std::system_error of the files beside the output.
 class MeshSource {
  public:
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
   // Steps are cells, told in the first pass over them. Any pass throws Stopped. `exchange`: see
-  // VertexNumbering; then numbers are of all ranks, and pieces of own leaves.
+  // VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but for a part.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
-             Exchange* exchange = nullptr);
+             Exchange* exchange = nullptr, bool is_part = false);
 
   const RunRecord& run() const { return run_; }
-  std::uint64_t num_vertices() const { return numbering_.num_vertices(); }
-  std::uint64_t num_cells() const { return numbering_.num_cells(); }
+  std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
+  std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
   // The leaves of some cells, one after another; safe from many threads.
   std::vector<std::uint32_t> leaves_of_cells(std::uint64_t first, std::uint64_t count) const;
+  // Of a part, what it is of the mesh of all ranks; else that is the same. Safe from many threads.
+  std::optional<MeshPart> part() const { return part_; }
+  std::uint64_t num_all_vertices() const { return numbering_.num_vertices(); }
+  std::uint64_t num_all_cells() const { return numbering_.num_cells(); }
+  std::uint64_t first_of_all_cells() const { return first_cell_; }
+  std::uint64_t number_of(std::uint64_t vertex) const {
+    return vertices_ ? vertices_->number_of(vertex) : vertex;
+  }
+  std::vector<std::int64_t> numbers_of(std::uint64_t first_vertex, std::uint64_t count) const;
+  // The least and the largest. REQUIRES: there is a vertex
+  std::pair<std::uint64_t, std::uint64_t> range_of_numbers() const {
+    return vertices_ ? vertices_->range() : std::pair{std::uint64_t{0}, num_vertices() - 1};
+  }
   Workers& workers() { return workers_; }
-  BoundarySurface& boundary();  // found at the first call
+  // Found at the first call, which all ranks make. Its numbers are of all ranks, also of a part.
+  BoundarySurface& boundary();
 
   // Calls take(encode(piece)) for each piece, encode on any thread, take in order.
   template <class Encode, class Take>
   void for_each_piece(const PieceParts& parts, const Encode& encode, Take take) {
     encode_in_order(
-        workers_, ranges(parts), [&](const LeafRange& range) { return encode(read(range, parts)); },
-        take);
+        workers_, ranges(parts),
+        [&](const PieceRange& range) { return encode(read(range, parts)); }, take);
   }
   // Gives piece after piece, and then nothing. One at a time may be in use.
   std::function<std::optional<MeshPiece>()> pieces(const PieceParts& parts);
 
  private:
-  struct LeafRange {  // of a piece: leaves from `first` to before `end`
+  struct PieceRange {  // from `first` to before `end`: leaves, or vertices of other ranks
     std::size_t first = 0, end = 0;
+    bool is_of_others = false;
   };
   // What one thread reads with.
   struct Window {
@@ -93,9 +118,11 @@ class MeshSource {
     VertexPositions positions;
   };
 
-  std::function<std::optional<LeafRange>()> ranges(const PieceParts& parts);
+  std::function<std::optional<PieceRange>()> ranges(const PieceParts& parts);
   std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
-  MeshPiece read(const LeafRange& range, const PieceParts& parts);  // by any thread
+  void become_part();
+  MeshPiece read(const PieceRange& range, const PieceParts& parts);  // by any thread
+  MeshPiece others(const PieceRange& range) const;
   void add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const;
   void add_cells(std::size_t leaf, bool has_corners, Window& window, MeshPiece& piece) const;
   std::uint64_t add_core_cells(std::size_t leaf, Window& window, MeshPiece& piece) const;
@@ -106,6 +133,7 @@ class MeshSource {
   std::filesystem::path output_;
   StepProgress on_step_;
   const StopToken* stop_;
+  Exchange* exchange_;
   std::uint64_t num_told_ = 0;
   PageRelease pages_;
   VertexNumbering numbering_;
@@ -113,6 +141,9 @@ class MeshSource {
   Workers workers_;
   std::unique_ptr<BoundarySurface> boundary_;
   IdlePool<Window> windows_;
+  std::uint64_t first_cell_ = 0, end_cell_;  // of a part, in the mesh of all
+  std::optional<MeshPart> part_;
+  std::optional<PartVertices> vertices_;
 };
 
 // Of the cells of a piece, in order; those of the core by formula, without the displacement of

@@ -141,10 +141,8 @@ void VertexNumbering::number(std::span<const Numbered> own,
   first_vertex_.push_back(num_all);
 }
 
-// Round after round: list(leaf) of own leaves goes to ranks within reach.
-template <class List, class Take>
-void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
-                                        const Take& take) const {
+void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, double distance,
+                                        const NumbersOf& list, const TakeNumbers& take) const {
   const Shares shares(reader.rank().value().first);
   std::size_t leaf = first_own_;
   do {
@@ -152,7 +150,7 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
     std::size_t num_bytes = 0;
     for (; leaf < end_own_ && num_bytes < kMessageBytes; ++leaf) {
       const std::vector<int> ranks =
-          shares.ranks_within(frame_, frame_.box(leaves()[leaf]), kCellReach * scale_.of(leaf));
+          shares.ranks_within(frame_, frame_.box(leaves()[leaf]), distance * scale_.of(leaf));
       if (ranks.size() == 1) continue;
       const NumberList of_leaf{leaves()[leaf], list(leaf)};
       for (const int rank : ranks) {
@@ -174,7 +172,8 @@ void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange
 void VertexNumbering::exchange_names(const Reader& reader, PageRelease& pages, Exchange& exchange) {
   std::uint64_t size = 0;
   tell_ranks_beside(
-      reader, exchange, [&](std::size_t leaf) { return load_names(reader, pages, leaf).foreign; },
+      reader, exchange, kCellReach,
+      [&](std::size_t leaf) { return load_names(reader, pages, leaf).foreign; },
       [&](std::size_t leaf, const std::vector<std::uint64_t>& ids) {
         names_file_.write_at(sizeof(std::uint64_t) * size, std::as_bytes(std::span(ids)));
         names_beside_[leaf] = {size, ids.size()};
@@ -189,7 +188,7 @@ std::vector<std::pair<std::size_t, VertexNumbering::Numbered>> VertexNumbering::
   for (const Numbered& leaf : own) num_in_file += leaf.num_used;
   std::vector<std::pair<std::size_t, Numbered>> beside;
   tell_ranks_beside(
-      reader, exchange,
+      reader, exchange, kCellReach,
       [&](std::size_t leaf) {
         const Numbered& numbered = own[leaf - first_own_];
         std::vector<std::uint64_t> numbers = read_ids(numbered.first_used, numbered.num_used);

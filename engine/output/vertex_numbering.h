@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <span>
 #include <utility>
@@ -95,6 +96,14 @@ class VertexNumbering {
     });
   }
 
+  // Of several ranks, which all call it: list(leaf) of own leaves goes to the ranks within the
+  // distance (over the LeafScale), a mebibyte at once; take(leaf, list) gets what others tell.
+  using NumbersOf = std::function<std::vector<std::uint64_t>(std::size_t leaf)>;
+  using TakeNumbers =
+      std::function<void(std::size_t leaf, const std::vector<std::uint64_t>& numbers)>;
+  void tell_ranks_beside(const Reader& reader, Exchange& exchange, double distance,
+                         const NumbersOf& list, const TakeNumbers& take) const;
+
  private:
   // Of one leaf: its points, which of them its own cells name, and what else they name.
   struct Names {
@@ -115,9 +124,6 @@ class VertexNumbering {
   struct Numbered {
     std::uint64_t first_vertex = 0, num_core = 0, first_used = 0, num_used = 0;
   };
-  template <class List, class Take>
-  void tell_ranks_beside(const Reader& reader, Exchange& exchange, const List& list,
-                         const Take& take) const;
   // What cells of other ranks' leaves within reach name.
   void exchange_names(const Reader& reader, PageRelease& pages, Exchange& exchange);
   std::vector<std::pair<std::size_t, Numbered>> numbers_beside(const Reader& reader,

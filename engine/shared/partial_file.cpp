@@ -195,6 +195,7 @@ void PartialFile::write_to_disk() {
 }
 
 void PartialFile::finish() {
+  if (std::exchange(is_finished_, true)) return;
   write_to_disk();
   if (::fsync(out_.descriptor()) != 0) fail("write", partial_);
   out_.close();

@@ -60,6 +60,7 @@ class PartialFile {
     num_written_ += bytes.size();
     if (num_written_ >= next_step_) write_behind();
   }
+  void finish();  // makes it durable, so that publish() has nothing to do but to rename
   void publish();
   void finish_part();  // of another's: durable on return
   // All of them or none, but for a crash between two names.
@@ -67,7 +68,6 @@ class PartialFile {
 
  private:
   PartialFile(std::filesystem::path file, const StopToken* stop, OpenFile out);
-  void finish();         // makes it durable
   void write_to_disk();  // piece by piece, as far as the system can
   void write_behind();
   void give_up();
@@ -78,7 +78,7 @@ class PartialFile {
   std::optional<UnfinishedName> unfinished_;  // absent: it is another's
   OpenFile out_;
   std::uint64_t num_written_ = 0, next_step_ = std::uint64_t{1} << 30;
-  bool is_published_ = false;
+  bool is_finished_ = false, is_published_ = false;
 };
 
 // A run of bytes at a known place of a PartialFile, written front to back through a buffer.

@@ -36,18 +36,6 @@ std::string make_cube(const TempDir& dir) {
   return file.string();
 }
 
-// Everything in a directory, so that a test can say that nothing was left behind.
-std::vector<std::string> names_in(const TempDir& dir) {
-  std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(dir.path())) {
-    names.push_back(entry.path().filename().string());
-  }
-  std::ranges::sort(names);
-  return names;
-}
-
-using Names = std::vector<std::string>;
-
 class UsageError : public testing::TestWithParam<std::vector<std::string>> {};
 
 TEST_P(UsageError, ExitsWithTwoAndSaysWhy) {

@@ -25,9 +25,11 @@ constexpr const char* kDescription =
     "that of `locvol mesh`. In the name of a store, %r is a process's number.";
 
 void add_pieces(CLI::App* app, bool& is_in_pieces) {
-  app->add_flag("--pieces", is_in_pieces,
-                "Write a file for each process (for -o part.vtu part-0.vtu and so on), and "
-                "part.pvtu, which names them, instead of one for all");
+  app->add_flag(
+      "--pieces", is_in_pieces,
+      "Write a file for each process instead of one for all, and for VTK one that makes a "
+      "whole of them: for -o part.vtu part-0.vtu, ... and part.pvtu, for part.vtkhdf "
+      "part-0.vtkhdf, ... and part.vtkhdf, for part.msh part_1.msh, ...");
 }
 
 CLI::App* declare_join(CLI::App& app, JoinCommand& command) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <numeric>
 #include <stdexcept>
@@ -104,6 +105,28 @@ TEST(ThreadRanks, EndWhenOneFails) {
     EXPECT_EQ(std::string(e.what()), "the disk is full");
   }
   EXPECT_EQ(num_ended, 3);
+}
+
+TEST(ThreadRanks, EndTogetherWhenTheirWorkFails) {
+  std::array<bool, 3> has_ended{};
+  EXPECT_THROW(run_as_ranks(3,
+                            [&](Exchange& exchange) {
+                              const int rank = exchange.rank();
+                              do_on_all(exchange, [] {});
+                              try {
+                                do_on_all(exchange, [rank] {
+                                  if (rank == 1) throw std::invalid_argument("no room");
+                                });
+                              } catch (const std::invalid_argument&) {
+                                has_ended[1] = rank == 1;
+                                throw;
+                              } catch (const ExchangeError&) {
+                                has_ended[static_cast<std::size_t>(rank)] = true;
+                                throw;
+                              }
+                            }),
+               std::invalid_argument);
+  EXPECT_EQ(has_ended, (std::array{true, true, true}));
 }
 
 TEST(ThreadRanks, NoticeEachMessageThatIsLost) {

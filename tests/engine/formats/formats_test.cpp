@@ -24,15 +24,6 @@
 namespace locvol {
 namespace {
 
-std::vector<std::string> names_in(const std::filesystem::path& directory) {
-  std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(directory))
-    names.push_back(entry.path().filename().string());
-  std::ranges::sort(names);
-  return names;
-}
-
-using Names = std::vector<std::string>;
 using Triangle3 = std::array<Point, 3>;
 
 Triangle3 smallest_first(Triangle3 triangle) {
@@ -117,7 +108,7 @@ class EveryFormat : public testing::TestWithParam<FormatInfo> {
     const TempDir dir;
     const WriteSummary written = write_mesh(store(), dir / "mesh", options(), num_threads);
     std::string all;
-    for (const std::string& name : names_in(dir.path())) all += bytes_of(dir / name);
+    for (const std::string& name : names_in(dir)) all += bytes_of(dir / name);
     EXPECT_EQ(written.bytes, all.size());
     return all;
   }
@@ -143,12 +134,12 @@ TEST_P(EveryFormat, LeavesNothingBehindWhereverItIsStopped) {
   const TempDir dir;
   const StopsAt never(StopsAt::kNever);
   write_mesh(store(), dir / "whole", options(), 2, {}, &never);
-  const Names whole = names_in(dir.path());
+  const Names whole = names_in(dir);
   const std::uint64_t step = 1 + never.num_asked() / 20;
   for (std::uint64_t question = 1; question <= never.num_asked(); question += step) {
     const StopsAt stop(question);
     EXPECT_THROW(write_mesh(store(), dir / "mesh", options(), 2, {}, &stop), Stopped) << question;
-    EXPECT_EQ(names_in(dir.path()), whole);
+    EXPECT_EQ(names_in(dir), whole);
   }
 }
 
@@ -166,7 +157,7 @@ TEST_P(EveryFormat, LeavesNothingBehindWithoutRoom) {
     const FileSizeLimit limit(1024);
     EXPECT_THROW(write_mesh(small, dir / "mesh", options()), std::runtime_error);
   }
-  EXPECT_EQ(names_in(dir.path()), expected);
+  EXPECT_EQ(names_in(dir), expected);
   for (const auto& file : files_of(GetParam().format, dir / "mesh"))
     EXPECT_EQ(bytes_of(file), "old");
 }
@@ -440,7 +431,7 @@ TEST(Stl, RefusesWhatFloatsCannotTellApart) {
     EXPECT_NE(std::string(error.what()).find("mesh.stl"), std::string::npos) << error.what();
     EXPECT_NE(std::string(error.what()).find("write ply or obj"), std::string::npos);
   }
-  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
+  EXPECT_EQ(names_in(dir), (Names{"store"}));
   EXPECT_EQ(write_mesh(store, dir / "mesh.ply", {MeshFormat::kPly}).num_boundary_facets, 12u);
 }
 
@@ -461,7 +452,7 @@ TEST(FormatLimits, AreCheckedBeforeAByteIsWritten) {
   }
   for (const char* name : {"msh2", "abaqus", "tetgen"})
     EXPECT_THROW(write_mesh(store, dir / "mesh", {*format_named(name)}), FormatLimit) << name;
-  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
+  EXPECT_EQ(names_in(dir), (Names{"store"}));
 }
 
 // The message names the file, what there is too much of, and a format that holds it.

@@ -105,17 +105,6 @@ HandMadeMesh with_unused_points(HandMadeMesh mesh) {
   return mesh;
 }
 
-std::vector<std::string> names_in(const std::filesystem::path& directory) {
-  std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(directory)) {
-    names.push_back(entry.path().filename().string());
-  }
-  std::ranges::sort(names);
-  return names;
-}
-
-using Names = std::vector<std::string>;
-
 TEST(Writer, AnyOctreeGivesTheSameMesh) {
   for (const HandMadeMesh& used : meshes()) {
     const HandMadeMesh mesh = with_unused_points(used);
@@ -131,7 +120,7 @@ TEST(Writer, AnyOctreeGivesTheSameMesh) {
       EXPECT_EQ(summary.num_vertices, vtu.points.size());
       EXPECT_EQ(summary.num_cells, mesh.cells.size());
       EXPECT_EQ(summary.bytes, vtu.size());
-      EXPECT_EQ(names_in(dir.path()), (Names{"mesh.vtu", "store"}));
+      EXPECT_EQ(names_in(dir), (Names{"mesh.vtu", "store"}));
     }
   }
 }
@@ -219,13 +208,13 @@ TEST(Writer, ReplacesAnOlderFileAndAStalePartialOne) {
   const HandMadeMesh mesh = cubes(1, [](int, int, int) { return true; });
   write_vtu(HandMadeStore(mesh, mixed_octree()).write(dir / "store"), dir / "mesh.vtu");
   EXPECT_EQ(Vtu(dir / "mesh.vtu").cells.size(), 6u);
-  EXPECT_EQ(names_in(dir.path()), (Names{"mesh.vtu", "store"}));
+  EXPECT_EQ(names_in(dir), (Names{"mesh.vtu", "store"}));
 }
 
 // Writing fails, says why with the file's name, and leaves the directory as it was.
 void expect_failure(const Store& store, const TempDir& dir, const std::filesystem::path& file,
                     const std::string& reason) {
-  const std::vector<std::string> before = names_in(dir.path());
+  const std::vector<std::string> before = names_in(dir);
   try {
     write_vtu(store, file);
     FAIL() << "wrote " << file;
@@ -234,7 +223,7 @@ void expect_failure(const Store& store, const TempDir& dir, const std::filesyste
         << error.what();
     EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
   }
-  EXPECT_EQ(names_in(dir.path()), before);
+  EXPECT_EQ(names_in(dir), before);
 }
 
 TEST(WriterFailure, NoSuchDirectoryOrNotADirectory) {
@@ -276,7 +265,7 @@ TEST(WriterFailure, UnfinishedRun) {
   records.phase = Phase::kRefine;
   const Store store = records.write(dir / "store");
   EXPECT_THROW(write_vtu(store, dir / "mesh.vtu"), StoreError);
-  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
+  EXPECT_EQ(names_in(dir), (Names{"store"}));
 }
 
 void expect_corrupt(const HandMadeStore& records, const std::string& reason) {
@@ -289,7 +278,7 @@ void expect_corrupt(const HandMadeStore& records, const std::string& reason) {
     EXPECT_TRUE(error.leaf().is_valid());
     EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
   }
-  EXPECT_EQ(names_in(dir.path()), (Names{"store"}));
+  EXPECT_EQ(names_in(dir), (Names{"store"}));
 }
 
 TEST(WriterFailure, RecordsThatContradictEachOther) {

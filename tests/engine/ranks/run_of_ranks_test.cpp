@@ -20,6 +20,7 @@
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/engine/file_size_limit.h"
 #include "tests/engine/store_contents.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
@@ -157,6 +158,79 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
       EXPECT_TRUE(bytes_of(scratch_ / "many.vtu") == bytes_of(scratch_ / "one.vtu"));
       EXPECT_FALSE(std::filesystem::exists(scratch_ / "many.vtu.partial"));
     }
+}
+
+// Of three ranks, in each format that has pieces.
+class PiecesOfRanks : public RunOfRanks {
+ protected:
+  void SetUp() override {
+    write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
+              scratch_ / "input.off");
+    options_ = options("store-%r", 0.06, 500);
+    run_as_ranks(3, [&](Exchange& exchange) {
+      const RunSummary summary = mesh_as_rank(options_, {}, exchange);
+      if (exchange.rank() == 0) num_cells_ = summary.run.counts.num_cells;
+    });
+  }
+
+  static std::vector<OutputOptions> outputs() {
+    std::vector<OutputOptions> outputs;
+    for (const FormatInfo& info : mesh_formats())
+      if (can_be_written_in_pieces(info.format)) outputs.push_back({info.format, true});
+    return outputs;
+  }
+
+  WriteSummary write(const std::filesystem::path& directory, const OutputOptions& output,
+                     int num_threads) {
+    WriteSummary written;
+    run_as_ranks(3, [&](Exchange& exchange) {
+      const Store store =
+          Store::open(store_of_rank(options_.store, exchange.rank()), {.read_only = true});
+      const WriteSummary of_all =
+          write_piece_as_rank(store, directory / "mesh.any", output, exchange, num_threads);
+      if (exchange.rank() == 0) written = of_all;
+    });
+    return written;
+  }
+
+  MeshOptions options_;
+  std::uint64_t num_cells_ = 0;
+};
+
+TEST_F(PiecesOfRanks, AreTheSameBytesForAnyNumberOfThreads) {
+  EXPECT_EQ(outputs().size(), 4U);
+  for (const OutputOptions& output : outputs()) {
+    SCOPED_TRACE(info_of(output.format).name);
+    const TempDir one, many;
+    const WriteSummary written = write(one.path(), output, 1);
+    write(many.path(), output, 3);
+    const auto index = index_of_pieces(one / "mesh.any", output.format);
+    EXPECT_EQ(names_in(one).size(), index ? 4U : 3U);
+    std::uint64_t bytes = 0;
+    for (const std::string& name : names_in(one)) {
+      EXPECT_TRUE(bytes_of(one / name) == bytes_of(many / name)) << name;
+      if (!index || one / name != *index) bytes += std::filesystem::file_size(one / name);
+    }
+    EXPECT_EQ(names_in(one), names_in(many));
+    EXPECT_EQ(written.bytes, bytes);
+    EXPECT_EQ(written.num_cells, num_cells_);
+  }
+}
+
+// The place of one rank's is taken; or no rank has room.
+TEST_F(PiecesOfRanks, LeaveNothingBehindWhenOneFails) {
+  for (const OutputOptions& output : outputs()) {
+    SCOPED_TRACE(info_of(output.format).name);
+    const TempDir dir;
+    const std::filesystem::path taken = piece_of(dir / "mesh.any", output.format, 1);
+    std::filesystem::create_directory(taken);
+    EXPECT_THROW(write(dir.path(), output, 1), std::runtime_error);
+    EXPECT_EQ(names_in(dir), Names{taken.filename().string()});
+    std::filesystem::remove(taken);
+    const FileSizeLimit limit(1024);
+    EXPECT_THROW(write(dir.path(), output, 1), std::runtime_error);
+    EXPECT_EQ(names_in(dir), Names{});
+  }
 }
 
 // Leaves that are split, whose parts are a copy's, or beyond.

@@ -1,10 +1,11 @@
 """Other programs' readers on one mesh in every format: the same points, cells and boundary.
 
-Usage: readers_test.py LOCVOL     exit code 77: a reader is not installed
+Usage: readers_test.py LOCVOL [LOCVOL_MPI MPIRUN]     exit code 77: a reader is not installed
 """
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,15 +22,22 @@ except ImportError as error:
     sys.exit(77)
 
 LOCVOL = sys.argv.pop(1)
+LOCVOL_MPI, MPIRUN = (sys.argv.pop(1), sys.argv.pop(1)) if len(sys.argv) > 2 else (None, None)
+MPI_ENVIRONMENT = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
+                       OMPI_MCA_rmaps_base_oversubscribe="1")
 # Across from each vertex of a positively oriented cell, counterclockwise from outside.
 FACETS = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 ABAQUS_FACES = {"S1": 3, "S2": 2, "S3": 0, "S4": 1}  # the vertex that each lies across from
 
 
-def locvol(*arguments):
-    result = subprocess.run([LOCVOL, *arguments], capture_output=True, text=True)
+def run(command, **options):
+    result = subprocess.run(command, capture_output=True, text=True, **options)
     assert result.returncode == 0, result.stderr
     return result.stdout
+
+
+def locvol(*arguments):
+    return run([LOCVOL, *arguments])
 
 
 def canonical(triangles):
@@ -78,10 +86,16 @@ def ratio_and_angle(points, cells):
 class Mesh:
     """What a reader made of a file."""
 
-    def __init__(self, points, cells, cell_data=None):
+    def __init__(self, points, cells, cell_data=None, point_data=None):
         self.points = np.asarray(points, dtype=float)
         self.cells = np.asarray(cells, dtype=np.int64)
         self.cell_data = cell_data or {}
+        self.point_data = point_data or {}
+
+
+def arrays_of(data):
+    return {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i))
+            for i in range(data.GetNumberOfArrays())}
 
 
 def read_vtk(reader, file):
@@ -93,14 +107,16 @@ def read_vtk(reader, file):
     cells = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
     offsets = vtk_to_numpy(grid.GetCells().GetOffsetsArray())
     assert (offsets == 4 * np.arange(len(cells) + 1)).all()
-    data = grid.GetCellData()
-    arrays = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i))
-              for i in range(data.GetNumberOfArrays())}
-    return Mesh(vtk_to_numpy(grid.GetPoints().GetData()), cells, arrays)
+    return Mesh(vtk_to_numpy(grid.GetPoints().GetData()), cells, arrays_of(grid.GetCellData()),
+                arrays_of(grid.GetPointData()))
 
 
 def read_vtu(file):
     return read_vtk(vtk.vtkXMLUnstructuredGridReader(), file)
+
+
+def read_pvtu(file):
+    return read_vtk(vtk.vtkXMLPUnstructuredGridReader(), file)
 
 
 def read_vtkhdf(file):
@@ -252,6 +268,124 @@ class Readers(unittest.TestCase):
             self.assertAlmostEqual(facts["volume"], volume, delta=1e-6 * volume)
             self.assertEqual(facts["num_triangles"], len(self.facets))
             self.assertEqual(facts["euler_characteristic"], self.audit["euler_characteristic"])
+
+
+class GmshFiles:
+    """What Gmsh makes of files that it merges: of nodes, cells and facets the tags, in order."""
+
+    def __init__(self, *files):
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        for file in files:
+            gmsh.merge(file)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        # Gmsh 4.8 lists a node once for each file that has it.
+        self.nodes, first = np.unique(tags, return_index=True)
+        self.points = coordinates.reshape(-1, 3)[first]
+        self.are_equal = (self.points[np.searchsorted(self.nodes, tags)]
+                          == coordinates.reshape(-1, 3)).all()
+        self.cell_tags, self.cells = self.elements(4)
+        self.facet_tags, self.facets = self.elements(2)
+        self.partitions = [list(gmsh.model.getPartitions(3, entity))
+                           for _, entity in gmsh.model.getEntities(3)]
+        self.groups = {gmsh.model.getPhysicalName(*group): group[0]
+                       for group in gmsh.model.getPhysicalGroups()}
+        gmsh.finalize()
+
+    @staticmethod
+    def elements(kind):
+        tags, vertices = gmsh.model.mesh.getElementsByType(kind)
+        order = np.argsort(tags)
+        return tags[order], vertices.astype(np.int64).reshape(len(tags), -1)[order]
+
+
+@unittest.skipUnless(MPIRUN, "needs locvol-mpi")
+class Pieces(unittest.TestCase):
+    """What three ranks write, each a file, against the mesh that one process writes."""
+
+    def setUp(self):
+        directory = tempfile.TemporaryDirectory()
+        self.addCleanup(directory.cleanup)
+        self.directory = directory.name
+
+    def path(self, *names):
+        return os.path.join(self.directory, *names)
+
+    def ranks(self, *arguments):
+        run([MPIRUN, "-n", "3", LOCVOL_MPI, *arguments, "--quiet"], env=MPI_ENVIRONMENT)
+
+    def each_mesh(self):
+        """One size for all cells, and cells that grow."""
+        locvol("generate", "three-holes", "-o", self.path("three.stl"), "-n", "5k")
+        for number, options in enumerate(([], ["--growth", "0.2"])):
+            self.stores = self.path(f"part-{number}-%r")
+            self.ranks("mesh", self.path("three.stl"), "-o", self.path("whole.vtu"), "--size", "8%",
+                       "--leaf-capacity", "300", "--store", self.stores, *options)
+            with self.subTest(options=options):
+                yield read_vtu(self.path("whole.vtu"))
+
+    def export(self, name, *arguments):
+        """The directory that all files of the pieces are in, and no others."""
+        written, moved = self.path("written"), self.path("moved")
+        shutil.rmtree(moved, ignore_errors=True)
+        os.mkdir(written)
+        self.ranks("export", self.stores, "-o", os.path.join(written, name), "--pieces", *arguments)
+        os.rename(written, moved)
+        return moved
+
+    def expect_whole(self, mesh, whole):
+        ids = mesh.point_data["GlobalPointIds"]
+        np.testing.assert_array_equal(mesh.points, whole.points[ids])
+        np.testing.assert_array_equal(ids[mesh.cells], whole.cells)
+        np.testing.assert_array_equal(mesh.cell_data["leaf"], whole.cell_data["leaf"])
+        self.assertEqual(mesh.cell_data["min_dihedral_degrees"].shape, (len(whole.cells),))
+
+    def test_vtk(self):
+        for whole in self.each_mesh():
+            for options, index, read, read_index in (
+                    (("mesh.vtu",), "mesh.pvtu", read_vtu, read_pvtu),
+                    (("mesh.vtu", "--format", "vtu-zlib"), "mesh.pvtu", read_vtu, read_pvtu),
+                    (("mesh.vtkhdf",), "mesh.vtkhdf", read_vtkhdf, read_vtkhdf)):
+                directory = self.export(*options, "--cell-data", "quality")
+                index = os.path.join(directory, index)
+                self.expect_whole(read_index(index), whole)
+                num_cells = 0
+                for file in sorted(set(os.listdir(directory)) - {os.path.basename(index)}):
+                    piece = read(os.path.join(directory, file))
+                    ids = piece.point_data["GlobalPointIds"]
+                    self.assertEqual(len(np.unique(piece.cells)), len(ids))
+                    cells = whole.cells[num_cells:num_cells + len(piece.cells)]
+                    np.testing.assert_array_equal(ids[piece.cells], cells)
+                    num_cells += len(piece.cells)
+                self.assertEqual(num_cells, len(whole.cells))
+
+    def test_gmsh(self):
+        for whole in self.each_mesh():
+            directory = self.export("mesh.msh")
+            files = [os.path.join(directory, f"mesh_{rank + 1}.msh") for rank in range(3)]
+            self.assertEqual(len(os.listdir(directory)), len(files))
+            merged = GmshFiles(*files)
+            self.assertTrue(merged.are_equal)
+            np.testing.assert_array_equal(merged.nodes, np.arange(len(whole.points)) + 1)
+            np.testing.assert_array_equal(merged.points, whole.points)
+            np.testing.assert_array_equal(merged.cells, whole.cells + 1)
+            facets, _ = boundary_of(whole.cells)
+            np.testing.assert_array_equal(canonical(merged.facets), canonical(facets + 1))
+            np.testing.assert_array_equal(np.concatenate([merged.cell_tags, merged.facet_tags]),
+                                          np.arange(len(whole.cells) + len(facets)) + 1)
+            self.assertEqual(merged.partitions, [[], [1], [2], [3]])
+            self.assertEqual(merged.groups, {"volume": 3, "boundary": 2})
+            num_cells = 0
+            for rank, file in enumerate(files):
+                piece = GmshFiles(file)
+                self.assertEqual(piece.partitions, [[], [rank + 1]])
+                self.assertEqual(piece.groups, merged.groups)
+                np.testing.assert_array_equal(piece.nodes, np.unique(piece.cells))
+                np.testing.assert_array_equal(piece.points, whole.points[piece.nodes - 1])
+                np.testing.assert_array_equal(piece.cells, whole.cells[piece.cell_tags - 1] + 1)
+                self.assertTrue(np.isin(piece.facets, piece.nodes).all())
+                num_cells += len(piece.cells)
+            self.assertEqual(num_cells, len(whole.cells))
 
 
 if __name__ == "__main__":

@@ -186,6 +186,18 @@ class MpiTest(unittest.TestCase):
             self.assertEqual(set(piece["types"]), {10})
         self.assertEqual(cells, list(whole["connectivity"]))
 
+    def test_pieces_leave_nothing_behind_when_one_fails(self):
+        stores = self.scratch / "part-%r"
+        self.run_command(3, "mesh", self.surface, "-o", self.scratch / "one.vtu", "-s", "10%", "-q",
+                         "--store", stores)
+        output = self.scratch / "pieces"
+        (output / "many_2.msh").mkdir(parents=True)
+        run = self.start_command(3, "export", stores, "-o", output / "many.msh", "--pieces", "-q")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn(f"cannot write {output}/many_2.msh: Is a directory", said)
+        self.assertEqual([path.name for path in output.iterdir()], ["many_2.msh"], said)
+
     def test_goes_on_after_kills(self):
         expected = self.mesh("4%")
         seed = time.time_ns()
@@ -239,6 +251,12 @@ class MpiTest(unittest.TestCase):
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 1, said)
         self.assertIn("ranks 0 and 1 would have one store", said)
+        run = self.start_command(2, "mesh", self.surface, "-o", self.scratch / "many.mesh",
+                                 "--pieces")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn("--pieces cannot be medit: these formats have pieces: "
+                      "vtu, vtu-zlib, vtkhdf, msh", said)
         run = self.start(2, "0")
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 2, said)
