@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <ctime>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -25,6 +26,7 @@
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/color_results.h"
 #include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/ingest_by_ranks.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_sizes.h"
 #include "engine/ranks/rank_store.h"
@@ -579,13 +581,33 @@ void check_output(const RunRecord& run, const std::filesystem::path& store,
   require_room(run, store, control.output, control.output_options, disk);
 }
 
-IngestWatch watch_of(const RunControl& control, const StopSource& stop) {
+// Of `num_ranks` which each have about as many triangles, one tells what all have done.
+IngestWatch watch_of(const RunControl& control, const StopSource& stop, int num_ranks = 1) {
   std::function<void(std::uint64_t)> tell;
   if (control.on_progress)
-    tell = [&control](std::uint64_t num_triangles) {
-      control.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
+    tell = [&control, num = static_cast<std::uint64_t>(num_ranks)](std::uint64_t num_triangles) {
+      control.on_progress({.phase = Phase::kIngest, .num_triangles = num * num_triangles});
     };
   return IngestWatch(&stop, tell);
+}
+
+IngestCalls ingest_calls(const std::filesystem::path& directory, std::function<Store()> open_store,
+                         const RunControl& control, const DiskOf& disk) {
+  const auto check = [directory, &control, disk](const RunRecord& run, std::uint64_t spilled) {
+    if (control.on_note) std::ranges::for_each(run.surface.notes, control.on_note);
+    // Temporary files, which will be gone.
+    const std::uint64_t own = disk(directory).id;
+    check_output(run, directory, control, [&](const std::filesystem::path& place) {
+      Disk found = disk(place);
+      if (found.id == own) found.free_bytes += static_cast<double>(spilled);
+      return found;
+    });
+  };
+  const auto begin = [&control](const RunRecord& run) {
+    planned_memory(run, memory_cap(control.memory_bytes));
+    if (control.on_run) control.on_run(run);
+  };
+  return {check, begin, std::move(open_store)};
 }
 
 // Takes in the surface for a run that `planned` makes of its digest and bounding box. Throws
@@ -594,26 +616,12 @@ Store ingested(const SurfaceSource& surface, const std::filesystem::path& direct
                const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,
                const std::function<Store()>& open_store, const RunControl& control,
                const StopSource& stop) {
-  const std::uint64_t cap = memory_cap(control.memory_bytes);
   IngestWatch watch = watch_of(control, stop);
   RawSurface raw = read_surface(surface, existing_directory(directory), watch);
   const RunRecord run = planned(raw.digest, raw.box);
-  const auto check = [&](const RunRecord& known, std::uint64_t spilled) {
-    if (control.on_note) std::ranges::for_each(known.surface.notes, control.on_note);
-    // Temporary files, which will be gone.
-    const std::uint64_t disk = disk_of(directory).id;
-    check_output(known, directory, control, [&](const std::filesystem::path& place) {
-      Disk found = disk_of(place);
-      if (found.id == disk) found.free_bytes += static_cast<double>(spilled);
-      return found;
-    });
-  };
-  const auto begin = [&](const RunRecord& known) {
-    planned_memory(known, cap);
-    if (control.on_run) control.on_run(known);
-  };
-  Workers workers(num_streaming_threads(control.num_threads, cap));
-  return ingest(std::move(raw), run, {check, begin, open_store}, watch, workers);
+  Workers workers(num_streaming_threads(control.num_threads, memory_cap(control.memory_bytes)));
+  return ingest(std::move(raw), run, ingest_calls(directory, open_store, control, disk_of), watch,
+                workers);
 }
 
 RunSummary interrupted(const Store& store) {
@@ -724,31 +732,51 @@ RunRecord planned_by_rank(const MeshOptions& options, const std::string& digest,
   return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
 }
 
-// The first rank takes the surface in, and gives each its share.
+// Each rank's leaves, of a share of space; or all of them on the first one, and nothing on others.
+std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStore& place,
+                                   const RunControl& control, Exchange& exchange,
+                                   const StopSource& stop) {
+  const bool is_first = exchange.rank() == 0;
+  const auto planned = [&](const std::string& digest, const Box& box) {
+    return planned_by_rank(options, digest, box, stop);
+  };
+  const auto open_store = [&] { return place.open(); };
+  const bool sees_image = options.size_image.empty() || std::ifstream(options.size_image).is_open();
+  if (exchange.num_ranks() > 1 && !any(exchange, !sees_image)) {
+    RunControl own = control;
+    if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
+    const DiskOf disk = disk_of_parts(place.directory(), exchange);
+    IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
+    Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
+    auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), planned,
+                                ingest_calls(place.directory(), open_store, own, disk), watch,
+                                workers, exchange, disk);
+    if (part) return part;
+  }
+  if (!is_first) return std::nullopt;
+  return ingested(surface_in_file(options.input), place.directory(), planned, open_store, control,
+                  stop);
+}
+
+// All take the surface in, or the first one does, and then each gets its share.
 void ingest_for_ranks(const MeshOptions& options, const RunControl& control, Exchange& exchange,
                       const StopSource& stop) {
   const std::filesystem::path own = store_of_rank(options.store, exchange.rank());
-  std::vector<Store> whole;
-  const std::filesystem::path place = own.string() + ".whole";
+  const PassingStore place(own.string() + ".whole");
+  std::vector<Store> parts;
   bool is_stopped = false;
-  if (exchange.rank() == 0) try {
-      std::filesystem::remove_all(place);
-      whole.push_back(ingested(
-          surface_in_file(options.input), place,
-          [&](const std::string& digest, const Box& box) {
-            return planned_by_rank(options, digest, box, stop);
-          },
-          [&] { return Store::open(place, {.create = true}); }, control, stop));
-      is_stopped = whole.front().snapshot().run()->phase == Phase::kIngest;
-    } catch (const Stopped&) {
-      is_stopped = true;
+  try {
+    if (auto part = part_taken_in(options, place, control, exchange, stop)) {
+      is_stopped = part->snapshot().run()->phase == Phase::kIngest;
+      parts.push_back(std::move(*part));
     }
+  } catch (const Stopped&) {
+    is_stopped = true;
+  }
   if (any(exchange, is_stopped)) throw Stopped();
   NextStore next(own);
-  move_leaves(whole, equal_shares(whole, exchange), next.store(), exchange);
+  move_leaves(parts, equal_shares(parts, exchange), next.store(), exchange);
   next.take_place({}, exchange);
-  whole.clear();
-  if (exchange.rank() == 0) std::filesystem::remove_all(place);
 }
 
 std::vector<Store> opened(std::span<const std::filesystem::path> stores) {

@@ -40,8 +40,9 @@ class Exchange;
 // mesh() by several ranks at once, each of which calls it and has a store of its own, which its
 // number makes of options.store (store_of_rank()): what is the ranks' own in these, put together,
 // is what mesh() makes. Goes on with what other ranks, as many or not, or one process, have begun.
-// The first reads the input. Of cover mode. `counts` of the summary's run: of all ranks. Throws
-// ExchangeError, too.
+// All
+// take the input in, see ingest_by_ranks(), or the first one does. Of cover mode. `counts` of the
+// summary's run: of all ranks. Throws ExchangeError, too.
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange);
 // The same of the run that the stores hold: needs neither the input nor the parameters.
 RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,

@@ -37,6 +37,11 @@ int Shares::owner_of(MortonKey leaf) const {
   return static_cast<int>(after - first_.begin()) - 1;
 }
 
+KeyRange Shares::range_of(int rank) const {
+  const auto own = first_.begin() + rank;
+  return own + 1 == first_.end() ? KeyRange{*own} : KeyRange{*own, own[1]};
+}
+
 std::vector<MortonKey> Shares::nodes_of(int rank) const {
   std::vector<MortonKey> nodes, waiting = {MortonKey::root()};
   while (!waiting.empty()) {

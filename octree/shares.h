@@ -6,6 +6,7 @@
 
 #include "octree/frame.h"
 #include "octree/geometry.h"
+#include "octree/key_range.h"
 #include "octree/morton_key.h"
 
 namespace locvol {
@@ -27,6 +28,7 @@ class Shares {
   int num_ranks() const { return static_cast<int>(first_.size()); }
   const std::vector<MortonKey>& first() const { return first_; }  // as the constructor takes it
   int owner_of(MortonKey leaf) const;
+  KeyRange range_of(int rank) const;
   // The largest nodes that are all of the rank's, in Morton order.
   std::vector<MortonKey> nodes_of(int rank) const;
   // Ranks that a leaf within the distance of the box belongs to, or may if it is split, ascending.

@@ -237,7 +237,8 @@ Each rank has a store of its own, on a disk of its own, which no other needs to 
 .B \-\-store
 gives,
 .B %r
-is its number. The first rank reads the surface; the directory of the output has to be seen by all.
+is its number. The directory of the output has to be seen by all. So has the surface, which all read
+if it is binary STL or binary PLY; any other, or one that others do not see, the first rank reads.
 .B \-\-memory
 and
 .B \-\-threads

@@ -90,6 +90,17 @@ std::vector<T> gather_values(Exchange& exchange, const T& own) {
   return values;
 }
 
+// All ranks' lists, one after another.
+template <class T>
+std::vector<T> gather_all(Exchange& exchange, const std::vector<T>& own) {
+  std::vector<T> all;
+  for (std::string& message : exchange.gather(pack(own))) {
+    const auto of_rank = unpack<std::vector<T>>(std::exchange(message, {}));
+    all.insert(all.end(), of_rank.begin(), of_rank.end());
+  }
+  return all;
+}
+
 // A list to each rank, by rank; gives those to this one. Of an empty one nothing is said.
 template <class T>
 std::vector<std::vector<T>> swap_lists(Exchange& exchange, std::vector<std::vector<T>> lists) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/ingest/image_sizes.h"
+#include "engine/ingest/ingest_share.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
@@ -70,18 +71,12 @@ void erase_all(Store& store, const StopToken* stop) {
 // A leaf with more triangles is cut as far as its children remain wide enough.
 constexpr std::uint64_t kMaxLeafTriangles = 50'000;
 
-// Leaves near the surface, in Morton order.
-struct CutLeaves {
-  std::vector<MortonKey> keys;
-  std::vector<std::uint8_t> parities;  // their center_to_corner_parities()
-};
-
 // Hands each leaf the triangles that meet its box, in Morton order, by descending to the buckets
 // and from there, or from larger leaves, to the leaves.
 class SurfaceCutter {
  public:
-  // `cells`: see cells_near_surface().
-  SurfaceCutter(const CheckedSurface& surface, const std::vector<MortonKey>& cells,
+  // `cells`: see cells_near_surface(); those whose leaves are wanted.
+  SurfaceCutter(const CheckedSurface& surface, std::span<const MortonKey> cells,
                 const RunRecord& run, BoundedBatches& batches, IngestWatch& watch)
       : surface_(surface),
         cells_(cells),
@@ -190,7 +185,7 @@ class SurfaceCutter {
   }
 
   const CheckedSurface& surface_;
-  const std::vector<MortonKey>& cells_;
+  Cells cells_;
   const Frame& frame_;
   StartSides sides_;
   bool may_split_;
@@ -199,7 +194,7 @@ class SurfaceCutter {
   CutLeaves leaves_;
 };
 
-// All leaves of the start, in Morton order, and on which sides their centers lie.
+// Leaves of the start, in Morton order, and on which sides their centers lie.
 struct StartLeaves {
   std::vector<MortonKey> keys;
   std::vector<bool> is_center_inside;
@@ -207,6 +202,17 @@ struct StartLeaves {
   void add(MortonKey key, bool is_inside) {
     keys.push_back(key);
     is_center_inside.push_back(is_inside);
+  }
+  // Those that begin in the range, of all.
+  void keep(const KeyRange& range) {
+    const auto begun = range.begun_of(keys);
+    const auto first = begun.data() - keys.data(), end = first + std::ssize(begun);
+    const auto keep_these = [&](auto& list) {
+      list.erase(list.begin() + end, list.end());
+      list.erase(list.begin(), list.begin() + first);
+    };
+    keep_these(keys);
+    keep_these(is_center_inside);
   }
 };
 
@@ -334,29 +340,32 @@ void put_run(Store& store, const RunRecord& run) {
 }  // namespace
 
 Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatch& watch,
-             Workers& workers, std::uint64_t bucket_capacity) {
+             Workers& workers, std::uint64_t bucket_capacity, const IngestShare& share) {
   const OctreePlan plan = plan_octree(run.parameters, raw.box);
   run.frame = plan.frame;
   run.phase = Phase::kIngest;
   std::optional<Store> store;
   try {
     const CheckedSurface surface =
-        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity);
+        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     calls.check(run, surface.spill.bytes());
-    const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch);
+    const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch, share);
     calls.begin(run);
 
     store.emplace(calls.open_store());
     put_run(*store, run);
     erase_all(*store, watch.stop());
     BoundedBatches batches(*store, watch.stop());
-    const CutLeaves cut = SurfaceCutter(surface, cells, run, batches, watch).cut();
+    const KeyRange range = share.range();
+    CutLeaves cut = SurfaceCutter(surface, range.begun_of(cells), run, batches, watch).cut();
+    share.join_leaves(cut);
     const bool is_uniform = run.parameters.sizes().is_uniform();
     StartSides sides(run.parameters, plan);
-    const StartLeaves leaves =
+    StartLeaves leaves =
         is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame, sides);
+    leaves.keep(range);
     store_leaves(leaves, run, batches);
     if (run.parameters.has_image()) store_image_nodes(leaves.keys, run, batches, watch.stop());
     run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter

@@ -24,7 +24,10 @@ struct IngestCalls {
 // that phase, too. Memory: 64 MB, whatever the size of the surface, but for leaves with more than
 // 100,000 triangles, whose sides are below 8 λ (200 bytes a triangle), and see check_surface().
 // Throws InputError, StoreError, std::system_error where temporary files cannot be written.
+// Of several processes each stores the leaves of its share. REQUIRES: their ranges begin where
+// nodes of the OctreePlan's level do
 Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatch& watch,
-             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity);
+             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
+             const IngestShare& share = IngestShare());
 
 }  // namespace locvol

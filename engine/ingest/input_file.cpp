@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 #include <sys/types.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cerrno>
 #include <cstring>
@@ -88,6 +90,18 @@ void InputFile::seek(std::uint64_t position) {
   has_sought_ = true;
 }
 
+void InputFile::read_at(std::uint64_t position, std::span<unsigned char> bytes) const {
+  while (!bytes.empty()) {
+    const ssize_t count =
+        ::pread(::fileno(file_.get()), bytes.data(), bytes.size(), static_cast<off_t>(position));
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) refuse_unreadable(position);
+    if (count == 0) refuse_truncated();
+    position += static_cast<std::uint64_t>(count);
+    bytes = bytes.subspan(static_cast<std::size_t>(count));
+  }
+}
+
 bool InputFile::load_more() {
   throw_if_stopped(stop_);
   if (begin_ > 0) {
@@ -98,9 +112,7 @@ bool InputFile::load_more() {
   if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
   const std::size_t count =
       std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
-  if (count == 0 && std::ferror(file_.get()))
-    refuse(fmt::format("cannot be read at byte {} ({}); check the disk", loaded_,
-                       std::strerror(errno)));
+  if (count == 0 && std::ferror(file_.get())) refuse_unreadable(loaded_);
   if (!has_sought_) hash_.update(buffer_.data() + end_, count);
   end_ += count;
   loaded_ += count;
@@ -122,8 +134,24 @@ void InputFile::refuse_line(const std::string& what) const {
   refuse(fmt::format("line {}: {}", line_number_, what));
 }
 
+void InputFile::refuse_unreadable(std::uint64_t position) const {
+  refuse(fmt::format("cannot be read at byte {} ({}); check the disk", position,
+                     std::strerror(errno)));
+}
+
 void InputFile::refuse_truncated() const {
   refuse(fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size_));
+}
+
+void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uint64_t end,
+                Sha256& hash, const StopToken* stop) {
+  InputFile input(file, stop);
+  input.seek(begin);
+  while (begin < end) {
+    const std::uint64_t bytes = std::min<std::uint64_t>(end - begin, kBufferBytes);
+    hash.update(input.take(bytes), bytes);
+    begin += bytes;
+  }
 }
 
 std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -37,6 +38,8 @@ class InputFile {
   bool next_line(std::string_view& line);
   // The next byte taken is the one at `position`, at most size(). The file then has no digest().
   void seek(std::uint64_t position);
+  // Those at `position`, without taking them. Throws InputError if they are not there.
+  void read_at(std::uint64_t position, std::span<unsigned char> bytes) const;
 
   // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once, of a
   // file in which nobody has sought.
@@ -48,6 +51,7 @@ class InputFile {
   [[noreturn]] void refuse_truncated() const;
 
  private:
+  [[noreturn]] void refuse_unreadable(std::uint64_t position) const;
   bool load_more();  // appends to the buffer; false at the end of the file
 
   struct Close {
@@ -65,6 +69,9 @@ class InputFile {
   std::size_t begin_ = 0, end_ = 0;  // of the bytes in the buffer that are not taken yet
 };
 
+// Adds its bytes [begin, end) to a hash. Throws InputError as InputFile does, Stopped.
+void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uint64_t end,
+                Sha256& hash, const StopToken* stop = nullptr);
 // Of its bytes. Throws InputError as InputFile does, Stopped.
 std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 

@@ -5,7 +5,9 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -13,6 +15,7 @@
 
 #include "engine/ingest/surface_formats.h"
 #include "engine/ingest/text_scanner.h"
+#include "engine/ingest/vertex_cache.h"
 
 namespace locvol {
 namespace {
@@ -147,6 +150,34 @@ class HeaderParser {
   Header header_;
 };
 
+std::uint64_t bits_in(const unsigned char* bytes, Type type, Encoding encoding) {
+  const std::size_t n = bytes_of(type);
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < n; ++i)
+    bits = bits << 8 | bytes[encoding == Encoding::kBigEndian ? i : n - 1 - i];
+  return bits;
+}
+
+std::int64_t signed_value(Type type, std::uint64_t bits) {
+  switch (type) {
+    case Type::kInt8:
+      return static_cast<std::int8_t>(bits);
+    case Type::kInt16:
+      return static_cast<std::int16_t>(bits);
+    case Type::kInt32:
+      return static_cast<std::int32_t>(bits);
+    default:
+      return static_cast<std::int64_t>(bits);
+  }
+}
+
+double number_in(const unsigned char* bytes, Type type, Encoding encoding) {
+  const std::uint64_t bits = bits_in(bytes, type, encoding);
+  if (type == Type::kFloat) return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
+  if (type == Type::kDouble) return std::bit_cast<double>(bits);
+  return static_cast<double>(signed_value(type, bits));
+}
+
 // Reads the values that follow the header, in the file's encoding.
 class ValueReader {
  public:
@@ -155,16 +186,14 @@ class ValueReader {
 
   double number(Type type) {
     if (encoding_ == Encoding::kAscii) return scanner_.coordinate_on_any_line();
-    const std::uint64_t bits = take_bits(type);
-    if (type == Type::kFloat) return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
-    if (type == Type::kDouble) return std::bit_cast<double>(bits);
-    return static_cast<double>(signed_value(type, bits));
+    return number_in(file_.take(bytes_of(type)), type, encoding_);
   }
 
   // REQUIRES: is_integer(type)
   std::uint64_t count(Type type, const char* what) {
     if (encoding_ == Encoding::kAscii) return scanner_.count_on_any_line(what);
-    const std::int64_t value = signed_value(type, take_bits(type));
+    const std::int64_t value =
+        signed_value(type, bits_in(file_.take(bytes_of(type)), type, encoding_));
     if (value < 0)
       file_.refuse(fmt::format("the {} is negative ({}) before byte {}; the file is damaged", what,
                                value, file_.position()));
@@ -193,28 +222,6 @@ class ValueReader {
   }
 
  private:
-  std::uint64_t take_bits(Type type) {
-    const std::size_t n = bytes_of(type);
-    const unsigned char* const bytes = file_.take(n);
-    std::uint64_t bits = 0;
-    for (std::size_t i = 0; i < n; ++i)
-      bits = bits << 8 | bytes[encoding_ == Encoding::kBigEndian ? i : n - 1 - i];
-    return bits;
-  }
-
-  static std::int64_t signed_value(Type type, std::uint64_t bits) {
-    switch (type) {
-      case Type::kInt8:
-        return static_cast<std::int8_t>(bits);
-      case Type::kInt16:
-        return static_cast<std::int16_t>(bits);
-      case Type::kInt32:
-        return static_cast<std::int32_t>(bits);
-      default:
-        return static_cast<std::int64_t>(bits);
-    }
-  }
-
   InputFile& file_;
   Encoding encoding_;
   TextScanner scanner_;
@@ -252,9 +259,9 @@ const Element* find(const Header& header, std::string_view name) {
   return nullptr;
 }
 
-void read_vertices(const InputFile& file, const Element& element, ValueReader& values,
-                   SurfaceSink& sink) {
-  std::vector<int> axes;  // of each property; -1: none
+// Of a vertex' properties, each one's axis; -1: none.
+std::vector<int> axes_of(const InputFile& file, const Element& element) {
+  std::vector<int> axes;
   for (const Property& p : element.properties)
     axes.push_back(p.count_type    ? -1
                    : p.name == "x" ? 0
@@ -264,8 +271,18 @@ void read_vertices(const InputFile& file, const Element& element, ValueReader& v
   for (int axis = 0; axis < 3; ++axis)
     if (std::count(axes.begin(), axes.end(), axis) != 1)
       file.refuse("its vertices must have one property each of the names x, y and z");
+  return axes;
+}
 
-  for (std::uint64_t v = 0; v < element.count; ++v) {
+// The next elements of a kind, by their numbers.
+struct Numbers {
+  std::uint64_t first = 0, end = 0;
+};
+
+void read_vertices(const InputFile& file, const Element& element, Numbers numbers,
+                   ValueReader& values, SurfaceSink& sink) {
+  const std::vector<int> axes = axes_of(file, element);
+  for (std::uint64_t v = numbers.first; v < numbers.end; ++v) {
     Point p;
     for (std::size_t i = 0; i < axes.size(); ++i) {
       if (axes[i] < 0)
@@ -282,8 +299,8 @@ void read_vertices(const InputFile& file, const Element& element, ValueReader& v
   }
 }
 
-void read_faces(const InputFile& file, const Element& element, ValueReader& values,
-                SurfaceSink& sink) {
+// Which of a face's properties is the list of its corners.
+std::size_t list_of_corners(const InputFile& file, const Element& element) {
   std::optional<std::size_t> list;
   for (std::size_t i = 0; i < element.properties.size(); ++i) {
     const Property& p = element.properties[i];
@@ -291,16 +308,27 @@ void read_faces(const InputFile& file, const Element& element, ValueReader& valu
   }
   if (!list || !element.properties[*list].count_type || !is_integer(element.properties[*list].type))
     file.refuse("its faces must have a list of integers named vertex_indices or vertex_index");
+  return *list;
+}
 
+constexpr std::uint64_t kAnyCorners = ~std::uint64_t{0};
+
+// Throws InputError for faces of more than `most_corners`.
+void read_faces(const InputFile& file, const Element& element, Numbers numbers, ValueReader& values,
+                SurfaceSink& sink, std::uint64_t most_corners = kAnyCorners) {
+  const std::size_t list = list_of_corners(file, element);
   std::vector<std::uint64_t> corners;
-  for (std::uint64_t f = 0; f < element.count; ++f) {
+  for (std::uint64_t f = numbers.first; f < numbers.end; ++f) {
     for (std::size_t i = 0; i < element.properties.size(); ++i) {
       const Property& p = element.properties[i];
-      if (i != *list) {
+      if (i != list) {
         values.skip(p);
         continue;
       }
       const std::uint64_t num_corners = values.count(*p.count_type, "number of corners");
+      if (num_corners > most_corners)
+        file.refuse(
+            fmt::format("face {} has {} corners, more than {}", f + 1, num_corners, most_corners));
       corners.clear();
       for (std::uint64_t c = 0; c < num_corners; ++c)
         corners.push_back(values.count(p.type, "number of a vertex"));
@@ -309,7 +337,130 @@ void read_faces(const InputFile& file, const Element& element, ValueReader& valu
   }
 }
 
+// Of a binary file in which all elements of a kind take as many bytes, and faces are triangles:
+// what begins where.
+struct Block {
+  Element element;
+  std::uint64_t begin = 0, stride = 0;  // bytes
+};
+struct Blocks {
+  Encoding encoding = Encoding::kLittleEndian;
+  Block vertices, faces;
+};
+
+// `list`: of a face's corners, which are three.
+std::optional<std::uint64_t> stride_of(const Element& element, std::optional<std::size_t> list) {
+  std::uint64_t bytes = 0;
+  for (std::size_t i = 0; i < element.properties.size(); ++i) {
+    const Property& p = element.properties[i];
+    if (p.count_type && i != list) return std::nullopt;
+    bytes += p.count_type ? bytes_of(*p.count_type) + 3 * bytes_of(p.type) : bytes_of(p.type);
+  }
+  return bytes;
+}
+
+std::optional<Blocks> blocks_in(InputFile& file) {
+  const Header header = HeaderParser(file).parse();
+  check_counts(file, header);
+  const Element* const vertices = find(header, "vertex");
+  const Element* const faces = find(header, "face");
+  if (header.encoding == Encoding::kAscii || !vertices || !faces) return std::nullopt;
+  Blocks blocks{.encoding = header.encoding, .vertices = {}, .faces = {}};
+  std::uint64_t position = file.position();
+  for (const Element& element : header.elements) {
+    std::optional<std::size_t> list;
+    if (&element == faces) list = list_of_corners(file, element);
+    const auto stride = stride_of(element, list);
+    if (!stride || (*stride > 0 && element.count > (file.size() - position) / *stride))
+      return std::nullopt;
+    if (&element == vertices) blocks.vertices = {element, position, *stride};
+    if (&element == faces) blocks.faces = {element, position, *stride};
+    position += element.count * *stride;
+  }
+  return position == file.size() ? std::optional(std::move(blocks)) : std::nullopt;
+}
+
+// Gives triangles to a sink as facets, with the vertices that they name.
+class FacetsOfFaces : public SurfaceSink {
+ public:
+  FacetsOfFaces(const InputFile& file, const Blocks& blocks, SurfaceSink& sink)
+      : file_(file),
+        encoding_(blocks.encoding),
+        vertices_(blocks.vertices),
+        axes_(axes_of(file, vertices_.element)),
+        sink_(sink) {}
+
+  void vertex(const Point&) override {}
+  void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override {
+    if (corners.size() != 3) file_.refuse(to_string(place) + " is no triangle");
+    std::array<Point, 3> points;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (corners[i] >= vertices_.element.count)
+        file_.refuse(to_string(place) + " names a vertex that is not there");
+      points[i] = cache_.at(corners[i], [&](std::uint64_t number, std::span<Point> vertices) {
+        load(number * vertices.size(), vertices);
+      });
+    }
+    sink_.facet(points);
+  }
+  void facet(const std::array<Point, 3>& corners) override { sink_.facet(corners); }
+
+ private:
+  void load(std::uint64_t first, std::span<Point> vertices) {
+    const std::size_t count = std::min(vertices.size(), vertices_.element.count - first);
+    bytes_.resize(count * vertices_.stride);
+    file_.read_at(vertices_.begin + first * vertices_.stride, bytes_);
+    const unsigned char* value = bytes_.data();
+    for (Point& p : vertices.first(count))
+      for (std::size_t i = 0; i < axes_.size(); ++i) {
+        const Type type = vertices_.element.properties[i].type;
+        if (axes_[i] >= 0) p[axes_[i]] = number_in(value, type, encoding_);
+        value += bytes_of(type);
+      }
+  }
+
+  const InputFile& file_;
+  Encoding encoding_;
+  const Block& vertices_;
+  std::vector<int> axes_;
+  SurfaceSink& sink_;
+  VertexCache cache_;
+  std::vector<unsigned char> bytes_;
+};
+
+class PlyRanges : public SurfaceRanges {
+ public:
+  PlyRanges(InputFile file, Blocks blocks)
+      : SurfaceRanges(std::move(file), blocks.faces.element.count, blocks.vertices.element.count),
+        blocks_(std::move(blocks)) {}
+
+  void read_part(std::uint64_t part, std::uint64_t num_parts, SurfaceSink& sink) override {
+    FacetsOfFaces facets(file_, blocks_, sink);
+    ValueReader values(file_, blocks_.encoding);
+    const auto numbers_of = [&](const Block& block) {
+      const std::uint64_t count = block.element.count;
+      const Numbers numbers{begin_of_part(count, part, num_parts),
+                            begin_of_part(count, part + 1, num_parts)};
+      file_.seek(block.begin + numbers.first * block.stride);
+      return numbers;
+    };
+    const Numbers vertices = numbers_of(blocks_.vertices);
+    read_vertices(file_, blocks_.vertices.element, vertices, values, facets);
+    const Numbers faces = numbers_of(blocks_.faces);
+    read_faces(file_, blocks_.faces.element, faces, values, facets, 3);
+  }
+
+ private:
+  Blocks blocks_;
+};
+
 }  // namespace
+
+std::unique_ptr<SurfaceRanges> ranges_of_ply(InputFile file) {
+  auto blocks = blocks_in(file);
+  if (!blocks) return nullptr;
+  return std::make_unique<PlyRanges>(std::move(file), std::move(*blocks));
+}
 
 void parse_ply(InputFile& file, SurfaceSink& sink) {
   const Header header = HeaderParser(file).parse();
@@ -323,9 +474,9 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
   ValueReader values(file, header.encoding);
   for (const Element& element : header.elements) {
     if (&element == vertices)
-      read_vertices(file, element, values, sink);
+      read_vertices(file, element, {0, element.count}, values, sink);
     else if (&element == faces)
-      read_faces(file, element, values, sink);
+      read_faces(file, element, {0, element.count}, values, sink);
     else
       for (std::uint64_t i = 0; i < element.count; ++i)
         for (const Property& property : element.properties) values.skip(property);

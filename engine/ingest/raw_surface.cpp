@@ -24,6 +24,20 @@ constexpr std::size_t kMaxCollinear = 200'000;
 
 Point without_negative_zero(const Point& p) { return {p.x + 0.0, p.y + 0.0, p.z + 0.0}; }
 
+[[noreturn]] void refuse(const RawSurface& surface, const std::string& what) {
+  throw InputError(surface.file + ": " + what);
+}
+
+void require_triangles(const RawSurface& surface) {
+  if (surface.num_triangles() > 0) return;
+  if (surface.num_collapsed > 0)
+    refuse(surface, "has only faces whose corners coincide; it bounds no volume");
+  const std::uint64_t n = surface.num_numbered_vertices;
+  if (n == 0) refuse(surface, "is empty: it has no vertices and no faces");
+  refuse(surface, fmt::format("has {} {} but no faces; reconstruct a surface from its points first",
+                              n, n == 1 ? "vertex" : "vertices"));
+}
+
 // Polygons that name vertices which had not come yet, in a temporary file until all have.
 class DeferredPolygons {
  public:
@@ -110,13 +124,12 @@ class RawSurfaceBuilder : public SurfaceSink {
   }
 
   RawSurface finish(std::string digest);
+  RawSurface finish_part(std::uint64_t num_numbered_vertices);
 
  private:
   void add(std::span<const std::uint64_t> corners, const FilePlace& place);
   void add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place);
   void add_triangle(const Point& a, const Point& b, const Point& c);
-  void check_not_empty() const;
-  void check_extent() const;
 
   [[noreturn]] void refuse(const FilePlace& place, const std::string& what) const {
     refuse(to_string(place) + ": " + what);
@@ -131,7 +144,7 @@ class RawSurfaceBuilder : public SurfaceSink {
   RawSurface surface_;
   VertexSpill vertices_;
   DeferredPolygons deferred_;
-  TriangleWriter writer_{surface_.spill, surface_.triangles};
+  TriangleWriter writer_{surface_.spill, surface_.triangles.emplace_back()};
   std::uint64_t next_id_ = 0;
   // Scratch of add_polygon().
   std::vector<Point> ring_;
@@ -160,14 +173,19 @@ RawSurface RawSurfaceBuilder::finish(std::string digest) {
                                   c, vertices_.size()));
     add(corners, place);
   });
-  writer_.flush();
-  surface_.num_numbered_vertices = vertices_.size();
-  check_not_empty();
-  check_extent();
-  const std::uint64_t num_triangles = surface_.triangles.count;
-  require_ingest_room(surface_.file, num_triangles, directory_, num_triangles * sizeof(Triangle),
+  RawSurface surface = finish_part(vertices_.size());
+  require_triangles(surface);
+  require_extent(surface);
+  const std::uint64_t num_triangles = surface.num_triangles();
+  require_ingest_room(surface.file, num_triangles, directory_, num_triangles * sizeof(Triangle),
                       disk_);
-  surface_.digest = std::move(digest);
+  surface.digest = std::move(digest);
+  return surface;
+}
+
+RawSurface RawSurfaceBuilder::finish_part(std::uint64_t num_numbered_vertices) {
+  writer_.flush();
+  surface_.num_numbered_vertices = num_numbered_vertices;
   return std::move(surface_);
 }
 
@@ -217,37 +235,36 @@ void RawSurfaceBuilder::add_triangle(const Point& a, const Point& b, const Point
   watch_.advance();
 }
 
-void RawSurfaceBuilder::check_not_empty() const {
-  if (next_id_ > 0) return;
-  if (surface_.num_collapsed > 0)
-    refuse("has only faces whose corners coincide; it bounds no volume");
-  const std::uint64_t n = vertices_.size();
-  if (n == 0) refuse("is empty: it has no vertices and no faces");
-  refuse(fmt::format("has {} {} but no faces; reconstruct a surface from its points first", n,
-                     n == 1 ? "vertex" : "vertices"));
-}
+}  // namespace
 
-void RawSurfaceBuilder::check_extent() const {
+void require_extent(const RawSurface& surface) {
   const auto text = [](const Point& p) { return fmt::format("({}, {}, {})", p.x, p.y, p.z); };
-  const Box& box = surface_.box;
+  const Box& box = surface.box;
   const Point size = box.max - box.min;
   const double diagonal = std::hypot(size.x, size.y, size.z);
   if (!(diagonal >= kMinDiagonal && diagonal <= kMaxDiagonal))
-    refuse(fmt::format(
-        "its bounding box, {} to {}, has a diagonal of {}, outside {} to {}; choose another unit",
-        text(box.min), text(box.max), diagonal, kMinDiagonal, kMaxDiagonal));
+    refuse(surface,
+           fmt::format("its bounding box, {} to {}, has a diagonal of {}, outside {} to "
+                       "{}; choose another unit",
+                       text(box.min), text(box.max), diagonal, kMinDiagonal, kMaxDiagonal));
   double largest = 0;
   for (int axis = 0; axis < 3; ++axis)
     largest = std::max({largest, std::abs(box.min[axis]), std::abs(box.max[axis])});
   const double step = std::nextafter(largest, std::numeric_limits<double>::infinity()) - largest;
   if (step * kMinResolution > diagonal)
-    refuse(fmt::format(
-        "lies so far from the origin ({} to {}) that its coordinates cannot tell its points "
-        "apart; move it to the origin",
-        text(box.min), text(box.max)));
+    refuse(surface,
+           fmt::format("lies so far from the origin ({} to {}) that its coordinates cannot tell "
+                       "its points apart; move it to the origin",
+                       text(box.min), text(box.max)));
 }
 
-}  // namespace
+RawSurface read_part_of_surface(SurfaceRanges& ranges, std::uint64_t part, std::uint64_t num_parts,
+                                const std::filesystem::path& directory, IngestWatch& watch) {
+  const DiskOf disk = disk_of;
+  RawSurfaceBuilder builder(ranges.name(), directory, watch, disk);
+  ranges.read_part(part, num_parts, builder);
+  return builder.finish_part(ranges.num_vertices());
+}
 
 RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path& directory,
                         IngestWatch& watch, const DiskOf& disk) {

@@ -9,6 +9,8 @@
 #include <openssl/sha.h>
 
 #include <array>
+#include <cassert>
+#include <cstring>
 
 namespace locvol {
 
@@ -23,6 +25,17 @@ Sha256::~Sha256() = default;
 
 void Sha256::update(const void* data, std::size_t bytes) {
   SHA256_Update(&impl_->context, data, bytes);
+}
+
+std::string Sha256::state() const {
+  return {reinterpret_cast<const char*>(&impl_->context), sizeof impl_->context};
+}
+
+Sha256 Sha256::from_state(std::string_view state) {
+  Sha256 hash;
+  assert(state.size() == sizeof hash.impl_->context);
+  std::memcpy(&hash.impl_->context, state.data(), sizeof hash.impl_->context);
+  return hash;
 }
 
 std::string Sha256::hex_digest() {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <string_view>
 
 namespace locvol {
 
@@ -14,6 +15,9 @@ class Sha256 {
   Sha256& operator=(Sha256&&) noexcept;
   ~Sha256();
   void update(const void* data, std::size_t bytes);
+  // All that it has of what it was given, for another process of the same program to go on with.
+  std::string state() const;
+  static Sha256 from_state(std::string_view state);  // REQUIRES: it is a state()
   std::string hex_digest();  // 64 hexadecimal digits; ends the use of this object
 
  private:

@@ -110,16 +110,9 @@ class NearCells {
   Box last_box_;
 };
 
-// Nothing, if there will be too many leaves.
-std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& surface,
-                                                        const RunParameters& parameters,
-                                                        IngestWatch& watch) {
-  const OctreePlan plan = plan_octree(parameters, surface.facts.box);
-  StartSides sides(parameters, plan);
-  if (sides.is_narrow(MortonKey::root())) return std::vector{MortonKey::root()};
-  const double num_inside = surface.facts.volume / std::pow(plan.frame.side(plan.level), 3);
-  if (!(num_inside <= kMaxStartLeaves)) return std::nullopt;
-  NearCells near(plan, sides, parameters.size);
+// Of the cells near the share's triangles; nothing, if there will be too many leaves.
+std::optional<std::vector<MortonKey>> own_near_cells(const CheckedSurface& surface, NearCells near,
+                                                     IngestWatch& watch) {
   for (const TriangleBucket& bucket : surface.buckets.all()) {
     const Box cell = surface.buckets.frame().box(bucket.cell);
     bool are_few = true;
@@ -129,7 +122,21 @@ std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& su
     if (!are_few) return std::nullopt;
     watch.advance(bucket.triangles.count);
   }
-  auto cells = near.take();
+  return near.take();
+}
+
+// Nothing, if there will be too many leaves.
+std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& surface,
+                                                        const RunParameters& parameters,
+                                                        IngestWatch& watch,
+                                                        const IngestShare& share) {
+  const OctreePlan plan = plan_octree(parameters, surface.facts.box);
+  StartSides sides(parameters, plan);
+  if (sides.is_narrow(MortonKey::root())) return std::vector{MortonKey::root()};
+  const double num_inside = surface.facts.volume / std::pow(plan.frame.side(plan.level), 3);
+  if (!(num_inside <= kMaxStartLeaves)) return std::nullopt;
+  auto cells = own_near_cells(surface, {plan, sides, parameters.size}, watch);
+  share.join_cells(cells);
   if (!cells || static_cast<double>(LinearOctree::coarsest_with(*cells).size()) + num_inside >
                     kMaxStartLeaves)
     return std::nullopt;
@@ -139,21 +146,22 @@ std::optional<std::vector<MortonKey>> near_cells_if_few(const CheckedSurface& su
 }  // namespace
 
 std::vector<MortonKey> cells_near_surface(const CheckedSurface& surface,
-                                          const RunParameters& parameters, IngestWatch& watch) {
-  if (auto cells = near_cells_if_few(surface, parameters, watch)) return std::move(*cells);
+                                          const RunParameters& parameters, IngestWatch& watch,
+                                          const IngestShare& share) {
+  if (auto cells = near_cells_if_few(surface, parameters, watch, share)) return std::move(*cells);
   RunParameters larger = parameters;
   do {
     larger.size *= 1.5;
     for (SizeShape& shape : larger.shapes) shape.size *= 1.5;
-  } while (!near_cells_if_few(surface, larger, watch));
+  } while (!near_cells_if_few(surface, larger, watch, share));
   if (!parameters.shapes.empty())
-    throw InputError(
+    share.refuse(
         fmt::format("the sizes, from {} on, with {} points to a leaf need more than {} leaves: "
                     "choose sizes {:.3g} "
                     "times as large, or a larger leaf capacity",
                     parameters.sizes().least, parameters.leaf_capacity, kMaxStartLeaves,
                     1.01 * larger.size / parameters.size));
-  throw InputError(fmt::format(
+  share.refuse(fmt::format(
       "size {} with {} points to a leaf needs more than {} leaves: choose a size of at least "
       "{:.3g}, or a larger leaf capacity",
       parameters.size, parameters.leaf_capacity, kMaxStartLeaves, 1.01 * larger.size));

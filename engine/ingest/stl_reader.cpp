@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <utility>
 
 #include "engine/ingest/surface_formats.h"
 #include "engine/ingest/text_scanner.h"
@@ -100,6 +101,36 @@ class AsciiStlParser {
   std::array<Point, 3> corners_;
 };
 
+// The next triangles, of which `first` is the first one.
+void read_triangles(InputFile& file, std::uint64_t first, std::uint64_t end, SurfaceSink& sink) {
+  std::array<Point, 3> corners;
+  for (std::uint64_t t = first; t < end; ++t) {
+    const unsigned char* data = file.take(kTriangleBytes) + kNormalBytes;
+    for (int corner = 0; corner < 3; ++corner, data += 12) {
+      const Point p{float_at(data), float_at(data + 4), float_at(data + 8)};
+      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+        file.refuse(
+            fmt::format("corner {} of triangle {} has the coordinates ({}, {}, {}), which are "
+                        "not finite; remove the triangle, then close the hole",
+                        corner + 1, t + 1, p.x, p.y, p.z));
+      corners[static_cast<std::size_t>(corner)] = p;
+    }
+    sink.facet(corners);
+  }
+}
+
+class BinaryStlRanges : public SurfaceRanges {
+ public:
+  BinaryStlRanges(InputFile file, std::uint64_t num_triangles)
+      : SurfaceRanges(std::move(file), num_triangles, 0) {}
+
+  void read_part(std::uint64_t part, std::uint64_t num_parts, SurfaceSink& sink) override {
+    const std::uint64_t first = begin_of_part(num_faces(), part, num_parts);
+    file_.seek(binary_size(first));
+    read_triangles(file_, first, begin_of_part(num_faces(), part + 1, num_parts), sink);
+  }
+};
+
 }  // namespace
 
 bool is_binary_stl(InputFile& file) {
@@ -120,20 +151,13 @@ void parse_binary_stl(InputFile& file, SurfaceSink& sink) {
                     num_triangles, binary_size(num_triangles), file.size()));
   file.take(kHeaderBytes);
   sink.announce(num_triangles);
-  std::array<Point, 3> corners;
-  for (std::uint64_t t = 0; t < num_triangles; ++t) {
-    const unsigned char* data = file.take(kTriangleBytes) + kNormalBytes;
-    for (int corner = 0; corner < 3; ++corner, data += 12) {
-      const Point p{float_at(data), float_at(data + 4), float_at(data + 8)};
-      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-        file.refuse(
-            fmt::format("corner {} of triangle {} has the coordinates ({}, {}, {}), which are "
-                        "not finite; remove the triangle, then close the hole",
-                        corner + 1, t + 1, p.x, p.y, p.z));
-      corners[static_cast<std::size_t>(corner)] = p;
-    }
-    sink.facet(corners);
-  }
+  read_triangles(file, 0, num_triangles, sink);
+}
+
+std::unique_ptr<SurfaceRanges> ranges_of_binary_stl(InputFile file) {
+  if (!is_binary_stl(file)) return nullptr;
+  const std::uint64_t num_triangles = promised_triangles(file.peek(kHeaderBytes));
+  return std::make_unique<BinaryStlRanges>(std::move(file), num_triangles);
 }
 
 void parse_ascii_stl(InputFile& file, SurfaceSink& sink) { AsciiStlParser(file, sink).run(); }

@@ -31,7 +31,7 @@ struct SharedTriangle {
   Point from, to;          // its first edge
   std::uint32_t part = 0;  // of the cell
   bool is_turned = false;  // against the part's orientation
-  bool is_last = false;    // no later cell has it
+  bool is_last = false;    // no later cell has it, nor one beyond the buckets' range
 };
 
 // What one cell has to say.
@@ -180,7 +180,8 @@ class CellCheck {
                                 .to = triangles_[t].corners[1],
                                 .part = components.of_triangle[t],
                                 .is_turned = components.is_turned[t],
-                                .is_last = buckets_.last_met_by(triangles_[t]) == cell_});
+                                .is_last = !buckets_.reaches_beyond_range(triangles_[t]) &&
+                                           buckets_.last_met_by(triangles_[t]) == cell_});
     }
   }
 
@@ -339,7 +340,7 @@ SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& b
         surface.add(report);
         watch.advance(bucket.triangles.count);
       });
-  surface.findings.components = surface.joiner.take_components();
+  surface.findings.joined = surface.joiner.take();
   return std::move(surface.findings);
 }
 

@@ -52,7 +52,7 @@ struct SurfaceFindings {
 
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
-  std::vector<SurfaceComponent> components;
+  JoinedComponents joined;
 
   void add(const SurfaceFindings& others);  // but for their components
 };
@@ -62,7 +62,7 @@ enum class CheckScope {
   kAll,
 };
 
-// `box` is around the surface. Each thread is at a cell of its own.
+// Of the buckets' range. `box` is around the surface. Each thread is at a cell of its own.
 // Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
                             const Box& box, CheckScope scope, IngestWatch& watch, Workers& workers);

@@ -81,15 +81,24 @@ ComponentJoiner::Place ComponentJoiner::root_of(std::uint32_t part) {
   return root;
 }
 
-std::vector<SurfaceComponent> ComponentJoiner::take_components() {
+JoinedComponents ComponentJoiner::take() {
   for (std::uint32_t part = 0; part < parts_.size(); ++part) {
     const Place root = root_of(part);
     if (root.part != part) parts_[root.part].add(parts_[part], root.is_turned);
   }
-  for (std::uint32_t part = 0; part < parts_.size(); ++part)
-    if (parents_[part].part == part) components_.push_back(parts_[part]);
-  parts_.clear();
-  return std::move(components_);
+  JoinedComponents joined{std::move(components_), {}};
+  std::vector<std::uint32_t> numbers(parts_.size());  // of roots
+  for (std::uint32_t part = 0; part < parts_.size(); ++part) {
+    if (parents_[part].part != part) continue;
+    numbers[part] = static_cast<std::uint32_t>(joined.components.size());
+    joined.components.push_back(parts_[part]);
+  }
+  for (const auto& [triangle, place] : open_) {
+    const Place root = root_of(place.part);
+    joined.open.push_back({triangle, numbers[root.part], place.is_turned != root.is_turned});
+  }
+  std::ranges::sort(joined.open);
+  return joined;
 }
 
 Nesting::Nesting(std::span<const SurfaceComponent> components) {

@@ -1,9 +1,11 @@
 // One parser for each surface format; parse_surface() chooses. All throw InputError.
 #pragma once
 
+#include <memory>
 #include <string_view>
 
 #include "engine/ingest/input_file.h"
+#include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_sink.h"
 
 namespace locvol {
@@ -13,6 +15,10 @@ void parse_ascii_stl(InputFile& file, SurfaceSink& sink);
 void parse_obj(InputFile& file, SurfaceSink& sink);
 void parse_off(InputFile& file, SurfaceSink& sink);
 void parse_ply(InputFile& file, SurfaceSink& sink);
+
+// Null: not all of the file's faces are known to take as many bytes.
+std::unique_ptr<SurfaceRanges> ranges_of_binary_stl(InputFile file);
+std::unique_ptr<SurfaceRanges> ranges_of_ply(InputFile file);
 
 // Do the file's size and its count of triangles agree, as in every whole binary STL file?
 bool is_binary_stl(InputFile& file);

@@ -41,8 +41,12 @@ std::string counted(std::uint64_t count, std::string_view one, std::string_view 
 class SurfacePreparation {
  public:
   SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
-                     std::uint64_t bucket_capacity)
-      : raw_(std::move(raw)), watch_(watch), workers_(workers), buckets_(frame, bucket_capacity) {}
+                     std::uint64_t bucket_capacity, const IngestShare& share)
+      : raw_(std::move(raw)),
+        watch_(watch),
+        workers_(workers),
+        share_(share),
+        buckets_(frame, bucket_capacity, share.range()) {}
 
   CheckedSurface run() {
     const bool has_area = raw_.collinear.empty();
@@ -70,6 +74,7 @@ class SurfacePreparation {
 
   void check(CheckScope scope) {
     findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_, workers_);
+    share_.join_findings(findings_);
     // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
     // each; elsewhere they stay, for they are part of what is wrong.
     drops_copies_ =
@@ -228,7 +233,7 @@ class SurfacePreparation {
   // The volume is that of the material: less in cavities. Orientation is the file's own affair; the
   // user may want to know.
   void measure() {
-    const std::vector<SurfaceComponent>& components = findings_.components;
+    const std::vector<SurfaceComponent>& components = findings_.joined.components;
     const std::vector<bool> is_cavity = cavities();
     CompensatedSum volume;
     std::uint64_t num_turned = 0;
@@ -250,15 +255,17 @@ class SurfacePreparation {
   }
 
   std::vector<bool> cavities() {
-    if (findings_.components.size() < 2) return {false};
-    Nesting nesting(findings_.components);
+    if (findings_.joined.components.size() < 2) return {false};
+    Nesting nesting(findings_.joined.components);
     for (const TriangleBucket& bucket : buckets_.all()) {
       const Box cell = buckets_.frame().box(bucket.cell);
       for (const Triangle& t : load(bucket))
         if (owns_triangle(cell, t)) nesting.add(t);
       watch_.advance(bucket.triangles.count);
     }
-    return nesting.take_cavities();
+    std::vector<bool> cavities = nesting.take_cavities();
+    share_.join_parities(cavities);
+    return cavities;
   }
 
   CheckedSurface result() {
@@ -267,7 +274,7 @@ class SurfacePreparation {
     surface.facts = {.file = raw_.file,
                      .num_vertices = findings_.num_vertices,
                      .num_triangles = findings_.num_triangles,
-                     .num_components = findings_.components.size(),
+                     .num_components = findings_.joined.components.size(),
                      .euler_characteristic = static_cast<std::int64_t>(findings_.num_vertices) -
                                              static_cast<std::int64_t>(findings_.num_triangles / 2),
                      .area = findings_.area.value(),
@@ -284,13 +291,14 @@ class SurfacePreparation {
 
   template <typename... Args>
   [[noreturn]] void refuse(fmt::format_string<Args...> pattern, Args&&... args) const {
-    throw InputError(
+    share_.refuse(
         fmt::format("{}: {}", raw_.file, fmt::format(pattern, std::forward<Args>(args)...)));
   }
 
   RawSurface raw_;
   IngestWatch& watch_;
   Workers& workers_;
+  const IngestShare& share_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;
@@ -307,8 +315,9 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
 }
 
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
-                             Workers& workers, std::uint64_t bucket_capacity) {
-  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity).run();
+                             Workers& workers, std::uint64_t bucket_capacity,
+                             const IngestShare& share) {
+  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share).run();
 }
 
 Frame frame_of(const Box& surface) {

@@ -12,7 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
@@ -30,11 +32,17 @@ namespace locvol {
 struct RawSurface {
   explicit RawSurface(const std::filesystem::path& directory) : spill(directory) {}
 
+  std::uint64_t num_triangles() const {
+    std::uint64_t num = 0;
+    for (const TriangleList& list : triangles) num += list.count;
+    return num;
+  }
+
   std::string file;    // SurfaceSource::name
   std::string digest;  // of SurfaceSource
   Box box;
   TriangleSpill spill;
-  TriangleList triangles;
+  std::vector<TriangleList> triangles;      // one after another, in order of id
   std::uint64_t num_numbered_vertices = 0;  // of formats whose faces name their vertices
   std::uint64_t num_collapsed = 0;          // triangles left out
   std::vector<Triangle> collinear;          // those without area, in order of id
@@ -50,6 +58,14 @@ RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path
                         IngestWatch& watch, const DiskOf& disk = disk_of);
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
                         IngestWatch& watch, const DiskOf& disk = disk_of);
+
+// One of `num_parts` parts, with ids, a box and counts of its own, and no digest. Not all that is
+// asked of a surface is asked of a part, see require_extent(). Throws as
+// SurfaceRanges::read_part(), and where triangles without area are too many; std::system_error.
+RawSurface read_part_of_surface(SurfaceRanges& ranges, std::uint64_t part, std::uint64_t num_parts,
+                                const std::filesystem::path& directory, IngestWatch& watch);
+// Throws InputError unless double arithmetic can tell points of its box apart.
+void require_extent(const RawSurface& surface);
 
 // A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
 // keep the order of their corners: nothing relies on it, sides are found by parity.
@@ -73,8 +89,12 @@ inline constexpr std::uint64_t kBucketCapacity = 50'000;
 // Memory: some 300 bytes a triangle of one bucket for each thread, 16 MB while triangles are
 // distributed, and 60 bytes a component. A bucket outgrows its capacity where more triangles than
 // that meet in a point. Throws InputError, std::system_error, IngestStopped.
+// Of several processes each gives the triangles that meet its share's cells, and gets these in
+// buckets; all that is known of the surface is known to each. REQUIRES: then nothing is to be
+// repaired
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
-                             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity);
+                             Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
+                             const IngestShare& share = IngestShare());
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);

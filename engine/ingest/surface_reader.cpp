@@ -6,6 +6,7 @@
 #include <cctype>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "engine/ingest/input_file.h"
 #include "engine/ingest/surface_formats.h"
@@ -98,12 +99,30 @@ SurfaceFormat format_of(InputFile& file) {
   return by_content ? *by_content : *by_name;
 }
 
+InputFile opened(const std::filesystem::path& path, const StopToken* stop) {
+  InputFile file(path, stop);
+  if (file.size() == 0) file.refuse("is empty (0 bytes); fetch or export it again");
+  return file;
+}
+
 }  // namespace
+
+std::unique_ptr<SurfaceRanges> ranges_of_surface(const std::filesystem::path& path,
+                                                 const StopToken* stop) {
+  InputFile file = opened(path, stop);
+  switch (format_of(file)) {
+    case SurfaceFormat::kBinaryStl:
+      return ranges_of_binary_stl(std::move(file));
+    case SurfaceFormat::kPly:
+      return ranges_of_ply(std::move(file));
+    default:
+      return nullptr;
+  }
+}
 
 std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink,
                           const StopToken* stop) {
-  InputFile file(path, stop);
-  if (file.size() == 0) file.refuse("is empty (0 bytes); fetch or export it again");
+  InputFile file = opened(path, stop);
   switch (format_of(file)) {
     case SurfaceFormat::kBinaryStl:
       parse_binary_stl(file, sink);

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 
+#include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_sink.h"
 #include "octree/stop.h"
 
@@ -18,5 +20,10 @@ namespace locvol {
 // named as another format than it is. Throws Stopped.
 std::string parse_surface(const std::filesystem::path& file, SurfaceSink& sink,
                           const StopToken* stop = nullptr);
+
+// Null: the file is to be read from front to back. Throws as parse_surface(), of what can be known
+// before faces are read.
+std::unique_ptr<SurfaceRanges> ranges_of_surface(const std::filesystem::path& file,
+                                                 const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -117,30 +117,38 @@ struct Part {
 
 class Distribution {
  public:
-  Distribution(TriangleSpill& spill, const Frame& frame, std::uint64_t capacity, IngestWatch& watch)
-      : spill_(spill), frame_(frame), capacity_(capacity), watch_(watch) {}
+  Distribution(TriangleSpill& spill, const Frame& frame, std::uint64_t capacity,
+               const KeyRange& range, IngestWatch& watch)
+      : spill_(spill), frame_(frame), capacity_(capacity), range_(range), watch_(watch) {}
 
   struct Cell {
     MortonKey key;
-    TriangleList list;
-    Box box;                // around what is in the cell
-    bool is_final = false;  // cutting it again cannot help
+    std::vector<TriangleList> lists;  // one after another, in order of id
+    Box box;                          // around what is in the cell
+    bool is_final = false;            // cutting it again cannot help
+
+    std::uint64_t num_triangles() const {
+      std::uint64_t num = 0;
+      for (const TriangleList& list : lists) num += list.count;
+      return num;
+    }
   };
 
-  // `list` is released unless `keeps`.
+  // `lists` are released unless `keeps`.
   void cut(Cell cell, const TriangleChanges& changes, bool keeps,
            std::vector<TriangleBucket>& buckets) {
     const bool is_small =
-        cell.list.count <= capacity_ || cell.is_final || cell.key.level() == MortonKey::kMaxLevel;
-    // Lists that must be kept, or changed, cannot become buckets themselves.
-    if (is_small && !keeps && changes.empty()) {
-      buckets.push_back({cell.key, std::move(cell.list)});
+        range_.contains(cell.key) && (cell.num_triangles() <= capacity_ || cell.is_final ||
+                                      cell.key.level() == MortonKey::kMaxLevel);
+    // Lists that must be kept, or changed, cannot become buckets themselves, and several not one.
+    if (is_small && !keeps && changes.empty() && cell.lists.size() == 1) {
+      buckets.push_back({cell.key, std::move(cell.lists.front())});
       return;
     }
     const int level = is_small ? cell.key.level() : level_below(cell);
     for (Cell& part : parts_of(cell, level, changes, keeps)) {
       if (is_small)
-        buckets.push_back({part.key, std::move(part.list)});
+        buckets.push_back({part.key, std::move(part.lists.front())});
       else
         cut(std::move(part), {}, false, buckets);
     }
@@ -150,7 +158,8 @@ class Distribution {
   // Deep enough that a surface fills its parts with less than the capacity, as far as one pass
   // reaches. Of n cells around a surface it meets about n^(2/3).
   int level_below(const Cell& cell) const {
-    const double wanted = static_cast<double>(cell.list.count) / static_cast<double>(capacity_);
+    const double wanted =
+        static_cast<double>(cell.num_triangles()) / static_cast<double>(capacity_);
     int level = cell.key.level() + 1;
     for (; level < MortonKey::kMaxLevel; ++level) {
       const auto num_parts =
@@ -163,16 +172,20 @@ class Distribution {
 
   std::vector<Cell> parts_of(Cell& cell, int level, const TriangleChanges& changes, bool keeps) {
     const CellGrid grid(frame_, cell.key, level, cell.box);
+    std::vector<bool> is_ours(grid.size());
+    for (std::size_t i = 0; i < is_ours.size(); ++i) is_ours[i] = range_.overlaps(grid.key(i));
     std::vector<std::optional<Part>> parts(grid.size());
     auto change = changes.begin();
     const auto put = [&](const Triangle& t) {
       while (change != changes.end() && change->id < t.id) ++change;
-      place(change != changes.end() && change->id == t.id ? *change : t, grid, parts);
+      place(change != changes.end() && change->id == t.id ? *change : t, grid, is_ours, parts);
       watch_.advance();
     };
-    const std::uint64_t count = cell.list.count;
-    spill_.for_each(cell.list, put);
-    if (!keeps) spill_.release(std::move(cell.list));
+    const std::uint64_t count = cell.num_triangles();
+    for (TriangleList& list : cell.lists) {
+      spill_.for_each(list, put);
+      if (!keeps) spill_.release(std::move(list));
+    }
 
     std::uint64_t total = 0;
     for (auto& part : parts)
@@ -186,13 +199,14 @@ class Distribution {
       const bool is_final =
           static_cast<double>(parts[i]->list->count) > kCrowded * static_cast<double>(count) &&
           static_cast<double>(total) > kSpread * static_cast<double>(count);
-      cells.push_back({grid.key(i), std::move(*parts[i]->list), parts[i]->box, is_final});
+      cells.push_back({grid.key(i), {std::move(*parts[i]->list)}, parts[i]->box, is_final});
     }
     std::ranges::sort(cells, {}, &Cell::key);
     return cells;
   }
 
-  void place(const Triangle& t, const CellGrid& grid, std::vector<std::optional<Part>>& parts) {
+  void place(const Triangle& t, const CellGrid& grid, const std::vector<bool>& is_ours,
+             std::vector<std::optional<Part>>& parts) {
     const Box box = t.box();
     const CellRange x = grid.range(0, box.min.x, box.max.x),
                     y = grid.range(1, box.min.y, box.max.y),
@@ -201,6 +215,7 @@ class Distribution {
     for (std::uint32_t k = z.first; k <= z.last; ++k)
       for (std::uint32_t j = y.first; j <= y.last; ++j)
         for (std::uint32_t i = x.first; i <= x.last; ++i) {
+          if (!is_ours[grid.index(i, j, k)]) continue;
           const Box cell = grid.box(i, j, k);
           if (is_in_one ? !box.overlaps(cell) : !touches(t, cell)) continue;
           auto& part = parts[grid.index(i, j, k)];
@@ -215,18 +230,20 @@ class Distribution {
   TriangleSpill& spill_;
   const Frame& frame_;
   std::uint64_t capacity_;
+  const KeyRange& range_;
   IngestWatch& watch_;
 };
 
 }  // namespace
 
-void TriangleBuckets::distribute(TriangleSpill& spill, TriangleList& all, const Box& box,
-                                 const TriangleChanges& changes, bool keeps_all,
+void TriangleBuckets::distribute(TriangleSpill& spill, std::vector<TriangleList>& all,
+                                 const Box& box, const TriangleChanges& changes, bool keeps_all,
                                  IngestWatch& watch) {
   for (TriangleBucket& bucket : buckets_) spill.release(std::move(bucket.triangles));
   buckets_.clear();
   Distribution::Cell root{MortonKey::root(), keeps_all ? all : std::move(all), box};
-  Distribution(spill, frame_, capacity_, watch).cut(std::move(root), changes, keeps_all, buckets_);
+  Distribution(spill, frame_, capacity_, range_, watch)
+      .cut(std::move(root), changes, keeps_all, buckets_);
 }
 
 std::span<const TriangleBucket> TriangleBuckets::under(MortonKey node) const {
@@ -251,6 +268,13 @@ MortonKey TriangleBuckets::last_met_by(const Triangle& triangle) const {
       --octant;
     node = node.child(octant);
   }
+}
+
+// Keys of points in a box lie between those of its corners.
+bool TriangleBuckets::reaches_beyond_range(const Triangle& triangle) const {
+  if (range_.is_all()) return false;
+  const Box reach = triangle.box().expanded(frame_.unit());  // cells are closed
+  return !range_.contains(frame_.key_of(reach.min)) || !range_.contains(frame_.key_of(reach.max));
 }
 
 }  // namespace locvol

@@ -14,6 +14,7 @@
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/triangle_spill.h"
 #include "octree/frame.h"
+#include "octree/key_range.h"
 #include "octree/morton_key.h"
 
 namespace locvol {
@@ -28,15 +29,17 @@ struct TriangleBucket {
 
 class TriangleBuckets {
  public:
-  // REQUIRES: the frame contains all triangles
-  TriangleBuckets(const Frame& frame, std::uint64_t capacity)
-      : frame_(frame), capacity_(capacity) {}
+  // Of cells in `range` alone. REQUIRES: the frame contains all triangles, and if the range is not
+  // all, more than a grid step around them
+  TriangleBuckets(const Frame& frame, std::uint64_t capacity, const KeyRange& range = {})
+      : frame_(frame), capacity_(capacity), range_(range) {}
 
-  // Puts the triangles of `all`, in order of id, into the buckets of cells as large as `capacity`
-  // allows. Cells that more triangles meet are cut again, in passes over their triangles that each
-  // write to up to 512 lists; not where that cannot help, as at a point where all of them meet.
-  // `box` is around all of them. `keeps_all`: `all` is needed again. Memory: 16 MB while it runs.
-  void distribute(TriangleSpill& spill, TriangleList& all, const Box& box,
+  // Puts the triangles of `all`, which are lists one after another in order of id, into the buckets
+  // of cells as large as `capacity` allows. Cells that more triangles meet are cut again, in passes
+  // over their triangles that each write to up to 512 lists; not where that cannot help, as at a
+  // point where all of them meet. `box` is around all of them. `keeps_all`: `all` is needed again.
+  // Memory: 16 MB while it runs.
+  void distribute(TriangleSpill& spill, std::vector<TriangleList>& all, const Box& box,
                   const TriangleChanges& changes, bool keeps_all, IngestWatch& watch);
 
   const Frame& frame() const { return frame_; }
@@ -50,10 +53,13 @@ class TriangleBuckets {
   }
   // The last cell, in Morton order, that the triangle meets. REQUIRES: it is in a bucket
   MortonKey last_met_by(const Triangle& triangle) const;
+  // May the triangle meet cells that are not in the range?
+  bool reaches_beyond_range(const Triangle& triangle) const;
 
  private:
   Frame frame_;
   std::uint64_t capacity_;
+  KeyRange range_;
   std::vector<TriangleBucket> buckets_;
 };
 

@@ -7,7 +7,7 @@ namespace locvol {
 
 void VertexSpill::append(const Point& position) {
   last_.push_back(position);
-  if (last_.size() < kBlockVertices * kBufferedBlocks) return;
+  if (last_.size() < VertexCache::kBlockVertices * kBufferedBlocks) return;
   if (!file_) file_.emplace(OpenFile::temporary(directory_ / "locvol-vertices"));
   file_->write_at(num_written_ * sizeof(Point), std::as_bytes(std::span(last_)));
   num_written_ += last_.size();
@@ -17,15 +17,9 @@ void VertexSpill::append(const Point& position) {
 Point VertexSpill::at(std::uint64_t vertex) {
   assert(vertex < size());
   if (vertex >= num_written_) return last_[vertex - num_written_];
-  if (cache_.empty()) cache_.resize(kCachedBlocks);
-  const std::uint64_t number = vertex / kBlockVertices;
-  Block& block = cache_[number % kCachedBlocks];
-  if (block.number != number) {
-    file_->read_at(number * kBlockVertices * sizeof(Point),
-                   std::as_writable_bytes(std::span(block.vertices)));
-    block.number = number;
-  }
-  return block.vertices[vertex % kBlockVertices];
+  return cache_.at(vertex, [&](std::uint64_t number, std::span<Point> vertices) {
+    file_->read_at(number * vertices.size_bytes(), std::as_writable_bytes(vertices));
+  });
 }
 
 }  // namespace locvol

@@ -4,12 +4,12 @@
 // Errors: std::system_error where the disk fails or is full.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <vector>
 
+#include "engine/ingest/vertex_cache.h"
 #include "engine/shared/partial_file.h"
 #include "octree/geometry.h"
 
@@ -24,20 +24,13 @@ class VertexSpill {
   Point at(std::uint64_t vertex);  // REQUIRES: vertex < size()
 
  private:
-  static constexpr std::size_t kBlockVertices = 128;
-  static constexpr std::size_t kCachedBlocks = 8192;
   static constexpr std::size_t kBufferedBlocks = 64;
-
-  struct Block {
-    std::uint64_t number = ~std::uint64_t{0};
-    std::array<Point, kBlockVertices> vertices;
-  };
 
   std::filesystem::path directory_;
   std::optional<OpenFile> file_;  // of whole blocks
   std::uint64_t num_written_ = 0;
   std::vector<Point> last_;
-  std::vector<Block> cache_;  // each block has one place
+  VertexCache cache_;
 };
 
 }  // namespace locvol

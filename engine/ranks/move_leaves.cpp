@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/round_budget.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/run/run_state.h"
 #include "octree/octree.h"
@@ -145,24 +146,20 @@ void put(Batch& batch, const MovedLeaf& moved) {
 // it returns false. What comes goes into `to`, and take(leaf) hears of it.
 class LeafRounds {
  public:
-  explicit LeafRounds(Exchange& exchange) : exchange_(exchange), sent_(at(exchange.num_ranks())) {}
+  explicit LeafRounds(Exchange& exchange)
+      : exchange_(exchange), sent_(at(exchange.num_ranks())), budget_(exchange.num_ranks()) {}
 
   void send(int rank, MovedLeaf leaf) {
-    const std::size_t bytes = num_bytes(leaf);
-    all_bytes_ += bytes;
-    most_bytes_ = std::max(most_bytes_, num_bytes_[at(rank)] += bytes);
+    budget_.add(rank, num_bytes(leaf));
     sent_[at(rank)].push_back(std::move(leaf));
   }
 
   template <class Next, class Take>
   void run(Store* to, const Next& next, const Take& take) {
-    // All may send to one.
-    const std::size_t most_to_one = std::max(kMessageBytes / sent_.size(), kLeastBytes);
     bool has_more = true;
     do {
-      num_bytes_.assign(sent_.size(), 0);
-      most_bytes_ = all_bytes_ = 0;
-      while (has_more && all_bytes_ < kMessageBytes && most_bytes_ < most_to_one) has_more = next();
+      budget_.begin_round();
+      while (has_more && budget_.has_room()) has_more = next();
       auto received = swap_lists(exchange_, std::exchange(sent_, Lists(sent_.size())));
       if (to == nullptr) continue;
       Batch batch = to->begin();
@@ -177,14 +174,11 @@ class LeafRounds {
   }
 
  private:
-  static constexpr std::size_t kLeastBytes = std::size_t{1} << 17;
-
   using Lists = std::vector<std::vector<MovedLeaf>>;
 
   Exchange& exchange_;
   Lists sent_;
-  std::vector<std::size_t> num_bytes_;
-  std::size_t most_bytes_ = 0, all_bytes_ = 0;  // to one, to all
+  RoundBudget budget_;
 };
 
 // Walks through the leaves of stores, one at a time.
@@ -437,9 +431,7 @@ Shares equal_shares(std::span<const Store> from, Exchange& exchange) {
     part.first = of_store.front().leaf.range_min();
     own_parts.push_back(part);
   }
-  std::vector<CostOfPart> parts;
-  for (const auto& of_rank : gather_values(exchange, own_parts))
-    parts.insert(parts.end(), of_rank.begin(), of_rank.end());
+  const std::vector<CostOfPart> parts = gather_all(exchange, own_parts);
   double all = 0;
   for (const CostOfPart& part : parts) all += static_cast<double>(part.cost);
 
@@ -461,9 +453,8 @@ Shares equal_shares(std::span<const Store> from, Exchange& exchange) {
     }
   }
   std::vector<MortonKey> first(num_ranks, MortonKey::root().range_max());
-  for (const auto& of_rank : gather_values(exchange, own_begins))
-    for (const auto& [share, leaf] : of_rank)
-      for (std::size_t rank = 0; rank <= share; ++rank) first[rank] = std::min(first[rank], leaf);
+  for (const auto& [share, leaf] : gather_all(exchange, own_begins))
+    for (std::size_t rank = 0; rank <= share; ++rank) first[rank] = std::min(first[rank], leaf);
   first.front() = MortonKey::root();
   return Shares(std::move(first));
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <string>
+#include <system_error>
 #include <tuple>
 #include <utility>
 
@@ -152,10 +153,25 @@ std::filesystem::path store_of_rank(const std::filesystem::path& stores, int ran
   return name;
 }
 
-int num_ranks_here(Exchange& exchange) {
-  const std::vector<std::string> hosts = exchange.gather(host_name());
-  return static_cast<int>(
-      std::ranges::count(hosts, hosts[static_cast<std::size_t>(exchange.rank())]));
+namespace {
+
+int num_ranks_with(const std::string& name, Exchange& exchange) {
+  return static_cast<int>(std::ranges::count(exchange.gather(name), name));
+}
+
+}  // namespace
+
+int num_ranks_here(Exchange& exchange) { return num_ranks_with(host_name(), exchange); }
+
+DiskOf disk_of_parts(const std::filesystem::path& place, Exchange& exchange) {
+  const std::uint64_t id = disk_of(place).id;
+  const double num_disks =
+      1.0 * exchange.num_ranks() / num_ranks_with(host_name() + ':' + std::to_string(id), exchange);
+  return [id, num_disks](const std::filesystem::path& at) {
+    Disk disk = disk_of(at);
+    if (disk.id == id) disk.free_bytes *= num_disks;
+    return disk;
+  };
 }
 
 std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
@@ -203,6 +219,15 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
                      "and stop them (SIGINT)");
   }
   return held;
+}
+
+PassingStore::PassingStore(std::filesystem::path directory) : directory_(std::move(directory)) {
+  std::filesystem::remove_all(directory_);
+}
+
+PassingStore::~PassingStore() {
+  std::error_code ignored;
+  std::filesystem::remove_all(directory_, ignored);
 }
 
 NextStore::NextStore(std::filesystem::path directory) : directory_(std::move(directory)) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/plan/disk_room.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -16,6 +17,9 @@ std::filesystem::path store_of_rank(const std::filesystem::path& stores, int ran
 
 // On this rank's machine.
 int num_ranks_here(Exchange& exchange);
+// For what is cut into as many parts as there are ranks, each of which has one at its own `place`:
+// there is as much free there as on all such disks.
+DiskOf disk_of_parts(const std::filesystem::path& place, Exchange& exchange);
 
 struct HeldRun {
   RunRecord run;
@@ -34,6 +38,20 @@ struct HeldRun {
 // rank and directory: a rank has no part of the run that others have, is of another run, or older
 // by more than a superstep; a run of another number of ranks ended within a superstep.
 std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
+
+// A directory for a store from which leaves are to move, and that is needed no more then.
+class PassingStore {
+ public:
+  explicit PassingStore(std::filesystem::path directory);  // after an end, removes what there is
+  PassingStore(const PassingStore&) = delete;
+  PassingStore& operator=(const PassingStore&) = delete;
+  ~PassingStore();
+  const std::filesystem::path& directory() const { return directory_; }
+  Store open() const { return Store::open(directory_, {.create = true, .is_durable = false}); }
+
+ private:
+  std::filesystem::path directory_;
+};
 
 // A store that is to take a rank's store's place when all ranks have theirs: either all do, or
 // none.

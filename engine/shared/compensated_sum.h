@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <tuple>
 
 namespace locvol {
 
@@ -23,6 +24,11 @@ class CompensatedSum {
     lost_ = -lost_;
   }
   double value() const { return sum_ + lost_; }
+  // What makes it up, for those who send it. `sum`: a CompensatedSum or a const one
+  template <class Self>
+  static auto members(Self& sum) {
+    return std::tie(sum.sum_, sum.lost_);
+  }
 
  private:
   double sum_ = 0, lost_ = 0;

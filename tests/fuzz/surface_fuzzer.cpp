@@ -126,7 +126,7 @@ class CheckingSink : public SurfaceSink {
 
 void expect_sound(const RawSurface& surface) {
   std::uint64_t num_triangles = 0;
-  surface.spill.for_each(surface.triangles, [&](const Triangle& triangle) {
+  surface.spill.for_each(surface.triangles.front(), [&](const Triangle& triangle) {
     expect(triangle.id == num_triangles++, "triangles are counted in the order of the file");
     for (std::size_t i = 0; i < 3; ++i) {
       const Point& p = triangle.corners[i];
@@ -136,7 +136,7 @@ void expect_sound(const RawSurface& surface) {
         expect(p[axis] != 0 || !std::signbit(p[axis]), "there is one zero");
     }
   });
-  expect(num_triangles == surface.triangles.count && num_triangles > 0, "no triangle is lost");
+  expect(num_triangles == surface.num_triangles() && num_triangles > 0, "no triangle is lost");
 }
 
 void expect_sound(const SurfaceFacts& facts) {

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <iterator>
 #include <random>
+#include <vector>
 
 #include "octree/octree.h"
 
@@ -44,6 +46,36 @@ TEST(Shares, AreIntervalsOfAboutEqualCost) {
       }
     }
     for (const double cost : of_rank) EXPECT_NEAR(cost, total / num_ranks, largest + 1e-9);
+  }
+}
+
+// Some of which may be empty.
+TEST(Shares, AreRangesOfKeys) {
+  std::mt19937_64 random(5);
+  for (int round = 0; round < 30; ++round) {
+    const LinearOctree octree = random_octree(random, 40);
+    const auto leaves = octree.leaves();
+    std::vector<MortonKey> first(1 + random() % 9);
+    for (MortonKey& key : first) key = leaves[random() % leaves.size()];
+    first.front() = leaves.front();
+    std::ranges::sort(first);
+    const Shares shares(first);
+    for (int rank = 0; rank < shares.num_ranks(); ++rank) {
+      const KeyRange range = shares.range_of(rank);
+      const auto is_own = [&](MortonKey leaf) { return shares.owner_of(leaf) == rank; };
+      std::vector<MortonKey> own;
+      std::ranges::copy_if(leaves, std::back_inserter(own), is_own);
+      EXPECT_TRUE(std::ranges::equal(range.begun_of(leaves), own));
+      EXPECT_EQ(range.is_all(), own.size() == leaves.size());
+      for (MortonKey node : leaves)
+        for (;; node = node.parent()) {
+          const auto under = octree.leaves_under(node);
+          EXPECT_EQ(range.has_begin_of(node), is_own(under.front()));
+          EXPECT_EQ(range.contains(node), std::ranges::all_of(under, is_own));
+          EXPECT_EQ(range.overlaps(node), std::ranges::any_of(under, is_own));
+          if (node.level() == 0) break;
+        }
+    }
   }
 }
 

@@ -1,0 +1,43 @@
+// IngestShare is the part of one process in the ingest of a surface that several take in together.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/ingest/surface_check.h"
+#include "engine/shared/input_error.h"
+#include "octree/key_range.h"
+#include "octree/morton_key.h"
+
+namespace locvol {
+
+// Leaves near the surface, in Morton order.
+struct CutLeaves {
+  std::vector<MortonKey> keys;
+  std::vector<std::uint8_t> parities;  // their center_to_corner_parities()
+};
+
+// A process judges the cells of a range of keys, and stores the leaves that begin in it. What it
+// finds is then joined with what others found: all call the same functions in the same order, and
+// each leaves the same on all. This one has all of a surface, and nothing to join.
+class IngestShare {
+ public:
+  virtual ~IngestShare() = default;
+  virtual KeyRange range() const { return {}; }
+  virtual void join_findings(SurfaceFindings&) const {}
+  virtual void join_parities(std::vector<bool>&) const {}  // of sums, element by element
+  virtual void join_cells(std::optional<std::vector<MortonKey>>&) const {}  // nothing: too many
+  virtual void join_leaves(CutLeaves&) const {}
+  // Throws InputError, for what all know.
+  [[noreturn]] void refuse(const std::string& what) const {
+    let_first_speak();
+    throw InputError(what);
+  }
+
+ private:
+  virtual void let_first_speak() const {}  // returns on that one alone
+};
+
+}  // namespace locvol
