@@ -199,6 +199,19 @@ CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
   return export_app;
 }
 
+CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
+  CLI::App* audit = app.add_subcommand(
+      "audit",
+      "Check the mesh of a finished run from its store alone; exit code 1 if it is not valid");
+  add_store(*audit, command.store);
+  add_parsed(*audit, "--one-in", parse_count, command.one_in,
+             "Check one leaf in N, with all that lies near it (default: all)")
+      ->type_name("N");
+  add_quiet(*audit, command.is_quiet);
+  add_json(*audit, command.is_json);
+  return audit;
+}
+
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
   fmt::print(stderr, "{0}: error: {1}\n{0}: `{0} --help` and `{0} COMMAND --help` say more\n",

@@ -620,6 +620,18 @@ int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
   return finish_as_rank(run, store_of_rank(own.store, exchange.rank()), own, exchange, stop, line);
 }
 
+namespace {
+
+HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
+  std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+  if (!held || held->run.phase != Phase::kDone)
+    throw StoreError(stores.string() +
+                     ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
+  return *std::move(held);
+}
+
+}  // namespace
+
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   ResumeCommand resume;
   resume.store = command.store;
@@ -630,10 +642,7 @@ int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   resume.is_quiet = command.is_quiet;
   resume.is_json = command.is_json;
   resume.is_in_pieces = command.is_in_pieces;
-  const std::optional<HeldRun> held = held_by_ranks(command.store, exchange);
-  if (!held || held->run.phase != Phase::kDone)
-    throw StoreError(command.store.string() +
-                     ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
+  finished_by_ranks(command.store, exchange);
   return run_resume_as_rank(resume, exchange);
 }
 
@@ -689,20 +698,43 @@ int run_export(const ExportCommand& command) {
   return kExitDone;
 }
 
+namespace {
+
+// Returns the exit code. `run_audit(on_step)` gives the report, which goes to stdout unless another
+// rank tells it.
+int tell_audit(const AuditCommand& command, bool is_told,
+               const std::function<AuditReport(const StepProgress&)>& run_audit) {
+  ProgressLine line(progress_style(command), 0);
+  const AuditReport report = with_steps(RunStage::kAudit, line, run_audit);
+  line.clear();
+  if (is_told && command.is_json) print_json(to_json(report));
+  if (is_told && !command.is_json) fmt::print("{}", audit_text(report));
+  return report.is_valid() ? kExitDone : kExitError;
+}
+
+}  // namespace
+
 int run_audit(const AuditCommand& command) {
   const Store store = open_whole(command.store);
   require_done(store);
-  ProgressLine line(progress_style(command), 0);
-  const AuditReport report = with_steps(RunStage::kAudit, line, [&](const StepProgress& on_step) {
+  return tell_audit(command, true, [&](const StepProgress& on_step) {
     return audit(store, on_step, command.one_in);
   });
-  line.clear();
-  if (command.is_json) {
-    print_json(to_json(report));
-  } else {
-    fmt::print("{}", audit_text(report));
-  }
-  return report.is_valid() ? kExitDone : kExitError;
+}
+
+int run_audit_as_rank(const AuditCommand& command, Exchange& exchange) {
+  if (!finished_by_ranks(command.store, exchange).is_of_these_ranks)
+    throw StoreError(
+        command.store.string() +
+        ": the run is of another number of ranks, which are to audit it; or `locvol-mpi "
+        "resume` by these moves its leaves to them");
+  const bool is_first = exchange.rank() == 0;
+  AuditCommand own = command;
+  own.is_quiet = command.is_quiet || !is_first;
+  const Store store = open_to_read(store_of_rank(command.store, exchange.rank()));
+  return tell_audit(own, is_first, [&](const StepProgress& on_step) {
+    return audit_as_rank(store, exchange, on_step, command.one_in);
+  });
 }
 
 namespace {

@@ -138,19 +138,6 @@ CLI::App* declare_report(CLI::App& app, ReportCommand& command) {
   return report;
 }
 
-CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
-  CLI::App* audit = app.add_subcommand(
-      "audit",
-      "Check the mesh of a finished run from its store alone; exit code 1 if it is not valid");
-  add_store(*audit, command.store);
-  add_parsed(*audit, "--one-in", parse_count, command.one_in,
-             "Check one leaf in N, with all that lies near it (default: all)")
-      ->type_name("N");
-  add_quiet(*audit, command.is_quiet);
-  add_json(*audit, command.is_json);
-  return audit;
-}
-
 CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   CLI::App* info =
       app.add_subcommand("info", "Read a surface, say what it is and estimate what its mesh takes");

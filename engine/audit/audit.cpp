@@ -2,9 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
 #include "engine/audit/audit_leaf.h"
+#include "engine/audit/audit_ranks.h"
+#include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/shared/scratch_directory.h"
 #include "octree/mix.h"
 
 namespace locvol {
@@ -64,40 +69,69 @@ void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
   report.surface_num_components = surface.num_components;
 }
 
-void set_sites_near(std::size_t leaf, const AuditLeaves& leaves, const Reader& reader, double size,
-                    AuditFindings& findings) {
+void set_sites_near(std::size_t leaf, const AuditLeaves& leaves, const AuditRecords& records,
+                    double size, AuditFindings& findings) {
+  const Box box = leaves.box(leaf);
+  const double distance = (kOpenAround + kSiteReach) * size;
   std::vector<Point> sites;
-  for (const std::size_t other : leaves.within(leaves.box(leaf), (kOpenAround + kSiteReach) * size))
-    for (const UnresolvedSite& site : reader.unresolved(leaves.key(other)).sites)
-      sites.push_back(site.position);
+  for (const std::size_t other : leaves.within(box, distance))
+    if (records.is_own(leaves.key(other)))
+      for (const UnresolvedSite& site : records.own().unresolved(leaves.key(other)).sites)
+        sites.push_back(site.position);
+  for (const auto& [other, of_leaf] : records.sites_beside())
+    if (leaves.box(other).squared_distance(box) <= distance * distance)
+      sites.insert(sites.end(), of_leaf.begin(), of_leaf.end());
   findings.set_sites(std::move(sites), kOpenAround * size);
 }
 
-void check_leaves(const Store& store, const Reader& reader, const AuditLeaves& leaves,
-                  const RunRecord& run, AuditFindings& findings, const StepProgress& on_step,
-                  std::uint64_t one_in) {
+// Of own leaves. Returns the components of their boundary.
+BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
+                                const AuditLeaves& leaves, const RunRecord& run,
+                                AuditFindings& findings, const StepProgress& on_step,
+                                std::uint64_t one_in) {
   const AuditBounds bounds = bounds_of(run);
   AuditReport& report = findings.report();
   report.min_dihedral_bound = bounds.min_dihedral;
-  AuditLoader loader(store, reader, leaves, run);
-  BoundaryComponents components;
-  report.num_leaves = leaves.size();
+  AuditLoader loader(store, records, leaves, run);
+  BoundaryComponents components(records);
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     if (on_step) on_step(i, leaves.size());
+    if (!records.is_own(leaves.key(i))) continue;
+    ++report.num_leaves;
     if (mix(leaves.key(i).bits()) % one_in != 0) continue;
     ++report.num_checked_leaves;
-    report.num_unresolved += reader.unresolved(leaves.key(i)).sites.size();
-    if (run.counts.num_unresolved > 0) set_sites_near(i, leaves, reader, bounds.size, findings);
+    report.num_unresolved += records.own().unresolved(leaves.key(i)).sites.size();
+    if (run.counts.num_unresolved > 0) set_sites_near(i, leaves, records, bounds.size, findings);
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
     report.num_vertices += num_used_own_points(*leaf);
     check_cells(*leaf, bounds, findings);
     const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
     check_boundary_links(*leaf, boundary, findings);
-    check_boundary_on_surface(*leaf, boundary, leaves, reader, bounds, findings);
-    components.add(*leaf, boundary);
+    check_boundary_on_surface(*leaf, boundary, leaves, records, bounds, findings);
+    components.add(*leaf, boundary, leaves);
   }
   report.num_components = components.size();
+  return components;
+}
+
+// Whatever ends the process, nothing is left of it: its files have no names any more.
+Store nameless_store_beside(const Store& store) {
+  const ScratchDirectory place(std::filesystem::absolute(store.directory()).parent_path());
+  return Store::open(place.path() / "beside", {.create = true});
+}
+
+// Of a rank's store: are the leaves that it calls its own those of its share?
+bool check_share(const Reader& reader, AuditFindings& findings) {
+  const RankRecord rank = reader.rank().value();
+  const Shares shares(rank.first);
+  bool is_its_share = true;
+  reader.for_each_leaf([&](MortonKey leaf, const LeafInfo& info) {
+    const bool is_in_share = shares.owner_of(leaf) == static_cast<int>(rank.rank);
+    return is_its_share = (info.holding == Holding::kOwn) == is_in_share;
+  });
+  if (!is_its_share) findings.add_fault("a rank has other leaves of its own than its share");
+  return is_its_share;
 }
 
 }  // namespace
@@ -110,8 +144,34 @@ AuditReport audit(const Store& store, const StepProgress& on_step, std::uint64_t
   const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
   if (!check_run(run, leaves, snapshot, findings)) return report;
   copy_surface_facts(run->surface, report);
-  check_leaves(store, snapshot, leaves, *run, findings, on_step, one_in);
+  check_leaves(store, AuditRecords(snapshot), leaves, *run, findings, on_step, one_in);
   return report;
+}
+
+AuditReport audit_as_rank(const Store& own, Exchange& exchange, const StepProgress& on_step,
+                          std::uint64_t one_in) {
+  AuditReport report;
+  AuditFindings findings(report);
+  const Snapshot snapshot = own.snapshot();
+  std::optional<RunRecord> run = snapshot.run();
+  const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
+  const bool is_sound =
+      check_run(run, leaves, snapshot, findings) && check_share(snapshot, findings);
+  if (any(exchange, !is_sound)) return together(report, exchange);
+  run->counts = total_counts(exchange, run->counts);
+  copy_surface_facts(run->surface, report);
+
+  Store beside = nameless_store_beside(own);
+  tell_leaves_beside(own, beside, exchange);
+  const AuditRecords records(
+      snapshot, beside, snapshot.rank().value(),
+      sites_beside(snapshot, *run, (kOpenAround + kSiteReach) * run->parameters.size, exchange));
+  BoundaryComponents components =
+      check_leaves(own, records, leaves, *run, findings, on_step, one_in);
+  const std::uint64_t num_joined = num_joined_components(components, leaves, records, exchange);
+  AuditReport all = together(report, exchange);
+  all.num_components -= num_joined;
+  return all;
 }
 
 }  // namespace locvol

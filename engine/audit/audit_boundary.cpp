@@ -243,12 +243,12 @@ void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> bou
 }
 
 void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
-                               const AuditLeaves& leaves, const Reader& reader,
+                               const AuditLeaves& leaves, const AuditRecords& records,
                                const AuditBounds& bounds, AuditFindings& findings) {
   const std::vector<Point> vertices = own_vertices(leaf, boundary);
   if (vertices.empty()) return;
   const double tolerance = kOnSurface * bounds.size + bounds.rounding;
-  std::vector<Triangle> triangles = reader.surface(leaf.key).triangles;
+  std::vector<Triangle> triangles = records.own().surface(leaf.key).triangles;
   std::vector<double> distances = distances_within(vertices, triangles, tolerance, bounds.size);
 
   // The others lie on a triangle that misses the leaf's box by a rounding error, or on a needle, or
@@ -258,7 +258,8 @@ void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet
   if (!is_all_near) {
     for (const std::size_t neighbor : leaves.within(leaves.box(leaf.leaf), tolerance)) {
       if (neighbor == leaf.leaf) continue;
-      const auto more = reader.surface(leaves.key(neighbor)).triangles;
+      const MortonKey key = leaves.key(neighbor);
+      const auto more = records.of(key).surface(key).triangles;
       triangles.insert(triangles.end(), more.begin(), more.end());
     }
   }
@@ -299,7 +300,8 @@ void UnionFind::unite(std::size_t i, std::size_t j) {
   --num_sets_;
 }
 
-void BoundaryComponents::add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary) {
+void BoundaryComponents::add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                             const AuditLeaves& leaves) {
   forget_before(leaf.leaf);
   UnionFind local = own_components(leaf, boundary);
   std::unordered_map<std::size_t, std::size_t> label_of_set;
@@ -315,7 +317,9 @@ void BoundaryComponents::add(const AuditLeaf& leaf, std::span<const LocalFacet> 
       const std::size_t here = label(own);
       for (const LocalIndex other : facet.vertices) {
         const LocalPoint& point = leaf.points[other];
-        if (point.leaf > leaf.leaf) {
+        if (!records_->is_own(leaves.key(point.leaf))) {
+          crossings_.push_back({leaf.points[own].id, point.id, point.leaf, here});
+        } else if (point.leaf > leaf.leaf) {
           last_leaf[own] = std::max(last_leaf[own], point.leaf);
         } else if (point.leaf < leaf.leaf) {
           const auto seam = seams_.find(point.id);
@@ -328,6 +332,11 @@ void BoundaryComponents::add(const AuditLeaf& leaf, std::span<const LocalFacet> 
     seams_.insert_or_assign(leaf.points[own].id, label(own));
     expiry_[last].push_back(leaf.points[own].id);
   }
+}
+
+std::vector<BoundaryComponents::Crossing> BoundaryComponents::crossings() {
+  for (Crossing& crossing : crossings_) crossing.label = labels_.find(crossing.label);
+  return std::move(crossings_);
 }
 
 void BoundaryComponents::forget_before(std::uint32_t leaf) {

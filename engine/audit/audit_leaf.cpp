@@ -160,23 +160,25 @@ std::vector<std::array<LocalIndex, 2>> LocalPoints::repetitions() const {
   return pairs;
 }
 
-AuditLoader::AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves,
+AuditLoader::AuditLoader(const Store& store, const AuditRecords& records, const AuditLeaves& leaves,
                          const RunRecord& run)
-    : reader_(&reader),
+    : records_(&records),
       leaves_(&leaves),
       lattice_(lattice_of(run)),
       law_(run.parameters.sizes()),
       frame_(run.frame),
-      scale_(reader, run),
+      scale_(records.own(), run),
       pages_(store),
+      pages_beside_(records.store_beside() != nullptr ? *records.store_beside() : store),
       borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
 
 std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& findings) {
   AuditLeaf here;
   here.leaf = static_cast<std::uint32_t>(leaf);
   here.key = leaves_->key(leaf);
-  here.cells = reader_->cells(here.key);
-  const LeafPoints own = reader_->points(here.key);
+  const Reader& reader = records_->own();
+  here.cells = reader.cells(here.key);
+  const LeafPoints own = reader.points(here.key);
   if (own.points.empty() && own.core.is_empty() && here.cells.cells.empty()) return std::nullopt;
   const Box box = leaves_->box(leaf);
   report_misplaced(own, box, here.key, findings);
@@ -201,7 +203,7 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
     }
   }
   here.sizes = {law_, frame_};
-  if (!law_.is_uniform()) here.sizes.add(reader_->sizes(here.key).cubes);
+  if (!law_.is_uniform()) here.sizes.add(reader.sizes(here.key).cubes);
   for (const auto& border : borders) here.sizes.add(border->cubes);
   here.points = LocalPoints(std::move(points));
   report_repeated(here, findings);
@@ -272,9 +274,12 @@ void AuditLoader::add_core_cells(AuditLeaf& here) const {
 }
 
 AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
-  const LeafPoints points = reader_->points(leaves_->key(leaf));
-  LeafCells cells = reader_->cells(leaves_->key(leaf));
-  pages_.count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
+  const MortonKey key = leaves_->key(leaf);
+  const Reader& reader = records_->of(key);
+  const LeafPoints points = reader.points(key);
+  LeafCells cells = reader.cells(key);
+  PageRelease& pages = records_->is_own(key) ? pages_ : pages_beside_;
+  pages.count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
 
   Border border;
   // May be inside out: contains nothing. Where sizes vary, others may reach farther in.
@@ -304,7 +309,7 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
     }
   }
   border.vertices = std::move(cells.vertices);
-  if (!law_.is_uniform()) border.cubes = reader_->sizes(leaves_->key(leaf)).cubes;
+  if (!law_.is_uniform()) border.cubes = reader.sizes(key).cubes;
   return border;
 }
 

@@ -17,6 +17,7 @@
 #include "engine/audit/audit_sizes.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
+#include "octree/shares.h"
 
 namespace locvol {
 
@@ -53,7 +54,8 @@ class AuditLeaves {
       : frame_(frame), keys_(std::move(keys)) {}
   std::size_t size() const { return keys_.size(); }
   MortonKey key(std::size_t leaf) const { return keys_[leaf]; }
-  Box box(std::size_t leaf) const { return frame_.box(keys_[leaf]); }
+  Box box(std::size_t leaf) const { return box(keys_[leaf]); }
+  Box box(MortonKey key) const { return frame_.box(key); }
   bool tile_the_root() const;
   // Whose closed boxes are at most `distance` from `box`, in order. REQUIRES: tile_the_root()
   std::vector<std::size_t> within(const Box& box, double distance) const;
@@ -64,6 +66,43 @@ class AuditLeaves {
 
   Frame frame_;
   std::vector<MortonKey> keys_;
+};
+
+// Unresolved sites of a leaf.
+struct SitesOfLeaf {
+  MortonKey leaf;
+  std::vector<Point> sites;
+};
+
+// The records of leaves, each as the rank has it whose leaf it is.
+class AuditRecords {
+ public:
+  // Of a store that has all of the run.
+  explicit AuditRecords(const Reader& own) : own_(&own) {}
+  // Of a rank's. `store_beside`: of leaves near its own, as others have told
+  AuditRecords(const Reader& own, const Store& store_beside, const RankRecord& rank,
+               std::vector<SitesOfLeaf> sites_beside)
+      : own_(&own),
+        store_beside_(&store_beside),
+        beside_(store_beside.snapshot()),
+        shares_(rank.first),
+        rank_(static_cast<int>(rank.rank)),
+        sites_beside_(std::move(sites_beside)) {}
+
+  const Shares& shares() const { return shares_; }
+  bool is_own(MortonKey leaf) const { return shares_.owner_of(leaf) == rank_; }
+  const Reader& of(MortonKey leaf) const { return is_own(leaf) ? *own_ : *beside_; }
+  const Reader& own() const { return *own_; }
+  const Store* store_beside() const { return store_beside_; }  // null: there are no others
+  std::span<const SitesOfLeaf> sites_beside() const { return sites_beside_; }
+
+ private:
+  const Reader* own_;
+  const Store* store_beside_ = nullptr;
+  std::optional<Snapshot> beside_;
+  Shares shares_;
+  int rank_ = 0;
+  std::vector<SitesOfLeaf> sites_beside_;
 };
 
 struct LocalPoint {
@@ -116,10 +155,10 @@ struct AuditLeaf {
   bool is_own(LocalIndex i) const { return points[i].leaf == leaf; }
 };
 
-// Reads the store; keeps the borders of the leaves near the last one loaded.
+// Reads the records; keeps the borders of the leaves near the last one loaded.
 class AuditLoader {
  public:
-  AuditLoader(const Store& store, const Reader& reader, const AuditLeaves& leaves,
+  AuditLoader(const Store& store, const AuditRecords& records, const AuditLeaves& leaves,
               const RunRecord& run);
   AuditLoader(const AuditLoader&) = delete;
   AuditLoader& operator=(const AuditLoader&) = delete;
@@ -143,7 +182,7 @@ class AuditLoader {
   std::vector<LocalPoint> core_points(std::size_t leaf, const LatticeCore& core) const;
   void add_core_cells(AuditLeaf& here) const;
 
-  const Reader* reader_;
+  const AuditRecords* records_;
   const AuditLeaves* leaves_;
   Lattice lattice_;
   double reach(std::size_t leaf) const { return kCellReach * kBoundSlack * scale_.of(leaf); }
@@ -151,7 +190,7 @@ class AuditLoader {
   SizeLaw law_;
   Frame frame_;
   LeafScale scale_;
-  PageRelease pages_;
+  PageRelease pages_, pages_beside_;
   LeafWindow<Border> borders_;
 };
 
@@ -180,7 +219,7 @@ void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> bou
 
 // Distance of own boundary vertices from the triangles near the leaf.
 void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
-                               const AuditLeaves& leaves, const Reader& reader,
+                               const AuditLeaves& leaves, const AuditRecords& records,
                                const AuditBounds& bounds, AuditFindings& findings);
 
 // Disjoint sets of 0 … n-1.
@@ -201,9 +240,19 @@ class UnionFind {
 // vertices gets a label; a vertex that shares a facet with a later leaf's is remembered until then.
 class BoundaryComponents {
  public:
+  // An own vertex that shares a facet with one of another rank's leaf.
+  struct Crossing {
+    std::uint64_t own = 0, other = 0;  // ids
+    std::uint32_t other_leaf = 0;
+    std::size_t label = 0;  // of the own one's component
+  };
+
+  explicit BoundaryComponents(const AuditRecords& records) : records_(&records) {}
   // Leaves must come in Morton order.
-  void add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary);
+  void add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary, const AuditLeaves& leaves);
   std::size_t size() const { return labels_.num_sets(); }
+  // With the labels that components have at last. Memory: 32 bytes each.
+  std::vector<Crossing> crossings();
 
  private:
   void forget_before(std::uint32_t leaf);
@@ -211,6 +260,8 @@ class BoundaryComponents {
   UnionFind labels_;
   std::unordered_map<std::uint64_t, std::size_t> seams_;        // labels by id of a vertex
   std::map<std::uint32_t, std::vector<std::uint64_t>> expiry_;  // ids by the last leaf to ask
+  std::vector<Crossing> crossings_;
+  const AuditRecords* records_;
 };
 
 }  // namespace locvol

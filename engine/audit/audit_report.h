@@ -53,6 +53,8 @@ struct AuditReport {
   std::uint64_t num_run_faults = 0;        // not finished; leaves that do not tile the root
   std::vector<std::string> violations;
 
+  friend bool operator==(const AuditReport&, const AuditReport&) = default;
+
   std::uint64_t num_violations() const {
     return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
            num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +

@@ -397,6 +397,22 @@ void move_leaves(std::span<const Store> from, const Shares& shares, Store& own,
   batch.commit();
 }
 
+void tell_leaves_beside(const Store& own, Store& beside, Exchange& exchange) {
+  OwnLeaves leaves({&own, 1});
+  LeafRounds rounds(exchange);
+  const auto next = [&] {
+    const auto leaf = leaves.next();
+    if (!leaf) return false;
+    const auto& [key, info] = *leaf;
+    if (info.ranks.empty()) return true;
+    const MovedLeaf told = moved(leaves.reader(), key, info);
+    for (const std::uint32_t rank : info.ranks)
+      if (static_cast<int>(rank) != exchange.rank()) rounds.send(static_cast<int>(rank), told);
+    return true;
+  };
+  rounds.run(&beside, next, [](MortonKey) {});
+}
+
 void join_leaves(std::span<const Store> from, Store* whole, Exchange& exchange) {
   const RunRecord run = run_in(from, exchange);
   move_own(

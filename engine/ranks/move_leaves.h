@@ -20,6 +20,10 @@ void move_leaves(std::span<const Store> from, const Shares& shares, Store& own, 
 // The same to one store, as a single process has it: the first rank's; null on others.
 void join_leaves(std::span<const Store> from, Store* whole, Exchange& exchange);
 
+// Of leaves near each other's ranks, all records go to those that have copies of them, as their own
+// ranks have them: into `beside`, which is empty.
+void tell_leaves_beside(const Store& own, Store& beside, Exchange& exchange);
+
 // Of what is to be done in a leaf, once first points are known: it goes with them, for those of the
 // core are not listed.
 double predicted_cost(const LeafInfo& info);

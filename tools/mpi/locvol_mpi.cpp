@@ -50,6 +50,7 @@ struct Commands {
   MeshCommand mesh;
   ResumeCommand resume;
   ExportCommand export_command;
+  AuditCommand audit;
   JoinCommand join;
 };
 
@@ -60,6 +61,7 @@ void declare(CLI::App& app, Commands& commands) {
   add_pieces(declare_mesh(app, commands.mesh), commands.mesh.is_in_pieces);
   add_pieces(declare_resume(app, commands.resume), commands.resume.is_in_pieces);
   add_pieces(declare_export(app, commands.export_command), commands.export_command.is_in_pieces);
+  declare_audit(app, commands.audit);
   declare_join(app, commands.join);
   app.add_subcommand("reference", "Print the manual page");
 }
@@ -97,6 +99,7 @@ int run(int argc, char** argv, Exchange& exchange) {
     return run_resume_as_rank(commands.resume, exchange);
   }
   if (app.got_subcommand("export")) return run_export_as_rank(commands.export_command, exchange);
+  if (app.got_subcommand("audit")) return run_audit_as_rank(commands.audit, exchange);
   return run_join(commands.join, exchange);
 }
 
@@ -109,8 +112,12 @@ int main(int argc, char** argv) {
     return locvol::guarded("locvol-mpi", [&] { return locvol::print_reference(argc, argv); });
   locvol::MpiExchange exchange(argc, argv);
   const std::string name = "locvol-mpi: rank " + std::to_string(exchange.rank());
-  const int code = locvol::guarded(name.c_str(), [&] { return locvol::run(argc, argv, exchange); });
-  // Others wait for this rank.
-  if (code == locvol::kExitError) exchange.end_all(code);
+  bool has_failed = true;
+  const int code = locvol::guarded(name.c_str(), [&] {
+    const int result = locvol::run(argc, argv, exchange);
+    has_failed = false;
+    return result;
+  });
+  if (has_failed) exchange.end_all(code);  // others wait for this rank
   return code;
 }

@@ -4,6 +4,7 @@ Usage: mpi_test.py LOCVOL LOCVOL_MPI MPIRUN
 """
 
 import array
+import json
 import os
 import pathlib
 import random
@@ -156,7 +157,16 @@ class MpiTest(unittest.TestCase):
         # Looked into by one process.
         whole = self.scratch / "whole"
         self.run_command(2, "join", stores, whole)
-        subprocess.run([LOCVOL, "audit", whole, "-q"], check=True, stdout=subprocess.DEVNULL)
+        alone = subprocess.run([LOCVOL, "audit", whole, "-q", "--json"], check=True,
+                               stdout=subprocess.PIPE)
+        expected_audit = json.loads(alone.stdout)
+        found = json.loads(self.run_command(4, "audit", stores, "-q", "--json"))
+        self.assertAlmostEqual(found["mesh"].pop("volume"), expected_audit["mesh"].pop("volume"))
+        self.assertEqual(found, expected_audit)
+        run = self.start_command(3, "audit", stores)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn("the run is of another number of ranks", said)
         subprocess.run([LOCVOL, "export", whole, "-q", "-o", self.scratch / "other.vtu"],
                        check=True, stdout=subprocess.DEVNULL)
         self.assertTrue((self.scratch / "other.vtu").read_bytes() == expected)
