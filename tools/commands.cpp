@@ -23,6 +23,7 @@
 #include "engine/plan/disk_room.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
+#include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/run/visit_error.h"

@@ -11,6 +11,7 @@
 #include "engine/audit/audit.h"
 #include "engine/engine.h"
 #include "engine/exchange/thread_ranks.h"
+#include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
 #include "tests/engine/closed_shapes.h"

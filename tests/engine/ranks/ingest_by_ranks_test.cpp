@@ -16,6 +16,7 @@
 #include "engine/exchange/thread_ranks.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
+#include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/stop_source.h"

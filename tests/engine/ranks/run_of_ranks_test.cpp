@@ -16,6 +16,7 @@
 #include "engine/formats/writer.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/plan/run_setup.h"
+#include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"

@@ -1,0 +1,260 @@
+#include "engine/rank_engine.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <fstream>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/exchange/recorded_exchange.h"
+#include "engine/ingest/image_sizes.h"
+#include "engine/ingest/surface_input.h"
+#include "engine/plan/run_setup.h"
+#include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/ingest_by_ranks.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/ranks/rank_store.h"
+#include "engine/run/run_timeline.h"
+#include "engine/run_phases.h"
+#include "engine/shared/input_error.h"
+#include "engine/shared/memory_budget.h"
+#include "engine/shared/workers.h"
+
+namespace locvol {
+namespace {
+
+// What messages take, and Open MPI (measured: 11 MiB), is no run's. Throws OverBudget.
+RunControl for_rank(RunControl control) {
+  constexpr std::uint64_t kBytes = std::uint64_t{24} << 20;
+  const std::uint64_t cap = memory_cap(control.memory_bytes);
+  control.memory_bytes = memory_cap(cap > kBytes ? cap - kBytes : 1);
+  return control;
+}
+
+// Throws InputError, the same on all ranks.
+void require_for_ranks(const MeshOptions& options) {
+  if (options.init != Initialization::kCover)
+    throw InputError(
+        "several processes mesh in cover mode: without --init paper, or by one process "
+        "(locvol mesh)");
+}
+
+RunRecord planned_by_rank(const MeshOptions& options, const std::string& digest, const Box& box,
+                          const StopSource& stop) {
+  return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
+}
+
+// Each rank's leaves, of a share of space; or all of them on the first one, and nothing on others.
+std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStore& place,
+                                   const RunControl& control, Exchange& exchange,
+                                   const StopSource& stop) {
+  const bool is_first = exchange.rank() == 0;
+  const auto planned = [&](const std::string& digest, const Box& box) {
+    return planned_by_rank(options, digest, box, stop);
+  };
+  const auto open_store = [&] { return place.open(); };
+  const bool sees_image = options.size_image.empty() || std::ifstream(options.size_image).is_open();
+  if (exchange.num_ranks() > 1 && !any(exchange, !sees_image)) {
+    RunControl own = control;
+    if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
+    const DiskOf disk = disk_of_parts(place.directory(), exchange);
+    IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
+    Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
+    auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), planned,
+                                ingest_calls(place.directory(), open_store, own, disk), watch,
+                                workers, exchange, disk);
+    if (part) return part;
+  }
+  if (!is_first) return std::nullopt;
+  return ingested(surface_in_file(options.input), place.directory(), planned, open_store, control,
+                  stop);
+}
+
+// All take the surface in, or the first one does, and then each gets its share.
+void ingest_for_ranks(const MeshOptions& options, const RunControl& control, Exchange& exchange,
+                      const StopSource& stop) {
+  const std::filesystem::path own = store_of_rank(options.store, exchange.rank());
+  const PassingStore place(own.string() + ".whole");
+  std::vector<Store> parts;
+  bool is_stopped = false;
+  try {
+    if (auto part = part_taken_in(options, place, control, exchange, stop)) {
+      is_stopped = part->snapshot().run()->phase == Phase::kIngest;
+      parts.push_back(std::move(*part));
+    }
+  } catch (const Stopped&) {
+    is_stopped = true;
+  }
+  if (any(exchange, is_stopped)) throw Stopped();
+  NextStore next(own);
+  move_leaves(parts, equal_shares(parts, exchange), next.store(), exchange);
+  next.take_place({}, exchange);
+}
+
+std::vector<Store> opened(std::span<const std::filesystem::path> stores) {
+  std::vector<Store> open;
+  for (const std::filesystem::path& store : stores)
+    open.push_back(Store::open(store, {.read_only = true}));
+  return open;
+}
+
+// Cuts shares anew, by what is known by now.
+void move_to_equal_shares(const std::filesystem::path& own,
+                          std::span<const std::filesystem::path> parts, Exchange& exchange) {
+  std::vector<Store> from = opened(parts);
+  NextStore next(own);
+  move_leaves(from, equal_shares(from, exchange), next.store(), exchange);
+  from.clear();
+  next.take_place(parts, exchange);
+}
+
+// Before which phase leaves are to move next, if at all: to have copies as far as sizes ask for;
+// and where most of the work begins, if shares are not equal.
+Phase next_move(const Reader& reader) {
+  const RunRecord run = reader.run().value();
+  const Phase moved_at = reader.rank().value().moved_at;
+  const bool has_sizes = !run.parameters.sizes().is_uniform();
+  if (has_sizes && moved_at < Phase::kCover && run.phase <= Phase::kCover) return Phase::kCover;
+  if (moved_at < Phase::kRefine && run.phase <= Phase::kRefine) return Phase::kRefine;
+  return Phase::kDone;
+}
+
+// Nothing: it is to begin. Throws StoreError, the same on all ranks, or StoreMismatch.
+std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& exchange,
+                                         const StopSource& stop) {
+  std::optional<HeldRun> held;
+  try {
+    held = held_by_ranks(options.store, exchange);
+  } catch (const StoreError&) {
+    if (!options.is_forced) throw;
+  }
+  if (!held) return held;
+  std::optional<RunParameters> asked;
+  if (exchange.rank() == 0)
+    asked = planned_by_rank(options, surface_in_file(options.input).digest(&stop),
+                            held->run.surface.box, stop)
+                .parameters;
+  if (!any(exchange, asked && *asked != held->run.parameters)) return held;
+  if (options.is_forced) return std::nullopt;
+  if (asked) require_same_run(held->run.parameters, *asked, options.store);
+  throw StoreMismatch("the store " + options.store.string() +
+                      " has a part of another run than is asked for");
+}
+
+// What all ranks have.
+RunSummary summarize(const Reader& own, Exchange& exchange) {
+  RunSummary summary = summarize(own);
+  std::uint64_t num_own = 0;
+  own.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    num_own += info.holding == Holding::kOwn ? 1 : 0;
+    return true;
+  });
+  summary.run.counts = total_counts(exchange, summary.run.counts);
+  summary.num_leaves = sum(exchange, num_own).all;
+  summary.max_visits_of_a_leaf =
+      std::ranges::max(gather_numbers(exchange, summary.max_visits_of_a_leaf));
+  if (summary.outcome == RunOutcome::kInterrupted) return summary;
+  require_cells(summary.run);
+  if (summary.run.counts.num_unresolved > 0) summary.outcome = RunOutcome::kUnresolved;
+  return summary;
+}
+
+// After a start: are some ranks finding sizes, and all so far that they may tell of their surface?
+bool is_surface_shared(const Reader& own, Exchange& exchange) {
+  const RunRecord run = own.run().value();
+  if (run.parameters.sizes().is_uniform()) return false;  // the same on all
+  const bool is_before =
+      run.phase < Phase::kSize ||
+      (run.phase == Phase::kSize && own.rank()->stage < first_stage_with_surface(run));
+  const std::uint64_t standing = is_before ? 0 : run.phase == Phase::kSize ? 1 : 2;
+  return smallest(exchange, standing) == 1;
+}
+
+// Takes a run that the ranks' stores hold to its end.
+RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<HeldRun> held,
+                         const RunControl& control, const StopSource& stop, const WorkClock& clock,
+                         Exchange& exchange) {
+  const std::filesystem::path own = store_of_rank(stores, exchange.rank());
+  if (held && !held->is_of_these_ranks) {
+    move_to_equal_shares(own, held->parts, exchange);
+    held.reset();
+  }
+  const auto on_sizes = [&](const RunRecord& known) {
+    require_few_cells(known);
+    if (control.on_sizes) control.on_sizes(known);
+  };
+  double cpu_of_visits = 0;
+  bool is_to_move = false;
+  for (;; held.reset()) {
+    if (is_to_move) move_to_equal_shares(own, {&own, 1}, exchange);
+    Store store = Store::open(own);
+    const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
+    const Phase until = next_move(store.snapshot());
+    RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
+                     held && held->is_behind);
+    bool is_stopped = false;
+    try {
+      if (is_surface_shared(store.snapshot(), exchange)) phases.find_far_surface();
+      if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
+      phases.run(until, on_sizes);
+    } catch (const Stopped&) {
+      is_stopped = true;
+    }
+    cpu_of_visits += phases.cpu_of_visits();
+    const Phase phase = store.snapshot().run()->phase;
+    if (is_stopped || phase == Phase::kDone) {
+      RunSummary summary = summarize(store.snapshot(), exchange);
+      summary.cpu_of_visits = cpu_of_visits;
+      return summary;
+    }
+    is_to_move = next_move(store.snapshot()) == phase;
+  }
+}
+
+}  // namespace
+
+RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
+  require_for_ranks(options);
+  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
+    const WorkClock clock;
+    std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
+    if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
+    return go_on_as_rank(options.store, std::move(held), in_turn, stop, clock, exchange);
+  });
+}
+
+RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
+                          Exchange& exchange) {
+  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
+    const WorkClock clock;
+    std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+    if (!held) throw StoreError(stores.string() + ": the stores hold no run to go on with");
+    if (held->run.parameters.init != Initialization::kCover)
+      throw StoreError(stores.string() + ": the run is one of paper mode, for one process alone");
+    return go_on_as_rank(stores, std::move(held), in_turn, stop, clock, exchange);
+  });
+}
+
+RunRecord join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
+                     Exchange& exchange) {
+  const std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+  if (!held) throw StoreError(stores.string() + ": the stores hold no run");
+  if (held->is_within_superstep)
+    throw StoreError(
+        stores.string() +
+        ": the run ended within a superstep: go on with it first, and stop it (SIGINT)");
+  std::optional<Store> joined;
+  if (exchange.rank() == 0) {
+    if (Store::exists(whole) && Store::open(whole, {.read_only = true}).snapshot().run())
+      throw StoreError(whole.string() + ": it holds a run: give another directory");
+    joined = Store::open(whole, {.create = true});
+  }
+  const std::vector<Store> from = opened(held->parts);
+  join_leaves(from, joined ? &*joined : nullptr, exchange);
+  return held->run;
+}
+
+}  // namespace locvol
