@@ -26,9 +26,9 @@
 namespace locvol {
 namespace {
 
-// What messages take, and Open MPI (measured: 11 MiB), is no run's. Throws OverBudget.
+// What Open MPI takes (measured: 11 MiB), and messages, is no run's. Throws OverBudget.
 RunControl for_rank(RunControl control) {
-  constexpr std::uint64_t kBytes = std::uint64_t{24} << 20;
+  constexpr std::uint64_t kBytes = std::uint64_t{48} << 20;
   const std::uint64_t cap = memory_cap(control.memory_bytes);
   control.memory_bytes = memory_cap(cap > kBytes ? cap - kBytes : 1);
   return control;
