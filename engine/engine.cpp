@@ -57,9 +57,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   const auto held = held_run(options.store);
   if (held && held->phase != Phase::kIngest) {
     const RunParameters asked =
-        planned_run(options, surface.digest(&stop), held->surface.box,
-                    survey_size_image(options.size_image, held->surface.box, &stop))
-            .parameters;
+        planned(options, surface.digest(&stop), held->surface.box, stop).parameters;
     if (held->parameters == asked || !options.is_forced) {
       require_same_run(held->parameters, asked, options.store);
       Store store = Store::open(options.store);
@@ -70,7 +68,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   Store store = ingested(
       surface, options.store,
       [&](const std::string& digest, const Box& box) {
-        return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
+        return planned(options, digest, box, stop);
       },
       [&] { return Store::open(options.store, {.create = true}); }, control, stop);
   return finish(store, control, stop, clock, until);

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "engine/exchange/recorded_exchange.h"
-#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
 #include "engine/ranks/counts_of_ranks.h"
@@ -42,18 +41,13 @@ void require_for_ranks(const MeshOptions& options) {
         "(locvol mesh)");
 }
 
-RunRecord planned_by_rank(const MeshOptions& options, const std::string& digest, const Box& box,
-                          const StopSource& stop) {
-  return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
-}
-
 // Each rank's leaves, of a share of space; or all of them on the first one, and nothing on others.
 std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStore& place,
                                    const RunControl& control, Exchange& exchange,
                                    const StopSource& stop) {
   const bool is_first = exchange.rank() == 0;
-  const auto planned = [&](const std::string& digest, const Box& box) {
-    return planned_by_rank(options, digest, box, stop);
+  const auto plan = [&](const std::string& digest, const Box& box) {
+    return planned(options, digest, box, stop);
   };
   const auto open_store = [&] { return place.open(); };
   const bool sees_image = options.size_image.empty() || std::ifstream(options.size_image).is_open();
@@ -63,13 +57,13 @@ std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStor
     const DiskOf disk = disk_of_parts(place.directory(), exchange);
     IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
     Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
-    auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), planned,
+    auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), plan,
                                 ingest_calls(place.directory(), open_store, own, disk), watch,
                                 workers, exchange, disk);
     if (part) return part;
   }
   if (!is_first) return std::nullopt;
-  return ingested(surface_in_file(options.input), place.directory(), planned, open_store, control,
+  return ingested(surface_in_file(options.input), place.directory(), plan, open_store, control,
                   stop);
 }
 
@@ -134,9 +128,9 @@ std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& e
   if (!held) return held;
   std::optional<RunParameters> asked;
   if (exchange.rank() == 0)
-    asked = planned_by_rank(options, surface_in_file(options.input).digest(&stop),
-                            held->run.surface.box, stop)
-                .parameters;
+    asked =
+        planned(options, surface_in_file(options.input).digest(&stop), held->run.surface.box, stop)
+            .parameters;
   if (!any(exchange, asked && *asked != held->run.parameters)) return held;
   if (options.is_forced) return std::nullopt;
   if (asked) require_same_run(held->run.parameters, *asked, options.store);

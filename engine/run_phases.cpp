@@ -358,8 +358,7 @@ class RunPhases::Impl {
         ahead = std::make_unique<ColorResults>(state_, *exchange_, state_.queue().front());
       ColorResults* const found = (is_ahead ? ahead : results).get();
       if (found == nullptr) return false;
-      std::vector<QueueEntry> leaves = found->far_from_others();
-      leaves.resize(std::min(leaves.size(), threads));
+      std::vector<QueueEntry> leaves = found->far_from_others(threads);
       if (leaves.empty()) return false;
       find(*found, std::move(leaves));
       return true;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/input_error.h"
@@ -25,6 +26,11 @@ RunSummary summarize(const Reader& reader) {
     return true;
   });
   return summary;
+}
+
+RunRecord planned(const MeshOptions& options, const std::string& digest, const Box& box,
+                  const StopSource& stop) {
+  return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
 }
 
 void check_output(const RunRecord& run, const std::filesystem::path& store,

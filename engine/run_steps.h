@@ -30,6 +30,10 @@ RunSummary summarize(const Reader& reader);
 // Throws InputError.
 void require_cells(const RunRecord& run);
 
+// The run that `options` ask for, of a surface with this digest and bounding box. Throws
+// InputError, Stopped.
+RunRecord planned(const MeshOptions& options, const std::string& digest, const Box& box,
+                  const StopSource& stop);
 // Is there room for the output, and can it be of that format? Before the work, rather than after
 // it. Throws InputError.
 void check_output(const RunRecord& run, const std::filesystem::path& store,

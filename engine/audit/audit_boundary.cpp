@@ -7,6 +7,7 @@
 #include <string>
 
 #include "engine/audit/audit_leaf.h"
+#include "engine/shared/sort_and_unite.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -154,9 +155,7 @@ std::vector<Point> own_vertices(const AuditLeaf& leaf, std::span<const LocalFace
       if (leaf.is_own(i)) indices.push_back(i);
     }
   }
-  std::ranges::sort(indices);
-  const auto repeated = std::ranges::unique(indices);
-  indices.erase(repeated.begin(), repeated.end());
+  sort_and_unite(indices);
   std::vector<Point> positions;
   for (const LocalIndex i : indices) positions.push_back(leaf.points.position(i));
   return positions;

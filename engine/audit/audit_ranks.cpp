@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 
@@ -121,13 +122,6 @@ void add(const AuditReport& more, AuditReport& all) {
     all.worst_place = more.worst_place;
   }
   all.violations.insert(all.violations.end(), more.violations.begin(), more.violations.end());
-}
-
-template <class T>
-void sort_and_unite(std::vector<T>& values) {
-  std::ranges::sort(values);
-  const auto again = std::ranges::unique(values);
-  values.erase(again.begin(), again.end());
 }
 
 // Those of own components with lower ranks'.

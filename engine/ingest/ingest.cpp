@@ -18,6 +18,7 @@
 #include "engine/plan/octree_plan.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
+#include "engine/shared/sort_and_unite.h"
 #include "refine/surface_patch.h"
 #include "refine/triangle_box.h"
 
@@ -166,9 +167,7 @@ class SurfaceCutter {
       triangles.insert(triangles.end(), held.begin(), held.end());
       watch_.advance(held.size());
     }
-    std::ranges::sort(triangles, {}, &Triangle::id);
-    const auto again = std::ranges::unique(triangles, {}, &Triangle::id);
-    triangles.erase(again.begin(), again.end());
+    sort_and_unite(triangles, &Triangle::id);
     return triangles;
   }
 

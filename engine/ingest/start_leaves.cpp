@@ -10,6 +10,7 @@
 
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
+#include "engine/shared/sort_and_unite.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -36,9 +37,7 @@ class CellSet {
 
  private:
   void unite() {
-    std::ranges::sort(cells_);
-    const auto repeated = std::ranges::unique(cells_);
-    cells_.erase(repeated.begin(), repeated.end());
+    sort_and_unite(cells_);
     num_united_ = cells_.size();
   }
 

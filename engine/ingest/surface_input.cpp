@@ -13,6 +13,7 @@
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/triangle_soup.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 namespace {
@@ -161,9 +162,7 @@ class SurfacePreparation {
     std::vector<MortonKey> owners;
     for (const Point& p : vertices)
       owners.push_back(buckets_.under(buckets_.frame().key_of(p)).front().cell);
-    std::ranges::sort(owners);
-    const auto repeated = std::ranges::unique(owners);
-    owners.erase(repeated.begin(), repeated.end());
+    sort_and_unite(owners);
 
     std::vector<Triangle> piece;
     for (const MortonKey owner : owners) {
@@ -177,9 +176,7 @@ class SurfacePreparation {
             "has {} without area, and more than {} triangles around them; remove degenerate faces",
             counted(raw_.collinear.size(), "triangle", "triangles"), kMaxPieceTriangles);
     }
-    std::ranges::sort(piece, {}, &Triangle::id);
-    const auto again = std::ranges::unique(piece, {}, &Triangle::id);
-    piece.erase(again.begin(), again.end());
+    sort_and_unite(piece, &Triangle::id);
     return piece;
   }
 

@@ -4,16 +4,11 @@
 #include <array>
 #include <utility>
 
+#include "engine/shared/sort_and_unite.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {
 namespace {
-
-void sort_and_unite(std::vector<std::uint32_t>& numbers) {
-  std::ranges::sort(numbers);
-  const auto repeated = std::ranges::unique(numbers);
-  numbers.erase(repeated.begin(), repeated.end());
-}
 
 class CollinearFlipper {
  public:

@@ -6,6 +6,7 @@
 
 #include "engine/output/leaf_facets.h"
 #include "engine/shared/encode_in_order.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 namespace {
@@ -152,9 +153,7 @@ void BoundarySurface::find_vertices() {
             if (first <= v && v < end) vertices.push_back(v);
       }
     }
-    std::ranges::sort(vertices);
-    const auto repeated = std::ranges::unique(vertices);
-    vertices.erase(repeated.begin(), repeated.end());
+    sort_and_unite(vertices);
     vertices_->append(vertices);
   }
   vertices_near_.emplace(kVertexBytes, [this](std::size_t leaf) { return vertices_->list(leaf); });

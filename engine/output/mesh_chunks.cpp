@@ -4,6 +4,7 @@
 #include <string>
 
 #include "engine/shared/leaf_name.h"
+#include "engine/shared/sort_and_unite.h"
 #include "octree/lattice.h"
 
 namespace locvol {
@@ -99,9 +100,7 @@ void ChunkReader::complete(NumberedCells numbered, MeshChunk& chunk) {
     return number >= first && number - first < chunk.num_own;
   };
   std::erase_if(foreign, [&](const Numbered& v) { return is_own(v.number); });
-  std::ranges::sort(foreign, {}, &Numbered::number);
-  const auto again = std::ranges::unique(foreign, {}, &Numbered::number);
-  foreign.erase(again.begin(), again.end());
+  sort_and_unite(foreign, &Numbered::number);
   for (const auto& [number, p] : foreign) {
     chunk.numbers.push_back(number);
     chunk.vertices.push_back({p.x, p.y, p.z});

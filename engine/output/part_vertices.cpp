@@ -3,6 +3,7 @@
 #include <atomic>
 
 #include "engine/shared/leaf_name.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 namespace {
@@ -43,9 +44,7 @@ void NamedVertices::add_others(std::span<const std::uint64_t> others) {
 }
 
 void NamedVertices::unite() {
-  std::ranges::sort(others_);
-  const auto again = std::ranges::unique(others_);
-  others_.erase(again.begin(), again.end());
+  sort_and_unite(others_);
   num_united_ = others_.size();
 }
 

@@ -46,11 +46,11 @@ ColorResults::ColorResults(RunState& state, Exchange& exchange, const QueuePosit
       results_.push_back({.leaf = leaf, .touched = state.others_touched(leaf)});
 }
 
-std::vector<QueueEntry> ColorResults::unvisited(bool is_near) const {
+std::vector<QueueEntry> ColorResults::unvisited(bool is_near, std::size_t most) const {
   std::vector<QueueEntry> leaves;
-  for (const Result& result : results_)
-    if (!result.is_found && result.touched.empty() != is_near)
-      leaves.push_back({color_, result.leaf});
+  for (auto result = results_.begin(); result != results_.end() && leaves.size() < most; ++result)
+    if (!result->is_found && result->touched.empty() != is_near)
+      leaves.push_back({color_, result->leaf});
   return leaves;
 }
 

@@ -29,9 +29,10 @@ class ColorResults {
   const QueuePosition& color() const { return color_; }
   bool has_own() const { return !results_.empty(); }
   // Of these, without a result so far, in Morton order: those whose visits matter to other ranks,
-  // and the rest.
-  std::vector<QueueEntry> near_others() const { return unvisited(true); }
-  std::vector<QueueEntry> far_from_others() const { return unvisited(false); }
+  // and of the rest the first `most`.
+  std::vector<QueueEntry> near_others() const { return unvisited(true, results_.size()); }
+  std::vector<QueueEntry> far_from_others() const { return far_from_others(results_.size()); }
+  std::vector<QueueEntry> far_from_others(std::size_t most) const { return unvisited(false, most); }
   // for_others(): what they get.
   void add(MortonKey leaf, std::string_view result, const std::function<std::string()>& for_others);
 
@@ -58,7 +59,7 @@ class ColorResults {
     std::uint64_t size_for_others = 0;  // after it, what these get
   };
 
-  std::vector<QueueEntry> unvisited(bool is_near) const;
+  std::vector<QueueEntry> unvisited(bool is_near, std::size_t most) const;
   std::string bytes_at(std::uint64_t offset, std::uint64_t size) const;
   std::vector<std::string> messages_from(std::uint64_t num_sent, std::uint64_t first_own_id);
   std::vector<ColorFacts> gather(bool is_stopped);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/pack.h"
 #include "engine/ingest/sha256.h"
 #include "engine/ingest/surface_reader.h"
 #include "engine/plan/octree_plan.h"
@@ -26,12 +27,6 @@ struct FileFacts {
   std::uint64_t num_bytes = 0, num_faces = 0, num_vertices = 0;
   friend bool operator==(const FileFacts&, const FileFacts&) = default;
 };
-
-}  // namespace locvol
-
-#include "engine/exchange/pack.h"
-
-namespace locvol {
 
 auto fields(Maybe<PartFacts> auto& part) {
   auto& [num_triangles, num_collapsed, box] = part;

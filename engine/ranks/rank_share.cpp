@@ -7,7 +7,9 @@
 #include <tuple>
 #include <utility>
 
+#include "engine/exchange/pack.h"
 #include "engine/plan/octree_plan.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 
@@ -22,12 +24,6 @@ struct ComponentLink {
   bool is_turned = false;  // against each other
   friend auto operator<=>(const ComponentLink&, const ComponentLink&) = default;
 };
-
-}  // namespace locvol
-
-#include "engine/exchange/pack.h"
-
-namespace locvol {
 
 auto fields(Maybe<EdgeFlaws> auto& flaws) {
   auto& [count, half_edge, from, to] = flaws;
@@ -103,9 +99,7 @@ std::vector<ComponentLink> links_found(const std::vector<OpenTriangle>& open, Ex
     if (a.triangle == b.triangle)
       links.push_back({a.component, b.component, a.is_turned != b.is_turned});
   }
-  std::ranges::sort(links);
-  const auto again = std::ranges::unique(links);
-  links.erase(again.begin(), again.end());
+  sort_and_unite(links);
   return links;
 }
 
@@ -167,9 +161,7 @@ void RankShare::join_cells(std::optional<std::vector<MortonKey>>& cells) const {
   by_rank = swap_lists(exchange_, std::move(by_rank));
   cells->clear();
   for (const auto& of_rank : by_rank) cells->insert(cells->end(), of_rank.begin(), of_rank.end());
-  std::ranges::sort(*cells);
-  const auto again = std::ranges::unique(*cells);
-  cells->erase(again.begin(), again.end());
+  sort_and_unite(*cells);
   if (sum(exchange_, cells->size()).all > kMaxStartLeaves) return cells.reset();
   cells = gather_all(exchange_, *cells);
 }

@@ -14,13 +14,9 @@
 
 namespace locvol {
 
-struct WaitingLeaves {
-  std::vector<MortonKey> leaves;
-  std::vector<double> distances;
-};
-auto fields(Maybe<WaitingLeaves> auto& waiting) {
-  auto& [leaves, distances] = waiting;
-  return std::tuple(Field("leaves", leaves), Field("distances", distances));
+auto fields(Maybe<RunState::Waiting> auto& waiting) {
+  auto& [leaf, conflict_distance] = waiting;
+  return std::tuple(Field("leaf", leaf), Field("conflict_distance", conflict_distance));
 }
 
 // Where a rank stands between two supersteps.
@@ -94,20 +90,14 @@ RankVisits::Next RankVisits::next() {
 }
 
 void RankVisits::open_epoch(std::uint32_t epoch) {
-  WaitingLeaves own;
-  for (const auto& [leaf, distance] : state_.waiting(epoch)) {
-    own.leaves.push_back(leaf);
-    own.distances.push_back(distance);
+  std::vector<MortonKey> leaves;  // in Morton order, as the ranks have them
+  std::vector<double> distances;
+  for (const auto& [leaf, distance] : gather_all(exchange_, state_.waiting(epoch))) {
+    leaves.push_back(leaf);
+    distances.push_back(distance);
   }
-  WaitingLeaves all;  // in Morton order, as the ranks have them
-  for (const WaitingLeaves& of_rank : gather_values(exchange_, own)) {
-    all.leaves.insert(all.leaves.end(), of_rank.leaves.begin(), of_rank.leaves.end());
-    all.distances.insert(all.distances.end(), of_rank.distances.begin(), of_rank.distances.end());
-  }
-  const LinearOctree octree = LinearOctree::coarsest_with(all.leaves);
-  const std::vector<std::uint32_t> colors =
-      color_leaves(octree, state_.run().frame, all.leaves, all.distances);
-  state_.open_epoch(epoch, all.leaves, colors);
+  const LinearOctree octree = LinearOctree::coarsest_with(leaves);
+  state_.open_epoch(epoch, leaves, color_leaves(octree, state_.run().frame, leaves, distances));
 }
 
 void share_cells(RunState& state, Exchange& exchange) {

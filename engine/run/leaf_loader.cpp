@@ -9,6 +9,7 @@
 
 #include "engine/plan/octree_plan.h"
 #include "engine/run/core_around.h"
+#include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
 namespace {
@@ -440,9 +441,7 @@ std::vector<Triangle> LeafLoader::triangles_meeting(const Box& region) {
                          [&](const Triangle& t) { return t.box().overlaps(region); });
     state_.leaves().trim();
   }
-  std::ranges::sort(triangles, {}, &Triangle::id);
-  const auto repeated = std::ranges::unique(triangles, {}, &Triangle::id);
-  triangles.erase(repeated.begin(), repeated.end());
+  sort_and_unite(triangles, &Triangle::id);
   return triangles;
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "engine/run/unresolved_sites.h"
+#include "engine/shared/sort_and_unite.h"
 #include "refine/leaf.h"
 
 namespace locvol {
@@ -41,9 +42,7 @@ class MendLoader {
         own_(ids_of(state.leaves().points(leaf))) {
     for (const MortonKey other : leaves_around(state, leaf, reach_))
       if (state.leaves().info(other).num_cells > 0) take_from(other);
-    std::ranges::sort(others_);
-    const auto repeated = std::ranges::unique(others_);
-    others_.erase(repeated.begin(), repeated.end());
+    sort_and_unite(others_);
     is_on_surface_.resize(own_.size() + others_.size());
     for (const MortonKey other : leaves_around(state, leaf, reach_))
       for (const MeshPoint& p : state.leaves().points(other).points)
@@ -140,9 +139,7 @@ MendedCells mended_cells(const LoadedMend& loaded) {
     for (const std::uint32_t v : loaded.input.cells[c])
       if (v >= loaded.input.num_own) result.others.push_back(loaded.ids[v]);
   }
-  std::ranges::sort(result.others);
-  const auto repeated = std::ranges::unique(result.others);
-  result.others.erase(repeated.begin(), repeated.end());
+  sort_and_unite(result.others);
   return result;
 }
 
