@@ -1,7 +1,12 @@
 #include "tools/guarded.h"
 
+#include <sys/uio.h>
+#include <unistd.h>
+
 #include <array>
+#include <cassert>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <initializer_list>
 #include <new>
@@ -22,20 +27,29 @@ void flush_output() {
   }
 }
 
+// In one piece, so that nothing that others print comes between. Allocates nothing.
+void print_error(std::initializer_list<const char*> texts) {
+  std::array<iovec, 8> pieces{};
+  assert(texts.size() <= pieces.size());
+  auto piece = pieces.begin();
+  for (const char* text : texts) *piece++ = {const_cast<char*>(text), std::strlen(text)};
+  [[maybe_unused]] const ssize_t written =
+      ::writev(STDERR_FILENO, pieces.data(), static_cast<int>(texts.size()));
+}
+
 int fail(const char* name, const char* message) {
-  for (const char* text : {name, ": error: ", message, "\n"}) std::fputs(text, stderr);
+  print_error({name, ": error: ", message, "\n"});
   return kExitError;
 }
 
 // The system refused memory or a file, for now: nothing is lost. Allocates nothing.
 int fail_resumably(const char* name, const char* message, const char* cure) {
-  const auto print = [](std::initializer_list<const char*> texts) {
-    for (const char* text : texts) std::fputs(text, stderr);
-  };
-  print({name, ": error: ", message, "; "});
-  if (store_name[0] != '\0')
-    print({"the store ", store_name.data(), " keeps what was committed: "});
-  print({cure, ", and give the same command again\n"});
+  constexpr const char* kAgain = ", and give the same command again\n";
+  if (store_name[0] == '\0')
+    print_error({name, ": error: ", message, "; ", cure, kAgain});
+  else
+    print_error({name, ": error: ", message, "; the store ", store_name.data(),
+                 " keeps what was committed: ", cure, kAgain});
   return kExitError;
 }
 

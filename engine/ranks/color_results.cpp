@@ -25,15 +25,20 @@ auto fields(Maybe<SentResult> auto& sent) {
   return std::tuple(Field("leaf", leaf), Field("result", result));
 }
 
-// What all are told of a rank's visits.
-struct ColorFacts {
-  bool is_stopped = false, has_more = false;
-};
-auto fields(Maybe<ColorFacts> auto& facts) {
-  auto& [is_stopped, has_more] = facts;
-  return std::tuple(Field("is_stopped", is_stopped), Field("has_more", has_more));
-}
 using SentResults = std::vector<SentResult>;
+
+// Each message begins with them, and most are no longer: what is far matters to none.
+enum SenderFlags : char { kIsStopped = 1, kHasMore = 2 };
+
+// Of all senders.
+unsigned flags_of(std::span<const std::string> messages) {
+  unsigned flags = 0;
+  for (const std::string& message : messages) {
+    if (message.empty()) throw ExchangeError("what another rank said did not arrive");
+    flags |= static_cast<unsigned char>(message.front());
+  }
+  return flags;
+}
 
 ColorResults::ColorResults(RunState& state, Exchange& exchange, const QueuePosition& color)
     : state_(state),
@@ -94,42 +99,38 @@ std::vector<std::string> ColorResults::messages_from(std::uint64_t num_sent,
     }
   }
   num_sent_ = num_sent;
-  std::vector<std::string> messages;  // most of them empty: what is far matters to none
+  const char flags = num_sent < results_.size() ? char{kHasMore} : char{0};
+  std::vector<std::string> messages;
   for (const SentResults& results : sent)
-    messages.push_back(results.empty() ? std::string() : pack(results));
+    messages.push_back(flags + (results.empty() ? std::string() : pack(results)));
   return messages;
 }
 
-std::vector<ColorFacts> ColorResults::gather(bool is_stopped) {
-  return gather_values(exchange_, ColorFacts{is_stopped, num_sent_ < results_.size()});
-}
-
-void ColorResults::keep(const std::vector<std::string>& received,
-                        const std::vector<ColorFacts>& facts) {
+void ColorResults::keep(const std::vector<std::string>& received) {
   for (const std::string& message : received) {
-    if (message.empty()) continue;
-    for (auto& [leaf, result] : unpack<SentResults>(message))
+    if (message.size() == 1) continue;
+    for (auto& [leaf, result] : unpack<SentResults>(std::string_view(message).substr(1)))
       state_.keep_result(leaf, std::move(result));
   }
   state_.note_sent(num_sent_);
-  if (std::ranges::none_of(facts, &ColorFacts::has_more)) state_.note_all_sent();
+  if ((flags_of(received) & kHasMore) == 0) state_.note_all_sent();
 }
 
 bool ColorResults::begin(std::uint64_t first_own_id, std::uint64_t end_id, bool is_stopped) {
   std::vector<std::string> messages;
-  if (!is_stopped) messages = messages_from(0, first_own_id);
-  const std::vector<ColorFacts> facts = gather(is_stopped);
-  if (std::ranges::any_of(facts, &ColorFacts::is_stopped)) return false;
+  if (is_stopped)
+    messages.assign(static_cast<std::size_t>(exchange_.num_ranks()), {char{kIsStopped}});
+  else
+    messages = messages_from(0, first_own_id);
   const std::vector<std::string> received = exchange_.swap(std::move(messages));
+  if ((flags_of(received) & kIsStopped) != 0) return false;
   state_.begin_applying(color_, first_own_id, end_id);
-  keep(received, facts);
+  keep(received);
   return true;
 }
 
 void ColorResults::send_more() {
-  std::vector<std::string> messages = messages_from(state_.rank().num_sent, state_.rank().next_id);
-  const std::vector<ColorFacts> facts = gather(false);
-  keep(exchange_.swap(std::move(messages)), facts);
+  keep(exchange_.swap(messages_from(state_.rank().num_sent, state_.rank().next_id)));
 }
 
 void ColorResults::apply_all(const Apply& apply) {

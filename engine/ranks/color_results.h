@@ -16,8 +16,6 @@
 
 namespace locvol {
 
-struct ColorFacts;
-
 // Memory: some 80 bytes for each visit, and a few times kMessageBytes, and twice what ranks nearby
 // send; own results are in a nameless file beside the store, others' in the store. Errors:
 // ExchangeError, StoreError, std::system_error
@@ -62,8 +60,7 @@ class ColorResults {
   std::vector<QueueEntry> unvisited(bool is_near, std::size_t most) const;
   std::string bytes_at(std::uint64_t offset, std::uint64_t size) const;
   std::vector<std::string> messages_from(std::uint64_t num_sent, std::uint64_t first_own_id);
-  std::vector<ColorFacts> gather(bool is_stopped);
-  void keep(const std::vector<std::string>& received, const std::vector<ColorFacts>& facts);
+  void keep(const std::vector<std::string>& received);
 
   RunState& state_;
   Exchange& exchange_;

@@ -1,6 +1,8 @@
 // What ranks say to each other, over MPI: all that knows of MPI is in this folder.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -26,7 +28,13 @@ class MpiExchange : public Exchange {
   [[noreturn]] void end_all(int exit_code);
 
  private:
+  template <class Requests>
+  void wait_for_all(Requests requests);
+  std::vector<std::string> gather_long(const std::string& message,
+                                       std::span<const std::uint64_t> sizes);
+
   int rank_ = 0, num_ranks_ = 1;
+  int pauses_of_wait_ = 1;  // a wait of a second pauses for at most 1 / pauses_of_wait_ at once
   ExchangeStats stats_;
 };
 
