@@ -161,18 +161,22 @@ void run_as_ranks(int num_ranks, const std::function<void(Exchange&)>& work,
                   const ThreadRanksOptions& options) {
   Network network(num_ranks, options);
   std::vector<std::exception_ptr> errors(static_cast<std::size_t>(num_ranks));
+  const auto run = [&](int rank, const auto& begin) {
+    try {
+      begin();
+      ThreadRank exchange(network, rank);
+      work(exchange);
+    } catch (...) {
+      errors[static_cast<std::size_t>(rank)] = std::current_exception();
+      network.fail();
+    }
+  };
   {
-    std::vector<std::jthread> threads;
-    for (int rank = 0; rank < num_ranks; ++rank)
-      threads.emplace_back([&, rank] {
-        ThreadRank exchange(network, rank);
-        try {
-          work(exchange);
-        } catch (...) {
-          errors[static_cast<std::size_t>(rank)] = std::current_exception();
-          network.fail();
-        }
-      });
+    std::vector<std::jthread> others;  // which do not wait for one that cannot be started
+    run(0, [&] {
+      for (int rank = 1; rank < num_ranks; ++rank)
+        others.emplace_back([&, rank] { run(rank, [] {}); });
+    });
   }
   std::exception_ptr error;
   for (const std::exception_ptr& e : errors)

@@ -1,5 +1,5 @@
-// Ranks that are threads of one process: whatever goes over a network in a run of many machines can
-// be tried, and go wrong, in a test.
+// Ranks that are threads of one process. Whatever goes over a network in a run of many machines can
+// so be tried, and go wrong, in a test.
 #pragma once
 
 #include <chrono>
@@ -21,9 +21,9 @@ struct ThreadRanksOptions {
   std::chrono::milliseconds patience = std::chrono::minutes(10);
 };
 
-// Has each of the ranks do `work`, at once, in a thread of its own. If any throws, the others end
-// with ExchangeError when they next wait for it; then throws what the first of those threw that had
-// a reason of their own.
+// Has each of the ranks do `work`, at once, in a thread of its own, the first in the caller's. If
+// any throws, the others end with ExchangeError when they next wait for it; then throws what the
+// first of those threw that had a reason of their own.
 void run_as_ranks(int num_ranks, const std::function<void(Exchange&)>& work,
                   const ThreadRanksOptions& options = {});
 
