@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/hosted_ranks.h"
 #include "engine/exchange/recorded_exchange.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
@@ -167,39 +168,81 @@ bool is_surface_shared(const Reader& own, Exchange& exchange) {
   return smallest(exchange, standing) == 1;
 }
 
+struct Sitting {
+  bool is_stopped = false;
+  double cpu_of_visits = 0;
+};
+
+// Takes the run on until leaves are to move, or it is done, or stopped. `held`: after a start.
+Sitting sit(Store& store, const std::optional<HeldRun>& held, const RunControl& control,
+            const StopSource& stop, const WorkClock& clock, Exchange& exchange) {
+  const auto on_sizes = [&](const RunRecord& known) {
+    require_few_cells(known);
+    if (control.on_sizes) control.on_sizes(known);
+  };
+  const MemoryPlan plan = planned_memory(store.snapshot(), control.memory_bytes);
+  // The same on all: a rank that is ahead may know already that leaves stay.
+  const auto until = static_cast<Phase>(
+      smallest(exchange, static_cast<std::uint64_t>(next_move(store.snapshot()))));
+  RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
+                   held && held->is_behind);
+  bool is_stopped = false;
+  try {
+    if (is_surface_shared(store.snapshot(), exchange)) phases.find_far_surface();
+    if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
+    phases.run(until, on_sizes);
+  } catch (const Stopped&) {
+    is_stopped = true;
+  }
+  return {is_stopped, phases.cpu_of_visits()};
+}
+
+// As many ranks as have the run end the superstep in which it ended, and stop before the next
+// color: in each process those whose parts it has, with a share of its memory. Throws OverBudget.
+void end_superstep(const std::filesystem::path& stores, const HeldRun& held,
+                   const RunControl& control, const WorkClock& clock, Exchange& exchange) try {
+  const std::size_t num_here = std::max<std::size_t>(1, held.parts.size());
+  RunControl of_each = control;
+  of_each.memory_bytes /= num_here;
+  const int num_threads = control.num_threads > 0 ? control.num_threads : num_usable_threads();
+  of_each.num_threads = std::max(1, num_threads / static_cast<int>(num_here));
+  const StopSource at_once([] { return true; });
+  run_hosted_ranks(held.num_ranks, exchange, [&](Exchange& hosted) {
+    RunControl own = of_each;
+    if (hosted.rank() != exchange.rank()) own.on_progress = nullptr, own.on_sizes = nullptr;
+    const std::optional<HeldRun> held_by_one = held_by_ranks(stores, hosted);
+    Store store = Store::open(store_of_rank(stores, hosted.rank()));
+    sit(store, held_by_one, own, at_once, clock, hosted);
+  });
+} catch (const OverBudget& e) {
+  const std::string num_here = std::to_string(held.parts.size());
+  throw OverBudget(stores.string() + ": the run of " + std::to_string(held.num_ranks) +
+                       " ranks ended within a superstep, which this process is to end for " +
+                       num_here + " of them, each with as much of its memory. Of one: " + e.what() +
+                       ". Start as many ranks as there were, or give " + num_here +
+                       " times as much memory",
+                   e.bytes());
+}
+
 // Takes a run that the ranks' stores hold to its end.
 RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<HeldRun> held,
                          const RunControl& control, const StopSource& stop, const WorkClock& clock,
                          Exchange& exchange) {
   const std::filesystem::path own = store_of_rank(stores, exchange.rank());
   if (held && !held->is_of_these_ranks) {
+    if (held->is_within_superstep) end_superstep(stores, *held, control, clock, exchange);
     move_to_equal_shares(own, held->parts, exchange);
     held.reset();
   }
-  const auto on_sizes = [&](const RunRecord& known) {
-    require_few_cells(known);
-    if (control.on_sizes) control.on_sizes(known);
-  };
   double cpu_of_visits = 0;
   bool is_to_move = false;
   for (;; held.reset()) {
     if (is_to_move) move_to_equal_shares(own, {&own, 1}, exchange);
     Store store = Store::open(own);
-    const MemoryPlan plan = planned_memory(store.snapshot(), memory_cap(control.memory_bytes));
-    const Phase until = next_move(store.snapshot());
-    RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
-                     held && held->is_behind);
-    bool is_stopped = false;
-    try {
-      if (is_surface_shared(store.snapshot(), exchange)) phases.find_far_surface();
-      if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
-      phases.run(until, on_sizes);
-    } catch (const Stopped&) {
-      is_stopped = true;
-    }
-    cpu_of_visits += phases.cpu_of_visits();
+    const Sitting sitting = sit(store, held, control, stop, clock, exchange);
+    cpu_of_visits += sitting.cpu_of_visits;
     const Phase phase = store.snapshot().run()->phase;
-    if (is_stopped || phase == Phase::kDone) {
+    if (sitting.is_stopped || phase == Phase::kDone) {
       RunSummary summary = summarize(store.snapshot(), exchange);
       summary.cpu_of_visits = cpu_of_visits;
       return summary;
@@ -232,14 +275,12 @@ RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl&
   });
 }
 
-RunRecord join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
-                     Exchange& exchange) {
+void join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
+                const RunControl& control, Exchange& exchange) {
   const std::optional<HeldRun> held = held_by_ranks(stores, exchange);
   if (!held) throw StoreError(stores.string() + ": the stores hold no run");
   if (held->is_within_superstep)
-    throw StoreError(
-        stores.string() +
-        ": the run ended within a superstep: go on with it first, and stop it (SIGINT)");
+    end_superstep(stores, *held, for_rank(control), WorkClock(), exchange);
   std::optional<Store> joined;
   if (exchange.rank() == 0) {
     if (Store::exists(whole) && Store::open(whole, {.read_only = true}).snapshot().run())
@@ -248,7 +289,6 @@ RunRecord join_ranks(const std::filesystem::path& stores, const std::filesystem:
   }
   const std::vector<Store> from = opened(held->parts);
   join_leaves(from, joined ? &*joined : nullptr, exchange);
-  return held->run;
 }
 
 }  // namespace locvol

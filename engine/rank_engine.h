@@ -20,8 +20,9 @@ RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, E
 RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
                           Exchange& exchange);
 // Puts what all stores hold into one, which the first rank makes, for what one process does with a
-// run. Called by any number of ranks, which see all of the run's stores. Gives the run.
-RunRecord join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
-                     Exchange& exchange);
+// run. Called by any number of ranks, which see all of the run's stores: within a superstep, these
+// end it first.
+void join_ranks(const std::filesystem::path& stores, const std::filesystem::path& whole,
+                const RunControl& control, Exchange& exchange);
 
 }  // namespace locvol

@@ -397,10 +397,10 @@ class RunPhases::Impl {
         ranks_->open_epoch(color.epoch);
       } else if (next.step == kVisit) {
         take_up(color);
-        bool is_stopped = false;
         stop_.allow(!is_behind_);
+        bool is_stopped = stop_.ask();
         try {
-          find_results();
+          if (!is_stopped) find_results();
         } catch (const Stopped&) {
           is_stopped = true;
         }

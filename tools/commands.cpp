@@ -625,7 +625,7 @@ namespace {
 
 HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
   std::optional<HeldRun> held = held_by_ranks(stores, exchange);
-  if (!held || held->run.phase != Phase::kDone)
+  if (!held || held->run.phase != Phase::kDone || held->is_within_superstep)
     throw StoreError(stores.string() +
                      ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
   return *std::move(held);
@@ -648,7 +648,9 @@ int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
 }
 
 int run_join(const JoinCommand& command, Exchange& exchange) {
-  join_ranks(command.stores, command.whole, exchange);
+  RunControl control;
+  control.memory_bytes = memory_of_rank(0, exchange);
+  join_ranks(command.stores, command.whole, control, exchange);
   if (exchange.rank() != 0) return kExitDone;
   const RunSummary summary = summarize(open_to_read(command.whole).snapshot());
   if (command.is_json) {

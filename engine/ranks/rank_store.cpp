@@ -9,6 +9,7 @@
 #include <tuple>
 #include <utility>
 
+#include "engine/exchange/hosted_ranks.h"
 #include "engine/exchange/pack.h"
 #include "storage/codec.h"
 
@@ -84,36 +85,36 @@ HeldPart part_in(const std::filesystem::path& directory) {
   return part;
 }
 
-// After an end while leaves moved: they are where they were, or where they were to go.
+const HeldPart& newest_of(const std::vector<HeldPart>& parts) {
+  return *std::ranges::max_element(parts, {}, [](const HeldPart& part) {
+    return std::pair(part.is_there ? part.num_moves + 1 : 0, part.superstep);
+  });
+}
+
+// After an end while leaves moved to as many ranks: if all have their new store, or its place is
+// taken, those that are left take theirs, too. If not, the old ones count.
 void settle(const std::filesystem::path& directory, Exchange& exchange) {
   const std::filesystem::path next = next_of(directory);
   const std::vector<HeldPart> held = gather_values(exchange, part_in(directory)),
                               nexts = gather_values(exchange, part_in(next));
-  const auto num_ranks = static_cast<std::uint64_t>(exchange.num_ranks());
-  std::uint64_t newest = 0;
-  for (const HeldPart& part : nexts)
-    if (part.is_there && part.num_ranks == num_ranks) newest = std::max(newest, part.num_moves);
+  const HeldPart& newest = newest_of(nexts);
   const auto is_newest = [&](const HeldPart& part) {
-    return part.is_there && part.num_ranks == num_ranks && part.num_moves == newest;
+    return part.is_there && part.num_ranks == held.size() && part.num_moves == newest.num_moves;
   };
-  bool is_whole = newest > 0;
-  for (std::size_t rank = 0; rank < num_ranks; ++rank) {
-    is_whole = is_whole && (is_newest(held[rank]) || is_newest(nexts[rank]));
-    for (const HeldPart& part : held)
-      if (nexts[rank].is_there && part.is_there && nexts[rank].num_ranks != num_ranks &&
-          nexts[rank].num_moves == part.num_moves)
-        throw StoreError("rank " + std::to_string(rank) + ", store " + nexts[rank].directory +
-                         ": leaves were moving to " + std::to_string(nexts[rank].num_ranks) +
-                         " ranks: start as many");
-  }
-  const HeldPart& own = nexts[static_cast<std::size_t>(exchange.rank())];
-  wait_for_all(exchange);  // all have seen what there is
-  if (is_whole && is_newest(own)) {
-    std::filesystem::remove_all(directory);
-    std::filesystem::rename(next, directory);
-  } else if (Store::owns(next)) {
-    std::filesystem::remove_all(next);
-  }
+  for (std::size_t rank = 0; rank < held.size(); ++rank)
+    if (!is_newest(held[rank]) && !is_newest(nexts[rank])) return;
+  if (!is_newest(nexts[static_cast<std::size_t>(exchange.rank())])) return;
+  std::filesystem::remove_all(directory);
+  std::filesystem::rename(next, directory);
+}
+
+// Of as many ranks as leaves last moved to, or were to.
+void settle_last_move(const std::filesystem::path& stores, Exchange& exchange) {
+  const std::filesystem::path own = store_of_rank(stores, exchange.rank());
+  const auto num_ranks = static_cast<int>(
+      newest_of(gather_all(exchange, std::vector{part_in(own), part_in(next_of(own))})).num_ranks);
+  run_hosted_ranks(num_ranks, exchange,
+                   [&](Exchange& hosted) { settle(store_of_rank(stores, hosted.rank()), hosted); });
 }
 
 // Throws StoreError, the same on all ranks. `parts`: those of the run's ranks, in order, and
@@ -178,19 +179,17 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
   const int num_ranks = exchange.num_ranks();
   const std::filesystem::path own = store_of_rank(stores, exchange.rank());
   require_own_stores(own, exchange);
-  settle(own, exchange);
+  settle_last_move(stores, exchange);
   std::vector<HeldPart> parts = gather_values(exchange, part_in(own));
-  const HeldPart newest = std::ranges::max(parts, {}, [](const HeldPart& part) {
-    return std::pair(part.is_there ? part.num_moves + 1 : 0, part.superstep);
-  });
+  const HeldPart newest = newest_of(parts);
   if (!newest.is_there) return std::nullopt;
   const int num_before = static_cast<int>(std::max<std::uint64_t>(1, newest.num_ranks));
   HeldRun held;
-  if (exchange.rank() < num_before) held.parts.push_back(own);
+  held.num_ranks = num_before;
   std::vector<HeldPart> of_none;  // those of ranks that are no more
-  for (int rank = num_ranks + exchange.rank(); rank < num_before; rank += num_ranks) {
+  for (const int rank : ranks_hosted(num_before, exchange)) {
     held.parts.push_back(store_of_rank(stores, rank));
-    of_none.push_back(part_in(held.parts.back()));
+    if (rank >= num_ranks) of_none.push_back(part_in(held.parts.back()));
   }
   // They come by rank that sees them, and go by their own.
   const std::vector<std::vector<HeldPart>> by_rank = gather_values(exchange, of_none);
@@ -198,6 +197,8 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
     parts.push_back(by_rank[static_cast<std::size_t>(rank % num_ranks)].at(
         static_cast<std::size_t>(rank / num_ranks - 1)));
   require_same_run(parts, static_cast<std::size_t>(num_before));
+  for (const std::filesystem::path& part : held.parts)  // of a move that was not finished
+    if (Store::owns(next_of(part))) std::filesystem::remove_all(next_of(part));
 
   const auto of_run = std::span(parts).first(static_cast<std::size_t>(num_before));
   const auto [oldest, latest] = std::ranges::minmax(of_run, {}, &HeldPart::superstep);
@@ -213,10 +214,6 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
     const HeldPart& part = parts[static_cast<std::size_t>(exchange.rank())];
     held.is_behind = part.superstep != latest.superstep;
     held.is_ahead = part.superstep != oldest.superstep;
-  } else if (held.is_within_superstep) {
-    throw StoreError(oldest.directory + ": the run of " + std::to_string(num_before) +
-                     " ranks ended within a superstep, which only as many can end: start as many, "
-                     "and stop them (SIGINT)");
   }
   return held;
 }

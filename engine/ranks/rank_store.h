@@ -23,20 +23,21 @@ DiskOf disk_of_parts(const std::filesystem::path& place, Exchange& exchange);
 
 struct HeldRun {
   RunRecord run;
-  // Others have committed a superstep that this rank has not; the reverse: then this rank has to
-  // say_again() what it said in it (RankWords).
-  bool is_behind = false, is_ahead = false;
+  int num_ranks = 1;  // that have it
   // As many ranks have the run as there are. If not, leaves have to move first: this rank gives
   // those in its `parts`.
   bool is_of_these_ranks = true;
-  bool is_within_superstep = false;  // then leaves cannot move
-  std::vector<std::filesystem::path> parts;
+  bool is_within_superstep = false;  // then leaves cannot move before as many ranks have ended it
+  // REQUIRES: is_of_these_ranks. Others have committed a superstep that this rank has not; the
+  // reverse: then this rank has to say_again() what it said in it (RankWords).
+  bool is_behind = false, is_ahead = false;
+  std::vector<std::filesystem::path> parts;  // of ranks_hosted()
 };
 // The run that all stores hold a part of, which other ranks or one process may have made; nothing,
 // if there is none yet. What a move of leaves left behind is settled. Called by all ranks; the
 // first ones see the stores of ranks that are no more. Throws StoreError, the same on all, with
 // rank and directory: a rank has no part of the run that others have, is of another run, or older
-// by more than a superstep; a run of another number of ranks ended within a superstep.
+// by more than a superstep.
 std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
 
 // A directory for a store from which leaves are to move, and that is needed no more then.

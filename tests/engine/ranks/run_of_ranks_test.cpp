@@ -20,6 +20,7 @@
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"
+#include "engine/shared/memory_budget.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/store_contents.h"
@@ -106,6 +107,61 @@ class RunOfRanks : public testing::Test {
       }
     }
     EXPECT_GT(num_ended, 1);
+  }
+
+  // By so many ranks, of which one ends after so many words, when all others but one have heard
+  // the next; if it is alone, after as many commits. False: one has ended.
+  static bool goes_on(const MeshOptions& all, int num_ranks, std::uint64_t num_words) {
+    std::uint64_t num_told = 0;
+    RunControl control;
+    control.num_threads = 1;
+    if (num_ranks == 1)
+      control.on_progress = [&](const Progress&) {
+        if (++num_told > num_words) throw std::runtime_error("killed");
+      };
+    const int ending = static_cast<int>(num_words) % num_ranks;
+    const int last = ending == num_ranks - 1 ? num_ranks - 2 : num_ranks - 1;
+    const ThreadRanksOptions ranks{.fault = [&](int from, int to, std::uint64_t number) {
+      if (from == ending && to == last && number == num_words) throw std::runtime_error("killed");
+      return MessageFault::kNone;
+    }};
+    try {
+      run_as_ranks(
+          num_ranks, [&](Exchange& exchange) { mesh_as_rank(all, control, exchange); }, ranks);
+    } catch (const std::runtime_error& e) {
+      EXPECT_EQ(std::string(e.what()), "killed");
+      return false;
+    }
+    return true;
+  }
+
+  static std::optional<RankRecord> record_in(const std::filesystem::path& directory) {
+    if (!Store::exists(directory)) return std::nullopt;
+    return Store::open(directory, {.read_only = true}).snapshot().rank();
+  }
+
+  static bool is_within_superstep(const std::filesystem::path& stores) {
+    const auto first = record_in(store_of_rank(stores, 0));
+    for (std::size_t rank = 0; first && rank < first->first.size(); ++rank) {
+      const auto other = record_in(store_of_rank(stores, static_cast<int>(rank)));
+      if (other && other->num_moves == first->num_moves &&
+          (other->applied || other->superstep != first->superstep))
+        return true;
+    }
+    return false;
+  }
+
+  // By three ranks, until one ends within a superstep.
+  static void end_within_superstep(const MeshOptions& all) {
+    for (std::uint64_t num_words = 40; !is_within_superstep(all.store); ++num_words)
+      ASSERT_FALSE(goes_on(all, 3, num_words)) << "before it was within a superstep";
+  }
+
+  Contents joined(const std::filesystem::path& stores) {
+    const std::filesystem::path whole = scratch_ / "joined";
+    std::filesystem::remove_all(whole);
+    run_as_ranks(2, [&](Exchange& exchange) { join_ranks(stores, whole, {}, exchange); });
+    return contents_of(whole);
   }
 
   TempDir scratch_;
@@ -429,6 +485,95 @@ TEST_F(RunOfRanks, GoesOnByAnotherNumberOfRanks) {
     });
     EXPECT_TRUE(are_equal(expected, contents_of(one(9))));
   }
+}
+
+// As if they had been killed, again and again, each time by another number.
+TEST_F(RunOfRanks, GoesOnByAnotherNumberAfterAnyRankEnds) {
+  constexpr std::array kNumbers = {3, 1, 5, 2, 4, 3, 2, 5, 1};
+  write_off(torus(1, 0.4, 32, 16), scratch_ / "input.off");
+  for (const double growth : {0.0, 0.2}) {
+    MeshOptions options = this->options("store" + std::to_string(growth), 0.15, 200);
+    options.growth = growth;
+    mesh(options);
+    const Contents expected = contents_of(options.store);
+    int num_within = 0;
+    for (std::size_t round = 0; round < 3; ++round) {
+      MeshOptions all = options;
+      all.store += "-" + std::to_string(round) + "-%r";
+      std::size_t num_ended = 0;
+      while (!goes_on(all, kNumbers.at((round + num_ended) % kNumbers.size()),
+                      60 + 7 * round + 5 * num_ended % 31)) {
+        num_within += is_within_superstep(all.store) ? 1 : 0;
+        ASSERT_LT(++num_ended, 100U);
+      }
+      EXPECT_TRUE(are_equal(expected, joined(all.store))) << growth << ", round " << round;
+    }
+    EXPECT_GT(num_within, 3) << growth;
+  }
+}
+
+TEST_F(RunOfRanks, IsJoinedWithinASuperstep) {
+  write_off(torus(1, 0.4, 32, 16), scratch_ / "input.off");
+  const MeshOptions options = this->options("store", 0.15, 200);
+  mesh(options);
+  const Contents expected = contents_of(options.store);
+  MeshOptions all = options;
+  all.store += "-%r";
+  end_within_superstep(all);
+  EXPECT_NE(joined(all.store).run.phase, Phase::kDone);
+  MeshOptions alone = options;
+  alone.store = scratch_ / "joined";
+  mesh(alone);
+  EXPECT_TRUE(are_equal(expected, contents_of(alone.store)));
+}
+
+TEST_F(RunOfRanks, WithTooLittleMemoryToEndASuperstepSaysSo) {
+  write_off(torus(1, 0.4, 32, 16), scratch_ / "input.off");
+  MeshOptions all = this->options("store-%r", 0.15, 200);
+  end_within_superstep(all);
+  RunControl control;
+  control.memory_bytes = std::uint64_t{200} << 20;
+  try {
+    run_as_ranks(1, [&](Exchange& exchange) { mesh_as_rank(all, control, exchange); });
+    FAIL();
+  } catch (const OverBudget& e) {
+    EXPECT_NE(std::string(e.what()).find("this process is to end for 3 of them"), std::string::npos)
+        << e.what();
+  }
+  run_as_ranks(3, [&](Exchange& exchange) { mesh_as_rank(all, control, exchange); });
+}
+
+// When some have their new stores in place, and others beside the old ones.
+TEST_F(RunOfRanks, GoesOnByAnotherNumberWhereAMoveEnds) {
+  write_off(sphere(1, 12, 24), scratch_ / "input.off");
+  const MeshOptions options = this->options("store", 0.3, 300);
+  mesh(options);
+  const Contents expected = contents_of(options.store);
+  const std::filesystem::path begun = scratch_ / "begun", run = scratch_ / "run";
+  std::filesystem::create_directory(begun);
+  MeshOptions all = options;
+  all.store = begun / "%r";
+  ASSERT_FALSE(goes_on(all, 4, 60));
+  all.store = run / "%r";
+  const auto is_moving = [&] {
+    int num_in_place = 0, num_beside = 0;
+    for (int rank = 0; rank < 3; ++rank) {
+      const std::filesystem::path store = store_of_rank(all.store, rank);
+      const auto in_place = record_in(store), beside = record_in(store.string() + ".next");
+      num_in_place += in_place && in_place->first.size() == 3 ? 1 : 0;
+      num_beside += beside && beside->first.size() == 3 ? 1 : 0;
+    }
+    return num_in_place > 0 && num_beside > 0 && num_in_place + num_beside == 3;
+  };
+  int num_tried = 0;
+  for (std::uint64_t num_words = 0; !is_moving(); ++num_words) {
+    ASSERT_LT(++num_tried, 1000);
+    std::filesystem::remove_all(run);
+    std::filesystem::copy(begun, run, std::filesystem::copy_options::recursive);
+    if (goes_on(all, 3, num_words)) num_words = 0;
+  }
+  run_as_ranks(2, [&](Exchange& exchange) { mesh_as_rank(all, {}, exchange); });
+  EXPECT_TRUE(are_equal(expected, joined(all.store)));
 }
 
 }  // namespace

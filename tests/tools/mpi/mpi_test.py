@@ -44,6 +44,10 @@ def name_of(process):
         return ""
 
 
+def ranks_of(run):
+    return [p for p in processes_of(run.pid) if name_of(p) == "locvol-mpi"]
+
+
 def catches(process, wanted):
     """Is it a rank that has a handler of its own for the signal?"""
     try:
@@ -208,19 +212,22 @@ class MpiTest(unittest.TestCase):
         self.assertIn(f"cannot write {output}/many_2.msh: Is a directory", said)
         self.assertEqual([path.name for path in output.iterdir()], ["many_2.msh"], said)
 
-    def test_goes_on_after_kills(self):
+    def go_on_after_kills(self, numbers):
+        """A run by one of these numbers of ranks after the other, of which some are killed."""
         expected = self.mesh("4%")
         seed = time.time_ns()
         choice = random.Random(seed)
         stores = ("--store", self.scratch / "part-%r", "-t", "1")
         num_killed = 0
         for attempt in range(100):
-            run = self.start(3, "4%", *stores)
+            run = self.start(numbers[attempt % len(numbers)], "4%", *stores)
             if attempt < 8:
-                time.sleep(choice.uniform(0.1, 1.2))
-                ranks = [p for p in processes_of(run.pid) if name_of(p) == "locvol-mpi"]
+                while run.poll() is None and not ranks_of(run):
+                    time.sleep(0.02)
+                time.sleep(choice.uniform(0.1, 0.8))
+                ranks = ranks_of(run)
                 # One rank, all of them, or mpirun.
-                dying = choice.choice([ranks[:1], ranks[1:2], ranks, [run.pid]])
+                dying = choice.choice([ranks[:1], ranks[-1:], ranks, [run.pid]])
                 for process in dying:
                     try:
                         os.kill(process, signal.SIGKILL)
@@ -236,6 +243,12 @@ class MpiTest(unittest.TestCase):
         self.assertEqual(run.returncode, 0, f"seed {seed}: {said}")
         self.assertGreater(num_killed, 0)
         self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, f"seed {seed}")
+
+    def test_goes_on_after_kills(self):
+        self.go_on_after_kills([3])
+
+    def test_goes_on_after_kills_by_other_numbers_of_ranks(self):
+        self.go_on_after_kills([3, 2, 4, 1])
 
     def test_refuses_a_store_that_is_gone(self):
         stores = ("--store", self.scratch / "part-%r")
