@@ -42,6 +42,11 @@ void require_for_ranks(const MeshOptions& options) {
         "(locvol mesh)");
 }
 
+// The disk that each rank's piece of the mesh will be on; empty: the mesh is one file.
+std::filesystem::path pieces_of(const RunControl& control) {
+  return control.is_in_pieces ? control.output : std::filesystem::path();
+}
+
 // Each rank's leaves, of a share of space; or all of them on the first one, and nothing on others.
 std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStore& place,
                                    const RunControl& control, Exchange& exchange,
@@ -55,7 +60,7 @@ std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStor
   if (exchange.num_ranks() > 1 && !any(exchange, !sees_image)) {
     RunControl own = control;
     if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
-    const DiskOf disk = disk_of_parts(place.directory(), exchange);
+    const DiskOf disk = disk_of_parts(place.directory(), pieces_of(control), exchange);
     IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
     Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
     auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), plan,
@@ -176,8 +181,10 @@ struct Sitting {
 // Takes the run on until leaves are to move, or it is done, or stopped. `held`: after a start.
 Sitting sit(Store& store, const std::optional<HeldRun>& held, const RunControl& control,
             const StopSource& stop, const WorkClock& clock, Exchange& exchange) {
-  const auto on_sizes = [&](const RunRecord& known) {
+  const auto on_sizes = [&, disk = disk_of_parts(store.directory(), pieces_of(control), exchange)](
+                            const RunRecord& known) {
     require_few_cells(known);
+    check_output(known, store.directory(), control, disk);
     if (control.on_sizes) control.on_sizes(known);
   };
   const MemoryPlan plan = planned_memory(store.snapshot(), control.memory_bytes);
@@ -224,6 +231,14 @@ void end_superstep(const std::filesystem::path& stores, const HeldRun& held,
                    e.bytes());
 }
 
+void check_output_of_ranks(const std::filesystem::path& store, const RunControl& control,
+                           Exchange& exchange) {
+  RunRecord run = Store::open(store, {.read_only = true}).snapshot().run().value();
+  run.counts = total_counts(exchange, run.counts);
+  const DiskOf disk = disk_of_parts(store, pieces_of(control), exchange);
+  check_on_all(exchange, [&] { check_output(run, store, control, disk); });
+}
+
 // Takes a run that the ranks' stores hold to its end.
 RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<HeldRun> held,
                          const RunControl& control, const StopSource& stop, const WorkClock& clock,
@@ -234,6 +249,7 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
     move_to_equal_shares(own, held->parts, exchange);
     held.reset();
   }
+  check_output_of_ranks(own, control, exchange);
   double cpu_of_visits = 0;
   bool is_to_move = false;
   for (;; held.reset()) {

@@ -474,14 +474,14 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
     return mesh_statistics_of_ranks(store, exchange, run.num_writers);
   });
   RunCommand named = command;
-  if (command.is_in_pieces) {
+  if (command.control.is_in_pieces) {
     const MeshFormat format = command.control.output_options.format;
     named.control.output = index_of_pieces(command.control.output, format)
                                .value_or(piece_of(command.control.output, format, 0));
   }
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress&) {
-      const auto write = command.is_in_pieces ? write_piece_as_rank : write_mesh_as_rank;
+      const auto write = command.control.is_in_pieces ? write_piece_as_rank : write_mesh_as_rank;
       return write(store, command.control.output, command.control.output_options, exchange,
                    run.num_writers);
     });
@@ -497,7 +497,8 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
 // Throws InputError.
 void require_pieces(const RunCommand& command) {
   const MeshFormat format = command.control.output_options.format;
-  if (!command.is_in_pieces || command.control.output.empty() || can_be_written_in_pieces(format))
+  if (!command.control.is_in_pieces || command.control.output.empty() ||
+      can_be_written_in_pieces(format))
     return;
   std::vector<std::string_view> names;
   for (const FormatInfo& info : mesh_formats())
@@ -550,7 +551,7 @@ int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
     if (command.is_json && is_first)
       line.tell(
           "rank", [&] { return Json::parse(text); }, "");
-  const bool is_in_parts = command.is_in_pieces || command.control.output.empty() ||
+  const bool is_in_parts = command.control.is_in_pieces || command.control.output.empty() ||
                            can_be_written_in_parts(command.control.output_options.format);
   return is_in_parts ? finish_in_parts(run, directory, command, exchange, line)
                      : finish_on_first(run, directory, command, exchange, stop, line);
@@ -642,7 +643,7 @@ int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   resume.control.num_threads = command.num_threads;
   resume.is_quiet = command.is_quiet;
   resume.is_json = command.is_json;
-  resume.is_in_pieces = command.is_in_pieces;
+  resume.control.is_in_pieces = command.is_in_pieces;
   finished_by_ranks(command.store, exchange);
   return run_resume_as_rank(resume, exchange);
 }

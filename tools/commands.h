@@ -20,7 +20,6 @@ struct RunCommand {
   RunControl control;  // its functions are the command's
   bool is_quiet = false;
   bool is_json = false;
-  bool is_in_pieces = false;  // by several ranks: each writes a file of its own
 };
 
 struct MeshCommand : RunCommand {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstring>
 #include <exception>
+#include <limits>
 
 namespace locvol {
 namespace {
@@ -78,6 +79,20 @@ void do_on_all(Exchange& exchange, const std::function<void()>& work) {
   if (!any(exchange, failure != nullptr)) return;
   if (failure) std::rethrow_exception(failure);
   throw ExchangeError("another process has failed");
+}
+
+void check_on_all(Exchange& exchange, const std::function<void()>& check) {
+  constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
+  const auto own = static_cast<std::uint64_t>(exchange.rank());
+  std::exception_ptr failure;
+  try {
+    check();
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  const std::uint64_t first = smallest(exchange, failure ? own : kNone);
+  if (first == own) std::rethrow_exception(failure);
+  while (first != kNone) wait_for_all(exchange);  // for what never comes
 }
 
 }  // namespace locvol

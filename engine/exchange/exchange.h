@@ -85,6 +85,9 @@ void wait_for_all(Exchange& exchange);
 // The same once each has done its work, which talks to no other rank. If that throws on any, then
 // on all: there what it was, on others ExchangeError.
 void do_on_all(Exchange& exchange, const std::function<void()>& work);
+// Of what all ranks find out alike, or nearly so: what `check` throws, the first rank throws where
+// it does, and the others nothing but ExchangeError, when it has ended.
+void check_on_all(Exchange& exchange, const std::function<void()>& check);
 
 // Of what is sent in parts, about as much as a rank sends at once, to all others together.
 inline constexpr std::size_t kMessageBytes = std::size_t{1} << 20;

@@ -16,12 +16,6 @@
 namespace locvol {
 namespace {
 
-double bytes_held(const std::filesystem::path& store) {
-  std::error_code none;
-  const std::uintmax_t bytes = std::filesystem::file_size(store / "data.mdb", none);
-  return none ? 0 : static_cast<double>(bytes);
-}
-
 std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
 
 // What one disk has to take.
@@ -121,6 +115,12 @@ Disk disk_of(const std::filesystem::path& place) {
   if (::stat(directory.c_str(), &status) != 0)
     throw std::system_error(errno, std::generic_category(), directory.string());
   return {status.st_dev, static_cast<double>(std::filesystem::space(directory).available)};
+}
+
+double bytes_held(const std::filesystem::path& store) {
+  std::error_code none;
+  const std::uintmax_t bytes = std::filesystem::file_size(store / "data.mdb", none);
+  return none ? 0 : static_cast<double>(bytes);
 }
 
 void require_room(const RunRecord& run, const std::filesystem::path& store,

@@ -22,6 +22,9 @@ Disk disk_of(const std::filesystem::path& place);
 // The directory, or the nearest one above it that exists.
 std::filesystem::path existing_directory(const std::filesystem::path& directory);
 
+// Of a store, on its disk; 0: there is none.
+double bytes_held(const std::filesystem::path& store);
+
 // Throws InputError, with the least size that would do if there is one, unless the run's store and
 // its output (if it is named) will fit, as far as is known before, with the temporary files beside
 // the output: on one disk, or each on its own. What the store has already is no longer needed; of a

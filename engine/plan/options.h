@@ -101,6 +101,7 @@ struct RunControl {
   // The file that the mesh will be written to, if it will: its disk must have room for it.
   std::filesystem::path output = {};
   OutputOptions output_options = {};
+  bool is_in_pieces = false;  // by several ranks: each writes a file of its own, on its disk
   // Cap on the memory of the whole process, heap and mapped pages; 0: half of what is free. It has
   // no influence on the result.
   std::uint64_t memory_bytes = 0;

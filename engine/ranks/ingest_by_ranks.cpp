@@ -64,16 +64,22 @@ class IngestByRanks {
 
   // Throws NeedsOneProcess.
   Store run(const std::function<RunRecord(const std::string&, const Box&)>& planned,
-            const IngestCalls& calls, Workers& workers, const DiskOf& disk,
+            IngestCalls calls, Workers& workers, const DiskOf& disk,
             std::uint64_t bucket_capacity) try {
     open();
-    require_ingest_room(ranges_->name(), ranges_->num_faces(), directory_, 0, disk);
+    check_on_all(exchange_, [&] {
+      require_ingest_room(ranges_->name(), ranges_->num_faces(), directory_, 0, disk);
+    });
     RawSurface surface = read();
     const RunRecord run = planned_by_first(planned, surface);
     const OctreePlan plan = plan_octree(run.parameters, surface.box);
     const Shares shares =
         shares_of_triangles(surface, first_id_, num_triangles_, plan.frame, plan.level, exchange_);
     deal_triangles(surface, first_id_, plan.frame, shares, exchange_, stop_, watch_);
+    calls.check = [this, check = calls.check](const RunRecord& known, std::uint64_t spilled) {
+      stop_.meet();
+      check_on_all(exchange_, [&] { check(known, spilled); });
+    };
     Store store = ingest(std::move(surface), run, calls, watch_, workers, bucket_capacity,
                          RankShare(shares, exchange_, stop_));
     stop_.meet(store.snapshot().run()->phase == Phase::kIngest);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <string>
 #include <system_error>
 #include <tuple>
@@ -164,13 +165,21 @@ int num_ranks_with(const std::string& name, Exchange& exchange) {
 
 int num_ranks_here(Exchange& exchange) { return num_ranks_with(host_name(), exchange); }
 
-DiskOf disk_of_parts(const std::filesystem::path& place, Exchange& exchange) {
-  const std::uint64_t id = disk_of(place).id;
-  const double num_disks =
-      1.0 * exchange.num_ranks() / num_ranks_with(host_name() + ':' + std::to_string(id), exchange);
-  return [id, num_disks](const std::filesystem::path& at) {
+DiskOf disk_of_parts(const std::filesystem::path& store, const std::filesystem::path& pieces,
+                     Exchange& exchange) {
+  std::map<std::uint64_t, double> num_disks;
+  for (const std::filesystem::path& place : {store, pieces.empty() ? store : pieces}) {
+    const std::uint64_t id = disk_of(place).id;
+    num_disks[id] = 1.0 * exchange.num_ranks() /
+                    num_ranks_with(host_name() + ':' + std::to_string(id), exchange);
+  }
+  const auto held = static_cast<std::uint64_t>(bytes_held(store));
+  const auto by_others = static_cast<double>(sum(exchange, held).all - held);
+  return [num_disks, by_others, store_disk = disk_of(store).id](const std::filesystem::path& at) {
     Disk disk = disk_of(at);
-    if (disk.id == id) disk.free_bytes *= num_disks;
+    if (const auto own = num_disks.find(disk.id); own != num_disks.end())
+      disk.free_bytes *= own->second;
+    if (disk.id == store_disk) disk.free_bytes += by_others;
     return disk;
   };
 }

@@ -17,9 +17,11 @@ std::filesystem::path store_of_rank(const std::filesystem::path& stores, int ran
 
 // On this rank's machine.
 int num_ranks_here(Exchange& exchange);
-// For what is cut into as many parts as there are ranks, each of which has one at its own `place`:
-// there is as much free there as on all such disks.
-DiskOf disk_of_parts(const std::filesystem::path& place, Exchange& exchange);
+// For what is cut into as many parts as there are ranks, of which each has one in its own `store`,
+// and in `pieces`, if that is not empty: there is as much free as on all such disks, and what other
+// stores hold, as one's own, is free.
+DiskOf disk_of_parts(const std::filesystem::path& store, const std::filesystem::path& pieces,
+                     Exchange& exchange);
 
 struct HeldRun {
   RunRecord run;

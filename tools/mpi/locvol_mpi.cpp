@@ -58,8 +58,8 @@ void declare(CLI::App& app, Commands& commands) {
   app.footer(kFooter);
   app.set_version_flag("--version", "locvol-mpi " LOCVOL_VERSION);
   app.require_subcommand(1);
-  add_pieces(declare_mesh(app, commands.mesh), commands.mesh.is_in_pieces);
-  add_pieces(declare_resume(app, commands.resume), commands.resume.is_in_pieces);
+  add_pieces(declare_mesh(app, commands.mesh), commands.mesh.control.is_in_pieces);
+  add_pieces(declare_resume(app, commands.resume), commands.resume.control.is_in_pieces);
   add_pieces(declare_export(app, commands.export_command), commands.export_command.is_in_pieces);
   declare_audit(app, commands.audit);
   declare_join(app, commands.join);

@@ -39,6 +39,35 @@ TEST(ThreadRanks, AddUp) {
   });
 }
 
+// What several find out, one tells.
+TEST(ThreadRanks, CheckTogether) {
+  run_as_ranks(4, [](Exchange& exchange) {
+    check_on_all(exchange, [] {});
+    talk(exchange, 3);
+  });
+  for (const int first : {0, 2, 3}) {
+    std::atomic<int> num_told = 0, num_ended = 0;
+    const auto check = [&](Exchange& exchange) {
+      try {
+        check_on_all(exchange, [&] {
+          if (exchange.rank() >= first) throw std::domain_error(std::to_string(exchange.rank()));
+        });
+        ADD_FAILURE() << "it went on";
+      } catch (const std::domain_error& e) {
+        EXPECT_EQ(e.what(), std::to_string(first));
+        ++num_told;
+        throw;
+      } catch (const ExchangeError&) {
+        ++num_ended;
+        throw;
+      }
+    };
+    EXPECT_THROW(run_as_ranks(4, check), std::domain_error);
+    EXPECT_EQ(num_told, 1);
+    EXPECT_EQ(num_ended, 3);
+  }
+}
+
 TEST(ThreadRanks, WorkWhileTheyWait) {
   std::atomic<int> num_done = 0;
   run_as_ranks(2, [&](Exchange& exchange) {

@@ -126,6 +126,27 @@ class MpiTest(unittest.TestCase):
             left = sorted(path.name for path in self.scratch.iterdir())
             self.assertEqual(left, ["many.vtu", "one.vtu", "torus.stl"])
 
+    def test_says_what_one_process_says(self):
+        def lists_of(said):
+            lines = said.replace("locvol-mpi", "locvol").splitlines()
+            return [line for line in lines if "dihedral angle below" in line or line[:2] == "  "]
+
+        options = ("-s", "8%", "--min-dihedral", "40", "--leaf-capacity", "1000")
+        alone = subprocess.run([LOCVOL, "mesh", self.surface, "-o", self.scratch / "one.vtu",
+                                *options], check=True, stderr=subprocess.PIPE, text=True,
+                               stdout=subprocess.DEVNULL)
+        said = self.run_command(3, "mesh", self.surface, "-o", self.scratch / "many.vtu", *options)
+        expected = lists_of(alone.stderr)
+        self.assertIn("which nothing improved", expected[0])
+        self.assertIn("lists all", expected[-1])
+        self.assertEqual([line for line in lists_of(said) if line in expected], expected, said)
+
+    def test_says_once_what_all_find_out(self):
+        run = self.start(3, "0.01%")
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertEqual(said.count("would take about"), 2, said)  # the store, and the mesh
+
     def test_same_bytes_where_sizes_vary(self):
         sizes = ("--growth", "0.2", "--deviation", "0.5%")
         expected = self.mesh("10%", *sizes)
