@@ -199,6 +199,19 @@ CLI::App* declare_export(CLI::App& app, ExportCommand& command) {
   return export_app;
 }
 
+CLI::App* declare_report(CLI::App& app, ReportCommand& command) {
+  CLI::App* report = app.add_subcommand(
+      "report", "Write a page about a run, for any browser: a view of the mesh, figures, facts");
+  add_store(*report, command.store);
+  add_output(*report, command.output, {".html"})->required();
+  add_parsed(*report, "--cells", parse_count, command.max_cells,
+             "Put at most so many cells on the page: all of the mesh, or those at some planes "
+             "(default: 2M)")
+      ->type_name("N");
+  add_json(*report, command.is_json);
+  return report;
+}
+
 CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
   CLI::App* audit = app.add_subcommand(
       "audit",

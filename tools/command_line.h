@@ -53,6 +53,7 @@ void add_sizes(CLI::App& app, MeshOptions& options);
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command);
 CLI::App* declare_resume(CLI::App& app, ResumeCommand& command);
 CLI::App* declare_export(CLI::App& app, ExportCommand& command);
+CLI::App* declare_report(CLI::App& app, ReportCommand& command);
 CLI::App* declare_audit(CLI::App& app, AuditCommand& command);
 // What is wrong with the line that was typed. Returns the exit code; --help and --version come
 // here, too.

@@ -622,18 +622,6 @@ int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
   return finish_as_rank(run, store_of_rank(own.store, exchange.rank()), own, exchange, stop, line);
 }
 
-namespace {
-
-HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
-  std::optional<HeldRun> held = held_by_ranks(stores, exchange);
-  if (!held || held->run.phase != Phase::kDone || held->is_within_superstep)
-    throw StoreError(stores.string() +
-                     ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
-  return *std::move(held);
-}
-
-}  // namespace
-
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   ResumeCommand resume;
   resume.store = command.store;
@@ -727,15 +715,10 @@ int run_audit(const AuditCommand& command) {
 }
 
 int run_audit_as_rank(const AuditCommand& command, Exchange& exchange) {
-  if (!finished_by_ranks(command.store, exchange).is_of_these_ranks)
-    throw StoreError(
-        command.store.string() +
-        ": the run is of another number of ranks, which are to audit it; or `locvol-mpi "
-        "resume` by these moves its leaves to them");
   const bool is_first = exchange.rank() == 0;
   AuditCommand own = command;
   own.is_quiet = command.is_quiet || !is_first;
-  const Store store = open_to_read(store_of_rank(command.store, exchange.rank()));
+  const Store store = open_part(command.store, exchange);
   return tell_audit(own, is_first, [&](const StepProgress& on_step) {
     return audit_as_rank(store, exchange, on_step, command.one_in);
   });

@@ -112,6 +112,7 @@ std::filesystem::path stores_of_ranks(const MeshCommand& command);  // %r is the
 int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);
 int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange);
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange);
+int run_report_as_rank(const ReportCommand& command, Exchange& exchange);
 int run_audit_as_rank(const AuditCommand& command, Exchange& exchange);
 int run_join(const JoinCommand& command, Exchange& exchange);
 int run_resume(const ResumeCommand& command);

@@ -125,19 +125,6 @@ CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
   return replay;
 }
 
-CLI::App* declare_report(CLI::App& app, ReportCommand& command) {
-  CLI::App* report = app.add_subcommand(
-      "report", "Write a page about a run, for any browser: a view of the mesh, figures, facts");
-  add_store(*report, command.store);
-  add_output(*report, command.output, {".html"})->required();
-  add_parsed(*report, "--cells", parse_count, command.max_cells,
-             "Put at most so many cells on the page: all of the mesh, or those at some planes "
-             "(default: 2M)")
-      ->type_name("N");
-  add_json(*report, command.is_json);
-  return report;
-}
-
 CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   CLI::App* info =
       app.add_subcommand("info", "Read a surface, say what it is and estimate what its mesh takes");

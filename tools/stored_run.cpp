@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "engine/inspect/leaf_scan.h"
 #include "engine/plan/run_setup.h"
@@ -33,6 +35,22 @@ Store open_whole(const std::filesystem::path& directory) {
   Store store = open_to_read(directory);
   require_whole_run(store);
   return store;
+}
+
+HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
+  std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+  if (!held || held->run.phase != Phase::kDone || held->is_within_superstep)
+    throw StoreError(stores.string() +
+                     ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
+  return *std::move(held);
+}
+
+Store open_part(const std::filesystem::path& stores, Exchange& exchange) {
+  if (!finished_by_ranks(stores, exchange).is_of_these_ranks)
+    throw StoreError(stores.string() +
+                     ": the run is of another number of ranks: start as many; or `locvol-mpi "
+                     "resume` by these moves its leaves to them");
+  return open_to_read(store_of_rank(stores, exchange.rank()));
 }
 
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory) {

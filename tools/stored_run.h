@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
+#include "engine/ranks/rank_store.h"
 #include "storage/store.h"
 #include "tools/arguments.h"
 #include "tools/results.h"
@@ -13,6 +15,10 @@ namespace locvol {
 Store open_to_read(const std::filesystem::path& directory);
 // Of a run that one process makes; throws StoreMismatch otherwise.
 Store open_whole(const std::filesystem::path& directory);
+// Called by all ranks. Throw StoreError, the same on all: the stores hold no finished run.
+HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
+// This rank's store. Throws StoreError, too, if the run is not of as many ranks.
+Store open_part(const std::filesystem::path& stores, Exchange& exchange);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory);

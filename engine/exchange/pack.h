@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/shared/compensated_sum.h"
 #include "octree/morton_key.h"
 #include "refine/leaf_fields.h"
 
@@ -54,6 +55,11 @@ struct tracking_level<T> : mpl::int_<track_never> {};
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
 
 namespace locvol {
+
+auto fields(Maybe<CompensatedSum> auto& sum) {
+  auto [whole, lost] = CompensatedSum::members(sum);
+  return std::tuple(Field("sum", whole), Field("lost", lost));
+}
 
 inline constexpr unsigned kPackFlags = boost::archive::no_header | boost::archive::no_codecvt;
 

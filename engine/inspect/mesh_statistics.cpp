@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/in_rank_order.h"
 #include "engine/exchange/pack.h"
 #include "engine/inspect/cell_gauge.h"
 #include "engine/inspect/neighbor_ratio.h"
@@ -51,6 +52,12 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("min_dihedral_angles", s.min_dihedral_angles),
       Field("radius_edge_ratios", s.radius_edge_ratios),
       Field("radii_over_size", s.radii_over_size));
+}
+
+auto fields(Maybe<LeafPoorCell> auto& cell) {
+  auto& [leaf, position, radius, degrees] = cell;
+  return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
+                    Field("degrees", degrees));
 }
 
 // Of a leaf, told to ranks near it.
@@ -353,14 +360,15 @@ void for_each_poor_cell(const Store& store, const std::function<bool(const LeafP
   if (run.parameters.min_dihedral > 0) measure(store, num_threads, {}, visit, stop);
 }
 
-std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max, int num_threads) {
+std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max, int num_threads,
+                                           Exchange* exchange) {
   std::vector<LeafPoorCell> cells;
   const auto take = [&](const LeafPoorCell& cell) {
     cells.push_back(cell);
     return cells.size() < max;
   };
   if (max > 0) for_each_poor_cell(store, take, num_threads);
-  return cells;
+  return exchange != nullptr ? first_of_ranks(*exchange, std::move(cells), max) : cells;
 }
 
 }  // namespace locvol

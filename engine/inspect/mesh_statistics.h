@@ -39,8 +39,9 @@ struct LeafPoorCell {
 // bound.
 void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
                         int num_threads = 1, const StopToken* stop = nullptr);
-// At most `max` of them, the first.
+// At most `max` of them, the first. `exchange`: null, if one process has all of the mesh; else all
+// ranks call it and get the same.
 std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max,
-                                           int num_threads = 1);
+                                           int num_threads = 1, Exchange* exchange = nullptr);
 
 }  // namespace locvol

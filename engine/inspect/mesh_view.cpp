@@ -7,18 +7,57 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 
+#include "engine/exchange/in_rank_order.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/inspect/cell_mesh.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
+#include "engine/ranks/counts_of_ranks.h"
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
 
 namespace locvol {
+
+auto fields(Maybe<ViewLeaf> auto& leaf) {
+  auto& [key, state, num_leaves, num_visits, num_points, num_cells, num_insertions,
+         num_unresolved] = leaf;
+  return std::tuple(Field("key", key), Field("state", state), Field("num_leaves", num_leaves),
+                    Field("num_visits", num_visits), Field("num_points", num_points),
+                    Field("num_cells", num_cells), Field("num_insertions", num_insertions),
+                    Field("num_unresolved", num_unresolved));
+}
+auto fields(Maybe<LeafCounts> auto& counts) {
+  auto& [num_leaves, by_visits, by_level] = counts;
+  return std::tuple(Field("num_leaves", num_leaves), Field("by_visits", by_visits),
+                    Field("by_level", by_level));
+}
+auto fields(Maybe<UnresolvedSite> auto& site) {
+  auto& [condition, position, radius] = site;
+  return std::tuple(Field("condition", condition), Field("position", position),
+                    Field("radius", radius));
+}
+auto fields(Maybe<ViewSite> auto& marked) {
+  auto& [site, leaf] = marked;
+  return std::tuple(Field("site", site), Field("leaf", leaf));
+}
+auto fields(Maybe<SurfaceThinner::Vertex> auto& vertex) {
+  auto& [cube, sum, count] = vertex;
+  return std::tuple(Field("cube", cube), Field("sum", sum), Field("count", count));
+}
+auto fields(Maybe<SurfaceThinner::JoinedTriangle> auto& triangle) {
+  auto& [vertices, num] = triangle;
+  return std::tuple(Field("vertices", vertices), Field("num", num));
+}
+auto fields(Maybe<SurfaceThinner::Part> auto& part) {
+  auto& [vertices, triangles] = part;
+  return std::tuple(Field("vertices", vertices), Field("triangles", triangles));
+}
+
 namespace {
 
 constexpr std::size_t kWindowBytes = std::size_t{16} << 20;
@@ -57,6 +96,23 @@ ViewLeaf view_leaf(MortonKey key, const LeafInfo& info) {
   return leaf;
 }
 
+void count(const ViewLeaf& leaf, LeafCounts& counts) {
+  ++counts.num_leaves;
+  if (leaf.state == LeafState::kEmpty) return;
+  ++counts.by_visits[leaf.num_visits];
+  ++counts.by_level[static_cast<std::uint64_t>(leaf.key.level())];
+}
+
+LeafCounts counts_of_all(const LeafCounts& own, Exchange& exchange) {
+  LeafCounts all;
+  for (const LeafCounts& of_rank : gather_values(exchange, own)) {
+    all.num_leaves += of_rank.num_leaves;
+    for (const auto& [visits, num] : of_rank.by_visits) all.by_visits[visits] += num;
+    for (const auto& [level, num] : of_rank.by_level) all.by_level[level] += num;
+  }
+  return all;
+}
+
 // Leaves in Morton order; those below one node of the deepest level allowed become one. That level
 // rises as more leaves come than may be.
 class LeafGatherer {
@@ -65,14 +121,26 @@ class LeafGatherer {
 
   void add(ViewLeaf leaf) {
     append(std::move(leaf));
-    while (leaves_.size() > max_leaves_ && level_ > 0) {
-      --level_;
-      for (ViewLeaf& held : std::exchange(leaves_, {})) append(std::move(held));
-    }
+    while (leaves_.size() > max_leaves_ && level_ > 0) rise_to(level_ - 1);
   }
   std::vector<ViewLeaf> take() { return std::move(leaves_); }
+  // Of all ranks, which call it. Few more are told than may be: of each border between shares, one
+  // node may be on both sides.
+  std::vector<ViewLeaf> take_of_all(Exchange& exchange) {
+    const std::uint64_t num_borders = static_cast<std::uint64_t>(exchange.num_ranks()) - 1;
+    rise_to(static_cast<int>(smallest(exchange, static_cast<std::uint64_t>(level_))));
+    while (sum(exchange, leaves_.size()).all > max_leaves_ + num_borders && level_ > 0)
+      rise_to(level_ - 1);
+    LeafGatherer all(max_leaves_);
+    for (ViewLeaf& leaf : gather_all(exchange, leaves_)) all.add(std::move(leaf));
+    return all.take();
+  }
 
  private:
+  void rise_to(int level) {
+    level_ = level;
+    for (ViewLeaf& held : std::exchange(leaves_, {})) append(std::move(held));
+  }
   void append(ViewLeaf leaf) {
     while (leaf.key.level() > level_) leaf.key = leaf.key.parent();
     if (!leaves_.empty() && leaves_.back().key == leaf.key)
@@ -95,7 +163,7 @@ std::uint32_t place_of(MortonKey leaf, std::span<const ViewLeaf> leaves) {
 
 // -- Cells ---------------------------------------------------------------------------------------
 
-// The cells of one leaf, the core's after those that the store lists.
+// Cells of one leaf, the core's after those that the store lists.
 struct LeafMesh {
   std::vector<std::uint64_t> ids;
   std::vector<Point> positions;
@@ -106,7 +174,44 @@ struct LeafMesh {
     const auto& [a, b, c, d] = cells[cell];
     return {positions[a], positions[b], positions[c], positions[d]};
   }
+  std::size_t bytes() const { return cells.size() * sizeof cells[0] + 40 * ids.size(); }
 };
+auto fields(Maybe<LeafMesh> auto& mesh) {
+  auto& [ids, positions, is_core, cells] = mesh;
+  return std::tuple(Field("ids", ids), Field("positions", positions), Field("is_core", is_core),
+                    Field("cells", cells));
+}
+
+// For the first rank.
+struct ToldCells {
+  std::uint32_t set = 0, leaf = 0;  // places in MeshView::cells and MeshView::leaves
+  LeafMesh mesh;
+};
+auto fields(Maybe<ToldCells> auto& told) {
+  auto& [set, leaf, mesh] = told;
+  return std::tuple(Field("set", set), Field("leaf", leaf), Field("mesh", mesh));
+}
+
+// Some of the cells, and what they name.
+template <class IsShown>
+LeafMesh part_of(const LeafMesh& mesh, const IsShown& is_shown) {
+  constexpr std::uint32_t kNew = ~std::uint32_t{0};
+  std::vector<std::uint32_t> place(mesh.ids.size(), kNew);
+  LeafMesh part;
+  for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell) {
+    if (!is_shown(cell)) continue;
+    part.cells.push_back(mesh.cells[cell]);
+    for (std::uint32_t& vertex : part.cells.back()) {
+      const std::uint32_t v = std::exchange(vertex, place[vertex]);
+      if (vertex != kNew) continue;
+      vertex = place[v] = static_cast<std::uint32_t>(part.ids.size());
+      part.ids.push_back(mesh.ids[v]);
+      part.positions.push_back(mesh.positions[v]);
+      part.is_core.push_back(mesh.is_core[v]);
+    }
+  }
+  return part;
+}
 
 class LeafMeshReader {
  public:
@@ -231,7 +336,24 @@ class CellGatherer {
  public:
   CellGatherer(ViewCells& out, bool finds_boundary) : out_(out), finds_boundary_(finds_boundary) {}
 
-  void begin_leaf(std::uint32_t leaf) { out_.leaves.push_back({leaf, 0}); }
+  // Returns how many they are.
+  template <class IsShown>
+  std::uint64_t add(std::uint32_t leaf, const LeafMesh& mesh, const IsShown& is_shown) {
+    out_.leaves.push_back({leaf, 0});
+    for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell)
+      if (is_shown(cell)) add(mesh, cell);
+    return out_.leaves.back()[1];
+  }
+
+  void finish() {
+    if (!finds_boundary_) return;
+    out_.boundary.assign(out_.cells.size(), 0);
+    for (const auto& [facet, place] : open_)  // in any order: each sets a bit of its own
+      out_.boundary[place >> 2] |= static_cast<std::uint8_t>(1U << (place & 3));
+  }
+
+ private:
+  using Facet = std::array<std::uint32_t, 3>;
 
   void add(const LeafMesh& mesh, std::size_t cell) {
     std::array<std::uint32_t, 4> named{};
@@ -250,16 +372,6 @@ class CellGatherer {
     out_.circumradii.push_back(static_cast<float>(quality.circumradius));
     if (finds_boundary_) toggle_facets(mesh, cell);
   }
-
-  void finish() {
-    if (!finds_boundary_) return;
-    out_.boundary.assign(out_.cells.size(), 0);
-    for (const auto& [facet, place] : open_)  // in any order: each sets a bit of its own
-      out_.boundary[place >> 2] |= static_cast<std::uint8_t>(1U << (place & 3));
-  }
-
- private:
-  using Facet = std::array<std::uint32_t, 3>;
 
   // A facet that comes twice is inside. Those of core points alone always are.
   void toggle_facets(const LeafMesh& mesh, std::size_t cell) {
@@ -293,17 +405,67 @@ bool straddles(const LeafMesh& mesh, std::size_t cell, const ViewPlane& plane) {
   return low <= plane.position && plane.position <= high;
 }
 
+// Gathers cells leaf by leaf into the view's sets. Another rank than the first keeps its own until
+// finish() tells them.
+class SetGatherer {
+ public:
+  SetGatherer(std::vector<ViewCells>& sets, bool finds_boundary, Exchange* exchange)
+      : exchange_(exchange) {
+    for (ViewCells& set : sets) gatherers_.emplace_back(set, finds_boundary);
+  }
+
+  // Returns how many they are.
+  template <class IsShown>
+  std::uint64_t add(std::uint32_t set, std::uint32_t leaf, const LeafMesh& mesh,
+                    const IsShown& is_shown) {
+    if (exchange_ == nullptr || exchange_->rank() == 0)
+      return gatherers_[set].add(leaf, mesh, is_shown);
+    told_.push_back({set, leaf, part_of(mesh, is_shown)});
+    return told_.back().mesh.cells.size();
+  }
+
+  void finish() {
+    if (exchange_ != nullptr) tell();
+    for (CellGatherer& gatherer : gatherers_) gatherer.finish();
+  }
+
+ private:
+  void tell() {
+    auto leaf = told_.begin();
+    const auto next = [&]() -> std::optional<std::vector<ToldCells>> {
+      if (leaf == told_.end()) return std::nullopt;
+      std::vector<ToldCells> some;
+      for (std::size_t bytes = 0; leaf != told_.end() && bytes < kMessageBytes; ++leaf) {
+        bytes += leaf->mesh.bytes();
+        some.push_back(std::move(*leaf));
+      }
+      return some;
+    };
+    tell_first_rank(*exchange_, next, [&](const std::vector<ToldCells>& some) {
+      for (const auto& [set, place, mesh] : some)
+        gatherers_.at(set).add(place, mesh, [](std::size_t) { return true; });
+    });
+  }
+
+  Exchange* exchange_;
+  std::vector<CellGatherer> gatherers_;
+  std::vector<ToldCells> told_;
+};
+
 // -- The view ------------------------------------------------------------------------------------
 
 class Viewer {
  public:
-  Viewer(const Store& store, const ViewLimits& limits)
+  Viewer(const Store& store, const ViewLimits& limits, Exchange* exchange)
       : limits_(limits),
+        exchange_(exchange),
         reader_(store.snapshot()),
         pages_(store),
         run_(stored_run(store, reader_)),
         octree_(stored_octree(store, reader_)),
-        scale_(reader_, run_) {}
+        scale_(reader_, run_) {
+    if (exchange_ != nullptr) run_.counts = total_counts(*exchange_, run_.counts);
+  }
 
   MeshView view() {
     read_leaves();
@@ -317,18 +479,29 @@ class Viewer {
   void read_leaves() {
     LeafGatherer gatherer(limits_.max_leaves);
     reader_.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
-      num_cells_.push_back(info.num_cells + info.num_core_cells);
-      num_unresolved_.push_back(info.num_unresolved > 0);
+      const bool is_own = info.holding == Holding::kOwn;
+      is_own_.push_back(is_own);
+      num_cells_.push_back(is_own ? info.num_cells + info.num_core_cells : 0);
+      has_sites_.push_back(is_own && info.num_unresolved > 0);
+      if (!is_own) return true;
       ViewLeaf leaf = view_leaf(key, info);
+      count(leaf, view_.leaf_counts);
       if (leaf.state != LeafState::kEmpty) gatherer.add(std::move(leaf));
       return true;
     });
-    view_.leaves = gatherer.take();
+    view_.leaves = exchange_ != nullptr ? gatherer.take_of_all(*exchange_) : gatherer.take();
+    if (exchange_ != nullptr) view_.leaf_counts = counts_of_all(view_.leaf_counts, *exchange_);
   }
 
   void read_sites() {
-    for (std::size_t leaf = 0; leaf < num_unresolved_.size(); ++leaf) {
-      if (!num_unresolved_[leaf]) continue;
+    read_own_sites();
+    if (exchange_ != nullptr)
+      view_.sites = first_of_ranks(*exchange_, std::move(view_.sites), limits_.max_sites);
+  }
+
+  void read_own_sites() {
+    for (std::size_t leaf = 0; leaf < has_sites_.size(); ++leaf) {
+      if (!has_sites_[leaf]) continue;
       for (const UnresolvedSite& site : reader_.unresolved(octree_.leaves()[leaf]).sites) {
         if (view_.sites.size() == limits_.max_sites) return;
         view_.sites.push_back({site, place_of(octree_.leaves()[leaf], view_.leaves)});
@@ -343,7 +516,7 @@ class Viewer {
       return;
     }
     // Where the model fills its leaves badly, planes meet more cells than was thought: fewer, then.
-    const auto estimate = [this](const ViewPlane& plane) { return num_met(plane); };
+    const auto estimate = [this](std::span<const ViewPlane> planes) { return num_met(planes); };
     auto room = static_cast<double>(limits_.max_cells);
     while (room >= 1) {
       const auto planes = view_planes(run_.surface.box, static_cast<std::uint64_t>(room), estimate);
@@ -354,28 +527,40 @@ class Viewer {
       }
       if (planes.empty() || gather_cells(planes, false)) return;
       view_.cells.clear();
-      room = -1;
-      for (const ViewPlane& plane : planes) room += estimate(plane);
+      room = estimate(planes) - 1;
     }
   }
 
-  double num_met(const ViewPlane& plane) const {
-    double num = 0;
-    for (std::size_t leaf = 0; leaf < num_cells_.size(); ++leaf) {
-      if (num_cells_[leaf] == 0) continue;
-      const Box box = run_.frame.box(octree_.leaves()[leaf]);
-      // Half-open: a plane between two leaves counts once.
-      if (plane.position < box.min[plane.axis] || plane.position >= box.max[plane.axis]) continue;
-      const double side = box.max.x - box.min.x, extent = kCellExtent * scale_.of(leaf);
-      num += static_cast<double>(num_cells_[leaf]) * std::min(1.0, extent / side);
-    }
-    return kEstimateMargin * num;
+  // In whole steps, so that sums do not depend on who has which leaves.
+  double num_met(std::span<const ViewPlane> planes) const {
+    constexpr double kSteps = 1 << 10;
+    std::uint64_t num = 0;
+    for (const ViewPlane& plane : planes)
+      for (std::size_t leaf = 0; leaf < num_cells_.size(); ++leaf) {
+        if (num_cells_[leaf] == 0) continue;
+        const Box box = run_.frame.box(octree_.leaves()[leaf]);
+        // Half-open: a plane between two leaves counts once.
+        if (plane.position < box.min[plane.axis] || plane.position >= box.max[plane.axis]) continue;
+        const double side = box.max.x - box.min.x, extent = kCellExtent * scale_.of(leaf);
+        num += static_cast<std::uint64_t>(kSteps * kEstimateMargin *
+                                          static_cast<double>(num_cells_[leaf]) *
+                                          std::min(1.0, extent / side));
+      }
+    return static_cast<double>(of_all(num)) / kSteps;
+  }
+
+  // The sum of all ranks' numbers.
+  std::uint64_t of_all(std::uint64_t own) const {
+    return exchange_ != nullptr ? sum(*exchange_, own).all : own;
+  }
+
+  bool on_all(bool is_true) const {
+    return exchange_ != nullptr ? !any(*exchange_, !is_true) : is_true;
   }
 
   // All cells, or those that meet one of the planes. False: these are too many.
   bool gather_cells(std::span<const ViewPlane> planes, bool has_all) {
-    std::vector<CellGatherer> gatherers;
-    for (ViewCells& cells : view_.cells) gatherers.emplace_back(cells, has_all);
+    SetGatherer sets(view_.cells, has_all, exchange_);
     LeafMeshReader meshes(reader_, run_, octree_);
     std::uint64_t num_gathered = 0;
     for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
@@ -386,19 +571,17 @@ class Viewer {
           std::ranges::any_of(planes, [&](const ViewPlane& plane) { return meets(plane, box); });
       if (!has_all && !is_met) continue;
       const LeafMesh mesh = meshes.load(leaf);
-      pages_.count(mesh.cells.size() * sizeof mesh.cells[0] + 40 * mesh.ids.size());
-      for (std::size_t g = 0; g < gatherers.size(); ++g) {
-        if (!has_all && !meets(planes[g], box)) continue;
-        gatherers[g].begin_leaf(place_of(key, view_.leaves));
-        for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell) {
-          if (!has_all && !straddles(mesh, cell, planes[g])) continue;
-          gatherers[g].add(mesh, cell);
-          ++num_gathered;
-        }
+      pages_.count(mesh.bytes());
+      for (std::uint32_t set = 0; set < view_.cells.size(); ++set) {
+        if (!has_all && !meets(planes[set], box)) continue;
+        num_gathered += sets.add(set, place_of(key, view_.leaves), mesh, [&](std::size_t cell) {
+          return has_all || straddles(mesh, cell, planes[set]);
+        });
       }
-      if (!has_all && num_gathered > limits_.max_cells) return false;
+      if (!has_all && num_gathered > limits_.max_cells) break;
     }
-    for (CellGatherer& gatherer : gatherers) gatherer.finish();
+    if (!has_all && of_all(num_gathered) > limits_.max_cells) return false;
+    sets.finish();
     return true;
   }
 
@@ -418,81 +601,134 @@ class Viewer {
     }
   }
 
-  // False: there are too many triangles.
+  // False: there are too many triangles. As some cancel each other, that is known at the end; but
+  // of vertices there are only ever more.
   bool thin(SurfaceThinner& thinner) {
-    for (const MortonKey leaf : octree_.leaves()) {
-      const LeafSurface surface = reader_.surface(leaf);
-      const Box box = run_.frame.box(leaf);
-      for (const Triangle& triangle : surface.triangles)
-        if (owns_triangle(box, triangle)) thinner.add(triangle);
-      pages_.count(surface.triangles.size() * sizeof(Triangle));
-      if (thinner.num_triangles() > limits_.max_triangles) return false;
+    const auto has_room = [&] { return thinner.num_vertices() <= limits_.max_triangles; };
+    for (std::size_t leaf = 0; leaf < octree_.size() && has_room(); ++leaf)
+      if (is_own_[leaf]) add_triangles(octree_.leaves()[leaf], thinner);
+    if (!on_all(has_room())) return false;
+    if (exchange_ != nullptr) {
+      std::optional<SurfaceThinner::Part> own;
+      if (exchange_->rank() != 0) own = thinner.take_part();
+      tell_first_rank(
+          *exchange_, [&] { return std::exchange(own, std::nullopt); },
+          [&](const SurfaceThinner::Part& part) {
+            if (has_room()) thinner.add(part);
+          });
     }
-    return true;
+    const bool fits = has_room() && thinner.num_triangles() <= limits_.max_triangles;
+    return on_all(fits);
+  }
+
+  void add_triangles(MortonKey leaf, SurfaceThinner& thinner) {
+    const LeafSurface surface = reader_.surface(leaf);
+    const Box box = run_.frame.box(leaf);
+    for (const Triangle& triangle : surface.triangles)
+      if (owns_triangle(box, triangle)) thinner.add(triangle);
+    pages_.count(surface.triangles.size() * sizeof(Triangle));
   }
 
   ViewLimits limits_;
+  Exchange* exchange_;
   Snapshot reader_;
   PageRelease pages_;
   RunRecord run_;
   LinearOctree octree_;
   LeafScale scale_;
-  std::vector<std::uint64_t> num_cells_;  // of each leaf
-  std::vector<bool> num_unresolved_;
+  // Of each leaf; of others' there is nothing.
+  std::vector<std::uint64_t> num_cells_;
+  std::vector<bool> is_own_, has_sites_;
   MeshView view_;
 };
 
 }  // namespace
 
-std::vector<ViewPlane> view_planes(const Box& box, std::uint64_t max_cells,
-                                   const std::function<double(const ViewPlane&)>& num_met) {
+std::vector<ViewPlane> view_planes(
+    const Box& box, std::uint64_t max_cells,
+    const std::function<double(std::span<const ViewPlane>)>& num_met) {
   std::vector<ViewPlane> best;
   for (int num = 1; num <= kMaxPlanesOfAxis; ++num) {
     std::vector<ViewPlane> planes;
-    double total = 0;
     for (int axis = 0; axis < 3; ++axis)
       for (int i = 1; i <= num; ++i) {
         const double side = box.max[axis] - box.min[axis];
         planes.push_back({axis, box.min[axis] + side * i / (num + 1)});
-        total += num_met(planes.back());
       }
-    if (total > static_cast<double>(max_cells)) break;
+    if (num_met(planes) > static_cast<double>(max_cells)) break;
     best = std::move(planes);
   }
   return best;
 }
 
-std::uint32_t SurfaceThinner::vertex_at(const Point& p) {
+std::uint64_t SurfaceThinner::cube_at(const Point& p) const {
   const auto step = [&](double value, double origin) {
     constexpr std::uint64_t kMask = (std::uint64_t{1} << 21) - 1;
     return static_cast<std::uint64_t>(std::llround((value - origin) / grid_) + 1) & kMask;
   };
-  const std::uint64_t cube =
-      step(p.x, origin_.x) << 42 | step(p.y, origin_.y) << 21 | step(p.z, origin_.z);
+  return step(p.x, origin_.x) << 42 | step(p.y, origin_.y) << 21 | step(p.z, origin_.z);
+}
+
+std::uint32_t SurfaceThinner::vertex_of(std::uint64_t cube) {
   const auto [place, is_new] =
       index_.try_emplace(cube, static_cast<std::uint32_t>(vertices_.size()));
-  if (is_new) vertices_.emplace_back();
-  Vertex& vertex = vertices_[place->second];
-  vertex.sum = vertex.sum + p;
-  ++vertex.count;
+  if (is_new) vertices_.push_back({.cube = cube, .sum = {}});
   return place->second;
 }
 
 void SurfaceThinner::add(const Triangle& triangle) {
-  std::array<std::uint32_t, 3> t{};
-  for (std::size_t i = 0; i < 3; ++i) t[i] = vertex_at(triangle.corners[i]);
-  if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) return;
+  JoinedTriangle joined{.num = 1};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Point& corner = triangle.corners[i];
+    joined.vertices[i] = vertex_of(cube_at(corner));
+    Vertex& vertex = vertices_[joined.vertices[i]];
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      vertex.sum[axis].add(corner[static_cast<int>(axis)]);
+    ++vertex.count;
+  }
+  const auto& [a, b, c] = joined.vertices;
+  if (a != b && b != c && c != a) add(joined);
+}
+
+void SurfaceThinner::add(JoinedTriangle triangle) {
+  auto& [t, num] = triangle;
   std::ranges::rotate(t, std::ranges::min_element(t));
-  const int turn = t[1] < t[2] ? 1 : -1;
-  if (turn < 0) std::swap(t[1], t[2]);
-  const auto [place, is_new] = triangles_.try_emplace(t, turn);
-  if (!is_new && (place->second += turn) == 0) triangles_.erase(place);
+  if (t[1] > t[2]) {
+    std::swap(t[1], t[2]);
+    num = -num;
+  }
+  const auto place = triangles_.try_emplace(t, 0).first;
+  if ((place->second += num) == 0) triangles_.erase(place);
+}
+
+void SurfaceThinner::add(const Part& part) {
+  std::vector<std::uint32_t> places;
+  for (const auto& [cube, sum, count] : part.vertices) {
+    places.push_back(vertex_of(cube));
+    Vertex& vertex = vertices_[places.back()];
+    for (std::size_t axis = 0; axis < 3; ++axis) vertex.sum[axis].add(sum[axis]);
+    vertex.count += count;
+  }
+  for (JoinedTriangle triangle : part.triangles) {
+    for (std::uint32_t& vertex : triangle.vertices) vertex = places.at(vertex);
+    add(triangle);
+  }
+}
+
+SurfaceThinner::Part SurfaceThinner::take_part() {
+  Part part{.vertices = std::exchange(vertices_, {}), .triangles = {}};
+  for (const auto& [vertices, num] : std::exchange(triangles_, {}))
+    part.triangles.push_back({vertices, num});
+  std::ranges::sort(part.triangles, {}, &JoinedTriangle::vertices);  // no order of a table shows
+  index_.clear();
+  return part;
 }
 
 ViewSurface SurfaceThinner::take() {
   ViewSurface surface;
-  for (const Vertex& vertex : vertices_)
-    surface.vertices.push_back((1 / vertex.count) * vertex.sum);
+  for (const auto& [cube, sum, count] : vertices_)
+    surface.vertices.push_back((1 / static_cast<double>(count)) *
+                               Point{sum[0].value(), sum[1].value(), sum[2].value()});
   for (const auto& [t, count] : triangles_)
     for (int i = 0; i < std::abs(count); ++i)
       surface.triangles.push_back(count > 0 ? t : std::array{t[0], t[2], t[1]});
@@ -500,8 +736,8 @@ ViewSurface SurfaceThinner::take() {
   return surface;
 }
 
-MeshView mesh_view(const Store& store, const ViewLimits& limits) {
-  return Viewer(store, limits).view();
+MeshView mesh_view(const Store& store, const ViewLimits& limits, Exchange* exchange) {
+  return Viewer(store, limits, exchange).view();
 }
 
 }  // namespace locvol

@@ -5,10 +5,14 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/inspect/leaf_scan.h"
+#include "engine/shared/compensated_sum.h"
 #include "octree/geometry.h"
 #include "octree/table_hash.h"
 #include "storage/store.h"
@@ -32,6 +36,11 @@ struct ViewLeaf {
   std::uint64_t num_leaves = 1;
   std::uint32_t num_visits = 0;  // of several: the most
   std::uint64_t num_points = 0, num_cells = 0, num_insertions = 0, num_unresolved = 0;
+};
+
+struct LeafCounts {
+  std::uint64_t num_leaves = 0;
+  std::map<std::uint64_t, std::uint64_t> by_visits, by_level;  // of leaves that are not empty
 };
 
 // Cells with their vertices in the order in which the cells first name them.
@@ -65,6 +74,7 @@ struct ViewSite {
 };
 
 struct MeshView {
+  LeafCounts leaf_counts;
   std::vector<ViewLeaf> leaves;  // without empty ones, in Morton order
   std::vector<ViewCells> cells;  // one with all cells; or by axis and position; none: see below
   ViewSurface surface;           // left out if all cells are there
@@ -76,39 +86,61 @@ struct MeshView {
 // Of a finished run. Of any other, no cells: the leaves and the surface only.
 // Memory: what the limits allow, some 100 bytes a cell, and 40 MB. Errors: StoreError,
 // CorruptRecord.
-MeshView mesh_view(const Store& store, const ViewLimits& limits = {});
+// `exchange`: null, if one process has all of the run; else all ranks call it, each for its own
+// leaves. The first one gets what a single process gets of all, others leaves and sites alone.
+// Memory: the same; on others, some 50 bytes for each of their cells that are shown.
+MeshView mesh_view(const Store& store, const ViewLimits& limits = {}, Exchange* exchange = nullptr);
 
 // Planes of the axes at equal distances, as many as `max_cells` allows; none if one is too many.
-// `box`: of what they cut; `num_met`: an estimate of the cells that a plane meets.
+// `box`: of what they cut; `num_met`: an estimate of the cells that planes meet.
 struct ViewPlane {
   int axis = 0;
   double position = 0;
 };
-std::vector<ViewPlane> view_planes(const Box& box, std::uint64_t max_cells,
-                                   const std::function<double(const ViewPlane& plane)>& num_met);
+std::vector<ViewPlane> view_planes(
+    const Box& box, std::uint64_t max_cells,
+    const std::function<double(std::span<const ViewPlane> planes)>& num_met);
 
 // Joins what falls into one cube of the grid, at the mean of its corners. Memory depends on the
 // number of cubes that the surface passes.
 class SurfaceThinner {
  public:
+  // The corners in one cube.
+  struct Vertex {
+    std::uint64_t cube = 0;
+    std::array<CompensatedSum, 3> sum;
+    std::uint64_t count = 0;
+  };
+  // How many triangles there are with these vertices, less those turned around.
+  struct JoinedTriangle {
+    std::array<std::uint32_t, 3> vertices{};
+    int num = 0;
+  };
+  // What has been added, for a thinner with the same grid.
+  struct Part {
+    std::vector<Vertex> vertices;
+    std::vector<JoinedTriangle> triangles;
+  };
+
   SurfaceThinner(const Point& origin, double grid) : origin_(origin), grid_(grid) {}
   void add(const Triangle& triangle);
+  void add(const Part& part);
+  std::size_t num_vertices() const { return vertices_.size(); }  // never falls
   std::size_t num_triangles() const { return triangles_.size(); }
   double grid() const { return grid_; }
   ViewSurface take();
+  Part take_part();  // nothing is left
 
  private:
-  struct Vertex {
-    Point sum;
-    double count = 0;
-  };
-  std::uint32_t vertex_at(const Point& p);
+  std::uint64_t cube_at(const Point& p) const;
+  std::uint32_t vertex_of(std::uint64_t cube);
+  void add(JoinedTriangle triangle);
 
   Point origin_;
   double grid_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // of the cubes; asked, never listed
   std::vector<Vertex> vertices_;
-  // How many triangles there are with these vertices (the least first), less those turned around.
+  // JoinedTriangle::num by vertices, which ascend.
   std::unordered_map<std::array<std::uint32_t, 3>, int, TableHash> triangles_;
 };
 

@@ -34,10 +34,6 @@ auto fields(Maybe<EdgeCounts> auto& counts) {
   auto& [border, overused] = counts;
   return std::tuple(Field("border", border), Field("overused", overused));
 }
-auto fields(Maybe<CompensatedSum> auto& sum) {
-  auto [whole, lost] = CompensatedSum::members(sum);
-  return std::tuple(Field("sum", whole), Field("lost", lost));
-}
 auto fields(Maybe<SurfaceComponent> auto& component) {
   auto& [top, six_volume, six_volume_error, num_triangles, num_turned] = component;
   return std::tuple(Field("top", top), Field("six_volume", six_volume),

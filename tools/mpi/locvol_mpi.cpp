@@ -50,6 +50,7 @@ struct Commands {
   MeshCommand mesh;
   ResumeCommand resume;
   ExportCommand export_command;
+  ReportCommand report;
   AuditCommand audit;
   JoinCommand join;
 };
@@ -61,6 +62,7 @@ void declare(CLI::App& app, Commands& commands) {
   add_pieces(declare_mesh(app, commands.mesh), commands.mesh.control.is_in_pieces);
   add_pieces(declare_resume(app, commands.resume), commands.resume.control.is_in_pieces);
   add_pieces(declare_export(app, commands.export_command), commands.export_command.is_in_pieces);
+  declare_report(app, commands.report);
   declare_audit(app, commands.audit);
   declare_join(app, commands.join);
   app.add_subcommand("reference", "Print the manual page");
@@ -99,6 +101,7 @@ int run(int argc, char** argv, Exchange& exchange) {
     return run_resume_as_rank(commands.resume, exchange);
   }
   if (app.got_subcommand("export")) return run_export_as_rank(commands.export_command, exchange);
+  if (app.got_subcommand("report")) return run_report_as_rank(commands.report, exchange);
   if (app.got_subcommand("audit")) return run_audit_as_rank(commands.audit, exchange);
   return run_join(commands.join, exchange);
 }

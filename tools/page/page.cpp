@@ -16,6 +16,8 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/rank_store.h"
 #include "engine/run/run_timeline.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/partial_file.h"
@@ -76,35 +78,22 @@ class PageFile {
   FileSection out_;
 };
 
-struct LeafCounts {
-  std::map<std::uint64_t, std::uint64_t> by_visits, by_level;  // of leaves that are not empty
-  std::uint64_t num_leaves = 0;
-};
-
-LeafCounts count_leaves(const Reader& reader) {
-  LeafCounts counts;
-  reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
-    ++counts.num_leaves;
-    const bool is_empty = info.num_points == 0 && info.num_core_points == 0 && !info.queued;
-    if (is_empty) return true;
-    ++counts.by_visits[info.num_visits];
-    ++counts.by_level[static_cast<std::uint64_t>(key.level())];
-    return true;
-  });
-  return counts;
-}
-
 class Page {
  public:
-  Page(const Store& store, const ViewLimits& limits, int num_threads)
+  Page(const Store& store, const ViewLimits& limits, int num_threads, Exchange* exchange)
       : run_(run_of(store)),
         timeline_(store.snapshot().timeline()),
-        memory_(store.snapshot().memory()),
-        leaves_(count_leaves(store.snapshot())) {
-    if (is_done()) statistics_ = mesh_statistics(store, num_threads);
-    view_ = mesh_view(store, limits);
+        memory_(store.snapshot().memory()) {
+    if (exchange != nullptr) run_.counts = total_counts(*exchange, run_.counts);
+    if (is_done())
+      statistics_ = exchange != nullptr ? mesh_statistics_of_ranks(store, *exchange, num_threads)
+                                        : mesh_statistics(store, num_threads);
+    view_ = mesh_view(store, limits, exchange);
     num_sites_ = view_.sites.size();
-    if (num_poor_cells() > 0) mark_poor_cells(store, limits.max_sites, num_threads);
+    if (num_poor_cells() > 0) {
+      poor_cells_ = first_poor_cells(store, limits.max_sites, num_threads, exchange);
+      mark_poor_cells();
+    }
   }
 
   PageSummary write(const std::filesystem::path& file) {
@@ -138,9 +127,8 @@ class Page {
 
   std::uint64_t num_poor_cells() const { return statistics_ ? statistics_->num_poor_cells : 0; }
 
-  // Marked as sites are.
-  void mark_poor_cells(const Store& store, std::uint64_t max, int num_threads) {
-    poor_cells_ = first_poor_cells(store, max, num_threads);
+  // As sites are marked.
+  void mark_poor_cells() {
     for (const LeafPoorCell& cell : poor_cells_) {
       const auto after = std::ranges::upper_bound(
           view_.leaves, cell.leaf, {}, [](const ViewLeaf& leaf) { return leaf.key.range_min(); });
@@ -329,7 +317,8 @@ class Page {
     return fmt::format(
         "<figure><h3>Leaves by visits</h3>{}</figure>\n"
         "<figure><h3>Leaves by level in the octree</h3>{}</figure>\n",
-        counts_svg(leaves_.by_visits, "visits"), counts_svg(leaves_.by_level, "level"));
+        counts_svg(view_.leaf_counts.by_visits, "visits"),
+        counts_svg(view_.leaf_counts.by_level, "level"));
   }
 
   std::string facts() const {
@@ -355,8 +344,8 @@ class Page {
         {"initialization", fmt::format("{}, seed {}", init_name(p.init), p.seed)},
         {"bounds", bounds_text(p)},
         {"phase", std::string(phase_name(run_.phase))},
-        {"leaves", fmt::format("{}, of which {} are not empty", grouped(leaves_.num_leaves),
-                               grouped(num_nonempty()))},
+        {"leaves", fmt::format("{}, of which {} are not empty",
+                               grouped(view_.leaf_counts.num_leaves), grouped(num_nonempty()))},
         {"visits",
          fmt::format("{}, the last in epoch {}", grouped(run_.counts.num_visits), run_.epoch)},
         {"insertions", insertions_text(run_.counts.num_insertions)},
@@ -400,7 +389,7 @@ class Page {
 
   std::uint64_t num_nonempty() const {
     std::uint64_t num = 0;
-    for (const auto& [level, count] : leaves_.by_level) num += count;
+    for (const auto& [level, count] : view_.leaf_counts.by_level) num += count;
     return num;
   }
 
@@ -485,7 +474,6 @@ class Page {
   RunRecord run_;
   TimelineRecord timeline_;
   std::optional<MemoryRecord> memory_;
-  LeafCounts leaves_;
   std::optional<MeshStatistics> statistics_;
   MeshView view_;
   std::size_t num_sites_ = 0;             // unresolved ones in view_.sites; poor cells follow
@@ -495,17 +483,21 @@ class Page {
 }  // namespace
 
 PageSummary write_page(const Store& store, const std::filesystem::path& file,
-                       const ViewLimits& limits, int num_threads) {
-  return Page(store, limits, num_threads).write(file);
+                       const ViewLimits& limits, int num_threads, Exchange* exchange) {
+  Page page(store, limits, num_threads, exchange);
+  const bool is_first = exchange == nullptr || exchange->rank() == 0;
+  return is_first ? page.write(file) : PageSummary();
 }
 
-int run_report(const ReportCommand& command) {
-  require_writable(command.output);
-  const Store store = open_whole(command.store);
+namespace {
+
+ViewLimits limits_of(const ReportCommand& command) {
   ViewLimits limits;
   if (command.max_cells) limits.max_cells = *command.max_cells;
-  const PageSummary page =
-      write_page(store, command.output, limits, num_streaming_threads(0, free_memory() / 2));
+  return limits;
+}
+
+void tell_page(const ReportCommand& command, const PageSummary& page) {
   if (command.is_json) {
     print_json({{"file", command.output.string()},
                 {"bytes", page.bytes},
@@ -515,6 +507,27 @@ int run_report(const ReportCommand& command) {
     fmt::print("{:<16} {}: {} of {} cells, {}\n", "written", command.output.string(),
                page.num_cells, page.num_mesh_cells, bytes_text(page.bytes));
   }
+}
+
+}  // namespace
+
+int run_report(const ReportCommand& command) {
+  require_writable(command.output);
+  const Store store = open_whole(command.store);
+  tell_page(command, write_page(store, command.output, limits_of(command),
+                                num_streaming_threads(0, free_memory() / 2)));
+  return kExitDone;
+}
+
+int run_report_as_rank(const ReportCommand& command, Exchange& exchange) {
+  const bool is_first = exchange.rank() == 0;
+  if (is_first) require_writable(command.output);
+  const Store store = open_part(command.store, exchange);
+  const std::uint64_t memory =
+      free_memory() / 2 / static_cast<std::uint64_t>(num_ranks_here(exchange));
+  const PageSummary page = write_page(store, command.output, limits_of(command),
+                                      num_streaming_threads(0, memory), &exchange);
+  if (is_first) tell_page(command, page);
   return kExitDone;
 }
 

@@ -297,7 +297,9 @@ TEST_F(MeshViewTest, ThinsALargeSurface) {
 
 TEST(ViewPlanes, AreAsManyAsThereIsRoomFor) {
   const Box box{{0, 0, 0}, {4, 2, 1}};
-  const auto hundred = [](const ViewPlane&) { return 100.0; };
+  const auto hundred = [](std::span<const ViewPlane> planes) {
+    return 100.0 * static_cast<double>(planes.size());
+  };
   EXPECT_TRUE(view_planes(box, 299, hundred).empty());
   EXPECT_EQ(view_planes(box, 300, hundred).size(), 3U);
   EXPECT_EQ(view_planes(box, 1000, hundred).size(), 9U);

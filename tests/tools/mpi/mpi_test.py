@@ -198,6 +198,32 @@ class MpiTest(unittest.TestCase):
         self.run_command(3, "export", stores, "-q", "-o", self.scratch / "another.vtu")
         self.assertTrue((self.scratch / "another.vtu").read_bytes() == expected)
 
+    def test_reports_what_one_process_reports(self):
+        stores, whole = self.scratch / "part-%r", self.scratch / "whole"
+        page = self.scratch / "many.html"
+        self.run_command(3, "mesh", self.surface, "-o", self.scratch / "many.vtu", "-s", "4%", "-q",
+                         "--leaf-capacity", "1000", "--store", stores)
+        self.run_command(2, "join", stores, whole)
+        for limit in ([], ["--cells", "10000"]):
+            alone = subprocess.run([LOCVOL, "report", whole, "-o", self.scratch / "one.html",
+                                    "--json", *limit], check=True, stdout=subprocess.PIPE)
+            said = json.loads(self.run_command(3, "report", stores, "-o", page, "--json", *limit))
+            self.assertEqual(said, {**json.loads(alone.stdout), "file": str(page)})
+            self.assertTrue(page.read_bytes() == (self.scratch / "one.html").read_bytes())
+        page.unlink()
+
+        def expect_refused(num_ranks, of, message):
+            run = self.start_command(num_ranks, "report", of, "-o", page)
+            said = run.communicate()[0]
+            self.assertEqual(run.returncode, 1, said)
+            self.assertIn(message, said)
+            self.assertFalse(page.exists(), said)
+
+        expect_refused(2, stores, "the run is of another number of ranks")
+        expect_refused(3, self.scratch / "none-%r", "the stores hold no finished run")
+        (self.scratch / "part-2/data.mdb").write_bytes(b"")
+        expect_refused(3, stores, f"rank 2, store {self.scratch}/part-2: there is no part of")
+
     def test_pieces_are_parts_of_the_one_file(self):
         self.mesh("6%")
         run = self.start(3, "6%", "--pieces")
