@@ -283,6 +283,26 @@ TEST(SurfaceThinner, CancelsSheetsThatFallTogether) {
   EXPECT_EQ(thinner.num_triangles(), 0U);
 }
 
+TEST(SurfaceThinner, PutsPartsTogether) {
+  const auto soup = torus(1, 0.05, 120, 60).soup();
+  for (const double grid : {0.03, 0.2}) {  // the latter joins sheets across
+    SurfaceThinner whole({-2, -2, -2}, grid), together({-2, -2, -2}, grid);
+    for (const Triangle& triangle : soup) whole.add(triangle);
+    std::size_t next = 0;
+    for (const std::size_t end : {soup.size() / 3, soup.size() / 2, soup.size()}) {
+      SurfaceThinner some({-2, -2, -2}, grid);
+      for (; next < end; ++next) some.add(soup[next]);
+      together.add(some.take_part());
+      EXPECT_EQ(some.num_vertices() + some.num_triangles(), 0U);
+    }
+    const ViewSurface expected = whole.take(), surface = together.take();
+    EXPECT_TRUE(surface.triangles == expected.triangles);
+    ASSERT_EQ(surface.vertices.size(), expected.vertices.size());
+    for (std::size_t i = 0; i < surface.vertices.size(); ++i)  // near 0 few digits are left
+      EXPECT_LT(max_norm(surface.vertices[i] - expected.vertices[i]), 1e-30);
+  }
+}
+
 TEST_F(MeshViewTest, ThinsALargeSurface) {
   const Store store = meshed(sphere(1, 59, 120), 0.4, 1000);
   ViewLimits limits;
