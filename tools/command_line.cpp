@@ -134,6 +134,23 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->take_all();
 }
 
+CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,
+                      const std::string& description) {
+  return add_parsed(app, "--leaf", parse_leaf, leaf,
+                    description + ", by its key or a point in it (x,y,z)")
+      ->type_name("KEY");
+}
+
+CLI::Option* add_vtu(CLI::App& app, std::filesystem::path& file, const std::string& description) {
+  const auto parse = [](const std::string& text) { return parse_output(text, {".vtu"}); };
+  return add_parsed(app, "--vtu", parse, file, description)->type_name("FILE");
+}
+
+CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
+                       const std::string& description) {
+  return add_parsed(app, "--limit", parse_count, limit, description)->type_name("N");
+}
+
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
@@ -223,6 +240,60 @@ CLI::App* declare_audit(CLI::App& app, AuditCommand& command) {
   add_quiet(*audit, command.is_quiet);
   add_json(*audit, command.is_json);
   return audit;
+}
+
+CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
+  CLI::App* inspect = app.add_subcommand(
+      "inspect", "Look into a store, also while its run goes on; exit code 1 if it is damaged");
+  add_store(*inspect, command.store);
+  CLI::App* view = inspect->add_option_group("View", "Instead of the summary");
+  view->add_flag("--leaves", command.lists_leaves, "List the leaves with state and counts");
+  view->add_flag("--queue", command.lists_queue, "List the queue, in its order");
+  view->add_flag("--unresolved", command.lists_unresolved, "List the unresolved sites");
+  view->add_flag("--sizes", command.lists_sizes, "How many cells of which sizes are asked for");
+  add_leaf(*view, command.leaf, "One leaf in full");
+  view->require_option(0, 1);
+
+  LeafListing& listing = command.listing;
+  CLI::App* which = inspect->add_option_group("Leaves", "For --leaves, and --vtu without --leaf");
+  const auto add_condition = [&listing](const std::vector<std::string>& texts) {
+    try {
+      for (const std::string& text : texts) listing.conditions.push_back(parse_condition(text));
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError("--where", error.what());
+    }
+  };
+  which
+      ->add_option_function<std::vector<std::string>>(
+          "--where", add_condition, "Only leaves with, say, 'visits>2'; may be repeated")
+      ->type_name("CONDITION")
+      ->allow_extra_args(false);
+  add_parsed(*which, "--state", parse_state, listing.state, "Only leaves of this state")
+      ->type_name("clean|waiting|unvisited|core|empty|damaged");
+  add_parsed(*which, "--sort", parse_sort, listing.sort,
+             "By key (ascending), or by level, visits, points, cells, triangles, insertions, "
+             "deletions or unresolved (descending)")
+      ->type_name("FIELD");
+  which->add_flag("--reverse", listing.is_reversed, "In reverse order");
+  add_limit(*inspect, listing.limit, "List at most so many");
+  inspect->add_flag("--check", command.reads_all,
+                    "Read every record, to find damage (summary, --leaves)");
+  add_vtu(*inspect, command.vtu,
+          "Write a file to look at instead: the leaves' boxes, with --leaf its cells, with --sizes "
+          "the octree of sizes");
+  add_json(*inspect, command.is_json);
+  inspect->final_callback([&command, which] {
+    const bool is_of_leaves =
+        command.lists_leaves || (!command.vtu.empty() && !command.leaf && !command.lists_sizes);
+    if (which->count_all() > 0 && !is_of_leaves) {
+      throw CLI::ValidationError(
+          "--where, --state, --sort and --reverse go with --leaves, or with "
+          "--vtu");
+    }
+    if (!command.vtu.empty() && (command.lists_queue || command.lists_unresolved))
+      throw CLI::ValidationError("--vtu goes with --leaf, with --leaves, with --sizes or alone");
+  });
+  return inspect;
 }
 
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -50,11 +51,16 @@ void add_memory(CLI::App& app, std::uint64_t& memory_bytes);
 void add_threads(CLI::App& app, int& num_threads);
 void add_quiet(CLI::App& app, bool& is_quiet);
 void add_sizes(CLI::App& app, MeshOptions& options);
+CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf, const std::string& description);
+CLI::Option* add_vtu(CLI::App& app, std::filesystem::path& file, const std::string& description);
+CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
+                       const std::string& description);
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command);
 CLI::App* declare_resume(CLI::App& app, ResumeCommand& command);
 CLI::App* declare_export(CLI::App& app, ExportCommand& command);
 CLI::App* declare_report(CLI::App& app, ReportCommand& command);
 CLI::App* declare_audit(CLI::App& app, AuditCommand& command);
+CLI::App* declare_inspect(CLI::App& app, InspectCommand& command);
 // What is wrong with the line that was typed. Returns the exit code; --help and --version come
 // here, too.
 int report_usage(const CLI::App& app, const CLI::ParseError& error);

@@ -741,9 +741,10 @@ SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) 
   RunControl control;
   control.is_stopped = StopSignal::is_requested;
   run = find_sizes(options, control).run;
-  const Store store = open_to_read(options.store);
-  if (!command.vtu.empty()) write_sizes_vtu(store.snapshot(), command.vtu);
-  return report_sizes(store.snapshot());
+  OneRank alone;
+  const RunPart found = whole_run(open_to_read(options.store), alone);
+  if (!command.vtu.empty()) write_sizes_vtu(found, run, command.vtu);
+  return report_sizes(found, run);
 }
 
 }  // namespace

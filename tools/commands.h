@@ -114,6 +114,7 @@ int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange);
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange);
 int run_report_as_rank(const ReportCommand& command, Exchange& exchange);
 int run_audit_as_rank(const AuditCommand& command, Exchange& exchange);
+int run_inspect_as_rank(const InspectCommand& command, Exchange& exchange);
 int run_join(const JoinCommand& command, Exchange& exchange);
 int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);

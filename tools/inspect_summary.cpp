@@ -6,21 +6,21 @@
 #include <array>
 #include <map>
 #include <system_error>
+#include <tuple>
 #include <utility>
 
-#include "engine/inspect/leaf_scan.h"
+#include "engine/exchange/pack.h"
+#include "engine/inspect/leaf_row_fields.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/ranks/counts_of_ranks.h"
+#include "engine/ranks/rank_store.h"
 #include "engine/shared/memory_budget.h"
+#include "storage/codec.h"
 #include "tools/arguments.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 
 namespace locvol {
-namespace {
-
-constexpr std::size_t kMaxListedSites = 10;
-constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
-                                LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
 
 struct LevelCounts {
   std::map<LeafState, std::uint64_t> by_state;
@@ -35,13 +35,25 @@ struct LevelCounts {
     ++by_state[row.state()];
     if (row.info && row.info->num_unresolved > 0) ++num_with_unresolved;
   }
+  void add(const LevelCounts& more) {
+    num_leaves += more.num_leaves;
+    num_with_unresolved += more.num_with_unresolved;
+    for (const auto& [state, num] : more.by_state) by_state[state] += num;
+  }
 };
 
-struct Summary {
-  std::optional<RunSummary> run;       // absent if its record is damaged
-  std::optional<std::string> writer;   // the process that works on the run
-  std::optional<MemoryRecord> memory;  // of that process, or of the last one
-  bool has_gone_on = false;            // while it was read
+struct RanksSummary {
+  std::uint64_t num_ranks = 0, num_working = 0;  // the latter: in whose stores a process works
+  std::uint64_t least_superstep = ~std::uint64_t{0}, largest_superstep = 0;
+};
+
+// Of what one rank has, or of all.
+struct InspectSummary {
+  std::optional<RunRecord> run;        // absent if its record is damaged
+  std::optional<MemoryRecord> memory;  // of the process that works on it, or of the last one
+  std::optional<std::string> writer;   // that process
+  RanksSummary ranks;
+  bool has_gone_on = false;  // while it was read
   std::map<int, LevelCounts> levels;
   LevelCounts all;
   std::uint64_t max_visits_of_a_leaf = 0;
@@ -61,12 +73,57 @@ struct Summary {
     return sum;
   }
   std::optional<double> bytes_per_cell() const {
-    if (!run || run->run.counts.num_cells == 0) return std::nullopt;
-    return static_cast<double>(bytes()) / static_cast<double>(run->run.counts.num_cells);
+    if (!run || run->counts.num_cells == 0) return std::nullopt;
+    return static_cast<double>(bytes()) / static_cast<double>(run->counts.num_cells);
+  }
+  RunSummary totals() const {
+    return {
+        .run = *run, .num_leaves = all.num_leaves, .max_visits_of_a_leaf = max_visits_of_a_leaf};
   }
 };
 
-void count_leaf(const LeafRow& row, Summary& summary) {
+auto fields(Maybe<LevelCounts> auto& counts) {
+  auto& [by_state, num_leaves, num_with_unresolved] = counts;
+  return std::tuple(Field("by_state", by_state), Field("num_leaves", num_leaves),
+                    Field("num_with_unresolved", num_with_unresolved));
+}
+auto fields(Maybe<RanksSummary> auto& ranks) {
+  auto& [num_ranks, num_working, least_superstep, largest_superstep] = ranks;
+  return std::tuple(Field("num_ranks", num_ranks), Field("num_working", num_working),
+                    Field("least_superstep", least_superstep),
+                    Field("largest_superstep", largest_superstep));
+}
+auto fields(Maybe<LeafSite> auto& of_leaf) {
+  auto& [leaf, site] = of_leaf;
+  return std::tuple(Field("leaf", leaf), Field("site", site));
+}
+auto fields(Maybe<LeafPoorCell> auto& cell) {
+  auto& [leaf, position, radius, degrees] = cell;
+  return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
+                    Field("degrees", degrees));
+}
+auto fields(Maybe<DatabaseSize> auto& size) {
+  auto& [name, bytes, num_entries] = size;
+  return std::tuple(Field("name", name), Field("bytes", bytes), Field("num_entries", num_entries));
+}
+// But for records of the store, and for what is found by all ranks together.
+auto fields(Maybe<InspectSummary> auto& s) {
+  return std::tuple(Field("writer", s.writer), Field("ranks", s.ranks),
+                    Field("has_gone_on", s.has_gone_on), Field("levels", s.levels),
+                    Field("all", s.all), Field("max_visits_of_a_leaf", s.max_visits_of_a_leaf),
+                    Field("num_waiting", s.num_waiting), Field("front", s.front),
+                    Field("num_unresolved", s.num_unresolved), Field("first_sites", s.first_sites),
+                    Field("databases", s.databases), Field("file_bytes", s.file_bytes),
+                    Field("faults", s.faults));
+}
+
+namespace {
+
+constexpr std::size_t kMaxListedSites = 10;
+constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
+                                LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
+
+void count_leaf(const LeafRow& row, InspectSummary& summary) {
   summary.levels[row.key.level()].add(row);
   summary.all.add(row);
   summary.faults.insert(summary.faults.end(), row.faults.begin(), row.faults.end());
@@ -82,23 +139,17 @@ void count_leaf(const LeafRow& row, Summary& summary) {
   if (row.info->queued) ++summary.num_waiting[row.info->queued->epoch];
 }
 
-RunSummary totals_of(const RunRecord& run, const Summary& summary) {
-  return {.run = run,
-          .num_leaves = summary.all.num_leaves,
-          .max_visits_of_a_leaf = summary.max_visits_of_a_leaf};
-}
-
 // Reads the queue's records, too, and compares it with what the leaves say.
-void check_queue(const Store& store, Summary& summary) {
+void check_queue(const RunPart& part, InspectSummary& summary) {
   std::uint64_t num_entries = 0, num_waiting = 0;
   const auto take = [&](const QueueRow& row) {
     ++num_entries;
     summary.faults.insert(summary.faults.end(), row.faults.begin(), row.faults.end());
     return true;
   };
-  scan_queue(store, take, summary.faults);
+  scan_queue(part, take, summary.faults);
   for (const auto& [epoch, num] : summary.num_waiting) num_waiting += num;
-  const bool is_comparable = !summary.writer && !store.writer() && summary.faults.empty();
+  const bool is_comparable = !summary.writer && !part.store->writer() && summary.faults.empty();
   if (is_comparable && num_entries != num_waiting) {
     summary.faults.push_back({MortonKey(), fmt::format("{} leaves wait, but the queue has {} "
                                                        "entries",
@@ -112,17 +163,31 @@ std::uint64_t data_file_bytes(const Store& store) {
   return unknown ? 0 : bytes;
 }
 
-void measure(const Store& store, Summary& summary) {
-  const int num_threads = num_streaming_threads(0, free_memory() / 2);
-  summary.statistics =
-      read_around(summary.faults, [&] { return mesh_statistics(store, num_threads); });
-  if (!summary.statistics || summary.statistics->num_poor_cells == 0) return;
-  summary.first_poor_cells = first_poor_cells(store, kMaxListedSites, num_threads);
+// The first of the part's leaves in the queue, whatever its record is like.
+std::optional<QueueEntry> front_of(const RunPart& part) {
+  std::optional<QueueEntry> front;
+  const auto take = [&](const QueueRow& row) {
+    front = row.entry;
+    return false;
+  };
+  std::vector<Fault> ignored;
+  scan_queue(part, take, ignored);
+  return front;
 }
 
-Summary summary_of(const Store& store, bool reads_all) {
-  Summary summary;
+void note_superstep(const Reader& reader, InspectSummary& summary) {
+  const auto rank = read_around(summary.faults, [&] { return reader.rank(); });
+  if (rank && *rank)
+    summary.ranks.least_superstep = summary.ranks.largest_superstep = (*rank)->superstep;
+}
+
+InspectSummary own_summary(const RunPart& part, bool reads_all) {
+  InspectSummary summary;
+  summary.ranks.num_ranks = 1;
+  if (!part.store) return summary;
+  const Store& store = *part.store;
   summary.writer = store.writer();
+  summary.ranks.num_working = summary.writer ? 1 : 0;
   const auto run = read_around(summary.faults, [&] { return run_of(store); });
   const auto memory = read_around(summary.faults, [&] { return store.snapshot().memory(); });
   if (memory) summary.memory = *memory;
@@ -130,21 +195,117 @@ Summary summary_of(const Store& store, bool reads_all) {
     count_leaf(row, summary);
     return true;
   };
-  scan_leaves(store, count, summary.faults, {.reads_unresolved = true, .reads_all = reads_all});
-  const auto front =
-      read_around(summary.faults, [&] { return store.snapshot().queue_keys({}, 1); });
-  if (front && !front->empty()) summary.front = front->front();
+  scan_leaves(part, count, summary.faults, {.reads_unresolved = true, .reads_all = reads_all});
+  if (reads_all) check_queue(part, summary);
+  summary.front = front_of(part);
   summary.databases = store.sizes();
   summary.file_bytes = data_file_bytes(store);
+  const Snapshot snapshot = store.snapshot();
   if (run) {
-    const RunRecord now = run_of(store);  // the newer one, should the run go on
-    summary.run = totals_of(now, summary);
-    summary.has_gone_on = now != *run;
+    summary.run = run_of(snapshot, store.directory());  // the newer one, should the run go on
+    summary.has_gone_on = *summary.run != *run;
   }
-  if (reads_all) check_queue(store, summary);
-  if (summary.run && summary.run->run.phase == Phase::kDone && summary.faults.empty())
-    measure(store, summary);
+  if (part.is_of_ranks()) note_superstep(snapshot, summary);
   return summary;
+}
+
+// What all have reached, and all that they have made.
+void add(const RunRecord& more, std::optional<RunRecord>& all) {
+  if (!all) {
+    all = more;
+    return;
+  }
+  all->counts = sum_of(all->counts, more.counts);
+  all->phase = std::min(all->phase, more.phase);
+  all->epoch = std::min(all->epoch, more.epoch);
+}
+
+// The most of any process.
+void add(const MemoryRecord& more, std::optional<MemoryRecord>& all) {
+  if (!all) all.emplace();
+  for (const auto bytes :
+       {&MemoryRecord::cap, &MemoryRecord::program, &MemoryRecord::leaves, &MemoryRecord::commits,
+        &MemoryRecord::visits, &MemoryRecord::cache, &MemoryRecord::peak_resident})
+    (*all).*bytes = std::max((*all).*bytes, more.*bytes);
+}
+
+void add(const RanksSummary& more, RanksSummary& all) {
+  all.num_ranks += more.num_ranks;
+  all.num_working += more.num_working;
+  all.least_superstep = std::min(all.least_superstep, more.least_superstep);
+  all.largest_superstep = std::max(all.largest_superstep, more.largest_superstep);
+}
+
+void add(const std::vector<DatabaseSize>& more, std::vector<DatabaseSize>& all) {
+  if (all.empty()) all.resize(more.size());
+  for (std::size_t i = 0; i < more.size(); ++i)
+    all[i] = {more[i].name, all[i].bytes + more[i].bytes, all[i].num_entries + more[i].num_entries};
+}
+
+// Of the next rank.
+void add(const InspectSummary& more, InspectSummary& all) {
+  if (more.run) add(*more.run, all.run);
+  if (more.memory) add(*more.memory, all.memory);
+  if (!all.writer) all.writer = more.writer;
+  add(more.ranks, all.ranks);
+  all.has_gone_on = all.has_gone_on || more.has_gone_on;
+  for (const auto& [level, counts] : more.levels) all.levels[level].add(counts);
+  all.all.add(more.all);
+  all.max_visits_of_a_leaf = std::max(all.max_visits_of_a_leaf, more.max_visits_of_a_leaf);
+  for (const auto& [epoch, num] : more.num_waiting) all.num_waiting[epoch] += num;
+  if (more.front && (!all.front || *more.front < *all.front)) all.front = more.front;
+  for (std::size_t i = 0; i < all.num_unresolved.size(); ++i)
+    all.num_unresolved[i] += more.num_unresolved[i];
+  all.first_sites.insert(all.first_sites.end(), more.first_sites.begin(), more.first_sites.end());
+  if (all.first_sites.size() > kMaxListedSites) all.first_sites.resize(kMaxListedSites);
+  add(more.databases, all.databases);
+  all.file_bytes += more.file_bytes;
+  all.faults.insert(all.faults.end(), more.faults.begin(), more.faults.end());
+}
+
+// The same on all ranks.
+InspectSummary together(const RunPart& part, InspectSummary own) {
+  own.faults = named(part, std::move(own.faults));
+  std::vector<InspectSummary> of_ranks = gather_values(part.exchange, own);
+  const std::vector<std::string> runs = part.exchange.gather(own.run ? encode(*own.run, MortonKey())
+                                                                     : std::string()),
+                                 memories = part.exchange.gather(
+                                     own.memory ? encode(*own.memory, MortonKey()) : std::string());
+  InspectSummary all;
+  for (std::size_t rank = 0; rank < of_ranks.size(); ++rank) {
+    InspectSummary& summary = of_ranks[rank];
+    if (!runs[rank].empty()) summary.run = decode<RunRecord>(runs[rank], MortonKey());
+    if (!memories[rank].empty()) summary.memory = decode<MemoryRecord>(memories[rank], MortonKey());
+    add(summary, all);
+  }
+  return all;
+}
+
+// Nothing, if a record that it takes is damaged; then faults are of this rank.
+std::optional<MeshStatistics> measured(const RunPart& part, int num_threads,
+                                       std::vector<Fault>& faults) {
+  try {
+    return part.is_of_ranks() ? mesh_statistics_of_ranks(*part.store, part.exchange, num_threads)
+                              : mesh_statistics(*part.store, num_threads);
+  } catch (const CorruptRecord& e) {
+    faults.push_back({e.leaf(), e.what()});
+  } catch (const ExchangeError&) {  // so it is on another rank
+  }
+  return std::nullopt;
+}
+
+// Called by all ranks. Returns how many damaged records this one met.
+std::uint64_t measure(const RunPart& part, InspectSummary& all) {
+  const auto num_here = static_cast<std::uint64_t>(num_ranks_here(part.exchange));
+  const int num_threads = num_streaming_threads(0, free_memory() / 2 / num_here);
+  std::vector<Fault> faults;
+  all.statistics = measured(part, num_threads, faults);
+  all.faults = gather_named(part, faults);
+  if (!all.statistics || all.statistics->num_poor_cells == 0) return faults.size();
+  all.first_poor_cells =
+      gather_all(part.exchange, first_poor_cells(*part.store, kMaxListedSites, num_threads));
+  if (all.first_poor_cells.size() > kMaxListedSites) all.first_poor_cells.resize(kMaxListedSites);
+  return faults.size();
 }
 
 Json to_json(const LevelCounts& counts) {
@@ -154,7 +315,7 @@ Json to_json(const LevelCounts& counts) {
   return json;
 }
 
-Json queue_json(const Summary& summary) {
+Json queue_json(const InspectSummary& summary) {
   Json json = {{"num_waiting", 0}, {"front", nullptr}, {"epochs", Json::array()}};
   std::uint64_t num_waiting = 0;
   for (const auto& [epoch, num] : summary.num_waiting) {
@@ -178,12 +339,20 @@ Json to_json(const MemoryRecord& memory) {
           {"peak_resident", memory.peak_resident}};
 }
 
-Json to_json(const Summary& summary) {
+Json to_json(const RanksSummary& ranks) {
+  return {{"num_ranks", ranks.num_ranks},
+          {"num_working", ranks.num_working},
+          {"least_superstep", ranks.least_superstep},
+          {"largest_superstep", ranks.largest_superstep}};
+}
+
+Json to_json(const InspectSummary& summary) {
   Json json;
-  if (summary.run) json = to_json(*summary.run);
-  if (summary.run) json["epoch"] = summary.run->run.epoch;
+  if (summary.run) json = to_json(summary.totals());
+  if (summary.run) json["epoch"] = summary.run->epoch;
   json["writer"] = nullptr;
   if (summary.writer) json["writer"] = *summary.writer;
+  if (summary.ranks.num_ranks > 1) json["ranks"] = to_json(summary.ranks);
   json["memory"] = nullptr;
   if (summary.memory) json["memory"] = to_json(*summary.memory);
   json["has_gone_on"] = summary.has_gone_on;
@@ -201,18 +370,20 @@ Json to_json(const Summary& summary) {
   if (const auto bytes = summary.bytes_per_cell()) json["bytes_per_cell"] = *bytes;
   json["databases"] = Json::array();
   for (const auto& database : summary.databases) json["databases"].push_back(to_json(database));
-  if (summary.statistics) json["statistics"] = to_json(*summary.statistics, summary.run->run);
+  if (summary.statistics) json["statistics"] = to_json(*summary.statistics, *summary.run);
   json["faults"] = to_json(summary.faults);
   return json;
 }
 
-std::string worker_text(const Summary& summary) {
+std::string worker_text(const InspectSummary& summary) {
+  const RanksSummary& ranks = summary.ranks;
+  if (summary.writer && ranks.num_ranks > 1)
+    return fmt::format("{} of {} processes work on it", ranks.num_working, ranks.num_ranks);
   if (summary.writer) return fmt::format("process {} works on it", *summary.writer);
-  return summary.run->run.phase == Phase::kDone ? "finished"
-                                                : "interrupted: no process works on it";
+  return summary.run->phase == Phase::kDone ? "finished" : "interrupted: no process works on it";
 }
 
-std::string queue_text(const Summary& summary) {
+std::string queue_text(const InspectSummary& summary) {
   std::string text;
   for (const auto& [epoch, num] : summary.num_waiting)
     text += fmt::format("{}{} for epoch {}", text.empty() ? "" : ", ", num, epoch);
@@ -223,7 +394,7 @@ std::string queue_text(const Summary& summary) {
   return text;
 }
 
-void print_levels(const Summary& summary) {
+void print_levels(const InspectSummary& summary) {
   fmt::print("\n{:>7}", "level");
   for (const LeafState state : kStates) fmt::print(" {:>10}", state_name(state));
   fmt::print(" {:>10} {:>10}\n", "leaves", "unresolved");
@@ -237,7 +408,7 @@ void print_levels(const Summary& summary) {
 }
 
 // What the cap was shared out to, and what the process took of it; in the unit of --memory.
-void print_memory(const MemoryRecord& memory) {
+void print_memory(const MemoryRecord& memory, std::uint64_t num_ranks) {
   fmt::print("\n{:<12} {:>12}\n", "memory", "planned");
   const auto print_row = [&](std::string_view name, std::uint64_t bytes) {
     fmt::print("{:<12} {:>12}", name, in_mebibytes(bytes));
@@ -251,10 +422,12 @@ void print_memory(const MemoryRecord& memory) {
     fmt::print("\n");
   }
   print_row("cap", memory.cap);
-  fmt::print("; the process has taken {}\n", in_mebibytes(memory.peak_resident));
+  fmt::print("; {} {}\n",
+             num_ranks == 1 ? "the process has taken" : "no process has taken more than",
+             in_mebibytes(memory.peak_resident));
 }
 
-void print_databases(const Summary& summary) {
+void print_databases(const InspectSummary& summary) {
   fmt::print("\n{:<12} {:>12} {:>12}\n", "database", "on disk", "entries");
   for (const DatabaseSize& database : summary.databases) {
     fmt::print("{:<12} {:>12} {:>12}\n", database.name, bytes_text(database.bytes),
@@ -265,7 +438,7 @@ void print_databases(const Summary& summary) {
   fmt::print("; the file takes {}\n", bytes_text(summary.file_bytes));
 }
 
-void print_sites(const Summary& summary) {
+void print_sites(const InspectSummary& summary) {
   if (summary.first_sites.empty()) return;
   fmt::print("\nunresolved sites: {}\n", insertions_text(summary.num_unresolved));
   for (const LeafSite& site : summary.first_sites) fmt::print("  {}\n", site_text(site));
@@ -275,7 +448,7 @@ void print_sites(const Summary& summary) {
   if (num_more > 0) fmt::print("  and {} more: --unresolved lists all\n", num_more);
 }
 
-void print_poor_cells(const Summary& summary) {
+void print_poor_cells(const InspectSummary& summary) {
   if (summary.first_poor_cells.empty()) return;
   fmt::print("\npoor cells:\n");
   for (const LeafPoorCell& cell : summary.first_poor_cells)
@@ -286,11 +459,11 @@ void print_poor_cells(const Summary& summary) {
   if (num_more > 0) fmt::print("  and {} more: --unresolved lists all\n", num_more);
 }
 
-void print(const Summary& summary) {
+void print(const InspectSummary& summary) {
   if (summary.run) {
-    const RunRecord& run = summary.run->run;
+    const RunRecord& run = *summary.run;
     fmt::print("{}{}{}", facts_text(run.surface), parameters_text(run.parameters),
-               summary_text(*summary.run));
+               summary_text(summary.totals()));
     fmt::print("{}{}", line_text("state", worker_text(summary)),
                line_text("epoch", fmt::to_string(run.epoch)));
   }
@@ -300,11 +473,17 @@ void print(const Summary& summary) {
                                "the run went on while this was read: counts by leaf and "
                                "totals differ by some commits"));
   }
+  const RanksSummary& ranks = summary.ranks;
+  if (ranks.least_superstep < ranks.largest_superstep) {
+    fmt::print("{}",
+               line_text("note", fmt::format("ranks were seen at supersteps {} to {}: what "
+                                             "they count is not of one moment",
+                                             ranks.least_superstep, ranks.largest_superstep)));
+  }
   print_levels(summary);
-  if (summary.memory) print_memory(*summary.memory);
+  if (summary.memory) print_memory(*summary.memory, ranks.num_ranks);
   print_databases(summary);
-  if (summary.statistics)
-    fmt::print("\n{}", statistics_text(*summary.statistics, summary.run->run));
+  if (summary.statistics) fmt::print("\n{}", statistics_text(*summary.statistics, *summary.run));
   print_sites(summary);
   print_poor_cells(summary);
   if (!summary.faults.empty()) fmt::print("\n");
@@ -313,13 +492,18 @@ void print(const Summary& summary) {
 
 }  // namespace
 
-std::uint64_t inspect_summary(const Store& store, bool reads_all, bool is_json) {
-  const Summary summary = summary_of(store, reads_all);
+std::uint64_t inspect_summary(const RunPart& part, bool reads_all, bool is_json) {
+  InspectSummary own = own_summary(part, reads_all);
+  std::uint64_t num_faults = own.faults.size();
+  InspectSummary summary = together(part, std::move(own));
+  const bool is_done = summary.run && summary.run->phase == Phase::kDone && summary.faults.empty();
+  if (is_done && !any(part.exchange, !part.store)) num_faults += measure(part, summary);
+  if (!part.is_first()) return num_faults;
   if (is_json)
     print_json(to_json(summary));
   else
     print(summary);
-  return summary.faults.size();
+  return num_faults;
 }
 
 }  // namespace locvol

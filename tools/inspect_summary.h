@@ -3,11 +3,12 @@
 
 #include <cstdint>
 
-#include "storage/store.h"
+#include "engine/inspect/run_part.h"
 
 namespace locvol {
 
-// Prints it; returns how many damaged records it met. `reads_all`: looks at every record.
-std::uint64_t inspect_summary(const Store& store, bool reads_all, bool is_json);
+// Called by all ranks, of which the first prints it; returns how many damaged records this one met.
+// `reads_all`: looks at every record.
+std::uint64_t inspect_summary(const RunPart& part, bool reads_all, bool is_json);
 
 }  // namespace locvol

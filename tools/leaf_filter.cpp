@@ -109,13 +109,13 @@ bool LeafListing::shows(const LeafRow& row) const {
          std::ranges::all_of(conditions, [&](const auto& c) { return c.holds(row); });
 }
 
-bool LeafListing::comes_before(const LeafRow& a, const LeafRow& b) const {
-  if (a.info.has_value() != b.info.has_value()) return a.info.has_value();
+RowOrder LeafListing::order(const LeafRow& row) const {
   const LeafField* const field = sort.value_or(nullptr);
-  if (!field || !a.info) return is_reversed ? b.key < a.key : a.key < b.key;
-  const auto x = field->value(a.key, *a.info), y = field->value(b.key, *b.info);
-  if (x != y) return is_reversed ? x < y : y < x;
-  return a.key < b.key;
+  const std::uint64_t key = row.key.bits(), is_damaged = row.info ? 0 : 1;
+  if (is_streamed()) return {key};
+  if (!field || !row.info) return {is_damaged, is_reversed ? ~key : key};
+  const std::uint64_t value = field->value(row.key, *row.info);
+  return {is_damaged, is_reversed ? value : ~value, key};
 }
 
 void SortedLeaves::add(const LeafRow& row) {
@@ -132,8 +132,7 @@ std::vector<LeafRow> SortedLeaves::take() {
 }
 
 void SortedLeaves::keep_first() {
-  std::ranges::sort(rows_,
-                    [&](const auto& a, const auto& b) { return listing_.comes_before(a, b); });
+  std::ranges::sort(rows_, {}, [&](const LeafRow& row) { return listing_.order(row); });
   if (listing_.limit && rows_.size() > *listing_.limit) rows_.resize(*listing_.limit);
 }
 

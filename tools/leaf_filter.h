@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "engine/exchange/merged_rows.h"
 #include "engine/inspect/leaf_scan.h"
 
 namespace locvol {
@@ -43,8 +44,9 @@ struct LeafListing {
   bool shows(const LeafRow& row) const;
   // Leaves come from scan_leaves() in Morton order, so no leaf has to wait for others.
   bool is_streamed() const { return !is_reversed && !sort.value_or(nullptr); }
-  // Counts descend, keys ascend, unless reversed; damaged leaves come last. Among equals, by key.
-  bool comes_before(const LeafRow& a, const LeafRow& b) const;
+  // Counts descend, keys ascend, unless reversed. Among equals, by key. Damaged leaves come last,
+  // but in their place where leaves are streamed.
+  RowOrder order(const LeafRow& row) const;
 };
 
 // Keeps the first `limit` leaves in the order of a listing; memory is bounded by that number.

@@ -703,13 +703,15 @@ Json insertions_json(std::span<const std::uint64_t> num_insertions) {
 
 std::string json_line(const Json& json) { return dump(json, -1); }
 
-void print_json(const Json& json) { fmt::print("{}\n", dump(json, 2)); }
+std::string json_text(const Json& json) { return dump(json, 2) + "\n"; }
+
+void print_json(const Json& json) { fmt::print("{}", json_text(json)); }
 
 JsonArrayPrinter::JsonArrayPrinter() { fmt::print("["); }
 JsonArrayPrinter::~JsonArrayPrinter() { fmt::print("{}]\n", is_empty_ ? "" : "\n"); }
 
-void JsonArrayPrinter::add(const Json& element) {
-  fmt::print("{}\n  {}", is_empty_ ? "" : ",", dump(element, -1));
+void JsonArrayPrinter::add(std::string_view element) {
+  fmt::print("{}\n  {}", is_empty_ ? "" : ",", element);
   is_empty_ = false;
 }
 

@@ -90,6 +90,7 @@ double num_uniform_cells(const RunRecord& run);
 // Handles' count of a closed surface: the sum over its components.
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);
 
+std::string json_text(const Json& json);
 void print_json(const Json& json);
 std::string json_line(const Json& json);  // without its end
 
@@ -100,7 +101,7 @@ class JsonArrayPrinter {
   ~JsonArrayPrinter();  // prints the end
   JsonArrayPrinter(const JsonArrayPrinter&) = delete;
   JsonArrayPrinter& operator=(const JsonArrayPrinter&) = delete;
-  void add(const Json& element);
+  void add(std::string_view element);  // as json_line() makes it
 
  private:
   bool is_empty_ = true;

@@ -8,6 +8,7 @@
 
 #include "engine/inspect/leaf_scan.h"
 #include "engine/plan/run_setup.h"
+#include "storage/codec.h"
 #include "tools/results.h"
 
 namespace locvol {
@@ -62,6 +63,16 @@ RunRecord run_of(const Reader& reader, const std::filesystem::path& directory) {
 }
 
 RunRecord run_of(const Store& store) { return run_of(store.snapshot(), store.directory()); }
+
+RunRecord run_of(const RunPart& part) {
+  std::vector<Fault> ignored;
+  std::optional<RunRecord> own;
+  if (part.store) own = read_around(ignored, [&] { return run_of(*part.store); });
+  for (const std::string& bytes :
+       part.exchange.gather(own ? encode(*own, MortonKey()) : std::string()))
+    if (!bytes.empty()) return decode<RunRecord>(bytes, MortonKey());
+  return run_of(part.store.value());
+}
 
 void require_done(const Store& store) {
   const Phase phase = run_of(store).phase;

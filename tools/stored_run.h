@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/inspect/run_part.h"
 #include "engine/ranks/rank_store.h"
 #include "storage/store.h"
 #include "tools/arguments.h"
@@ -22,6 +23,8 @@ Store open_part(const std::filesystem::path& stores, Exchange& exchange);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory);
+// Called by all ranks: as the first has it that can read its own. Throws what the store does.
+RunRecord run_of(const RunPart& part);
 // Throws std::runtime_error if the run in this store is not done.
 void require_done(const Store& store);
 // The leaf that is meant. Throws std::runtime_error if there is none; the message says which

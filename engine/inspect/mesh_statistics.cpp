@@ -311,7 +311,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   const bool has_neighbors = !run.parameters.sizes().is_uniform() && !measured.on_poor;
   if (has_neighbors) measured.neighbors.emplace(name_for_lists(store));
   std::size_t leaf = 0;
-  Workers(num_threads).run_in_order([&]() -> std::unique_ptr<Task> {
+  const auto next_piece = [&]() -> std::unique_ptr<Task> {
     throw_if_stopped(stop);
     if (measured.is_enough) return nullptr;
     std::vector<std::size_t> leaves;
@@ -321,7 +321,12 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
     }
     if (leaves.empty()) return nullptr;
     return std::make_unique<Piece>(measured, std::move(leaves));
-  });
+  };
+  const auto measure_cells = [&] { Workers(num_threads).run_in_order(next_piece); };
+  if (exchange != nullptr)
+    do_on_all(*exchange, measure_cells);
+  else
+    measure_cells();
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
   if (has_neighbors && exchange != nullptr)

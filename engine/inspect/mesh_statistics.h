@@ -22,7 +22,8 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
 
 class Exchange;
 // Of all cells of a run that several ranks work on, each of which calls it and gets the same: the
-// volume is added up rank by rank.
+// volume is added up rank by rank. Where cells cannot be measured on one, throws that on it, and
+// ExchangeError on the others, all of which may go on.
 MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange,
                                         int num_threads = 1);
 

@@ -5,7 +5,8 @@
 #include <filesystem>
 #include <vector>
 
-#include "storage/store.h"
+#include "engine/inspect/run_part.h"
+#include "storage/records.h"
 
 namespace locvol {
 
@@ -22,15 +23,18 @@ struct SizeReport {
   std::vector<SizeOctave> octaves;  // ascending
 };
 
-// Empty where sizes are not known, or do not vary.
-SizeReport report_sizes(const Reader& reader);
+// Empty where sizes are not known, or do not vary. The same on all ranks, each of which calls it:
+// numbers are added up rank by rank.
+SizeReport report_sizes(const RunPart& part, const RunRecord& run);
 
 // The cubes of the octree of sizes that the domain may meet, as hexahedra with the cell data `size`
-// (h at their centers), `distance` (of these from the surface), `level` and `leaf`. Returns the
-// numbers of cubes and bytes. Errors as PartialFile.
+// (h at their centers), `distance` (of these from the surface), `level` and `leaf`. Called by all
+// ranks, written by the first, which returns the numbers of cubes and bytes. Memory: there 32 bytes
+// for each cube. Errors as PartialFile.
 struct WrittenSizes {
   std::uint64_t num_cubes = 0, bytes = 0;
 };
-WrittenSizes write_sizes_vtu(const Reader& reader, const std::filesystem::path& file);
+WrittenSizes write_sizes_vtu(const RunPart& part, const RunRecord& run,
+                             const std::filesystem::path& file);
 
 }  // namespace locvol

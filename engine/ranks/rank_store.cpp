@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <map>
 #include <string>
 #include <system_error>
+#include <thread>
 #include <tuple>
 #include <utility>
 
@@ -20,16 +22,18 @@ namespace locvol {
 struct HeldPart {
   std::string directory;
   bool is_there = false;
-  std::string run;  // what makes it this run, and no other
+  bool is_damaged = false;  // then nothing else is known
+  std::string run;          // what makes it this run, and no other
   std::uint64_t rank = 0, num_ranks = 0, superstep = 0, num_moves = 0;
   bool is_within_superstep = false;
 };
 auto fields(Maybe<HeldPart> auto& part) {
-  auto& [directory, is_there, run, rank, num_ranks, superstep, num_moves, is_within_superstep] =
-      part;
-  return std::tuple(Field("directory", directory), Field("is_there", is_there), Field("run", run),
-                    Field("rank", rank), Field("num_ranks", num_ranks),
-                    Field("superstep", superstep), Field("num_moves", num_moves),
+  auto& [directory, is_there, is_damaged, run, rank, num_ranks, superstep, num_moves,
+         is_within_superstep] = part;
+  return std::tuple(Field("directory", directory), Field("is_there", is_there),
+                    Field("is_damaged", is_damaged), Field("run", run), Field("rank", rank),
+                    Field("num_ranks", num_ranks), Field("superstep", superstep),
+                    Field("num_moves", num_moves),
                     Field("is_within_superstep", is_within_superstep));
 }
 
@@ -66,11 +70,9 @@ std::string identity_of(const RunRecord& run) {
   return encode(alone, MortonKey());
 }
 
-HeldPart part_in(const std::filesystem::path& directory) {
+HeldPart part_in(const Store& store) {
   HeldPart part;
-  part.directory = directory.string();
-  if (!Store::exists(directory)) return part;
-  const Store store = Store::open(directory, {.read_only = true});
+  part.directory = store.directory().string();
   const Snapshot snapshot = store.snapshot();
   const auto run = snapshot.run();
   if (!run || run->phase == Phase::kIngest) return part;
@@ -84,6 +86,13 @@ HeldPart part_in(const std::filesystem::path& directory) {
     part.is_within_superstep = rank->applied.has_value();
   }
   return part;
+}
+
+HeldPart part_in(const std::filesystem::path& directory) {
+  if (Store::exists(directory)) return part_in(Store::open(directory, {.read_only = true}));
+  HeldPart none;
+  none.directory = directory.string();
+  return none;
 }
 
 const HeldPart& newest_of(const std::vector<HeldPart>& parts) {
@@ -118,15 +127,18 @@ void settle_last_move(const std::filesystem::path& stores, Exchange& exchange) {
                    [&](Exchange& hosted) { settle(store_of_rank(stores, hosted.rank()), hosted); });
 }
 
-// Throws StoreError, the same on all ranks. `parts`: those of the run's ranks, in order, and
+std::string name_of(std::size_t rank, const HeldPart& part) {
+  return "rank " + std::to_string(rank) + ", store " + part.directory + ": ";
+}
+
+// These throw StoreError, the same on all ranks. `parts`: those of the run's ranks, in order, and
 // others.
 void require_same_run(const std::vector<HeldPart>& parts, std::size_t num_ranks) {
-  const auto of_run = std::span(parts).first(num_ranks);
-  const auto& newest = *std::ranges::max_element(of_run, {}, &HeldPart::superstep);
   const auto& first = *std::ranges::find_if(parts, &HeldPart::is_there);
   for (std::size_t rank = 0; rank < parts.size(); ++rank) {
     const HeldPart& part = parts[rank];
-    const std::string named = "rank " + std::to_string(rank) + ", store " + part.directory + ": ";
+    if (part.is_damaged) continue;
+    const std::string named = name_of(rank, part);
     if (part.is_there && part.run != first.run)
       throw StoreError(named + "this is a part of another run than in " + first.directory);
     if (rank >= num_ranks) continue;
@@ -137,11 +149,63 @@ void require_same_run(const std::vector<HeldPart>& parts, std::size_t num_ranks)
       throw StoreError(named + "it has a run that one process makes: give another directory");
     if (part.rank != rank)
       throw StoreError(named + "this is the part of rank " + std::to_string(part.rank));
+  }
+}
+
+void require_same_age(const std::vector<HeldPart>& parts, std::size_t num_ranks) {
+  const auto of_run = std::span(parts).first(num_ranks);
+  const auto& newest = *std::ranges::max_element(of_run, {}, &HeldPart::superstep);
+  for (std::size_t rank = 0; rank < num_ranks; ++rank) {
+    const HeldPart& part = parts[rank];
     if (part.num_moves < newest.num_moves || part.superstep + 1 < newest.superstep)
-      throw StoreError(named + "this part is " + std::to_string(newest.superstep - part.superstep) +
+      throw StoreError(name_of(rank, part) + "this part is " +
+                       std::to_string(newest.superstep - part.superstep) +
                        " supersteps older than that in " + newest.directory +
                        ": a copy of it that is as new is needed");
   }
+}
+
+SeenPart seen_in(const std::filesystem::path& directory, HeldPart& part) {
+  SeenPart seen{.directory = directory, .store = {}, .fault = {}, .shares = {}};
+  part = HeldPart();
+  part.directory = directory.string();
+  try {
+    if (!Store::exists(directory)) return seen;
+    seen.store = Store::open(directory, {.read_only = true});
+    part = part_in(*seen.store);
+  } catch (const StoreError& e) {
+    part.is_damaged = true;
+    seen.fault = e.what();
+  }
+  return seen;
+}
+
+// Leaves may have moved in some stores, and be about to in others.
+bool are_of_one_move(const std::vector<HeldPart>& parts) {
+  std::optional<std::uint64_t> num_moves;
+  return std::ranges::all_of(parts, [&](const HeldPart& part) {
+    if (part.is_there && !num_moves) num_moves = part.num_moves;
+    return part.is_damaged || (part.is_there && part.num_moves == num_moves);
+  });
+}
+
+// These throw StoreError, the same on all ranks, unless they can look into the run together.
+void require_number_of_run(const std::filesystem::path& stores,
+                           const std::vector<HeldPart>& parts) {
+  for (const HeldPart& part : parts)
+    if (part.num_ranks > 0 && part.num_ranks != parts.size())
+      throw StoreError(stores.string() + ": the run is of " + std::to_string(part.num_ranks) +
+                       " ranks, and as many have to look into it");
+}
+
+void require_one_run(const std::filesystem::path& stores, const std::vector<HeldPart>& parts) {
+  if (std::ranges::none_of(parts, &HeldPart::is_there))
+    throw StoreError(stores.string() + ": the stores hold no run that can be read");
+  require_same_run(parts, parts.size());
+  if (!are_of_one_move(parts))
+    throw StoreError(stores.string() +
+                     ": leaves of some ranks have moved, and those of others have not: "
+                     "`locvol-mpi resume` goes on from there");
 }
 
 }  // namespace
@@ -206,6 +270,7 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
     parts.push_back(by_rank[static_cast<std::size_t>(rank % num_ranks)].at(
         static_cast<std::size_t>(rank / num_ranks - 1)));
   require_same_run(parts, static_cast<std::size_t>(num_before));
+  require_same_age(parts, static_cast<std::size_t>(num_before));
   for (const std::filesystem::path& part : held.parts)  // of a move that was not finished
     if (Store::owns(next_of(part))) std::filesystem::remove_all(next_of(part));
 
@@ -225,6 +290,33 @@ std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchan
     held.is_ahead = part.superstep != oldest.superstep;
   }
   return held;
+}
+
+SeenPart part_to_look_into(const std::filesystem::path& stores, Exchange& exchange) {
+  constexpr int kTries = 250;
+  constexpr std::chrono::milliseconds kPause{20};
+  const std::filesystem::path own = store_of_rank(stores, exchange.rank());
+  require_own_stores(own, exchange);
+  HeldPart part;
+  SeenPart seen = seen_in(own, part);
+  std::vector<HeldPart> parts = gather_values(exchange, part);
+  require_number_of_run(stores, parts);
+  const bool is_any = any(exchange, part.is_there || std::filesystem::exists(next_of(own)));
+  for (int i = 1; is_any && !are_of_one_move(parts) && i < kTries; ++i) {
+    std::this_thread::sleep_for(kPause);
+    seen.store.reset();  // of a directory that another has the name of now
+    seen = seen_in(own, part);
+    parts = gather_values(exchange, part);
+  }
+  require_one_run(stores, parts);
+
+  const auto known = std::ranges::find_if(parts, &HeldPart::is_there) - parts.begin();
+  std::vector<MortonKey> first;
+  if (known == exchange.rank())
+    if (const auto rank = seen.store->snapshot().rank()) first = rank->first;
+  first = gather_all(exchange, first);
+  if (!first.empty()) seen.shares = Shares(std::move(first));
+  return seen;
 }
 
 PassingStore::PassingStore(std::filesystem::path directory) : directory_(std::move(directory)) {

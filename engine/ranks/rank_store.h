@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "engine/exchange/exchange.h"
 #include "engine/plan/disk_room.h"
+#include "octree/shares.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -41,6 +43,20 @@ struct HeldRun {
 // rank and directory: a rank has no part of the run that others have, is of another run, or older
 // by more than a superstep.
 std::optional<HeldRun> held_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
+
+// What a rank sees of a run that it only looks into.
+struct SeenPart {
+  std::filesystem::path directory;
+  std::optional<Store> store;  // read only; absent: it cannot be opened, because of a `fault`
+  std::string fault;
+  Shares shares;
+};
+// Of the run in the stores, which may go on: nothing is changed, and parts are of any supersteps,
+// for each is seen at a moment of its own. Damage is an error only if no part can be read. Called
+// by as many ranks as the run is of. Throws StoreError, the same on all: the run is of another
+// number of ranks; a rank has no part of it, or another's. While leaves of some have moved and
+// those of others not yet, it waits, for five seconds at most.
+SeenPart part_to_look_into(const std::filesystem::path& stores, Exchange& exchange);
 
 // A directory for a store from which leaves are to move, and that is needed no more then.
 class PassingStore {

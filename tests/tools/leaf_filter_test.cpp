@@ -70,7 +70,7 @@ TEST(LeafListing, SortsCountsDownAndKeysUp) {
                                      row(4, 0, 5)};
   LeafListing listing;
   EXPECT_TRUE(listing.is_streamed());
-  EXPECT_EQ(octants(sorted(listing, rows)), (std::vector{0, 1, 3, 4, 2}));
+  EXPECT_EQ(octants(sorted(listing, rows)), (std::vector{0, 1, 2, 3, 4}));
   listing.sort = parse_sort("cells");
   EXPECT_FALSE(listing.is_streamed());
   EXPECT_EQ(octants(sorted(listing, rows)), (std::vector{1, 0, 4, 3, 2}));

@@ -52,6 +52,7 @@ struct Commands {
   ExportCommand export_command;
   ReportCommand report;
   AuditCommand audit;
+  InspectCommand inspect;
   JoinCommand join;
 };
 
@@ -64,6 +65,7 @@ void declare(CLI::App& app, Commands& commands) {
   add_pieces(declare_export(app, commands.export_command), commands.export_command.is_in_pieces);
   declare_report(app, commands.report);
   declare_audit(app, commands.audit);
+  declare_inspect(app, commands.inspect);
   declare_join(app, commands.join);
   app.add_subcommand("reference", "Print the manual page");
 }
@@ -103,6 +105,7 @@ int run(int argc, char** argv, Exchange& exchange) {
   if (app.got_subcommand("export")) return run_export_as_rank(commands.export_command, exchange);
   if (app.got_subcommand("report")) return run_report_as_rank(commands.report, exchange);
   if (app.got_subcommand("audit")) return run_audit_as_rank(commands.audit, exchange);
+  if (app.got_subcommand("inspect")) return run_inspect_as_rank(commands.inspect, exchange);
   return run_join(commands.join, exchange);
 }
 

@@ -192,6 +192,15 @@ class MpiTest(unittest.TestCase):
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 1, said)
         self.assertIn("the run is of another number of ranks", said)
+        for view in (["--leaves"], ["--leaves", "--sort", "visits", "--limit", "5", "--json"],
+                     ["--leaf", "1,0,0"], ["--unresolved"]):
+            alone = subprocess.run([LOCVOL, "inspect", whole, *view], check=True, text=True,
+                                   stdout=subprocess.PIPE)
+            self.assertEqual(self.run_command(4, "inspect", stores, *view), alone.stdout)
+        run = self.start_command(3, "inspect", stores)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 1, said)
+        self.assertIn("the run is of 4 ranks", said)
         subprocess.run([LOCVOL, "export", whole, "-q", "-o", self.scratch / "other.vtu"],
                        check=True, stdout=subprocess.DEVNULL)
         self.assertTrue((self.scratch / "other.vtu").read_bytes() == expected)
@@ -223,6 +232,28 @@ class MpiTest(unittest.TestCase):
         expect_refused(3, self.scratch / "none-%r", "the stores hold no finished run")
         (self.scratch / "part-2/data.mdb").write_bytes(b"")
         expect_refused(3, stores, f"rank 2, store {self.scratch}/part-2: there is no part of")
+
+    def test_looks_into_a_run_that_goes_on(self):
+        expected = self.mesh("2%")
+        stores = self.scratch / "part-%r"
+        run = self.start(2, "2%", "--store", stores, "-t", "1")
+        num_live = 0
+        while run.poll() is None:
+            look = self.start_command(2, "inspect", stores, "--json")
+            said = look.communicate()[0]
+            if look.returncode != 0:  # nothing else than that it has not begun
+                self.assertIn("the stores hold no run", said)
+                self.assertEqual(num_live, 0, said)
+                continue
+            ranks = json.loads(said)["ranks"]
+            self.assertEqual(ranks["num_ranks"], 2)
+            num_live += ranks["num_working"] > 0
+            rows = json.loads(self.run_command(2, "inspect", stores, "--leaves", "--json"))
+            self.assertEqual(sum(8.0 ** -row["level"] for row in rows), 1)
+        said = run.communicate()[0]
+        self.assertEqual(run.returncode, 0, said)
+        self.assertGreater(num_live, 0)
+        self.assertTrue((self.scratch / "many.vtu").read_bytes() == expected, said)
 
     def test_pieces_are_parts_of_the_one_file(self):
         self.mesh("6%")
