@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "engine/audit/audit.h"
-#include "engine/exchange/exchange.h"
+#include "engine/exchange/in_rank_order.h"
 #include "engine/formats/writer.h"
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_input.h"
@@ -33,6 +33,7 @@
 #include "engine/shared/workers.h"
 #include "tools/arguments.h"
 #include "tools/generate.h"
+#include "tools/leaf_site_fields.h"
 #include "tools/progress.h"
 #include "tools/results.h"
 #include "tools/stop_signal.h"
@@ -259,13 +260,13 @@ int tell_read_in_vain(bool is_json) {
   return kExitInterrupted;
 }
 
-void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
-  const auto sites = unresolved_sites(store.snapshot());
-  const std::size_t num_listed = std::min(sites.size(), kMaxListedSites);
+// `sites`: the first of `num_all`. `inspect`: the command that lists them all.
+void tell_unresolved(const std::vector<LeafSite>& sites, std::uint64_t num_all,
+                     const std::string& inspect, bool is_json, ProgressLine& line) {
   if (is_json) {
     const auto json = [&] {
-      Json all = {{"num_unresolved", sites.size()}, {"sites", Json::array()}};
-      for (std::size_t i = 0; i < num_listed; ++i) all["sites"].push_back(to_json(sites[i]));
+      Json all = {{"num_unresolved", num_all}, {"sites", Json::array()}};
+      for (const LeafSite& site : sites) all["sites"].push_back(to_json(site));
       return all;
     };
     return line.tell("unresolved", json, "");
@@ -273,20 +274,17 @@ void tell_unresolved(const Store& store, bool is_json, ProgressLine& line) {
   line.clear();
   fmt::print(stderr,
              "locvol: {} sites are unresolved: the surface is not smooth there at scale λ\n",
-             sites.size());
-  for (std::size_t i = 0; i < num_listed; ++i) {
-    fmt::print(stderr, "  {}\n", site_text(sites[i]));
-  }
-  if (sites.size() > num_listed) {
-    fmt::print(stderr, "  and {} more: `locvol inspect {} --unresolved` lists all\n",
-               sites.size() - num_listed, store.directory().string());
-  }
+             num_all);
+  for (const LeafSite& site : sites) fmt::print(stderr, "  {}\n", site_text(site));
+  if (num_all > sites.size())
+    fmt::print(stderr, "  and {} more: `{} --unresolved` lists all\n", num_all - sites.size(),
+               inspect);
 }
 
 // The exit code stays 0, and with --quiet the count is in the summary.
-void tell_poor_cells(const Store& store, const MeshStatistics& statistics, int num_threads,
-                     ProgressLine& line) {
-  const auto cells = first_poor_cells(store, kMaxListedSites, num_threads);
+// `cells`: the first of them.
+void tell_poor_cells(const std::vector<LeafPoorCell>& cells, const MeshStatistics& statistics,
+                     const char* program, ProgressLine& line) {
   const auto json = [&] {
     Json all = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
     for (const LeafPoorCell& cell : cells) all["cells"].push_back(to_json(cell));
@@ -298,9 +296,8 @@ void tell_poor_cells(const Store& store, const MeshStatistics& statistics, int n
   for (const LeafPoorCell& cell : cells) text += fmt::format("\n  {}", poor_cell_text(cell));
   if (statistics.num_poor_cells > cells.size())
     text += fmt::format(
-        "\n  and {} more: of a store that is kept, `locvol inspect DIR --unresolved` "
-        "lists all",
-        statistics.num_poor_cells - cells.size());
+        "\n  and {} more: of a store that is kept, `{} inspect DIR --unresolved` lists all",
+        statistics.num_poor_cells - cells.size(), program);
   line.tell("poor_cells", json, text);
 }
 
@@ -360,9 +357,15 @@ MeasuredMesh measure_and_write(const TimedRun& run, const std::filesystem::path&
       return write_mesh(store, command.control.output, command.control.output_options,
                         run.num_writers, on_step, &stop);
     });
-  if (run.summary.outcome == RunOutcome::kUnresolved) tell_unresolved(store, command.is_json, line);
+  if (run.summary.outcome == RunOutcome::kUnresolved) {
+    std::vector<LeafSite> sites = unresolved_sites(store.snapshot());
+    const std::size_t num_all = sites.size();
+    sites.resize(std::min(num_all, kMaxListedSites));
+    tell_unresolved(sites, num_all, "locvol inspect " + directory.string(), command.is_json, line);
+  }
   if (mesh.statistics->num_poor_cells > 0 && !command.is_quiet)  // to find them takes time
-    tell_poor_cells(store, *mesh.statistics, run.num_writers, line);
+    tell_poor_cells(first_poor_cells(store, kMaxListedSites, run.num_writers), *mesh.statistics,
+                    "locvol", line);
   return mesh;
 }
 
@@ -465,9 +468,9 @@ std::filesystem::path stores_of_ranks(const MeshCommand& command) {
 namespace {
 
 // Each rank measures and writes its part. Returns the exit code.
-int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
+int finish_in_parts(const TimedRun& run, const std::filesystem::path& stores,
                     const RunCommand& command, Exchange& exchange, ProgressLine& line) {
-  const Store store = open_to_read(directory);
+  const Store store = open_to_read(store_of_rank(stores, exchange.rank()));
   MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
   Seconds seconds = run.seconds;
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress&) {
@@ -485,12 +488,21 @@ int finish_in_parts(const TimedRun& run, const std::filesystem::path& directory,
       return write(store, command.control.output, command.control.output_options, exchange,
                    run.num_writers);
     });
-  // Where sites are, each rank knows of its own.
-  if (run.summary.outcome == RunOutcome::kUnresolved &&
-      store.snapshot().run()->counts.num_unresolved)
-    tell_unresolved(store, command.is_json, line);
+  const bool is_first = exchange.rank() == 0;
+  if (run.summary.outcome == RunOutcome::kUnresolved) {
+    std::vector<LeafSite> sites = unresolved_sites(store.snapshot());
+    const std::uint64_t num_all = sum(exchange, sites.size()).all;
+    sites = first_of_ranks(exchange, std::move(sites), kMaxListedSites);
+    const std::string inspect = "locvol-mpi inspect " + stores.string();
+    if (is_first) tell_unresolved(sites, num_all, inspect, command.is_json, line);
+  }
+  // Others are quiet.
+  if (mesh.statistics->num_poor_cells > 0 && any(exchange, !command.is_quiet)) {
+    const auto cells = first_poor_cells(store, kMaxListedSites, run.num_writers, &exchange);
+    if (is_first) tell_poor_cells(cells, *mesh.statistics, "locvol-mpi", line);
+  }
   line.clear();
-  if (exchange.rank() == 0) print_result(run.summary, run.summary.outcome, mesh, seconds, named);
+  if (is_first) print_result(run.summary, run.summary.outcome, mesh, seconds, named);
   return exit_code(run.summary.outcome);
 }
 
@@ -508,10 +520,11 @@ void require_pieces(const RunCommand& command) {
 }
 
 // The first rank gets all in one store, and goes on as `mesh` does.
-int finish_on_first(const TimedRun& run, const std::filesystem::path& directory,
+int finish_on_first(const TimedRun& run, const std::filesystem::path& stores,
                     const RunCommand& command, Exchange& exchange, const StopSignal& stop,
                     ProgressLine& line) {
   const bool is_first = exchange.rank() == 0;
+  const std::filesystem::path directory = store_of_rank(stores, exchange.rank());
   const std::filesystem::path whole = directory.string() + ".whole";
   {
     std::optional<Store> joined;
@@ -529,7 +542,7 @@ int finish_on_first(const TimedRun& run, const std::filesystem::path& directory,
 }
 
 // What is the same after `mesh` and `resume` by ranks.
-int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
+int finish_as_rank(const TimedRun& run, const std::filesystem::path& stores,
                    const RunCommand& command, Exchange& exchange, const StopSignal& stop,
                    ProgressLine& line) {
   const bool is_first = exchange.rank() == 0;
@@ -553,13 +566,9 @@ int finish_as_rank(const TimedRun& run, const std::filesystem::path& directory,
           "rank", [&] { return Json::parse(text); }, "");
   const bool is_in_parts = command.control.is_in_pieces || command.control.output.empty() ||
                            can_be_written_in_parts(command.control.output_options.format);
-  return is_in_parts ? finish_in_parts(run, directory, command, exchange, line)
-                     : finish_on_first(run, directory, command, exchange, stop, line);
+  return is_in_parts ? finish_in_parts(run, stores, command, exchange, line)
+                     : finish_on_first(run, stores, command, exchange, stop, line);
 }
-
-}  // namespace
-
-namespace {
 
 // By default those of one machine share half of what is free.
 std::uint64_t memory_of_rank(std::uint64_t asked, Exchange& exchange) {
@@ -601,7 +610,7 @@ int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) try {
   const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
     return mesh_as_rank(own.options, control, exchange);
   });
-  const int code = finish_as_rank(run, store, own, exchange, stop, line);
+  const int code = finish_as_rank(run, own.options.store, own, exchange, stop, line);
   if (code == kExitDone && is_removable) remove_store(store);
   return code;
 } catch (const Stopped&) {
@@ -619,7 +628,7 @@ int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
   const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
     return resume_as_rank(own.store, control, exchange);
   });
-  return finish_as_rank(run, store_of_rank(own.store, exchange.rank()), own, exchange, stop, line);
+  return finish_as_rank(run, own.store, own, exchange, stop, line);
 }
 
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {

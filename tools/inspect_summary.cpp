@@ -10,13 +10,13 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
-#include "engine/inspect/leaf_row_fields.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/memory_budget.h"
 #include "storage/codec.h"
 #include "tools/arguments.h"
+#include "tools/leaf_site_fields.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
 
@@ -92,15 +92,6 @@ auto fields(Maybe<RanksSummary> auto& ranks) {
   return std::tuple(Field("num_ranks", num_ranks), Field("num_working", num_working),
                     Field("least_superstep", least_superstep),
                     Field("largest_superstep", largest_superstep));
-}
-auto fields(Maybe<LeafSite> auto& of_leaf) {
-  auto& [leaf, site] = of_leaf;
-  return std::tuple(Field("leaf", leaf), Field("site", site));
-}
-auto fields(Maybe<LeafPoorCell> auto& cell) {
-  auto& [leaf, position, radius, degrees] = cell;
-  return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
-                    Field("degrees", degrees));
 }
 auto fields(Maybe<DatabaseSize> auto& size) {
   auto& [name, bytes, num_entries] = size;

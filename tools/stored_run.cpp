@@ -104,7 +104,7 @@ MortonKey find_leaf(const Reader& reader, const RunRecord& run, const LeafSpec& 
 std::vector<LeafSite> unresolved_sites(const Reader& reader) {
   std::vector<LeafSite> sites;
   reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
-    if (info.num_unresolved == 0) return true;
+    if (info.num_unresolved == 0 || info.holding != Holding::kOwn) return true;
     for (const UnresolvedSite& site : reader.unresolved(key).sites) sites.push_back({key, site});
     return true;
   });

@@ -31,6 +31,7 @@ void require_done(const Store& store);
 // leaves are there instead.
 MortonKey find_leaf(const Reader& reader, const RunRecord& run, const LeafSpec& spec,
                     const std::filesystem::path& directory);
-std::vector<LeafSite> unresolved_sites(const Reader& reader);  // leaf by leaf, in Morton order
+// Of the store's own leaves, in Morton order.
+std::vector<LeafSite> unresolved_sites(const Reader& reader);
 
 }  // namespace locvol

@@ -1,9 +1,10 @@
-// What is listed of leaves, as exchange/pack.h asks for it.
+// What is told of leaves, as exchange/pack.h asks for it.
 #pragma once
 
 #include <tuple>
 
 #include "engine/inspect/leaf_scan.h"
+#include "engine/inspect/poor_cell.h"
 #include "refine/leaf_fields.h"
 
 namespace locvol {
@@ -49,6 +50,11 @@ auto fields(Maybe<LeafRow> auto& row) {
   auto& [key, info, unresolved, faults] = row;
   return std::tuple(Field("key", key), Field("info", info), Field("unresolved", unresolved),
                     Field("faults", faults));
+}
+auto fields(Maybe<LeafPoorCell> auto& cell) {
+  auto& [leaf, position, radius, degrees] = cell;
+  return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
+                    Field("degrees", degrees));
 }
 
 }  // namespace locvol

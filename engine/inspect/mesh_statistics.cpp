@@ -20,6 +20,7 @@
 #include "engine/exchange/in_rank_order.h"
 #include "engine/exchange/pack.h"
 #include "engine/inspect/cell_gauge.h"
+#include "engine/inspect/leaf_row_fields.h"
 #include "engine/inspect/neighbor_ratio.h"
 #include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
@@ -52,12 +53,6 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("min_dihedral_angles", s.min_dihedral_angles),
       Field("radius_edge_ratios", s.radius_edge_ratios),
       Field("radii_over_size", s.radii_over_size));
-}
-
-auto fields(Maybe<LeafPoorCell> auto& cell) {
-  auto& [leaf, position, radius, degrees] = cell;
-  return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
-                    Field("degrees", degrees));
 }
 
 // Of a leaf, told to ranks near it.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/inspect/cell_gauge.h"
+#include "engine/inspect/poor_cell.h"
 #include "engine/shared/step_progress.h"
 #include "octree/stop.h"
 #include "storage/store.h"
@@ -26,14 +27,6 @@ class Exchange;
 // ExchangeError on the others, all of which may go on.
 MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange,
                                         int num_threads = 1);
-
-// A cell with a dihedral angle below the run's bound, which C7 could not improve.
-struct LeafPoorCell {
-  MortonKey leaf;
-  Point position;      // of its circumcenter; of a flat cell, of its centroid
-  double radius = 0;   // of its circumball
-  double degrees = 0;  // its smallest angle
-};
 
 // All of them in the order of leaves, until `visit` returns false. They are found by measuring the
 // cells, which is what mesh_statistics() does: same memory, same errors. None if the run has no

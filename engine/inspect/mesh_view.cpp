@@ -14,6 +14,7 @@
 #include "engine/exchange/in_rank_order.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/inspect/cell_mesh.h"
+#include "engine/inspect/leaf_row_fields.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/ranks/counts_of_ranks.h"
@@ -37,11 +38,6 @@ auto fields(Maybe<LeafCounts> auto& counts) {
   auto& [num_leaves, by_visits, by_level] = counts;
   return std::tuple(Field("num_leaves", num_leaves), Field("by_visits", by_visits),
                     Field("by_level", by_level));
-}
-auto fields(Maybe<UnresolvedSite> auto& site) {
-  auto& [condition, position, radius] = site;
-  return std::tuple(Field("condition", condition), Field("position", position),
-                    Field("radius", radius));
 }
 auto fields(Maybe<ViewSite> auto& marked) {
   auto& [site, leaf] = marked;

@@ -15,10 +15,8 @@
 
 #include "engine/exchange/merged_rows.h"
 #include "engine/exchange/thread_ranks.h"
-#include "engine/inspect/leaf_scan.h"
 #include "engine/rank_engine.h"
 #include "engine/ranks/rank_store.h"
-#include "octree/shares.h"
 #include "tests/damaged_record.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/file_bytes.h"
@@ -77,7 +75,6 @@ class InspectRanks : public testing::Test {
     options.store = stores_;
     options.size = {0.08, false};
     options.leaf_capacity = 300;
-    options.min_dihedral = 15;
     if (choose) choose(options);
     run_as_ranks(num_ranks, [&](Exchange& exchange) { mesh_as_rank(options, control, exchange); });
   }
@@ -231,7 +228,7 @@ class InspectRanks : public testing::Test {
              {"ranks", "memory", "databases", "bytes", "file_bytes", "bytes_per_cell"})
           json->erase(name);
         if (!json->contains("statistics")) continue;
-        EXPECT_NEAR((*json)["statistics"]["volume"].get<double>(), 4.1, 0.1);
+        EXPECT_NEAR((*json)["statistics"]["volume"].get<double>(), 4.1, 0.2);
         (*json)["statistics"].erase("volume");  // added up rank by rank
       }
       EXPECT_EQ(all, one);
@@ -252,8 +249,7 @@ class InspectRanks : public testing::Test {
 
 TEST(MergedRows, ComeInTheOrderOfAll) {
   for (const int num_ranks : {1, 2, 3, 5}) {
-    std::vector<NumberRow> rows, more;
-    std::vector<NumberRow> expected;
+    std::vector<NumberRow> rows, more, expected;
     for (std::uint64_t number = 0; number < 1000; ++number)
       for (std::uint64_t rank = 0; rank < static_cast<std::uint64_t>(num_ranks); ++rank)
         if (number % (rank + 2) == 0) expected.push_back({number, rank});
@@ -299,12 +295,8 @@ TEST_F(InspectRanks, OfAStoppedRunShowWhatTheWholeShows) {
       if (progress.phase == Phase::kRefine) is_refining = true;
     };
     control.is_stopped = [&] { return is_refining && ++num_asked > 20; };
-    mesh(
-        num_ranks,
-        [](MeshOptions& options) {
-          options.size = {0.05, false};
-        },
-        control);
+    const auto choose = [](MeshOptions& options) { options.size = {0.05, false}; };
+    mesh(num_ranks, choose, control);
     const Json shown = summary();
     EXPECT_EQ(shown["phase"], "refine");
     EXPECT_GT(shown["queue"]["num_waiting"], 10);
@@ -330,6 +322,27 @@ TEST_F(InspectRanks, ShowSizesOfTheWhole) {
   const std::string one = of_whole(written).out, bytes = bytes_of(file);
   EXPECT_EQ(by_ranks(written).out, one);
   EXPECT_TRUE(bytes_of(file) == bytes);
+  expect_summary_of_the_whole();
+}
+
+TEST_F(InspectRanks, ShowPoorCellsOfTheWhole) {
+  mesh(3, [](MeshOptions& options) {
+    options.size = {0.15, false};
+    options.min_dihedral = 40;
+  });
+  join();
+  std::vector<std::size_t> nums;
+  for (const std::optional<std::uint64_t> limit : {std::optional<std::uint64_t>(), {7}}) {
+    const Choose choose = [&](InspectCommand& command) {
+      command.is_json = command.lists_unresolved = true;
+      command.listing.limit = limit;
+    };
+    const std::string listed = by_ranks(choose).out;
+    EXPECT_EQ(listed, of_whole(choose).out);
+    nums.push_back(Json::parse(listed).size());
+  }
+  EXPECT_GT(nums[0], 20U);
+  EXPECT_EQ(nums[1], 7U);
   expect_summary_of_the_whole();
 }
 
