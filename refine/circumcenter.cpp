@@ -10,14 +10,14 @@
 namespace locvol {
 namespace {
 
-using Exact = CGAL::Exact_rational;
+using Rational = CGAL::Exact_rational;
 using Quad = __float128;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double to_double(double v) { return v; }
 double to_double(Quad v) { return static_cast<double>(v); }
-double to_double(const Exact& v) { return CGAL::to_double(v); }
+double to_double(const Rational& v) { return CGAL::to_double(v); }
 
 template <class T>
 struct Vector {
@@ -41,7 +41,7 @@ T dot(const Vector<T>& a, const Vector<T>& b) {
 //   numerator = |u|² (v x w) + |v|² (w x u) + |w|² (u x v),  denominator = 2 u·(v x w),
 // for the edges u, v, w from a.
 template <class T>
-struct Offset {
+struct CenterOffset {
   Vector<T> numerator;
   T denominator;
 
@@ -49,7 +49,7 @@ struct Offset {
 };
 
 template <class T>
-Offset<T> offset(const Point& a, const Point& b, const Point& c, const Point& d) {
+CenterOffset<T> offset(const Point& a, const Point& b, const Point& c, const Point& d) {
   const auto u = difference<T>(b, a), v = difference<T>(c, a), w = difference<T>(d, a);
   const auto vw = cross(v, w), wu = cross(w, u), uv = cross(u, v);
   const T uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
@@ -59,7 +59,7 @@ Offset<T> offset(const Point& a, const Point& b, const Point& c, const Point& d)
 }
 
 template <class T>
-Circumball ball(const Point& a, const Offset<T>& offset) {
+Circumball ball(const Point& a, const CenterOffset<T>& offset) {
   const auto& [numerator, denominator] = offset;
   const Vector<T> o{numerator.x / denominator, numerator.y / denominator,
                     numerator.z / denominator};
@@ -69,7 +69,7 @@ Circumball ball(const Point& a, const Offset<T>& offset) {
 
 // Is the radius larger than `most`, whatever was rounded? The numerator is off by less than a
 // hundred roundings of size⁴, the denominator by as many of size³.
-bool is_larger(const Offset<double>& o, double size, double most) {
+bool is_larger(const CenterOffset<double>& o, double size, double most) {
   constexpr double kError = 1e-13;
   if (!(size > 1e-70 && size < 1e70)) return false;  // else they may underflow or overflow
   const double cube = size * size * size;
@@ -107,7 +107,7 @@ Circumball circumball(const std::array<Point, 4>& vertices, double most) {
   if (rounded.exceeds(1e-3 * cube)) return ball(a, rounded);
   if (is_larger(rounded, size, most)) return {{}, kInfinity};
   if (const auto o = offset<Quad>(a, b, c, d); o.exceeds(Quad(1e-18 * cube))) return ball(a, o);
-  if (const auto o = offset<Exact>(a, b, c, d); o.exceeds(Exact(0))) return ball(a, o);
+  if (const auto o = offset<Rational>(a, b, c, d); o.exceeds(Rational(0))) return ball(a, o);
   return {{}, kInfinity};
 }
 

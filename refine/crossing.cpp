@@ -1,6 +1,5 @@
 #include "refine/crossing.h"
 
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Exact_rational.h>
 
 #include <algorithm>
@@ -8,17 +7,12 @@
 #include <cmath>
 #include <optional>
 
+#include "refine/exact_predicates.h"
+
 namespace locvol {
 namespace {
 
-using K = CGAL::Exact_predicates_inexact_constructions_kernel;
-using Exact = CGAL::Exact_rational;
-
-K::Point_3 cgal(const Point& p) { return {p.x, p.y, p.z}; }
-
-int orientation(const Point& a, const Point& b, const Point& c, const Point& d) {
-  return CGAL::orientation(cgal(a), cgal(b), cgal(c), cgal(d));
-}
+using Rational = CGAL::Exact_rational;
 
 // The sign of a determinant of three differences of points, with largest coordinates whose product
 // is `extent`; 0 if rounding might have changed it, which takes 34 roundings of `extent` at most.
@@ -51,14 +45,14 @@ std::optional<bool> crosses_for_certain(const Point& p, const Point& q, const Tr
   return true;
 }
 
-int sign_of(const Exact& e) { return CGAL::sign(e); }
+int sign_of(const Rational& e) { return CGAL::sign(e); }
 
 // Signs of the components of (b - a) x (d - c), exactly; of the first that is not zero.
 int first_sign_of_cross(const Point& a, const Point& b, const Point& c, const Point& d) {
   for (int i = 0; i < 3; ++i) {
     const int j = (i + 1) % 3, k = (i + 2) % 3;
-    const auto difference = [](const Point& p, const Point& q, int axis) -> Exact {
-      return Exact(q[axis]) - Exact(p[axis]);
+    const auto difference = [](const Point& p, const Point& q, int axis) -> Rational {
+      return Rational(q[axis]) - Rational(p[axis]);
     };
     const int s = sign_of(difference(a, b, j) * difference(c, d, k) -
                           difference(a, b, k) * difference(c, d, j));

@@ -29,7 +29,7 @@ Circumsphere exact_circumsphere(const Point& a, const Point& b, const Point& c, 
           std::sqrt(squared_radius)};
 }
 
-double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
+double squared_segment_distance(const Point& p, const Point& a, const Point& b) {
   const Point along = b - a;
   const double length2 = dot(along, along);
   const double t = length2 > 0 ? std::clamp(dot(p - a, along) / length2, 0.0, 1.0) : 0.0;
@@ -70,8 +70,8 @@ double distance_to_triangle(const Point& p, const Triangle& triangle) {
                         dot(cross(c - b, p - b), normal) >= 0 &&
                         dot(cross(a - c, p - c), normal) >= 0;
   const double to_edges2 =
-      std::min({squared_distance_to_segment(p, a, b), squared_distance_to_segment(p, b, c),
-                squared_distance_to_segment(p, c, a)});
+      std::min({squared_segment_distance(p, a, b), squared_segment_distance(p, b, c),
+                squared_segment_distance(p, c, a)});
   if (!is_above) return std::sqrt(to_edges2);
   return std::min(std::abs(dot(p - a, normal)) / std::sqrt(normal2), std::sqrt(to_edges2));
 }

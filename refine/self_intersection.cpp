@@ -134,7 +134,7 @@ class TriangleTree {
 // Bounds the error of dot(axis, p - o), p - o included, for |axis| and |p - o| measured by their
 // largest coordinates; the last term covers underflow.
 constexpr double kProjectionError = 16 * std::numeric_limits<double>::epsilon();
-constexpr double kUnderflow = 1e-290;
+constexpr double kProjectionUnderflow = 1e-290;
 
 // Is `axis` positive on all of `above` and negative on all of `below`, which are vectors?
 template <std::size_t N, std::size_t M>
@@ -149,7 +149,7 @@ bool separates(const Point& axis, const std::array<Point, N>& above,
     high = std::max(high, dot(axis, p));
     largest = std::max(largest, max_norm(p));
   }
-  const double error = kProjectionError * max_norm(axis) * largest + kUnderflow;
+  const double error = kProjectionError * max_norm(axis) * largest + kProjectionUnderflow;
   return low - high > 2 * error;
 }
 
@@ -196,7 +196,7 @@ bool are_clearly_apart(const std::array<Point, 2>& a, const std::array<Point, 2>
 bool are_clearly_unfolded(const Point& e, const Point& a, const Point& b) {
   const double cosine = dot(cross(e, a), cross(e, b));
   const double scale = max_norm(e) * max_norm(e) * max_norm(a) * max_norm(b);
-  return cosine < -8 * kProjectionError * scale - kUnderflow;
+  return cosine < -8 * kProjectionError * scale - kProjectionUnderflow;
 }
 
 // ---- Exact tests ----

@@ -15,7 +15,7 @@ constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
 constexpr std::uint8_t kMaxRings = 254;  // distances beyond it are not told apart
-constexpr double kSlack = 1e-13;         // over the largest coordinate; far above rounding errors
+constexpr double kMeetSlack = 1e-13;     // over the largest coordinate; far above rounding errors
 
 double largest_coordinate(const Box& b) { return std::max(max_norm(b.min), max_norm(b.max)); }
 
@@ -69,7 +69,7 @@ Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
 
 bool meets(const Triangle& triangle, const Box& box) {
   const Box tb = triangle.box();
-  const double slack = kSlack * std::max(largest_coordinate(tb), largest_coordinate(box));
+  const double slack = kMeetSlack * std::max(largest_coordinate(tb), largest_coordinate(box));
   return meets_with_slack(triangle, tb, box, slack);
 }
 
@@ -426,7 +426,7 @@ SurfacePatch::SurfacePatch(SurfacePiece piece, const StopToken* stop)
     impl_->boxes.push_back(t.box());
     all = all.joined(impl_->boxes.back());
   }
-  impl_->slack = kSlack * largest_coordinate(all);
+  impl_->slack = kMeetSlack * largest_coordinate(all);
   impl_->choose_grid(piece.fineness);
   impl_->fill_grid(stop);
   impl_->measure_rings();

@@ -67,16 +67,16 @@ class CountingSink : public SurfaceSink {
 };
 
 // A file under a temporary name, removed again unless it is published.
-class PartialFile {
+class GeneratedFile {
  public:
-  explicit PartialFile(std::filesystem::path path)
+  explicit GeneratedFile(std::filesystem::path path)
       : path_(std::move(path)), unfinished_(path_), file_(std::fopen(path_.c_str(), "w+b")) {
     if (!file_) fail("create");
     std::setvbuf(file_.get(), buffer_.get(), _IOFBF, kBufferBytes);
   }
-  PartialFile(const PartialFile&) = delete;
-  PartialFile& operator=(const PartialFile&) = delete;
-  ~PartialFile() {
+  GeneratedFile(const GeneratedFile&) = delete;
+  GeneratedFile& operator=(const GeneratedFile&) = delete;
+  ~GeneratedFile() {
     if (!file_) return;
     std::error_code ignored;  // nothing is left to be done about it
     std::filesystem::remove(path_, ignored);
@@ -87,7 +87,7 @@ class PartialFile {
     num_bytes_ += num_bytes;
   }
 
-  void append_contents_of(PartialFile& other) {
+  void append_contents_of(GeneratedFile& other) {
     other.rewind();
     std::vector<char> buffer(kBufferBytes);
     while (const std::size_t n = std::fread(buffer.data(), 1, buffer.size(), other.file_.get()))
@@ -191,7 +191,7 @@ class StlWriter : public SurfaceWriter {
   }
 
   std::filesystem::path name_;
-  PartialFile file_;
+  GeneratedFile file_;
 };
 
 // Binary PLY: a header of text, 24 bytes for each vertex (three doubles), 13 for each triangle (the
@@ -248,7 +248,7 @@ class PlyWriter : public SurfaceWriter {
   }
 
   std::filesystem::path name_;
-  PartialFile file_, faces_;
+  GeneratedFile file_, faces_;
 };
 
 // ---- Surfaces with parameters, row by row -------------------------------------------------------

@@ -16,6 +16,7 @@
 #include "engine/shared/memory_budget.h"
 #include "storage/codec.h"
 #include "tools/arguments.h"
+#include "tools/leaf_filter.h"
 #include "tools/leaf_site_fields.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
@@ -110,7 +111,7 @@ auto fields(Maybe<InspectSummary> auto& s) {
 
 namespace {
 
-constexpr std::size_t kMaxListedSites = 10;
+constexpr std::size_t kMaxFirstSites = 10;
 constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
                                 LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
 
@@ -121,8 +122,7 @@ void count_leaf(const LeafRow& row, InspectSummary& summary) {
   for (const UnresolvedSite& site : row.unresolved.sites) {
     const auto condition = static_cast<std::size_t>(site.condition - 1);
     if (condition < summary.num_unresolved.size()) ++summary.num_unresolved[condition];
-    if (summary.first_sites.size() < kMaxListedSites)
-      summary.first_sites.push_back({row.key, site});
+    if (summary.first_sites.size() < kMaxFirstSites) summary.first_sites.push_back({row.key, site});
   }
   if (!row.info) return;
   summary.max_visits_of_a_leaf =
@@ -248,7 +248,7 @@ void add(const InspectSummary& more, InspectSummary& all) {
   for (std::size_t i = 0; i < all.num_unresolved.size(); ++i)
     all.num_unresolved[i] += more.num_unresolved[i];
   all.first_sites.insert(all.first_sites.end(), more.first_sites.begin(), more.first_sites.end());
-  if (all.first_sites.size() > kMaxListedSites) all.first_sites.resize(kMaxListedSites);
+  if (all.first_sites.size() > kMaxFirstSites) all.first_sites.resize(kMaxFirstSites);
   add(more.databases, all.databases);
   all.file_bytes += more.file_bytes;
   all.faults.insert(all.faults.end(), more.faults.begin(), more.faults.end());
@@ -294,14 +294,14 @@ std::uint64_t measure(const RunPart& part, InspectSummary& all) {
   all.faults = gather_named(part, faults);
   if (!all.statistics || all.statistics->num_poor_cells == 0) return faults.size();
   all.first_poor_cells =
-      gather_all(part.exchange, first_poor_cells(*part.store, kMaxListedSites, num_threads));
-  if (all.first_poor_cells.size() > kMaxListedSites) all.first_poor_cells.resize(kMaxListedSites);
+      gather_all(part.exchange, first_poor_cells(*part.store, kMaxFirstSites, num_threads));
+  if (all.first_poor_cells.size() > kMaxFirstSites) all.first_poor_cells.resize(kMaxFirstSites);
   return faults.size();
 }
 
 Json to_json(const LevelCounts& counts) {
   Json json = {{"num_leaves", counts.num_leaves}};
-  for (const LeafState state : kStates) json[std::string(state_name(state))] = counts.in(state);
+  for (const LeafState state : kLeafStates) json[std::string(state_name(state))] = counts.in(state);
   json["unresolved"] = counts.num_with_unresolved;
   return json;
 }
@@ -387,11 +387,11 @@ std::string queue_text(const InspectSummary& summary) {
 
 void print_levels(const InspectSummary& summary) {
   fmt::print("\n{:>7}", "level");
-  for (const LeafState state : kStates) fmt::print(" {:>10}", state_name(state));
+  for (const LeafState state : kLeafStates) fmt::print(" {:>10}", state_name(state));
   fmt::print(" {:>10} {:>10}\n", "leaves", "unresolved");
   const auto print_row = [](const std::string& name, const LevelCounts& counts) {
     fmt::print("{:>7}", name);
-    for (const LeafState state : kStates) fmt::print(" {:>10}", counts.in(state));
+    for (const LeafState state : kLeafStates) fmt::print(" {:>10}", counts.in(state));
     fmt::print(" {:>10} {:>10}\n", counts.num_leaves, counts.num_with_unresolved);
   };
   for (const auto& [level, counts] : summary.levels) print_row(fmt::to_string(level), counts);

@@ -31,9 +31,6 @@ constexpr std::array kFields = {
     LeafField{"unresolved", [](MortonKey, const LeafInfo& info) { return info.num_unresolved; }},
 };
 
-constexpr std::array kStates = {LeafState::kClean, LeafState::kWaiting, LeafState::kUnvisited,
-                                LeafState::kCore,  LeafState::kEmpty,   LeafState::kDamaged};
-
 std::string field_names() {
   std::string names;
   for (const LeafField& field : kFields)
@@ -98,8 +95,8 @@ const LeafField* parse_sort(const std::string& text) {
 }
 
 LeafState parse_state(const std::string& text) {
-  const auto state = std::ranges::find(kStates, text, state_name);
-  if (state != kStates.end()) return *state;
+  const auto state = std::ranges::find(kLeafStates, text, state_name);
+  if (state != kLeafStates.end()) return *state;
   throw std::invalid_argument(fmt::format(
       "'{}' is no state: give clean, waiting, unvisited, core, empty or damaged", text));
 }

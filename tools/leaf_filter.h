@@ -1,6 +1,7 @@
 // Which leaves a listing shows, and in what order.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -13,6 +14,11 @@
 #include "engine/inspect/leaf_scan.h"
 
 namespace locvol {
+
+// As tables have them.
+inline constexpr std::array kLeafStates = {LeafState::kClean,     LeafState::kWaiting,
+                                           LeafState::kUnvisited, LeafState::kCore,
+                                           LeafState::kEmpty,     LeafState::kDamaged};
 
 // A number that every leaf has: what a listing shows, sorts by and asks for.
 struct LeafField {

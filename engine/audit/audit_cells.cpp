@@ -11,7 +11,7 @@
 namespace locvol {
 namespace {
 
-double degrees(double cosine) {
+double in_degrees(double cosine) {
   return std::acos(std::clamp(cosine, -1.0, 1.0)) * (180 / std::numbers::pi);
 }
 
@@ -52,12 +52,12 @@ class CellCheck {
     check_repeated(sorted_cells);
     report_.volume += volume_;
     if (min_cosine_ > max_cosine_) return;
-    if (const double smallest = degrees(max_cosine_); smallest < report_.min_dihedral_degrees) {
+    if (const double smallest = in_degrees(max_cosine_); smallest < report_.min_dihedral_degrees) {
       report_.min_dihedral_degrees = smallest;
       report_.worst_leaf = leaf_.key;
       report_.worst_place = worst_place_;
     }
-    report_.max_dihedral_degrees = std::max(report_.max_dihedral_degrees, degrees(min_cosine_));
+    report_.max_dihedral_degrees = std::max(report_.max_dihedral_degrees, in_degrees(min_cosine_));
   }
 
  private:
@@ -174,7 +174,7 @@ class CellCheck {
         of_smallest = std::max(of_smallest, cosine);
       }
     }
-    if (degrees(of_smallest) * kBoundSlack < bounds_.min_dihedral) ++report_.num_poor_cells;
+    if (in_degrees(of_smallest) * kBoundSlack < bounds_.min_dihedral) ++report_.num_poor_cells;
     if (of_smallest <= max_cosine_) return;
     max_cosine_ = of_smallest;
     worst_place_ = center;

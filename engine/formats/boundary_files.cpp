@@ -13,7 +13,7 @@ static_assert(std::endian::native == std::endian::little, "STL and PLY are littl
 
 using Float3 = std::array<float, 3>;
 
-Float3 rounded(const Point& p) {
+Float3 in_floats(const Point& p) {
   return {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
 }
 
@@ -30,7 +30,7 @@ void check_resolution(MeshSource& mesh, const std::filesystem::path& file) {
       mesh.workers(), mesh.boundary().facets({.has_corners = true}),
       [](const BoundarySurface::Facets& some) {
         for (const auto& [a, b, c] : some.corners)
-          if (!is_distinct({rounded(a), rounded(b), rounded(c)})) return false;
+          if (!is_distinct({in_floats(a), in_floats(b), in_floats(c)})) return false;
         return true;
       },
       [&](bool is_fine) {
@@ -64,8 +64,8 @@ std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
       [](const BoundarySurface::Facets& some) {
         Bytes triangles;
         for (const auto& corners : some.corners) {
-          triangles.add(rounded(unit_normal(corners)));
-          for (const Point& corner : corners) triangles.add(rounded(corner));
+          triangles.add(in_floats(unit_normal(corners)));
+          for (const Point& corner : corners) triangles.add(in_floats(corner));
           triangles.add(std::uint16_t{0});
         }
         return triangles;

@@ -2,6 +2,7 @@
 #include <bit>
 
 #include "engine/formats/formats.h"
+#include "engine/formats/limits.h"
 #include "engine/formats/outputs.h"
 
 namespace locvol {
@@ -10,7 +11,6 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
 constexpr std::uint64_t kReference = 1;
-constexpr std::uint64_t kMaxInt32 = 0x7fffffff;
 
 bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uint64_t num_facets) {
   return num_vertices > kMaxInt32 || num_cells > kMaxInt32 || num_facets > kMaxInt32;

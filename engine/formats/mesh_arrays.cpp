@@ -5,6 +5,8 @@
 #include <functional>
 #include <utility>
 
+#include "engine/formats/limits.h"
+
 namespace locvol {
 namespace {
 
@@ -70,7 +72,6 @@ class ItemReader {
 }  // namespace
 
 IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells) {
-  constexpr std::uint64_t kMaxInt32 = 0x7fffffff;
   return {num_vertices <= kMaxInt32 ? 4u : 8u, num_cells <= kMaxInt32 / 4 ? 4u : 8u};
 }
 

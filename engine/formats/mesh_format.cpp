@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cctype>
 
+#include "engine/formats/limits.h"
+
 namespace locvol {
 namespace {
 
-constexpr std::uint64_t kMaxInt32 = 0x7fffffff, kMaxUint32 = 0xffffffff;
+constexpr std::uint64_t kMaxUint32 = 0xffffffff;
 constexpr std::uint64_t kMaxAbaqusLabel = 999'999'999;
 
 struct Limit {

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/formats/limits.h"
+
 namespace locvol {
 namespace {
 
-constexpr double kMaxInt32 = 0x7fffffff;
 constexpr double kHeadBytes = 1500;        // at most
 constexpr double kCellsPerCoreVertex = 6;  // of the BCC lattice
 

@@ -4,7 +4,7 @@
 namespace locvol {
 namespace {
 
-Text nodes_of(const MeshPiece& piece) {
+Text node_lines(const MeshPiece& piece) {
   Text text;
   text.reserve(72 * piece.points.size());
   std::uint64_t index = piece.first_vertex;
@@ -13,7 +13,7 @@ Text nodes_of(const MeshPiece& piece) {
   return text;
 }
 
-Text elements_of(const MeshPiece& piece) {
+Text element_lines(const MeshPiece& piece) {
   Text text;
   text.reserve(48 * piece.cells.size());
   std::uint64_t index = piece.first_cell;
@@ -31,11 +31,11 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
   AppendedFile node_file(nodes), element_file(elements);
   // Number of points, dimension, attributes, boundary markers.
   node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
-  mesh.for_each_piece({.has_points = true}, nodes_of,
+  mesh.for_each_piece({.has_points = true}, node_lines,
                       [&](const Text& text) { node_file.append(text.text()); });
   // Number of tetrahedra, points of each, attributes.
   element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
-  mesh.for_each_piece({.has_cells = true}, elements_of,
+  mesh.for_each_piece({.has_cells = true}, element_lines,
                       [&](const Text& text) { element_file.append(text.text()); });
   return node_file.size() + element_file.size();
 }

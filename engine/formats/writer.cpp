@@ -15,7 +15,7 @@
 namespace locvol {
 namespace {
 
-MeshCounts counts_of(MeshSource& mesh, MeshFormat format) {
+MeshCounts mesh_counts(MeshSource& mesh, MeshFormat format) {
   MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
   if (has_boundary(format)) counts.num_boundary_facets = mesh.boundary().num_facets();
   if (format == MeshFormat::kPly) counts.num_boundary_vertices = mesh.boundary().num_vertices();
@@ -83,7 +83,7 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
                         const StopToken* stop) {
   MeshSource mesh(store, file, num_threads, on_step, stop);
-  const MeshCounts counts = counts_of(mesh, options.format);
+  const MeshCounts counts = mesh_counts(mesh, options.format);
   check_limits(options.format, counts, file);
   std::list<PartialFile> files;
   std::vector<PartialFile*> all;
@@ -141,7 +141,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
                                  int num_threads) {
   const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
   MeshSource mesh(store, name, num_threads, {}, nullptr, &exchange, true);
-  const MeshCounts counts = counts_of(mesh, options.format);
+  const MeshCounts counts = mesh_counts(mesh, options.format);
   const std::vector<PieceFile> pieces = piece_files(file, options.format, mesh, exchange);
   const auto of_all = index_of_pieces(file, options.format);
   std::optional<PartialFile> piece, index;

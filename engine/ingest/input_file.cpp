@@ -15,13 +15,13 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kBufferBytes = std::size_t{1} << 18;
+constexpr std::size_t kReadBytes = std::size_t{1} << 18;
 constexpr std::size_t kMaxLineBytes = std::size_t{1} << 24;
 
 }  // namespace
 
 InputFile::InputFile(const std::filesystem::path& path, const StopToken* stop)
-    : path_(path), stop_(stop), buffer_(kBufferBytes) {
+    : path_(path), stop_(stop), buffer_(kReadBytes) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (status.type() == std::filesystem::file_type::not_found)
@@ -148,7 +148,7 @@ void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uin
   InputFile input(file, stop);
   input.seek(begin);
   while (begin < end) {
-    const std::uint64_t bytes = std::min<std::uint64_t>(end - begin, kBufferBytes);
+    const std::uint64_t bytes = std::min<std::uint64_t>(end - begin, kReadBytes);
     hash.update(input.take(bytes), bytes);
     begin += bytes;
   }

@@ -275,11 +275,11 @@ std::vector<int> axes_of(const InputFile& file, const Element& element) {
 }
 
 // The next elements of a kind, by their numbers.
-struct Numbers {
+struct NumberRange {
   std::uint64_t first = 0, end = 0;
 };
 
-void read_vertices(const InputFile& file, const Element& element, Numbers numbers,
+void read_vertices(const InputFile& file, const Element& element, NumberRange numbers,
                    ValueReader& values, SurfaceSink& sink) {
   const std::vector<int> axes = axes_of(file, element);
   for (std::uint64_t v = numbers.first; v < numbers.end; ++v) {
@@ -314,8 +314,8 @@ std::size_t list_of_corners(const InputFile& file, const Element& element) {
 constexpr std::uint64_t kAnyCorners = ~std::uint64_t{0};
 
 // Throws InputError for faces of more than `most_corners`.
-void read_faces(const InputFile& file, const Element& element, Numbers numbers, ValueReader& values,
-                SurfaceSink& sink, std::uint64_t most_corners = kAnyCorners) {
+void read_faces(const InputFile& file, const Element& element, NumberRange numbers,
+                ValueReader& values, SurfaceSink& sink, std::uint64_t most_corners = kAnyCorners) {
   const std::size_t list = list_of_corners(file, element);
   std::vector<std::uint64_t> corners;
   for (std::uint64_t f = numbers.first; f < numbers.end; ++f) {
@@ -439,14 +439,14 @@ class PlyRanges : public SurfaceRanges {
     ValueReader values(file_, blocks_.encoding);
     const auto numbers_of = [&](const Block& block) {
       const std::uint64_t count = block.element.count;
-      const Numbers numbers{begin_of_part(count, part, num_parts),
-                            begin_of_part(count, part + 1, num_parts)};
+      const NumberRange numbers{begin_of_part(count, part, num_parts),
+                                begin_of_part(count, part + 1, num_parts)};
       file_.seek(block.begin + numbers.first * block.stride);
       return numbers;
     };
-    const Numbers vertices = numbers_of(blocks_.vertices);
+    const NumberRange vertices = numbers_of(blocks_.vertices);
     read_vertices(file_, blocks_.vertices.element, vertices, values, facets);
-    const Numbers faces = numbers_of(blocks_.faces);
+    const NumberRange faces = numbers_of(blocks_.faces);
     read_faces(file_, blocks_.faces.element, faces, values, facets, 3);
   }
 

@@ -41,11 +41,11 @@ struct CellReport {
   std::vector<SharedTriangle> shared;
 };
 
-class CellCheck {
+class SurfaceCellCheck {
  public:
   // `stop` may be null.
-  CellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-            double middle_z, const StopToken* stop)
+  SurfaceCellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
+                   double middle_z, const StopToken* stop)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
@@ -333,7 +333,8 @@ SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& b
       workers, buckets.all(),
       [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
       [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
-        return CellCheck(std::move(triangles), bucket.cell, buckets, box.center().z, watch.stop())
+        return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, box.center().z,
+                                watch.stop())
             .run(scope);
       },
       [&](const TriangleBucket& bucket, const CellReport& report) {

@@ -2,14 +2,10 @@
 
 #include <algorithm>
 
+#include "engine/formats/mesh_arrays.h"
 #include "engine/inspect/vtu_file.h"
 
 namespace locvol {
-namespace {
-
-constexpr std::uint8_t kVtkTetra = 10;
-
-}  // namespace
 
 std::array<Point, 4> CellMesh::corners(std::size_t cell) const {
   std::array<Point, 4> corners;

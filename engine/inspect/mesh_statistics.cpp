@@ -127,9 +127,9 @@ LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGa
 }
 
 // Neighboring leaves, measured by one thread.
-class Piece : public Task {
+class MeasureTask : public Task {
  public:
-  Piece(Measured& measured, std::vector<std::size_t> leaves)
+  MeasureTask(Measured& measured, std::vector<std::size_t> leaves)
       : measured_(measured), leaves_(std::move(leaves)) {}
 
   void compute() override {
@@ -315,7 +315,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
       num += num_cells[leaf];
     }
     if (leaves.empty()) return nullptr;
-    return std::make_unique<Piece>(measured, std::move(leaves));
+    return std::make_unique<MeasureTask>(measured, std::move(leaves));
   };
   const auto measure_cells = [&] { Workers(num_threads).run_in_order(next_piece); };
   if (exchange != nullptr)

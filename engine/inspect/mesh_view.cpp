@@ -58,7 +58,7 @@ auto fields(Maybe<SurfaceThinner::Part> auto& part) {
 
 namespace {
 
-constexpr std::size_t kWindowBytes = std::size_t{16} << 20;
+constexpr std::size_t kViewTableBytes = std::size_t{16} << 20;
 // Of a cell along an axis, in λ: that of the lattice's cells on the average.
 constexpr double kCellExtent = 5.0 / 3 * (kLatticeSpacing / 2);
 constexpr double kEstimateMargin = 1.25;
@@ -219,7 +219,7 @@ class LeafMeshReader {
         octree_(octree),
         scale_(reader, run),
         lattice_(lattice_of(run)),
-        tables_(kWindowBytes, [this](std::size_t leaf) { return load_table(leaf); }) {}
+        tables_(kViewTableBytes, [this](std::size_t leaf) { return load_table(leaf); }) {}
 
   LeafMesh load(std::size_t leaf) {
     const MortonKey key = octree_.leaves()[leaf];

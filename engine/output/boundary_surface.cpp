@@ -11,7 +11,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kOpenBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
+constexpr std::size_t kOpenFacetBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
 constexpr std::uint64_t kItemsAtOnce = std::uint64_t{1} << 14;
 
 std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertices) {
@@ -114,7 +114,8 @@ void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
     const auto found = beside.find(leaf);
     return found == beside.end() ? std::nullopt : std::optional(found->second);
   };
-  LeafWindow<LeafList<Record>> lists(kOpenBytes, [&](std::size_t list) { return open.list(list); });
+  LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
+                                     [&](std::size_t list) { return open.list(list); });
   for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
     throw_if_stopped(stop_);
     const std::size_t own = leaf - first_own;
@@ -138,7 +139,7 @@ void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
 
 void BoundarySurface::find_vertices() {
   vertices_.emplace(output_);
-  LeafWindow<LeafList<Record>> lists(kOpenBytes,
+  LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
                                      [&](std::size_t leaf) { return facets_.list(leaf); });
   for (std::size_t leaf = 0; leaf < numbering_->leaves().size(); ++leaf) {
     throw_if_stopped(stop_);

@@ -9,7 +9,7 @@
 namespace locvol {
 namespace {
 
-constexpr double kSlack = 1 + 1e-9;  // for the rounding of distances between boxes
+constexpr double kRoundingSlack = 1 + 1e-9;  // for the rounding of distances between boxes
 
 std::string name_of(const Store& store) { return "the store " + store.directory().string(); }
 
@@ -40,7 +40,7 @@ std::vector<std::size_t> leaves_near(const LinearOctree& octree, const Frame& fr
   std::vector<std::size_t> places;
   auto place = leaves.begin();
   for (const MortonKey key :
-       octree.leaves_within(frame, frame.box(leaves[leaf]), distance * kSlack)) {
+       octree.leaves_within(frame, frame.box(leaves[leaf]), distance * kRoundingSlack)) {
     place = std::lower_bound(place, leaves.end(), key);
     places.push_back(static_cast<std::size_t>(place - leaves.begin()));
   }

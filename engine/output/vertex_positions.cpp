@@ -3,7 +3,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kTableBytes = std::size_t{8} << 20;
+constexpr std::size_t kPositionBytes = std::size_t{8} << 20;
 
 }  // namespace
 
@@ -11,7 +11,7 @@ VertexPositions::VertexPositions(const Reader& reader, const VertexNumbering& nu
                                  int num_shares)
     : reader_(&reader),
       numbering_(&numbering),
-      tables_(kTableBytes / static_cast<std::size_t>(num_shares),
+      tables_(kPositionBytes / static_cast<std::size_t>(num_shares),
               [this](std::size_t leaf) { return load(leaf); }) {}
 
 VertexPositions::Table VertexPositions::load(std::size_t leaf) const {

@@ -62,9 +62,9 @@ void split_leaf(RunState& state, MortonKey leaf) {
   for (int octant = 0; octant < 8; ++octant) count_core_cells(state, leaf.child(octant));
 }
 
-class Visit {
+class VisitChanges {
  public:
-  Visit(RunState& state, LeafLoader& loader, MortonKey leaf)
+  VisitChanges(RunState& state, LeafLoader& loader, MortonKey leaf)
       : state_(state), loader_(loader), leaf_(leaf), box_(state.box(leaf)) {}
 
   void apply(const LeafDelta& delta) {
@@ -230,7 +230,7 @@ LeafDelta with_sizes(RunState& state, LeafDelta delta) {
 }
 
 void apply_visit(RunState& state, LeafLoader& loader, MortonKey leaf, const LeafDelta& delta) {
-  Visit(state, loader, leaf).apply(delta);
+  VisitChanges(state, loader, leaf).apply(delta);
 }
 
 void apply_measure(RunState& state, MortonKey leaf, std::vector<SizedNode> nodes) {

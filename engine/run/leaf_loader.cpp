@@ -14,7 +14,7 @@
 namespace locvol {
 namespace {
 
-constexpr double kSlack = 1.01;  // on distances whose exact value does not matter
+constexpr double kDistanceSlack = 1.01;  // on distances whose exact value does not matter
 
 // Of a patch's grid, with resolutions over λ. Making a fine one pays where all facets of a leaf are
 // held against it; first points and the few facets of a later visit ask less.
@@ -180,7 +180,7 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
   std::vector<MeshPoint> around;
   if (state_.leaves().info(leaf).num_triangles > 0)
     around = points_around(leaf, sample_radius(state_.is_uniform()));
-  const double patch_distance = kSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+  const double patch_distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
   const Box region = box.expanded(patch_distance);
   std::vector<Triangle> triangles = triangles_meeting(region);
   const bool has_shapes = state_.run().parameters.sizes().has_shapes();
@@ -208,7 +208,7 @@ LoadedCover LeafLoader::load_cover(MortonKey leaf) {
 
 LoadedFill LeafLoader::load_fill(MortonKey leaf) {
   const double size = state_.surface_size(leaf);
-  const double patch_distance = state_.is_uniform() ? kSlack * size : surface_reach(leaf);
+  const double patch_distance = state_.is_uniform() ? kDistanceSlack * size : surface_reach(leaf);
   std::vector<MeshPoint> points = points_around(leaf, kFillReach);
   const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
   points.insert(points.end(), own.begin(), own.end());
@@ -231,7 +231,7 @@ LoadedFill LeafLoader::load_fill(MortonKey leaf) {
 LoadedLeaf LeafLoader::load(MortonKey leaf) {
   const double size = state_.surface_size(leaf);
   const double patch_distance =
-      state_.is_uniform() ? kSlack * kReach / 2 * size : surface_reach(leaf);
+      state_.is_uniform() ? kDistanceSlack * kReach / 2 * size : surface_reach(leaf);
   keep_memory_of_points();
   std::vector<MeshPoint> own = state_.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = points_around(leaf, state_.is_cover() ? kReach : kNeighborhood);
@@ -300,7 +300,8 @@ double LeafLoader::volume_over_size(const Box& box, double size) const {
 // r_s deep.
 double LeafLoader::surface_reach(MortonKey leaf) {
   const double growth = state_.run().parameters.growth;
-  return kSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * state_.surface_size(leaf);
+  return kDistanceSlack * reach_factor(growth, kReach) / 2 * (1 + growth) *
+         state_.surface_size(leaf);
 }
 
 // The node, or the largest one that it lies in whose side is small over its distance: what that is
@@ -353,7 +354,7 @@ SizeCubes LeafLoader::sizes_around(MortonKey leaf, double k) {
   sizes.frame = frame;
   const Box box = state_.box(leaf);
   const double farthest = state_.reach_of(leaf, k);
-  const double factor = kSlack * reach_factor(sizes.law.growth, k);
+  const double factor = kDistanceSlack * reach_factor(sizes.law.growth, k);
   const auto reaches = [&](const SizeCube& cube) {
     const double squared = box.squared_distance(frame.box(cube.key));
     if (squared == 0) return true;

@@ -23,21 +23,21 @@ namespace {
 constexpr int kMaxVisitsOfCommit = 64;  // what a crash may cost
 constexpr std::chrono::seconds kMaxTimeOfCommit{1};
 
-constexpr double kSlack = 1.01;
+constexpr double kConflictSlack = 1.01;
 
 // How far apart visits are independent for what they read and write of the core. Others are too far
 // from it (kCoreMargin) to read of it, or to insert close to it.
 double conflict_at_core(const RunParameters& p, const LeafInfo& info) {
   if (info.largest_size < p.max_size) return 0;  // which may be infinite
   const double read = std::max(kCoreReach, reach_factor(p.growth, kReach));
-  return kSlack * (kInsertion + kLatticeStar + read) * p.max_size;
+  return kConflictSlack * (kInsertion + kLatticeStar + read) * p.max_size;
 }
 
 // Of visits that refine, where sizes vary. `reached`: LeafInfo::reached_size, or more
 double graded_conflict(const RunParameters& p, const LeafInfo& info, double reached) {
   const double reach = reach_factor(p.growth, kReach);
-  return std::max({conflict_at_core(p, info), kSlack * 2 * reach * info.largest_size,
-                   kSlack * (0.5 * kReach + reach) * reached});
+  return std::max({conflict_at_core(p, info), kConflictSlack * 2 * reach * info.largest_size,
+                   kConflictSlack * (0.5 * kReach + reach) * reached});
 }
 
 RunRecord read_run(const Store& store) {
@@ -53,7 +53,7 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
   if (p.growth == 0) return kTouch * p.size;
   if (run.phase <= Phase::kSize) {
     const SizeRules rules{p.per_circle, p.deviation, p.layers, p.min_size};
-    return kSlack * std::max(kExactDistance * p.size, measure_reach(rules, p.size));
+    return kConflictSlack * std::max(kExactDistance * p.size, measure_reach(rules, p.size));
   }
   // As long as it is not known, no more than twice as large (find_reached_size()).
   const double reached = info.reached_size > 0 ? info.reached_size : 2 * info.largest_size;
@@ -61,9 +61,9 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
   // A visit moves the vertices of balls that are centered as far as it puts points, and deletes as
   // near to those; others look around where these were.
   const double of_moved = (0.5 * kReach + 1 + reach * (1 + p.growth)) * reached;
-  return std::max({graded_conflict(p, info, reached), kSlack * of_moved,
-                   kSlack * 2 * reach * info.largest_size + p.size,   // merge_sites()
-                   kSlack * 0.5 * reach * (1 + p.growth) * p.size});  // triangles
+  return std::max({graded_conflict(p, info, reached), kConflictSlack * of_moved,
+                   kConflictSlack * 2 * reach * info.largest_size + p.size,   // merge_sites()
+                   kConflictSlack * 0.5 * reach * (1 + p.growth) * p.size});  // triangles
 }
 
 RunState::RunState(Store& store, std::size_t cache_bytes, std::size_t max_unwritten_bytes)
@@ -245,14 +245,15 @@ std::vector<std::uint32_t> RunState::colors_of(const std::vector<MortonKey>& its
 double RunState::conflict_distance(MortonKey leaf) {
   if (run_.phase <= Phase::kSize) return -1;
   if (run_.phase == Phase::kCover)  // it reads samples within r_s of its box, and writes to its box
-    return kSlack *
+    return kConflictSlack *
            std::min(reach_of(leaf, sample_radius(is_uniform())),
                     reach_factor(run_.parameters.growth, sample_radius(is_uniform())) * size());
   if (is_uniform()) return kConflict * size();
   const LeafInfo& info = leaves_.info(leaf);
   if (run_.phase == Phase::kFill)
-    return std::max(conflict_at_core(run_.parameters, info),
-                    kSlack * reach_factor(run_.parameters.growth, kFillReach) * info.largest_size);
+    return std::max(
+        conflict_at_core(run_.parameters, info),
+        kConflictSlack * reach_factor(run_.parameters.growth, kFillReach) * info.largest_size);
   return graded_conflict(run_.parameters, info, info.reached_size);
 }
 

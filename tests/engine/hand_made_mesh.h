@@ -209,6 +209,11 @@ inline HandMadeMesh random_delaunay(unsigned seed, int num_points) {
   return mesh;
 }
 
+inline std::vector<HandMadeMesh> different_meshes() {
+  return {lattice_ball({2, 2, 2}, 2.6),
+          cubes(3, [](int x, int y, int) { return x != 1 || y != 1; }), random_delaunay(3, 20)};
+}
+
 // A root from -2 to 6 on each axis: boxes of level 3 have a side of 1, at integer places.
 inline Frame hand_made_frame() { return Frame({-2, -2, -2}, std::ldexp(8, -MortonKey::kMaxLevel)); }
 

@@ -33,7 +33,7 @@ struct Arrays {
 };
 
 // A torus of many leaves, some of which hold part of the lattice core.
-Arrays torus() { return Arrays(testing_shapes::torus(1, 0.45, 48, 24)); }
+Arrays torus_arrays() { return Arrays(testing_shapes::torus(1, 0.45, 48, 24)); }
 Options torus_options(const TempDir& dir) {
   return {.size = Size::length(0.1), .scratch = dir.path(), .leaf_capacity = 300};
 }
@@ -89,7 +89,7 @@ TEST(Library, SaysWhatTheSurfaceAndTheMeshAre) {
   const TempDir dir;
   std::vector<Stage> stages;
   std::uint64_t last_cells = 0;
-  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir),
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), torus_options(dir),
                                  {.on_progress = [&](const Status& status) {
                                    if (stages.empty() || stages.back() != status.stage)
                                      stages.push_back(status.stage);
@@ -116,7 +116,7 @@ TEST(Library, MakesCellsSmallerAtShapes) {
   Options options = torus_options(dir);
   options.size = Size::length(0.2);
   const auto num_cells = [&] {
-    return static_cast<double>(mesh_surface(torus().surface(), options).summary().num_cells);
+    return static_cast<double>(mesh_surface(torus_arrays().surface(), options).summary().num_cells);
   };
   const double num_before = num_cells();
   const std::vector shapes{SizedShape::ball(Size::length(0.03), {1.45, 0, 0}, 0.05),
@@ -128,7 +128,7 @@ TEST(Library, MakesCellsSmallerAtShapes) {
   }
   options.shapes = shapes;
   options.shapes[1].size = Size::length(0);
-  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "shape 2: size 0"),
+  EXPECT_EQ(code_of([&] { mesh_surface(torus_arrays().surface(), options); }, "shape 2: size 0"),
             ErrorCode::kInput);
 }
 
@@ -139,7 +139,7 @@ TEST(Library, MakesCellsSmallerWhereTheSurfaceAsksForIt) {
   const auto num_cells = [&](const std::function<void(Options&)>& change) {
     Options changed = options;
     change(changed);
-    return static_cast<double>(mesh_surface(torus().surface(), changed).summary().num_cells);
+    return static_cast<double>(mesh_surface(torus_arrays().surface(), changed).summary().num_cells);
   };
   const double num_before = num_cells([](Options&) {});
   const double num_around = num_cells([](Options& o) { o.per_circle = 24; });
@@ -149,7 +149,7 @@ TEST(Library, MakesCellsSmallerWhereTheSurfaceAsksForIt) {
   EXPECT_GT(num_cells([](Options& o) { o.deviation = Size::percent(2); }), 2 * num_before);
   EXPECT_GT(num_cells([](Options& o) { o.layers = 4; }), 2 * num_before);
   options.min_size = Size::length(0.1);
-  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "smallest size"),
+  EXPECT_EQ(code_of([&] { mesh_surface(torus_arrays().surface(), options); }, "smallest size"),
             ErrorCode::kInput);
 }
 
@@ -157,7 +157,7 @@ TEST(Library, HandsOutTheMeshInChunks) {
   const TempDir dir;
   Options options = torus_options(dir);
   options.size = Size::length(0.06);
-  const Mesh mesh = mesh_surface(torus().surface(), options);
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), options);
   mesh.write(dir / "torus.vtu");
   const VtuArrays vtu(dir / "torus.vtu");
   const auto positions = vtu.array<Coordinates>("Float64", "Points");
@@ -208,7 +208,7 @@ TEST(Library, HandsOutTheMeshInChunks) {
 
 TEST(Library, HandsOutTheBoundaryInChunks) {
   const TempDir dir;
-  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir));
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), torus_options(dir));
   std::vector<Coordinates> positions(mesh.num_vertices());
   std::vector<std::array<std::uint64_t, 4>> cells;
   std::map<std::array<std::uint64_t, 3>, int> cells_of_facet;
@@ -263,7 +263,7 @@ double total(const Distribution& distribution) {
 
 TEST(Library, MeasuresTheCells) {
   const TempDir dir;
-  const Mesh mesh = mesh_surface(torus().surface(), torus_options(dir));
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), torus_options(dir));
   double six_volumes = 0, max_circumradius = 0, max_ratio = 0;
   mesh.for_each_chunk([&](const Chunk& chunk) {
     for (const auto& cell : chunk.cells) {
@@ -310,7 +310,7 @@ TEST(Library, MeasuresTheCells) {
 
 TEST(Library, ChoosesASizeAndTellsWhatARunWillTake) {
   const TempDir dir;
-  const Arrays arrays = torus();
+  const Arrays arrays = torus_arrays();
   const SurfaceInfo info = surface_info(arrays.surface(), {}, dir.path());
   EXPECT_TRUE(is_empty(dir));
   EXPECT_EQ(info.num_triangles, 2u * 48 * 24);
@@ -358,7 +358,7 @@ TEST(Library, ChoosesASizeAndTellsWhatARunWillTake) {
 
 TEST(Library, RefusesASurfaceBeforeARunAndStopsReadingIt) {
   const TempDir dir;
-  Arrays open = torus();
+  Arrays open = torus_arrays();
   open.triangles.pop_back();
   EXPECT_EQ(code_of([&] { surface_info(open.surface()); }, "is not closed"), ErrorCode::kInput);
   // Enough triangles for the question to be asked.
@@ -371,7 +371,7 @@ TEST(Library, RefusesASurfaceBeforeARunAndStopsReadingIt) {
 
 TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
   const TempDir dir, scratch;
-  const Arrays arrays = torus();
+  const Arrays arrays = torus_arrays();
   Options options = torus_options(scratch);
   mesh_surface(arrays.surface(), options).write(dir / "undisturbed.vtu");
 
@@ -409,14 +409,14 @@ TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
 TEST(Library, RemovesAStoreWithoutAName) {
   const TempDir scratch;
   {
-    const Mesh mesh = mesh_surface(torus().surface(), torus_options(scratch));
+    const Mesh mesh = mesh_surface(torus_arrays().surface(), torus_options(scratch));
     EXPECT_TRUE(std::filesystem::exists(mesh.store()));
     EXPECT_FALSE(is_empty(scratch));
   }
   EXPECT_TRUE(is_empty(scratch));
   Options options = torus_options(scratch);
   options.size = Size::length(100);
-  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options); }, "no cell fits"),
+  EXPECT_EQ(code_of([&] { mesh_surface(torus_arrays().surface(), options); }, "no cell fits"),
             ErrorCode::kInput);
   EXPECT_TRUE(is_empty(scratch));
 }
@@ -427,39 +427,42 @@ TEST(Library, RefusesWhatIsNoSurface) {
   const auto refuses = [&](const Arrays& arrays, const std::string& why) {
     EXPECT_EQ(code_of([&] { mesh_surface(arrays.surface(), options); }, why), ErrorCode::kInput);
   };
-  Arrays open = torus();
+  Arrays open = torus_arrays();
   open.triangles.pop_back();
   refuses(open, "surface in memory: is not closed");
-  Arrays infinite = torus();
+  Arrays infinite = torus_arrays();
   infinite.vertices[7][1] = std::numeric_limits<double>::infinity();
   refuses(infinite, "not finite");
-  Arrays dangling = torus();
+  Arrays dangling = torus_arrays();
   dangling.triangles[3][2] = 5000;
   refuses(dangling, "triangle 3 names vertex 5000");
-  Arrays empty = torus();
+  Arrays empty = torus_arrays();
   empty.triangles.clear();
   refuses(empty, "no vertices and no faces");
   EXPECT_EQ(code_of([&] { mesh_surface(Surface::file(dir / "none.stl"), options); }, "none.stl"),
             ErrorCode::kInput);
-  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), {.scratch = dir.path()}); }, "size 0"),
-            ErrorCode::kInput);
+  EXPECT_EQ(
+      code_of([&] { mesh_surface(torus_arrays().surface(), {.scratch = dir.path()}); }, "size 0"),
+      ErrorCode::kInput);
   EXPECT_TRUE(is_empty(dir));
 }
 
 TEST(Library, TellsErrorsApart) {
   const TempDir dir;
   const Options options = torus_options(dir);
-  EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), options, {.memory_bytes = 1 << 20}); },
-                    "give 96M or more"),
-            ErrorCode::kMemory);
+  EXPECT_EQ(
+      code_of([&] { mesh_surface(torus_arrays().surface(), options, {.memory_bytes = 1 << 20}); },
+              "give 96M or more"),
+      ErrorCode::kMemory);
   Options steep = options;
   for (const double angle : {50.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
     steep.min_dihedral = angle;
-    EXPECT_EQ(code_of([&] { mesh_surface(torus().surface(), steep); }, "smallest dihedral angle"),
-              ErrorCode::kInput);
+    EXPECT_EQ(
+        code_of([&] { mesh_surface(torus_arrays().surface(), steep); }, "smallest dihedral angle"),
+        ErrorCode::kInput);
   }
   EXPECT_EQ(code_of([&] { resume_run(dir / "none"); }, "none"), ErrorCode::kStore);
-  const Mesh mesh = mesh_surface(torus().surface(), options);
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), options);
   EXPECT_EQ(code_of([&] { mesh.write(dir / "none/a.vtu"); }, "none/a.vtu"), ErrorCode::kSystem);
 }
 
@@ -469,7 +472,7 @@ struct Outcry {};
 TEST(Library, LetsThroughWhatACallbackThrows) {
   const TempDir dir;
   const Options options = torus_options(dir);
-  const Arrays arrays = torus();
+  const Arrays arrays = torus_arrays();
   const Control progress{.on_progress = [](const Status&) { throw Outcry(); }};
   EXPECT_THROW(mesh_surface(arrays.surface(), options, progress), Outcry);
   const Control cancel{.is_canceled = []() -> bool { throw Outcry(); }};
@@ -487,7 +490,7 @@ TEST(Library, LetsThroughWhatACallbackThrows) {
 // A refusal passes through the program's own function; it cannot be caught for good there.
 TEST(Library, RefusesASourceThatHoldsErrorsBack) {
   const TempDir dir;
-  const Arrays arrays = torus();
+  const Arrays arrays = torus_arrays();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto source = [&](const Surface::Visitor& visit) {
     for (const auto& [a, b, c] : arrays.triangles)

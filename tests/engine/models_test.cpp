@@ -15,13 +15,13 @@
 namespace locvol {
 namespace {
 
-struct Model {
+struct MeshModel {
   std::string file;
   bool is_smooth = true;  // or has right angles at the sharpest: its topology must come out
-  friend std::ostream& operator<<(std::ostream& out, const Model& m) { return out << m.file; }
+  friend std::ostream& operator<<(std::ostream& out, const MeshModel& m) { return out << m.file; }
 };
 
-class MeshedModel : public testing::TestWithParam<Model> {};
+class MeshedModel : public testing::TestWithParam<MeshModel> {};
 
 TEST_P(MeshedModel, PassesTheAudit) {
   const std::filesystem::path file = std::filesystem::path(LOCVOL_MODELS_DIR) / GetParam().file;
@@ -49,7 +49,7 @@ TEST_P(MeshedModel, PassesTheAudit) {
   EXPECT_EQ(report.num_components, report.surface_num_components);
 }
 
-std::string name_of(const testing::TestParamInfo<Model>& info) {
+std::string name_of(const testing::TestParamInfo<MeshModel>& info) {
   std::string name = info.param.file.substr(0, info.param.file.find('.'));
   std::ranges::replace_if(
       name, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); }, '_');
@@ -58,16 +58,18 @@ std::string name_of(const testing::TestParamInfo<Model>& info) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, MeshedModel,
-    testing::Values(Model{"3holes.ply"}, Model{"anchor.ply"}, Model{"armadillo.ply"},
-                    Model{"bimba.ply"}, Model{"cheese.ply", false}, Model{"chinese_lion.ply"},
-                    Model{"cube.off"}, Model{"dancing_children.ply"}, Model{"dragon.ply", false},
-                    Model{"elephant.off"}, Model{"eyeglasses.ply"}, Model{"fandisk.ply"},
-                    Model{"fertility.ply"}, Model{"happy_buddha.ply", false}, Model{"homer.ply"},
+    testing::Values(MeshModel{"3holes.ply"}, MeshModel{"anchor.ply"}, MeshModel{"armadillo.ply"},
+                    MeshModel{"bimba.ply"}, MeshModel{"cheese.ply", false},
+                    MeshModel{"chinese_lion.ply"}, MeshModel{"cube.off"},
+                    MeshModel{"dancing_children.ply"}, MeshModel{"dragon.ply", false},
+                    MeshModel{"elephant.off"}, MeshModel{"eyeglasses.ply"},
+                    MeshModel{"fandisk.ply"}, MeshModel{"fertility.ply"},
+                    MeshModel{"happy_buddha.ply", false}, MeshModel{"homer.ply"},
                     // The joint once looped: a ghost facet whose cell lay outside the patch.
-                    Model{"joint.off"}, Model{"knot.ply"}, Model{"lucy.ply", false},
-                    Model{"menger_sponge_3.ply"}, Model{"nested_shells.ply"},
-                    Model{"rocker_arm.obj"}, Model{"stanford_bunny.ply"},
-                    Model{"thingi_112932.stl"}, Model{"thingi_73416.stl"}),
+                    MeshModel{"joint.off"}, MeshModel{"knot.ply"}, MeshModel{"lucy.ply", false},
+                    MeshModel{"menger_sponge_3.ply"}, MeshModel{"nested_shells.ply"},
+                    MeshModel{"rocker_arm.obj"}, MeshModel{"stanford_bunny.ply"},
+                    MeshModel{"thingi_112932.stl"}, MeshModel{"thingi_73416.stl"}),
     name_of);
 
 }  // namespace

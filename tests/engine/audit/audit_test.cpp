@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/shared/cell_quality.h"
+#include "tests/engine/described.h"
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/temp_dir.h"
 
@@ -23,12 +24,6 @@ AuditReport audit_of(const HandMadeStore& store) {
 
 AuditReport audit_of(const HandMadeMesh& mesh, const LinearOctree& octree = mixed_octree()) {
   return audit_of(HandMadeStore(mesh, octree));
-}
-
-std::string described(const AuditReport& report) {
-  std::string text;
-  for (const std::string& violation : report.violations) text += violation + "\n";
-  return text;
 }
 
 HandMadeMesh ball() { return lattice_ball(kCenter, 2.6); }
@@ -69,14 +64,14 @@ void expect_only(const AuditReport& report, std::uint64_t AuditReport::*count,
   EXPECT_EQ(report.violations.size(), std::min<std::uint64_t>(expected, 3));
 }
 
-struct Shape {
+struct AuditedShape {
   std::string name;
   std::function<bool(int, int, int)> has;
   std::int64_t euler_characteristic;
   std::uint64_t num_components;
 };
 
-class ShapeAudit : public testing::TestWithParam<Shape> {};
+class ShapeAudit : public testing::TestWithParam<AuditedShape> {};
 
 TEST_P(ShapeAudit, CountsAndTopology) {
   const HandMadeMesh mesh = cubes(3, GetParam().has);
@@ -104,12 +99,14 @@ TEST_P(ShapeAudit, CountsAndTopology) {
 INSTANTIATE_TEST_SUITE_P(
     Cubes, ShapeAudit,
     testing::Values(
-        Shape{"Block", [](int, int, int) { return true; }, 2, 1},
-        Shape{"Tunnel", [](int x, int y, int) { return x != 1 || y != 1; }, 0, 1},
-        Shape{"Cavity", [](int x, int y, int z) { return x != 1 || y != 1 || z != 1; }, 4, 2},
-        Shape{"TwoPlates", [](int x, int, int) { return x != 1; }, 4, 2},
-        Shape{"ThreeTunnels",
-              [](int x, int y, int z) { return (x != 1) + (y != 1) + (z != 1) > 1; }, -8, 1}),
+        AuditedShape{"Block", [](int, int, int) { return true; }, 2, 1},
+        AuditedShape{"Tunnel", [](int x, int y, int) { return x != 1 || y != 1; }, 0, 1},
+        AuditedShape{"Cavity", [](int x, int y, int z) { return x != 1 || y != 1 || z != 1; }, 4,
+                     2},
+        AuditedShape{"TwoPlates", [](int x, int, int) { return x != 1; }, 4, 2},
+        AuditedShape{"ThreeTunnels",
+                     [](int x, int y, int z) { return (x != 1) + (y != 1) + (z != 1) > 1; }, -8,
+                     1}),
     [](const auto& shape) { return shape.param.name; });
 
 TEST(Audit, LatticeBallHasItsClosedForms) {

@@ -50,13 +50,8 @@ std::multiset<Triangle3> boundary_triangles(const HandMadeMesh& mesh) {
   return result;
 }
 
-std::vector<HandMadeMesh> meshes() {
-  return {lattice_ball({2, 2, 2}, 2.6),
-          cubes(3, [](int x, int y, int) { return x != 1 || y != 1; }), random_delaunay(3, 20)};
-}
-
 TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
-  for (const HandMadeMesh& mesh : meshes()) {
+  for (const HandMadeMesh& mesh : different_meshes()) {
     const auto expected = boundary_triangles(mesh);
     for (const LinearOctree& octree : octrees()) {
       SCOPED_TRACE(octree.size());

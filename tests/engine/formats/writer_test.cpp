@@ -92,11 +92,6 @@ std::multiset<std::array<Point, 4>> placed_cells(const HandMadeMesh& mesh) {
   return result;
 }
 
-std::vector<HandMadeMesh> meshes() {
-  return {lattice_ball({2, 2, 2}, 2.6),
-          cubes(3, [](int x, int y, int) { return x != 1 || y != 1; }), random_delaunay(3, 20)};
-}
-
 HandMadeMesh with_unused_points(HandMadeMesh mesh) {
   for (int i = 0; i < 40; ++i) {
     const double x = -1.9 + 0.19 * i;
@@ -106,7 +101,7 @@ HandMadeMesh with_unused_points(HandMadeMesh mesh) {
 }
 
 TEST(Writer, AnyOctreeGivesTheSameMesh) {
-  for (const HandMadeMesh& used : meshes()) {
+  for (const HandMadeMesh& used : different_meshes()) {
     const HandMadeMesh mesh = with_unused_points(used);
     for (const LinearOctree& octree : octrees()) {
       SCOPED_TRACE(octree.size());

@@ -29,14 +29,14 @@ namespace {
 
 using namespace testing_shapes;
 
-using Corners = std::array<Point, 4>;
+using CellCorners = std::array<Point, 4>;
 
-std::vector<Corners> cells_of(const std::filesystem::path& file) {
+std::vector<CellCorners> cells_of(const std::filesystem::path& file) {
   const VtuArrays vtu(file);
   const auto points = vtu.array<Point>("Float64", "Points");
-  std::vector<Corners> cells;
+  std::vector<CellCorners> cells;
   for (const auto& vertices : vtu.array<std::array<std::int32_t, 4>>("Int32", "connectivity")) {
-    Corners& corners = cells.emplace_back();
+    CellCorners& corners = cells.emplace_back();
     for (std::size_t i = 0; i < 4; ++i)
       corners[i] = points.at(static_cast<std::size_t>(vertices[i]));
   }
@@ -44,7 +44,7 @@ std::vector<Corners> cells_of(const std::filesystem::path& file) {
 }
 
 // The angle at each edge, in the plane across it.
-std::array<double, 6> angles_of(const Corners& c) {
+std::array<double, 6> angles_of(const CellCorners& c) {
   std::array<double, 6> angles{};
   std::size_t num = 0;
   for (std::size_t i = 0; i < 4; ++i)
@@ -72,9 +72,9 @@ void count_over_size(double radius, double size, MeshStatistics& all) {
   ++all.num_cells_by_octave[std::ilogb(size)];
 }
 
-MeshStatistics by_brute_force(const std::vector<Corners>& cells, double size) {
+MeshStatistics by_brute_force(const std::vector<CellCorners>& cells, double size) {
   MeshStatistics all;
-  for (const Corners& c : cells) {
+  for (const CellCorners& c : cells) {
     const auto angles = angles_of(c);
     const auto [least, most] = std::ranges::minmax(angles);
     for (const double angle : angles) count(angle, all.dihedral_angles);
@@ -138,10 +138,10 @@ TEST(MeshStatistics, AreThoseOfTheWrittenCells) {
 }
 
 // The larger circumradius over the smaller, of two cells with a common facet.
-double largest_ratio(const std::vector<Corners>& cells) {
+double largest_ratio(const std::vector<CellCorners>& cells) {
   std::map<std::array<std::array<double, 3>, 3>, double> radii;  // by facet
   double most = 0;
-  for (const Corners& c : cells) {
+  for (const CellCorners& c : cells) {
     const double radius = quality_of(c).circumradius;
     for (std::size_t across = 0; across < 4; ++across) {
       std::array<std::array<double, 3>, 3> facet{};
@@ -164,9 +164,9 @@ TEST(MeshStatistics, AreThoseOfTheWrittenCellsWhereSizesVary) {
     std::vector<SizeCube> cubes;
     for (const MortonKey leaf : store.snapshot().leaf_keys())
       std::ranges::copy(store.snapshot().sizes(leaf).cubes, std::back_inserter(cubes));
-    const std::vector<Corners> cells = cells_of(dir / "mesh.vtu");
+    const std::vector<CellCorners> cells = cells_of(dir / "mesh.vtu");
     MeshStatistics expected;
-    for (const Corners& c : cells) {
+    for (const CellCorners& c : cells) {
       const Circumsphere ball = circumsphere_of(c[0], c[1], c[2], c[3]);
       count_over_size(ball.radius, size_at(run.parameters.sizes(), run.frame, cubes, ball.center),
                       expected);
@@ -203,7 +203,7 @@ TEST(MeshStatistics, AreTheSameToTheBitOnAnyNumberOfThreads) {
 TEST(MeshStatistics, DoNotDependOnTheOctree) {
   for (const unsigned seed : {3u, 5u}) {
     HandMadeMesh mesh = random_delaunay(seed, 30);
-    std::vector<Corners> cells;
+    std::vector<CellCorners> cells;
     for (const CellIds& cell : mesh.cells) cells.push_back(mesh.corners(cell));
     for (const LinearOctree& octree : octrees()) {
       const TempDir dir;
@@ -270,7 +270,7 @@ TEST(MeshStatistics, CountCellsBelowTheBoundAndTellWhereTheyAre) {
       std::vector<bool> is_told(mesh.cells.size());
       for (const LeafPoorCell& cell : cells) {
         const auto c = std::ranges::find_if(mesh.cells, [&](const CellIds& ids) {
-          const Corners corners = mesh.corners(ids);
+          const CellCorners corners = mesh.corners(ids);
           return std::ranges::all_of(corners, [&](const Point& p) {
             return std::abs(norm(p - cell.position) - cell.radius) < 1e-6 * cell.radius;
           });

@@ -25,18 +25,13 @@
 #include "engine/run/run_state.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
+#include "tests/engine/described.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
 
 using namespace testing_shapes;
-
-std::string described(const AuditReport& report) {
-  std::string text;
-  for (const std::string& violation : report.violations) text += violation + "\n";
-  return text;
-}
 
 // A finished run over a ball: in cubes of at least 4 λ, some of them all core. Each test has its
 // own copy.
