@@ -202,7 +202,7 @@ class InspectRanks : public testing::Test {
     const Store store = Store::open(part(num_ranks_ - 1), {.read_only = true});
     std::optional<MortonKey> first;
     store.snapshot().for_each_leaf([&](MortonKey leaf, const LeafInfo& info) {
-      if (info.holding == Holding::kOwn && info.num_cells > 0) first = leaf;
+      if (info.holding == Holding::kOwn && info.num_points > 0) first = leaf;
       return !first;
     });
     return first.value();
