@@ -38,20 +38,28 @@ Store open_whole(const std::filesystem::path& directory) {
   return store;
 }
 
-HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
-  std::optional<HeldRun> held = held_by_ranks(stores, exchange);
-  if (!held || held->run.phase != Phase::kDone || held->is_within_superstep)
+namespace {
+
+void require_finished(bool is_finished, const std::filesystem::path& stores) {
+  if (!is_finished)
     throw StoreError(stores.string() +
                      ": the stores hold no finished run: `locvol-mpi resume` goes on with one");
+}
+
+}  // namespace
+
+HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange) {
+  std::optional<HeldRun> held = held_by_ranks(stores, exchange);
+  require_finished(held && held->run.phase == Phase::kDone && !held->is_within_superstep, stores);
   return *std::move(held);
 }
 
 Store open_part(const std::filesystem::path& stores, Exchange& exchange) {
-  if (!finished_by_ranks(stores, exchange).is_of_these_ranks)
-    throw StoreError(stores.string() +
-                     ": the run is of another number of ranks: start as many; or `locvol-mpi "
-                     "resume` by these moves its leaves to them");
-  return open_to_read(store_of_rank(stores, exchange.rank()));
+  SeenPart seen = part_to_look_into(stores, exchange);
+  if (!seen.store) throw StoreError(seen.fault);
+  const bool is_done = run_of(*seen.store).phase == Phase::kDone;
+  require_finished(!any(exchange, !is_done), stores);
+  return *std::move(seen.store);
 }
 
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory) {

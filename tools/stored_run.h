@@ -16,9 +16,11 @@ namespace locvol {
 Store open_to_read(const std::filesystem::path& directory);
 // Of a run that one process makes; throws StoreMismatch otherwise.
 Store open_whole(const std::filesystem::path& directory);
-// Called by all ranks. Throw StoreError, the same on all: the stores hold no finished run.
+// Called by all ranks. Throw StoreError, the same on all: the stores hold no finished run. The
+// first one settles what a move of leaves left behind, as held_by_ranks() does.
 HeldRun finished_by_ranks(const std::filesystem::path& stores, Exchange& exchange);
-// This rank's store. Throws StoreError, too, if the run is not of as many ranks.
+// This rank's store, read only. Throws StoreError, too, as part_to_look_into() does, and if the
+// store is damaged.
 Store open_part(const std::filesystem::path& stores, Exchange& exchange);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);

@@ -195,7 +195,8 @@ void require_number_of_run(const std::filesystem::path& stores,
   for (const HeldPart& part : parts)
     if (part.num_ranks > 0 && part.num_ranks != parts.size())
       throw StoreError(stores.string() + ": the run is of " + std::to_string(part.num_ranks) +
-                       " ranks, and as many have to look into it");
+                       " ranks, and as many have to look into it: start so many; or `locvol-mpi "
+                       "resume` by these moves its leaves to them");
 }
 
 void require_one_run(const std::filesystem::path& stores, const std::vector<HeldPart>& parts) {

@@ -191,7 +191,7 @@ class MpiTest(unittest.TestCase):
         run = self.start_command(3, "audit", stores)
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 1, said)
-        self.assertIn("the run is of another number of ranks", said)
+        self.assertIn("the run is of 4 ranks", said)
         for view in (["--leaves"], ["--leaves", "--sort", "visits", "--limit", "5", "--json"],
                      ["--leaf", "1,0,0"], ["--unresolved"]):
             alone = subprocess.run([LOCVOL, "inspect", whole, *view], check=True, text=True,
@@ -228,8 +228,8 @@ class MpiTest(unittest.TestCase):
             self.assertIn(message, said)
             self.assertFalse(page.exists(), said)
 
-        expect_refused(2, stores, "the run is of another number of ranks")
-        expect_refused(3, self.scratch / "none-%r", "the stores hold no finished run")
+        expect_refused(2, stores, "the run is of 3 ranks")
+        expect_refused(3, self.scratch / "none-%r", "the stores hold no run")
         (self.scratch / "part-2/data.mdb").write_bytes(b"")
         expect_refused(3, stores, f"rank 2, store {self.scratch}/part-2: there is no part of")
 
