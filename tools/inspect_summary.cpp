@@ -293,9 +293,7 @@ std::uint64_t measure(const RunPart& part, InspectSummary& all) {
   all.statistics = measured(part, num_threads, faults);
   all.faults = gather_named(part, faults);
   if (!all.statistics || all.statistics->num_poor_cells == 0) return faults.size();
-  all.first_poor_cells =
-      gather_all(part.exchange, first_poor_cells(*part.store, kMaxFirstSites, num_threads));
-  if (all.first_poor_cells.size() > kMaxFirstSites) all.first_poor_cells.resize(kMaxFirstSites);
+  all.first_poor_cells = first_poor_cells(*part.store, kMaxFirstSites, num_threads, &part.exchange);
   return faults.size();
 }
 

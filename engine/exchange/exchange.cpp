@@ -25,6 +25,16 @@ std::vector<Numbers> gather_lists(Exchange& exchange, std::span<const std::uint6
   return lists;
 }
 
+// Null: it did not throw.
+std::exception_ptr failure_of(const std::function<void()>& work) {
+  try {
+    work();
+    return nullptr;
+  } catch (...) {
+    return std::current_exception();
+  }
+}
+
 }  // namespace
 
 bool Exchange::work() {
@@ -70,12 +80,7 @@ bool any(Exchange& exchange, bool is_true) {
 void wait_for_all(Exchange& exchange) { exchange.gather({}); }
 
 void do_on_all(Exchange& exchange, const std::function<void()>& work) {
-  std::exception_ptr failure;
-  try {
-    work();
-  } catch (...) {
-    failure = std::current_exception();
-  }
+  const std::exception_ptr failure = failure_of(work);
   if (!any(exchange, failure != nullptr)) return;
   if (failure) std::rethrow_exception(failure);
   throw ExchangeError("another process has failed");
@@ -84,12 +89,7 @@ void do_on_all(Exchange& exchange, const std::function<void()>& work) {
 void check_on_all(Exchange& exchange, const std::function<void()>& check) {
   constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
   const auto own = static_cast<std::uint64_t>(exchange.rank());
-  std::exception_ptr failure;
-  try {
-    check();
-  } catch (...) {
-    failure = std::current_exception();
-  }
+  const std::exception_ptr failure = failure_of(check);
   const std::uint64_t first = smallest(exchange, failure ? own : kNone);
   if (first == own) std::rethrow_exception(failure);
   while (first != kNone) wait_for_all(exchange);  // for what never comes

@@ -1,11 +1,31 @@
 // What is told of leaves, as exchange/pack.h asks for it.
 #pragma once
 
+#include <boost/serialization/level.hpp>
+#include <boost/serialization/string.hpp>
+#include <string>
 #include <tuple>
 
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/poor_cell.h"
 #include "refine/leaf_fields.h"
+#include "storage/codec.h"
+
+namespace boost::serialization {
+
+// As the store's codec writes it.
+template <class Archive>
+void serialize(Archive& archive, locvol::LeafInfo& info, unsigned) {
+  std::string record;
+  if constexpr (Archive::is_saving::value) record = locvol::encode(info, locvol::MortonKey());
+  archive& record;
+  if constexpr (Archive::is_loading::value)
+    info = locvol::decode<locvol::LeafInfo>(record, locvol::MortonKey());
+}
+
+}  // namespace boost::serialization
+
+BOOST_CLASS_IMPLEMENTATION(locvol::LeafInfo, object_serializable)
 
 namespace locvol {
 
@@ -16,22 +36,6 @@ auto fields(Maybe<QueuePosition> auto& position) {
 auto fields(Maybe<QueueEntry> auto& entry) {
   auto& [position, leaf] = entry;
   return std::tuple(Field("position", position), Field("leaf", leaf));
-}
-auto fields(Maybe<LeafInfo> auto& info) {
-  auto& [is_center_inside, num_visits, num_points, num_cells, num_triangles, num_insertions,
-         num_deletions, num_moves, num_unresolved, queued, first_new_id, num_core_points,
-         num_core_cells, num_left_out, least_size, largest_size, surface_size, reached_size,
-         holding, ranks] = info;
-  return std::tuple(Field("is_center_inside", is_center_inside), Field("num_visits", num_visits),
-                    Field("num_points", num_points), Field("num_cells", num_cells),
-                    Field("num_triangles", num_triangles), Field("num_insertions", num_insertions),
-                    Field("num_deletions", num_deletions), Field("num_moves", num_moves),
-                    Field("num_unresolved", num_unresolved), Field("queued", queued),
-                    Field("first_new_id", first_new_id), Field("num_core_points", num_core_points),
-                    Field("num_core_cells", num_core_cells), Field("num_left_out", num_left_out),
-                    Field("least_size", least_size), Field("largest_size", largest_size),
-                    Field("surface_size", surface_size), Field("reached_size", reached_size),
-                    Field("holding", holding), Field("ranks", ranks));
 }
 auto fields(Maybe<UnresolvedSite> auto& site) {
   auto& [condition, position, radius] = site;
