@@ -5,6 +5,7 @@
 #   LOCVOL_MODELS    directory of the shared models (default: ../shared/models, if it is there;
 #                    without it the tests that need models are skipped)
 #   LOCVOL_SANITIZE  address or thread: the sanitizer build, in build/address or build/thread
+#   LOCVOL_UNITY     ON: many files are compiled as one, in half the time
 #   LOCVOL_MAY_SKIP  a regular expression: a test skipped for another reason has failed
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -15,6 +16,7 @@ sanitize=${LOCVOL_SANITIZE:-}
 tree=${sanitize:-release}
 
 tools/setup.sh python3-vtk9 python3-gmsh python3-meshio  # readers of the formats
-tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize"
+tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize" \
+  "-DCMAKE_UNITY_BUILD=${LOCVOL_UNITY:-OFF}"
 exec python3 -B tools/run_tests.py "build/$tree" \
   --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"
