@@ -6,6 +6,8 @@
 #include <exception>
 #include <limits>
 
+#include "octree/stop.h"
+
 namespace locvol {
 namespace {
 
@@ -80,10 +82,31 @@ bool any(Exchange& exchange, bool is_true) {
 void wait_for_all(Exchange& exchange) { exchange.gather({}); }
 
 void do_on_all(Exchange& exchange, const std::function<void()>& work) {
-  const std::exception_ptr failure = failure_of(work);
-  if (!any(exchange, failure != nullptr)) return;
+  enum Outcome : std::uint64_t { kDone, kStopped, kFailed };
+  Outcome outcome = kDone;
+  const std::exception_ptr failure = failure_of([&] {
+    try {
+      work();
+    } catch (const Stopped&) {
+      outcome = kStopped;
+    } catch (...) {
+      outcome = kFailed;
+      throw;
+    }
+  });
+  std::uint64_t worst = outcome;
+  try {
+    worst = std::ranges::max(gather_numbers(exchange, outcome));
+  } catch (const ExchangeError&) {
+    if (!failure) throw;  // who has failed by itself tells that
+  }
   if (failure) std::rethrow_exception(failure);
-  throw ExchangeError("another process has failed");
+  if (worst == kFailed) throw ExchangeError("another process has failed");
+  if (worst == kStopped) throw Stopped();
+}
+
+void do_on_all(Exchange* exchange, const std::function<void()>& work) {
+  exchange != nullptr ? do_on_all(*exchange, work) : work();
 }
 
 void check_on_all(Exchange& exchange, const std::function<void()>& check) {

@@ -1,6 +1,5 @@
 #include "engine/exchange/thread_ranks.h"
 
-#include <atomic>
 #include <cassert>
 #include <condition_variable>
 #include <exception>
@@ -30,18 +29,25 @@ class Channel {
     return waiting_.contains(num_taken_);
   }
 
-  // Nothing: it has not come by then, or a rank has failed.
-  std::optional<std::string> take(Clock::time_point until, const std::atomic<bool>& has_failed) {
+  bool has_ended() {
+    const std::lock_guard lock(mutex_);
+    return has_ended_;
+  }
+
+  // Nothing: it has not come by then, or never will.
+  std::optional<std::string> take(Clock::time_point until) {
     std::unique_lock lock(mutex_);
-    changed_.wait_until(lock, until, [&] { return waiting_.contains(num_taken_) || has_failed; });
+    changed_.wait_until(lock, until, [&] { return waiting_.contains(num_taken_) || has_ended_; });
     const auto next = waiting_.extract(num_taken_);
     if (!next) return std::nullopt;
     ++num_taken_;
     return std::move(next.mapped());
   }
 
-  void wake() {
+  // No more will be put.
+  void end() {
     const std::lock_guard lock(mutex_);
+    has_ended_ = true;
     changed_.notify_one();
   }
 
@@ -50,6 +56,7 @@ class Channel {
   std::condition_variable changed_;
   std::map<std::uint64_t, std::string> waiting_;
   std::uint64_t num_taken_ = 0;
+  bool has_ended_ = false;
 };
 
 // What the ranks share.
@@ -63,15 +70,14 @@ struct Network {
     return channels[static_cast<std::size_t>(from) * static_cast<std::size_t>(num_ranks) +
                     static_cast<std::size_t>(to)];
   }
-  void fail() {
-    has_failed = true;
-    for (Channel& channel : channels) channel.wake();
+  // What the rank has said by now still arrives: others may have to hear it to end as it did.
+  void end(int rank) {
+    for (int to = 0; to < num_ranks; ++to) channel(rank, to).end();
   }
 
   const int num_ranks;
   const ThreadRanksOptions& options;
   std::vector<Channel> channels;
-  std::atomic<bool> has_failed = false;
 };
 
 class ThreadRank : public Exchange {
@@ -125,10 +131,10 @@ class ThreadRank : public Exchange {
         continue;
       }
       Channel& channel = network_.channel(from, rank_);
-      while (!channel.has_next() && !network_.has_failed && work()) {
+      while (!channel.has_next() && !channel.has_ended() && work()) {
       }
       const Clock::time_point start = Clock::now();
-      auto message = channel.take(start + network_.options.patience, network_.has_failed);
+      auto message = channel.take(start + network_.options.patience);
       if (!message)
         throw ExchangeError("rank " + std::to_string(rank_) + " waits for message " +
                             std::to_string(num_verbs_) + " from rank " + std::to_string(from) +
@@ -168,14 +174,19 @@ void run_as_ranks(int num_ranks, const std::function<void(Exchange&)>& work,
       work(exchange);
     } catch (...) {
       errors[static_cast<std::size_t>(rank)] = std::current_exception();
-      network.fail();
+      network.end(rank);
     }
   };
   {
     std::vector<std::jthread> others;  // which do not wait for one that cannot be started
     run(0, [&] {
-      for (int rank = 1; rank < num_ranks; ++rank)
-        others.emplace_back([&, rank] { run(rank, [] {}); });
+      int rank = 1;
+      try {
+        for (; rank < num_ranks; ++rank) others.emplace_back([&, rank] { run(rank, [] {}); });
+      } catch (...) {
+        for (; rank < num_ranks; ++rank) network.end(rank);
+        throw;
+      }
     });
   }
   std::exception_ptr error;

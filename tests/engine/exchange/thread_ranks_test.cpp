@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "octree/stop.h"
 #include "tests/engine/exchange/talk.h"
 
 namespace locvol {
@@ -136,6 +137,33 @@ TEST(ThreadRanks, EndTogetherWhenTheirWorkFails) {
                             }),
                std::invalid_argument);
   EXPECT_EQ(has_ended, (std::array{true, true, true}));
+}
+
+TEST(ThreadRanks, StopTogetherUnlessOneHasFailed) {
+  for (const bool fails : {false, true}) {
+    std::array<bool, 3> is_stopped{};
+    const auto run = [&] {
+      run_as_ranks(3, [&](Exchange& exchange) {
+        const int rank = exchange.rank();
+        try {
+          do_on_all(exchange, [&] {
+            if (rank == 1) throw Stopped();
+            if (rank == 2 && fails) throw std::invalid_argument("no room");
+          });
+        } catch (const Stopped&) {
+          is_stopped[static_cast<std::size_t>(rank)] = true;
+          throw;
+        }
+      });
+    };
+    if (fails) {
+      EXPECT_THROW(run(), std::invalid_argument);
+      EXPECT_EQ(is_stopped, (std::array{false, false, false}));
+    } else {
+      EXPECT_THROW(run(), Stopped);
+      EXPECT_EQ(is_stopped, (std::array{true, true, true}));
+    }
+  }
 }
 
 TEST(ThreadRanks, NoticeEachMessageThatIsLost) {
