@@ -27,10 +27,11 @@ namespace locvol {
 namespace {
 
 // What Open MPI takes (measured: 11 MiB), and messages, is no run's. Throws OverBudget.
-RunControl for_rank(RunControl control) {
+RunControl for_rank(RunControl control, const Exchange& exchange) {
   constexpr std::uint64_t kBytes = std::uint64_t{48} << 20;
   const std::uint64_t cap = memory_cap(control.memory_bytes);
   control.memory_bytes = memory_cap(cap > kBytes ? cap - kBytes : 1);
+  control.output_options.is_by_ranks = exchange.num_ranks() > 1 && !control.is_in_pieces;
   return control;
 }
 
@@ -271,17 +272,19 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
 
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
   require_for_ranks(options);
-  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
-    const WorkClock clock;
-    std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
-    if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
-    return go_on_as_rank(options.store, std::move(held), in_turn, stop, clock, exchange);
-  });
+  return in_turns(
+      for_rank(control, exchange), [&](const RunControl& in_turn, const StopSource& stop) {
+        const WorkClock clock;
+        std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
+        if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
+        return go_on_as_rank(options.store, std::move(held), in_turn, stop, clock, exchange);
+      });
 }
 
 RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
                           Exchange& exchange) {
-  return in_turns(for_rank(control), [&](const RunControl& in_turn, const StopSource& stop) {
+  return in_turns(for_rank(control, exchange), [&](const RunControl& in_turn,
+                                                   const StopSource& stop) {
     const WorkClock clock;
     std::optional<HeldRun> held = held_by_ranks(stores, exchange);
     if (!held) throw StoreError(stores.string() + ": the stores hold no run to go on with");
@@ -296,7 +299,7 @@ void join_ranks(const std::filesystem::path& stores, const std::filesystem::path
   const std::optional<HeldRun> held = held_by_ranks(stores, exchange);
   if (!held) throw StoreError(stores.string() + ": the stores hold no run");
   if (held->is_within_superstep)
-    end_superstep(stores, *held, for_rank(control), WorkClock(), exchange);
+    end_superstep(stores, *held, for_rank(control, exchange), WorkClock(), exchange);
   std::optional<Store> joined;
   if (exchange.rank() == 0) {
     if (Store::exists(whole) && Store::open(whole, {.read_only = true}).snapshot().run())

@@ -8,19 +8,14 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "engine/exchange/exchange.h"
 #include "engine/formats/writer.h"
 #include "tools/arguments.h"
 #include "tools/exit_code.h"
 #include "tools/leaf_filter.h"
+#include "tools/run_command.h"
 
 namespace locvol {
-
-// What goes on with a run, and writes its mesh.
-struct RunCommand {
-  RunControl control;  // its functions are the command's
-  bool is_quiet = false;
-  bool is_json = false;
-};
 
 struct MeshCommand : RunCommand {
   MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below
@@ -103,20 +98,17 @@ struct GenerateCommand {
   bool is_json = false;
 };
 
-// Where `mesh` keeps its run: the directory that the user names, or OUTPUT.locvol.
-std::filesystem::path store_of(const MeshCommand& command);
-int run_mesh(const MeshCommand& command);
-class Exchange;
-// By several ranks, each of which calls it; what goes to stdout is the first rank's.
-std::filesystem::path stores_of_ranks(const MeshCommand& command);  // %r is the rank
-int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);
-int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange);
+// Where `mesh` keeps its run: the directory that the user names, where %r is the rank; or
+// OUTPUT.locvol, of ranks OUTPUT.locvol-%r.
+std::filesystem::path store_of(const MeshCommand& command, bool is_of_ranks);
+// By several ranks, each calls it; what goes to stdout is the first rank's.
+int run_mesh(const MeshCommand& command, Exchange* exchange = nullptr);
+int run_resume(const ResumeCommand& command, Exchange* exchange = nullptr);
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange);
 int run_report_as_rank(const ReportCommand& command, Exchange& exchange);
 int run_audit_as_rank(const AuditCommand& command, Exchange& exchange);
 int run_inspect_as_rank(const InspectCommand& command, Exchange& exchange);
 int run_join(const JoinCommand& command, Exchange& exchange);
-int run_resume(const ResumeCommand& command);
 int run_inspect(const InspectCommand& command);
 int run_replay(const ReplayCommand& command);
 int run_export(const ExportCommand& command);

@@ -276,8 +276,8 @@ InspectSummary together(const RunPart& part, InspectSummary own) {
 std::optional<MeshStatistics> measured(const RunPart& part, int num_threads,
                                        std::vector<Fault>& faults) {
   try {
-    return part.is_of_ranks() ? mesh_statistics_of_ranks(*part.store, part.exchange, num_threads)
-                              : mesh_statistics(*part.store, num_threads);
+    return mesh_statistics(*part.store, num_threads, {}, nullptr,
+                           part.is_of_ranks() ? &part.exchange : nullptr);
   } catch (const CorruptRecord& e) {
     faults.push_back({e.leaf(), e.what()});
   } catch (const ExchangeError&) {  // so it is on another rank

@@ -149,7 +149,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report_usage(app, error);
   }
-  if (subcommands[0].first->parsed()) note_store(store_of(mesh));
+  if (subcommands[0].first->parsed()) note_store(store_of(mesh, false));
   if (subcommands[1].first->parsed()) note_store(resume.store);
   for (const auto& [subcommand, run_subcommand] : subcommands) {
     if (subcommand->parsed()) return run_subcommand();

@@ -57,13 +57,13 @@ Text faces_of(const BoundarySurface::Facets& some) {
   return text;
 }
 
-Text node_set_of(const BoundarySurface::Vertices& some) {
-  static_assert((std::uint64_t{1} << 14) % kLabelsPerLine == 0, "pieces end with a line");
+// `num_all`: vertices of the boundary
+Text node_set_of(const BoundarySurface::Vertices& some, std::uint64_t num_all) {
   Text text;
-  for (std::size_t i = 0; i < some.vertices.size(); ++i) {
-    const bool ends_line =
-        i % kLabelsPerLine == kLabelsPerLine - 1 || i + 1 == some.vertices.size();
-    text.add(some.vertices[i] + 1).add(ends_line ? "\n" : ", ");
+  std::uint64_t count = some.first;
+  for (const std::uint64_t vertex : some.vertices) {
+    const bool ends_line = ++count % kLabelsPerLine == 0 || count == num_all;
+    text.add(vertex + 1).add(ends_line ? "\n" : ", ");
   }
   return text;
 }
@@ -71,16 +71,26 @@ Text node_set_of(const BoundarySurface::Vertices& some) {
 }  // namespace
 
 std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
-  AppendedFile out(file);
-  const auto append = [&](const Text& text) { out.append(text.text()); };
+  BoundarySurface& boundary = mesh.boundary();
+  const std::uint64_t num_vertices = boundary.num_vertices();
+  AppendedFile out(file, mesh.exchange());
   out.append("*HEADING\ntetrahedra by locvol\n*NODE\n");
-  mesh.for_each_piece({.has_points = true}, nodes_of, append);
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, nodes_of, append); });
   out.append("*ELEMENT, TYPE=C3D4, ELSET=volume\n");
-  mesh.for_each_piece({.has_cells = true}, elements_of, append);
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, elements_of, append); });
   out.append("*NSET, NSET=boundary\n");
-  encode_in_order(mesh.workers(), mesh.boundary().vertices(), node_set_of, append);
+  out.append_run([&](const auto& append) {
+    encode_in_order(
+        mesh.workers(), boundary.vertices(),
+        [&](const BoundarySurface::Vertices& some) { return node_set_of(some, num_vertices); },
+        append);
+  });
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
-  encode_in_order(mesh.workers(), mesh.boundary().facets({}), faces_of, append);
+  out.append_run([&](const auto& append) {
+    encode_in_order(mesh.workers(), boundary.facets({}), faces_of, append);
+  });
   return out.size();
 }
 

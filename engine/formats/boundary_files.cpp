@@ -26,19 +26,21 @@ bool is_distinct(const std::array<Float3, 3>& corners) {
 
 // STL has float32 coordinates, which must tell the corners of each triangle apart.
 void check_resolution(MeshSource& mesh, const std::filesystem::path& file) {
-  encode_in_order(
-      mesh.workers(), mesh.boundary().facets({.has_corners = true}),
-      [](const BoundarySurface::Facets& some) {
-        for (const auto& [a, b, c] : some.corners)
-          if (!is_distinct({in_floats(a), in_floats(b), in_floats(c)})) return false;
-        return true;
-      },
-      [&](bool is_fine) {
-        if (!is_fine)
-          throw FormatLimit("cannot write " + file.string() +
-                            ": the float32 coordinates of STL cannot tell neighboring vertices "
-                            "apart; write ply or obj, or move the model closer to the origin");
-      });
+  do_on_all(mesh.exchange(), [&, &boundary = mesh.boundary()] {
+    encode_in_order(
+        mesh.workers(), boundary.facets({.has_corners = true}),
+        [](const BoundarySurface::Facets& some) {
+          for (const auto& [a, b, c] : some.corners)
+            if (!is_distinct({in_floats(a), in_floats(b), in_floats(c)})) return false;
+          return true;
+        },
+        [&](bool is_fine) {
+          if (!is_fine)
+            throw FormatLimit("cannot write " + file.string() +
+                              ": the float32 coordinates of STL cannot tell neighboring vertices "
+                              "apart; write ply or obj, or move the model closer to the origin");
+        });
+  });
 }
 
 Point unit_normal(const std::array<Point, 3>& corners) {
@@ -47,38 +49,42 @@ Point unit_normal(const std::array<Point, 3>& corners) {
   return length > 0 ? (1 / length) * normal : Point{};
 }
 
+constexpr std::uint64_t kStlTriangleBytes = 50, kPlyVertexBytes = 24, kPlyTriangleBytes = 13;
+
 }  // namespace
 
 // 80 bytes of text, the number of triangles (32 bits), then 50 bytes for each: the normal and three
 // corners in float32, and 16 bits unused.
 std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
   check_resolution(mesh, file.name());
+  BoundarySurface& boundary = mesh.boundary();
   std::string text = "binary STL by locvol";  // must not begin with "solid"
   text.resize(80, ' ');
-  AppendedFile out(file);
-  const auto append = [&](const Bytes& bytes) { out.append(bytes.bytes()); };
+  AppendedFile out(file, mesh.exchange());
   Bytes head;
-  append(head.add_text(text).add(static_cast<std::uint32_t>(mesh.boundary().num_facets())));
-  encode_in_order(
-      mesh.workers(), mesh.boundary().facets({.has_corners = true}),
-      [](const BoundarySurface::Facets& some) {
-        Bytes triangles;
-        for (const auto& corners : some.corners) {
-          triangles.add(in_floats(unit_normal(corners)));
-          for (const Point& corner : corners) triangles.add(in_floats(corner));
-          triangles.add(std::uint16_t{0});
-        }
-        return triangles;
+  out.append(head.add_text(text).add(static_cast<std::uint32_t>(boundary.num_facets())).bytes());
+  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+    Bytes triangles;
+    for (const auto& corners : some.corners) {
+      triangles.add(in_floats(unit_normal(corners)));
+      for (const Point& corner : corners) triangles.add(in_floats(corner));
+      triangles.add(std::uint16_t{0});
+    }
+    return triangles;
+  };
+  out.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.facets({.has_corners = true}), triangles_of,
+                        append);
       },
-      append);
+      kStlTriangleBytes * boundary.num_own_facets());
   return out.size();
 }
 
 // Vertices in float64, triangles with int32 indices: uint32 is read as int32 by some.
 std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  AppendedFile out(file);
-  const auto append = [&](const Bytes& bytes) { out.append(bytes.bytes()); };
+  AppendedFile out(file, mesh.exchange());
   out.append(Text()
                  .add("ply\nformat binary_little_endian 1.0\ncomment by locvol\nelement vertex ")
                  .add(boundary.num_vertices())
@@ -86,51 +92,56 @@ std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
                  .add(boundary.num_facets())
                  .add("\nproperty list uchar int vertex_indices\nend_header\n")
                  .text());
-  encode_in_order(
-      mesh.workers(), boundary.vertices(),
-      [](const BoundarySurface::Vertices& some) {
-        Bytes vertices;
-        for (const Point& p : some.positions) vertices.add(p.x).add(p.y).add(p.z);
-        return vertices;
+  const auto vertices_of = [](const BoundarySurface::Vertices& some) {
+    Bytes vertices;
+    for (const Point& p : some.positions) vertices.add(p.x).add(p.y).add(p.z);
+    return vertices;
+  };
+  out.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.vertices(), vertices_of, append);
       },
-      append);
-  encode_in_order(
-      mesh.workers(), boundary.facets({.has_places = true}),
-      [](const BoundarySurface::Facets& some) {
-        Bytes triangles;
-        for (const auto& places : some.places) {
-          triangles.add(std::uint8_t{3});
-          for (const std::uint64_t place : places) triangles.add(static_cast<std::int32_t>(place));
-        }
-        return triangles;
+      kPlyVertexBytes * boundary.num_own_vertices());
+  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+    Bytes triangles;
+    for (const auto& places : some.places) {
+      triangles.add(std::uint8_t{3});
+      for (const std::uint64_t place : places) triangles.add(static_cast<std::int32_t>(place));
+    }
+    return triangles;
+  };
+  out.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.facets({.has_places = true}), triangles_of,
+                        append);
       },
-      append);
+      kPlyTriangleBytes * boundary.num_own_facets());
   return out.size();
 }
 
 std::uint64_t write_obj(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  AppendedFile out(file);
-  const auto append = [&](const Text& text) { out.append(text.text()); };
+  boundary.num_vertices();
+  AppendedFile out(file, mesh.exchange());
   out.append("# boundary by locvol\n");
-  encode_in_order(
-      mesh.workers(), boundary.vertices(),
-      [](const BoundarySurface::Vertices& some) {
-        Text text;
-        for (const Point& p : some.positions)
-          text.add("v ").add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
-        return text;
-      },
-      append);
-  encode_in_order(
-      mesh.workers(), boundary.facets({.has_places = true}),
-      [](const BoundarySurface::Facets& some) {
-        Text text;
-        for (const auto& [a, b, c] : some.places)
-          text.add("f ").add(a + 1).add(' ').add(b + 1).add(' ').add(c + 1).add('\n');
-        return text;
-      },
-      append);
+  const auto vertices_of = [](const BoundarySurface::Vertices& some) {
+    Text text;
+    for (const Point& p : some.positions)
+      text.add("v ").add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
+    return text;
+  };
+  out.append_run([&](const auto& append) {
+    encode_in_order(mesh.workers(), boundary.vertices(), vertices_of, append);
+  });
+  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+    Text text;
+    for (const auto& [a, b, c] : some.places)
+      text.add("f ").add(a + 1).add(' ').add(b + 1).add(' ').add(c + 1).add('\n');
+    return text;
+  };
+  out.append_run([&](const auto& append) {
+    encode_in_order(mesh.workers(), boundary.facets({.has_places = true}), triangles_of, append);
+  });
   return out.size();
 }
 

@@ -1,5 +1,6 @@
 // One function for each format: it writes the mesh to a file that is empty yet, and returns the
-// file's size. Bytes are the same for any number of threads.
+// file's size. Bytes are the same for any number of threads. A mesh that several ranks have
+// (MeshSource::exchange()), they write together: each what it has, the first one what is no rank's.
 // Errors: StoreError, std::system_error; FormatLimit before a byte is written.
 #pragma once
 
@@ -24,12 +25,10 @@ struct IndexWidths {
 // its numbers.
 std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                         const IndexWidths& least = {});
-// What is in the mesh's pieces alone, or with all else (`has_frame`), of a file that several write.
-std::uint64_t write_part_of_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
-                                bool has_frame);
 std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                                    const IndexWidths& least = {8, 8});
-// VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name.
+// VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name. Of several ranks, which
+// compress, the first one puts all chunks into it, and alone gets its size.
 std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file);
 
 // A part of a mesh in a file beside others, for one that makes a whole of them.

@@ -42,7 +42,8 @@ struct Msh4Tags {
 Msh4Tags tags_of(MeshSource& mesh) {
   Msh4Tags tags;
   tags.first_cell += mesh.first_of_all_cells();
-  tags.first_facet += mesh.num_all_cells() + mesh.boundary().num_facets_of_lower_ranks();
+  tags.first_facet += mesh.num_all_cells();
+  if (mesh.part()) tags.first_facet += mesh.boundary().num_facets_of_lower_ranks();
   if (mesh.num_vertices() == 0) return tags;
   const auto [least, most] = mesh.range_of_numbers();
   tags.least_vertex = least + 1;
@@ -188,34 +189,41 @@ void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
 
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  Msh4Layout layout{mesh.num_vertices(), mesh.num_cells(), boundary.num_facets(), 0, 0, 0, 0, 0};
+  Msh4Layout layout{
+      mesh.num_vertices(), mesh.num_cells(), mesh.num_boundary_facets(), 0, 0, 0, 0, 0};
   const Msh4Tags tags = tags_of(mesh);
   const Msh4Frame frame = frame_of(mesh, layout, tags);
   place_arrays(frame, layout);
   const std::uint64_t bytes = layout.end + Msh4Frame::kAfter.size();
-  file.reserve(bytes);
-  file.write_at(0, frame.before_nodes.bytes());
-  file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
-  file.write_at(layout.facets - frame.before_facets.size(), frame.before_facets.bytes());
   PlacedFile out(file);
-  mesh.for_each_piece(
-      {.has_points = true, .has_cells = true},
-      [&](const MeshPiece& piece) {
-        write_piece4(mesh, piece, layout, tags.first_cell, out);
-        return true;
+  do_on_all(mesh.exchange(), [&] {
+    if (mesh.is_of_first_rank()) {
+      file.reserve(bytes);
+      file.write_at(0, frame.before_nodes.bytes());
+      file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
+      file.write_at(layout.facets - frame.before_facets.size(), frame.before_facets.bytes());
+    }
+    mesh.for_each_piece(
+        {.has_points = true, .has_cells = true},
+        [&](const MeshPiece& piece) {
+          write_piece4(mesh, piece, layout, tags.first_cell, out);
+          return true;
+        },
+        [](bool) {});
+  });
+  const auto facet_lines = [&](const BoundarySurface::Facets& some) {
+    Bytes list;
+    std::uint64_t tag = 1 + mesh.num_all_cells() + some.first;
+    for (const auto& [a, b, c] : std::views::transform(some.facets, &BoundaryFacet::vertices))
+      list.add(std::array<std::uint64_t, 4>{tag++, a + 1, b + 1, c + 1});
+    return list;
+  };
+  AppendedFile facets(file, mesh.exchange(), layout.facets);
+  facets.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
       },
-      [](bool) {});
-  AppendedFile facets(file, layout.facets);
-  encode_in_order(
-      mesh.workers(), boundary.facets({}),
-      [&](const BoundarySurface::Facets& some) {
-        Bytes list;
-        std::uint64_t tag = tags.first_facet + some.first;
-        for (const auto& [a, b, c] : std::views::transform(some.facets, &BoundaryFacet::vertices))
-          list.add(std::array<std::uint64_t, 4>{tag++, a + 1, b + 1, c + 1});
-        return list;
-      },
-      [&](const Bytes& list) { facets.append(list.bytes()); });
+      kFacetBytes4 * boundary.num_own_facets());
   facets.append(Msh4Frame::kAfter);
   return bytes;
 }
@@ -223,50 +231,50 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets();
-  AppendedFile out(file);
-  const auto append = [&](const Bytes& bytes) { out.append(bytes.bytes()); };
+  AppendedFile out(file, mesh.exchange());
   Bytes head;
   add_format("2.2", head);
-  append(head);
+  out.append(head.bytes());
   out.append(Text().add("$Nodes\n").add(mesh.num_vertices()).add('\n').text());
-  mesh.for_each_piece(
-      {.has_points = true},
-      [](const MeshPiece& piece) {
-        Bytes nodes;
-        nodes.reserve(sizeof(Node2) * piece.points.size());
-        std::uint64_t tag = piece.first_vertex;
-        for (const auto& point : piece.points)
-          nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
-        return nodes;
-      },
-      append);
+  const auto node_lines = [](const MeshPiece& piece) {
+    Bytes nodes;
+    nodes.reserve(sizeof(Node2) * piece.points.size());
+    std::uint64_t tag = piece.first_vertex;
+    for (const auto& point : piece.points)
+      nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
+    return nodes;
+  };
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, node_lines, append); },
+      sizeof(Node2) * mesh.own_vertices().size());
   out.append(Text().add("\n$EndNodes\n$Elements\n").add(num_cells + num_facets).add('\n').text());
   Bytes cell_head, facet_head;
   add_element_head2(kTetrahedron, num_cells, cell_head);
-  append(cell_head);
-  mesh.for_each_piece(
-      {.has_cells = true},
-      [](const MeshPiece& piece) {
-        Bytes cells;
-        cells.reserve(sizeof(Element2<4>) * piece.cells.size());
-        std::uint64_t tag = piece.first_cell;
-        for (const auto& cell : piece.cells)
-          cells.add(element2<4>(++tag, kVolumeGroup, kVolume, cell));
-        return cells;
-      },
-      append);
+  out.append(cell_head.bytes());
+  const auto cell_lines = [](const MeshPiece& piece) {
+    Bytes cells;
+    cells.reserve(sizeof(Element2<4>) * piece.cells.size());
+    std::uint64_t tag = piece.first_cell;
+    for (const auto& cell : piece.cells) cells.add(element2<4>(++tag, kVolumeGroup, kVolume, cell));
+    return cells;
+  };
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cell_lines, append); },
+      sizeof(Element2<4>) * mesh.own_cells().size());
   add_element_head2(kTriangle, num_facets, facet_head);
-  append(facet_head);
-  encode_in_order(
-      mesh.workers(), boundary.facets({}),
-      [&](const BoundarySurface::Facets& some) {
-        Bytes list;
-        std::uint64_t tag = num_cells + some.first;
-        for (const BoundaryFacet& facet : some.facets)
-          list.add(element2<3>(++tag, kBoundaryGroup, kSurface, facet.vertices));
-        return list;
+  out.append(facet_head.bytes());
+  const auto facet_lines = [&](const BoundarySurface::Facets& some) {
+    Bytes list;
+    std::uint64_t tag = num_cells + some.first;
+    for (const BoundaryFacet& facet : some.facets)
+      list.add(element2<3>(++tag, kBoundaryGroup, kSurface, facet.vertices));
+    return list;
+  };
+  out.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
       },
-      append);
+      sizeof(Element2<3>) * boundary.num_own_facets());
   out.append("\n$EndElements\n");
   return out.size();
 }

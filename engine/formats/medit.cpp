@@ -103,72 +103,77 @@ Widths widths_for(const Counts& n, int least_version) {
 
 std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  AppendedFile out(file);
-  const auto append = [&](const Text& text) { out.append(text.text()); };
+  AppendedFile out(file, mesh.exchange());
   const bool is_wide = needs_64_bits(mesh.num_vertices(), mesh.num_cells(), boundary.num_facets());
   out.append(is_wide ? "MeshVersionFormatted 4\n" : "MeshVersionFormatted 2\n");
   out.append("\nDimension 3\n");
   out.append(section("Vertices", mesh.num_vertices()));
-  mesh.for_each_piece({.has_points = true}, vertices_of, append);
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, vertices_of, append); });
   out.append(section("Tetrahedra", mesh.num_cells()));
-  mesh.for_each_piece({.has_cells = true}, cells_of, append);
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cells_of, append); });
   out.append(section("Triangles", boundary.num_facets()));
-  encode_in_order(mesh.workers(), boundary.facets({}), facets_of, append);
+  out.append_run([&](const auto& append) {
+    encode_in_order(mesh.workers(), boundary.facets({}), facets_of, append);
+  });
   out.append("\nEnd\n");
   return out.size();
 }
 
 std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version) {
-  const Counts n{mesh.num_vertices(), mesh.num_cells(), mesh.boundary().num_facets()};
+  BoundarySurface& boundary = mesh.boundary();
+  const Counts n{mesh.num_vertices(), mesh.num_cells(), boundary.num_facets()};
   const Widths widths = widths_for(n, least_version);
   const std::uint64_t bytes = file_bytes(widths, n);
-  file.reserve(bytes);
-  AppendedFile out(file);
-  const auto append = [&](const Bytes& some) { out.append(some.bytes()); };
+  if (mesh.is_of_first_rank()) file.reserve(bytes);
+  AppendedFile out(file, mesh.exchange());
   const auto begin_section = [&](Keyword keyword, std::uint64_t count, std::uint64_t line) {
     Bytes head;
     head.add(keyword);
     widths.add_place(out.size() + widths.section(count, line), head);
     widths.add_integer(count, head);
-    append(head);
+    out.append(head.bytes());
   };
   Bytes head;
   head.add(std::int32_t{1}).add(std::int32_t{widths.version}).add(kDimension);
   widths.add_place(widths.head(), head);
-  append(head.add(std::int32_t{3}));
+  out.append(head.add(std::int32_t{3}).bytes());
 
   begin_section(kVertices, n.num_vertices, widths.vertex());
-  mesh.for_each_piece(
-      {.has_points = true},
-      [&](const MeshPiece& piece) {
-        Bytes some;
-        some.reserve(widths.vertex() * piece.points.size());
-        for (const auto& point : piece.points) widths.add_integer(kReference, some.add(point));
-        return some;
-      },
-      append);
+  const auto vertex_lines = [&](const MeshPiece& piece) {
+    Bytes some;
+    some.reserve(widths.vertex() * piece.points.size());
+    for (const auto& point : piece.points) widths.add_integer(kReference, some.add(point));
+    return some;
+  };
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, vertex_lines, append); },
+      widths.vertex() * mesh.own_vertices().size());
   begin_section(kTetrahedra, n.num_cells, widths.element(4));
-  mesh.for_each_piece(
-      {.has_cells = true},
-      [&](const MeshPiece& piece) {
-        Bytes some;
-        some.reserve(widths.element(4) * piece.cells.size());
-        for (const auto& cell : piece.cells) widths.add_element(cell, some);
-        return some;
-      },
-      append);
+  const auto cell_lines = [&](const MeshPiece& piece) {
+    Bytes some;
+    some.reserve(widths.element(4) * piece.cells.size());
+    for (const auto& cell : piece.cells) widths.add_element(cell, some);
+    return some;
+  };
+  out.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cell_lines, append); },
+      widths.element(4) * mesh.own_cells().size());
   begin_section(kTriangles, n.num_facets, widths.element(3));
-  encode_in_order(
-      mesh.workers(), mesh.boundary().facets({}),
-      [&](const BoundarySurface::Facets& some) {
-        Bytes list;
-        for (const BoundaryFacet& facet : some.facets) widths.add_element(facet.vertices, list);
-        return list;
+  const auto facet_lines = [&](const BoundarySurface::Facets& some) {
+    Bytes list;
+    for (const BoundaryFacet& facet : some.facets) widths.add_element(facet.vertices, list);
+    return list;
+  };
+  out.append_run(
+      [&](const auto& append) {
+        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
       },
-      append);
+      widths.element(3) * boundary.num_own_facets());
   Bytes end;
   widths.add_place(0, end.add(kEnd));
-  append(end);
+  out.append(end.bytes());
   return bytes;
 }
 

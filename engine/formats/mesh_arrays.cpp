@@ -3,9 +3,12 @@
 #include <cassert>
 #include <cstring>
 #include <functional>
+#include <memory>
+#include <string>
 #include <utility>
 
 #include "engine/formats/limits.h"
+#include "engine/formats/outputs.h"
 
 namespace locvol {
 namespace {
@@ -26,6 +29,11 @@ std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count) {
     std::memcpy(&bytes[i * sizeof(Int)], &offset, sizeof(Int));
   }
   return bytes;
+}
+
+// Those that begin before an item.
+std::uint64_t num_blocks(std::uint64_t item, std::uint64_t block_items) {
+  return block_items == 0 ? 0 : (item + block_items - 1) / block_items;
 }
 
 // Takes items off pieces, in runs of any length.
@@ -115,7 +123,7 @@ std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
 
 ArrayBlocks::ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output)
     : mesh_(mesh) {
-  if (has_quality) measure(output);
+  if (has_quality) do_on_all(mesh.exchange(), [&] { measure(output); });
 }
 
 void ArrayBlocks::measure(const std::filesystem::path& output) {
@@ -141,31 +149,94 @@ void ArrayBlocks::measure(const std::filesystem::path& output) {
       });
 }
 
-ArrayBlocks::NextBlock ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t block_items) {
-  std::function<void(Block&, std::uint64_t)> fill = [](Block&, std::uint64_t) {};
-  if (info.array == ArrayName::kPoints || info.array == ArrayName::kConnectivity) {
-    const bool has_points = info.array == ArrayName::kPoints;
-    const PieceParts parts = {.has_points = has_points, .has_cells = !has_points};
-    fill = [items = ItemReader(mesh_.pieces(parts), info)](Block& block,
-                                                           std::uint64_t num_bytes) mutable {
-      block.bytes.resize(num_bytes);
-      items.read(block.bytes);
-    };
+// Of offsets from 0 on, the last one, which is no cell's, is the last rank's.
+NumberRange ArrayBlocks::own_items(const ArrayInfo& info) const {
+  if (info.array == ArrayName::kPoints || info.array == ArrayName::kPointIds)
+    return mesh_.own_vertices();
+  NumberRange own = mesh_.own_cells();
+  const Exchange* exchange = mesh_.exchange();
+  const bool is_last = exchange == nullptr || exchange->rank() + 1 == exchange->num_ranks();
+  if (info.array != ArrayName::kStarts || !is_last) return own;
+  return {own.size() > 0 ? own.first : mesh_.num_cells(), mesh_.num_cells() + 1};
+}
+
+// Null: all are known by formula, wherever they are.
+ArrayBlocks::ReadItems ArrayBlocks::reader_of(const ArrayInfo& info) {
+  switch (info.array) {
+    case ArrayName::kPoints:
+    case ArrayName::kConnectivity: {
+      const bool has_points = info.array == ArrayName::kPoints;
+      const PieceParts parts = {.has_points = has_points, .has_cells = !has_points};
+      return [items = std::make_shared<ItemReader>(mesh_.pieces(parts), info)](
+                 std::uint64_t, std::span<std::byte> out) { items->read(out); };
+    }
+    case ArrayName::kRadiusEdge:
+    case ArrayName::kDihedral:
+      return [&file = info.array == ArrayName::kDihedral ? *angles_ : *ratios_](
+                 std::uint64_t first, std::span<std::byte> out) {
+        file.read_at(sizeof(float) * first, out);
+      };
+    case ArrayName::kLeaf:
+      return [this](std::uint64_t first, std::span<std::byte> out) {
+        const auto leaves = mesh_.leaves_of_cells(first, out.size() / sizeof(std::uint32_t));
+        if (!out.empty()) std::memcpy(out.data(), leaves.data(), out.size());
+      };
+    default:
+      return nullptr;
   }
-  if (info.array == ArrayName::kRadiusEdge || info.array == ArrayName::kDihedral) {
-    fill = [&file = info.array == ArrayName::kDihedral ? *angles_ : *ratios_](
-               Block& block, std::uint64_t num_bytes) {
-      block.bytes.resize(num_bytes);
-      file.read_at(sizeof(float) * block.first, block.bytes);
-    };
+}
+
+// All ranks call it: each tells its items before its first block to the rank whose block has them.
+// Gives those of the rank's last block that others have.
+std::vector<std::byte> ArrayBlocks::items_after(const ArrayInfo& info, std::uint64_t block_items,
+                                                const ReadItems& read) {
+  Exchange& exchange = *mesh_.exchange();
+  const NumberRange own = own_items(info);
+  const std::vector<std::uint64_t> firsts = gather_numbers(exchange, own.first),
+                                   ends = gather_numbers(exchange, own.end);
+  const std::uint64_t first_block = block_items * num_blocks(own.first, block_items);
+  std::vector<std::string> told(firsts.size());
+  do_on_all(exchange, [&] {
+    if (own.size() == 0 || own.first == first_block) return;
+    const std::uint64_t start = first_block - block_items;
+    std::size_t rank = 0;
+    while (!(firsts[rank] <= start && start < ends[rank])) ++rank;
+    told[rank].resize((std::min(first_block, own.end) - own.first) * info.item_bytes());
+    read(own.first, std::as_writable_bytes(std::span(told[rank])));
+  });
+  std::vector<std::byte> after;
+  for (const std::string& items : exchange.swap(std::move(told))) {
+    const auto bytes = std::as_bytes(std::span(items));
+    after.insert(after.end(), bytes.begin(), bytes.end());
   }
-  return [=, first = std::uint64_t{0}]() mutable -> std::optional<Block> {
-    Block block{first, std::min(block_items, info.num_items - first), {}};
-    if (block.count == 0) return std::nullopt;
-    fill(block, block.count * info.item_bytes());
-    first += block.count;
+  return after;
+}
+
+ArrayBlocks::Blocks ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t block_items) {
+  if (info.num_items == 0) return {info, [] { return std::nullopt; }};
+  const NumberRange own = own_items(info);
+  const ReadItems read = reader_of(info);
+  std::vector<std::byte> after;
+  if (mesh_.exchange() != nullptr && read) after = items_after(info, block_items, read);
+  const std::uint64_t first = block_items * num_blocks(own.first, block_items),
+                      end =
+                          std::min(info.num_items, block_items * num_blocks(own.end, block_items));
+  const auto next_block = [=, next = first]() mutable -> std::optional<Block> {
+    if (next >= end) return std::nullopt;
+    Block block{next, std::min(block_items, end - next), {}};
+    next += block.count;
+    const std::uint64_t num_own = std::min(next, own.end) - block.first;
+    if (!read || (info.array == ArrayName::kLeaf && num_own == block.count)) return block;
+    block.bytes.resize(block.count * info.item_bytes());
+    const auto of_own = std::span(block.bytes).first(num_own * info.item_bytes());
+    read(block.first, of_own);
+    if (num_own == block.count) return block;
+    if (after.size() != block.bytes.size() - of_own.size())
+      throw ExchangeError("ranks disagree on who has which items: this is a bug of locvol");
+    std::ranges::copy(after, block.bytes.begin() + static_cast<std::ptrdiff_t>(of_own.size()));
     return block;
   };
+  return {info, next_block};
 }
 
 std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block& block) const {

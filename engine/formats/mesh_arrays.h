@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -62,31 +63,45 @@ std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> c
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
                                     std::uint64_t value_bytes);
 
+// Of several ranks, a block is that rank's which has its first item: others tell it the rest.
 class ArrayBlocks {
  public:
   // With the quality, measures all cells: 8 bytes each, in nameless files beside the output.
   ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output);
 
-  // Calls take(encode(bytes)) for each block of `block_items` items of the array; the last one may
-  // have fewer. encode on any thread, take in order.
-  template <class Encode, class Take>
-  void for_each_block(const ArrayInfo& info, std::uint64_t block_items, const Encode& encode,
-                      Take take) {
-    const auto encode_block = [&](const Block& block) {
-      return block.bytes.empty() ? encode(std::span<const std::byte>(computed(info, block)))
-                                 : encode(std::span<const std::byte>(block.bytes));
-    };
-    encode_in_order(mesh_.workers(), blocks(info, block_items), encode_block, take);
-  }
-
- private:
   struct Block {
     std::uint64_t first = 0, count = 0;  // items
     std::vector<std::byte> bytes;        // empty: known by formula
   };
-  using NextBlock = std::function<std::optional<Block>()>;
+  // The rank's blocks, one after another: each has `block_items` items of the array, the last one
+  // of all may have fewer. All ranks call it.
+  struct Blocks {
+    ArrayInfo info;
+    std::function<std::optional<Block>()> next;
+  };
+  Blocks blocks(const ArrayInfo& info, std::uint64_t block_items);
 
-  NextBlock blocks(const ArrayInfo& info, std::uint64_t block_items);
+  // Calls take(encode(bytes)) for each of them. encode on any thread, take in order.
+  template <class Encode, class Take>
+  void for_each(const Blocks& blocks, const Encode& encode, Take take) {
+    encode_in_order(
+        mesh_.workers(), blocks.next,
+        [&](const Block& block) {
+          return block.bytes.empty()
+                     ? encode(std::span<const std::byte>(computed(blocks.info, block)))
+                     : encode(std::span<const std::byte>(block.bytes));
+        },
+        take);
+  }
+
+ private:
+  // Reads items from `first` on into what is given; those of pieces front to back alone.
+  using ReadItems = std::function<void(std::uint64_t first, std::span<std::byte> out)>;
+
+  NumberRange own_items(const ArrayInfo& info) const;
+  ReadItems reader_of(const ArrayInfo& info);
+  std::vector<std::byte> items_after(const ArrayInfo& info, std::uint64_t block_items,
+                                     const ReadItems& read);
   std::vector<std::byte> computed(const ArrayInfo& info, const Block& block) const;
   void measure(const std::filesystem::path& output);
 

@@ -52,6 +52,7 @@ bool has_boundary(MeshFormat format);
 struct OutputOptions {
   MeshFormat format = MeshFormat::kVtu;
   bool has_quality = false;  // as cell data, where the format has any
+  bool is_by_ranks = false;  // several processes write one file
 };
 
 // What a mesh has of all that a format numbers.

@@ -104,6 +104,21 @@ double file_bytes(const OutputOptions& output, const MeshSizes& n) {
   return 0;
 }
 
+// What has no known place in a file that several processes write: see AppendedFile.
+bool waits_for_its_place(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kVtuZlib:
+    case MeshFormat::kVtkHdf:
+    case MeshFormat::kMedit:
+    case MeshFormat::kAbaqus:
+    case MeshFormat::kTetgen:
+    case MeshFormat::kObj:
+      return true;
+    default:
+      return false;
+  }
+}
+
 // Facets that are in one cell of those that a leaf lists: the boundary's, and those between leaves,
 // about one for each λ² of a leaf's six sides.
 double num_open_facets(const MeshSizes& n) {
@@ -131,6 +146,8 @@ OutputEstimate estimate_output(const OutputOptions& output, const MeshSizes& n) 
   }
   if (output.has_quality && output.format != MeshFormat::kVtu)
     estimate.bytes_beside += kQuality * n.num_cells;
+  if (output.is_by_ranks && waits_for_its_place(output.format))
+    estimate.bytes_beside += estimate.file_bytes;  // at most
   return estimate;
 }
 

@@ -4,30 +4,51 @@
 #include <array>
 #include <charconv>
 #include <cstdint>
+#include <functional>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
 
+#include "engine/exchange/exchange.h"
 #include "engine/shared/partial_file.h"
 
 namespace locvol {
 
-// Bytes as they come. Takes a text, or what a piece was encoded into.
+// Bytes as they come. By several ranks, which all make the same calls: what is the same on all is
+// written by the first one, and of a run, what each has comes after that of lower ranks.
 class AppendedFile {
  public:
-  explicit AppendedFile(PartialFile& file, std::uint64_t offset = 0)
-      : file_(file), offset_(offset) {}
+  // `exchange`: null for one process
+  AppendedFile(PartialFile& file, Exchange* exchange, std::uint64_t offset = 0)
+      : file_(file), exchange_(exchange), offset_(offset) {}
   void append(std::span<const std::byte> bytes) {
-    file_.write_at(offset_, bytes);
+    if (exchange_ == nullptr || exchange_->rank() == 0) file_.write_at(offset_, bytes);
     offset_ += bytes.size();
   }
   void append(std::string_view text) { append(std::as_bytes(std::span(text))); }
+
+  // Takes what a piece was encoded into.
+  struct Append {
+    std::function<void(std::span<const std::byte>)> put;
+    template <class Encoded>
+    void operator()(const Encoded& encoded) const {
+      put(encoded.bytes());
+    }
+  };
+  // What write(append) appends, talking to no other rank. `num_bytes`: the rank's own, if they are
+  // known; else what others than the first write waits in a nameless file beside the output.
+  using Write = std::function<void(const Append&)>;
+  void append_run(const Write& write, std::optional<std::uint64_t> num_bytes = std::nullopt);
   std::uint64_t size() const { return offset_; }
 
  private:
+  void append_here(const Write& write);
+
   PartialFile& file_;
+  Exchange* exchange_;
   std::uint64_t offset_;
 };
 
@@ -85,6 +106,7 @@ class Text {
   }
   void reserve(std::size_t num_bytes) { text_.reserve(num_bytes); }
   const std::string& text() const { return text_; }
+  std::span<const std::byte> bytes() const { return std::as_bytes(std::span(text_)); }
 
  private:
   template <class Number>

@@ -28,15 +28,15 @@ Text element_lines(const MeshPiece& piece) {
 }  // namespace
 
 std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements) {
-  AppendedFile node_file(nodes), element_file(elements);
+  AppendedFile node_file(nodes, mesh.exchange()), element_file(elements, mesh.exchange());
   // Number of points, dimension, attributes, boundary markers.
   node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
-  mesh.for_each_piece({.has_points = true}, node_lines,
-                      [&](const Text& text) { node_file.append(text.text()); });
+  node_file.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, node_lines, append); });
   // Number of tetrahedra, points of each, attributes.
   element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
-  mesh.for_each_piece({.has_cells = true}, element_lines,
-                      [&](const Text& text) { element_file.append(text.text()); });
+  element_file.append_run(
+      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, element_lines, append); });
   return node_file.size() + element_file.size();
 }
 

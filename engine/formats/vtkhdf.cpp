@@ -7,6 +7,7 @@
 #include <cstring>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -14,9 +15,11 @@
 #include <utility>
 #include <vector>
 
+#include "engine/exchange/in_rank_order.h"
 #include "engine/formats/deflate.h"
 #include "engine/formats/formats.h"
 #include "engine/formats/mesh_arrays.h"
+#include "engine/formats/outputs.h"
 
 namespace locvol {
 namespace {
@@ -166,10 +169,53 @@ HdfFile::Id space_of(const HdfFile& hdf, const Extent& extent) {
   return hdf.own(H5Screate_simple(extent.rank, extent.size.data(), nullptr), H5Sclose);
 }
 
-// Chunks are compressed by the threads, and HDF5 only puts them into their places.
-void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks) {
-  const std::uint64_t most_items = kChunkBytes / std::bit_ceil(info.item_bytes());
-  const std::uint64_t chunk_items = std::min(most_items, info.num_items);
+std::uint64_t items_of_chunk(const ArrayInfo& info) {
+  return std::min(kChunkBytes / std::bit_ceil(info.item_bytes()), info.num_items);
+}
+
+// The last one is filled up.
+std::vector<std::byte> compressed_chunk(const ArrayInfo& info, std::span<const std::byte> bytes) {
+  const std::uint64_t chunk_bytes = items_of_chunk(info) * info.item_bytes();
+  if (bytes.size() == chunk_bytes) return deflated(shuffled(bytes, info.value_bytes));
+  std::vector<std::byte> whole(bytes.begin(), bytes.end());
+  whole.resize(chunk_bytes);
+  return deflated(shuffled(whole, info.value_bytes));
+}
+
+// The rank's chunks of an array, in order, compressed by the threads; then, on the first rank,
+// those of the others, which wait in nameless files beside the output until it has its own.
+void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange* exchange,
+                    const std::filesystem::path& output,
+                    const std::function<void(std::span<const std::byte>)>& take) {
+  const bool is_first = exchange == nullptr || exchange->rank() == 0;
+  std::optional<OpenFile> waiting;
+  std::vector<std::uint64_t> ends = {0};
+  const auto blocks = arrays.blocks(info, items_of_chunk(info));
+  do_on_all(exchange, [&] {
+    if (!is_first) waiting.emplace(OpenFile::temporary(output));
+    arrays.for_each(
+        blocks, [&](std::span<const std::byte> bytes) { return compressed_chunk(info, bytes); },
+        [&](const std::vector<std::byte>& chunk) {
+          if (is_first) return take(chunk);
+          waiting->write_at(ends.back(), chunk);
+          ends.push_back(ends.back() + chunk.size());
+        });
+  });
+  if (exchange == nullptr) return;
+  std::size_t i = 0;
+  const auto next_waiting = [&]() -> std::optional<std::string> {
+    if (i + 1 == ends.size()) return std::nullopt;
+    std::string chunk(ends[i + 1] - ends[i], '\0');
+    waiting->read_at(ends[i++], std::as_writable_bytes(std::span(chunk)));
+    return chunk;
+  };
+  tell_first_rank(*exchange, next_waiting,
+                  [&](const std::string& chunk) { take(std::as_bytes(std::span(chunk))); });
+}
+
+void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks, Exchange* exchange,
+                 const std::filesystem::path& output) {
+  const std::uint64_t chunk_items = items_of_chunk(info);
   const Extent extent(info);
   const std::array<hsize_t, 2> chunk = {chunk_items * extent.values_per_item, info.num_components};
   const auto space = space_of(hdf, extent);
@@ -182,20 +228,11 @@ void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks)
   }
   const auto dataset = hdf.dataset(path_of(info), type_of(info.vtk_type), space.get(), properties);
   std::array<hsize_t, 2> place = {0, 0};
-  blocks.for_each_block(
-      info, chunk_items,
-      [&](std::span<const std::byte> bytes) {
-        const std::uint64_t chunk_bytes = chunk_items * info.item_bytes();
-        if (bytes.size() == chunk_bytes) return deflated(shuffled(bytes, info.value_bytes));
-        std::vector<std::byte> whole(bytes.begin(), bytes.end());
-        whole.resize(chunk_bytes);
-        return deflated(shuffled(whole, info.value_bytes));
-      },
-      [&](const std::vector<std::byte>& bytes) {
-        hdf.check(H5Dwrite_chunk(dataset.get(), H5P_DEFAULT, 0, place.data(), bytes.size(),
-                                 bytes.data()));
-        place[0] += chunk[0];
-      });
+  for_each_chunk(info, blocks, exchange, output, [&](std::span<const std::byte> bytes) {
+    hdf.check(
+        H5Dwrite_chunk(dataset.get(), H5P_DEFAULT, 0, place.data(), bytes.size(), bytes.data()));
+    place[0] += chunk[0];
+  });
 }
 
 void add_version_and_type(const HdfFile& hdf, hid_t group) {
@@ -259,15 +296,20 @@ void write_virtual_array(const HdfFile& hdf, std::span<const PieceFile> pieces,
 }  // namespace
 
 std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file) {
-  const HdfTurn turn;
-  ArrayBlocks blocks(mesh, has_quality, file.name());
-  errno = 0;
-  HdfFile hdf(file.partial_name());
   const PieceFile whole{file.name().string(), mesh.num_vertices(), mesh.num_cells()};
   const bool is_part = mesh.part().has_value();
+  const std::vector<ArrayInfo> arrays = hdf_arrays(whole, has_quality, is_part);
+  Exchange* const exchange = mesh.exchange();
+  ArrayBlocks blocks(mesh, has_quality, file.name());
+  if (!mesh.is_of_first_rank()) {
+    for (const ArrayInfo& info : arrays) for_each_chunk(info, blocks, exchange, file.name(), {});
+    return 0;
+  }
+  const HdfTurn turn;
+  errno = 0;
+  HdfFile hdf(file.partial_name());
   write_head(hdf, {&whole, 1}, is_part);
-  for (const ArrayInfo& info : hdf_arrays(whole, has_quality, is_part))
-    write_array(hdf, info, blocks);
+  for (const ArrayInfo& info : arrays) write_array(hdf, info, blocks, exchange, file.name());
   hdf.close();
   return std::filesystem::file_size(file.partial_name());
 }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <string>
 
@@ -46,14 +47,8 @@ constexpr std::uint64_t kCountBytes = 8;
 
 class RawArrays {
  public:
-  // `has_frame`: what is no item of an array is written, too.
-  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least,
-            bool has_frame = true)
-      : mesh_(mesh),
-        arrays_(vtu_arrays(mesh, has_quality, least)),
-        file_(file),
-        out_(file),
-        has_frame_(has_frame) {}
+  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least)
+      : mesh_(mesh), arrays_(vtu_arrays(mesh, has_quality, least)), file_(file), out_(file) {}
 
   std::uint64_t write() {
     std::uint64_t end = 0;
@@ -64,15 +59,17 @@ class RawArrays {
     const std::string head = header(arrays_, offsets_, mesh_, false);
     data_ = head.size();
     const std::uint64_t bytes = data_ + end + kVtuFooter.size();
-    if (has_frame_) write_frame(head, bytes);
     const bool has_quality = place(ArrayName::kRadiusEdge) < arrays_.size();
-    mesh_.for_each_piece(
-        {.has_points = true, .has_cells = true, .has_corners = has_quality},
-        [&](const MeshPiece& piece) {
-          write_piece(piece, has_quality);
-          return true;
-        },
-        [](bool) {});
+    do_on_all(mesh_.exchange(), [&] {
+      if (mesh_.is_of_first_rank()) write_frame(head, bytes);
+      mesh_.for_each_piece(
+          {.has_points = true, .has_cells = true, .has_corners = has_quality},
+          [&](const MeshPiece& piece) {
+            write_piece(piece, has_quality);
+            return true;
+          },
+          [](bool) {});
+    });
     return bytes;
   }
 
@@ -138,7 +135,6 @@ class RawArrays {
   std::uint64_t data_ = 0;  // where the arrays begin
   PartialFile& file_;
   PlacedFile out_;
-  bool has_frame_;
 };
 
 // ---- Compressed: the head of an array says how large its blocks are -----------------------------
@@ -146,19 +142,26 @@ class RawArrays {
 constexpr std::uint64_t kBlockBytes = std::uint64_t{1} << 20;
 
 // The number of blocks, the bytes of each before compression, those of the last one if it is
-// shorter, and then of each block after compression. Written at `offset`, before the blocks.
-void write_compressed(const ArrayInfo& array, ArrayBlocks& blocks, PartialFile& file,
-                      std::uint64_t& offset) {
+// shorter, and then of each block after compression.
+void write_compressed(const ArrayInfo& array, ArrayBlocks& arrays, Exchange* exchange,
+                      PartialFile& file, std::uint64_t& offset) {
   const std::uint64_t block_items = kBlockBytes / std::bit_ceil(array.item_bytes());
   const std::uint64_t num_blocks = (array.num_items + block_items - 1) / block_items;
-  std::vector<std::uint64_t> head = {num_blocks, block_items * array.item_bytes(),
-                                     array.num_items % block_items * array.item_bytes()};
-  AppendedFile out(file, offset + 8 * (head.size() + num_blocks));
-  blocks.for_each_block(array, block_items, deflated, [&](const std::vector<std::byte>& block) {
-    head.push_back(block.size());
-    out.append(block);
+  const std::array<std::uint64_t, 3> head = {num_blocks, block_items * array.item_bytes(),
+                                             array.num_items % block_items * array.item_bytes()};
+  AppendedFile before(file, exchange, offset);
+  before.append(std::as_bytes(std::span(head)));
+  AppendedFile out(file, exchange, before.size() + 8 * num_blocks);
+  const auto blocks = arrays.blocks(array, block_items);
+  std::vector<std::uint64_t> sizes;
+  out.append_run([&](const auto& append) {
+    arrays.for_each(blocks, deflated, [&](const std::vector<std::byte>& block) {
+      sizes.push_back(block.size());
+      append.put(block);
+    });
   });
-  file.write_at(offset, std::as_bytes(std::span(head)));
+  const auto bytes = std::as_bytes(std::span(sizes));
+  before.append_run([&](const auto& append) { append.put(bytes); }, bytes.size());
   offset = out.size();
 }
 
@@ -167,11 +170,6 @@ void write_compressed(const ArrayInfo& array, ArrayBlocks& blocks, PartialFile& 
 std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
                         const IndexWidths& least) {
   return RawArrays(mesh, has_quality, file, least).write();
-}
-
-std::uint64_t write_part_of_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
-                                bool has_frame) {
-  return RawArrays(mesh, has_quality, file, {}, has_frame).write();
 }
 
 std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
@@ -183,12 +181,12 @@ std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFi
   std::uint64_t end = data;
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     offsets[i] = end - data;
-    write_compressed(arrays[i], blocks, file, end);
+    write_compressed(arrays[i], blocks, mesh.exchange(), file, end);
   }
-  const std::string head = header(arrays, offsets, mesh, true);
-  file.write_at(0, std::as_bytes(std::span(head)));
-  file.write_at(end, std::as_bytes(std::span(kVtuFooter)));
-  return end + kVtuFooter.size();
+  AppendedFile(file, mesh.exchange()).append(header(arrays, offsets, mesh, true));
+  AppendedFile foot(file, mesh.exchange(), end);
+  foot.append(kVtuFooter);
+  return foot.size();
 }
 
 }  // namespace locvol

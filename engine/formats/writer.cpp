@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <list>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,6 +10,7 @@
 
 #include "engine/exchange/exchange.h"
 #include "engine/formats/formats.h"
+#include "engine/formats/outputs.h"
 #include "engine/shared/partial_file.h"
 
 namespace locvol {
@@ -17,7 +18,7 @@ namespace {
 
 MeshCounts mesh_counts(MeshSource& mesh, MeshFormat format) {
   MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
-  if (has_boundary(format)) counts.num_boundary_facets = mesh.boundary().num_facets();
+  if (has_boundary(format)) counts.num_boundary_facets = mesh.num_boundary_facets();
   if (format == MeshFormat::kPly) counts.num_boundary_vertices = mesh.boundary().num_vertices();
   return counts;
 }
@@ -81,42 +82,37 @@ void write_index(std::span<const PieceFile> pieces, const OutputOptions& options
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
-                        const StopToken* stop) {
-  MeshSource mesh(store, file, num_threads, on_step, stop);
+                        const StopToken* stop, Exchange* exchange) {
+  MeshSource mesh(store, file, num_threads, on_step, stop, exchange);
   const MeshCounts counts = mesh_counts(mesh, options.format);
-  check_limits(options.format, counts, file);
-  std::list<PartialFile> files;
-  std::vector<PartialFile*> all;
-  for (const auto& name : files_of(options.format, file))
-    all.push_back(&files.emplace_back(name, stop));
-  const std::uint64_t bytes = write(mesh, options, *all.front(), all.back());
-  PartialFile::publish_all(all);
+  const auto check = [&] { check_limits(options.format, counts, file); };
+  exchange != nullptr ? check_on_all(*exchange, check) : check();
+  const auto names = files_of(options.format, file);
+  std::vector<std::unique_ptr<PartialFile>> files;
+  do_on_all(exchange, [&] {
+    if (!mesh.is_of_first_rank()) return;
+    for (const auto& name : names) files.push_back(std::make_unique<PartialFile>(name, stop));
+  });
+  do_on_all(exchange, [&] {
+    if (mesh.is_of_first_rank()) return;
+    for (const auto& name : names)
+      files.emplace_back(new PartialFile(PartialFile::of_another(name, stop)));
+  });
+  std::uint64_t bytes = write(mesh, options, *files.front(), files.back().get());
+  if (exchange != nullptr) {
+    do_on_all(*exchange, [&] {
+      if (mesh.is_of_first_rank()) return;
+      for (const auto& part : files) part->finish_part();
+    });
+    bytes = gather_numbers(*exchange, bytes).front();
+  }
+  do_on_all(exchange, [&] {
+    if (!mesh.is_of_first_rank()) return;
+    std::vector<PartialFile*> all;
+    for (const auto& partial : files) all.push_back(partial.get());
+    PartialFile::publish_all(all);
+  });
   return {counts.num_vertices, counts.num_cells, bytes, counts.num_boundary_facets};
-}
-
-WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path& file,
-                                const OutputOptions& options, Exchange& exchange, int num_threads) {
-  MeshSource mesh(store, file, num_threads, {}, nullptr, &exchange);
-  const MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
-  check_limits(options.format, counts, file);
-  const bool is_first = exchange.rank() == 0;
-  std::optional<PartialFile> own;
-  do_on_all(exchange, [&] {
-    if (is_first) own.emplace(file);
-  });
-  std::uint64_t bytes = 0;
-  do_on_all(exchange, [&] {
-    if (is_first) {
-      bytes = write_part_of_vtu(mesh, options.has_quality, *own, true);
-    } else {
-      PartialFile part = PartialFile::of_another(file);
-      bytes = write_part_of_vtu(mesh, options.has_quality, part, false);
-      part.finish_part();
-    }
-  });
-  if (is_first) own->publish();
-  wait_for_all(exchange);  // it has its name
-  return {counts.num_vertices, counts.num_cells, bytes, 0};
 }
 
 bool can_be_written_in_pieces(MeshFormat format) {

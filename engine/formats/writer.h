@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "engine/exchange/exchange.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/shared/step_progress.h"
 #include "octree/stop.h"
@@ -15,6 +16,7 @@ namespace locvol {
 struct WriteSummary {
   std::uint64_t num_vertices = 0, num_cells = 0, bytes = 0;
   std::uint64_t num_boundary_facets = 0;  // of formats that hold the boundary
+  friend bool operator==(const WriteSummary&, const WriteSummary&) = default;
 };
 
 // Writes the used vertices, numbered leaf by leaf in Morton order, and tetrahedra in the same
@@ -23,15 +25,15 @@ struct WriteSummary {
 // Memory: one leaf and the id tables of its neighbors, and for each thread a mebibyte or a leaf
 // more. Steps are cells. Throws StoreError; FormatLimit before a byte is written;
 // std::runtime_error with the file's name when it cannot be written; Stopped, with nothing written.
+//
+// `exchange`: null if one process has all of the mesh. Else all ranks call it, each with its store,
+// and all see the file's directory: each writes what is its own into the one file, which has the
+// same bytes. What has no known place, text and what is compressed, waits in nameless files beside
+// it, an array or a list at a time.
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads = 1,
-                        const StepProgress& on_step = {}, const StopToken* stop = nullptr);
-class Exchange;
-// The same by several ranks, of which each writes what is its own into the one file: all see its
-// directory. Of formats whose pieces have places that are known before (can_be_written_in_parts()).
-WriteSummary write_mesh_as_rank(const Store& store, const std::filesystem::path& file,
-                                const OutputOptions& options, Exchange& exchange,
-                                int num_threads = 1);
+                        const StepProgress& on_step = {}, const StopToken* stop = nullptr,
+                        Exchange* exchange = nullptr);
 // A file for each rank, with its cells and all of their vertices, in formats that have parts; where
 // a file can name them all, also that one. Nothing is gathered but 16 bytes a rank. Each rank sees
 // the directory of its own file, and all are whole before one has its name. `file`: whose names
@@ -45,7 +47,6 @@ std::filesystem::path piece_of(const std::filesystem::path& file, MeshFormat for
 // FILE.pvtu, FILE.vtkhdf; Gmsh has none.
 std::optional<std::filesystem::path> index_of_pieces(const std::filesystem::path& file,
                                                      MeshFormat format);
-constexpr bool can_be_written_in_parts(MeshFormat format) { return format == MeshFormat::kVtu; }
 // The same as VTU, without the quality.
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,
                        const StepProgress& on_step = {});

@@ -317,36 +317,29 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
     if (leaves.empty()) return nullptr;
     return std::make_unique<MeasureTask>(measured, std::move(leaves));
   };
-  const auto measure_cells = [&] { Workers(num_threads).run_in_order(next_piece); };
-  if (exchange != nullptr)
-    do_on_all(*exchange, measure_cells);
-  else
-    measure_cells();
+  do_on_all(exchange, [&] { Workers(num_threads).run_in_order(next_piece); });
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
   if (has_neighbors && exchange != nullptr)
     share_neighbors(snapshot, *measured.neighbors, *exchange);
+  const auto near = [&](std::size_t place) {
+    return leaves_near(octree, run.frame, place, 2 * kCellReach * measured.scale.of(place));
+  };
   if (has_neighbors)
-    statistics.max_neighbor_ratio = measured.neighbors->ratio(
-        [&](std::size_t place) {
-          return leaves_near(octree, run.frame, place, 2 * kCellReach * measured.scale.of(place));
-        },
-        stop);
+    do_on_all(exchange,
+              [&] { statistics.max_neighbor_ratio = measured.neighbors->ratio(near, stop); });
   return statistics;
 }
 
 }  // namespace
 
 MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
-                               const StopToken* stop) {
-  return measure(store, num_threads, on_step, {}, stop);
-}
-
-MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange, int num_threads) {
-  const MeshStatistics own = measure(store, num_threads, {}, {}, nullptr, &exchange);
+                               const StopToken* stop, Exchange* exchange) {
+  const MeshStatistics own = measure(store, num_threads, on_step, {}, stop, exchange);
+  if (exchange == nullptr) return own;
   std::optional<MeshStatistics> all;
   double most = 0;
-  for (const MeshStatistics& of_rank : gather_values(exchange, own)) {
+  for (const MeshStatistics& of_rank : gather_values(*exchange, own)) {
     most = std::max(most, of_rank.max_neighbor_ratio);
     all = all ? together(*all, of_rank) : of_rank;
   }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/inspect/cell_gauge.h"
 #include "engine/inspect/poor_cell.h"
 #include "engine/shared/step_progress.h"
@@ -18,15 +19,12 @@ namespace locvol {
 // spacing. The result is the same for any number of threads. Steps are listed cells. Memory: for
 // each thread a leaf, its cells, and 8 MB for the points around it. Throws StoreError unless the
 // store holds a finished run; CorruptRecord, Stopped.
+// `exchange`: null if one process has all of the mesh. Else all ranks call it and get the same,
+// with the volume added up rank by rank. Where cells cannot be measured on one, throws that on it,
+// and ExchangeError on the others, all of which may go on.
 MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
-                               const StepProgress& on_step = {}, const StopToken* stop = nullptr);
-
-class Exchange;
-// Of all cells of a run that several ranks work on, each of which calls it and gets the same: the
-// volume is added up rank by rank. Where cells cannot be measured on one, throws that on it, and
-// ExchangeError on the others, all of which may go on.
-MeshStatistics mesh_statistics_of_ranks(const Store& store, Exchange& exchange,
-                                        int num_threads = 1);
+                               const StepProgress& on_step = {}, const StopToken* stop = nullptr,
+                               Exchange* exchange = nullptr);
 
 // All of them in the order of leaves, until `visit` returns false. They are found by measuring the
 // cells, which is what mesh_statistics() does: same memory, same errors. None if the run has no

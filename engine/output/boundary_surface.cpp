@@ -1,11 +1,12 @@
 #include "engine/output/boundary_surface.h"
 
 #include <algorithm>
-#include <map>
+#include <cassert>
 #include <utility>
 
 #include "engine/output/leaf_facets.h"
 #include "engine/shared/encode_in_order.h"
+#include "engine/shared/leaf_name.h"
 #include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
@@ -31,9 +32,11 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       output_(output),
       pages_(&pages),
       stop_(stop),
+      exchange_(exchange),
       facets_(output) {
-  find_facets(workers, exchange);
-  if (exchange != nullptr) num_facets_before_ = sum(*exchange, num_facets()).before;
+  find_facets(workers);
+  num_facets_ =
+      exchange != nullptr ? sum(*exchange, facets_.size()) : SumOfRanks{facets_.size(), 0};
 }
 
 BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
@@ -85,7 +88,7 @@ std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
   return records;
 }
 
-void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
+void BoundarySurface::find_facets(Workers& workers) {
   const std::size_t first_own = numbering_->first_own(), end_own = numbering_->end_own();
   // In one cell of those that a leaf lists, by key: of own leaves, and then of those beside them.
   LeafLists<Record> open(output_);
@@ -100,20 +103,15 @@ void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
   std::map<std::size_t, std::size_t> beside;  // places of their lists
-  if (exchange != nullptr)
+  if (exchange_ != nullptr)
     numbering_->tell_ranks_beside(
-        *reader_, *exchange, 2 * kCellReach,
+        *reader_, *exchange_, 2 * kCellReach,
         [&](std::size_t leaf) { return flat(open.list(leaf - first_own).values); },
         [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
           beside[leaf] = open.num_leaves();
           open.append(records_in(values));
         });
 
-  const auto list_of = [&](std::size_t leaf) -> std::optional<std::size_t> {
-    if (first_own <= leaf && leaf < end_own) return leaf - first_own;
-    const auto found = beside.find(leaf);
-    return found == beside.end() ? std::nullopt : std::optional(found->second);
-  };
   LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
                                      [&](std::size_t list) { return open.list(list); });
   for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
@@ -122,7 +120,7 @@ void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
     std::vector<Record> records;
     if (open.length(own) > 0) records = lists.get(own)->values;
     for (const std::size_t other : numbering_->near(leaf, 2 * kCellReach)) {
-      const auto list = list_of(other);
+      const auto list = place_of_list(other, beside);
       if (other == leaf || records.empty() || !list || open.length(*list) == 0) continue;
       const auto theirs = lists.get(*list);
       auto place = theirs->values.begin();
@@ -137,48 +135,107 @@ void BoundarySurface::find_facets(Workers& workers, Exchange* exchange) {
   }
 }
 
+std::optional<std::size_t> BoundarySurface::place_of_list(
+    std::size_t leaf, const std::map<std::size_t, std::size_t>& beside) const {
+  if (numbering_->first_own() <= leaf && leaf < numbering_->end_own())
+    return leaf - numbering_->first_own();
+  const auto found = beside.find(leaf);
+  return found == beside.end() ? std::nullopt : std::optional(found->second);
+}
+
+// Those of all facets of its cells.
+std::vector<std::uint64_t> BoundarySurface::vertices_of_facets(std::size_t leaf) const {
+  std::vector<std::uint64_t> vertices;
+  for (const Record& record : facets_.list(leaf - numbering_->first_own()).values)
+    vertices.insert(vertices.end(), record.vertices.begin(), record.vertices.end());
+  sort_and_unite(vertices);
+  return vertices;
+}
+
 void BoundarySurface::find_vertices() {
+  const std::size_t first_own = numbering_->first_own(), end_own = numbering_->end_own();
+  // That facets of a leaf's cells name: of own leaves, and then of those beside them.
+  LeafLists<std::uint64_t> named(output_);
+  std::map<std::size_t, std::size_t> beside;  // places of their lists
+  for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
+    throw_if_stopped(stop_);
+    named.append(vertices_of_facets(leaf));
+  }
+  const auto list_of = [&](std::size_t leaf) { return named.list(leaf - first_own).values; };
+  if (exchange_ != nullptr)
+    numbering_->tell_ranks_beside(*reader_, *exchange_, kCellReach, list_of,
+                                  [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+                                    beside[leaf] = named.num_leaves();
+                                    named.append(values);
+                                  });
+
   vertices_.emplace(output_);
-  LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
-                                     [&](std::size_t leaf) { return facets_.list(leaf); });
-  for (std::size_t leaf = 0; leaf < numbering_->leaves().size(); ++leaf) {
+  LeafWindow<LeafList<std::uint64_t>> lists(kOpenFacetBytes,
+                                            [&](std::size_t list) { return named.list(list); });
+  for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
     throw_if_stopped(stop_);
     const std::uint64_t first = numbering_->first_vertex(leaf),
                         end = numbering_->first_vertex(leaf + 1);
     std::vector<std::uint64_t> vertices;
     if (first < end) {
       for (const std::size_t other : numbering_->near(leaf, kCellReach)) {
-        if (facets_.length(other) == 0) continue;
-        for (const Record& record : lists.get(other)->values)
-          for (const std::uint64_t v : record.vertices)
-            if (first <= v && v < end) vertices.push_back(v);
+        const auto list = place_of_list(other, beside);
+        if (!list || named.length(*list) == 0) continue;
+        const auto theirs = lists.get(*list);
+        const auto begin = std::ranges::lower_bound(theirs->values, first);
+        vertices.insert(vertices.end(), begin, std::ranges::lower_bound(theirs->values, end));
       }
     }
     sort_and_unite(vertices);
     vertices_->append(vertices);
   }
-  vertices_near_.emplace(kVertexBytes, [this](std::size_t leaf) { return vertices_->list(leaf); });
+  end_own_vertex_ = vertices_->size();
+  num_vertices_ = {end_own_vertex_, 0};
+  if (exchange_ != nullptr) {
+    num_vertices_ = sum(*exchange_, end_own_vertex_);
+    numbering_->tell_ranks_beside(
+        *reader_, *exchange_, kCellReach,
+        [&](std::size_t leaf) {
+          const std::size_t own = leaf - first_own;
+          std::vector<std::uint64_t> told = vertices_->list(own).values;
+          told.insert(told.begin(), num_vertices_.before + vertices_->first(own));
+          return told;
+        },
+        [&](std::size_t leaf, const std::vector<std::uint64_t>& told) {
+          vertices_beside_[leaf] = {vertices_->num_leaves(), told.front()};
+          vertices_->append(std::span(told).subspan(1));
+        });
+  }
+  vertices_near_.emplace(kVertexBytes, [this](std::size_t list) { return vertices_->list(list); });
 }
 
 std::uint64_t BoundarySurface::num_vertices() {
   if (!vertices_) find_vertices();
-  return vertices_->size();
+  return num_vertices_.all;
 }
 
 std::uint64_t BoundarySurface::place_of(std::uint64_t vertex) {
-  const std::size_t leaf = numbering_->leaf_of(vertex);
-  const auto list = vertices_near_->get(leaf);
+  const std::size_t leaf = numbering_->leaf_of(vertex), first_own = numbering_->first_own();
+  const bool is_own = first_own <= leaf && leaf < numbering_->end_own();
+  const auto beside = is_own ? vertices_beside_.end() : vertices_beside_.find(leaf);
+  if (!is_own && beside == vertices_beside_.end())
+    throw CorruptRecord(leaf_name(numbering_->leaves()[leaf]) + ": a facet far away has its vertex",
+                        numbering_->leaves()[leaf]);
+  const std::size_t of_leaf = is_own ? leaf - first_own : beside->second.list;
+  const std::uint64_t first =
+      is_own ? num_vertices_.before + vertices_->first(of_leaf) : beside->second.first_place;
+  const auto list = vertices_near_->get(of_leaf);
   const auto place = std::ranges::lower_bound(list->values, vertex);
-  return vertices_->first(leaf) + static_cast<std::uint64_t>(place - list->values.begin());
+  return first + static_cast<std::uint64_t>(place - list->values.begin());
 }
 
 std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
     const FacetParts& parts) {
-  if (parts.has_places && !vertices_) find_vertices();
+  assert(!parts.has_places || vertices_);
   return [this, parts, first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
     const std::uint64_t count = std::min(kItemsAtOnce, facets_.size() - first);
     if (count == 0) return std::nullopt;
-    Facets some{first, {}, {}, {}};
+    Facets some{num_facets_.before + first, {}, {}, {}};
     for (const Record& record : facets_.read(first, count)) {
       const auto& [a, b, c] = record.vertices;
       some.facets.push_back(
@@ -193,11 +250,11 @@ std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
 }
 
 std::function<std::optional<BoundarySurface::Vertices>()> BoundarySurface::vertices() {
-  if (!vertices_) find_vertices();
+  assert(vertices_);
   return [this, first = std::uint64_t{0}]() mutable -> std::optional<Vertices> {
-    const std::uint64_t count = std::min(kItemsAtOnce, vertices_->size() - first);
+    const std::uint64_t count = std::min(kItemsAtOnce, end_own_vertex_ - first);
     if (count == 0) return std::nullopt;
-    Vertices some{first, vertices_->read(first, count), {}};
+    Vertices some{num_vertices_.before + first, vertices_->read(first, count), {}};
     for (const std::uint64_t v : some.vertices) some.positions.push_back(positions_->of(v));
     first += count;
     return some;

@@ -5,10 +5,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
@@ -30,7 +32,7 @@ struct BoundaryFacet {
 // that are in one cell of it go to a nameless file beside the output; from there, those of a leaf
 // are set against those of the leaves around it. A point of the lattice core has all of its cells
 // in the mesh, so no facet with one is on the boundary. Of several ranks, each tells those beside
-// it of its own, finds the facets of its cells, and has no numbers of the boundary's vertices.
+// it of its own, and has the facets of its cells and the vertices of its leaves.
 // Memory: 24 bytes a leaf, 64 a leaf of another rank beside, 12 MB for lists of leaves near the
 // current one, and for each thread a leaf's cells and facets; 20 MB while facets are found.
 // Threads: used by one at a time. Errors: StoreError, std::system_error.
@@ -45,28 +47,31 @@ class BoundarySurface {
   BoundarySurface(const BoundarySurface&) = delete;
   BoundarySurface& operator=(const BoundarySurface&) = delete;
 
-  std::uint64_t num_facets() const { return facets_.size(); }
-  std::uint64_t num_facets_of_lower_ranks() const { return num_facets_before_; }
-  std::uint64_t num_vertices();  // finds them at the first call; REQUIRES: one process
+  std::uint64_t num_facets() const { return num_facets_.all; }  // of all ranks
+  std::uint64_t num_own_facets() const { return facets_.size(); }
+  std::uint64_t num_facets_of_lower_ranks() const { return num_facets_.before; }
+  // Likewise. Found by the first call, which all ranks make; vertices() and places ask for it.
+  std::uint64_t num_vertices();
+  std::uint64_t num_own_vertices() const { return end_own_vertex_; }
 
-  // Some of the facets, one after another; what was not asked for is empty.
+  // Some of the rank's own facets, one after another; what was not asked for is empty.
   struct Facets {
-    std::uint64_t first = 0;
+    std::uint64_t first = 0;  // its place among those of all ranks
     std::vector<BoundaryFacet> facets;
     std::vector<std::array<Point, 3>> corners;
     std::vector<std::array<std::uint64_t, 3>> places;  // of the vertices, among the boundary's
   };
   struct FacetParts {
-    bool has_corners = false, has_places = false;  // REQUIRES: one process for the places
+    bool has_corners = false, has_places = false;  // REQUIRES: num_vertices() was called
   };
   struct Vertices {
-    std::uint64_t first = 0;
+    std::uint64_t first = 0;  // likewise
     std::vector<std::uint64_t> vertices;
     std::vector<Point> positions;
   };
   // Give some after some, and then nothing.
   std::function<std::optional<Facets>()> facets(const FacetParts& parts);
-  std::function<std::optional<Vertices>()> vertices();
+  std::function<std::optional<Vertices>()> vertices();  // REQUIRES: num_vertices() was called
 
  private:
   // As a facet lies in a file.
@@ -91,8 +96,12 @@ class BoundarySurface {
   // For another rank.
   static std::vector<std::uint64_t> flat(std::span<const Record> records);
   static std::vector<Record> records_in(std::span<const std::uint64_t> values);
-  void find_facets(Workers& workers, Exchange* exchange);
+  void find_facets(Workers& workers);
   void find_vertices();
+  // Of a leaf's list among those of own leaves, one after another, and then of those in `beside`.
+  std::optional<std::size_t> place_of_list(std::size_t leaf,
+                                           const std::map<std::size_t, std::size_t>& beside) const;
+  std::vector<std::uint64_t> vertices_of_facets(std::size_t leaf) const;
   std::uint64_t place_of(std::uint64_t vertex);
 
   const Reader* reader_;
@@ -101,9 +110,17 @@ class BoundarySurface {
   std::filesystem::path output_;
   PageRelease* pages_;
   const StopToken* stop_;
+  Exchange* exchange_;
   LeafLists<Record> facets_;  // of own leaves
-  std::uint64_t num_facets_before_ = 0;
+  SumOfRanks num_facets_, num_vertices_;
+  // Of own leaves, and then of those beside them that have some.
   std::optional<LeafLists<std::uint64_t>> vertices_;
+  std::uint64_t end_own_vertex_ = 0;  // in these lists
+  struct Beside {
+    std::size_t list = 0;
+    std::uint64_t first_place = 0;
+  };
+  std::map<std::size_t, Beside> vertices_beside_;
   std::optional<LeafWindow<LeafList<std::uint64_t>>> vertices_near_;
 };
 

@@ -26,7 +26,7 @@ MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, 
       stop_(stop),
       exchange_(exchange),
       pages_(store),
-      numbering_(snapshot_, run_, output, pages_, stop, exchange),
+      numbering_(snapshot_, run_, output, pages_, stop_while_alone(), exchange),
       positions_(snapshot_, numbering_),
       workers_(num_threads),
       end_cell_(numbering_.num_cells()) {
@@ -52,6 +52,19 @@ std::vector<std::int64_t> MeshSource::numbers_of(std::uint64_t first_vertex,
   return numbers;
 }
 
+NumberRange MeshSource::own_vertices() const {
+  if (vertices_) return {0, vertices_->size()};
+  if (numbering_.first_own() == numbering_.end_own()) return {};
+  return {numbering_.first_vertex(numbering_.first_own()),
+          numbering_.first_vertex(numbering_.end_own())};
+}
+
+NumberRange MeshSource::own_cells() const {
+  if (numbering_.first_own() == numbering_.end_own()) return {};
+  return {numbering_.first_cell(numbering_.first_own()) - first_cell_,
+          numbering_.first_cell(numbering_.end_own()) - first_cell_};
+}
+
 std::vector<std::uint32_t> MeshSource::leaves_of_cells(std::uint64_t first,
                                                        std::uint64_t count) const {
   first += first_cell_;
@@ -68,7 +81,7 @@ std::vector<std::uint32_t> MeshSource::leaves_of_cells(std::uint64_t first,
 BoundarySurface& MeshSource::boundary() {
   if (!boundary_)
     boundary_ = std::make_unique<BoundarySurface>(snapshot_, numbering_, positions_, output_,
-                                                  pages_, workers_, stop_, exchange_);
+                                                  pages_, workers_, stop_while_alone(), exchange_);
   return *boundary_;
 }
 
@@ -105,8 +118,10 @@ std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const 
       bytes += bytes_of(range.end, parts);
     leaf = range.end;
     pages_.count(bytes);
-    const std::uint64_t num_cells = parts.has_cells ? numbering_.first_cell(leaf) - first_cell_ : 0;
-    if (on_step_ && num_cells > num_told_) on_step_(num_told_ = num_cells, this->num_cells());
+    const NumberRange own = own_cells();
+    const std::uint64_t num_cells =
+        parts.has_cells ? numbering_.first_cell(leaf) - first_cell_ - own.first : 0;
+    if (on_step_ && num_cells > num_told_) on_step_(num_told_ = num_cells, own.size());
     return range;
   };
 }

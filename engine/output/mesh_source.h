@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/exchange/exchange.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/part_vertices.h"
@@ -56,6 +57,12 @@ struct MeshPart {
   int rank = 0, num_ranks = 1;
 };
 
+// Some vertices or cells, by their numbers: from `first` to before `end`.
+struct NumberRange {
+  std::uint64_t first = 0, end = 0;
+  std::uint64_t size() const { return end - first; }
+};
+
 // Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order. A part is
 // what one rank has, as a mesh by itself: its cells, from 0 on, with all of their vertices, which
 // have the numbers of PartVertices.
@@ -67,8 +74,9 @@ struct MeshPart {
 class MeshSource {
  public:
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
-  // Steps are cells, told in the first pass over them. Any pass throws Stopped. `exchange`: see
-  // VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but for a part.
+  // Steps are the rank's cells, told in the first pass over them. Any pass throws Stopped.
+  // `exchange`: see VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but
+  // for a part.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
              Exchange* exchange = nullptr, bool is_part = false);
@@ -76,7 +84,13 @@ class MeshSource {
   const RunRecord& run() const { return run_; }
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
-  // The leaves of some cells, one after another; safe from many threads.
+  // Of those that have this mesh together; null: it is one process's, or a rank's part.
+  Exchange* exchange() const { return part_ ? nullptr : exchange_; }
+  bool is_of_first_rank() const { return exchange() == nullptr || exchange_->rank() == 0; }
+  // What the pieces hold of it.
+  NumberRange own_vertices() const;
+  NumberRange own_cells() const;
+  // The leaves of some own cells, one after another; safe from many threads.
   std::vector<std::uint32_t> leaves_of_cells(std::uint64_t first, std::uint64_t count) const;
   // Of a part, what it is of the mesh of all ranks; else that is the same. Safe from many threads.
   std::optional<MeshPart> part() const { return part_; }
@@ -94,6 +108,9 @@ class MeshSource {
   Workers& workers() { return workers_; }
   // Found at the first call, which all ranks make. Its numbers are of all ranks, also of a part.
   BoundarySurface& boundary();
+  std::uint64_t num_boundary_facets() {
+    return part_ ? boundary().num_own_facets() : boundary().num_facets();
+  }
 
   // Calls take(encode(piece)) for each piece, encode on any thread, take in order.
   template <class Encode, class Take>
@@ -118,6 +135,8 @@ class MeshSource {
     VertexPositions positions;
   };
 
+  // Where ranks talk to each other, none may stop.
+  const StopToken* stop_while_alone() const { return exchange_ == nullptr ? stop_ : nullptr; }
   std::function<std::optional<PieceRange>()> ranges(const PieceParts& parts);
   std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
   void become_part();

@@ -2,8 +2,10 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include "engine/exchange/exchange.h"
 #include "engine/ranks/rank_store.h"
@@ -95,12 +97,12 @@ int run(int argc, char** argv, Exchange& exchange) {
     return error.get_exit_code() == 0 ? kExitDone : kExitUsage;
   }
   if (app.got_subcommand("mesh")) {
-    note_store(store_of_rank(stores_of_ranks(commands.mesh), exchange.rank()));
-    return run_mesh_as_rank(commands.mesh, exchange);
+    note_store(store_of_rank(store_of(commands.mesh, true), exchange.rank()));
+    return run_mesh(commands.mesh, &exchange);
   }
   if (app.got_subcommand("resume")) {
     note_store(store_of_rank(commands.resume.store, exchange.rank()));
-    return run_resume_as_rank(commands.resume, exchange);
+    return run_resume(commands.resume, &exchange);
   }
   if (app.got_subcommand("export")) return run_export_as_rank(commands.export_command, exchange);
   if (app.got_subcommand("report")) return run_report_as_rank(commands.report, exchange);
@@ -120,9 +122,15 @@ int main(int argc, char** argv) {
   const std::string name = "locvol-mpi: rank " + std::to_string(exchange.rank());
   bool has_failed = true;
   const int code = locvol::guarded(name.c_str(), [&] {
-    const int result = locvol::run(argc, argv, exchange);
-    has_failed = false;
-    return result;
+    try {
+      const int result = locvol::run(argc, argv, exchange);
+      has_failed = false;
+      return result;
+    } catch (const locvol::ExchangeError&) {
+      // The rank that knows why is to tell it before this one ends them all.
+      std::this_thread::sleep_for(std::chrono::seconds(2));
+      throw;
+    }
   });
   if (has_failed) exchange.end_all(code);  // others wait for this rank
   return code;

@@ -85,9 +85,7 @@ class Page {
         timeline_(store.snapshot().timeline()),
         memory_(store.snapshot().memory()) {
     if (exchange != nullptr) run_.counts = total_counts(*exchange, run_.counts);
-    if (is_done())
-      statistics_ = exchange != nullptr ? mesh_statistics_of_ranks(store, *exchange, num_threads)
-                                        : mesh_statistics(store, num_threads);
+    if (is_done()) statistics_ = mesh_statistics(store, num_threads, {}, nullptr, exchange);
     view_ = mesh_view(store, limits, exchange);
     num_sites_ = view_.sites.size();
     if (num_poor_cells() > 0) {

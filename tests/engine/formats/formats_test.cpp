@@ -60,6 +60,7 @@ TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
       MeshSource source(store, dir / "mesh", 2);
       BoundarySurface& boundary = source.boundary();
       ASSERT_EQ(boundary.num_facets(), expected.size());
+      const std::uint64_t num_vertices = boundary.num_vertices();
 
       std::vector<Point> positions;
       const auto vertices = boundary.vertices();
@@ -68,7 +69,7 @@ TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
         EXPECT_TRUE(std::ranges::is_sorted(some->vertices));
         positions.insert(positions.end(), some->positions.begin(), some->positions.end());
       }
-      EXPECT_EQ(positions.size(), boundary.num_vertices());
+      EXPECT_EQ(positions.size(), num_vertices);
       EXPECT_EQ(std::set(positions.begin(), positions.end()).size(), positions.size());
 
       std::multiset<Triangle3> by_corners, by_places;
@@ -322,8 +323,9 @@ TEST(Vtu, HasTheSameMeshInEveryWidthRawAndInBlocks) {
       const auto raw = vtu.array<std::byte>(std::string(array.vtk_type), std::string(array.name));
       EXPECT_EQ(raw.size(), array.bytes());
       std::vector<std::byte> in_blocks;
-      blocks.for_each_block(
-          array, 1000, [](std::span<const std::byte> some) { return values_in<std::byte>(some); },
+      blocks.for_each(
+          blocks.blocks(array, 1000),
+          [](std::span<const std::byte> some) { return values_in<std::byte>(some); },
           [&](const std::vector<std::byte>& some) {
             in_blocks.insert(in_blocks.end(), some.begin(), some.end());
           });

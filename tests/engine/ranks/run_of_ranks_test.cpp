@@ -7,12 +7,15 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/engine.h"
 #include "engine/exchange/thread_ranks.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/plan/run_setup.h"
@@ -26,6 +29,7 @@
 #include "tests/engine/store_contents.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
+#include "tests/stops_at.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -184,37 +188,140 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
   mesh(options);
   const Store store = Store::open(options.store, {.read_only = true});
   const MeshStatistics expected = mesh_statistics(store);
-  for (const int num_ranks : {1, 3, 6})
-    for (const bool has_quality : {false, true}) {
-      SCOPED_TRACE(num_ranks);
-      const OutputOptions output{MeshFormat::kVtu, has_quality};
-      write_mesh(store, scratch_ / "one.vtu", output);
-      run_as_ranks(num_ranks, [&](Exchange& exchange) {
-        MeshOptions many = options;
-        many.store += "-" + std::to_string(num_ranks) + "-%r";
-        const RunSummary summary = mesh_as_rank(many, {}, exchange);
-        const Store part =
-            Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
-        const WriteSummary written =
-            write_mesh_as_rank(part, scratch_ / "many.vtu", output, exchange);
-        EXPECT_EQ(written.num_cells, summary.run.counts.num_cells);
-        EXPECT_EQ(written.bytes, std::filesystem::file_size(scratch_ / "many.vtu"));
-        const MeshStatistics all = mesh_statistics_of_ranks(part, exchange);
-        EXPECT_EQ(all.num_cells, expected.num_cells);
-        EXPECT_EQ(all.num_core_cells, expected.num_core_cells);
-        EXPECT_EQ(all.dihedral_angles.counts, expected.dihedral_angles.counts);
-        EXPECT_EQ(all.min_dihedral_angles.counts, expected.min_dihedral_angles.counts);
-        EXPECT_EQ(all.radius_edge_ratios.counts, expected.radius_edge_ratios.counts);
-        EXPECT_EQ(all.radii_over_size.counts, expected.radii_over_size.counts);
-        EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
-        EXPECT_EQ(all.max_dihedral_degrees, expected.max_dihedral_degrees);
-        EXPECT_EQ(all.min_dihedral_degrees, expected.min_dihedral_degrees);
-        EXPECT_EQ(all.max_circumradius, expected.max_circumradius);
-        EXPECT_NEAR(all.volume, expected.volume, 1e-12 * expected.volume);
+  for (const int num_ranks : {1, 3, 6}) {
+    SCOPED_TRACE(num_ranks);
+    MeshOptions many = options;
+    many.store += "-" + std::to_string(num_ranks) + "-%r";
+    run_as_ranks(num_ranks, [&](Exchange& exchange) {
+      const RunSummary summary = mesh_as_rank(many, {}, exchange);
+      const Store part =
+          Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
+      const MeshStatistics all = mesh_statistics(part, 1, {}, nullptr, &exchange);
+      EXPECT_EQ(all.num_cells, summary.run.counts.num_cells);
+      EXPECT_EQ(all.num_cells, expected.num_cells);
+      EXPECT_EQ(all.num_core_cells, expected.num_core_cells);
+      EXPECT_EQ(all.dihedral_angles.counts, expected.dihedral_angles.counts);
+      EXPECT_EQ(all.min_dihedral_angles.counts, expected.min_dihedral_angles.counts);
+      EXPECT_EQ(all.radius_edge_ratios.counts, expected.radius_edge_ratios.counts);
+      EXPECT_EQ(all.radii_over_size.counts, expected.radii_over_size.counts);
+      EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
+      EXPECT_EQ(all.max_dihedral_degrees, expected.max_dihedral_degrees);
+      EXPECT_EQ(all.min_dihedral_degrees, expected.min_dihedral_degrees);
+      EXPECT_EQ(all.max_circumradius, expected.max_circumradius);
+      EXPECT_NEAR(all.volume, expected.volume, 1e-12 * expected.volume);
+    });
+    for (const FormatInfo& format : mesh_formats())
+      for (const bool has_quality : {false, true}) {
+        if (has_quality && !format.has_cell_data) continue;
+        SCOPED_TRACE(format.name);
+        const OutputOptions output{format.format, has_quality};
+        const TempDir of_one, of_many;
+        const WriteSummary one = write_mesh(store, of_one / "mesh", output);
+        run_as_ranks(num_ranks, [&](Exchange& exchange) {
+          const Store part =
+              Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
+          EXPECT_EQ(
+              write_mesh(part, of_many / "mesh", output, 1 + num_ranks % 2, {}, nullptr, &exchange),
+              one);
+        });
+        EXPECT_EQ(names_in(of_many), names_in(of_one));
+        for (const auto& file : files_of(format.format, of_one / "mesh"))
+          EXPECT_TRUE(bytes_of(of_many / file.filename()) == bytes_of(file)) << file;
+      }
+  }
+}
+
+// Of three ranks, whose shares no block begins with.
+class FileOfRanks : public RunOfRanks {
+ protected:
+  void SetUp() override {
+    write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
+              scratch_ / "input.off");
+    options_ = options("store-%r", 0.08, 500);
+    run_as_ranks(3, [&](Exchange& exchange) { mesh_as_rank(options_, {}, exchange); });
+    run_as_ranks(2, [&](Exchange& exchange) {
+      join_ranks(options_.store, scratch_ / "whole", {}, exchange);
+    });
+  }
+  Store part(const Exchange& exchange) const {
+    return Store::open(store_of_rank(options_.store, exchange.rank()), {.read_only = true});
+  }
+  // All ranks write the mesh, of which this one is asked to stop.
+  void write(const std::filesystem::path& file, MeshFormat format, int stopped_rank = -1,
+             const StopToken* stop = nullptr) const {
+    run_as_ranks(3, [&](Exchange& exchange) {
+      write_mesh(part(exchange), file, {format}, 1, {},
+                 exchange.rank() == stopped_rank ? stop : nullptr, &exchange);
+    });
+  }
+
+  MeshOptions options_;
+};
+
+TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
+  using Blocks = std::vector<std::vector<std::byte>>;
+  const auto blocks_of = [&](MeshSource& source, const ArrayInfo& info, std::uint64_t items) {
+    Blocks all;
+    ArrayBlocks arrays(source, true, scratch_ / "mesh");
+    arrays.for_each(
+        arrays.blocks(info, items),
+        [](std::span<const std::byte> bytes) {
+          return std::vector<std::byte>(bytes.begin(), bytes.end());
+        },
+        [&](std::vector<std::byte> block) { all.push_back(std::move(block)); });
+    return all;
+  };
+  const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
+  MeshSource one(whole, scratch_ / "mesh", 1);
+  std::vector<ArrayInfo> infos = mesh_arrays(one.num_vertices(), one.num_cells(), true, {8, 4});
+  infos.push_back(*std::ranges::find(infos, ArrayName::kEnds, &ArrayInfo::array));
+  infos.back().array = ArrayName::kStarts;
+  ++infos.back().num_items;
+  for (const ArrayInfo& info : infos)
+    for (const std::uint64_t items : {std::uint64_t{17}, std::uint64_t{1000}, one.num_cells()}) {
+      SCOPED_TRACE(info.name);
+      std::array<Blocks, 3> of_ranks;
+      run_as_ranks(3, [&](Exchange& exchange) {
+        const Store store = part(exchange);
+        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, &exchange);
+        of_ranks[static_cast<std::size_t>(exchange.rank())] = blocks_of(source, info, items);
       });
-      EXPECT_TRUE(bytes_of(scratch_ / "many.vtu") == bytes_of(scratch_ / "one.vtu"));
-      EXPECT_FALSE(std::filesystem::exists(scratch_ / "many.vtu.partial"));
+      Blocks all;
+      for (const Blocks& of_rank : of_ranks) all.insert(all.end(), of_rank.begin(), of_rank.end());
+      EXPECT_EQ(all.size(), (info.num_items + items - 1) / items);
+      EXPECT_TRUE(all == blocks_of(one, info, items)) << items;
     }
+}
+
+TEST_F(FileOfRanks, IsNotThereIfAnyStops) {
+  for (const MeshFormat format : {MeshFormat::kVtu, MeshFormat::kVtuZlib, MeshFormat::kVtkHdf,
+                                  MeshFormat::kMsh4, MeshFormat::kAbaqus, MeshFormat::kTetgen})
+    for (const int rank : {0, 2}) {
+      SCOPED_TRACE(info_of(format).name);
+      const TempDir dir;
+      const StopsAt never(StopsAt::kNever);
+      write(dir / "whole", format, rank, &never);
+      const Names expected = names_in(dir);
+      const std::uint64_t num_asked = never.num_asked();
+      ASSERT_GT(num_asked, 0U);
+      for (const std::uint64_t question : {std::uint64_t{1}, (num_asked + 1) / 2, num_asked}) {
+        const StopsAt stop(question);
+        EXPECT_THROW(write(dir / "mesh", format, rank, &stop), Stopped) << rank << " " << question;
+        EXPECT_EQ(names_in(dir), expected);
+      }
+    }
+}
+
+// The last one is HDF5's, which never gives back what it holds of a file that it could not write.
+TEST_F(FileOfRanks, IsNotThereWithoutRoom) {
+  for (const MeshFormat format : {MeshFormat::kVtu, MeshFormat::kVtuZlib, MeshFormat::kMsh4,
+                                  MeshFormat::kMedit, MeshFormat::kPly, MeshFormat::kVtkHdf}) {
+    SCOPED_TRACE(info_of(format).name);
+    const TempDir dir;
+    const FileSizeLimit limit(4096);
+    EXPECT_THROW(write(dir / "mesh", format), std::runtime_error);
+    EXPECT_EQ(names_in(dir), Names());
+  }
 }
 
 // Of three ranks, in each format that has pieces.
@@ -427,7 +534,7 @@ TEST_F(RunOfRanks, MeasuresNeighborsOfOtherRanks) {
   run_as_ranks(5, [&](Exchange& exchange) {
     const Store own = Store::open(store_of_rank(options.store.string() + "-5-%r", exchange.rank()),
                                   {.read_only = true});
-    const MeshStatistics all = mesh_statistics_of_ranks(own, exchange);
+    const MeshStatistics all = mesh_statistics(own, 1, {}, nullptr, &exchange);
     EXPECT_EQ(all.max_neighbor_ratio, expected.max_neighbor_ratio);
     EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
   });

@@ -201,11 +201,13 @@ class MpiTest(unittest.TestCase):
         said = run.communicate()[0]
         self.assertEqual(run.returncode, 1, said)
         self.assertIn("the run is of 4 ranks", said)
-        subprocess.run([LOCVOL, "export", whole, "-q", "-o", self.scratch / "other.vtu"],
-                       check=True, stdout=subprocess.DEVNULL)
+        for end in ("vtkhdf", "inp", "ply", "vtu"):
+            one, many = self.scratch / f"other.{end}", self.scratch / f"another.{end}"
+            subprocess.run([LOCVOL, "export", whole, "-q", "-o", one], check=True,
+                           stdout=subprocess.DEVNULL)
+            self.run_command(3, "export", stores, "-q", "-o", many)
+            self.assertTrue(one.read_bytes() == many.read_bytes(), end)
         self.assertTrue((self.scratch / "other.vtu").read_bytes() == expected)
-        self.run_command(3, "export", stores, "-q", "-o", self.scratch / "another.vtu")
-        self.assertTrue((self.scratch / "another.vtu").read_bytes() == expected)
 
     def test_reports_what_one_process_reports(self):
         stores, whole = self.scratch / "part-%r", self.scratch / "whole"
