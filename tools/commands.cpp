@@ -147,6 +147,17 @@ void require_pieces(const RunCommand& command) {
                                info_of(format).name, fmt::join(names, ", ")));
 }
 
+// Called by all ranks. `surface()`: of which the first one must not lose the file.
+void require_output(const RunPlace& place, const RunControl& control,
+                    const std::function<std::filesystem::path()>& surface) {
+  if (control.output.empty()) return;
+  do_on_all(place.exchange, [&] {
+    if (place.is_first()) require_output(control.output, control.output_options.format, surface());
+  });
+  if (place.exchange != nullptr && !control.is_in_pieces)
+    require_seen_by_all(control.output, *place.exchange);
+}
+
 // By default the ranks of one machine share half of what is free.
 std::uint64_t cap_of(std::uint64_t asked, Exchange* exchange) {
   if (asked > 0 || exchange == nullptr) return memory_cap(asked);
@@ -179,9 +190,7 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
     require_pieces(command);
     MeshCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
-    if (place.is_first())
-      require_output(command.control.output, command.control.output_options.format,
-                     command.options.input);
+    require_output(place, command.control, [&] { return command.options.input; });
     const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
     ProgressLine line(progress_style(own), cap);
     own.options.size =
@@ -211,11 +220,11 @@ int run_resume(const ResumeCommand& command, Exchange* exchange) {
     require_pieces(command);
     ResumeCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
-    // Ranks say together what is wrong with their stores, which the first one's alone cannot.
-    if (!command.control.output.empty() && place.is_first() &&
-        (exchange == nullptr || Store::owns(place.own())))
-      require_output(command.control.output, command.control.output_options.format,
-                     run_of(open_to_read(place.own())).surface.file);
+    require_output(place, command.control, [&]() -> std::filesystem::path {
+      // Ranks say together what is wrong with their stores.
+      if (exchange != nullptr && !Store::owns(place.own())) return {};
+      return run_of(open_to_read(place.own())).surface.file;
+    });
     const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
     ProgressLine line(progress_style(own), cap);
     const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {

@@ -2,10 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "engine/exchange/exchange.h"
@@ -78,7 +81,39 @@ void write_index(std::span<const PieceFile> pieces, const OutputOptions& options
     write_pvtu(pieces, options.has_quality, file);
 }
 
+// The first rank's file, for another.
+std::unique_ptr<PartialFile> begun_by_first(const std::filesystem::path& file,
+                                            const StopToken* stop) {
+  try {
+    return std::unique_ptr<PartialFile>(new PartialFile(PartialFile::of_another(file, stop)));
+  } catch (const std::system_error& e) {
+    if (e.code() != std::errc::no_such_file_or_directory) throw;
+    throw std::runtime_error(
+        "cannot write " + file.string() +
+        ": what the first process begins there, this one does not see; choose a directory that all "
+        "see, or --pieces, a file each");
+  }
+}
+
 }  // namespace
+
+void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange) {
+  std::optional<PartialFile> begun;
+  std::exception_ptr unseen;
+  do_on_all(exchange, [&] {
+    if (exchange.rank() == 0) begun.emplace(file);
+  });
+  if (exchange.rank() != 0) try {
+      begun_by_first(file, nullptr);
+    } catch (...) {
+      unseen = std::current_exception();
+    }
+  wait_for_all(exchange);  // all have looked
+  begun.reset();
+  check_on_all(exchange, [&] {
+    if (unseen) std::rethrow_exception(unseen);
+  });
+}
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
@@ -95,8 +130,7 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
   });
   do_on_all(exchange, [&] {
     if (mesh.is_of_first_rank()) return;
-    for (const auto& name : names)
-      files.emplace_back(new PartialFile(PartialFile::of_another(name, stop)));
+    for (const auto& name : names) files.push_back(begun_by_first(name, stop));
   });
   std::uint64_t bytes = write(mesh, options, *files.front(), files.back().get());
   if (exchange != nullptr) {

@@ -34,6 +34,9 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads = 1,
                         const StepProgress& on_step = {}, const StopToken* stop = nullptr,
                         Exchange* exchange = nullptr);
+// Called by all ranks, before the work is done. Throws std::runtime_error on the first rank that
+// does not see what rank 0 begins there, and ExchangeError on others.
+void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange);
 // A file for each rank, with its cells and all of their vertices, in formats that have parts; where
 // a file can name them all, also that one. Nothing is gathered but 16 bytes a rank. Each rank sees
 // the directory of its own file, and all are whole before one has its name. `file`: whose names

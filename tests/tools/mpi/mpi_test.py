@@ -147,6 +147,20 @@ class MpiTest(unittest.TestCase):
         self.assertEqual(run.returncode, 1, said)
         self.assertEqual(said.count("would take about"), 2, said)  # the store, and the mesh
 
+    def test_asks_for_a_directory_that_all_see(self):
+        for name in ("here", "there"):
+            (self.scratch / name).mkdir()
+        mesh = [os.path.abspath(LOCVOL_MPI), "mesh", self.surface, "-o", "many.vtkhdf", "-s", "6%",
+                "-q", "--store", self.scratch / "part-%r"]
+        run = subprocess.run([MPIRUN, "-n", "1", "-wdir", self.scratch / "here", *mesh, ":",
+                              "-n", "2", "-wdir", self.scratch / "there", *mesh],
+                             env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True)
+        self.assertEqual(run.returncode, 1, run.stdout)
+        self.assertEqual(run.stdout.count("choose a directory that all see"), 1, run.stdout)
+        for name in ("here", "there"):
+            self.assertEqual(os.listdir(self.scratch / name), [])
+
     def test_same_bytes_where_sizes_vary(self):
         sizes = ("--growth", "0.2", "--deviation", "0.5%")
         expected = self.mesh("10%", *sizes)
