@@ -27,10 +27,9 @@ namespace locvol {
 namespace {
 
 // What Open MPI takes (measured: 11 MiB), and messages, is no run's. Throws OverBudget.
-RunControl for_rank(RunControl control, const Exchange& exchange) {
+RunControl for_rank(RunControl control, Exchange& exchange) {
   constexpr std::uint64_t kBytes = std::uint64_t{48} << 20;
-  const std::uint64_t cap = memory_cap(control.memory_bytes);
-  control.memory_bytes = memory_cap(cap > kBytes ? cap - kBytes : 1);
+  check_on_all(exchange, [&] { control.memory_bytes = memory_cap(control.memory_bytes, kBytes); });
   control.output_options.is_by_ranks = exchange.num_ranks() > 1 && !control.is_in_pieces;
   return control;
 }

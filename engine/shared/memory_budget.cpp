@@ -121,13 +121,13 @@ std::uint64_t free_memory() {
 
 const std::uint64_t kLeastMemory = kProgramBytes + kIngestBytes;
 
-std::uint64_t memory_cap(std::uint64_t asked) {
-  const std::uint64_t cap = asked > 0 ? asked : free_memory() / 2;
-  if (cap < kLeastMemory)
+std::uint64_t memory_cap(std::uint64_t asked, std::uint64_t besides) {
+  const std::uint64_t cap = asked > 0 ? asked : free_memory() / 2, least = kLeastMemory + besides;
+  if (cap < least)
     throw OverBudget("a memory cap of " + memory_text(cap) + " is too small for any run: give " +
-                         memory_text(kLeastMemory) + " or more",
-                     kLeastMemory);
-  return cap;
+                         memory_text(least) + " or more",
+                     least);
+  return cap - besides;
 }
 
 int num_streaming_threads(int asked, std::uint64_t cap) {

@@ -28,9 +28,10 @@ class OverBudget : public std::runtime_error {
 std::uint64_t free_memory();
 // The least cap under which a surface can be read and checked.
 extern const std::uint64_t kLeastMemory;
-// What the user asks for, or half of what is free if that is 0; bytes of the whole process. Throws
-// OverBudget for less than it takes to read and check a surface.
-std::uint64_t memory_cap(std::uint64_t asked);
+// What the user asks for, or half of what is free if that is 0; bytes of the whole process, but for
+// what it takes `besides`. Throws OverBudget if the rest is less than it takes to read and check a
+// surface.
+std::uint64_t memory_cap(std::uint64_t asked, std::uint64_t besides = 0);
 // How many threads may each have a bucket of the surface, or a piece of the output, under the cap,
 // of those `asked` for; 0: of those that the process may use.
 int num_streaming_threads(int asked, std::uint64_t cap);

@@ -650,6 +650,24 @@ TEST_F(RunOfRanks, WithTooLittleMemoryToEndASuperstepSaysSo) {
   run_as_ranks(3, [&](Exchange& exchange) { mesh_as_rank(all, control, exchange); });
 }
 
+TEST_F(RunOfRanks, AsksForWhatTheLeastRunAndItsMessagesTake) {
+  write_off(sphere(1, 12, 24), scratch_ / "input.off");
+  const MeshOptions all = this->options("store-%r", 0.2, 500);
+  const auto run = [&](std::uint64_t bytes) {
+    RunControl control;
+    control.memory_bytes = bytes;
+    run_as_ranks(2, [&](Exchange& exchange) { mesh_as_rank(all, control, exchange); });
+  };
+  try {
+    run(kLeastMemory);
+    FAIL();
+  } catch (const OverBudget& e) {
+    EXPECT_GT(e.bytes(), kLeastMemory);
+    EXPECT_THROW(run(e.bytes() - 1), OverBudget);
+    run(e.bytes());
+  }
+}
+
 // When some have their new stores in place, and others beside the old ones.
 TEST_F(RunOfRanks, GoesOnByAnotherNumberWhereAMoveEnds) {
   write_off(sphere(1, 12, 24), scratch_ / "input.off");
