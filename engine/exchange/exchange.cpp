@@ -84,16 +84,15 @@ void wait_for_all(Exchange& exchange) { exchange.gather({}); }
 void do_on_all(Exchange& exchange, const std::function<void()>& work) {
   enum Outcome : std::uint64_t { kDone, kStopped, kFailed };
   Outcome outcome = kDone;
-  const std::exception_ptr failure = failure_of([&] {
-    try {
-      work();
-    } catch (const Stopped&) {
-      outcome = kStopped;
-    } catch (...) {
-      outcome = kFailed;
-      throw;
-    }
-  });
+  std::exception_ptr failure;
+  try {
+    work();
+  } catch (const Stopped&) {
+    outcome = kStopped;
+  } catch (...) {
+    outcome = kFailed;
+    failure = std::current_exception();
+  }
   std::uint64_t worst = outcome;
   try {
     worst = std::ranges::max(gather_numbers(exchange, outcome));

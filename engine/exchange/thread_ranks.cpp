@@ -24,20 +24,16 @@ class Channel {
     changed_.notify_one();
   }
 
-  bool has_next() {
+  // take() would not wait.
+  bool is_ready() {
     const std::lock_guard lock(mutex_);
-    return waiting_.contains(num_taken_);
-  }
-
-  bool has_ended() {
-    const std::lock_guard lock(mutex_);
-    return has_ended_;
+    return is_known();
   }
 
   // Nothing: it has not come by then, or never will.
   std::optional<std::string> take(Clock::time_point until) {
     std::unique_lock lock(mutex_);
-    changed_.wait_until(lock, until, [&] { return waiting_.contains(num_taken_) || has_ended_; });
+    changed_.wait_until(lock, until, [&] { return is_known(); });
     const auto next = waiting_.extract(num_taken_);
     if (!next) return std::nullopt;
     ++num_taken_;
@@ -52,6 +48,8 @@ class Channel {
   }
 
  private:
+  bool is_known() const { return waiting_.contains(num_taken_) || has_ended_; }
+
   std::mutex mutex_;
   std::condition_variable changed_;
   std::map<std::uint64_t, std::string> waiting_;
@@ -131,7 +129,7 @@ class ThreadRank : public Exchange {
         continue;
       }
       Channel& channel = network_.channel(from, rank_);
-      while (!channel.has_next() && !channel.has_ended() && work()) {
+      while (!channel.is_ready() && work()) {
       }
       const Clock::time_point start = Clock::now();
       auto message = channel.take(start + network_.options.patience);

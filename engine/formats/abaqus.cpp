@@ -75,22 +75,15 @@ std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
   const std::uint64_t num_vertices = boundary.num_vertices();
   AppendedFile out(file, mesh.exchange());
   out.append("*HEADING\ntetrahedra by locvol\n*NODE\n");
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, nodes_of, append); });
+  append_pieces(out, mesh, {.has_points = true}, nodes_of);
   out.append("*ELEMENT, TYPE=C3D4, ELSET=volume\n");
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, elements_of, append); });
+  append_pieces(out, mesh, {.has_cells = true}, elements_of);
   out.append("*NSET, NSET=boundary\n");
-  out.append_run([&](const auto& append) {
-    encode_in_order(
-        mesh.workers(), boundary.vertices(),
-        [&](const BoundarySurface::Vertices& some) { return node_set_of(some, num_vertices); },
-        append);
+  append_boundary(out, mesh, boundary.vertices(), [&](const BoundarySurface::Vertices& some) {
+    return node_set_of(some, num_vertices);
   });
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
-  out.append_run([&](const auto& append) {
-    encode_in_order(mesh.workers(), boundary.facets({}), faces_of, append);
-  });
+  append_boundary(out, mesh, boundary.facets({}), faces_of);
   return out.size();
 }
 

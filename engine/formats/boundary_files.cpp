@@ -72,12 +72,8 @@ std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
     }
     return triangles;
   };
-  out.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.facets({.has_corners = true}), triangles_of,
-                        append);
-      },
-      kStlTriangleBytes * boundary.num_own_facets());
+  append_boundary(out, mesh, boundary.facets({.has_corners = true}), triangles_of,
+                  kStlTriangleBytes * boundary.num_own_facets());
   return out.size();
 }
 
@@ -97,11 +93,8 @@ std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
     for (const Point& p : some.positions) vertices.add(p.x).add(p.y).add(p.z);
     return vertices;
   };
-  out.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.vertices(), vertices_of, append);
-      },
-      kPlyVertexBytes * boundary.num_own_vertices());
+  append_boundary(out, mesh, boundary.vertices(), vertices_of,
+                  kPlyVertexBytes * boundary.num_own_vertices());
   const auto triangles_of = [](const BoundarySurface::Facets& some) {
     Bytes triangles;
     for (const auto& places : some.places) {
@@ -110,12 +103,8 @@ std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
     }
     return triangles;
   };
-  out.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.facets({.has_places = true}), triangles_of,
-                        append);
-      },
-      kPlyTriangleBytes * boundary.num_own_facets());
+  append_boundary(out, mesh, boundary.facets({.has_places = true}), triangles_of,
+                  kPlyTriangleBytes * boundary.num_own_facets());
   return out.size();
 }
 
@@ -130,18 +119,14 @@ std::uint64_t write_obj(MeshSource& mesh, PartialFile& file) {
       text.add("v ").add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
     return text;
   };
-  out.append_run([&](const auto& append) {
-    encode_in_order(mesh.workers(), boundary.vertices(), vertices_of, append);
-  });
+  append_boundary(out, mesh, boundary.vertices(), vertices_of);
   const auto triangles_of = [](const BoundarySurface::Facets& some) {
     Text text;
     for (const auto& [a, b, c] : some.places)
       text.add("f ").add(a + 1).add(' ').add(b + 1).add(' ').add(c + 1).add('\n');
     return text;
   };
-  out.append_run([&](const auto& append) {
-    encode_in_order(mesh.workers(), boundary.facets({.has_places = true}), triangles_of, append);
-  });
+  append_boundary(out, mesh, boundary.facets({.has_places = true}), triangles_of);
   return out.size();
 }
 

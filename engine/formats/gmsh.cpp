@@ -219,11 +219,8 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
     return list;
   };
   AppendedFile facets(file, mesh.exchange(), layout.facets);
-  facets.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
-      },
-      kFacetBytes4 * boundary.num_own_facets());
+  append_boundary(facets, mesh, boundary.facets({}), facet_lines,
+                  kFacetBytes4 * boundary.num_own_facets());
   facets.append(Msh4Frame::kAfter);
   return bytes;
 }
@@ -244,9 +241,8 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
       nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
     return nodes;
   };
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, node_lines, append); },
-      sizeof(Node2) * mesh.own_vertices().size());
+  append_pieces(out, mesh, {.has_points = true}, node_lines,
+                sizeof(Node2) * mesh.own_vertices().size());
   out.append(Text().add("\n$EndNodes\n$Elements\n").add(num_cells + num_facets).add('\n').text());
   Bytes cell_head, facet_head;
   add_element_head2(kTetrahedron, num_cells, cell_head);
@@ -258,9 +254,8 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
     for (const auto& cell : piece.cells) cells.add(element2<4>(++tag, kVolumeGroup, kVolume, cell));
     return cells;
   };
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cell_lines, append); },
-      sizeof(Element2<4>) * mesh.own_cells().size());
+  append_pieces(out, mesh, {.has_cells = true}, cell_lines,
+                sizeof(Element2<4>) * mesh.own_cells().size());
   add_element_head2(kTriangle, num_facets, facet_head);
   out.append(facet_head.bytes());
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
@@ -270,11 +265,8 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
       list.add(element2<3>(++tag, kBoundaryGroup, kSurface, facet.vertices));
     return list;
   };
-  out.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
-      },
-      sizeof(Element2<3>) * boundary.num_own_facets());
+  append_boundary(out, mesh, boundary.facets({}), facet_lines,
+                  sizeof(Element2<3>) * boundary.num_own_facets());
   out.append("\n$EndElements\n");
   return out.size();
 }

@@ -108,15 +108,11 @@ std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
   out.append(is_wide ? "MeshVersionFormatted 4\n" : "MeshVersionFormatted 2\n");
   out.append("\nDimension 3\n");
   out.append(section("Vertices", mesh.num_vertices()));
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, vertices_of, append); });
+  append_pieces(out, mesh, {.has_points = true}, vertices_of);
   out.append(section("Tetrahedra", mesh.num_cells()));
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cells_of, append); });
+  append_pieces(out, mesh, {.has_cells = true}, cells_of);
   out.append(section("Triangles", boundary.num_facets()));
-  out.append_run([&](const auto& append) {
-    encode_in_order(mesh.workers(), boundary.facets({}), facets_of, append);
-  });
+  append_boundary(out, mesh, boundary.facets({}), facets_of);
   out.append("\nEnd\n");
   return out.size();
 }
@@ -147,9 +143,8 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
     for (const auto& point : piece.points) widths.add_integer(kReference, some.add(point));
     return some;
   };
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, vertex_lines, append); },
-      widths.vertex() * mesh.own_vertices().size());
+  append_pieces(out, mesh, {.has_points = true}, vertex_lines,
+                widths.vertex() * mesh.own_vertices().size());
   begin_section(kTetrahedra, n.num_cells, widths.element(4));
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes some;
@@ -157,20 +152,16 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
     for (const auto& cell : piece.cells) widths.add_element(cell, some);
     return some;
   };
-  out.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, cell_lines, append); },
-      widths.element(4) * mesh.own_cells().size());
+  append_pieces(out, mesh, {.has_cells = true}, cell_lines,
+                widths.element(4) * mesh.own_cells().size());
   begin_section(kTriangles, n.num_facets, widths.element(3));
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
     for (const BoundaryFacet& facet : some.facets) widths.add_element(facet.vertices, list);
     return list;
   };
-  out.append_run(
-      [&](const auto& append) {
-        encode_in_order(mesh.workers(), boundary.facets({}), facet_lines, append);
-      },
-      widths.element(3) * boundary.num_own_facets());
+  append_boundary(out, mesh, boundary.facets({}), facet_lines,
+                  widths.element(3) * boundary.num_own_facets());
   Bytes end;
   widths.add_place(0, end.add(kEnd));
   out.append(end.bytes());

@@ -13,6 +13,8 @@
 #include <type_traits>
 
 #include "engine/exchange/exchange.h"
+#include "engine/output/mesh_source.h"
+#include "engine/shared/encode_in_order.h"
 #include "engine/shared/partial_file.h"
 
 namespace locvol {
@@ -51,6 +53,21 @@ class AppendedFile {
   Exchange* exchange_;
   std::uint64_t offset_;
 };
+
+// What `encode` makes of each piece, as a run; `num_bytes`: see there.
+template <class Encode>
+void append_pieces(AppendedFile& out, MeshSource& mesh, const PieceParts& parts,
+                   const Encode& encode, std::optional<std::uint64_t> num_bytes = std::nullopt) {
+  out.append_run([&](const auto& append) { mesh.for_each_piece(parts, encode, append); },
+                 num_bytes);
+}
+// Likewise of what next() gives of the boundary.
+template <class Next, class Encode>
+void append_boundary(AppendedFile& out, MeshSource& mesh, const Next& next, const Encode& encode,
+                     std::optional<std::uint64_t> num_bytes = std::nullopt) {
+  out.append_run([&](const auto& append) { encode_in_order(mesh.workers(), next, encode, append); },
+                 num_bytes);
+}
 
 // Threads: any may write; one at a time does, for the kernel lets no more, and others would spin.
 class PlacedFile {

@@ -31,12 +31,10 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
   AppendedFile node_file(nodes, mesh.exchange()), element_file(elements, mesh.exchange());
   // Number of points, dimension, attributes, boundary markers.
   node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
-  node_file.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_points = true}, node_lines, append); });
+  append_pieces(node_file, mesh, {.has_points = true}, node_lines);
   // Number of tetrahedra, points of each, attributes.
   element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
-  element_file.append_run(
-      [&](const auto& append) { mesh.for_each_piece({.has_cells = true}, element_lines, append); });
+  append_pieces(element_file, mesh, {.has_cells = true}, element_lines);
   return node_file.size() + element_file.size();
 }
 

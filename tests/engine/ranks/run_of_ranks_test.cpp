@@ -231,20 +231,33 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
   }
 }
 
-// Of three ranks, whose shares no block begins with.
-class FileOfRanks : public RunOfRanks {
+// A ball and a ring, of three ranks.
+class MeshOfRanks : public RunOfRanks {
  protected:
-  void SetUp() override {
+  void mesh_by_ranks(double size) {
     write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
               scratch_ / "input.off");
-    options_ = options("store-%r", 0.08, 500);
-    run_as_ranks(3, [&](Exchange& exchange) { mesh_as_rank(options_, {}, exchange); });
-    run_as_ranks(2, [&](Exchange& exchange) {
-      join_ranks(options_.store, scratch_ / "whole", {}, exchange);
+    options_ = options("store-%r", size, 500);
+    run_as_ranks(3, [&](Exchange& exchange) {
+      const RunSummary summary = mesh_as_rank(options_, {}, exchange);
+      if (exchange.rank() == 0) num_cells_ = summary.run.counts.num_cells;
     });
   }
   Store part(const Exchange& exchange) const {
     return Store::open(store_of_rank(options_.store, exchange.rank()), {.read_only = true});
+  }
+
+  MeshOptions options_;
+  std::uint64_t num_cells_ = 0;
+};
+
+class FileOfRanks : public MeshOfRanks {
+ protected:
+  void SetUp() override {
+    mesh_by_ranks(0.08);
+    run_as_ranks(2, [&](Exchange& exchange) {
+      join_ranks(options_.store, scratch_ / "whole", {}, exchange);
+    });
   }
   // All ranks write the mesh, of which this one is asked to stop.
   void write(const std::filesystem::path& file, MeshFormat format, int stopped_rank = -1,
@@ -254,8 +267,6 @@ class FileOfRanks : public RunOfRanks {
                  exchange.rank() == stopped_rank ? stop : nullptr, &exchange);
     });
   }
-
-  MeshOptions options_;
 };
 
 TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
@@ -325,17 +336,9 @@ TEST_F(FileOfRanks, IsNotThereWithoutRoom) {
 }
 
 // Of three ranks, in each format that has pieces.
-class PiecesOfRanks : public RunOfRanks {
+class PiecesOfRanks : public MeshOfRanks {
  protected:
-  void SetUp() override {
-    write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
-              scratch_ / "input.off");
-    options_ = options("store-%r", 0.06, 500);
-    run_as_ranks(3, [&](Exchange& exchange) {
-      const RunSummary summary = mesh_as_rank(options_, {}, exchange);
-      if (exchange.rank() == 0) num_cells_ = summary.run.counts.num_cells;
-    });
-  }
+  void SetUp() override { mesh_by_ranks(0.06); }
 
   static std::vector<OutputOptions> outputs() {
     std::vector<OutputOptions> outputs;
@@ -348,17 +351,12 @@ class PiecesOfRanks : public RunOfRanks {
                      int num_threads) {
     WriteSummary written;
     run_as_ranks(3, [&](Exchange& exchange) {
-      const Store store =
-          Store::open(store_of_rank(options_.store, exchange.rank()), {.read_only = true});
-      const WriteSummary of_all =
-          write_piece_as_rank(store, directory / "mesh.any", output, exchange, num_threads);
+      const WriteSummary of_all = write_piece_as_rank(part(exchange), directory / "mesh.any",
+                                                      output, exchange, num_threads);
       if (exchange.rank() == 0) written = of_all;
     });
     return written;
   }
-
-  MeshOptions options_;
-  std::uint64_t num_cells_ = 0;
 };
 
 TEST_F(PiecesOfRanks, AreTheSameBytesForAnyNumberOfThreads) {
