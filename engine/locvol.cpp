@@ -19,8 +19,10 @@
 #include "engine/output/mesh_chunks.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
+#include "engine/shared/standard_streams.h"
 #include "engine/shared/workers.h"
 #include "refine/leaf.h"
 
@@ -58,9 +60,11 @@ namespace {
   throw Error(ErrorCode::kInternal, e.what());
 }
 
-// Does the action; what it throws comes out as an Error, or as the callback has thrown it.
+// Each entry to the library: does the action; what it throws comes out as an Error, or as the
+// callback has thrown it.
 template <class Action>
 auto translated(const Thrown& thrown, const Action& action) -> decltype(action()) try {
+  open_standard_streams();
   return action();
 } catch (...) {
   if (thrown.exception) std::rethrow_exception(thrown.exception);
@@ -111,7 +115,7 @@ TriangleSource triangle_source(const Surface::Source& source, Thrown& thrown) {
 }
 
 std::filesystem::path scratch_directory(const std::filesystem::path& named) {
-  return named.empty() ? std::filesystem::temp_directory_path() : named;
+  return named.empty() ? temporary_directory() : named;
 }
 
 Stage public_stage(Phase phase) {

@@ -36,6 +36,7 @@
 #include "tools/results.h"
 #include "tools/stop_signal.h"
 #include "tools/stored_run.h"
+#include "tools/tell_user.h"
 #include "tools/visit_file.h"
 
 namespace locvol {
@@ -50,8 +51,7 @@ void remove_store(const std::filesystem::path& directory) {
   std::error_code error;
   std::filesystem::remove_all(directory, error);
   if (error) {
-    fmt::print(stderr, "locvol: cannot remove the store {}: {}\n", directory.string(),
-               error.message());
+    tell_user("locvol: cannot remove the store {}: {}\n", directory.string(), error.message());
   }
 }
 
@@ -60,8 +60,7 @@ SurveyedSurface surveyed(const std::filesystem::path& file, std::uint64_t cap) {
   const StopSource stop(StopSignal::is_requested);
   IngestWatch watch(&stop, {});
   Workers workers(num_streaming_threads(0, cap));
-  return survey_surface(surface_in_file(file), std::filesystem::temp_directory_path(), watch,
-                        workers);
+  return survey_surface(surface_in_file(file), temporary_directory(), watch, workers);
 }
 
 // The run that `mesh` would begin.
@@ -97,10 +96,10 @@ SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, Progr
 // Before there was a run to go on with. Returns the exit code.
 int tell_read_in_vain(const RunPlace& place, bool is_json) {
   if (!place.is_first()) return kExitInterrupted;
-  fmt::print(stderr,
-             "{}: interrupted while the surface was read, with nothing changed; the same "
-             "command reads it again\n",
-             place.program());
+  tell_user(
+      "{}: interrupted while the surface was read, with nothing changed; the same "
+      "command reads it again\n",
+      place.program());
   if (is_json) print_json({{"outcome", outcome_name(RunOutcome::kInterrupted)}});
   return kExitInterrupted;
 }
@@ -331,7 +330,7 @@ SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) 
         "sizes do not vary: --vtu has nothing to show without --growth, --sizes, "
         "--per-circle, --deviation or --layers");
   if (!command.vtu.empty()) require_writable(command.vtu);
-  const ScratchDirectory scratch(std::filesystem::temp_directory_path());
+  const ScratchDirectory scratch(temporary_directory());
   MeshOptions options = command.options;
   options.input = command.surface;
   options.size = {size, false};

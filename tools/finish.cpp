@@ -15,6 +15,7 @@
 #include "tools/exit_code.h"
 #include "tools/leaf_site_fields.h"
 #include "tools/stored_run.h"
+#include "tools/tell_user.h"
 
 namespace locvol {
 namespace {
@@ -115,7 +116,7 @@ void tell_how_to_resume(const RunPlace& place, const RunCommand& command, Progre
     if (command.control.is_in_pieces) arguments += " --pieces";
   }
   line.clear();
-  fmt::print(stderr, "{0}: interrupted; `{0} resume {1}` goes on\n", place.program(), arguments);
+  tell_user("{0}: interrupted; `{0} resume {1}` goes on\n", place.program(), arguments);
 }
 
 // `sites`: the first of `num_all`.
@@ -130,12 +131,12 @@ void tell_unresolved(const std::vector<LeafSite>& sites, std::uint64_t num_all,
     return line.tell("unresolved", json, "");
   }
   line.clear();
-  fmt::print(stderr, "{}: {} sites are unresolved: the surface is not smooth there at scale λ\n",
-             place.program(), num_all);
-  for (const LeafSite& site : sites) fmt::print(stderr, "  {}\n", site_text(site));
+  tell_user("{}: {} sites are unresolved: the surface is not smooth there at scale λ\n",
+            place.program(), num_all);
+  for (const LeafSite& site : sites) tell_user("  {}\n", site_text(site));
   if (num_all > sites.size())
-    fmt::print(stderr, "  and {} more: `{} inspect {} --unresolved` lists all\n",
-               num_all - sites.size(), place.program(), place.stores.string());
+    tell_user("  and {} more: `{} inspect {} --unresolved` lists all\n", num_all - sites.size(),
+              place.program(), place.stores.string());
 }
 
 // The exit code stays 0, and with --quiet the count is in the summary.

@@ -37,6 +37,12 @@ void print_error(std::initializer_list<const char*> texts) {
       ::writev(STDERR_FILENO, pieces.data(), static_cast<int>(texts.size()));
 }
 
+bool is_directory_gone() {
+  std::error_code error;
+  std::filesystem::current_path(error);
+  return error == std::errc::no_such_file_or_directory;
+}
+
 int fail(const char* name, const char* message) {
   print_error({name, ": error: ", message, "\n"});
   return kExitError;
@@ -66,6 +72,10 @@ int guarded(const char* name, const std::function<int()>& run) {
     return code;
   } catch (const std::bad_alloc&) {
     return fail_resumably(name, "out of memory", "free some memory");
+  } catch (const std::filesystem::filesystem_error& error) {
+    if (!is_directory_gone()) return fail_resumably(name, error.what(), "mend that");
+    return fail(name,
+                "the working directory is no more: change to one that is, or give whole paths");
   } catch (const std::system_error& error) {
     return fail_resumably(name, error.what(), "mend that");
   } catch (const std::exception& error) {

@@ -23,6 +23,7 @@
 #include "tools/inspect_summary.h"
 #include "tools/results.h"
 #include "tools/stored_run.h"
+#include "tools/tell_user.h"
 
 namespace locvol {
 
@@ -344,7 +345,7 @@ int tell_inspected(const RunPart& part, std::vector<Fault> faults, const Inspect
                    std::string_view program) {
   if (part.store) read_around(faults, [&] { return run_of(*part.store); });
   for (const Fault& fault : gather_named(part, faults))
-    if (part.is_first()) fmt::print(stderr, "{}: error: {}\n", program, fault.message);
+    if (part.is_first()) tell_user("{}: error: {}\n", program, fault.message);
   const std::uint64_t num_faults = std::max<std::uint64_t>(faults.size(), inspect(part, command));
   std::string damage;
   if (num_faults > 0)
@@ -354,7 +355,7 @@ int tell_inspected(const RunPart& part, std::vector<Fault> faults, const Inspect
   int code = kExitDone;
   for (const std::string& of_rank : part.exchange.gather(damage)) {
     if (!of_rank.empty()) code = kExitError;
-    if (part.is_first()) fmt::print(stderr, "{}", of_rank);
+    if (part.is_first()) tell_user("{}", of_rank);
   }
   return code;
 }

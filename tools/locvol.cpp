@@ -21,6 +21,7 @@
 #include "tools/generate.h"
 #include "tools/guarded.h"
 #include "tools/reference.h"
+#include "tools/start_process.h"
 #include "tools/stop_signal.h"
 
 namespace locvol {
@@ -161,6 +162,7 @@ int run(int argc, char** argv) {
 }  // namespace locvol
 
 int main(int argc, char** argv) {
+  locvol::start_process();
   locvol::clean_up_on_signals();
   return locvol::guarded("locvol", [&] { return locvol::run(argc, argv); });
 }

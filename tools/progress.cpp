@@ -10,6 +10,7 @@
 #include <ctime>
 
 #include "engine/shared/memory_budget.h"
+#include "tools/tell_user.h"
 
 namespace locvol {
 namespace {
@@ -29,7 +30,7 @@ std::string cut_to_terminal(const std::string& text) {
   return text.substr(0, size.ws_col - std::size_t{1});
 }
 
-void print_event(const Json& json) { fmt::print(stderr, "{}\n", json_line(json)); }
+void print_event(const Json& json) { tell_user("{}\n", json_line(json)); }
 
 }  // namespace
 
@@ -187,21 +188,21 @@ void ProgressLine::tell(std::string_view event, const std::function<Json()>& jso
     print_event(whole);
   } else if (style_ == ProgressStyle::kText) {
     clear();
-    fmt::print(stderr, "locvol: {}\n", text);
+    tell_user("locvol: {}\n", text);
   }
 }
 
 void ProgressLine::clear() {
-  if (is_line_open_) fmt::print(stderr, "\r\x1b[K");
+  if (is_line_open_) tell_user("\r\x1b[K");
   is_line_open_ = false;
 }
 
 void ProgressLine::draw(const std::string& text) {
   clear();
   if (is_terminal_)
-    fmt::print(stderr, "{}", cut_to_terminal(text));
+    tell_user("{}", cut_to_terminal(text));
   else
-    fmt::print(stderr, "{}\n", text);
+    tell_user("{}\n", text);
   is_line_open_ = is_terminal_;
 }
 

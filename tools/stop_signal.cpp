@@ -62,6 +62,11 @@ void handle(int signal, void (*handler)(int), int flags) {
   sigaction(signal, &action, nullptr);
 }
 
+bool is_ignored(int signal) {
+  struct sigaction action {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
 }  // namespace
 
 const StopSignal& StopSignal::install() {
@@ -70,7 +75,13 @@ const StopSignal& StopSignal::install() {
   event.sigev_notify = SIGEV_SIGNAL;
   event.sigev_signo = SIGALRM;
   has_patience = timer_create(CLOCK_MONOTONIC, &event, &patience) == 0;
-  for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) handle(signal, on_stop, SA_RESTART);
+  for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGXCPU}) {
+    // A shell without job control starts what it does not wait for with SIGINT ignored: Ctrl-C is
+    // then meant for others.
+    if (signal != SIGINT || !is_ignored(signal)) handle(signal, on_stop, SA_RESTART);
+  }
+  // That nobody reads any more what a run tells is no reason to end it.
+  handle(SIGPIPE, SIG_IGN, 0);
   handle(SIGALRM, on_patience_over, SA_RESTART);
   return stop;
 }

@@ -1,4 +1,5 @@
-// SIGINT, SIGTERM, and SIGUSR1, which batch systems and mpirun can send.
+// SIGINT, SIGTERM, SIGUSR1, which batch systems and mpirun can send, and SIGXCPU, which says that
+// the CPU time of a limit is nearly over.
 //
 // A run is asked to end, once StopSignal is installed, and does so within a fraction of a second.
 // What cannot be asked (a commit to a slow disk, CGAL, the unexpected) is given kPatience: then the

@@ -146,15 +146,13 @@ Written shape_in(const Json& value) {
   const Json& size = value["size"];
   if (size.is_string()) {
     const std::string text = size.get<std::string>();
-    std::size_t end = 0;
-    try {
-      shape.size = {std::stod(text, &end), true};
-    } catch (const std::exception&) {
-      end = 0;
-    }
-    if (end == 0 || text.substr(end) != "%")
+    const auto percent = text.ends_with('%')
+                             ? parse_number(std::string_view(text).substr(0, text.size() - 1))
+                             : std::nullopt;
+    if (!percent)
       throw InputError(fmt::format("'{}' is no size: give a number, or a string such as \"2%\"",
                                    text.substr(0, 40)));
+    shape.size = {*percent, true};
   } else {
     shape.size.value = number_in(size, "size");
   }

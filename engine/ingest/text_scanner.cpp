@@ -1,6 +1,7 @@
 #include "engine/ingest/text_scanner.h"
 
 #include <fmt/format.h>
+#include <locale.h>
 
 #include <charconv>
 #include <cmath>
@@ -34,9 +35,12 @@ std::optional<double> parse_number(std::string_view word) {
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
     return std::nullopt;
-  // Too large, or so small that it rounds to 0 or a denormal, as strtod() does.
-  if (error == std::errc::result_out_of_range)
-    return std::strtod(std::string(digits).c_str(), nullptr);
+  // Too large, or so small that it rounds to 0 or a denormal, as strtod() does; with a decimal
+  // point, whatever locale the program that calls us has set.
+  if (error == std::errc::result_out_of_range) {
+    static const locale_t kPlain = ::newlocale(LC_ALL_MASK, "C", nullptr);
+    return ::strtod_l(std::string(digits).c_str(), nullptr, kPlain);
+  }
   return value;
 }
 

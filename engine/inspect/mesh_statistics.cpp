@@ -27,6 +27,7 @@
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/idle_pool.h"
 #include "engine/shared/lattice_of_run.h"
+#include "engine/shared/scratch_directory.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
 #include "octree/size_field.h"
@@ -114,7 +115,7 @@ CellGauge gauge_for(const RunRecord& run) {
 // In the store's directory, or if nothing may be written there in that for temporary files.
 std::filesystem::path name_for_lists(const Store& store) {
   const bool is_writable = ::access(store.directory().c_str(), W_OK) == 0;
-  return (is_writable ? store.directory() : std::filesystem::temp_directory_path()) / "neighbors";
+  return (is_writable ? store.directory() : temporary_directory()) / "neighbors";
 }
 
 LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge) {

@@ -8,7 +8,19 @@
 #include <string>
 #include <system_error>
 
+#include "engine/shared/input_error.h"
+
 namespace locvol {
+
+// Where files go that belong to no store. Throws InputError if the environment names none.
+inline std::filesystem::path temporary_directory() {
+  std::error_code error;
+  std::filesystem::path directory = std::filesystem::temp_directory_path(error);
+  if (error)
+    throw InputError(
+        "there is no directory for temporary files: set TMPDIR to one that exists, or unset it");
+  return directory;
+}
 
 // A directory of its own, removed at the end. Throws std::system_error if none can be made.
 class ScratchDirectory {

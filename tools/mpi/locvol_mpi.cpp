@@ -15,6 +15,7 @@
 #include "tools/guarded.h"
 #include "tools/mpi/mpi_exchange.h"
 #include "tools/reference.h"
+#include "tools/start_process.h"
 #include "tools/stop_signal.h"
 
 namespace locvol {
@@ -115,6 +116,7 @@ int run(int argc, char** argv, Exchange& exchange) {
 }  // namespace locvol
 
 int main(int argc, char** argv) {
+  locvol::start_process();
   locvol::clean_up_on_signals();
   if (argc > 1 && std::string_view(argv[1]) == "reference")
     return locvol::guarded("locvol-mpi", [&] { return locvol::print_reference(argc, argv); });
