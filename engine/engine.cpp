@@ -1,11 +1,13 @@
 #include "engine/engine.h"
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "engine/ingest/image_sizes.h"
 #include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "engine/run/run_timeline.h"
 #include "engine/run_phases.h"
 #include "engine/shared/input_error.h"
@@ -15,11 +17,27 @@
 namespace locvol {
 namespace {
 
-std::optional<RunRecord> held_run(const std::filesystem::path& store) {
-  if (!Store::exists(store)) return std::nullopt;
-  const Store held = Store::open(store, {.read_only = true});
-  require_whole_run(held);
-  return held.snapshot().run();
+// When the first process began that worked on the run, in seconds since 1970; 0: none has yet.
+std::uint64_t started(const Reader& reader) {
+  const TimelineRecord timeline = reader.timeline();
+  return timeline.samples.empty() ? 0 : timeline.samples.front().started;
+}
+
+// The run in the store, if it is the one that is asked for. Nothing: it is to begin, over what
+// there is. Throws StoreMismatch.
+std::optional<RunRecord> run_to_go_on_with(const SurfaceSource& surface, const MeshOptions& options,
+                                           const StopSource& stop) {
+  if (!Store::exists(options.store)) return std::nullopt;
+  const Store store = Store::open(options.store, {.read_only = true});
+  require_whole_run(store);
+  const Snapshot reader = store.snapshot();
+  const auto held = reader.run();
+  if (!held || held->phase == Phase::kIngest) return std::nullopt;
+  const RunRecord asked = planned(options, surface.digest(&stop), held->surface.box, stop);
+  if (held->parameters == asked.parameters) return held;
+  if (options.is_forced || is_in_vain(*held)) return std::nullopt;
+  require_same_run(*held, asked, options.store, started(reader));
+  return held;
 }
 
 RunSummary interrupted(const Store& store) {
@@ -54,21 +72,15 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const RunControl& control,
                 const StopSource& stop, Phase until = Phase::kDone) {
   const WorkClock clock;
-  const auto held = held_run(options.store);
-  if (held && held->phase != Phase::kIngest) {
-    const RunParameters asked =
-        planned(options, surface.digest(&stop), held->surface.box, stop).parameters;
-    if (held->parameters == asked || !options.is_forced) {
-      require_same_run(held->parameters, asked, options.store);
-      Store store = Store::open(options.store);
-      if (control.on_run) control.on_run(*held);
-      return finish(store, control, stop, clock, until);
-    }
+  if (const auto held = run_to_go_on_with(surface, options, stop)) {
+    Store store = Store::open(options.store);
+    if (control.on_run) control.on_run(*held);
+    return finish(store, control, stop, clock, until);
   }
   Store store = ingested(
       surface, options.store,
       [&](const std::string& digest, const Box& box) {
-        return planned(options, digest, box, stop);
+        return begun(options, digest, box, control, stop);
       },
       [&] { return Store::open(options.store, {.create = true}); }, control, stop);
   return finish(store, control, stop, clock, until);

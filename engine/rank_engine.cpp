@@ -13,6 +13,7 @@
 #include "engine/exchange/recorded_exchange.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/ingest_by_ranks.h"
 #include "engine/ranks/move_leaves.h"
@@ -52,14 +53,14 @@ std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStor
                                    const RunControl& control, Exchange& exchange,
                                    const StopSource& stop) {
   const bool is_first = exchange.rank() == 0;
+  RunControl own = control;
+  if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
   const auto plan = [&](const std::string& digest, const Box& box) {
-    return planned(options, digest, box, stop);
+    return begun(options, digest, box, own, stop);
   };
   const auto open_store = [&] { return place.open(); };
   const bool sees_image = options.size_image.empty() || std::ifstream(options.size_image).is_open();
   if (exchange.num_ranks() > 1 && !any(exchange, !sees_image)) {
-    RunControl own = control;
-    if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
     const DiskOf disk = disk_of_parts(place.directory(), pieces_of(control), exchange);
     IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
     Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
@@ -69,8 +70,7 @@ std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStor
     if (part) return part;
   }
   if (!is_first) return std::nullopt;
-  return ingested(surface_in_file(options.input), place.directory(), plan, open_store, control,
-                  stop);
+  return ingested(surface_in_file(options.input), place.directory(), plan, open_store, own, stop);
 }
 
 // All take the surface in, or the first one does, and then each gets its share.
@@ -122,6 +122,20 @@ Phase next_move(const Reader& reader) {
   return Phase::kDone;
 }
 
+// With the counts of all parts, whichever ranks have them.
+RunRecord run_of_all(const HeldRun& held, Exchange& exchange) {
+  RunCounts own;
+  for (const std::filesystem::path& part : held.parts) {
+    const RunCounts counts = Store::open(part, {.read_only = true}).snapshot().run()->counts;
+    own.num_points += counts.num_points;
+    own.num_cells += counts.num_cells;
+    own.num_unresolved += counts.num_unresolved;
+  }
+  RunRecord run = held.run;
+  run.counts = total_counts(exchange, own);
+  return run;
+}
+
 // Nothing: it is to begin. Throws StoreError, the same on all ranks, or StoreMismatch.
 std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& exchange,
                                          const StopSource& stop) {
@@ -132,14 +146,14 @@ std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& e
     if (!options.is_forced) throw;
   }
   if (!held) return held;
-  std::optional<RunParameters> asked;
+  std::optional<RunRecord> asked;
   if (exchange.rank() == 0)
     asked =
-        planned(options, surface_in_file(options.input).digest(&stop), held->run.surface.box, stop)
-            .parameters;
-  if (!any(exchange, asked && *asked != held->run.parameters)) return held;
-  if (options.is_forced) return std::nullopt;
-  if (asked) require_same_run(held->run.parameters, *asked, options.store);
+        planned(options, surface_in_file(options.input).digest(&stop), held->run.surface.box, stop);
+  if (!any(exchange, asked && asked->parameters != held->run.parameters)) return held;
+  const RunRecord of_all = run_of_all(*held, exchange);
+  if (options.is_forced || is_in_vain(of_all)) return std::nullopt;
+  if (asked) require_same_run(of_all, *asked, options.store);
   throw StoreMismatch("the store " + options.store.string() +
                       " has a part of another run than is asked for");
 }

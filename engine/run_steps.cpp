@@ -33,6 +33,14 @@ RunRecord planned(const MeshOptions& options, const std::string& digest, const B
   return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
 }
 
+RunRecord begun(const MeshOptions& options, const std::string& digest, const Box& box,
+                const RunControl& control, const StopSource& stop) {
+  RunRecord run = planned(options, digest, box, stop);
+  if (control.on_note)
+    std::ranges::for_each(notes_on_shapes(options, run.parameters, box), control.on_note);
+  return run;
+}
+
 void check_output(const RunRecord& run, const std::filesystem::path& store,
                   const RunControl& control, const DiskOf& disk) {
   if (!control.output.empty()) require_format(run, control.output, control.output_options);

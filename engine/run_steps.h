@@ -34,6 +34,9 @@ void require_cells(const RunRecord& run);
 // InputError, Stopped.
 RunRecord planned(const MeshOptions& options, const std::string& digest, const Box& box,
                   const StopSource& stop);
+// The same of one that begins; what is to be said of its options is told.
+RunRecord begun(const MeshOptions& options, const std::string& digest, const Box& box,
+                const RunControl& control, const StopSource& stop);
 // Is there room for the output, and can it be of that format? Before the work, rather than after
 // it. Throws InputError.
 void check_output(const RunRecord& run, const std::filesystem::path& store,

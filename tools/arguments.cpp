@@ -209,6 +209,11 @@ std::filesystem::path parse_output(const std::string& text,
   return path;
 }
 
+std::filesystem::path parse_directory(const std::string& text) {
+  if (text.empty()) throw std::invalid_argument("is empty: give the name of a directory");
+  return text;
+}
+
 MeshFormat parse_format(const std::string& text) {
   if (const auto format = format_named(text)) return *format;
   const auto names = std::views::transform(mesh_formats(), &FormatInfo::name);

@@ -46,6 +46,9 @@ LeafSpec parse_leaf(const std::string& text);
 std::filesystem::path parse_output(const std::string& text,
                                    const std::vector<std::string_view>& extensions);
 
+// `text` as a path, if it is not empty.
+std::filesystem::path parse_directory(const std::string& text);
+
 // By its name, such as "msh2".
 MeshFormat parse_format(const std::string& text);
 // "leaf" or "quality": whether the quality is cell data, too.

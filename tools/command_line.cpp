@@ -2,12 +2,68 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "engine/ingest/size_file.h"
 #include "tools/arguments.h"
+#include "tools/tell_user.h"
 
 namespace locvol {
+namespace {
+
+// How many letters it takes to make one of the other: put in, left out, changed, or two swapped.
+std::size_t distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
+  std::iota(last.begin(), last.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    now[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      now[j] =
+          std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        now[j] = std::min(now[j], before[j - 2] + 1);
+    }
+    std::swap(before, last);
+    std::swap(last, now);
+  }
+  return last[b.size()];
+}
+
+// The first of those that are meant most likely by who typed `word`; empty if none is.
+std::string meant_by(std::string_view word, const std::vector<std::string>& known) {
+  std::string found;
+  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
+  for (const std::string& name : known)
+    if (const std::size_t d = distance(word, name); d < least) least = d, found = name;
+  return found;
+}
+
+// What is said of the first word that is neither a command nor an option of the one that was typed.
+// Empty: it is not that.
+std::string unknown_word_text(const CLI::App& app) {
+  const auto typed = app.get_subcommands();
+  const CLI::App& command = typed.empty() ? app : *typed.front();
+  const std::vector<std::string> words = command.remaining();
+  std::vector<std::string> known;
+  std::string what;
+  if (typed.empty() && !words.empty() && !words.front().starts_with('-')) {
+    what = fmt::format("there is no command '{}'", words.front());
+    for (const CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; }))
+      known.push_back(subcommand->get_name());
+  } else if (!words.empty() && words.front().starts_with("--")) {
+    what = fmt::format("there is no option '{}'", words.front());
+    for (const CLI::Option* option : command.get_options())
+      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  } else {
+    return {};
+  }
+  const std::string meant = meant_by(words.front().substr(0, words.front().find('=')), known);
+  return meant.empty() ? what : fmt::format("{}; is '{}' meant?", what, meant);
+}
+
+}  // namespace
 
 CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
                         std::vector<std::string_view> extensions) {
@@ -45,8 +101,9 @@ CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, Outpu
   CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
   CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
   add_cell_data(app, options)->needs(file);
-  app.final_callback([&output, &options, format] {
-    if (output.empty()) return;
+  app.final_callback([&output, &options, file, format] {
+    if (file->count() == 0) return;
+    if (output.empty()) throw CLI::ValidationError("-o", "is empty: give the name of a file");
     try {
       if (format->count() == 0) options.format = format_meant_by(output);
     } catch (const InputError& error) {
@@ -164,9 +221,9 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   add_sizes(*mesh, options);
   add_memory(*mesh, command.control.memory_bytes);
   add_threads(*mesh, command.control.num_threads);
-  mesh->add_option("--store", options.store,
-                   "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
-                   "when the run is done with exit code 0)")
+  add_parsed(*mesh, "--store", parse_directory, options.store,
+             "Directory of the run's store, kept at the end (default: OUTPUT.locvol, removed "
+             "when the run is done with exit code 0)")
       ->type_name("DIR");
   mesh->add_flag("--keep-store", command.is_store_kept, "Keep the default store, too");
   add_parsed(*mesh, "--leaf-capacity", parse_count, options.leaf_capacity,
@@ -298,8 +355,9 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
 
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   if (error.get_exit_code() == 0) return app.exit(error);  // --help and --version
-  fmt::print(stderr, "{0}: error: {1}\n{0}: `{0} --help` and `{0} COMMAND --help` say more\n",
-             app.get_name(), error.what());
+  const std::string unknown = unknown_word_text(app);
+  tell_user("{0}: error: {1}\n{0}: `{0} --help` and `{0} COMMAND --help` say more\n",
+            app.get_name(), unknown.empty() ? error.what() : unknown);
   return kExitUsage;
 }
 

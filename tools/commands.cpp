@@ -354,6 +354,10 @@ int run_info(const InfoCommand& command) {
   const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
   if (size > 0) {
     RunRecord run = run_of_size(input, command.surface, size, command.options);
+    for (const std::string& note : notes_on_shapes(command.options, run.parameters, facts.box)) {
+      json["notes"].push_back(note);
+      text += line_text("note", note);
+    }
     std::optional<SizeReport> sizes;
     if (run.parameters.has_nodes() || !command.vtu.empty()) sizes = found_sizes(command, size, run);
     const int num_threads = num_usable_threads();

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "engine/inspect/leaf_scan.h"
-#include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "storage/codec.h"
 #include "tools/results.h"
 

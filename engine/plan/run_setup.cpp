@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
+#include <limits>
 
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/number_text.h"
-#include "octree/mix.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -96,20 +95,10 @@ std::uint64_t expected_largest_visit(const RunRecord& run) {
   return std::min(expected_visit(run.parameters, side, of_leaf, 0), whole.bytes_to_refine());
 }
 
-const char* name_of(Initialization init) {
-  return init == Initialization::kCover ? "cover" : "paper";
-}
+Box box_of(const SizeShape& shape) { return Box::around(shape.a).joined(shape.b); }
 
-// A number that tells lists of shapes apart.
-std::string shapes_text(const std::vector<SizeShape>& shapes) {
-  if (shapes.empty()) return "none";
-  std::uint64_t hash = 0;
-  for (const auto& [kind, size, a, b, radius] : shapes) {
-    hash = mix(hash + static_cast<std::uint64_t>(kind));
-    for (const double v : {size, radius, a.x, a.y, a.z, b.x, b.y, b.z})
-      hash = mix(hash ^ std::bit_cast<std::uint64_t>(v));
-  }
-  return fmt::format("{} (hash {:016x})", shapes.size(), hash);
+double distance_between(const SizeShape& shape, const Box& box) {
+  return std::max(0.0, std::sqrt(box.squared_distance(box_of(shape))) - shape.radius);
 }
 
 void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
@@ -121,10 +110,10 @@ void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& p
       throw InputError(place + ": " + e.what());
     }
     if (shape.kind == ShapeKind::kBox) {
-      const Box box = Box::around(shape.a).joined(shape.b);
+      const Box box = box_of(shape);
       added.a = box.min, added.b = box.max;
     }
-    const Point farthest = Box::around(shape.a).joined(shape.b).expanded(shape.radius).max;
+    const Point farthest = box_of(shape).expanded(shape.radius).max;
     if (!(shape.radius >= 0) || !std::isfinite(dot(farthest, farthest)))
       throw InputError(place + ": give finite coordinates, and a radius of at least 0");
     const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);
@@ -234,6 +223,30 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest,
   return run;
 }
 
+std::vector<std::string> notes_on_shapes(const MeshOptions& options, const RunParameters& planned,
+                                         const Box& surface) {
+  const double most = std::min(planned.size, planned.max_size);
+  std::vector<std::string> notes;
+  for (std::size_t begin = 0, end = 0; begin < options.shapes.size(); begin = end) {
+    double distance = std::numeric_limits<double>::infinity(), size = distance;
+    // A line of several points is as many shapes, of one place.
+    for (; end < options.shapes.size() && options.shapes[end].place == options.shapes[begin].place;
+         ++end) {
+      const double from_box = distance_between(planned.shapes[end], surface);
+      distance = std::min(distance, from_box);
+      size = std::min(size, planned.shapes[end].size + planned.growth * from_box);
+    }
+    if (distance > 0)
+      notes.push_back(fmt::format(
+          "{}: this shape lies outside the model, {:.3g} from the box ({}, {}, {}) to ({}, {}, {}) "
+          "around it{}",
+          options.shapes[begin].place, distance, surface.min.x, surface.min.y, surface.min.z,
+          surface.max.x, surface.max.y, surface.max.z,
+          size < most ? "" : ": it makes no cell smaller"));
+  }
+  return notes;
+}
+
 MemoryPlan planned_memory(const RunRecord& run, std::uint64_t cap) {
   return {cap, expected_leaves(run), expected_largest_visit(run)};
 }
@@ -259,48 +272,6 @@ MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {
     return true;
   });
   return {cap, num_leaves, largest_visit};
-}
-
-void require_same_run(const RunParameters& held, const RunParameters& asked,
-                      const std::filesystem::path& store) {
-  std::string differences;
-  const auto compare = [&](const char* name, const std::string& held_value,
-                           const std::string& asked_value) {
-    if (held_value == asked_value) return;
-    differences += std::string(differences.empty() ? "" : "; ") + name + ": " + held_value +
-                   " in the store, " + asked_value + " asked for";
-  };
-  compare("digest of the input", held.input_digest, asked.input_digest);
-  compare("size", decimal(held.size), decimal(asked.size));
-  compare("radius-edge bound", decimal(held.radius_edge_bound), decimal(asked.radius_edge_bound));
-  compare("smallest dihedral angle", decimal(held.min_dihedral), decimal(asked.min_dihedral));
-  compare("spacing floor", decimal(held.spacing_floor), decimal(asked.spacing_floor));
-  compare("leaf capacity", std::to_string(held.leaf_capacity), std::to_string(asked.leaf_capacity));
-  compare("initialization", name_of(held.init), name_of(asked.init));
-  compare("seed", std::to_string(held.seed), std::to_string(asked.seed));
-  compare("growth", decimal(held.growth), decimal(asked.growth));
-  compare("largest size", decimal(held.max_size), decimal(asked.max_size));
-  compare("edges per circle", decimal(held.per_circle), decimal(asked.per_circle));
-  compare("deviation", decimal(held.deviation), decimal(asked.deviation));
-  compare("layers", decimal(held.layers), decimal(asked.layers));
-  compare("smallest size", decimal(held.min_size), decimal(asked.min_size));
-  const auto image = [](const RunParameters& p) { return p.has_image() ? p.size_image : "none"; };
-  compare("image of sizes", image(held), image(asked));
-  compare("shapes with sizes", shapes_text(held.shapes), shapes_text(asked.shapes));
-  if (differences.empty()) return;
-  throw StoreMismatch("the store " + store.string() + " holds another run (" + differences +
-                      "): give the same input and parameters to go on with it, another store, or "
-                      "force a new run over it");
-}
-
-void require_whole_run(const Store& store) {
-  const auto rank = store.snapshot().rank();
-  if (rank)
-    throw StoreMismatch(
-        fmt::format("the store {} has the part of rank {} of a run by {} processes: locvol-mpi "
-                    "goes on with it, "
-                    "and `locvol inspect` looks into it",
-                    store.directory().string(), rank->rank, rank->first.size()));
 }
 
 }  // namespace locvol

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <filesystem>
-#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "engine/plan/options.h"
 #include "engine/shared/memory_budget.h"
@@ -26,6 +26,11 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
 RunRecord planned_run(const MeshOptions& options, const std::string& digest,
                       const SurfaceFacts& surface, const ImageFacts& image = {});
 
+// Of shapes with sizes that lie outside of the surface's box: where, and whether they matter all
+// the same. A sentence each.
+std::vector<std::string> notes_on_shapes(const MeshOptions& options, const RunParameters& planned,
+                                         const Box& surface);
+
 // How a run shares out the memory under `cap`: one that has yet to be ingested, as far as the
 // parameters tell what its visits will take, and one in a store, leaf by leaf.
 // Throws OverBudget, naming the least cap that would do.
@@ -35,20 +40,7 @@ MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap);
 // The least cap on memory under which a run can be planned that has yet to be ingested.
 std::uint64_t least_memory(const RunRecord& run);
 
-// Another input or other parameters than the store's; the message names the difference.
-class StoreMismatch : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
-// Throws StoreMismatch, naming each parameter that differs and both its values.
-void require_same_run(const RunParameters& held, const RunParameters& asked,
-                      const std::filesystem::path& store);
-
 // Throws InputError unless sizes that are known ask for a number of cells that anyone could want.
 void require_few_cells(const RunRecord& run);
-
-// Throws StoreMismatch if the store has a rank's part of a run that several processes work on.
-void require_whole_run(const Store& store);
 
 }  // namespace locvol

@@ -9,7 +9,7 @@
 
 #include "engine/audit/audit.h"
 #include "engine/inspect/replay.h"
-#include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/engine/store_contents.h"
@@ -810,14 +810,14 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
       EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
     }
   };
-  expect_refusal(graded("store", 0.3, 0, 0.1), "growth: 0.2 in the store, 0.1 asked for");
-  expect_refusal(options("store", 0.3, 0), "growth: 0.2 in the store, 0 asked for");
+  expect_refusal(graded("store", 0.3, 0, 0.1), "--growth is 0.2 in it, and 0.1 here");
+  expect_refusal(options("store", 0.3, 0), "--growth is 0.2 in it, and 0 here");
   auto bounded = graded("store", 0.3, 0);
   bounded.max_size = SizeSpec{0.5, false};
-  expect_refusal(bounded, "largest size: inf in the store, 0.5 asked for");
+  expect_refusal(bounded, "--max-size is inf in it, and 0.5 here");
   auto shaped = graded("store", 0.3, 0);
   shaped.shapes = {{{ShapeKind::kBall, 0.1, {1, 0, 0}, {}, 0}, false, "sizes.txt, line 7"}};
-  expect_refusal(shaped, "shapes with sizes: none in the store, 1 (hash ");
+  expect_refusal(shaped, "--sizes is none in it, and 1 shape (hash ");
   shaped.store = scratch_ / "bad";
   shaped.shapes.front().shape.size = 1e-9;
   shaped.shapes.front().shape.radius = 0.5;
@@ -828,10 +828,10 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   expect_refusal(shaped, "sizes.txt, line 7: size -1");
   auto measured = graded("store", 0.3, 0);
   measured.per_circle = 20, measured.layers = 2, measured.deviation = SizeSpec{0.1, false};
-  expect_refusal(measured, "edges per circle: 0 in the store, 20 asked for");
-  expect_refusal(measured, "layers: 0 in the store, 2 asked for");
-  expect_refusal(measured, "deviation: 0 in the store, 0.1 asked for");
-  expect_refusal(measured, "smallest size: 0 in the store, 0.006 asked for");
+  expect_refusal(measured, "--per-circle is 0 in it, and 20 here");
+  expect_refusal(measured, "--layers is 0 in it, and 2 here");
+  expect_refusal(measured, "--deviation is 0 in it, and 0.1 here");
+  expect_refusal(measured, "--min-size is 0 in it, and 0.006 here");
   const auto expect_bad = [&](const std::function<void(MeshOptions&)>& change,
                               const std::string& words) {
     auto bad = graded("bad", 0.3, 0);
@@ -874,7 +874,7 @@ TEST_F(EngineTest, RefusesAStoreOfAnotherRunUnlessForced) {
     FAIL() << "the store was taken over";
   } catch (const StoreMismatch& e) {
     const std::string message = e.what();
-    EXPECT_NE(message.find("size: 0.3 in the store, 0.25 asked for"), std::string::npos) << message;
+    EXPECT_NE(message.find("--size is 0.3 in it, and 0.25 here"), std::string::npos) << message;
   }
   EXPECT_EQ(contents_of(other.store).run.parameters.size, 0.3);
   write(sphere(1.1, 15, 32));

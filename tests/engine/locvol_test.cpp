@@ -400,7 +400,7 @@ TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
   Arrays moved = arrays;
   for (Coordinates& v : moved.vertices) v[0] += 1;
   options.size = Size::length(0.1);
-  EXPECT_EQ(code_of([&] { mesh_surface(moved.surface(), options); }, "digest"),
+  EXPECT_EQ(code_of([&] { mesh_surface(moved.surface(), options); }, "its surface is another one"),
             ErrorCode::kMismatch);
   options.is_forced = true;
   EXPECT_TRUE(mesh_surface(moved.surface(), options).is_complete());

@@ -47,24 +47,92 @@ TEST_P(UsageError, ExitsWithTwoAndSaysWhy) {
 
 INSTANTIATE_TEST_SUITE_P(
     Command, UsageError,
-    testing::Values(std::vector<std::string>{}, Names{"frobnicate"}, Names{"mesh"},
-                    Names{"mesh", "cube.off"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtk", "--size", "2%"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity",
-                          "0"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "50"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "-1"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "x"},
-                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
-                    Names{"resume"}, Names{"inspect", "dir", "--leaf", "2"},
-                    Names{"inspect", "dir", "--leaves", "--queue"}, Names{"export", "dir"},
-                    Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
-                    Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"}));
+    testing::Values(
+        std::vector<std::string>{}, Names{"frobnicate"}, Names{"mesh"}, Names{"mesh", "cube.off"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
+        Names{"mesh", "cube.off", "-o", "cube.vtk", "--size", "2%"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity", "0"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "50"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "-1"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "x"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
+        Names{"mesh", "cube.off", "-o", "", "--size", "2%"},
+        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--store", ""}, Names{"resume"},
+        Names{"inspect", "dir", "--leaf", "2"}, Names{"inspect", "dir", "--leaves", "--queue"},
+        Names{"export", "dir"}, Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
+        Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"}));
+
+TEST(Command, SaysWhatAWordMayHaveMeant) {
+  const auto err_of = [](const Names& words) { return run_locvol(words).err; };
+  const auto expect = [](const std::string& err, const std::string& text) {
+    EXPECT_NE(err.find(text), std::string::npos) << err;
+  };
+  expect(err_of({"msh", "cube.off", "-o", "a.vtu"}), "no command 'msh'; is 'mesh' meant?");
+  expect(err_of({"inpsect", "a"}), "no command 'inpsect'; is 'inspect' meant?");
+  expect(err_of({"mesh", "a.off", "-o", "a.vtu", "--sise", "2%"}), "is '--size' meant?");
+  expect(err_of({"mesh", "a.off", "-o", "a.vtu", "--min-dihedrel=18"}),
+         "is '--min-dihedral' meant?");
+  const std::string strange = err_of({"frobnicate"});
+  expect(strange, "no command 'frobnicate'");
+  EXPECT_EQ(strange.find("meant"), std::string::npos) << strange;
+}
+
+// A store that holds nothing but a failure is in nobody's way; one that holds a run is told with
+// what may be typed.
+TEST(Command, AFailedTryDoesNotBlockTheNext) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), output = (dir / "a.vtu").string();
+  const auto mesh_at = [&](const char* size) {
+    return run_locvol({"mesh", cube, "-o", output, "--size", size});
+  };
+  const ProcessResult failed = mesh_at("5");
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_NE(failed.err.find("choose a smaller one"), std::string::npos) << failed.err;
+  EXPECT_TRUE(std::filesystem::exists(output + ".locvol"));
+  const ProcessResult next = mesh_at("0.2");
+  EXPECT_EQ(next.exit_code, 0) << next.err;
+
+  EXPECT_EQ(run_locvol({"mesh", cube, "-o", output, "--size", "0.2", "--keep-store"}).exit_code, 0);
+  const ProcessResult refused = mesh_at("0.3");
+  EXPECT_EQ(refused.exit_code, 1);
+  for (const char* text : {"--size is 0.2 in it, and 0.3 here", "--force", "--store", "is done"})
+    EXPECT_NE(refused.err.find(text), std::string::npos) << text << " in " << refused.err;
+
+  // The same file, with other bytes.
+  std::ofstream(cube, std::ios::app) << "# changed\n";
+  const ProcessResult changed = mesh_at("0.2");
+  EXPECT_EQ(changed.exit_code, 1);
+  const std::string bytes = std::to_string(std::filesystem::file_size(cube)) + " bytes";
+  for (const std::string& text : {cube, bytes, std::string("written 20"), std::string("--force")})
+    EXPECT_NE(changed.err.find(text), std::string::npos) << text << " in " << changed.err;
+  EXPECT_EQ(changed.err.find("digest"), std::string::npos) << changed.err;
+}
+
+TEST(Command, ShapesOutsideTheModelAreTold) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), sizes = (dir / "sizes.txt").string();
+  std::ofstream(sizes) << "point 0.05 0.5 0.5 0.5\nball 0.05 5 5 5 1\nline 0.05 -1 0 0 2 0 0\n"
+                          "point 0.05 1.1 0.5 0.5\n";
+  const ProcessResult told =
+      run_locvol({"mesh", cube, "-o", (dir / "a.vtu").string(), "--size", "0.3", "--sizes", sizes});
+  EXPECT_EQ(told.exit_code, 0) << told.err;
+  const auto count = [&](const std::string& text) {
+    std::size_t num = 0;
+    for (auto at = told.err.find(text); at != std::string::npos; at = told.err.find(text, at + 1))
+      ++num;
+    return num;
+  };
+  EXPECT_EQ(count("lies outside the model"), 2) << told.err;
+  EXPECT_EQ(count("line 2: this shape lies outside the model, 5.93 from"), 1) << told.err;
+  EXPECT_EQ(count("it makes no cell smaller"), 1) << told.err;
+  EXPECT_EQ(count("line 4: this shape lies outside the model, 0.1 from"), 1) << told.err;
+  const ProcessResult info = run_locvol({"info", cube, "--size", "0.3", "--sizes", sizes});
+  EXPECT_NE(info.out.find("line 2: this shape lies outside"), std::string::npos) << info.out;
+}
 
 TEST(Command, HelpDocumentsExitCodes) {
   const ProcessResult result = run_locvol({"--help"});
@@ -616,8 +684,7 @@ TEST_F(CubeStore, AnotherBoundOnAnglesIsRefused) {
       run_locvol({"mesh", make_cube(dir_), "-o", (dir_ / "cube.vtu").string(), "-s", "20%",
                   "--store", store_, "--min-dihedral", "20"});
   EXPECT_EQ(refused.exit_code, 1);
-  EXPECT_NE(refused.err.find("smallest dihedral angle: 15 in the store, 20 asked for"),
-            std::string::npos)
+  EXPECT_NE(refused.err.find("--min-dihedral is 15 in it, and 20 here"), std::string::npos)
       << refused.err;
 }
 
@@ -626,7 +693,7 @@ TEST_F(CubeStore, OtherSizesAreRefused) {
       run_locvol({"mesh", make_cube(dir_), "-o", (dir_ / "cube.vtu").string(), "-s", "20%",
                   "--store", store_, "--growth", "0.2"});
   EXPECT_EQ(refused.exit_code, 1);
-  EXPECT_NE(refused.err.find("growth: 0 in the store, 0.2 asked for"), std::string::npos)
+  EXPECT_NE(refused.err.find("--growth is 0 in it, and 0.2 here"), std::string::npos)
       << refused.err;
 }
 

@@ -5,10 +5,15 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "engine/plan/disk_room.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_estimate.h"
+#include "engine/plan/same_run.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -259,28 +264,91 @@ TEST(DiskOf, ADirectoryYetToBeMadeIsThatOfItsParent) {
   EXPECT_EQ(disk_of("no/such/directory").id, disk_of(".").id);
 }
 
-TEST(RequireSameRun, NamesEachDifferenceWithBothValues) {
-  const RunParameters held = parameters_with(0.1, 100);
+TEST(RequireSameRun, NamesEachOptionThatDiffersWithBothValues) {
+  RunRecord held;
+  held.parameters = parameters_with(0.1, 100);
+  held.surface.file = "/there/part.stl";
+  held.phase = Phase::kRefine;
+  held.counts.num_cells = 1234;
   EXPECT_NO_THROW(require_same_run(held, held, "dir"));
-  RunParameters asked = held;
-  asked.size = 0.25;
-  asked.init = Initialization::kPaper;
-  const auto message = message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir"); });
-  EXPECT_NE(message.find("size: 0.1 in the store, 0.25 asked for"), std::string::npos) << message;
-  EXPECT_NE(message.find("initialization: cover in the store, paper asked for"), std::string::npos);
+  RunRecord asked = held;
+  asked.parameters.size = 0.25;
+  asked.parameters.init = Initialization::kPaper;
+  auto message = message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir"); });
+  for (const char* text : {"the store dir", "--size is 0.1 in it, and 0.25 here",
+                           "--init is cover in it, and paper here", "not done, with 1234 cells",
+                           "--force", "--store", "`resume dir` goes on with it"})
+    EXPECT_NE(message.find(text), std::string::npos) << text << " in " << message;
   EXPECT_EQ(message.find("seed"), std::string::npos) << message;
-  EXPECT_NE(message.find("dir"), std::string::npos);
+
+  held.phase = Phase::kDone;
+  held.counts.num_unresolved = 3;
+  message = message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir"); });
+  EXPECT_NE(message.find("is done, with 3 unresolved sites"), std::string::npos) << message;
+  EXPECT_NE(message.find("writes its mesh again"), std::string::npos) << message;
 
   // Every parameter is compared.
-  for (const auto& change : std::vector<std::function<void(RunParameters&)>>{
-           [](auto& p) { p.input_digest = "cd"; }, [](auto& p) { p.size = 1; },
-           [](auto& p) { p.radius_edge_bound = 3; }, [](auto& p) { p.spacing_floor = 0.3; },
-           [](auto& p) { p.leaf_capacity = 7; }, [](auto& p) { p.init = Initialization::kPaper; },
-           [](auto& p) { p.seed = 4; }, [](auto& p) { p.min_dihedral = 20; }}) {
-    RunParameters other = held;
-    change(other);
-    EXPECT_THROW(require_same_run(held, other, "dir"), StoreMismatch);
+  using Change = std::function<void(RunParameters&)>;
+  const SizeShape ball{.size = 1, .a = {}, .b = {}, .radius = 1};
+  for (const auto& [option, change] : std::vector<std::pair<std::string, Change>>{
+           {"surface", [](auto& p) { p.input_digest = "cd"; }},
+           {"--size ", [](auto& p) { p.size = 1; }},
+           {"radius-edge bound", [](auto& p) { p.radius_edge_bound = 3; }},
+           {"--spacing-floor", [](auto& p) { p.spacing_floor = 0.3; }},
+           {"--leaf-capacity", [](auto& p) { p.leaf_capacity = 7; }},
+           {"--init", [](auto& p) { p.init = Initialization::kPaper; }},
+           {"--seed", [](auto& p) { p.seed = 4; }},
+           {"--min-dihedral", [](auto& p) { p.min_dihedral = 20; }},
+           {"--growth", [](auto& p) { p.growth = 0.1; }},
+           {"--max-size", [](auto& p) { p.max_size = 7; }},
+           {"--per-circle", [](auto& p) { p.per_circle = 7; }},
+           {"--deviation", [](auto& p) { p.deviation = 7; }},
+           {"--layers", [](auto& p) { p.layers = 7; }},
+           {"--min-size", [](auto& p) { p.min_size = 7; }},
+           {"--sizes", [](auto& p) { p.size_image = "ef"; }},
+           {"--sizes", [&](auto& p) { p.shapes.push_back(ball); }}}) {
+    RunRecord other = held;
+    change(other.parameters);
+    message = message_of<StoreMismatch>([&] { require_same_run(held, other, "dir"); });
+    EXPECT_NE(message.find(option), std::string::npos) << option << " in " << message;
   }
+}
+
+TEST(RequireSameRun, TellsAChangedSurfaceByNameSizeAndTime) {
+  const TempDir dir;
+  const std::string file = (dir / "part.stl").string();
+  std::ofstream(file) << "12345";
+  RunRecord held;
+  held.parameters = parameters_with(0.1, 100);
+  held.surface.file = file;
+  RunRecord asked = held;
+  asked.parameters.input_digest = "cd";
+  // Of a moment that is on 2023-11-14 everywhere but for the zones farthest from Greenwich.
+  auto message =
+      message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir", 1'700'000'000); });
+  for (const std::string& text : {file, std::string("2023-11-1"), std::string("5 bytes")})
+    EXPECT_NE(message.find(text), std::string::npos) << text << " in " << message;
+  EXPECT_EQ(message.find("cd"), std::string::npos) << message;
+
+  held.surface.file = "/there/other.stl";
+  message = message_of<StoreMismatch>([&] { require_same_run(held, asked, "dir"); });
+  EXPECT_NE(message.find("/there/other.stl"), std::string::npos) << message;
+  EXPECT_NE(message.find(file), std::string::npos) << message;
+  asked.surface.file = held.surface.file = kInMemory;
+  EXPECT_THROW(require_same_run(held, asked, "dir"), StoreMismatch);
+}
+
+TEST(IsInVain, WithoutPointsOrWithoutACellAtTheEnd) {
+  RunRecord run;
+  run.phase = Phase::kSize;
+  EXPECT_TRUE(is_in_vain(run));
+  run.phase = Phase::kRefine;
+  run.counts.num_points = 7;
+  EXPECT_FALSE(is_in_vain(run));
+  run.phase = Phase::kDone;
+  EXPECT_TRUE(is_in_vain(run));
+  run.counts.num_cells = 1;
+  EXPECT_FALSE(is_in_vain(run));
 }
 
 }  // namespace

@@ -18,7 +18,7 @@
 #include "engine/formats/mesh_arrays.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/mesh_statistics.h"
-#include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
