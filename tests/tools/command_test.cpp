@@ -86,10 +86,12 @@ TEST(Command, SaysWhatAWordMayHaveMeant) {
 TEST(Command, AFailedTryDoesNotBlockTheNext) {
   const TempDir dir;
   const std::string cube = make_cube(dir), output = (dir / "a.vtu").string();
+  const std::string other = (dir / "ball.stl").string();
+  EXPECT_EQ(run_locvol({"generate", "sphere", "-o", other, "-n", "100"}).exit_code, 0);
+  const ProcessResult failed = run_locvol({"mesh", other, "-o", output, "--size", "100"});
   const auto mesh_at = [&](const char* size) {
     return run_locvol({"mesh", cube, "-o", output, "--size", size});
   };
-  const ProcessResult failed = mesh_at("5");
   EXPECT_EQ(failed.exit_code, 1);
   EXPECT_NE(failed.err.find("choose a smaller one"), std::string::npos) << failed.err;
   EXPECT_TRUE(std::filesystem::exists(output + ".locvol"));
