@@ -12,6 +12,7 @@
 #include "engine/run_phases.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
+#include "engine/shared/standard_input.h"
 #include "engine/shared/stop_source.h"
 
 namespace locvol {
@@ -75,6 +76,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   if (const auto held = run_to_go_on_with(surface, options, stop)) {
     Store store = Store::open(options.store);
     if (control.on_run) control.on_run(*held);
+    surface.release();
     return finish(store, control, stop, clock, until);
   }
   Store store = ingested(
@@ -83,6 +85,7 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
         return begun(options, digest, box, control, stop);
       },
       [&] { return Store::open(options.store, {.create = true}); }, control, stop);
+  surface.release();
   return finish(store, control, stop, clock, until);
 }
 
@@ -107,9 +110,12 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
       throw StoreError("the store " + directory.string() +
                        " was to take in a surface that is in no file: give it again to the program "
                        "that began the run");
+    const SurfaceSource surface = held->surface.file == kStandardInput
+                                      ? surface_in_standard_input(directory)
+                                      : surface_in_file(held->surface.file, directory);
     try {
       store = ingested(
-          surface_in_file(held->surface.file), directory,
+          surface, directory,
           [&](const std::string& digest, const Box&) {
             if (digest != held->parameters.input_digest)
               throw StoreMismatch("the store " + directory.string() + " was to take in " +
@@ -119,6 +125,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
             return *held;
           },
           [&] { return std::move(store); }, control, stop);
+      surface.release();
     } catch (const Stopped&) {
       return interrupted(store);
     }
@@ -131,7 +138,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
 }  // namespace
 
 RunSummary mesh(const MeshOptions& options, const RunControl& control) {
-  return mesh(surface_in_file(options.input), options, control);
+  return mesh(surface_at(options.input, options.store), options, control);
 }
 
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
@@ -141,9 +148,10 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
   });
 }
 
-RunSummary find_sizes(const MeshOptions& options, const RunControl& control) {
+RunSummary find_sizes(const SurfaceSource& surface, const MeshOptions& options,
+                      const RunControl& control) {
   return in_turns(control, [&](const RunControl& in_turn, const StopSource& stop) {
-    return mesh(surface_in_file(options.input), options, in_turn, stop, Phase::kCover);
+    return mesh(surface, options, in_turn, stop, Phase::kCover);
   });
 }
 

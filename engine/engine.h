@@ -14,14 +14,15 @@ namespace locvol {
 // StoreMismatch, OverBudget, RefineError: a VisitError, if it can be made again from the store.
 // Throws Stopped where is_stopped() ends it before the run is known; then nothing is changed.
 RunSummary mesh(const MeshOptions& options, const RunControl& control = {});
-// Of any surface. REQUIRES: options.input is empty unless it is that file
+// Of any surface. REQUIRES: options.input is what it comes from, or empty
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,
                 const RunControl& control = {});
 // Goes on with the run in `store`; needs neither the input nor the parameters, but for an input
 // that was in no file if it had not been taken in.
 RunSummary resume(const std::filesystem::path& store, const RunControl& control = {});
 // Does what comes before the first point, where sizes vary: then the store has them, and mesh()
-// with the same options goes on from there. REQUIRES: they vary
-RunSummary find_sizes(const MeshOptions& options, const RunControl& control = {});
+// with the same options goes on from there. REQUIRES: they vary, and see mesh()
+RunSummary find_sizes(const SurfaceSource& surface, const MeshOptions& options,
+                      const RunControl& control = {});
 
 }  // namespace locvol

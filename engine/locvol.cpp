@@ -22,6 +22,7 @@
 #include "engine/plan/same_run.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
+#include "engine/shared/standard_input.h"
 #include "engine/shared/standard_streams.h"
 #include "engine/shared/workers.h"
 #include "refine/leaf.h"
@@ -34,7 +35,9 @@ struct Thrown {
 };
 
 struct SurfaceAccess {
-  static SurfaceSource source(const Surface& surface, Thrown& thrown);
+  // `directory`: see surface_in_file()
+  static SurfaceSource source(const Surface& surface, const std::filesystem::path& directory,
+                              Thrown& thrown);
   static const std::filesystem::path& file(const Surface& surface) { return surface.file_; }
 };
 
@@ -311,7 +314,7 @@ void pass_on(const BoundarySurface::Facets& some,
 
 Surface Surface::file(std::filesystem::path path) {
   Surface surface;
-  surface.file_ = std::move(path);
+  surface.file_ = path == kFromStandardInput ? "." / path : std::move(path);
   return surface;
 }
 
@@ -335,8 +338,9 @@ Surface Surface::arrays(std::span<const Coordinates> vertices,
   });
 }
 
-SurfaceSource SurfaceAccess::source(const Surface& surface, Thrown& thrown) {
-  if (!surface.source_) return surface_in_file(surface.file_);
+SurfaceSource SurfaceAccess::source(const Surface& surface, const std::filesystem::path& directory,
+                                    Thrown& thrown) {
+  if (!surface.source_) return surface_in_file(surface.file_, directory);
   return surface_in_memory(triangle_source(surface.source_, thrown));
 }
 
@@ -485,7 +489,7 @@ Mesh mesh_surface(const Surface& surface, const Options& options, const Control&
       store = scratch->path() / "store";
     }
     const RunSummary run =
-        mesh(SurfaceAccess::source(surface, thrown), mesh_options(surface, options, store),
+        mesh(SurfaceAccess::source(surface, store, thrown), mesh_options(surface, options, store),
              run_control(control, thrown));
     return MeshAccess::of(std::move(scratch), std::move(store), run, control);
   });
@@ -510,9 +514,10 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
         run.on_progress({.phase = Phase::kIngest, .num_triangles = num_triangles});
     });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
-    const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, thrown),
-                                              scratch_directory(scratch), watch, workers)
-                                   .facts;
+    const std::filesystem::path directory = scratch_directory(scratch);
+    const SurfaceFacts facts =
+        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers)
+            .facts;
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);
     return info_of(facts);

@@ -74,7 +74,8 @@ class Surface {
   /// which is once or twice a run.
   using Source = std::function<void(const Visitor& visit)>;
 
-  /// STL, OBJ, OFF or PLY. What the file holds decides, not its name.
+  /// STL, OBJ, OFF or PLY, also packed by gzip, or a pipe with a name. What the file holds decides,
+  /// not what it is called.
   static Surface file(std::filesystem::path path);
   /// Triangles in memory, which must stay where they are while they are meshed. Throws
   /// Error (kInput) for an index that is out of range.

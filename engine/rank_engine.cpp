@@ -49,9 +49,9 @@ std::filesystem::path pieces_of(const RunControl& control) {
 }
 
 // Each rank's leaves, of a share of space; or all of them on the first one, and nothing on others.
-std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStore& place,
-                                   const RunControl& control, Exchange& exchange,
-                                   const StopSource& stop) {
+std::optional<Store> part_taken_in(const SurfaceSource& surface, const MeshOptions& options,
+                                   const PassingStore& place, const RunControl& control,
+                                   Exchange& exchange, const StopSource& stop) {
   const bool is_first = exchange.rank() == 0;
   RunControl own = control;
   if (!is_first) own.on_note = nullptr, own.on_run = nullptr;
@@ -64,24 +64,24 @@ std::optional<Store> part_taken_in(const MeshOptions& options, const PassingStor
     const DiskOf disk = disk_of_parts(place.directory(), pieces_of(control), exchange);
     IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
     Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));
-    auto part = ingest_by_ranks(options.input, existing_directory(place.directory()), plan,
+    auto part = ingest_by_ranks(surface.file, existing_directory(place.directory()), plan,
                                 ingest_calls(place.directory(), open_store, own, disk), watch,
                                 workers, exchange, disk);
     if (part) return part;
   }
   if (!is_first) return std::nullopt;
-  return ingested(surface_in_file(options.input), place.directory(), plan, open_store, own, stop);
+  return ingested(surface, place.directory(), plan, open_store, own, stop);
 }
 
 // All take the surface in, or the first one does, and then each gets its share.
-void ingest_for_ranks(const MeshOptions& options, const RunControl& control, Exchange& exchange,
-                      const StopSource& stop) {
+void ingest_for_ranks(const SurfaceSource& surface, const MeshOptions& options,
+                      const RunControl& control, Exchange& exchange, const StopSource& stop) {
   const std::filesystem::path own = store_of_rank(options.store, exchange.rank());
   const PassingStore place(own.string() + ".whole");
   std::vector<Store> parts;
   bool is_stopped = false;
   try {
-    if (auto part = part_taken_in(options, place, control, exchange, stop)) {
+    if (auto part = part_taken_in(surface, options, place, control, exchange, stop)) {
       is_stopped = part->snapshot().run()->phase == Phase::kIngest;
       parts.push_back(std::move(*part));
     }
@@ -137,8 +137,8 @@ RunRecord run_of_all(const HeldRun& held, Exchange& exchange) {
 }
 
 // Nothing: it is to begin. Throws StoreError, the same on all ranks, or StoreMismatch.
-std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& exchange,
-                                         const StopSource& stop) {
+std::optional<HeldRun> run_to_go_on_with(const SurfaceSource& surface, const MeshOptions& options,
+                                         Exchange& exchange, const StopSource& stop) {
   std::optional<HeldRun> held;
   try {
     held = held_by_ranks(options.store, exchange);
@@ -148,8 +148,7 @@ std::optional<HeldRun> run_to_go_on_with(const MeshOptions& options, Exchange& e
   if (!held) return held;
   std::optional<RunRecord> asked;
   if (exchange.rank() == 0)
-    asked =
-        planned(options, surface_in_file(options.input).digest(&stop), held->run.surface.box, stop);
+    asked = planned(options, surface.digest(&stop), held->run.surface.box, stop);
   if (!any(exchange, asked && asked->parameters != held->run.parameters)) return held;
   const RunRecord of_all = run_of_all(*held, exchange);
   if (options.is_forced || is_in_vain(of_all)) return std::nullopt;
@@ -284,12 +283,19 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
 }  // namespace
 
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
+  return mesh_as_rank(surface_at(options.input, store_of_rank(options.store, exchange.rank())),
+                      options, control, exchange);
+}
+
+RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& options,
+                        const RunControl& control, Exchange& exchange) {
   require_for_ranks(options);
   return in_turns(
       for_rank(control, exchange), [&](const RunControl& in_turn, const StopSource& stop) {
         const WorkClock clock;
-        std::optional<HeldRun> held = run_to_go_on_with(options, exchange, stop);
-        if (!held) ingest_for_ranks(options, in_turn, exchange, stop);
+        std::optional<HeldRun> held = run_to_go_on_with(surface, options, exchange, stop);
+        if (!held) ingest_for_ranks(surface, options, in_turn, exchange, stop);
+        surface.release();
         return go_on_as_rank(options.store, std::move(held), in_turn, stop, clock, exchange);
       });
 }

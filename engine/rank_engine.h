@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "engine/exchange/exchange.h"
+#include "engine/ingest/surface_source.h"
 #include "engine/plan/options.h"
 #include "engine/run_steps.h"
 #include "storage/records.h"
@@ -16,6 +17,10 @@ namespace locvol {
 // All take the input in, see ingest_by_ranks(), or the first one does. Of cover mode. `counts` of
 // the summary's run: of all ranks. Throws ExchangeError, too.
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange);
+// See mesh(). Where a surface is in no file, the first rank takes it in, and others do not ask for
+// it.
+RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& options,
+                        const RunControl& control, Exchange& exchange);
 // The same of the run that the stores hold: needs neither the input nor the parameters.
 RunSummary resume_as_rank(const std::filesystem::path& stores, const RunControl& control,
                           Exchange& exchange);

@@ -211,9 +211,7 @@ CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
-  mesh->add_option("SURFACE", options.input, "Closed surface: STL, OBJ, OFF or PLY")
-      ->type_name("")
-      ->required();
+  mesh->add_option("SURFACE", options.input, kSurfaceHelp)->type_name("")->required();
   add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
   add_parsed(*mesh, "-s,--size", parse_size, command.size,
              fmt::format("{}; default: one for about half a million cells", kSizeHelp))

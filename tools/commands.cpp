@@ -27,6 +27,7 @@
 #include "engine/run/visit_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/scratch_directory.h"
+#include "engine/shared/standard_input.h"
 #include "engine/shared/stop_source.h"
 #include "engine/shared/workers.h"
 #include "tools/arguments.h"
@@ -56,11 +57,11 @@ void remove_store(const std::filesystem::path& directory) {
 }
 
 // Throws InputError if it is no surface to be meshed; Stopped, once StopSignal is installed.
-SurveyedSurface surveyed(const std::filesystem::path& file, std::uint64_t cap) {
+SurveyedSurface surveyed(const SurfaceSource& surface, std::uint64_t cap) {
   const StopSource stop(StopSignal::is_requested);
   IngestWatch watch(&stop, {});
   Workers workers(num_streaming_threads(0, cap));
-  return survey_surface(surface_in_file(file), temporary_directory(), watch, workers);
+  return survey_surface(surface, temporary_directory(), watch, workers);
 }
 
 // The run that `mesh` would begin.
@@ -73,11 +74,11 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
 }
 
 // For a user who gives none.
-SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, ProgressLine& line) {
-  const SurfaceFacts facts = surveyed(file, cap).facts;
+SizeSpec chosen_size(const SurfaceSource& surface, std::uint64_t cap, ProgressLine& line) {
+  const SurfaceFacts facts = surveyed(surface, cap).facts;
   const double size = default_size(facts);
   if (!(size > 0))
-    throw InputError(file.string() +
+    throw InputError(surface.name +
                      ": its volume is 0, so no size can be chosen for it: give --size");
   const auto cells = [&](double s) {
     return count_text(estimated_num_cells(facts, {.surface = s}));
@@ -155,6 +156,11 @@ void require_output(const RunPlace& place, const RunControl& control,
     require_seen_by_all(control.output, *place.exchange);
 }
 
+// The file that is read; what a pipe is through, if it is one.
+std::filesystem::path file_of(const std::filesystem::path& input) {
+  return input == kFromStandardInput ? "/dev/stdin" : input;
+}
+
 // By default the ranks of one machine share half of what is free.
 std::uint64_t cap_of(std::uint64_t asked, Exchange* exchange) {
   if (asked > 0 || exchange == nullptr) return memory_cap(asked);
@@ -162,11 +168,11 @@ std::uint64_t cap_of(std::uint64_t asked, Exchange* exchange) {
 }
 
 // The first rank chooses it, and all throw Stopped if that is stopped.
-SizeSpec chosen_size(const std::filesystem::path& file, std::uint64_t cap, const RunPlace& place,
+SizeSpec chosen_size(const SurfaceSource& surface, std::uint64_t cap, const RunPlace& place,
                      ProgressLine& line) {
   double size = 0;
   do_on_all(place.exchange, [&] {
-    if (place.is_first()) size = chosen_size(file, cap, line).value;
+    if (place.is_first()) size = chosen_size(surface, cap, line).value;
   });
   if (place.exchange != nullptr) size = gather_values(*place.exchange, size).front();
   return {size, false};
@@ -187,18 +193,18 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
     require_pieces(command);
     MeshCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
-    require_output(place, command.control, [&] { return command.options.input; });
+    require_output(place, command.control, [&] { return file_of(command.options.input); });
     const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
     ProgressLine line(progress_style(own), cap);
-    own.options.size =
-        command.size ? *command.size : chosen_size(command.options.input, cap, place, line);
+    const SurfaceSource surface = surface_at(command.options.input, place.own());
+    own.options.size = command.size ? *command.size : chosen_size(surface, cap, place, line);
     own.options.store = place.stores;
     const bool is_removable =
         command.options.store.empty() && !command.is_store_kept && is_absent_or_store(place.own());
 
     const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
-      return exchange != nullptr ? mesh_as_rank(own.options, control, *exchange)
-                                 : mesh(own.options, control);
+      return exchange != nullptr ? mesh_as_rank(surface, own.options, control, *exchange)
+                                 : mesh(surface, own.options, control);
     });
     const int code = finish(run, place, own, stop, line);
     if (code == kExitDone && is_removable) remove_store(place.own());
@@ -324,7 +330,8 @@ int run_audit_as_rank(const AuditCommand& command, Exchange& exchange) {
 namespace {
 
 // Finds them as `mesh` would, in a store that is then thrown away. `run` gets to know them.
-SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) {
+SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command, double size,
+                       RunRecord& run) {
   if (run.parameters.sizes().is_uniform())
     throw InputError(
         "sizes do not vary: --vtu has nothing to show without --growth, --sizes, "
@@ -337,7 +344,7 @@ SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) 
   options.store = scratch.path() / "run";
   RunControl control;
   control.is_stopped = StopSignal::is_requested;
-  run = find_sizes(options, control).run;
+  run = find_sizes(surface, options, control).run;
   OneRank alone;
   const RunPart found = whole_run(open_to_read(options.store), alone);
   if (!command.vtu.empty()) write_sizes_vtu(found, run, command.vtu);
@@ -347,7 +354,8 @@ SizeReport found_sizes(const InfoCommand& command, double size, RunRecord& run) 
 }  // namespace
 
 int run_info(const InfoCommand& command) {
-  const SurveyedSurface input = surveyed(command.surface, memory_cap(0));
+  const SurfaceSource surface = surface_at(command.surface, temporary_directory());
+  const SurveyedSurface input = surveyed(surface, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);
@@ -359,7 +367,8 @@ int run_info(const InfoCommand& command) {
       text += line_text("note", note);
     }
     std::optional<SizeReport> sizes;
-    if (run.parameters.has_nodes() || !command.vtu.empty()) sizes = found_sizes(command, size, run);
+    if (run.parameters.has_nodes() || !command.vtu.empty())
+      sizes = found_sizes(surface, command, size, run);
     const int num_threads = num_usable_threads();
     const RunEstimate estimate = estimate_run(run, command.output_options, num_threads);
     const std::uint64_t memory = least_memory(run);

@@ -7,8 +7,8 @@ packages=(
   g++ cmake ninja-build
   libcgal-dev libqd-dev                   # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
-  libfmt-dev libssl-dev libhdf5-dev libdeflate-dev  # engine/
-  libcli11-dev nlohmann-json3-dev zlib1g-dev libjs-three  # tools/
+  libfmt-dev libssl-dev libhdf5-dev libdeflate-dev zlib1g-dev  # engine/
+  libcli11-dev nlohmann-json3-dev libjs-three  # tools/
   libgtest-dev libbenchmark-dev python3   # tests/
   "$@"
 )

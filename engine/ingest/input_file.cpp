@@ -1,14 +1,11 @@
 #include "engine/ingest/input_file.h"
 
 #include <fmt/format.h>
-#include <sys/types.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cassert>
-#include <cerrno>
 #include <cstring>
-#include <system_error>
+#include <utility>
 
 #include "engine/shared/input_error.h"
 
@@ -17,25 +14,45 @@ namespace {
 
 constexpr std::size_t kReadBytes = std::size_t{1} << 18;
 constexpr std::size_t kMaxLineBytes = std::size_t{1} << 24;
+constexpr std::string_view kPadding("\0\x1a", 2);
+
+// The first character that ends a line, or may; npos: none is there. Lines are short: so little is
+// searched for one kind of end that is not there.
+std::size_t find_line_end(std::string_view text, std::size_t from, InputFile::LineEnd line_end) {
+  constexpr std::size_t kWindowBytes = 512;
+  if (line_end == InputFile::LineEnd::kLineFeed) return text.find('\n', from);
+  if (line_end == InputFile::LineEnd::kReturn) return text.find('\r', from);
+  for (; from < text.size(); from += kWindowBytes) {
+    const std::string_view window = text.substr(from, kWindowBytes);
+    const std::size_t feed = window.find('\n');
+    const std::size_t end = std::min(feed, window.substr(0, feed).find('\r'));
+    if (end != std::string_view::npos) return from + end;
+  }
+  return std::string_view::npos;
+}
 
 }  // namespace
 
 InputFile::InputFile(const std::filesystem::path& path, const StopToken* stop)
-    : path_(path), stop_(stop), buffer_(kReadBytes) {
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found)
-    refuse("there is no such file; check the path");
-  if (error) refuse(fmt::format("cannot be examined ({})", error.message()));
-  if (std::filesystem::is_directory(status)) refuse("is a directory; name a file in it");
-  if (!std::filesystem::is_regular_file(status))
-    refuse("is not a regular file; save what it gives to a file first");
-  size_ = std::filesystem::file_size(path, error);
-  if (error) refuse(fmt::format("its size is unknown ({})", error.message()));
-  file_.reset(std::fopen(path.c_str(), "rb"));
-  if (!file_)
-    refuse(fmt::format("cannot be opened ({}); check its permissions", std::strerror(errno)));
-  std::setvbuf(file_.get(), nullptr, _IONBF, 0);
+    : bytes_(std::make_shared<InputBytes>(path)), stop_(stop), buffer_(kReadBytes) {}
+
+InputFile::InputFile(std::shared_ptr<const InputBytes> bytes, const StopToken* stop)
+    : bytes_(std::move(bytes)), stop_(stop), buffer_(kReadBytes) {
+  if (GzipReader::is_gzip(*bytes_)) gzip_.emplace(*bytes_);
+}
+
+std::uint64_t InputFile::size() const {
+  if (size_) return *size_;
+  if (!is_unpacked()) return bytes_->size();
+  GzipReader gzip(*bytes_);
+  std::vector<char> unpacked(kReadBytes);
+  std::uint64_t size = 0;
+  while (const std::size_t count = gzip.read(unpacked)) {
+    throw_if_stopped(stop_);
+    size += count;
+  }
+  size_ = size;
+  return size;
 }
 
 std::string_view InputFile::peek(std::size_t bytes) {
@@ -58,47 +75,58 @@ const unsigned char* InputFile::take(std::size_t bytes) {
 bool InputFile::next_line(std::string_view& line) {
   std::size_t searched = 0;
   for (;;) {
-    const char* const start = buffer_.data() + begin_;
-    const std::size_t length = end_ - begin_;
-    const void* const newline = std::memchr(start + searched, '\n', length - searched);
-    if (newline) {
-      line = {start, static_cast<std::size_t>(static_cast<const char*>(newline) - start)};
-      begin_ += line.size() + 1;
+    const std::string_view loaded(buffer_.data() + begin_, end_ - begin_);
+    const std::size_t length = find_line_end(loaded, searched, line_end_);
+    if (length != std::string_view::npos) {
+      line = take_line(length);
       break;
     }
-    searched = length;
-    if (length > kMaxLineBytes)
+    searched = loaded.size();
+    if (searched > kMaxLineBytes)
       refuse(fmt::format("line {} is longer than {} bytes: no text surface file", line_number_ + 1,
                          kMaxLineBytes));
     if (load_more()) continue;
-    if (length == 0) return false;
-    line = {buffer_.data() + begin_, length};  // the last line may lack its end
+    if (loaded.empty()) return false;
+    line = {buffer_.data() + begin_, end_ - begin_};
     begin_ = end_;
+    line = line.substr(0, line.find_last_not_of(kPadding) + 1);
     break;
   }
   ++line_number_;
-  if (line.ends_with('\r')) line.remove_suffix(1);
+  while (line.ends_with('\r')) line.remove_suffix(1);
+  if (line.find_first_not_of('\x1a') == std::string_view::npos) line = {};
   return true;
 }
 
+// The next `length` bytes, and what ends them. A CR may be all of that, or go with an LF; what was
+// made for Windows twice has CR CR LF.
+std::string_view InputFile::take_line(std::size_t length) {
+  std::size_t end_bytes = 1;
+  if (line_end_ == LineEnd::kAny && buffer_[begin_ + length] == '\r') {
+    const std::string_view end = peek(length + 3).substr(length);
+    if (end.starts_with("\r\n")) end_bytes = 2;
+    if (end.starts_with("\r\r\n")) end_bytes = 3;
+  }
+  const std::string_view line(buffer_.data() + begin_, length);
+  begin_ += length + end_bytes;
+  return line;
+}
+
 void InputFile::seek(std::uint64_t position) {
-  if (fseeko(file_.get(), static_cast<off_t>(position), SEEK_SET) != 0)
-    refuse(fmt::format("byte {} cannot be reached ({}); check the disk", position,
-                       std::strerror(errno)));
+  assert(!is_unpacked());
   begin_ = end_ = 0;
   loaded_ = position;
   has_sought_ = true;
 }
 
 void InputFile::read_at(std::uint64_t position, std::span<unsigned char> bytes) const {
+  assert(!is_unpacked());
   while (!bytes.empty()) {
-    const ssize_t count =
-        ::pread(::fileno(file_.get()), bytes.data(), bytes.size(), static_cast<off_t>(position));
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) refuse_unreadable(position);
+    const std::size_t count =
+        bytes_->read_at(position, {reinterpret_cast<char*>(bytes.data()), bytes.size()});
     if (count == 0) refuse_truncated();
-    position += static_cast<std::uint64_t>(count);
-    bytes = bytes.subspan(static_cast<std::size_t>(count));
+    position += count;
+    bytes = bytes.subspan(count);
   }
 }
 
@@ -110,10 +138,9 @@ bool InputFile::load_more() {
     begin_ = 0;
   }
   if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
-  const std::size_t count =
-      std::fread(buffer_.data() + end_, 1, buffer_.size() - end_, file_.get());
-  if (count == 0 && std::ferror(file_.get())) refuse_unreadable(loaded_);
-  if (!has_sought_) hash_.update(buffer_.data() + end_, count);
+  const auto room = std::span(buffer_).subspan(end_);
+  const std::size_t count = gzip_ ? gzip_->read(room) : bytes_->read_at(loaded_, room);
+  if (!has_sought_) hash_.update(room.data(), count);
   end_ += count;
   loaded_ += count;
   return count > 0;
@@ -126,21 +153,15 @@ std::string InputFile::digest() {
   return hash_.hex_digest();
 }
 
-void InputFile::refuse(const std::string& what) const {
-  throw InputError(fmt::format("{}: {}", path_.string(), what));
-}
+void InputFile::refuse(const std::string& what) const { bytes_->refuse(what); }
 
 void InputFile::refuse_line(const std::string& what) const {
   refuse(fmt::format("line {}: {}", line_number_, what));
 }
 
-void InputFile::refuse_unreadable(std::uint64_t position) const {
-  refuse(fmt::format("cannot be read at byte {} ({}); check the disk", position,
-                     std::strerror(errno)));
-}
-
 void InputFile::refuse_truncated() const {
-  refuse(fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size_));
+  refuse(
+      fmt::format("ends too early, at byte {}: it is cut off; fetch or export it again", size()));
 }
 
 void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uint64_t end,
@@ -155,7 +176,7 @@ void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uin
 }
 
 std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop) {
-  return InputFile(file, stop).digest();
+  return InputFile(std::make_shared<InputBytes>(file), stop).digest();
 }
 
 }  // namespace locvol

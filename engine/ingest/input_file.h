@@ -1,16 +1,19 @@
-// InputFile reads a file front to back through one buffer, as bytes or as lines.
+// InputFile reads an input front to back through one buffer, as bytes or as lines. What gzip has
+// packed is unpacked, where it is asked for.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "engine/ingest/gzip_reader.h"
+#include "engine/ingest/input_bytes.h"
 #include "engine/ingest/sha256.h"
 #include "octree/stop.h"
 
@@ -19,13 +22,18 @@ namespace locvol {
 // Whatever reads on throws Stopped.
 class InputFile {
  public:
-  // Throws InputError: not there, a directory, no regular file, not readable.
+  // A regular file as it is. Throws InputError, see InputBytes.
   explicit InputFile(const std::filesystem::path& path, const StopToken* stop = nullptr);
+  // If gzip has packed them, what they are unpacked: what follows is said of that. All that reads
+  // throws InputError where they are damaged.
+  explicit InputFile(std::shared_ptr<const InputBytes> bytes, const StopToken* stop = nullptr);
 
-  const std::filesystem::path& path() const { return path_; }
-  std::uint64_t size() const { return size_; }                          // bytes, when it was opened
+  const std::filesystem::path& path() const { return bytes_->path(); }
+  bool is_unpacked() const { return gzip_.has_value(); }
+  // Bytes, when it was opened. Of a packed file this takes as long as to unpack it, the first time.
+  std::uint64_t size() const;
   std::uint64_t position() const { return loaded_ - (end_ - begin_); }  // bytes taken so far
-  std::uint64_t remaining() const { return size_ > position() ? size_ - position() : 0; }
+  std::uint64_t remaining() const { return size() > position() ? size() - position() : 0; }
   std::uint64_t line_number() const { return line_number_; }  // of the last line taken, from 1
 
   // Up to `bytes` of what comes next, fewer at the end of the file; nothing is taken. This view and
@@ -33,10 +41,15 @@ class InputFile {
   std::string_view peek(std::size_t bytes);
   // Exactly `bytes`. Throws InputError if the file ends before.
   const unsigned char* take(std::size_t bytes);
-  // The next line without its end (LF or CR LF); false at the end of the file. Throws InputError
-  // for a line longer than 16 MiB, which no text format has.
+  // What ends a line. kAny: LF, CR LF, or CR alone, as on old Macs; kLineFeed: LF or CR LF.
+  enum class LineEnd { kAny, kLineFeed, kReturn };
+  void set_line_end(LineEnd line_end) { line_end_ = line_end; }
+  // The next line without its end; false at the end of the file. The last line may lack its end,
+  // and what old systems pad files with (NUL, control-Z) is left out. Throws InputError for a line
+  // longer than 16 MiB, which no text format has.
   bool next_line(std::string_view& line);
   // The next byte taken is the one at `position`, at most size(). The file then has no digest().
+  // REQUIRES: !is_unpacked(), also of the next
   void seek(std::uint64_t position);
   // Those at `position`, without taking them. Throws InputError if they are not there.
   void read_at(std::uint64_t position, std::span<unsigned char> bytes) const;
@@ -51,16 +64,14 @@ class InputFile {
   [[noreturn]] void refuse_truncated() const;
 
  private:
-  [[noreturn]] void refuse_unreadable(std::uint64_t position) const;
+  std::string_view take_line(std::size_t length);
   bool load_more();  // appends to the buffer; false at the end of the file
 
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::filesystem::path path_;
+  std::shared_ptr<const InputBytes> bytes_;
   const StopToken* stop_;
-  std::unique_ptr<std::FILE, Close> file_;
-  std::uint64_t size_ = 0;
+  std::optional<GzipReader> gzip_;
+  mutable std::optional<std::uint64_t> size_;
+  LineEnd line_end_ = LineEnd::kAny;
   std::uint64_t loaded_ = 0;  // bytes read from the file
   std::uint64_t line_number_ = 0;
   std::vector<char> buffer_;
@@ -72,7 +83,8 @@ class InputFile {
 // Adds its bytes [begin, end) to a hash. Throws InputError as InputFile does, Stopped.
 void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uint64_t end,
                 Sha256& hash, const StopToken* stop = nullptr);
-// Of its bytes. Throws InputError as InputFile does, Stopped.
+// Of what it holds, which is its bytes unless gzip has packed it. Throws InputError as InputFile
+// does, Stopped.
 std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 
 }  // namespace locvol

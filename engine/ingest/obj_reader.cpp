@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -12,11 +13,13 @@
 namespace locvol {
 namespace {
 
-// Lines that say nothing about the shape.
-constexpr std::array<std::string_view, 21> kIgnored = {
-    "vn",     "vt",    "g",        "o",        "s",          "mtllib",    "usemtl",
-    "l",      "p",     "mg",       "lod",      "shadow_obj", "trace_obj", "usemap",
-    "maplib", "bevel", "c_interp", "d_interp", "call",       "csh",       "vp"};
+// Lines that say nothing about the shape; those that hold names end with the line, though it may
+// end with a backslash.
+constexpr std::array<std::string_view, 9> kIgnored = {"vn", "vt",    "vp",       "s",       "l",
+                                                      "p",  "bevel", "c_interp", "d_interp"};
+constexpr std::array<std::string_view, 12> kNames = {"g",          "o",         "mtllib", "usemtl",
+                                                     "shadow_obj", "trace_obj", "usemap", "maplib",
+                                                     "call",       "csh",       "mg",     "lod"};
 // Curves and curved surfaces.
 constexpr std::array<std::string_view, 14> kFreeForm = {"cstype", "deg",  "bmat", "step", "curv",
                                                         "curv2",  "surf", "parm", "trim", "hole",
@@ -33,25 +36,51 @@ class ObjParser {
 
   void run() {
     while (scanner_.next_line()) {
-      take(scanner_.word());
+      if (take(scanner_.word())) skip_continued_line();
       scanner_.skip_line();
     }
+    if (num_unknown_ > 0)
+      sink_.note(fmt::format("left out {} whose first word OBJ does not know, as {}",
+                             num_unknown_ == 1 ? "a line" : fmt::format("{} lines", num_unknown_),
+                             first_unknown_));
   }
 
  private:
-  void take(std::string_view word) {
+  // False: the line is no longer than it seems.
+  bool take(std::string_view word) {
     if (word == "v")
       take_vertex();
     else if (word == "f" || word == "fo")
       take_face();
-    else if (is_among(word, kFreeForm))
-      file_.refuse_line("has free-form curves or surfaces; export it as polygons");
     else if (!is_among(word, kIgnored))
+      return take_other(word);
+    return true;
+  }
+
+  // Also words that programs have added, such as those of materials: in lines by themselves.
+  bool take_other(std::string_view word) {
+    if (is_among(word, kNames)) return false;
+    if (is_among(word, kFreeForm))
+      file_.refuse_line("has free-form curves or surfaces; export it as polygons");
+    const auto is_letter = [](char c) {
+      return ('a' <= (c | 0x20) && (c | 0x20) <= 'z') || c == '_';
+    };
+    if (!std::all_of(word.begin(), word.end(), is_letter))
       file_.refuse_line("is no line of an OBJ file; the file is damaged");
+    if (num_unknown_++ == 0)
+      first_unknown_ = fmt::format("\"{}\" in line {}", shown(word), file_.line_number());
+    return false;
+  }
+
+  void skip_continued_line() {
+    while (is_continued_ || scanner_.rest().ends_with('\\')) {
+      is_continued_ = false;
+      if (!scanner_.next_line()) return;
+    }
   }
 
   void take_vertex() {
-    const double x = scanner_.coordinate(), y = scanner_.coordinate(), z = scanner_.coordinate();
+    const double x = coordinate(), y = coordinate(), z = coordinate();
     sink_.vertex({x, y, z});
     ++num_vertices_;
   }
@@ -59,13 +88,19 @@ class ObjParser {
   void take_face() {
     const FilePlace place{FilePlace::Unit::kLine, file_.line_number()};
     corners_.clear();
-    for (auto word = next_corner(); !word.empty(); word = next_corner())
+    for (auto word = next_word(); !word.empty(); word = next_word())
       corners_.push_back(vertex_named(word.substr(0, word.find('/'))));
     sink_.polygon(corners_, place);
   }
 
-  // Empty at the end of the face. A backslash at the end of a line continues it on the next one.
-  std::string_view next_corner() {
+  double coordinate() {
+    const std::string_view word = next_word();
+    if (word.empty()) file_.refuse_line("a coordinate is missing; the file is damaged or cut off");
+    return scanner_.coordinate(word);
+  }
+
+  // Empty at the end of the line. A backslash at its end continues it on the next one.
+  std::string_view next_word() {
     std::string_view word;
     do {
       if (is_continued_ && !scanner_.next_line()) file_.refuse_truncated();
@@ -90,6 +125,8 @@ class ObjParser {
   TextScanner scanner_;
   std::uint64_t num_vertices_ = 0;
   bool is_continued_ = false;  // the line ended in a backslash
+  std::uint64_t num_unknown_ = 0;
+  std::string first_unknown_;
   std::vector<std::uint64_t> corners_;
 };
 
@@ -97,7 +134,7 @@ class ObjParser {
 
 bool is_obj_keyword(std::string_view word) {
   return word == "v" || word == "f" || word == "fo" || is_among(word, kIgnored) ||
-         is_among(word, kFreeForm);
+         is_among(word, kNames) || is_among(word, kFreeForm);
 }
 
 void parse_obj(InputFile& file, SurfaceSink& sink) { ObjParser(file, sink).run(); }

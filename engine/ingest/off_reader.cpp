@@ -14,26 +14,27 @@ namespace {
 constexpr std::uint64_t kMinVertexBytes = 6;
 constexpr std::uint64_t kMinFaceBytes = 2;
 
-// [ST][C][N][4][n]OFF: texture coordinates, colors and normals follow the position on each vertex
-// line; 4 and n are other dimensions.
+// ST, C, N, 4 and n in any order, then OFF: texture coordinates, colors and normals follow the
+// position on each vertex line; 4 and n are other dimensions. The number of vertices may follow at
+// once, as in some files of ModelNet.
 struct OffKeyword {
   bool is_valid = false;
   bool is_three_dimensional = true;
+  std::string_view count;  // what follows
 };
 
 OffKeyword parse_keyword(std::string_view word) {
-  const auto skip = [&](std::string_view prefix) {
-    const bool is_there = word.starts_with(prefix);
+  const auto skip = [&](std::string_view prefix, std::string_view lower_case) {
+    const bool is_there = word.starts_with(prefix) || word.starts_with(lower_case);
     if (is_there) word.remove_prefix(prefix.size());
     return is_there;
   };
   OffKeyword keyword;
-  skip("ST");
-  skip("C");
-  skip("N");
-  const bool has_four = skip("4"), has_n = skip("n");
-  keyword.is_three_dimensional = !has_four && !has_n;
-  keyword.is_valid = word == "OFF";
+  while (skip("ST", "st") || skip("C", "c") || skip("N", "N")) {
+  }
+  while (skip("4", "4") || skip("n", "n")) keyword.is_three_dimensional = false;
+  keyword.is_valid = skip("OFF", "off") && word.find_first_not_of("0123456789") == word.npos;
+  keyword.count = word;
   return keyword;
 }
 
@@ -41,18 +42,22 @@ OffKeyword parse_keyword(std::string_view word) {
 std::uint64_t read_num_vertices(InputFile& file, TextScanner& scanner) {
   const std::string_view first = scanner.word_on_any_line();
   const OffKeyword keyword = parse_keyword(first);
+  const auto count = [&](std::string_view word) {
+    const std::int64_t number = scanner.integer(word, "number of vertices");
+    if (number < 0) file.refuse_line("the number of vertices is negative");
+    return static_cast<std::uint64_t>(number);
+  };
   if (!keyword.is_valid) {
     if (first.find_first_not_of("0123456789") != std::string_view::npos)
       file.refuse_line("is no OFF file: it must begin with the word OFF");
-    return static_cast<std::uint64_t>(scanner.integer(first, "number of vertices"));
+    return count(first);
   }
   if (!keyword.is_three_dimensional)
     file.refuse_line("is an OFF file of another dimension than 3; export it as OFF");
+  if (!keyword.count.empty()) return count(keyword.count);
   const std::string_view second = scanner.word_on_any_line();
   if (second == "BINARY") file.refuse_line("is binary OFF; export it as ASCII OFF or as PLY");
-  const std::int64_t count = scanner.integer(second, "number of vertices");
-  if (count < 0) file.refuse_line("the number of vertices is negative");
-  return static_cast<std::uint64_t>(count);
+  return count(second);
 }
 
 void check_counts(const InputFile& file, std::uint64_t num_vertices, std::uint64_t num_faces) {

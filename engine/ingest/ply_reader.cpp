@@ -20,11 +20,22 @@
 namespace locvol {
 namespace {
 
-enum class Type { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+enum class Type {
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat,
+  kDouble
+};
 enum class Encoding { kAscii, kLittleEndian, kBigEndian };
 
-constexpr std::array<std::size_t, 8> kTypeBytes = {1, 1, 2, 2, 4, 4, 4, 8};
-constexpr std::array<std::pair<std::string_view, Type>, 16> kTypeNames = {{
+constexpr std::array<std::size_t, 10> kTypeBytes = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+constexpr std::array<std::pair<std::string_view, Type>, 18> kTypeNames = {{
     {"char", Type::kInt8},
     {"int8", Type::kInt8},
     {"uchar", Type::kUint8},
@@ -37,6 +48,8 @@ constexpr std::array<std::pair<std::string_view, Type>, 16> kTypeNames = {{
     {"int32", Type::kInt32},
     {"uint", Type::kUint32},
     {"uint32", Type::kUint32},
+    {"int64", Type::kInt64},
+    {"uint64", Type::kUint64},
     {"float", Type::kFloat},
     {"float32", Type::kFloat},
     {"double", Type::kDouble},
@@ -68,6 +81,7 @@ class HeaderParser {
   explicit HeaderParser(InputFile& file) : file_(file) {}
 
   Header parse() {
+    file_.set_line_end(line_end());
     next_line();
     if (word() != "ply") file_.refuse_line("is no PLY file: its first line must be \"ply\"");
     bool has_format = false;
@@ -88,10 +102,21 @@ class HeaderParser {
       }
     }
     if (!has_format) file_.refuse("its PLY header lacks the line \"format\"");
+    file_.set_line_end(InputFile::LineEnd::kAny);
     return std::move(header_);
   }
 
  private:
+  // That of the first line: what follows the header may be bytes of any value.
+  InputFile::LineEnd line_end() {
+    constexpr std::size_t kFirstLineBytes = 64;
+    const std::string_view head = file_.peek(kFirstLineBytes);
+    const std::size_t end = head.find_first_of("\r\n");
+    return end != std::string_view::npos && head[end] == '\r' && head.substr(end, 2) != "\r\n"
+               ? InputFile::LineEnd::kReturn
+               : InputFile::LineEnd::kLineFeed;
+  }
+
   void next_line() {
     if (!file_.next_line(line_))
       file_.refuse("ends inside its PLY header: it is cut off; fetch or export it again");
@@ -175,6 +200,7 @@ double number_in(const unsigned char* bytes, Type type, Encoding encoding) {
   const std::uint64_t bits = bits_in(bytes, type, encoding);
   if (type == Type::kFloat) return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
   if (type == Type::kDouble) return std::bit_cast<double>(bits);
+  if (type == Type::kUint64) return static_cast<double>(bits);
   return static_cast<double>(signed_value(type, bits));
 }
 
@@ -192,12 +218,16 @@ class ValueReader {
   // REQUIRES: is_integer(type)
   std::uint64_t count(Type type, const char* what) {
     if (encoding_ == Encoding::kAscii) return scanner_.count_on_any_line(what);
-    const std::int64_t value =
-        signed_value(type, bits_in(file_.take(bytes_of(type)), type, encoding_));
+    const std::int64_t value = integer(type, what);
     if (value < 0)
       file_.refuse(fmt::format("the {} is negative ({}) before byte {}; the file is damaged", what,
                                value, file_.position()));
     return static_cast<std::uint64_t>(value);
+  }
+  // Below 0 also for what is above 2^63 - 1.
+  std::int64_t integer(Type type, const char* what) {
+    if (encoding_ == Encoding::kAscii) return scanner_.integer(scanner_.word_on_any_line(), what);
+    return signed_value(type, bits_in(file_.take(bytes_of(type)), type, encoding_));
   }
 
   void skip(const Property& property) {
@@ -300,14 +330,16 @@ void read_vertices(const InputFile& file, const Element& element, NumberRange nu
 }
 
 // Which of a face's properties is the list of its corners.
-std::size_t list_of_corners(const InputFile& file, const Element& element) {
+std::size_t list_of_corners(const InputFile& file, const Element& element,
+                            const char* things = "faces") {
   std::optional<std::size_t> list;
   for (std::size_t i = 0; i < element.properties.size(); ++i) {
     const Property& p = element.properties[i];
     if (p.name == "vertex_indices" || p.name == "vertex_index") list = i;
   }
   if (!list || !element.properties[*list].count_type || !is_integer(element.properties[*list].type))
-    file.refuse("its faces must have a list of integers named vertex_indices or vertex_index");
+    file.refuse(fmt::format(
+        "its {} must have a list of integers named vertex_indices or vertex_index", things));
   return *list;
 }
 
@@ -335,6 +367,40 @@ void read_faces(const InputFile& file, const Element& element, NumberRange numbe
     }
     sink.polygon(corners, values.place(f));
   }
+}
+
+// `length`: of the list that holds the strip, or several.
+void read_strip(std::uint64_t length, std::uint64_t strip, Type type, ValueReader& values,
+                SurfaceSink& sink) {
+  std::array<std::uint64_t, 3> corners{};
+  for (std::uint64_t i = 0, num_corners = 0; i < length; ++i) {
+    const std::int64_t number = values.integer(type, "number of a vertex");
+    if (number < 0) {
+      num_corners = 0;
+      continue;
+    }
+    corners = {corners[1], corners[2], static_cast<std::uint64_t>(number)};
+    if (++num_corners < 3) continue;
+    const auto [a, b, c] = corners;
+    if (a == b || b == c || c == a) continue;  // which strips turn around by
+    const std::array<std::uint64_t, 3> turned = {b, a, c};
+    sink.polygon(num_corners % 2 == 1 ? corners : turned, values.place(strip));
+  }
+}
+
+// Strips of triangles, as files of the Stanford 3D Scanning Repository have them: of each, three
+// corners in a row are a triangle, every other one the other way around; -1 begins another strip.
+void read_strips(const InputFile& file, const Element& element, ValueReader& values,
+                 SurfaceSink& sink) {
+  const std::size_t list = list_of_corners(file, element, "triangle strips");
+  for (std::uint64_t s = 0; s < element.count; ++s)
+    for (std::size_t i = 0; i < element.properties.size(); ++i) {
+      const Property& p = element.properties[i];
+      if (i == list)
+        read_strip(values.count(*p.count_type, "length of a strip"), s, p.type, values, sink);
+      else
+        values.skip(p);
+    }
 }
 
 // Of a binary file in which all elements of a kind take as many bytes, and faces are triangles:
@@ -467,8 +533,7 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
   check_counts(file, header);
   const Element* const vertices = find(header, "vertex");
   const Element* const faces = find(header, "face");
-  if (!faces && find(header, "tristrips"))
-    file.refuse("has triangle strips instead of faces; export it with faces");
+  const Element* const strips = find(header, "tristrips");
 
   if (faces) sink.announce(faces->count);
   ValueReader values(file, header.encoding);
@@ -477,6 +542,8 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
       read_vertices(file, element, {0, element.count}, values, sink);
     else if (&element == faces)
       read_faces(file, element, {0, element.count}, values, sink);
+    else if (&element == strips)
+      read_strips(file, element, values, sink);
     else
       for (std::uint64_t i = 0; i < element.count; ++i)
         for (const Property& property : element.properties) values.skip(property);

@@ -116,6 +116,7 @@ class RawSurfaceBuilder : public SurfaceSink {
     require_ingest_room(surface_.file, num_faces, directory_, 0, disk_);
   }
 
+  void note(const std::string& text) override { surface_.notes.push_back(text); }
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override;
   void facet(const std::array<Point, 3>& corners) override {
@@ -274,7 +275,7 @@ RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path
 
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
                         IngestWatch& watch, const DiskOf& disk) {
-  return read_surface(surface_in_file(file), directory, watch, disk);
+  return read_surface(surface_in_file(file, directory), directory, watch, disk);
 }
 
 }  // namespace locvol

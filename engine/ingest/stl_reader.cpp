@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -18,6 +19,7 @@ namespace {
 //   byte 80   4   n, the number of triangles
 //   byte 84  50   first triangle: normal (3 floats), three corners (3 floats each), 2 unused bytes
 //   …             n of them
+// The unused bytes are a color to some programs, with nothing behind them.
 constexpr std::size_t kHeaderBytes = 84;
 constexpr std::size_t kTriangleBytes = 50;
 constexpr std::size_t kNormalBytes = 12;
@@ -37,56 +39,100 @@ std::uint64_t binary_size(std::uint64_t num_triangles) {
   return kHeaderBytes + kTriangleBytes * num_triangles;
 }
 
-bool is_word(std::string_view word, std::string_view lower_case) {
-  if (word.size() != lower_case.size()) return false;
-  for (std::size_t i = 0; i < word.size(); ++i)
+bool starts_with(std::string_view word, std::string_view lower_case) {
+  if (word.size() < lower_case.size()) return false;
+  for (std::size_t i = 0; i < lower_case.size(); ++i)
     if ((word[i] | 0x20) != lower_case[i]) return false;
   return true;
 }
 
-// facet normal x y z / outer loop / vertex x y z (three times) / endloop / endfacet: the word that
-// begins a line decides, and num_corners_ says where in the facet we are.
+bool is_word(std::string_view word, std::string_view lower_case) {
+  return word.size() == lower_case.size() && starts_with(word, lower_case);
+}
+
+bool starts_comment(std::string_view word) {
+  return word[0] == '#' || word[0] == ';' || word[0] == '!' || word.starts_with("//");
+}
+
+// solid NAME / facet normal x y z / outer loop / vertex x y z (three times) / endloop / endfacet /
+// endsolid NAME: with keywords in any case, those of an end also as two words, and a facet on as
+// many lines as one likes. Only facets matter: whatever stands between them is let be, and so are
+// normals, and what follows a vertex.
 class AsciiStlParser {
  public:
   AsciiStlParser(InputFile& file, SurfaceSink& sink) : file_(file), sink_(sink), scanner_(file) {}
 
   void run() {
     while (scanner_.next_line()) {
-      take(scanner_.word());
-      scanner_.skip_line();  // the name of a solid, a normal
+      bool is_first = true;
+      while (!scanner_.at_line_end() && take(scanner_.word(), is_first)) is_first = false;
     }
+    if (num_corners_) file_.refuse("ends inside a facet: it is cut off; fetch or export it again");
+    if (!has_begun_)
+      file_.refuse(
+          "is text, but no ASCII STL file: no line of it begins with \"solid\" or \"facet\"");
     if (is_in_solid_)
-      file_.refuse("ends without \"endsolid\": it is cut off; fetch or export it again");
+      sink_.note("the file ends without \"endsolid\": if parts are missing, it is cut off");
   }
 
  private:
-  void take(std::string_view word) {
-    if (is_word(word, "vertex")) {
-      take_vertex();
-    } else if (is_word(word, "facet")) {
-      require(is_in_solid_ && !num_corners_, "\"facet\" stands inside a facet or outside a solid");
-      num_corners_ = 0;
-    } else if (is_word(word, "outer") || is_word(word, "endloop")) {
-      require(num_corners_.has_value(), "a loop stands outside a facet");
-    } else if (is_word(word, "endfacet")) {
-      require(num_corners_ == 3, "a facet must have three vertices");
-      sink_.facet(corners_);
-      num_corners_.reset();
-    } else if (is_word(word, "solid")) {
-      require(!is_in_solid_, "a solid begins inside a solid");
-      is_in_solid_ = true;
-    } else if (is_word(word, "endsolid")) {
-      require(is_in_solid_ && !num_corners_, "\"endsolid\" stands inside a facet");
-      is_in_solid_ = false;
-    } else {
-      file_.refuse_line("is no line of an ASCII STL file; the file is damaged");
+  // False: the rest of the line says nothing.
+  bool take(std::string_view word, bool is_first) {
+    if (!has_begun_ && !is_word(word, "solid") && !is_word(word, "facet")) return false;
+    if (is_word(word, "vertex")) return take_vertex();
+    if (is_word(word, "facet")) return begin_facet();
+    if (is_word(word, "outer")) return begin_loop();
+    if (starts_with(word, "end")) return take_end(word.substr(3));
+    if (is_word(word, "solid")) {
+      require(!num_corners_, "a solid begins inside a facet");
+      has_begun_ = is_in_solid_ = true;
+    } else if (num_corners_ && is_first) {
+      require(starts_comment(word), "is no line of a facet");
     }
+    return false;
   }
 
-  void take_vertex() {
+  bool take_vertex() {
     require(num_corners_ && *num_corners_ < 3, "a vertex too many, or outside a facet");
     const double x = scanner_.coordinate(), y = scanner_.coordinate(), z = scanner_.coordinate();
     corners_[static_cast<std::size_t>((*num_corners_)++)] = {x, y, z};
+    return true;
+  }
+
+  // Its normal is whatever comes before the loop, which may be on the same line.
+  bool begin_facet() {
+    require(!num_corners_, "\"facet\" stands inside a facet");
+    has_begun_ = true;
+    num_corners_ = 0;
+    scanner_.word();  // "normal"
+    if (std::ranges::none_of(scanner_.rest(), [](char c) { return (c | 0x20) == 'o'; }))
+      return false;  // as fast as lines are that say nothing
+    while (!scanner_.at_line_end())
+      if (is_word(scanner_.word(), "outer")) return begin_loop();
+    return true;
+  }
+
+  bool begin_loop() {
+    scanner_.word();  // "loop"
+    require(num_corners_.has_value(), "a loop stands outside a facet");
+    return true;
+  }
+
+  // What stands at the end, or in the next word: some write "endsolidNAME".
+  bool take_end(std::string_view of) {
+    if (of.empty()) of = scanner_.word();
+    if (is_word(of, "loop")) {
+      require(num_corners_.has_value(), "a loop stands outside a facet");
+    } else if (is_word(of, "facet")) {
+      require(num_corners_ == 3, "a facet must have three vertices");
+      sink_.facet(corners_);
+      num_corners_.reset();
+    } else {
+      require(!num_corners_, "is no line of a facet");
+      if (starts_with(of, "solid")) is_in_solid_ = false;
+      return false;
+    }
+    return true;
   }
 
   void require(bool holds, const char* what) const {
@@ -96,6 +142,7 @@ class AsciiStlParser {
   InputFile& file_;
   SurfaceSink& sink_;
   TextScanner scanner_;
+  bool has_begun_ = false;  // a solid or a facet
   bool is_in_solid_ = false;
   std::optional<int> num_corners_;  // of the open facet
   std::array<Point, 3> corners_;
@@ -119,6 +166,33 @@ void read_triangles(InputFile& file, std::uint64_t first, std::uint64_t end, Sur
   }
 }
 
+// How many triangles are to be read. A count above what is there tells that the file is cut off.
+// One below is wrong where all that is there is whole triangles, for some programs do not know it
+// when they write the header; otherwise something else follows the triangles.
+std::uint64_t triangles_in(const InputFile& file, std::uint64_t promised, SurfaceSink& sink) {
+  const std::uint64_t bytes = file.size() - kHeaderBytes;
+  const std::uint64_t whole = bytes / kTriangleBytes, more = bytes % kTriangleBytes;
+  if (promised > whole)
+    file.refuse(
+        fmt::format("is no whole STL file: as binary STL it promises {} triangles, which take "
+                    "{} bytes, but it has {}; fetch or export it again",
+                    promised, binary_size(promised), file.size()));
+  if (promised == whole && more == 0) return promised;
+  if (more == 0) {
+    sink.note(fmt::format("the file says that it has {} triangles, but has {}, which are read",
+                          promised, whole));
+    return whole;
+  }
+  if (promised == 0 && whole > 0)
+    file.refuse(fmt::format(
+        "is no whole STL file: as binary STL it promises no triangles, but has {} and {} bytes of "
+        "another; fetch or export it again",
+        whole, more));
+  sink.note(fmt::format("left out the last {} bytes of the file, which follow its triangles",
+                        file.size() - binary_size(promised)));
+  return promised;
+}
+
 class BinaryStlRanges : public SurfaceRanges {
  public:
   BinaryStlRanges(InputFile file, std::uint64_t num_triangles)
@@ -133,6 +207,18 @@ class BinaryStlRanges : public SurfaceRanges {
 
 }  // namespace
 
+bool has_stl_line(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t begin = text.find_first_not_of(" \t\r\n");
+    if (begin == std::string_view::npos) return false;
+    text.remove_prefix(begin);
+    const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
+    if (is_word(word, "solid") || is_word(word, "facet")) return true;
+    text.remove_prefix(std::min(text.find_first_of("\r\n"), text.size()));
+  }
+  return false;
+}
+
 bool is_binary_stl(InputFile& file) {
   const std::string_view header = file.peek(kHeaderBytes);
   return header.size() == kHeaderBytes && file.size() == binary_size(promised_triangles(header));
@@ -143,12 +229,7 @@ void parse_binary_stl(InputFile& file, SurfaceSink& sink) {
   if (header.size() < kHeaderBytes)
     file.refuse(
         "is no STL file: it neither begins with \"solid\" nor has the 84 bytes of a header");
-  const std::uint64_t num_triangles = promised_triangles(header);
-  if (file.size() != binary_size(num_triangles))
-    file.refuse(
-        fmt::format("is no whole STL file: as binary STL it promises {} triangles, which take "
-                    "{} bytes, but it has {}; fetch or export it again",
-                    num_triangles, binary_size(num_triangles), file.size()));
+  const std::uint64_t num_triangles = triangles_in(file, promised_triangles(header), sink);
   file.take(kHeaderBytes);
   sink.announce(num_triangles);
   read_triangles(file, 0, num_triangles, sink);

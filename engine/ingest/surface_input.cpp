@@ -218,6 +218,7 @@ class SurfacePreparation {
   }
 
   void note_repairs() {
+    notes_ = raw_.notes;
     if (raw_.num_numbered_vertices > findings_.num_vertices)
       note("left out {} of no face, or at the same place as another",
            raw_.num_numbered_vertices - findings_.num_vertices, "vertex", "vertices");

@@ -46,6 +46,7 @@ struct RawSurface {
   std::uint64_t num_numbered_vertices = 0;  // of formats whose faces name their vertices
   std::uint64_t num_collapsed = 0;          // triangles left out
   std::vector<Triangle> collinear;          // those without area, in order of id
+  std::vector<std::string> notes;           // of what is odd in the file
 };
 
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <cstdint>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "engine/ingest/input_file.h"
@@ -17,6 +20,7 @@ namespace {
 enum class SurfaceFormat { kBinaryStl, kAsciiStl, kObj, kOff, kPly };
 
 constexpr std::size_t kPeekBytes = std::size_t{1} << 16;
+constexpr std::uint64_t kLeastStlBytes = 84;  // of a binary file: its header
 
 const char* name(SurfaceFormat format) {
   switch (format) {
@@ -54,7 +58,7 @@ std::string_view first_word(std::string_view text) {
   std::size_t i = 0;
   while (i < text.size()) {
     if (text[i] == '#')
-      i = std::min(text.find('\n', i), text.size());
+      i = std::min(text.find_first_of("\r\n", i), text.size());
     else if (std::isspace(static_cast<unsigned char>(text[i])))
       ++i;
     else
@@ -65,42 +69,138 @@ std::string_view first_word(std::string_view text) {
   return text.substr(i, end - i);
 }
 
-std::optional<SurfaceFormat> format_of_content(InputFile& file) {
-  if (is_binary_stl(file)) return SurfaceFormat::kBinaryStl;  // before "solid": those may begin so
-  const std::string_view text = file.peek(kPeekBytes);
-  if (text.starts_with("ply\n") || text.starts_with("ply\r")) return SurfaceFormat::kPly;
+// The first bytes tell: those of a binary STL file end in a count, whose highest byte is no
+// character. No text in UTF-8 has the two largest bytes.
+bool is_text(std::string_view head) {
+  constexpr std::size_t kHeadBytes = 84;
+  head = head.substr(0, kHeadBytes);
+  if (head.size() < kHeadBytes)  // it may be padded
+    head = head.substr(0, head.find_last_not_of(std::string_view("\0\x1a", 2)) + 1);
+  return std::ranges::all_of(
+      head, [](unsigned char c) { return (c >= ' ' && c < 0xfe) || std::isspace(c); });
+}
+
+// ---- What is to be made something else first
+
+struct Packing {
+  std::size_t place;  // of its mark
+  std::string_view mark;
+  const char* name;
+  const char* command;  // which unpacks
+};
+constexpr std::array<Packing, 10> kPackings = {{
+    {0, "PK\3\4", "a zip archive", "unzip"},
+    {0,
+     std::string_view("\xfd"
+                      "7zXZ\0",
+                      6),
+     "packed by xz", "xz -dk"},
+    {0, "BZh", "packed by bzip2", "bzip2 -dk"},
+    {0, "\x28\xb5\x2f\xfd", "packed by zstd", "zstd -d"},
+    {0, "\x1f\x8b", "packed by gzip twice", "gzip -dk"},
+    {0, "\x1f\x9d", "packed by compress", "gzip -dk"},
+    {0, "\x04\x22\x4d\x18", "packed by lz4", "lz4 -d"},
+    {0, "7z\xbc\xaf\x27\x1c", "a 7z archive", "7z x"},
+    {0, "Rar!\x1a\x07", "a rar archive", "unrar x"},
+    {257, "ustar", "a tar archive", "tar -xf"},
+}};
+
+void refuse_packed(const InputFile& file, std::string_view head) {
+  for (const auto& [place, mark, name, command] : kPackings)
+    if (head.size() > place && head.substr(place).starts_with(mark))
+      file.refuse(fmt::format("is {}; unpack it first, by {}", name, command));
+}
+
+// The name of an encoding in which a character takes two bytes or four; empty: it is none.
+std::string_view wide_encoding(std::string_view head) {
+  constexpr std::size_t kMostBytes = 64, kLeastBytes = 8;
+  if (head.starts_with(std::string_view("\xff\xfe\0\0", 4))) return "UTF-32";
+  if (head.starts_with(std::string_view("\0\0\xfe\xff", 4))) return "UTF-32";
+  if (head.starts_with("\xff\xfe") || head.starts_with("\xfe\xff")) return "UTF-16";
+  head = head.substr(0, std::min(kMostBytes, head.size() / 2 * 2));
+  if (head.size() < kLeastBytes) return {};
+  const auto is_ascii_at = [&](std::size_t first) {
+    for (std::size_t i = 0; i < head.size(); ++i) {
+      const auto c = static_cast<unsigned char>(head[i]);
+      const bool is_character = (c >= ' ' && c <= '~') || std::isspace(c);
+      if (i % 2 == first ? !is_character : c != 0) return false;
+    }
+    return true;
+  };
+  return is_ascii_at(0) ? "UTF-16LE" : is_ascii_at(1) ? "UTF-16BE" : "";
+}
+
+void refuse_wide_text(const InputFile& file, std::string_view head) {
+  const std::string_view encoding = wide_encoding(head);
+  if (encoding.empty()) return;
+  file.refuse(
+      fmt::format("is text in {}, as Windows writes it; make it UTF-8 first, by iconv -f {} -t "
+                  "UTF-8",
+                  encoding, encoding));
+}
+
+// ---- Its format
+
+std::optional<SurfaceFormat> format_of_text(std::string_view text) {
+  if (text.starts_with("ply") && text.size() > 3 &&
+      std::isspace(static_cast<unsigned char>(text[3])))
+    return SurfaceFormat::kPly;
   const std::string_view word = first_word(text);
   if (is_off_keyword(word)) return SurfaceFormat::kOff;
-  const bool is_text = text.find('\0') == std::string_view::npos;
-  if (word == "solid" && is_text) return SurfaceFormat::kAsciiStl;
-  if (is_obj_keyword(word) && is_text) return SurfaceFormat::kObj;
+  if (!is_text(text)) return std::nullopt;
+  if (has_stl_line(text)) return SurfaceFormat::kAsciiStl;
+  if (is_obj_keyword(word)) return SurfaceFormat::kObj;
   return std::nullopt;
 }
 
-std::optional<SurfaceFormat> format_of_extension(const std::string& extension) {
-  if (extension == ".stl") return SurfaceFormat::kBinaryStl;
+// Takes a byte order mark off what is text.
+std::optional<SurfaceFormat> format_of_content(InputFile& file) {
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+  if (is_binary_stl(file)) return SurfaceFormat::kBinaryStl;  // before "solid": those may begin so
+  const std::string_view head = file.peek(kPeekBytes);
+  refuse_packed(file, head);
+  refuse_wide_text(file, head);
+  if (head.starts_with(kByteOrderMark) && is_text(head)) file.take(kByteOrderMark.size());
+  return format_of_text(file.peek(kPeekBytes));
+}
+
+std::optional<SurfaceFormat> format_of_extension(const std::string& extension, bool has_text) {
+  if (extension == ".stl") return has_text ? SurfaceFormat::kAsciiStl : SurfaceFormat::kBinaryStl;
   if (extension == ".obj") return SurfaceFormat::kObj;
   if (extension == ".off") return SurfaceFormat::kOff;
   if (extension == ".ply") return SurfaceFormat::kPly;
   return std::nullopt;
 }
 
+std::string extension_of(std::filesystem::path path) {
+  const auto extension = [&] {
+    std::string text = path.extension().string();
+    std::ranges::transform(text, text.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return text;
+  };
+  if (extension() == ".gz") path.replace_extension();
+  return extension();
+}
+
 SurfaceFormat format_of(InputFile& file) {
-  std::string named = file.path().extension().string();
-  std::transform(named.begin(), named.end(), named.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string named = extension_of(file.path());
   const auto by_content = format_of_content(file);
-  const auto by_name = format_of_extension(named);
-  if (!by_content && !by_name)
-    file.refuse("is in no known format; convert it to STL, OBJ, OFF or PLY");
+  const bool has_text = is_text(file.peek(kPeekBytes));
+  const auto by_name = format_of_extension(named, has_text);
   if (by_content && by_name && extension(*by_content) != named)
     file.refuse(fmt::format("holds {} data but is named {}; rename it to {}", name(*by_content),
                             named, extension(*by_content)));
-  return by_content ? *by_content : *by_name;
+  if (by_content) return *by_content;
+  if (by_name) return *by_name;
+  // What has no name, as from a pipe, may be binary STL that is odd or cut off.
+  if (!named.empty() || has_text || file.size() < kLeastStlBytes)
+    file.refuse("is in no known format; convert it to STL, OBJ, OFF or PLY");
+  return SurfaceFormat::kBinaryStl;
 }
 
-InputFile opened(const std::filesystem::path& path, const StopToken* stop) {
-  InputFile file(path, stop);
+InputFile opened(std::shared_ptr<const InputBytes> bytes, const StopToken* stop) {
+  InputFile file(std::move(bytes), stop);
   if (file.size() == 0) file.refuse("is empty (0 bytes); fetch or export it again");
   return file;
 }
@@ -109,7 +209,12 @@ InputFile opened(const std::filesystem::path& path, const StopToken* stop) {
 
 std::unique_ptr<SurfaceRanges> ranges_of_surface(const std::filesystem::path& path,
                                                  const StopToken* stop) {
-  InputFile file = opened(path, stop);
+  std::error_code not_there;  // which is told below
+  if (std::filesystem::exists(path, not_there) && !std::filesystem::is_regular_file(path))
+    return nullptr;
+  auto bytes = std::make_shared<InputBytes>(path);
+  if (GzipReader::is_gzip(*bytes)) return nullptr;
+  InputFile file = opened(std::move(bytes), stop);
   switch (format_of(file)) {
     case SurfaceFormat::kBinaryStl:
       return ranges_of_binary_stl(std::move(file));
@@ -122,7 +227,12 @@ std::unique_ptr<SurfaceRanges> ranges_of_surface(const std::filesystem::path& pa
 
 std::string parse_surface(const std::filesystem::path& path, SurfaceSink& sink,
                           const StopToken* stop) {
-  InputFile file = opened(path, stop);
+  return parse_surface(std::make_shared<InputBytes>(path), sink, stop);
+}
+
+std::string parse_surface(std::shared_ptr<const InputBytes> bytes, SurfaceSink& sink,
+                          const StopToken* stop) {
+  InputFile file = opened(std::move(bytes), stop);
   switch (format_of(file)) {
     case SurfaceFormat::kBinaryStl:
       parse_binary_stl(file, sink);

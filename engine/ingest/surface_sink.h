@@ -25,6 +25,8 @@ class SurfaceSink {
   // So many polygons or facets are to come, for all that the file says: called before any of them,
   // if at all.
   virtual void announce(std::uint64_t /*num_faces*/) {}
+  // What the user is to know of a file that is odd, and is read all the same.
+  virtual void note(const std::string& /*text*/) {}
   // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
   virtual void vertex(const Point& position) = 0;
   // Any number of corners, with any numbers: they may name a vertex that comes later, or never.

@@ -4,12 +4,17 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/input_bytes.h"
 #include "engine/ingest/input_file.h"
+#include "engine/plan/disk_room.h"
 #include "engine/shared/input_error.h"
+#include "engine/shared/standard_input.h"
 #include "storage/records.h"
 
 namespace locvol {
@@ -73,17 +78,49 @@ std::string digest_of_triangles(const TriangleSource& triangles, const StopToken
   return digest.finish();
 }
 
+using OpenInput = std::function<InputBytes(const StopToken* stop)>;
+
+// Opened anew each time, but for what can be read only once.
+SurfaceSource source_of_input(std::string name, std::filesystem::path file, const OpenInput& open) {
+  const auto copy = std::make_shared<std::shared_ptr<const InputBytes>>();
+  const auto bytes = [open, copy](const StopToken* stop) {
+    if (*copy) return *copy;
+    auto opened = std::make_shared<const InputBytes>(open(stop));
+    if (opened->is_copy()) *copy = opened;
+    return opened;
+  };
+  return {std::move(name), std::move(file),
+          [bytes](SurfaceSink& sink, const StopToken* stop) {
+            return parse_surface(bytes(stop), sink, stop);
+          },
+          [bytes](const StopToken* stop) { return InputFile(bytes(stop), stop).digest(); },
+          [copy] { copy->reset(); }};
+}
+
 }  // namespace
 
-SurfaceSource surface_in_file(const std::filesystem::path& file) {
-  return {
-      file.string(),
-      [file](SurfaceSink& sink, const StopToken* stop) { return parse_surface(file, sink, stop); },
-      [file](const StopToken* stop) { return digest_of_file(file, stop); }};
+SurfaceSource surface_in_file(const std::filesystem::path& file,
+                              const std::filesystem::path& directory) {
+  return source_of_input(file.string(), file, [file, directory](const StopToken* stop) {
+    return InputBytes(file, existing_directory(directory), stop);
+  });
+}
+
+SurfaceSource surface_in_standard_input(const std::filesystem::path& directory) {
+  return source_of_input(kStandardInput, {}, [directory](const StopToken* stop) {
+    return InputBytes::of_standard_input(existing_directory(directory), stop);
+  });
+}
+
+SurfaceSource surface_at(const std::filesystem::path& input,
+                         const std::filesystem::path& directory) {
+  return input == kFromStandardInput ? surface_in_standard_input(directory)
+                                     : surface_in_file(input, directory);
 }
 
 SurfaceSource surface_in_memory(TriangleSource triangles) {
   return {kInMemory,
+          {},
           [triangles](SurfaceSink& sink, const StopToken* stop) {
             return parse_triangles(triangles, sink, stop);
           },

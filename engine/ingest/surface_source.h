@@ -13,16 +13,26 @@
 namespace locvol {
 
 struct SurfaceSource {
-  std::string name;  // for messages
+  std::string name;            // for messages
+  std::filesystem::path file;  // of which others may read parts, too; empty: there is none
   // Gives all to the sink. Returns the digest. Throws Stopped, as does the next; `stop` may be
   // null.
   std::function<std::string(SurfaceSink&, const StopToken* stop)> parse;
   // The name by which a store knows its input: SHA-256, hexadecimal.
   std::function<std::string(const StopToken* stop)> digest;
+  // Nobody is going to call them again: a copy of what came through a pipe can go.
+  std::function<void()> release = [] {};
 };
 
-// See parse_surface(). The digest is of the file's bytes.
-SurfaceSource surface_in_file(const std::filesystem::path& file);
+// See parse_surface() and InputBytes. The digest is that of parse_surface(). What is read through a
+// pipe is copied once, when it is first asked for, into `directory`, or into one above it that
+// exists.
+SurfaceSource surface_in_file(const std::filesystem::path& file,
+                              const std::filesystem::path& directory);
+SurfaceSource surface_in_standard_input(const std::filesystem::path& directory);
+// Of the two the one that MeshOptions::input means.
+SurfaceSource surface_at(const std::filesystem::path& input,
+                         const std::filesystem::path& directory);
 
 // Calls the visitor for each triangle: the same ones in the same order whenever it is called.
 using TriangleVisitor = std::function<void(const std::array<Point, 3>& corners)>;

@@ -33,8 +33,13 @@ std::optional<double> parse_number(std::string_view word) {
   const std::string_view digits = without_plus(word);
   double value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
-    return std::nullopt;
+  if (error == std::errc::invalid_argument) return std::nullopt;
+  if (end != digits.data() + digits.size()) {
+    if (*end != 'd' && *end != 'D') return std::nullopt;
+    std::string of_fortran(word);  // 1.5D+00
+    of_fortran[static_cast<std::size_t>(end - word.data())] = 'e';
+    return parse_number(of_fortran);
+  }
   // Too large, or so small that it rounds to 0 or a denormal, as strtod() does; with a decimal
   // point, whatever locale the program that calls us has set.
   if (error == std::errc::result_out_of_range) {

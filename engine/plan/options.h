@@ -45,7 +45,7 @@ struct ImageFacts {
 };
 
 struct MeshOptions {
-  std::filesystem::path input;  // empty: the surface is in no file
+  std::filesystem::path input;  // empty: the surface is in no file; or kFromStandardInput
   std::filesystem::path store;
   SizeSpec size;
   std::uint64_t leaf_capacity = 0;  // κ; 0: the default

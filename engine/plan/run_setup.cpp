@@ -10,6 +10,7 @@
 #include "engine/plan/run_estimate.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/number_text.h"
+#include "engine/shared/standard_input.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -93,6 +94,12 @@ std::uint64_t expected_largest_visit(const RunRecord& run) {
                                max_norm(run.surface.box.max - run.surface.box.min));
   const VisitSize whole{.num_points = static_cast<std::uint64_t>(std::min(all, 1e12))};
   return std::min(expected_visit(run.parameters, side, of_leaf, 0), whole.bytes_to_refine());
+}
+
+std::string name_of(const std::filesystem::path& input) {
+  if (input.empty()) return kInMemory;
+  if (input == kFromStandardInput) return kStandardInput;
+  return std::filesystem::absolute(input).string();
 }
 
 Box box_of(const SizeShape& shape) { return Box::around(shape.a).joined(shape.b); }
@@ -187,8 +194,7 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
                       const ImageFacts& image) {
   check_options(options);
   RunRecord run;
-  run.surface.file =
-      options.input.empty() ? kInMemory : std::filesystem::absolute(options.input).string();
+  run.surface.file = name_of(options.input);
   run.surface.box = surface;
   if (!options.size_image.empty())
     run.image_file = std::filesystem::absolute(options.size_image).string();

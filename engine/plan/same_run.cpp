@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/shared/number_text.h"
+#include "engine/shared/standard_input.h"
 #include "octree/mix.h"
 
 namespace locvol {
@@ -62,7 +63,7 @@ std::string surface_difference(const RunRecord& held, const RunRecord& asked,
   if (held.surface.file != file)
     return fmt::format("its surface is {}, and not {}{}", held.surface.file, file,
                        stamp_text(file));
-  if (file == kInMemory) return "its surface is another one";
+  if (file == kInMemory || file == kStandardInput) return "its surface is another one";
   return fmt::format("its surface was {} as it was when the run began{}, and not that of now{}",
                      file, began_text(started), stamp_text(file));
 }

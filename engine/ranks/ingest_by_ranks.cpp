@@ -92,7 +92,8 @@ class IngestByRanks {
  private:
   void open() {
     FileFacts facts;
-    if (is_sound([&] { ranges_ = ranges_of_surface(file_, watch_.stop()); }) && ranges_)
+    const auto find_ranges = [&] { ranges_ = ranges_of_surface(file_, watch_.stop()); };
+    if (!file_.empty() && is_sound(find_ranges) && ranges_)
       facts = {ranges_->num_bytes(), ranges_->num_faces(), ranges_->num_vertices()};
     stop_.meet();
     for (const FileFacts& of_rank : gather_values(exchange_, facts))

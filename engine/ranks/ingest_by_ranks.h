@@ -25,7 +25,7 @@ namespace locvol {
 // ingest() by one process. Nothing, on all ranks: the file is not seen by all, not of
 // SurfaceRanges, or damaged, or its surface is to be repaired: that is for one process. Memory:
 // that of ingest(), of deal_triangles() and RankShare. Throws as ingest(), and Stopped: then all
-// ranks do.
+// ranks do. So it is where `file` is empty: the surface is in none.
 std::optional<Store> ingest_by_ranks(
     const std::filesystem::path& file, const std::filesystem::path& directory,
     const std::function<RunRecord(const std::string& digest, const Box& box)>& planned,

@@ -28,7 +28,7 @@ headers=$(dpkg-deb -c "$development" | grep -c '\.h$')
 [[ $headers == 1 ]] || fail "$development has $headers headers: only locvol.h is for users"
 
 depends=$(dpkg-deb -f "$command" Depends)
-for library in libc6 libboost-serialization libdeflate0 libfmt libhdf5 liblmdb0 libssl3 libzstd1; do
+for library in libc6 libboost-serialization libdeflate0 libfmt libhdf5 liblmdb0 libssl3 libzstd1 zlib1g; do
   [[ $depends == *"$library"* ]] || fail "$command does not depend on $library: $depends"
 done
 [[ $depends != *-dev* ]] || fail "$command depends on what only its build needs: $depends"

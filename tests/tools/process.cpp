@@ -22,7 +22,8 @@ double seconds(const timeval& time) {
 
 }  // namespace
 
-Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes) {
+Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes,
+                 const std::filesystem::path& input) {
   std::string command = LOCVOL_COMMAND;
   std::vector<std::string> copies = arguments;
   std::vector<char*> argv = {command.data()};
@@ -31,7 +32,7 @@ Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_b
 
   posix_spawn_file_actions_t files;
   posix_spawn_file_actions_init(&files);
-  posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&files, 0, input.c_str(), O_RDONLY | O_NOCTTY, 0);
   posix_spawn_file_actions_addopen(&files, 1, (output_ / "out").c_str(), O_WRONLY | O_CREAT, 0600);
   posix_spawn_file_actions_addopen(&files, 2, (output_ / "err").c_str(), O_WRONLY | O_CREAT, 0600);
   posix_spawnattr_t attributes;

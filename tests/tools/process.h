@@ -22,8 +22,10 @@ struct ProcessResult {
 
 class Process {
  public:
-  // `data_bytes`: limit on the process's private memory (RLIMIT_DATA), or 0.
-  explicit Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes = 0);
+  // `data_bytes`: limit on the process's private memory (RLIMIT_DATA), or 0. `input`: the file that
+  // is its standard input.
+  explicit Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes = 0,
+                   const std::filesystem::path& input = "/dev/null");
   ~Process();  // kills it, if it still runs
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
