@@ -10,6 +10,7 @@
 #include "engine/audit/audit.h"
 #include "engine/inspect/replay.h"
 #include "engine/plan/same_run.h"
+#include "tests/directories.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/engine/store_contents.h"
@@ -248,10 +249,10 @@ TEST_F(EngineTest, GivesTheSameRecordsTwice) {
 // Where a sharp model makes visits delete points, the triangulation's order of new cells depended
 // on their addresses.
 TEST_F(EngineTest, GivesTheSameRecordsAgainWithDeletions) {
-  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << kNoModels;
+  if (models_directory().empty()) GTEST_SKIP() << kNoModels;
   const auto turbine = [&](const std::string& store) {
     MeshOptions run = options(store, 4, 2000);
-    run.input = std::filesystem::path(LOCVOL_MODELS_DIR) / "turbine.ply";
+    run.input = models_directory() / "turbine.ply";
     run.size.is_percent = true;
     return run;
   };

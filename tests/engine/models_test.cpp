@@ -9,6 +9,7 @@
 #include "engine/audit/audit.h"
 #include "engine/engine.h"
 #include "engine/ingest/surface_input.h"
+#include "tests/directories.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
@@ -24,8 +25,8 @@ struct MeshModel {
 class MeshedModel : public testing::TestWithParam<MeshModel> {};
 
 TEST_P(MeshedModel, PassesTheAudit) {
-  const std::filesystem::path file = std::filesystem::path(LOCVOL_MODELS_DIR) / GetParam().file;
-  if (std::string(LOCVOL_MODELS_DIR).empty()) GTEST_SKIP() << kNoModels;
+  const std::filesystem::path file = models_directory() / GetParam().file;
+  if (models_directory().empty()) GTEST_SKIP() << kNoModels;
   const TempDir dir;
   MeshOptions options;
   options.input = file;

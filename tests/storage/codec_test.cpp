@@ -12,6 +12,7 @@
 #include <limits>
 #include <random>
 
+#include "tests/directories.h"
 #include "tests/file_bytes.h"
 #include "tests/storage/samples.h"
 
@@ -243,7 +244,7 @@ TEST(Codec, RefusesACoreThatContradictsItself) {
 // -- Golden bytes: what was ever written still opens ----------------------------------------------
 
 std::filesystem::path golden_file(const std::string& name) {
-  return std::filesystem::path(LOCVOL_TESTS_DIR) / "storage" / "golden" / name;
+  return tests_directory() / "storage" / "golden" / name;
 }
 
 // To add a file for a new version: raise the version in the name below, and run with

@@ -1,3 +1,4 @@
+#include "tests/directories.h"
 #include "tools/forecast.h"
 
 #include <gtest/gtest.h>
@@ -142,7 +143,7 @@ struct Recording {
 };
 
 Recording recorded(const std::string& name) {
-  const std::string file = std::string(LOCVOL_TESTS_DIR) + "/tools/traces/" + name + ".txt";
+  const auto file = tests_directory() / "tools" / "traces" / (name + ".txt");
   std::ifstream in(file);
   EXPECT_TRUE(in) << file;
   Recording run;

@@ -8,13 +8,14 @@
 #include <string>
 #include <vector>
 
+#include "tests/directories.h"
 #include "tests/engine/ingest/surface_fixtures.h"
 #include "tests/skip_reasons.h"
 
 namespace locvol {
 namespace {
 
-const std::filesystem::path kModels = LOCVOL_MODELS_DIR;
+const std::filesystem::path kModels = models_directory();
 
 struct Model {
   const char* file;

@@ -24,6 +24,7 @@
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
+#include "tests/directories.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/store_contents.h"
@@ -416,7 +417,7 @@ TEST_F(RunOfRanks, MendsAsOneProcess) {
 }
 
 TEST_F(RunOfRanks, OfARealModelHasTheRecordsOfOneProcess) {
-  const std::filesystem::path models = LOCVOL_MODELS_DIR;
+  const std::filesystem::path models = models_directory();
   if (models.empty()) GTEST_SKIP() << kNoModels;
   MeshOptions options = this->options("store", 0, 3000);
   options.input = models / "rocker_arm.obj";
