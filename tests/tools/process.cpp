@@ -22,9 +22,11 @@ double seconds(const timeval& time) {
 
 }  // namespace
 
+std::string locvol_command() { return LOCVOL_COMMAND; }
+
 Process::Process(const std::vector<std::string>& arguments, std::uint64_t data_bytes,
                  const std::filesystem::path& input) {
-  std::string command = LOCVOL_COMMAND;
+  std::string command = locvol_command();
   std::vector<std::string> copies = arguments;
   std::vector<char*> argv = {command.data()};
   for (std::string& copy : copies) argv.push_back(copy.data());

@@ -20,6 +20,8 @@ struct ProcessResult {
   std::string out, err;
 };
 
+std::string locvol_command();  // its path
+
 class Process {
  public:
   // `data_bytes`: limit on the process's private memory (RLIMIT_DATA), or 0. `input`: the file that

@@ -15,6 +15,7 @@ RUN_TESTS = sys.argv.pop(1)
 # The two ways to skip, as tests/CMakeLists.txt has them.
 SCRIPT = "SKIP_RETURN_CODE 77"
 GOOGLE_TEST = r'SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]"'
+SUITE = r'FAIL_REGULAR_EXPRESSION "Running 0 tests"'
 
 PASSES = ("passes", "exit 0", SCRIPT)
 FAILS = ("fails", "echo skipped: not at all; exit 1", SCRIPT)
@@ -26,6 +27,17 @@ def no_models(name):
     # Longer than what ctest keeps of the output of a test that passed.
     return (name, "seq 2000; echo a_test.cpp:27: Skipped; "
             "echo needs models. To run it: MODELS=DIR; echo; echo '[  SKIPPED ] A.b'", GOOGLE_TEST)
+
+
+def suite_of(name, exit_code=0):
+    # Its second case is skipped, amid more output than ctest keeps by itself.
+    suite = name.partition("/")[2]
+    said = "; ".join(f"echo '{line}'" for line in (
+        f"[ RUN      ] {suite}.First", f"[       OK ] {suite}.First (9 ms)",
+        f"[ RUN      ] {suite}.Second", "a_test.cpp:27: Skipped", "needs models. To run it: MODELS=DIR",
+        "", f"[  SKIPPED ] {suite}.Second (0 ms)",
+        f"[ RUN      ] {suite}.Third", f"[       OK ] {suite}.Third (9 ms)"))
+    return (name, f"seq 2000; {said}; seq 2000; exit {exit_code}", SUITE)
 
 
 class RunTestsTest(unittest.TestCase):
@@ -57,6 +69,21 @@ class RunTestsTest(unittest.TestCase):
             (0, ["  2 tests: needs models. To run it: MODELS=DIR",
                  "  no_ccx: needs ccx. To run it: install ccx",
                  "  silent: no reason given"], []))
+
+    def test_tells_cases_of_a_process_of_many(self):
+        self.assertEqual(
+            self.run_tests(suite_of("tools/Several"), suite_of("tools/All/Others"), PASSES),
+            (0, ["  2 tests: needs models. To run it: MODELS=DIR"], []))
+        self.assertEqual(
+            self.run_tests(suite_of("tools/Several"), may_skip="needs ccx"),
+            (1, ["  tools/Several.Second: needs models. To run it: MODELS=DIR"],
+             ["locvol: error: must not be skipped here: tools/Several.Second"]))
+        self.assertEqual(
+            self.run_tests(suite_of("tools/Several"), may_skip="needs models")[0], 0)
+
+    def test_a_skipped_case_hides_no_failure(self):
+        self.assertEqual(self.run_tests(suite_of("tools/Several", 1)),
+                         (8, ["  tools/Several.Second: needs models. To run it: MODELS=DIR"], []))
 
     def test_keeps_the_exit_code_of_ctest(self):
         self.assertEqual(self.run_tests(FAILS), (8, [], []))

@@ -19,7 +19,7 @@ namespace {
 class Surroundings : public testing::Test {
  protected:
   Surroundings() {
-    setenv("LOCVOL", LOCVOL_COMMAND, 1);
+    setenv("LOCVOL", locvol_command().c_str(), 1);
     EXPECT_EQ(shell("$LOCVOL generate sphere -o ball.stl -n 500 > /dev/null"), 0);
     EXPECT_EQ(shell("$LOCVOL mesh ball.stl -o plain.vtu --size 20% > /dev/null 2> err"), 0)
         << err();

@@ -26,6 +26,7 @@
 #include "engine/rank_engine.h"
 #include "engine/shared/standard_input.h"
 #include "engine/shared/stop_source.h"
+#include "tests/directories.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
@@ -525,7 +526,7 @@ TEST(PipedSurfaces, ADeviceIsNoFile) {
 // ---- What users have sent
 
 TEST(ReportedSurfaces, AreRead) {
-  const std::filesystem::path models = LOCVOL_MODELS_DIR;
+  const std::filesystem::path models = models_directory();
   if (models.empty() || !std::filesystem::exists(models / "reports")) GTEST_SKIP() << kNoModels;
   for (const char* name : {"upper.stl", "bom.stl", "end_loop.stl", "cube3solids.stl"}) {
     SCOPED_TRACE(name);
