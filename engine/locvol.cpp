@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <exception>
 #include <new>
@@ -205,18 +206,25 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
 }
 
 SurfaceInfo info_of(const SurfaceFacts& surface) {
-  return {.num_triangles = surface.num_triangles,
-          .num_vertices = surface.num_vertices,
-          .num_components = surface.num_components,
-          .euler_characteristic = surface.euler_characteristic,
-          .area = surface.area,
-          .volume = surface.volume,
-          .box_min = coordinates(surface.box.min),
-          .box_max = coordinates(surface.box.max),
-          .default_size = default_size(surface)};
+  SurfaceInfo info{.num_triangles = surface.num_triangles,
+                   .num_vertices = surface.num_vertices,
+                   .num_components = surface.num_components,
+                   .euler_characteristic = surface.euler_characteristic,
+                   .area = surface.area,
+                   .volume = surface.volume,
+                   .box_min = coordinates(surface.box.min),
+                   .box_max = coordinates(surface.box.max),
+                   .default_size = default_size(surface),
+                   .num_facing_places = surface.facing.num_places};
+  for (const auto& [step, num_walls, num_rods, num_gaps, num_holes] : surface.facing.places)
+    info.facing.push_back({step, num_walls, num_rods, num_gaps, num_holes});
+  return info;
 }
 
 SurfaceFacts facts_of(const SurfaceInfo& surface) {
+  FacingFacts facing{.num_places = surface.num_facing_places, .places = {}};
+  for (const auto& [step, num_walls, num_rods, num_gaps, num_holes] : surface.facing)
+    facing.places.push_back({step, num_walls, num_rods, num_gaps, num_holes});
   return {.file = kInMemory,
           .num_vertices = surface.num_vertices,
           .num_triangles = surface.num_triangles,
@@ -225,7 +233,8 @@ SurfaceFacts facts_of(const SurfaceInfo& surface) {
           .area = surface.area,
           .volume = surface.volume,
           .box = {point(surface.box_min), point(surface.box_max)},
-          .notes = {}};
+          .notes = {},
+          .facing = std::move(facing)};
 }
 
 static_assert(Estimate::kCountFactor == kCellsFactor && Estimate::kBytesFactor == kBytesFactor &&
@@ -244,7 +253,9 @@ Estimate public_estimate(const RunEstimate& estimate, std::uint64_t memory) {
                          seconds(RunStage::kRefine),
           .write_seconds = seconds(RunStage::kWrite),
           .least_memory_bytes = memory,
-          .is_thin = estimate.is_thin};
+          .is_thin = estimate.is_thin,
+          .num_narrow_cells = std::max(0.0, estimate.narrow.num_cells),
+          .lost_area = estimate.narrow.lost_area};
 }
 
 Distribution distribution(const Histogram& histogram) {

@@ -206,13 +206,25 @@ struct SurfaceInfo {
   double volume = 0;                      ///< Of what it bounds.
   Coordinates box_min = {};               ///< The smallest coordinates.
   Coordinates box_max = {};               ///< The largest coordinates.
-  /// λ for who has none in mind, a length: for about half a million cells, or for more, up to five
-  /// million, where the surface is so thin that it takes them. 0 if there is no volume.
+  /// λ for who has none in mind, a length: for about half a million cells, or for more where walls
+  /// and gaps take them at any size that does not lose walls. 0 if there is no volume.
   double default_size = 0;
+
+  /// Places that face a part of the surface across about the same distance.
+  struct Facing {
+    std::int32_t step = 0;  ///< The distance is 2^(step / 32) or more, and less than the next.
+    std::uint32_t num_walls = 0;  ///< Across the inside, between two sheets.
+    std::uint32_t num_rods = 0;   ///< Across the inside, where it is narrow all around.
+    std::uint32_t num_gaps = 0;   ///< Across the outside, where that is closer, between two sheets.
+    std::uint32_t num_holes = 0;  ///< Likewise, where it is narrow all around.
+  };
+  /// Of places that are spread evenly over the area, in order of distance: where walls are thin, a
+  /// mesh takes many cells.
+  std::vector<Facing> facing = {};
+  std::uint64_t num_facing_places = 0;  ///< With those that face nothing. 0: nothing is known.
 };
 
-/// What a run will take, told before it by laws that were fitted to runs of many models. Where the
-/// surface is not smooth at the scale λ, it may be several times as much.
+/// What a run will take, told before it by laws that were fitted to runs of many models.
 struct Estimate {
   /// 9 of 10 runs lie between an estimate over this and times this: counts of cells and vertices.
   static constexpr double kCountFactor = 1.15;
@@ -230,7 +242,12 @@ struct Estimate {
   double write_seconds = 0;  ///< Of Mesh::write() of that file, to a disk of 1 GB a second.
   std::uint64_t least_memory_bytes =
       0;                 ///< The least Control::memory_bytes that is expected to do.
-  bool is_thin = false;  ///< The surface is thinner than λ on average: nothing can be told.
+  bool is_thin = false;  ///< The surface is thinner than λ on average.
+  /// Of the cells, those that are there for the sake of walls and gaps that are narrower than λ.
+  /// All may be up to twice as many, or half, where these are most.
+  double num_narrow_cells = 0;
+  /// The part of the area that has walls too thin to be resolved at this size: they may be missing.
+  double lost_area = 0;
 };
 
 /// What is known of a run and its mesh.

@@ -21,8 +21,6 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kCreaseAngle = 40;
 // Of the boundary's edges, over h, on average.
 constexpr double kEdge = 1.15;
-// Of layers of cells, over h, in a thin part.
-constexpr double kLayer = 1.35;
 // Sheets form a thin part if they face each other up to this angle, in degrees.
 constexpr double kParallel = 30;
 

@@ -21,6 +21,9 @@ struct SizeRules {        // each 0: none
 // How far from a leaf the surface matters to what is measured in it. `size`: λ
 double measure_reach(const SizeRules& rules, double size);
 
+// Of layers of cells in a thin part, over h.
+inline constexpr double kLayer = 1.35;
+
 struct MeasureInput {
   SizeRules rules;
   double size = 0;  // λ

@@ -19,6 +19,7 @@
 #include <boost/serialization/wrapper.hpp>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -481,6 +482,16 @@ void serialize(auto& archive, SurfaceFacts& s, unsigned) {
        s.area, s.volume, s.box, s.notes);
 }
 
+void serialize_facing(auto& archive, FacingFacts& facing) {
+  each(archive, facing.num_places,
+       columns(facing.places, Steps(field<&FacingPlaces::step>),
+               Plain(field<&FacingPlaces::num_walls>), Plain(field<&FacingPlaces::num_rods>),
+               Plain(field<&FacingPlaces::num_gaps>), Plain(field<&FacingPlaces::num_holes>)));
+  if (std::ranges::adjacent_find(facing.places, std::ranges::greater_equal(),
+                                 &FacingPlaces::step) != facing.places.end())
+    throw DecodeError("distances out of order");
+}
+
 void serialize(auto& archive, RunCounts& counts, unsigned) {
   each(archive, counts.num_visits, counts.num_points, counts.num_cells, counts.num_unresolved,
        items_of(counts.num_insertions), counts.num_deletions, counts.num_moves);
@@ -494,6 +505,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
        run.counts, run.sizes.of_volume, run.sizes.of_area, run.image_file);
   if (version >= 1) each(archive, run.sizes.of_lattice, run.sizes.of_core);
+  if (version >= 2) serialize_facing(archive, run.surface.facing);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
@@ -629,7 +641,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 1)
+BOOST_CLASS_VERSION(locvol::RunRecord, 2)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)

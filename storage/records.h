@@ -166,6 +166,23 @@ struct RunParameters {
 // What messages and stores call a surface that is in no file.
 inline constexpr const char* kInMemory = "surface in memory";
 
+// Where a surface faces itself, of places that are spread evenly over its area
+// (engine/ingest/wall_probes.h).
+struct FacingPlaces {
+  static constexpr int kStepsPerOctave = 32;
+  // The distance across is 2^(step / kStepsPerOctave) or more, and less than that of the next step.
+  std::int32_t step = 0;
+  // Across the inside, between two sheets or in what is narrow all around; across the outside,
+  // where that is closer, likewise.
+  std::uint32_t num_walls = 0, num_rods = 0, num_gaps = 0, num_holes = 0;
+  friend bool operator==(const FacingPlaces&, const FacingPlaces&) = default;
+};
+struct FacingFacts {
+  std::uint64_t num_places = 0;      // with those that face nothing
+  std::vector<FacingPlaces> places;  // ascending
+  friend bool operator==(const FacingFacts&, const FacingFacts&) = default;
+};
+
 // What is known of the repaired input surface.
 struct SurfaceFacts {
   std::string file;
@@ -177,6 +194,7 @@ struct SurfaceFacts {
   double volume = 0;
   Box box;
   std::vector<std::string> notes;  // repairs that were made
+  FacingFacts facing = {};         // no places: nothing is known
   friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
 };
 

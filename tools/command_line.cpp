@@ -213,8 +213,11 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   MeshOptions& options = command.options;
   mesh->add_option("SURFACE", options.input, kSurfaceHelp)->type_name("")->required();
   add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
-  add_parsed(*mesh, "-s,--size", parse_size, command.size,
-             fmt::format("{}; default: one for about half a million cells", kSizeHelp))
+  add_parsed(
+      *mesh, "-s,--size", parse_size, command.size,
+      fmt::format(
+          "{}; default: one for about half a million cells, or more where thin walls take them",
+          kSizeHelp))
       ->type_name("SIZE");
   add_sizes(*mesh, options);
   add_memory(*mesh, command.control.memory_bytes);

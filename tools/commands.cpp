@@ -80,17 +80,17 @@ SizeSpec chosen_size(const SurfaceSource& surface, std::uint64_t cap, ProgressLi
   if (!(size > 0))
     throw InputError(surface.name +
                      ": its volume is 0, so no size can be chosen for it: give --size");
-  const auto cells = [&](double s) {
-    return count_text(estimated_num_cells(facts, {.surface = s}));
-  };
+  const auto cells = [&](double s) { return count_text(estimated_num_cells(facts, s)); };
+  const std::string reason = default_size_reason(facts, size);
   line.tell(
       "size",
       [&] {
-        return Json{{"size", size}};
+        return Json{{"size", size}, {"reason", reason}};
       },
-      fmt::format("no --size is given: {} is chosen, for about {} tetrahedra; --size {} makes "
+      fmt::format("no --size is given: {} is chosen, for about {} tetrahedra{}; --size {} makes "
                   "about {}, --size {} about {}",
-                  size, cells(size), 2 * size, cells(2 * size), size / 2, cells(size / 2)));
+                  size, cells(size), reason.empty() ? "" : ", " + reason, 2 * size, cells(2 * size),
+                  size / 2, cells(size / 2)));
   return {size, false};
 }
 
@@ -379,7 +379,12 @@ int run_info(const InfoCommand& command) {
     json["estimate"]["format"] = info_of(command.output_options.format).name;
     json["estimate"]["num_threads"] = num_threads;
     json["estimate"]["least_memory_bytes"] = memory;
-    if (!command.size) text += line_text("", "with the size that mesh would choose:");
+    if (!command.size) {
+      const std::string reason = default_size_reason(facts, size);
+      json["default_size_reason"] = reason;
+      text += line_text("", "with the size that mesh would choose" +
+                                (reason.empty() ? ":" : ", " + reason + ":"));
+    }
     text += estimate_text(estimate, command.output_options.format, num_threads, memory);
     if (sizes) {
       json["sizes"] = to_json(*sizes);

@@ -418,7 +418,7 @@ std::string neighbors_text(const MeshStatistics& statistics) {
 }
 
 double num_uniform_cells(const RunRecord& run) {
-  return estimated_num_cells(run.surface, {.surface = run.parameters.size});
+  return estimated_num_cells(run.surface, run.parameters.size);
 }
 
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
@@ -439,6 +439,16 @@ std::string statistics_text(const MeshStatistics& statistics, const RunRecord& r
              angle_lines(statistics.dihedral_angles), ratio_lines(statistics.radius_edge_ratios));
 }
 
+std::vector<std::string> notes_of(const RunEstimate& estimate) {
+  std::vector<std::string> notes;
+  if (const std::string narrow = narrow_text(estimate); !narrow.empty())
+    notes.push_back("cells: " + narrow);
+  if (const std::string lost = lost_text(estimate); !lost.empty()) notes.push_back(lost);
+  if (estimate.is_thin && !estimate.is_narrow_known)
+    notes.push_back("the surface is thinner than λ on average: it may be several times as much");
+  return notes;
+}
+
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
                           std::uint64_t least_memory) {
   const double seconds = estimate.total_seconds();
@@ -456,9 +466,7 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
                 range_text(seconds, kSecondsFactor * estimate.doubt, rough_duration_text),
                 plural(static_cast<std::uint64_t>(num_threads), "thread"));
   text += row("memory", "at least {}; with more, it is faster", memory_text(least_memory));
-  if (estimate.is_thin)
-    text +=
-        row("note", "the surface is thinner than λ on average: it may be several times as much");
+  for (const std::string& note : notes_of(estimate)) text += row("note", "{}", note);
   return text;
 }
 
@@ -498,7 +506,7 @@ std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
     text += fmt::format(", {} on {}",
                         range_text(seconds, kSecondsFactor * estimate.doubt, rough_duration_text),
                         plural(static_cast<std::uint64_t>(num_threads), "thread"));
-  if (estimate.is_thin) text += "; or several times as much, for it is thinner than λ on average";
+  for (const std::string& note : notes_of(estimate)) text += "; " + note;
   return text;
 }
 
@@ -649,6 +657,12 @@ Json to_json(const RunEstimate& estimate) {
   };
   return {{"size", estimate.size},
           {"is_thin", estimate.is_thin},
+          {"narrow",
+           {{"num_cells", estimate.narrow.num_cells},
+            {"distance", estimate.narrow.distance},
+            {"is_outside", estimate.narrow.is_outside},
+            {"lost_area", estimate.narrow.lost_area},
+            {"lost_distance", estimate.narrow.lost_distance}}},
           {"num_cells", range(estimate.num_cells, kCellsFactor * estimate.doubt)},
           {"num_vertices", range(estimate.num_vertices, kCellsFactor * estimate.doubt)},
           {"store_bytes", range(estimate.store_bytes, kBytesFactor * estimate.doubt)},

@@ -145,6 +145,7 @@ class RawSurfaceBuilder : public SurfaceSink {
   RawSurface surface_;
   VertexSpill vertices_;
   DeferredPolygons deferred_;
+  ProbePicker probes_;
   TriangleWriter writer_{surface_.spill, surface_.triangles.emplace_back()};
   std::uint64_t next_id_ = 0;
   // Scratch of add_polygon().
@@ -187,6 +188,7 @@ RawSurface RawSurfaceBuilder::finish(std::string digest) {
 RawSurface RawSurfaceBuilder::finish_part(std::uint64_t num_numbered_vertices) {
   writer_.flush();
   surface_.num_numbered_vertices = num_numbered_vertices;
+  surface_.probes = probes_.take();
   return std::move(surface_);
 }
 
@@ -232,6 +234,7 @@ void RawSurfaceBuilder::add_triangle(const Point& a, const Point& b, const Point
                       kMaxCollinear, triangle.id));
     surface_.collinear.push_back(triangle);
   }
+  probes_.add(triangle);
   writer_.append(triangle);
   watch_.advance();
 }

@@ -39,17 +39,19 @@ struct CellReport {
   SurfaceFindings findings;  // without components
   std::vector<ComponentPart> parts;
   std::vector<SharedTriangle> shared;
+  std::vector<LineHit> hits;
 };
 
 class SurfaceCellCheck {
  public:
   // `stop` may be null.
   SurfaceCellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-                   double middle_z, const StopToken* stop)
+                   const WallProbes& probes, double middle_z, const StopToken* stop)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
+        probes_(probes),
         middle_z_(middle_z),
         stop_(stop),
         soup_(soup_of(triangles_)),
@@ -65,7 +67,7 @@ class SurfaceCellCheck {
     find_components();
     if (scope == CheckScope::kAll) {
       check_fans();
-      find_intersection();
+      look_at_pairs();
     }
     return std::move(report_);
   }
@@ -229,7 +231,8 @@ class SurfaceCellCheck {
     }
   }
 
-  void find_intersection() {
+  // Triangles that meet, and those that face each other.
+  void look_at_pairs() {
     if (has_copies_) {
       std::size_t kept = 0;
       for (std::size_t t = 0; t < triangles_.size(); ++t) {
@@ -239,15 +242,19 @@ class SurfaceCellCheck {
       }
       soup_.triangles.resize(kept);
     }
-    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, box_, stop_);
+    const TriangleTree tree(soup_.vertices, soup_.triangles, box_);
+    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_);
     if (pair)
       note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
+    throw_if_stopped(stop_);
+    report_.hits = probes_.hits_in(box_, tree, soup_.vertices, soup_.triangles);
   }
 
   std::vector<Triangle> triangles_;
   MortonKey cell_;
   Box box_;
   const TriangleBuckets& buckets_;
+  const WallProbes& probes_;
   double middle_z_;
   const StopToken* stop_;
   TriangleSoup soup_;
@@ -297,6 +304,7 @@ void SurfaceFindings::add(const SurfaceFindings& others) {
   num_vertices += others.num_vertices;
   num_triangles += others.num_triangles;
   area.add(others.area);
+  locvol::add(sights, others.sights);
 }
 
 namespace {
@@ -308,6 +316,7 @@ struct SurfaceSummary {
 
   void add(const CellReport& cell) {
     findings.add(cell.findings);
+    for (const LineHit& hit : cell.hits) findings.sights[hit.line].add(hit);
     std::vector<std::uint32_t> numbers(cell.parts.size());
     for (std::size_t i = 0; i < numbers.size(); ++i) {
       const auto& [sum, is_whole] = cell.parts[i];
@@ -326,14 +335,15 @@ struct SurfaceSummary {
 }  // namespace
 
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, CheckScope scope, IngestWatch& watch,
-                            Workers& workers) {
+                            const Box& box, const WallProbes& probes, CheckScope scope,
+                            IngestWatch& watch, Workers& workers) {
   SurfaceSummary surface;
+  surface.findings.sights.resize(probes.num_lines());
   for_each_in_order(
       workers, buckets.all(),
       [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
       [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
-        return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, box.center().z,
+        return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, probes, box.center().z,
                                 watch.stop())
             .run(scope);
       },

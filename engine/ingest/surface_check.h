@@ -14,6 +14,7 @@
 #include "engine/ingest/surface_components.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
+#include "engine/ingest/wall_probes.h"
 #include "engine/shared/compensated_sum.h"
 #include "engine/shared/workers.h"
 
@@ -53,6 +54,7 @@ struct SurfaceFindings {
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
   JoinedComponents joined;
+  LineSights sights;  // of the lines of all probes, in CheckScope::kAll
 
   void add(const SurfaceFindings& others);  // but for their components
 };
@@ -65,7 +67,8 @@ enum class CheckScope {
 // Of the buckets' range. `box` is around the surface. Each thread is at a cell of its own.
 // Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, CheckScope scope, IngestWatch& watch, Workers& workers);
+                            const Box& box, const WallProbes& probes, CheckScope scope,
+                            IngestWatch& watch, Workers& workers);
 
 // Of triangles with the same vertices, all but the first. REQUIRES: they are in order of id
 void drop_copies(std::vector<Triangle>& triangles);

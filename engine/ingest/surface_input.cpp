@@ -74,7 +74,8 @@ class SurfacePreparation {
   }
 
   void check(CheckScope scope) {
-    findings_ = check_cells(raw_.spill, buckets_, raw_.box, scope, watch_, workers_);
+    const WallProbes probes(raw_.probes, raw_.box);
+    findings_ = check_cells(raw_.spill, buckets_, raw_.box, probes, scope, watch_, workers_);
     share_.join_findings(findings_);
     // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
     // each; elsewhere they stay, for they are part of what is wrong.
@@ -278,7 +279,8 @@ class SurfacePreparation {
                      .area = findings_.area.value(),
                      .volume = volume_,
                      .box = raw_.box,
-                     .notes = std::move(notes_)};
+                     .notes = std::move(notes_),
+                     .facing = facing_facts(findings_.sights)};
     return surface;
   }
 

@@ -18,6 +18,7 @@
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
+#include "engine/ingest/wall_probes.h"
 #include "engine/plan/disk_room.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/workers.h"
@@ -47,6 +48,7 @@ struct RawSurface {
   std::uint64_t num_collapsed = 0;          // triangles left out
   std::vector<Triangle> collinear;          // those without area, in order of id
   std::vector<std::string> notes;           // of what is odd in the file
+  std::vector<WallProbe> probes;            // of all triangles
 };
 
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content

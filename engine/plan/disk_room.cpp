@@ -33,14 +33,6 @@ struct Load {
   }
 };
 
-// As the run has them, but for λ.
-SizeLaw sizes_from(const RunRecord& run, double size) {
-  SizeLaw sizes = run.parameters.sizes();
-  sizes.surface = size;
-  sizes.least = std::min(sizes.least, size);
-  return sizes;
-}
-
 class RoomCheck {
  public:
   RoomCheck(const RunRecord& run, const std::filesystem::path& store,
@@ -58,9 +50,7 @@ class RoomCheck {
 
   // At the moment when most is there: the end.
   std::vector<Load> loads(double size) const {
-    RunRecord run = run_;
-    run.parameters.size = size;
-    const RunEstimate estimate = estimate_run(run, options_);
+    const RunEstimate estimate = estimate_run(run_of(size), options_);
     std::vector<Load> loads;
     if (!is_done()) {
       const double bytes = std::max(0.0, estimate.store_bytes - bytes_held_);
@@ -78,20 +68,26 @@ class RoomCheck {
     return loads;
   }
   bool fits(double size) const { return std::ranges::all_of(loads(size), &Load::fits); }
-  // Within a tenth; none, where not even a few cells fit.
+  // Within a tenth; none, where not even a few cells fit, or all of the walls.
   std::optional<double> least_size() const {
-    constexpr double kFewCells = 100;
+    constexpr double kFewCells = 100, kLost = 0.01;
     if (run_.parameters.sizes().has_shapes()) return std::nullopt;  // shapes may ask for most
     double size = run_.parameters.size;
     while (!fits(size)) {
       size *= 1.1;
-      if (estimated_num_cells(run_.surface, sizes_from(run_, size)) < kFewCells)
-        return std::nullopt;
+      const RunEstimate estimate = estimate_run(run_of(size), options_);
+      if (estimate.num_cells < kFewCells || estimate.narrow.lost_area > kLost) return std::nullopt;
     }
     return size;
   }
 
  private:
+  RunRecord run_of(double size) const {
+    RunRecord run = run_;
+    run.parameters.size = size;
+    return run;
+  }
+
   const RunRecord& run_;
   std::filesystem::path store_, output_;
   OutputOptions options_;
@@ -137,11 +133,12 @@ void require_room(const RunRecord& run, const std::filesystem::path& store,
   }
   if (check.is_done()) throw InputError(why + "; choose another format, or a larger disk");
   const auto least_size = check.least_size();
-  throw InputError(
-      fmt::format("size {} makes about {:.3g} tetrahedra of {}: {}; choose {}a larger disk", size,
-                  estimated_num_cells(run.surface, run.parameters.sizes(), run.parameters.shapes),
-                  run.surface.file, why,
-                  least_size ? fmt::format("a size of at least {:.3g}, or ", *least_size) : ""));
+  const RunEstimate estimate = estimate_run(run, options);
+  const std::string narrow = narrow_text(estimate);
+  throw InputError(fmt::format(
+      "size {} makes about {:.3g} tetrahedra of {}{}: {}; choose {}a larger disk", size,
+      estimate.num_cells, run.surface.file, narrow.empty() ? "" : " (" + narrow + ")", why,
+      least_size ? fmt::format("a size of at least {:.3g}, or ", *least_size) : ""));
 }
 
 void require_format(const RunRecord& run, const std::filesystem::path& output,

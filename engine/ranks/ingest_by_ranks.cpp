@@ -1,6 +1,8 @@
 #include "engine/ranks/ingest_by_ranks.h"
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <memory>
 #include <tuple>
 #include <utility>
@@ -32,6 +34,11 @@ auto fields(Maybe<PartFacts> auto& part) {
   auto& [num_triangles, num_collapsed, box] = part;
   return std::tuple(Field("num_triangles", num_triangles), Field("num_collapsed", num_collapsed),
                     Field("box", box));
+}
+auto fields(Maybe<WallProbe> auto& probe) {
+  auto& [order, place, direction, corners] = probe;
+  return std::tuple(Field("order", order), Field("place", place), Field("direction", direction),
+                    Field("corners", corners));
 }
 auto fields(Maybe<FileFacts> auto& file) {
   auto& [num_bytes, num_faces, num_vertices] = file;
@@ -120,8 +127,25 @@ class IngestByRanks {
       num_triangles_ += of_rank.num_triangles;
     }
     if (num_triangles_ == 0 || !is_sound([&] { require_extent(*part); })) throw NeedsOneProcess();
+    part->probes = probes_of_all(part->probes);
     part->digest = digest();
     return std::move(*part);
+  }
+
+  // Those that come first, of all ranks' triangles.
+  std::vector<WallProbe> probes_of_all(const std::vector<WallProbe>& own) {
+    std::vector<double> orders;
+    for (const WallProbe& probe : own) orders.push_back(probe.order);
+    orders = gather_all(exchange_, orders);
+    std::ranges::sort(orders);
+    const double last =
+        orders.size() > ProbePicker::kNumProbes ? orders[ProbePicker::kNumProbes - 1] : kEndless;
+    std::vector<WallProbe> first;
+    std::ranges::copy_if(own, std::back_inserter(first),
+                         [&](const WallProbe& probe) { return probe.order <= last; });
+    ProbePicker picker;
+    for (const WallProbe& probe : gather_all(exchange_, first)) picker.add(probe);
+    return picker.take();
   }
 
   // One rank after the other goes on with what those before it have hashed.

@@ -48,17 +48,23 @@ auto fields(Maybe<JoinedComponents> auto& joined) {
   auto& [components, open] = joined;
   return std::tuple(Field("components", components), Field("open", open));
 }
+auto fields(Maybe<LineSight> auto& sight) {
+  auto [ahead, facing_ahead, behind, facing_behind, is_odd] = LineSight::members(sight);
+  return std::tuple(Field("ahead", ahead), Field("facing_ahead", facing_ahead),
+                    Field("behind", behind), Field("facing_behind", facing_behind),
+                    Field("is_odd", is_odd));
+}
 auto fields(Maybe<SurfaceFindings> auto& findings) {
   auto& [edges, edges_without_copies, num_copies, first_copy, is_copy_needed, conflicts,
-         num_pinched, first_pinched, intersection, num_vertices, num_triangles, area, joined] =
-      findings;
+         num_pinched, first_pinched, intersection, num_vertices, num_triangles, area, joined,
+         sights] = findings;
   return std::tuple(Field("edges", edges), Field("edges_without_copies", edges_without_copies),
                     Field("num_copies", num_copies), Field("first_copy", first_copy),
                     Field("is_copy_needed", is_copy_needed), Field("conflicts", conflicts),
                     Field("num_pinched", num_pinched), Field("first_pinched", first_pinched),
                     Field("intersection", intersection), Field("num_vertices", num_vertices),
                     Field("num_triangles", num_triangles), Field("area", area),
-                    Field("joined", joined));
+                    Field("joined", joined), Field("sights", sights));
 }
 auto fields(Maybe<RankComponent> auto& of_rank) {
   auto& [rank, component] = of_rank;

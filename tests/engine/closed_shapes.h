@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -117,6 +118,37 @@ inline Shape together(Shape a, const Shape& b) {
   for (const auto& t : b.triangles)
     a.triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
   return a;
+}
+
+// Outside in: a cavity, in a larger one.
+inline Shape inverted(Shape shape) {
+  for (auto& [a, b, c] : shape.triangles) std::swap(b, c);
+  return shape;
+}
+
+// Around the z axis, of n quadrilaterals around.
+inline Shape pipe(double radius, double wall, double length, std::uint32_t n) {
+  Shape shape;
+  for (std::uint32_t i = 0; i < n; ++i)
+    for (const double r : {radius, radius - wall})
+      for (const double z : {0.0, length}) {
+        const double u = 2 * std::numbers::pi * i / n;
+        shape.vertices.push_back({r * std::cos(u), r * std::sin(u), z});
+      }
+  // Around the section: outside below and above, inside above and below.
+  for (std::uint32_t i = 0; i < n; ++i)
+    for (const auto& [v, w] :
+         std::array<std::array<std::uint32_t, 2>, 4>{{{0, 1}, {1, 3}, {3, 2}, {2, 0}}}) {
+      const std::uint32_t here = 4 * i, next = 4 * ((i + 1) % n);
+      shape.triangles.push_back({here + v, next + v, next + w});
+      shape.triangles.push_back({here + v, next + w, here + w});
+    }
+  return shape;
+}
+
+// A sphere's wall.
+inline Shape shell(double radius, double wall, std::uint32_t n) {
+  return together(sphere(radius, n, 2 * n), inverted(sphere(radius - wall, n, 2 * n)));
 }
 
 // Two, one of them along the axes: at their edges no spacing tells the sheets apart.

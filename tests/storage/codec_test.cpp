@@ -259,10 +259,13 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v0", StoreFormat(), MortonKey());
-  RunRecord without_core = sample_run();
+  RunRecord without_facing = sample_run();
+  without_facing.surface.facing = {};
+  RunRecord without_core = without_facing;
   without_core.sizes.of_lattice = without_core.sizes.of_core = 0;
   expect_golden("run.v0", without_core, MortonKey());
-  expect_golden("run.v1", sample_run(), MortonKey());
+  expect_golden("run.v1", without_facing, MortonKey());
+  expect_golden("run.v2", sample_run(), MortonKey());
   LeafInfo of_one_rank = sample_info();
   of_one_rank.ranks.clear();
   expect_golden("leaf.v1", of_one_rank, sample_leaf());

@@ -34,6 +34,7 @@ inline RunRecord sample_run() {
   run.surface.volume = 1.0 / 3;
   run.surface.box = {{-1, -2, -3}, {4, 5, 6.5}};
   run.surface.notes = {"merged 3 vertices", ""};
+  run.surface.facing = {1024, {{-107, 3, 0, 0, 1}, {-106, 700, 2, 0, 0}, {64, 0, 0, 5, 0}}};
   run.frame = Frame({-1.5, -2.5, -3.5}, 0x1p-17);
   run.phase = Phase::kRefine;
   run.epoch = 3;
@@ -199,6 +200,11 @@ class Generator {
     run.parameters.per_circle = real(), run.parameters.deviation = real();
     run.parameters.layers = real(), run.parameters.min_size = real();
     run.surface.file = text();
+    run.surface.facing.num_places = bits();
+    run.surface.facing.places.resize(integer(5));
+    for (std::int32_t step = -99; FacingPlaces & places : run.surface.facing.places)
+      places = {step += 1 + static_cast<std::int32_t>(integer(50)),
+                static_cast<std::uint32_t>(integer(9)), 1, 2, 3};
     run.surface.notes.resize(integer(5));
     for (std::string& note : run.surface.notes) note = text();
     run.surface.box = box();

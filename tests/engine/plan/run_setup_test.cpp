@@ -155,7 +155,7 @@ TEST(RequireRoom, RefusesAThinPlateAtFivePercentOfItsThickness) {
 // Nearly all cells are of the lattice core, which is not stored one by one.
 TEST(RequireRoom, TakesABillionCellsOfACubeInTenGigabytesButNotTheirFile) {
   RunRecord run = planned_in_box(options_with({0.134, true}), {1, 1, 1});
-  EXPECT_NEAR(estimated_num_cells(run.surface, run.parameters.sizes()), 0.95e9, 0.05e9);
+  EXPECT_NEAR(estimated_num_cells(run.surface, run.parameters), 0.95e9, 0.05e9);
   EXPECT_NO_THROW(require_room(run, "no-store", "", {}, disks(1e10, 0)));
   EXPECT_NO_THROW(require_room(run, "no-store", "other/a.vtu", {}, disks(1e10, 3.5e10)));
   const auto message = refusal(run, "other/a.vtu", disks(1e10, 2.5e10));
@@ -237,6 +237,20 @@ TEST(RequireRoom, NamesASizeThatFits) {
     EXPECT_NO_THROW(require_room(larger, "no-store", output, {}, disk));
     EXPECT_LT(larger.parameters.size, 0.1);
   }
+}
+
+// A pipe whose wall is a tenth of λ: by volume and area alone it would be told to take 160 kB.
+TEST(RequireRoom, OfAThinWallIsForWhatItTakes) {
+  RunRecord run = planned_in_box(options_with({1, false}), {20, 20, 50});
+  run.surface.volume = 312;
+  run.surface.area = 6263;
+  run.surface.facing = {1000, {{.step = -107, .num_walls = 990}}};  // 0.1
+  const auto message = refusal(run, "a.vtu", disks(2e7, 0));
+  EXPECT_NE(message.find("in walls about 0.1 thick"), std::string::npos) << message;
+  EXPECT_NE(message.find("choose a larger disk"), std::string::npos) << message;  // no size helps
+  EXPECT_EQ(refusal(run, "a.vtu", disks(2e8, 0)), kNothing);
+  run.surface.facing.places.clear();
+  EXPECT_EQ(refusal(run, "a.vtu", disks(2e7, 0)), kNothing);
 }
 
 TEST(RequireRoom, OfARunThatGoesOnIsForTheRest) {
