@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <numbers>
 #include <numeric>
@@ -11,7 +12,9 @@
 #include <tuple>
 #include <utility>
 
+#include "refine/box_tree.h"
 #include "refine/fragment.h"
+#include "refine/predicates.h"
 
 namespace locvol {
 namespace {
@@ -105,8 +108,9 @@ struct Measured {
 // Or a vertex, where a and b are the same, and the surface turns as on a cone.
 struct Edge {
   Point a, b;
-  double turn = 0;   // in radians
-  double width = 0;  // of the narrower of its triangles; of a vertex, its shortest edge
+  double turn = 0;        // in radians
+  double width = 0;       // of the narrower of its triangles; of a vertex, its shortest edge
+  Point left{}, right{};  // normals of its triangles
 };
 
 // Normals at the corners are those of the triangles around that no crease parts from it.
@@ -153,6 +157,7 @@ class Curvatures {
       return triangles_[c.triangle].corners[(c.index + k) % 3];
     };
     spokes_.clear();
+    creases_.clear();
     for (std::uint32_t n = 0; n < corners.size(); ++n)
       for (const std::uint32_t k : {1U, 2U}) spokes_.push_back({at(corners[n], k), n});
     std::ranges::sort(spokes_);
@@ -168,32 +173,45 @@ class Curvatures {
       if (cosine < kFlat && corners[0].place < spokes_[s].end)
         edges_.push_back({corners[0].place, spokes_[s].end, std::acos(std::max(-1.0, cosine)),
                           std::min(width_beside(corners[a], spokes_[s].end),
-                                   width_beside(corners[b], spokes_[s].end))});
+                                   width_beside(corners[b], spokes_[s].end)),
+                          measured_[corners[a].triangle].normal,
+                          measured_[corners[b].triangle].normal});
+      if (cosine <= kCrease) creases_.push_back(spokes_[s].end);
     }
     sums_.assign(corners.size(), {});
-    double angles = 0;
+    angles_.assign(corners.size(), 0);
     for (std::uint32_t n = 0; n < corners.size(); ++n) {
       const Point p = corners[n].place;
       const Point one = normalized(at(corners[n], 1) - p), two = normalized(at(corners[n], 2) - p);
       const double angle = std::acos(std::clamp(dot(one, two), -1.0, 1.0));
       Point& sum = sums_[root(n)];
       sum = sum + angle * measured_[corners[n].triangle].normal;
-      angles += angle;
+      angles_[root(n)] += angle;
     }
     for (std::uint32_t n = 0; n < corners.size(); ++n)
       at_corners_[corners[n].triangle][corners[n].index] = normalized(sums_[root(n)]);
-    note_vertex(corners[0].place, angles);
+    note_vertex(corners[0].place);
   }
-  // Its triangles lean as much on average. REQUIRES: sums_, spokes_ are the vertex's
-  void note_vertex(const Point& place, double angles) {
-    Point sum;
-    for (const Point& some : sums_) sum = sum + some;
+  // Its triangles lean as much on average. Where it lies on a crease that goes on, what is cut off
+  // of that crease is its edges' affair: what counts is how much the crease turns, and how much the
+  // sheet on each side leans. REQUIRES: sums_, angles_, spokes_, creases_ are the vertex's
+  void note_vertex(const Point& place) {
     double shortest = std::numeric_limits<double>::infinity();
     for (const Spoke& spoke : spokes_)
       shortest = std::min(shortest, squared_distance(spoke.end, place));
-    const double cosine = norm(sum) / angles;
-    if (cosine < kFlat)
-      edges_.push_back({place, place, 2 * std::acos(cosine), std::sqrt(shortest)});
+    double cosine = 1, turn = 0;
+    if (creases_.size() == 2) {
+      for (std::size_t n = 0; n < sums_.size(); ++n)
+        if (angles_[n] > 0) cosine = std::min(cosine, norm(sums_[n]) / angles_[n]);
+      const Point in = normalized(place - creases_[0]), out = normalized(creases_[1] - place);
+      turn = std::acos(std::clamp(dot(in, out), -1.0, 1.0));
+    } else {
+      Point sum;
+      for (const Point& some : sums_) sum = sum + some;
+      cosine = norm(sum) / std::accumulate(angles_.begin(), angles_.end(), 0.0);
+    }
+    if (cosine < kFlat) turn = std::max(turn, 2 * std::acos(cosine));
+    if (turn > 0) edges_.push_back({place, place, turn, std::sqrt(shortest)});
   }
   // Of the corner's triangle, across the edge from there to `end`.
   double width_beside(const Corner& corner, const Point& end) const {
@@ -211,7 +229,9 @@ class Curvatures {
   std::vector<Edge> edges_;
   std::vector<Spoke> spokes_;
   std::vector<std::uint32_t> fan_;
-  std::vector<Point> sums_;
+  std::vector<Point> sums_;     // of normals, by fan
+  std::vector<double> angles_;  // of its corners, by fan
+  std::vector<Point> creases_;  // ends of the vertex's
 };
 
 // ---- Nodes of one level, with what is in them
@@ -406,21 +426,92 @@ class LeafMeasure {
 
   // -- Creases, which facets cut off
 
-  // What of an edge is farther from a facet than d lies in a ball of radius d / sin(turn / 2).
   // Edges and vertices that turn little between narrow triangles are parts of something curved, and
   // do not count.
   void measure_creases() {
     const Box box = input_.frame.box(input_.leaf);
-    for (const auto& [a, b, turn, width] : curvatures_.edges()) {
-      const double size = kSafe * rules_.deviation / std::sin(0.5 * turn);
-      if (size >= input_.size || (turn < kPi / 180 * kCreaseAngle && size > width)) continue;
-      if (!Box::around(a).joined(b).overlaps(box)) continue;
-      const double num = std::ceil(2 * norm(b - a) / std::max(size, rules_.least)) + 1;
-      for (double n = 0; n <= num; ++n) {
+    for (const Edge& edge : curvatures_.edges()) {
+      const double size = size_for_crease(edge.turn);
+      if (size >= input_.size || (edge.turn < kPi / 180 * kCreaseAngle && size > edge.width))
+        continue;
+      if (!Box::around(edge.a).joined(edge.b).overlaps(box)) continue;
+      const double length = norm(edge.b - edge.a);
+      for (double at = 0;;) {
         poll_();
-        note(a + n / num * (b - a), size);
+        const Point p = at < length ? edge.a + at / length * (edge.b - edge.a) : edge.b;
+        const double here = box.contains(p) ? std::max(size, size_at_tip(p, edge, size)) : size;
+        note(p, here);
+        if (at >= length) break;
+        at = std::min(at + 0.5 * std::max(here, rules_.least), length);
       }
     }
+  }
+
+  // A facet that cuts an edge off has its vertices on a ball around a place of the surface, without
+  // a sample in it, so with a radius below `kCovered` sizes: what it cuts off is at most as deep as
+  // if the ball were around a place of the edge. A vertex is cut off likewise, as of a cone.
+  double size_for_crease(double turn) const {
+    return kSafeSize * rules_.deviation / (kCovered * std::sin(0.5 * turn));
+  }
+
+  // Sheets that make a small angle are told apart (C3, C4) almost down to where they are a spacing
+  // floor apart, so that at a tip much less is cut off than a facet could.
+  double size_for_tip(double least_angle, double largest_angle) const {
+    const double of_floor = 0.5 * rules_.spacing_floor / std::tan(0.5 * least_angle);
+    const double of_facets = kCovered * std::pow(largest_angle / kTip, 4);
+    return kSafeSize * rules_.deviation / (of_floor + of_facets);
+  }
+
+  // As large as the surface is a tip in a ball of that radius, from `least` on; `least` if it is
+  // none.
+  double size_at_tip(const Point& p, const Edge& edge, double least) {
+    constexpr double kStep = 1.25;
+    if (edge.turn < kPi - kTip || edge.a == edge.b) return least;
+    for (const auto& [place, left, right, size] : tips_)
+      if (squared_distance(p, place) < 0.0625 * size * size && dot(left, edge.left) > kSameSheet &&
+          dot(right, edge.right) > kSameSheet)
+        return size;
+    double found = least;
+    for (double size = kStep * least; found < input_.size; size *= kStep) {
+      size = std::min(size, input_.size);
+      const auto angles = angles_of_tip(p, edge, size);
+      if (!angles || size_for_tip(angles->first, angles->second) < size) break;
+      found = size;
+    }
+    if (tips_.size() == kMostTips) tips_.pop_front();
+    tips_.push_back({p, edge.left, edge.right, found});
+    return found;
+  }
+
+  // The least and the largest angle that the sheets on the edge's two sides make closer than
+  // `radius` to p; none if anything else is there.
+  std::optional<std::pair<double, double>> angles_of_tip(const Point& p, const Edge& edge,
+                                                         double radius) {
+    if (boxes_.empty()) {
+      for (const Triangle& t : triangles_) boxes_.push_back(t.box());
+      tree_ = BoxTree(boxes_);
+    }
+    const Point out = normalized(edge.left + edge.right);
+    const Point across = normalized(edge.left - edge.right);
+    const Point along = cross(out, across);
+    const double infinity = std::numeric_limits<double>::infinity();
+    std::array<std::pair<double, double>, 2> leans{{{infinity, -infinity}, {infinity, -infinity}}};
+    bool is_tip = true;
+    double squared = radius * radius;
+    tree_.for_each_within(p, squared, [&](std::uint32_t n) {
+      const Point& normal = curvatures_.of(n).normal;
+      if (normal == Point{} || distance_to_triangle(p, triangles_[n]) >= radius) return;
+      const double side = dot(normal, across);
+      const double lean = std::atan2(dot(normal, out), std::abs(side));
+      auto& [least, largest] = leans[side > 0 ? 0 : 1];
+      least = std::min(least, lean);
+      largest = std::max(largest, lean);
+      is_tip = is_tip && std::abs(dot(normal, along)) < kSkew && 2 * std::abs(lean) < kTip;
+      if (!is_tip) squared = 0;
+    });
+    const double least = leans[0].first + leans[1].first;
+    if (!is_tip || !(least > 0)) return std::nullopt;
+    return std::pair(least, leans[0].second + leans[1].second);
   }
 
   // -- Thickness
@@ -481,6 +572,21 @@ class LeafMeasure {
   }
 
   static constexpr double kSafe = 0.8;
+  // Of a size that is asked for, what cells get may be a little more.
+  static constexpr double kSafeSize = 0.97;
+  // How far the surface is from a sample at most, over the size there.
+  static constexpr double kCovered = 0.98;
+  // Sheets that make a smaller angle are a tip. Facets across it, seldom any, get longer with the
+  // angle, and at this one are as long as any. Measured on wedges of 5° to 45°.
+  static constexpr double kTip = kPi / 6;
+  static constexpr double kSkew = 0.34;        // sine of how much a tip's sheets lean along it
+  static constexpr double kSameSheet = 0.999;  // cosine of normals
+  static constexpr std::size_t kMostTips = 16;
+  struct Tip {
+    Point place, left, right;
+    double size = 0;
+  };
+
   static constexpr double kWhole = 0.5;  // of a node's side, squared: enough of the surface in it
 
   const MeasureInput& input_;
@@ -496,6 +602,9 @@ class LeafMeasure {
   std::size_t num_merged_ = 0;
   std::vector<Crossing> crossings_;
   std::vector<SizedNode> found_;
+  std::vector<Box> boxes_;  // of triangles, once a tip is looked at
+  BoxTree tree_;
+  std::deque<Tip> tips_;  // the last that were found
 };
 
 }  // namespace

@@ -11,11 +11,12 @@
 
 namespace locvol {
 
-struct SizeRules {        // each 0: none
-  double per_circle = 0;  // edges of the boundary around a circle of the surface's curvature
-  double deviation = 0;   // how far the boundary may be from the surface: a length
-  double layers = 0;      // of cells across thin parts
-  double least = 0;       // no smaller size is asked for. Above 0 if any is given
+struct SizeRules {              // each 0: none
+  double per_circle = 0;        // edges of the boundary around a circle of the surface's curvature
+  double deviation = 0;         // how far the boundary may be from the surface: a length
+  double layers = 0;            // of cells across thin parts
+  double least = 0;             // no smaller size is asked for. Above 0 if any is given
+  double spacing_floor = 0.02;  // over the size: how close to each other points may come
 };
 
 // How far from a leaf the surface matters to what is measured in it. `size`: λ
