@@ -111,6 +111,7 @@ struct Edge {
   double turn = 0;        // in radians
   double width = 0;       // of the narrower of its triangles; of a vertex, its shortest edge
   Point left{}, right{};  // normals of its triangles
+  bool is_convex = false;
 };
 
 // Normals at the corners are those of the triangles around that no crease parts from it.
@@ -175,7 +176,8 @@ class Curvatures {
                           std::min(width_beside(corners[a], spokes_[s].end),
                                    width_beside(corners[b], spokes_[s].end)),
                           measured_[corners[a].triangle].normal,
-                          measured_[corners[b].triangle].normal});
+                          measured_[corners[b].triangle].normal,
+                          is_convex(corners[a], corners[b], spokes_[s].end)});
       if (cosine <= kCrease) creases_.push_back(spokes_[s].end);
     }
     sums_.assign(corners.size(), {});
@@ -212,6 +214,12 @@ class Curvatures {
     }
     if (cosine < kFlat) turn = std::max(turn, 2 * std::acos(cosine));
     if (turn > 0) edges_.push_back({place, place, turn, std::sqrt(shortest)});
+  }
+  // The edge from the two corners' place to `end`.
+  bool is_convex(const Corner& one, const Corner& two, const Point& end) const {
+    for (const Point& p : triangles_[two.triangle].corners)
+      if (p != two.place && p != end) return dot(measured_[one.triangle].normal, p - one.place) < 0;
+    return false;
   }
   // Of the corner's triangle, across the edge from there to `end`.
   double width_beside(const Corner& corner, const Point& end) const {
@@ -455,7 +463,8 @@ class LeafMeasure {
   }
 
   // Sheets that make a small angle are told apart (C3, C4) almost down to where they are a spacing
-  // floor apart, so that at a tip much less is cut off than a facet could.
+  // floor apart, so that at a tip much less is cut off than a facet could. Not so at the bottom of
+  // a groove: what mending leaves out there is of cells as large as those around.
   double size_for_tip(double least_angle, double largest_angle) const {
     const double of_floor = 0.5 * rules_.spacing_floor / std::tan(0.5 * least_angle);
     const double of_facets = kCovered * std::pow(largest_angle / kTip, 4);
@@ -466,7 +475,7 @@ class LeafMeasure {
   // none.
   double size_at_tip(const Point& p, const Edge& edge, double least) {
     constexpr double kStep = 1.25;
-    if (edge.turn < kPi - kTip || edge.a == edge.b) return least;
+    if (edge.turn < kPi - kTip || !edge.is_convex) return least;
     for (const auto& [place, left, right, size] : tips_)
       if (squared_distance(p, place) < 0.0625 * size * size && dot(left, edge.left) > kSameSheet &&
           dot(right, edge.right) > kSameSheet)

@@ -18,7 +18,7 @@ auto fields(Maybe<FillPoints> auto& points) {
   auto& [centers, met_core] = points;
   return std::tuple(Field("centers", centers), Field("met_core", met_core));
 }
-auto fields(Maybe<MendedCells::OfLeaf> auto& cells) {
+auto fields(Maybe<CellPlaces> auto& cells) {
   auto& [leaf, places] = cells;
   return std::tuple(Field("leaf", leaf), Field("places", places));
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -124,20 +125,28 @@ LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& place
 
 }  // namespace
 
-LoadedMend load_mend(RunState& state, MortonKey leaf) { return MendLoader(state, leaf).loaded(); }
+LoadedMend load_mend(RunState& state, MortonKey leaf) {
+  LoadedMend loaded = MendLoader(state, leaf).loaded();
+  loaded.hanging = hanging_cells(state, leaf);
+  return loaded;
+}
 
 MendedCells mended_cells(const LoadedMend& loaded) {
   MendedCells result;
   result.reach = loaded.reach;
   const std::vector<std::uint32_t> left_out = mend_boundary(loaded.input);
+  std::map<MortonKey, std::vector<std::uint32_t>> places;
+  for (const auto& [leaf, hanging] : loaded.hanging) places[leaf] = hanging;
   auto origin = loaded.origins.begin();
   for (const std::uint32_t c : left_out) {
     while (c - origin->first >= origin->places.size()) ++origin;
-    if (result.left_out.empty() || result.left_out.back().leaf != origin->leaf)
-      result.left_out.push_back({origin->leaf, {}});
-    result.left_out.back().places.push_back(origin->places[c - origin->first]);
+    places[origin->leaf].push_back(origin->places[c - origin->first]);
     for (const std::uint32_t v : loaded.input.cells[c])
       if (v >= loaded.input.num_own) result.others.push_back(loaded.ids[v]);
+  }
+  for (auto& [leaf, left] : places) {
+    sort_and_unite(left);
+    result.left_out.push_back({leaf, std::move(left)});
   }
   sort_and_unite(result.others);
   return result;
@@ -148,6 +157,7 @@ void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
   if (cells.left_out.empty()) return;
   for (const auto& [home, places] : cells.left_out)
     state.leave_out_cells(home, without(state.leaves().cells(home), places));
+  state.enqueue(leaf);  // what hangs on nothing now is seen when the leaf is loaded
   for (const MortonKey other : leaves_around(state, leaf, cells.reach)) {
     if (other == leaf || state.leaves().info(other).num_points == 0) continue;
     const auto& points = state.leaves().points(other).points;

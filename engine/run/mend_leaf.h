@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/run/hanging_cells.h"
 #include "engine/run/run_state.h"
 #include "refine/mend_boundary.h"
 
@@ -23,22 +24,20 @@ struct LoadedMend {
     std::vector<std::uint32_t> places;
   };
   std::vector<Origin> origins;
+  std::vector<CellPlaces> hanging;
 };
 
 // What a visit leaves out of the mesh.
 struct MendedCells {
-  struct OfLeaf {
-    MortonKey leaf;
-    std::vector<std::uint32_t> places;  // in its record, ascending
-  };
-  std::vector<OfLeaf> left_out;       // in Morton order
+  std::vector<CellPlaces> left_out;   // in Morton order
   std::vector<std::uint64_t> others;  // ids of their vertices in other leaves, ascending
   double reach = 0;                   // as far from the leaf as these may be
 };
 
 LoadedMend load_mend(RunState& state, MortonKey leaf);
 MendedCells mended_cells(const LoadedMend& loaded);
-// Takes cells out of the records; leaves with a vertex of theirs wait for the next epoch.
+// Takes cells out of the records; leaves with a vertex of theirs, and this one, wait for the next
+// epoch.
 void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells);
 
 // Leaves with unresolved sites wait: only there may the boundary be torn.
