@@ -137,10 +137,16 @@ class HangingCells {
     }
     for (auto& [first, part] : parts_) {
       sort_and_unite(part.vertices);
-      const Point& p = *place_of(part.vertices.front());
-      for (const Id id : part.vertices)
-        if (squared_distance(p, *place_of(id)) > most_ * most_ / 4) part.is_alone = false;
+      part.is_alone = part.is_alone && is_small(part.vertices);
     }
+  }
+
+  bool is_small(const Ids& vertices) const {
+    for (std::size_t n = 0; n < vertices.size(); ++n)
+      for (std::size_t k = 0; k < n; ++k)
+        if (squared_distance(*place_of(vertices[k]), *place_of(vertices[n])) > most_ * most_)
+          return false;
+    return true;
   }
 
   // Vertices of small parts that may have more cells.

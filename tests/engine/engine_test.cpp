@@ -672,6 +672,30 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   EXPECT_GT(num_nodes, 100U);
 }
 
+// Sheets that make 5° have cells of their own between them, where they are closer than the spacing
+// floor. None hangs on nothing: the boundary is one sphere.
+TEST_F(GradedEngineTest, NoCellHangsOnNothingAtAKnifeEdge) {
+  write(wedge(0.4, 1, std::numbers::pi / 36));
+  for (const std::uint64_t seed : {1, 2}) {
+    auto run = options("knife " + std::to_string(seed), 0.05, 30000);
+    run.seed = seed;
+    EXPECT_EQ(mesh(run).outcome, RunOutcome::kUnresolved);
+    EXPECT_EQ(boundary_of(contents_of(run.store)).euler_characteristic, 2) << seed;
+  }
+}
+
+// Of this wedge the boundary is 0.039 off without. At its tip of 15° hardly anything is cut off, so
+// that the tip asks for nothing; other edges and corners do, for some of them may be worse.
+TEST_F(GradedEngineTest, DeviationDoesNotPayTwiceAtATip) {
+  write(wedge(0.6, 0.6, std::numbers::pi / 12));
+  const auto num_cells = [&](const MeshOptions& run) {
+    return static_cast<double>(mesh(run).run.counts.num_cells);
+  };
+  auto run = options("with", 0.06, 30000);
+  run.deviation = SizeSpec{0.04, false};
+  EXPECT_LT(num_cells(run), 1.7 * num_cells(options("without", 0.06, 30000)));
+}
+
 TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterruptions) {
   write(torus(1, 0.4, 48, 24));
   const auto measured = [&](const std::string& name) {

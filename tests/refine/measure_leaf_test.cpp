@@ -124,6 +124,61 @@ TEST(MeasureLeaf, AsksForNothingWhereTheSurfaceIsFlatButAtEdges) {
   }
 }
 
+// A prism with a tip of that angle along the z axis, or with a groove of it.
+Mesh tipped(double degrees, double length, bool is_groove) {
+  const double half = 0.5 * kPi / 180 * degrees, x = std::cos(half), y = std::sin(half);
+  std::vector<Point> section{{0, 0, 0}, {x, -y, 0}, {x, y, 0}};
+  if (is_groove)
+    section = {{0, 0, 0}, {x, y, 0}, {x, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {x, -1, 0}, {x, -y, 0}};
+  const Point up{0, 0, length};
+  std::vector<std::array<Point, 3>> all;
+  for (std::size_t n = 0; n < section.size(); ++n) {
+    const Point a = section[n], b = section[(n + 1) % section.size()];
+    all.push_back({a, b, b + up});
+    all.push_back({a, b + up, a + up});
+    if (n == 0 || n + 1 == section.size()) continue;
+    all.push_back({section[0], b, a});
+    all.push_back({section[0] + up, a + up, b + up});
+  }
+  return numbered(all);
+}
+
+// Of the nodes at the z axis, away from its ends.
+double least_at_axis(const Part& part, const std::vector<SizedNode>& nodes, double length) {
+  double least = 1e9;
+  for (const SizedNode& node : nodes) {
+    const Box box = part.box(node);
+    if (box.squared_distance(Point{0, 0, box.center().z}) > 0) continue;
+    if (box.min.z > 0.4 * length && box.max.z < 0.6 * length)
+      least = std::min<double>(least, node.size);
+  }
+  return least;
+}
+
+// What C3 and C4 leave of a tip ends where its sheets are a spacing floor apart: measured, at most
+// 0.23, 0.12, 0.1 and 0.13 sizes are cut off at 5°, 10°, 15° and 20°. A facet cuts off up to the
+// cosine of half the angle, which is what a groove asks for.
+TEST(MeasureLeaf, AsksForNoMoreAtATipThanItTakes) {
+  const double deviation = 0.01, length = 2;
+  for (const auto& [degrees, cut] :
+       {std::pair(5.0, 0.23), {10.0, 0.12}, {15.0, 0.1}, {20.0, 0.13}}) {
+    const Part tip(tipped(degrees, length, false), 0.2, 1);
+    const double size =
+        least_at_axis(tip, tip.measured({.deviation = deviation, .least = 0.002}), length);
+    EXPECT_GT(size, 3 * deviation) << degrees;
+    EXPECT_LT(size, deviation / cut) << degrees;
+    const Part groove(tipped(degrees, length, true), 0.2, 1);
+    EXPECT_LT(
+        least_at_axis(groove, groove.measured({.deviation = deviation, .least = 0.002}), length),
+        1.02 * deviation)
+        << degrees;
+  }
+  // With a larger spacing floor more is cut off.
+  const Part tip(tipped(10, length, false), 0.2, 1);
+  const auto nodes = tip.measured({.deviation = deviation, .least = 0.002, .spacing_floor = 0.06});
+  EXPECT_LT(least_at_axis(tip, nodes, length), deviation / 0.34);
+}
+
 // The curvature of such a scan's triangles is that of a ball 25 times as small.
 TEST(MeasureLeaf, DoesNotTakeNoiseForCurvature) {
   Mesh scanned = icosphere({0, 0, 0}, 1, 5);
