@@ -182,6 +182,11 @@ std::vector<SizeRequest> size_requests(std::span<const SizedShape> shapes) {
   return requests;
 }
 
+std::optional<SizeSpec> size_spec(const std::optional<Size>& size) {
+  if (!size) return std::nullopt;
+  return SizeSpec{size->value, size->is_percent};
+}
+
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
   const auto given = [](const Size& size) {
@@ -202,6 +207,7 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
           .layers = options.layers,
           .min_size = given(options.min_size),
           .size_image = options.size_image,
+          .weld = size_spec(options.weld),
           .is_forced = options.is_forced};
 }
 
@@ -515,7 +521,7 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
 }
 
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
-                         const std::filesystem::path& scratch) {
+                         const std::filesystem::path& scratch, const std::optional<Size>& weld) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -527,7 +533,8 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
     const SurfaceFacts facts =
-        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers)
+        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
+                       size_spec(weld))
             .facts;
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);

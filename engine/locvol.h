@@ -24,6 +24,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -156,6 +157,10 @@ struct Options {
   Size deviation = {};  ///< How far the boundary may be from the surface, and the surface from it.
   double layers = 0;    ///< So many cells across parts that are thin: 1 to 20.
   Size min_size = {};   ///< What these three do not go below. Of value 0: 0.02 of `size`.
+  /// Points of the surface that lie closer to each other than this become one; of value 0: none.
+  /// Absent: those that close a surface which is not closed otherwise, up to a millionth of its
+  /// width away; Control::on_note tells of them.
+  std::optional<Size> weld = {};
 };
 
 /// What a run is doing.
@@ -394,9 +399,10 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control = {})
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// Throws Error.
+/// `weld`: see Options. Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
-                         const std::filesystem::path& scratch = {});
+                         const std::filesystem::path& scratch = {},
+                         const std::optional<Size>& weld = {});
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

@@ -53,7 +53,8 @@
 //
 // clang-format off
 //   0 format      version u32
-//   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress
+//   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress; weld:
+//                 present u8 and, if so, a number
 //   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32
 //   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
 //                 [steps u32 of a row's first i | j | k | number of sites u32]
@@ -442,12 +443,17 @@ void serialize(auto& archive, QueuePosition& position, unsigned) {
   each(archive, position.epoch, position.color);
 }
 
+template <class T>
+void serialize_optional(auto& archive, std::optional<T>& value) {
+  bool is_there = value.has_value();
+  each(archive, is_there);
+  if (!is_there) return;
+  if (!value) value.emplace();
+  each(archive, *value);
+}
+
 void serialize(auto& archive, std::optional<QueuePosition>& queued, unsigned) {
-  bool is_queued = queued.has_value();
-  each(archive, is_queued);
-  if (!is_queued) return;
-  if (!queued) queued.emplace();
-  each(archive, *queued);
+  serialize_optional(archive, queued);
 }
 
 void serialize(auto& archive, LatticeCore& core, unsigned) {
@@ -505,7 +511,10 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   each(archive, run.parameters, run.surface, run.frame, run.phase, run.epoch, run.next_point_id,
        run.counts, run.sizes.of_volume, run.sizes.of_area, run.image_file);
   if (version >= 1) each(archive, run.sizes.of_lattice, run.sizes.of_core);
-  if (version >= 2) serialize_facing(archive, run.surface.facing);
+  if (version >= 2) {
+    serialize_facing(archive, run.surface.facing);
+    serialize_optional(archive, run.parameters.weld);
+  }
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {

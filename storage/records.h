@@ -151,6 +151,9 @@ struct RunParameters {
   // none.
   std::string size_image = {};
   double image_least = 0;
+  // Points of the surface that lie closer to each other than this become one; 0: none. Absent:
+  // those that close a surface which is not closed otherwise (engine/ingest/weld_trials.h).
+  std::optional<double> weld = {};
   bool is_measured() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool has_image() const { return !size_image.empty(); }
   bool has_nodes() const { return is_measured() || has_image(); }  // LeafSizes::nodes

@@ -62,6 +62,17 @@ SizeSpec parse_size(const std::string& text) {
   return {*value, is_percent};
 }
 
+std::optional<SizeSpec> parse_weld(const std::string& text) try {
+  if (text == "auto") return std::nullopt;
+  if (text == "0") return SizeSpec{};
+  return parse_size(text);
+} catch (const std::invalid_argument&) {
+  throw std::invalid_argument(fmt::format(
+      "'{}' is no distance: give auto, 0, a positive length (1e-6) or a percentage of the smallest "
+      "side of the bounding box (0.01%)",
+      text));
+}
+
 double parse_growth(const std::string& text) {
   return parse_within(text, 0, kMostGrowth, "growth: give a number");
 }

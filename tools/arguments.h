@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -18,6 +19,8 @@ namespace locvol {
 
 // "0.01", a length; "2%", of the smallest side of the bounding box. Positive and finite.
 SizeSpec parse_size(const std::string& text);
+// "auto": nothing; "0"; or a size as above.
+std::optional<SizeSpec> parse_weld(const std::string& text);
 double parse_growth(const std::string& text);
 double parse_number_of_edges(const std::string& text);  // from 3 to 1000
 double parse_layers(const std::string& text);           // from 1 to 20

@@ -191,6 +191,14 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->take_all();
 }
 
+void add_weld(CLI::App& app, MeshOptions& options) {
+  add_parsed(app, "--weld", parse_weld, options.weld,
+             "Join points of the surface that lie closer to each other than this, a length or a "
+             "percentage as --size; 0: none (default: auto, those that close a surface which is "
+             "not closed otherwise)")
+      ->type_name("LENGTH");
+}
+
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,
                       const std::string& description) {
   return add_parsed(app, "--leaf", parse_leaf, leaf,
@@ -220,6 +228,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
           kSizeHelp))
       ->type_name("SIZE");
   add_sizes(*mesh, options);
+  add_weld(*mesh, options);
   add_memory(*mesh, command.control.memory_bytes);
   add_threads(*mesh, command.control.num_threads);
   add_parsed(*mesh, "--store", parse_directory, options.store,

@@ -57,11 +57,12 @@ void remove_store(const std::filesystem::path& directory) {
 }
 
 // Throws InputError if it is no surface to be meshed; Stopped, once StopSignal is installed.
-SurveyedSurface surveyed(const SurfaceSource& surface, std::uint64_t cap) {
+SurveyedSurface surveyed(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
+                         std::uint64_t cap) {
   const StopSource stop(StopSignal::is_requested);
   IngestWatch watch(&stop, {});
   Workers workers(num_streaming_threads(0, cap));
-  return survey_surface(surface, temporary_directory(), watch, workers);
+  return survey_surface(surface, temporary_directory(), watch, workers, weld);
 }
 
 // The run that `mesh` would begin.
@@ -74,8 +75,9 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
 }
 
 // For a user who gives none.
-SizeSpec chosen_size(const SurfaceSource& surface, std::uint64_t cap, ProgressLine& line) {
-  const SurfaceFacts facts = surveyed(surface, cap).facts;
+SizeSpec chosen_size(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
+                     std::uint64_t cap, ProgressLine& line) {
+  const SurfaceFacts facts = surveyed(surface, weld, cap).facts;
   const double size = default_size(facts);
   if (!(size > 0))
     throw InputError(surface.name +
@@ -168,11 +170,11 @@ std::uint64_t cap_of(std::uint64_t asked, Exchange* exchange) {
 }
 
 // The first rank chooses it, and all throw Stopped if that is stopped.
-SizeSpec chosen_size(const SurfaceSource& surface, std::uint64_t cap, const RunPlace& place,
-                     ProgressLine& line) {
+SizeSpec chosen_size(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
+                     std::uint64_t cap, const RunPlace& place, ProgressLine& line) {
   double size = 0;
   do_on_all(place.exchange, [&] {
-    if (place.is_first()) size = chosen_size(surface, cap, line).value;
+    if (place.is_first()) size = chosen_size(surface, weld, cap, line).value;
   });
   if (place.exchange != nullptr) size = gather_values(*place.exchange, size).front();
   return {size, false};
@@ -197,7 +199,9 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
     const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
     ProgressLine line(progress_style(own), cap);
     const SurfaceSource surface = surface_at(command.options.input, place.own());
-    own.options.size = command.size ? *command.size : chosen_size(surface, cap, place, line);
+    own.options.size = command.size
+                           ? *command.size
+                           : chosen_size(surface, command.options.weld, cap, place, line);
     own.options.store = place.stores;
     const bool is_removable =
         command.options.store.empty() && !command.is_store_kept && is_absent_or_store(place.own());
@@ -355,7 +359,7 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 
 int run_info(const InfoCommand& command) {
   const SurfaceSource surface = surface_at(command.surface, temporary_directory());
-  const SurveyedSurface input = surveyed(surface, memory_cap(0));
+  const SurveyedSurface input = surveyed(surface, command.options.weld, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   std::string text = facts_text(facts);

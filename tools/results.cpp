@@ -300,6 +300,10 @@ std::string bounds_text(const RunParameters& parameters) {
   if (parameters.min_size > 0) text += fmt::format("; no smaller than {}", parameters.min_size);
   if (parameters.has_image())
     text += fmt::format("; an image of sizes, from {} on", parameters.image_least);
+  if (parameters.weld)
+    text += *parameters.weld > 0
+                ? fmt::format("; points of the surface closer than {} joined", *parameters.weld)
+                : "; no points of the surface joined";
   if (!parameters.shapes.empty())
     text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
                         parameters.sizes().least);
@@ -543,7 +547,8 @@ Json to_json(const RunParameters& parameters) {
           {"per_circle", parameters.per_circle},
           {"deviation", parameters.deviation},
           {"layers", parameters.layers},
-          {"min_size", parameters.min_size}};
+          {"min_size", parameters.min_size},
+          {"weld", parameters.weld ? Json(*parameters.weld) : Json("auto")}};
 }
 
 Json to_json(const LeafInfo& info) {

@@ -345,8 +345,8 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
   run.phase = Phase::kIngest;
   std::optional<Store> store;
   try {
-    const CheckedSurface surface =
-        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share);
+    const CheckedSurface surface = check_surface(std::move(raw), plan.frame, watch, workers,
+                                                 bucket_capacity, share, run.parameters.weld);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     calls.check(run, surface.spill.bytes());

@@ -26,6 +26,8 @@ class IngestShare {
  public:
   virtual ~IngestShare() = default;
   virtual KeyRange range() const { return {}; }
+  // Before triangles are changed, which only a process with all of the surface does.
+  virtual void require_whole() const {}
   virtual void join_findings(SurfaceFindings&) const {}
   virtual void join_parities(std::vector<bool>&) const {}  // of sums, element by element
   virtual void join_cells(std::optional<std::vector<MortonKey>>&) const {}  // nothing: too many

@@ -9,6 +9,7 @@
 #include "engine/ingest/polygon_triangulation.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_reader.h"
+#include "engine/ingest/surface_repair.h"
 #include "engine/ingest/vertex_spill.h"
 #include "refine/exact_predicates.h"
 
@@ -19,8 +20,6 @@ namespace {
 constexpr double kMinDiagonal = 1e-50, kMaxDiagonal = 1e50;
 // The least number of steps between representable coordinates along the diagonal.
 constexpr double kMinResolution = 1 << 20;
-// Their neighborhoods are repaired in memory.
-constexpr std::size_t kMaxCollinear = 200'000;
 
 Point without_negative_zero(const Point& p) { return {p.x + 0.0, p.y + 0.0, p.z + 0.0}; }
 

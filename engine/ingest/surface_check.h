@@ -57,6 +57,15 @@ struct SurfaceFindings {
   LineSights sights;  // of the lines of all probes, in CheckScope::kAll
 
   void add(const SurfaceFindings& others);  // but for their components
+
+  // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
+  // each; elsewhere they stay, for they are part of what is wrong.
+  bool drops_copies() const {
+    return num_copies > 0 && edges.overused.count > 0 && !is_copy_needed;
+  }
+  const EdgeCounts& edges_that_count() const {
+    return drops_copies() ? edges_without_copies : edges;
+  }
 };
 
 enum class CheckScope {

@@ -12,7 +12,12 @@
 
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_repair.h"
+#include "engine/ingest/surface_text.h"
+#include "engine/ingest/surface_weld.h"
 #include "engine/ingest/triangle_soup.h"
+#include "engine/ingest/weld_trials.h"
+#include "engine/plan/run_setup.h"
+#include "engine/shared/number_text.h"
 #include "engine/shared/sort_and_unite.h"
 
 namespace locvol {
@@ -21,41 +26,28 @@ namespace {
 // Around triangles without area, repaired in memory.
 constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
-std::string text(const Point& p) { return fmt::format("({}, {}, {})", p.x, p.y, p.z); }
-
-std::string text(const Triangle& t) {
-  return fmt::format("triangle {} with the corners {}, {}, {}", t.id, text(t.corners[0]),
-                     text(t.corners[1]), text(t.corners[2]));
-}
-
-std::string text(const EdgeFlaws& flaws) {
-  return fmt::format("{} to {} of triangle {}", text(flaws.from), text(flaws.to),
-                     flaws.half_edge / 3);
-}
-
-std::string counted(std::uint64_t count, std::string_view one, std::string_view many) {
-  return fmt::format("{} {}", count, count == 1 ? one : many);
-}
-
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.
 class SurfacePreparation {
  public:
   SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
-                     std::uint64_t bucket_capacity, const IngestShare& share)
+                     std::uint64_t bucket_capacity, const IngestShare& share,
+                     const std::optional<double>& weld)
       : raw_(std::move(raw)),
         watch_(watch),
         workers_(workers),
         share_(share),
+        weld_(weld),
         buckets_(frame, bucket_capacity, share.range()) {}
 
   CheckedSurface run() {
-    const bool has_area = raw_.collinear.empty();
-    distribute({}, !has_area);
-    check(has_area ? CheckScope::kAll : CheckScope::kNeighbors);
+    if (weld_.value_or(0) > 0) weld_all_points();
+    distribute_and_check();
+    if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
+    check_walls();
     check_edges();
     check_orientation();
-    if (!has_area) {
+    if (!has_area()) {
       distribute(flipped_triangles(), false);
       check(CheckScope::kAll);
       check_edges();
@@ -69,6 +61,13 @@ class SurfacePreparation {
   }
 
  private:
+  bool has_area() const { return raw_.collinear.empty(); }
+
+  void distribute_and_check() {
+    distribute({}, !has_area());
+    check(has_area() ? CheckScope::kAll : CheckScope::kNeighbors);
+  }
+
   void distribute(const TriangleChanges& changes, bool is_to_be_repaired) {
     buckets_.distribute(raw_.spill, raw_.triangles, raw_.box, changes, is_to_be_repaired, watch_);
   }
@@ -77,19 +76,56 @@ class SurfacePreparation {
     const WallProbes probes(raw_.probes, raw_.box);
     findings_ = check_cells(raw_.spill, buckets_, raw_.box, probes, scope, watch_, workers_);
     share_.join_findings(findings_);
-    // Where triangles lie on others, copies are dropped if that leaves their edges in two triangles
-    // each; elsewhere they stay, for they are part of what is wrong.
-    drops_copies_ =
-        findings_.num_copies > 0 && findings_.edges.overused.count > 0 && !findings_.is_copy_needed;
+    drops_copies_ = findings_.drops_copies();
+  }
+
+  void weld_all_points() {
+    share_.require_whole();
+    distribute({}, true);
+    WeldedSurface welded =
+        welded_surface(raw_.spill, buckets_, WeldPoints::kAll, *weld_, watch_, workers_);
+    const std::string obstacle = obstacle_to(welded);
+    if (!obstacle.empty())
+      refuse("joining points that are closer than {} (--weld) {}; give less", decimal(*weld_),
+             obstacle);
+    if (welded.num_joined > 0) adopt(std::move(welded));
+  }
+
+  void weld_open_edges() {
+    share_.require_whole();
+    WeldTrials trials(raw_.spill, buckets_, raw_.box, watch_, workers_);
+    if (auto closed = trials.closed_surface()) {
+      adopt(*std::move(closed));
+      return distribute_and_check();
+    }
+    tried_ = trials.tried();
+    const std::string cure = trials.cure();
+    if (!cure.empty()) tried_ += "; " + cure;
+  }
+
+  void adopt(WeldedSurface welded) {
+    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
+    raw_.triangles = {std::exchange(welded.triangles, {})};
+    raw_.collinear = std::exchange(welded.collinear, {});
+    raw_.num_collapsed += welded.num_collapsed;
+    welded_ = std::move(welded);
+  }
+
+  // Where both sides of a wall became one, what was between them would count as inside.
+  void check_walls() const {
+    if (!welded_ || findings_.num_copies <= welded_->num_copies) return;
+    refuse("joining points that are closer than {} (--weld) lays {} on {}; give less",
+           decimal(welded_->distance), text(findings_.first_copy->second),
+           text(findings_.first_copy->first));
   }
 
   void check_edges() const {
-    const EdgeCounts& edges = drops_copies_ ? findings_.edges_without_copies : findings_.edges;
+    const EdgeCounts& edges = findings_.edges_that_count();
     if (edges.border.count > 0)
-      refuse("is not closed: {}, for example that from {}; close the holes",
+      refuse("is not closed: {}, for example that from {}; close the holes{}",
              counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             text(edges.border));
+             text(edges.border), tried_.empty() ? "" : ". " + tried_);
     if (edges.overused.count > 0)
       refuse(
           "is not manifold: {}, for example that from {}; separate the parts that touch there, or "
@@ -220,9 +256,11 @@ class SurfacePreparation {
 
   void note_repairs() {
     notes_ = raw_.notes;
-    if (raw_.num_numbered_vertices > findings_.num_vertices)
+    const std::uint64_t num_joined = welded_ ? welded_->num_joined : 0;
+    if (raw_.num_numbered_vertices > findings_.num_vertices + num_joined)
       note("left out {} of no face, or at the same place as another",
-           raw_.num_numbered_vertices - findings_.num_vertices, "vertex", "vertices");
+           raw_.num_numbered_vertices - findings_.num_vertices - num_joined, "vertex", "vertices");
+    note("joined {} with others up to " + joined_text(), num_joined, "point", "points");
     note("dropped {} with two equal corners", raw_.num_collapsed, "triangle", "triangles");
     if (drops_copies_)
       note("dropped {} that repeated another", findings_.num_copies, "triangle", "triangles");
@@ -289,19 +327,33 @@ class SurfacePreparation {
     if (count > 0) notes_.push_back(fmt::format(fmt::runtime(pattern), counted(count, one, many)));
   }
 
+  // Of points that were joined, how.
+  std::string joined_text() const {
+    if (!welded_) return {};
+    return fmt::format("{} away, of those closer than {}{}", rounded(welded_->width),
+                       rounded(welded_->distance),
+                       weld_ ? " (--weld)" : "; else it is not closed (--weld 0 leaves them)");
+  }
+
   template <typename... Args>
   [[noreturn]] void refuse(fmt::format_string<Args...> pattern, Args&&... args) const {
-    share_.refuse(
-        fmt::format("{}: {}", raw_.file, fmt::format(pattern, std::forward<Args>(args)...)));
+    std::string what = fmt::format(pattern, std::forward<Args>(args)...);
+    if (welded_)
+      what += fmt::format(". So it is with {} joined to others, up to {}",
+                          counted(welded_->num_joined, "point", "points"), joined_text());
+    share_.refuse(fmt::format("{}: {}", raw_.file, what));
   }
 
   RawSurface raw_;
   IngestWatch& watch_;
   Workers& workers_;
   const IngestShare& share_;
+  std::optional<double> weld_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;
+  std::optional<WeldedSurface> welded_;  // without its triangles
+  std::string tried_;                    // to close it
   double volume_ = 0;
   std::vector<std::string> notes_;
 };
@@ -316,8 +368,9 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
 
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity,
-                             const IngestShare& share) {
-  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share).run();
+                             const IngestShare& share, const std::optional<double>& weld) {
+  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share, weld)
+      .run();
 }
 
 Frame frame_of(const Box& surface) {
@@ -332,11 +385,16 @@ Frame frame_of(const Box& surface) {
 }
 
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                               IngestWatch& watch, Workers& workers) {
+                               IngestWatch& watch, Workers& workers,
+                               const std::optional<SizeSpec>& weld) {
   RawSurface raw = read_surface(source, directory, watch);
   const std::string digest = raw.digest;
   const Frame frame = frame_of(raw.box);
-  return {check_surface(std::move(raw), frame, watch, workers).facts, digest};
+  const std::optional<double> length = weld_length(weld, raw.box);
+  return {
+      check_surface(std::move(raw), frame, watch, workers, kBucketCapacity, IngestShare(), length)
+          .facts,
+      digest};
 }
 
 }  // namespace locvol

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@
 #include "engine/ingest/triangle_spill.h"
 #include "engine/ingest/wall_probes.h"
 #include "engine/plan/disk_room.h"
+#include "engine/plan/options.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/workers.h"
 #include "octree/frame.h"
@@ -95,9 +97,11 @@ inline constexpr std::uint64_t kBucketCapacity = 50'000;
 // Of several processes each gives the triangles that meet its share's cells, and gets these in
 // buckets; all that is known of the surface is known to each. REQUIRES: then nothing is to be
 // repaired
+// `weld`: see RunParameters::weld.
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
-                             const IngestShare& share = IngestShare());
+                             const IngestShare& share = IngestShare(),
+                             const std::optional<double>& weld = std::nullopt);
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);
@@ -109,6 +113,7 @@ struct SurveyedSurface {
 };
 // Reads and checks it; of it, nothing stays. Throws as both.
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                               IngestWatch& watch, Workers& workers);
+                               IngestWatch& watch, Workers& workers,
+                               const std::optional<SizeSpec>& weld);
 
 }  // namespace locvol

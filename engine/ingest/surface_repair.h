@@ -2,6 +2,7 @@
 // it is.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -11,6 +12,9 @@
 #include "engine/ingest/triangle_soup.h"
 
 namespace locvol {
+
+// Of triangles without area: their neighborhoods are repaired in memory.
+inline constexpr std::size_t kMaxCollinear = 200'000;
 
 struct FlipResult {
   std::vector<std::uint32_t> changed;      // triangles, ascending

@@ -239,11 +239,15 @@ class Distribution {
 void TriangleBuckets::distribute(TriangleSpill& spill, std::vector<TriangleList>& all,
                                  const Box& box, const TriangleChanges& changes, bool keeps_all,
                                  IngestWatch& watch) {
-  for (TriangleBucket& bucket : buckets_) spill.release(std::move(bucket.triangles));
-  buckets_.clear();
+  release(spill);
   Distribution::Cell root{MortonKey::root(), keeps_all ? all : std::move(all), box};
   Distribution(spill, frame_, capacity_, range_, watch)
       .cut(std::move(root), changes, keeps_all, buckets_);
+}
+
+void TriangleBuckets::release(TriangleSpill& spill) {
+  for (TriangleBucket& bucket : buckets_) spill.release(std::move(bucket.triangles));
+  buckets_.clear();
 }
 
 std::span<const TriangleBucket> TriangleBuckets::under(MortonKey node) const {

@@ -42,6 +42,9 @@ class TriangleBuckets {
   void distribute(TriangleSpill& spill, std::vector<TriangleList>& all, const Box& box,
                   const TriangleChanges& changes, bool keeps_all, IngestWatch& watch);
 
+  TriangleBuckets empty_ones() const { return {frame_, capacity_, range_}; }  // for other triangles
+  void release(TriangleSpill& spill);  // then there are no cells
+
   const Frame& frame() const { return frame_; }
   std::span<const TriangleBucket> all() const { return buckets_; }  // in Morton order
   // Those of the cells under `node`, or the one whose cell contains it.

@@ -35,6 +35,7 @@ class TriangleSpill {
   // The triangles of extent number i of the list.
   void read_extent(const TriangleList& list, std::size_t i, std::vector<Triangle>& out) const;
   void release(TriangleList&& list);  // its extents may be used again
+  const std::filesystem::path& directory() const { return directory_; }
   std::uint64_t bytes() const { return std::uint64_t{num_extents_} * sizeof(Extent); }
 
   template <class Visit>

@@ -70,7 +70,10 @@ struct MeshOptions {
   double layers = 0;
   std::optional<SizeSpec> min_size = {};  // what these do not go below; absent: kDefaultLeast λ
   std::filesystem::path size_image = {};  // a VTK image of sizes, likewise; empty: none
-  bool is_forced = false;                 // start anew over a store of another run
+  // Points that lie closer to each other than this become one. Absent: those that close a surface
+  // which is not closed otherwise. 0: none.
+  std::optional<SizeSpec> weld = {};
+  bool is_forced = false;  // start anew over a store of another run
 };
 
 struct Progress {

@@ -190,6 +190,11 @@ double absolute_size(const SizeSpec& spec, const Box& box, const std::string& na
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
 
+std::optional<double> weld_length(const std::optional<SizeSpec>& weld, const Box& box) {
+  if (!weld) return std::nullopt;
+  return weld->value == 0 ? 0 : absolute_size(*weld, box, "weld");
+}
+
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
                       const ImageFacts& image) {
   check_options(options);
@@ -210,7 +215,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
       .seed = options.seed,
       .growth = options.growth,
       .size_image = image.digest,
-      .image_least = image.least};
+      .image_least = image.least,
+      .weld = weld_length(options.weld, surface)};
   if (options.max_size)
     run.parameters.max_size = absolute_size(*options.max_size, surface, "largest size");
   add_rules(options, surface, run.parameters);

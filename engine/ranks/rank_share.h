@@ -21,6 +21,7 @@ class RankShare : public IngestShare {
       : shares_(shares), exchange_(exchange), stop_(stop) {}
 
   KeyRange range() const override { return shares_.range_of(exchange_.rank()); }
+  void require_whole() const override { throw NeedsOneProcess(); }
   // Throws NeedsOneProcess where something is to be repaired, or what is wrong does not have the
   // same name wherever it is looked at.
   void join_findings(SurfaceFindings& findings) const override;

@@ -857,6 +857,11 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   expect_refusal(measured, "--layers is 0 in it, and 2 here");
   expect_refusal(measured, "--deviation is 0 in it, and 0.1 here");
   expect_refusal(measured, "--min-size is 0 in it, and 0.006 here");
+  auto welded = graded("store", 0.3, 0);
+  welded.weld = SizeSpec{1e-6, false};
+  expect_refusal(welded, "--weld is auto in it, and 1e-06 here");
+  welded.weld = SizeSpec{};
+  expect_refusal(welded, "--weld is auto in it, and 0 here");
   const auto expect_bad = [&](const std::function<void(MeshOptions&)>& change,
                               const std::string& words) {
     auto bad = graded("bad", 0.3, 0);
@@ -865,6 +870,7 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   };
   expect_bad([](MeshOptions& o) { o.per_circle = 2; }, "edges per circle 2");
   expect_bad([](MeshOptions& o) { o.layers = std::nan(""); }, "layers nan");
+  expect_bad([](MeshOptions& o) { o.weld = SizeSpec{-1, false}; }, "weld -1");
   expect_bad([](MeshOptions& o) { o.deviation = SizeSpec{-1, false}; }, "deviation -1");
   expect_bad([](MeshOptions& o) { o.min_size = SizeSpec{0.1, false}; }, "give one");
   expect_bad(

@@ -356,6 +356,37 @@ TEST(Library, ChoosesASizeAndTellsWhatARunWillTake) {
             ErrorCode::kInput);
 }
 
+TEST(Library, JoinsPointsThatAreNearlyOne) {
+  const TempDir dir;
+  const Arrays sound = torus_arrays();
+  const auto loose = Surface::triangles([&](const Surface::Visitor& visit) {
+    double shift = 0;
+    for (const TriangleIndices& t : sound.triangles) {
+      std::array<Coordinates, 3> corners{sound.vertices[t[0]], sound.vertices[t[1]],
+                                         sound.vertices[t[2]]};
+      for (Coordinates& corner : corners) corner[1] += shift = 3e-10 - shift;
+      visit(corners);
+    }
+  });
+  std::vector<std::string> notes;
+  const Control control{.on_note = [&](const std::string& note) { notes.push_back(note); }};
+  const SurfaceInfo info = surface_info(loose, control, dir.path());
+  EXPECT_EQ(info.num_vertices, sound.vertices.size());
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("points with others up to 3e-10 away"), std::string::npos) << notes[0];
+  EXPECT_EQ(code_of([&] { surface_info(loose, {}, dir.path(), Size::length(0)); }, "not closed"),
+            ErrorCode::kInput);
+  EXPECT_EQ(code_of([&] { surface_info(loose, {}, dir.path(), Size::length(-1)); }, "weld -1"),
+            ErrorCode::kInput);
+  Options options = torus_options(dir);
+  options.store = dir / "run";
+  options.weld = Size::length(1e-9);
+  EXPECT_TRUE(mesh_surface(loose, options).is_complete());
+  options.weld.reset();
+  EXPECT_EQ(code_of([&] { mesh_surface(loose, options); }, "weld: 1e-09 in the store, auto"),
+            ErrorCode::kMismatch);
+}
+
 TEST(Library, RefusesASurfaceBeforeARunAndStopsReadingIt) {
   const TempDir dir;
   Arrays open = torus_arrays();

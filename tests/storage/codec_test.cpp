@@ -259,12 +259,12 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v0", StoreFormat(), MortonKey());
-  RunRecord without_facing = sample_run();
-  without_facing.surface.facing = {};
-  RunRecord without_core = without_facing;
-  without_core.sizes.of_lattice = without_core.sizes.of_core = 0;
-  expect_golden("run.v0", without_core, MortonKey());
-  expect_golden("run.v1", without_facing, MortonKey());
+  RunRecord of_before = sample_run();
+  of_before.surface.facing = {};
+  of_before.parameters.weld.reset();
+  expect_golden("run.v1", of_before, MortonKey());
+  of_before.sizes.of_lattice = of_before.sizes.of_core = 0;
+  expect_golden("run.v0", of_before, MortonKey());
   expect_golden("run.v2", sample_run(), MortonKey());
   LeafInfo of_one_rank = sample_info();
   of_one_rank.ranks.clear();

@@ -25,6 +25,7 @@ inline RunRecord sample_run() {
   run.parameters.per_circle = 24, run.parameters.deviation = 0.01, run.parameters.layers = 3;
   run.parameters.min_size = 0.003;
   run.parameters.size_image = "00ff", run.parameters.image_least = 0.05;
+  run.parameters.weld = 1e-6;
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -199,6 +200,7 @@ class Generator {
                std::abs(real())};
     run.parameters.per_circle = real(), run.parameters.deviation = real();
     run.parameters.layers = real(), run.parameters.min_size = real();
+    if (integer(2) == 0) run.parameters.weld = std::abs(real());
     run.surface.file = text();
     run.surface.facing.num_places = bits();
     run.surface.facing.places.resize(integer(5));

@@ -857,6 +857,46 @@ TEST(Command, SizesGoWithCurvatureDeviationAndLayers) {
   EXPECT_NE(alone.err.find("curvature, deviation or layers"), std::string::npos) << alone.err;
 }
 
+TEST(Command, PointsThatAreNearlyOneAreJoinedAndSaid) {
+  const TempDir dir;
+  Random random(7);
+  const Polygons torus = to_polygons(testing_shapes::torus(1, 0.4, 32, 16));
+  const std::string surface = (dir / "loose.off").string(), output = (dir / "mesh.vtu").string(),
+                    store = (dir / "run").string();
+  std::ofstream(surface) << to_off(jittered(torus, 1e-9, random));
+  const ProcessResult info = run_locvol({"info", surface, "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.err;
+  const Json facts = Json::parse(info.out);
+  EXPECT_EQ(facts.at("num_vertices"), torus.vertices.size());
+  const std::string note = facts.at("notes").at(0);
+  EXPECT_EQ(note.find("joined 2560 points with others up to "), 0U) << note;
+  EXPECT_NE(run_locvol({"info", surface}).out.find(note), std::string::npos);
+
+  std::vector<std::string> arguments{"mesh", surface, "-o", output, "--store", store};
+  const ProcessResult meshed = run_locvol(arguments);  // a size is chosen, too
+  EXPECT_EQ(meshed.exit_code, 0) << meshed.err;
+  EXPECT_NE(meshed.err.find(note), std::string::npos) << meshed.err;
+  const ProcessResult inspected = run_locvol({"inspect", store, "--json"});
+  EXPECT_EQ(Json::parse(inspected.out).at("parameters").at("weld"), "auto");
+  EXPECT_EQ(Json::parse(inspected.out).at("surface").at("notes"), facts.at("notes"));
+  EXPECT_EQ(run_locvol({"resume", store, "-o", output}).exit_code, 0);
+
+  arguments.insert(arguments.end(), {"--weld", "1e-6"});
+  const ProcessResult other = run_locvol(arguments);
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_NE(other.err.find("weld: auto in the store, 1e-06 asked for"), std::string::npos)
+      << other.err;
+  const ProcessResult never = run_locvol({"info", surface, "--weld", "0"});
+  EXPECT_EQ(never.exit_code, 1);
+  EXPECT_NE(never.err.find("not closed"), std::string::npos) << never.err;
+  EXPECT_EQ(run_locvol({"info", surface, "--weld", "0.001%"}).exit_code, 0);
+  for (const char* bad : {"--weld=-1", "--weld=none", "--weld=0%", "--weld=inf"}) {
+    const ProcessResult refused = run_locvol({"info", surface, bad});
+    EXPECT_EQ(refused.exit_code, 2) << bad;
+    EXPECT_NE(refused.err.find("give auto, 0"), std::string::npos) << refused.err;
+  }
+}
+
 // Waits until the run in `process` has begun to refine; false if it ended or 60 s passed first.
 bool wait_for_refinement(const Process& process) {
   for (int i = 0; i < 6000 && !process.has_ended(); ++i) {

@@ -308,6 +308,58 @@ TEST_F(IngestTest, RefusesTooManyLeavesAndNamesASizeThatWorks) {
   }
 }
 
+// The records say how points are to be joined, whoever reads the surface again.
+TEST_F(IngestTest, JoinsPointsAsTheRunSays) {
+  Random random(8);
+  const Polygons torus = to_polygons(testing_shapes::torus(1, 0.4, 32, 16));
+  write(torus);
+  const Stored sound = stored(ingested(options(0.2, 50), "sound"));
+  EXPECT_FALSE(sound.run.parameters.weld);
+  write(jittered(torus, 1e-9, random));
+  const auto automatic = options(0.2, 50);
+  const Stored joined = stored(ingested(automatic, "joined"));
+  EXPECT_EQ(joined.run.surface.num_vertices, sound.run.surface.num_vertices);
+  EXPECT_EQ(joined.run.surface.notes.size(), 1U);
+  for (const std::uint64_t capacity : {300U, 30U})
+    EXPECT_TRUE(stored(ingested(automatic, std::to_string(capacity), capacity)) == joined);
+  auto never = automatic;
+  never.weld = SizeSpec{};
+  EXPECT_THROW(ingested(never, "never"), InputError);
+  // A percentage is of the smallest side, 0.8.
+  auto asked = automatic;
+  asked.weld = SizeSpec{0.001, true};
+  Stored by_length = stored(ingested(asked, "asked"));
+  EXPECT_NEAR(by_length.run.parameters.weld.value(), 8e-6, 1e-8);
+  EXPECT_NE(by_length.run.surface.notes, joined.run.surface.notes);
+  EXPECT_EQ(by_length.leaves, joined.leaves);
+}
+
+TEST_F(IngestTest, ARunThatJoinsPointsGoesOnAfterItIsStopped) {
+  Random random(9);
+  const Polygons sphere = to_polygons(testing_shapes::sphere(1, 150, 200));
+  write(jittered(sphere, 1e-9, random));
+  auto run = options(0.3, 20000);
+  run.weld = SizeSpec{1e-6, false};
+  for (int at_report = 2; at_report < 100; ++at_report) {
+    int num_reports = 0;
+    const RunControl control{.on_progress = [&](const Progress&) { ++num_reports; },
+                             .is_stopped = [&] { return num_reports >= at_report; },
+                             .on_note = {}};
+    run.store = scratch_ / std::to_string(at_report);
+    try {
+      if (mesh(run, control).outcome == RunOutcome::kDone) break;
+    } catch (const Stopped&) {
+      continue;
+    }
+    if (Store::open(run.store).snapshot().run()->phase != Phase::kIngest) break;
+    const RunSummary summary = resume(run.store);
+    EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+    EXPECT_EQ(summary.run.surface.num_triangles, sphere.faces.size());
+    EXPECT_EQ(summary.run.parameters.weld, 1e-6);
+    EXPECT_EQ(mesh(run).outcome, RunOutcome::kDone) << "the same run";
+  }
+}
+
 // Of 400,000 triangles: the first report comes while they are read, the others later.
 TEST_F(IngestTest, GoesOnAfterItIsStopped) {
   write(to_polygons(testing_shapes::sphere(1, 400, 500)));

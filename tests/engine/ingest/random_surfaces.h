@@ -23,6 +23,15 @@ inline std::uint32_t below(Random& random, std::size_t n) {
   return static_cast<std::uint32_t>(random() % n);
 }
 
+inline double uniform(Random& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+inline Point random_point(Random& random, double reach) {
+  return {uniform(random, -reach, reach), uniform(random, -reach, reach),
+          uniform(random, -reach, reach)};
+}
+
 // The surface of a set of unit cubes, each face two triangles. Where cubes touch at an edge or a
 // vertex only, it is not manifold.
 inline Polygons voxels(const std::set<std::array<int, 3>>& cubes) {
@@ -94,6 +103,19 @@ inline Polygons random_balls(Random& random) {
       testing_shapes::translated(testing_shapes::torus(2, 0.5, 24, 12), {-9, 0, 1});
   all.append(to_polygons(torus));
   return all;
+}
+
+// Each face has corners of its own, so far from where they were.
+inline Polygons jittered(const Polygons& s, double reach, Random& random) {
+  Polygons loose;
+  for (const auto& face : s.faces) {
+    auto& own = loose.faces.emplace_back();
+    for (const std::uint32_t v : face) {
+      own.push_back(static_cast<std::uint32_t>(loose.vertices.size()));
+      loose.vertices.push_back(s.vertices[v] + random_point(random, reach));
+    }
+  }
+  return loose;
 }
 
 inline void shuffle(Polygons& s, Random& random) {

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <random>
 #include <string>
 #include <string_view>
@@ -37,7 +38,8 @@ struct InputSurface {
 };
 
 inline InputSurface read_whole_surface(const std::filesystem::path& file,
-                                       std::uint64_t bucket_capacity = kBucketCapacity) {
+                                       std::uint64_t bucket_capacity = kBucketCapacity,
+                                       const std::optional<double>& weld = std::nullopt) {
   IngestWatch watch;
   Workers workers(3);
   InputSurface surface;
@@ -45,7 +47,7 @@ inline InputSurface read_whole_surface(const std::filesystem::path& file,
   surface.digest = raw.digest;
   const Frame frame = frame_of(raw.box);
   const CheckedSurface checked =
-      check_surface(std::move(raw), frame, watch, workers, bucket_capacity);
+      check_surface(std::move(raw), frame, watch, workers, bucket_capacity, IngestShare(), weld);
   surface.facts = checked.facts;
   for (const TriangleBucket& bucket : checked.buckets.all())
     for (const Triangle& t : checked.load(bucket)) surface.pieces.push_back(t);

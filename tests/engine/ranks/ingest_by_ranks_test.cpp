@@ -146,7 +146,8 @@ TEST_F(IngestByRanksTest, JudgesAsOneProcess) {
   for (int round = 0; round < 2; ++round)
     for (const auto& [kind, surface] : random_samples(random, files_)) {
       const auto& [name, encode] = kFormats[below(random, kFormats.size())];
-      const MeshOptions options = this->options(name, encode(surface), 5);
+      MeshOptions options = this->options(name, encode(surface), 5);
+      if (random() % 4) options.weld = SizeSpec{};  // or one process has to see what is open
       const int num_ranks = static_cast<int>(2 + below(random, 6));
       SCOPED_TRACE(kind + ", " + name + ", " + std::to_string(num_ranks));
       const TakenIn expected = by_one(options);
@@ -211,6 +212,43 @@ TEST_F(IngestByRanksTest, LeavesOtherFilesToOneProcess) {
   MeshOptions nowhere = options("surface.stl", damaged, 5);
   nowhere.input = files_.directory() / "nowhere.stl";
   EXPECT_TRUE(by_ranks(3, nowhere).needs_one_process);
+}
+
+// Points that are nearly one are joined by one process, whatever number takes part.
+TEST_F(IngestByRanksTest, JoinsPointsAsOneProcess) {
+  Random random(6);
+  const Polygons loose =
+      jittered(to_polygons(testing_shapes::sphere(1, 12, 24)), 1e-7, random);  // in float32
+  MeshOptions options = this->options("surface.stl", to_binary_stl(loose), 10);
+  options.leaf_capacity = 300;
+  for (const auto& weld : {std::optional<SizeSpec>(), std::optional(SizeSpec{1e-4, true})}) {
+    options.weld = weld;
+    options.store = scratch_ / (weld ? "one" : "one-auto");
+    mesh(options);
+    const Contents expected = contents_of(options.store);
+    EXPECT_EQ(expected.run.surface.num_triangles, loose.faces.size());
+    EXPECT_EQ(expected.run.surface.notes.size(), 1U);
+    EXPECT_TRUE(by_ranks(3, options).needs_one_process);
+    for (const int num_ranks : {1, 3}) {
+      MeshOptions many = options;
+      many.store = scratch_ / fmt::format("{}-{}-%r", weld ? "many" : "auto", num_ranks);
+      run_as_ranks(num_ranks, [&](Exchange& exchange) {
+        const RunSummary summary = mesh_as_rank(many, {}, exchange);
+        EXPECT_EQ(summary.run.surface, expected.run.surface);
+        EXPECT_EQ(summary.run.counts, expected.run.counts);
+        join_ranks(many.store, scratch_ / "joined", {}, exchange);
+      });
+      EXPECT_TRUE(are_equal(expected, contents_of(scratch_ / "joined"))) << num_ranks;
+      std::filesystem::remove_all(scratch_ / "joined");
+    }
+  }
+  Polygons open = to_polygons(testing_shapes::sphere(1, 12, 24));
+  open.faces.pop_back();
+  options = this->options("open.stl", to_binary_stl(open), 10);
+  EXPECT_TRUE(by_ranks(3, options).needs_one_process);
+  options.weld = SizeSpec{};
+  EXPECT_NE(by_ranks(3, options).refusal, "") << "where nothing is joined, all can say so";
+  EXPECT_EQ(by_ranks(3, options).refusal, by_one(options).refusal);
 }
 
 // What one process says then is said of the whole run.
