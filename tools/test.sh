@@ -6,6 +6,7 @@
 #                    without it the tests that need models are skipped)
 #   LOCVOL_SANITIZE  address or thread: the sanitizer build, in build/address or build/thread
 #   LOCVOL_UNITY     ON: many files are compiled as one, in half the time
+#   LOCVOL_WERROR    ON: a warning is an error
 #   LOCVOL_MAY_SKIP  a regular expression: a test skipped for another reason has failed
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -17,6 +18,6 @@ tree=${sanitize:-release}
 
 tools/setup.sh python3-vtk9 python3-gmsh python3-meshio  # readers of the formats
 tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize" \
-  "-DCMAKE_UNITY_BUILD=${LOCVOL_UNITY:-OFF}"
+  "-DCMAKE_UNITY_BUILD=${LOCVOL_UNITY:-OFF}" "-DCMAKE_COMPILE_WARNING_AS_ERROR=${LOCVOL_WERROR:-OFF}"
 exec python3 -B tools/run_tests.py "build/$tree" \
   --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"

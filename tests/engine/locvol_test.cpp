@@ -292,10 +292,11 @@ TEST(Library, MeasuresTheCells) {
     least = std::min(least, cell.min_dihedral_degrees);
   }
   EXPECT_EQ(mesh.poor_cells().size(), statistics.num_poor_cells);
-  if (statistics.num_poor_cells > 0)
+  if (statistics.num_poor_cells > 0) {
     EXPECT_EQ(statistics.min_dihedral_degrees, least);
-  else
+  } else {
     EXPECT_GE(statistics.min_dihedral_degrees, 15);
+  }
   EXPECT_LT(statistics.min_dihedral_degrees, 60);
   EXPECT_GT(statistics.max_dihedral_degrees, 90);
   EXPECT_LT(statistics.max_dihedral_degrees, 180);

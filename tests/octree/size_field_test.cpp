@@ -104,10 +104,11 @@ TEST(SizeField, HasRoomWhereItIsBounded) {
   for (int i = 0; i < 2000; ++i) {
     const Point p = random_point(random, kFrame.root_box());
     const double room = field.room(p), at = field.at(p);
-    if (room >= 0)
+    if (room >= 0) {
       EXPECT_EQ(at, sizes.law.most);
-    else if (room > -0.3)
+    } else if (room > -0.3) {
       EXPECT_NEAR(at, sizes.law.most + room, 1e-9);
+    }
     const auto cube = std::ranges::find_if(sizes.cubes, [&](const SizeCube& c) {
       return c.key.is_ancestor_or_self_of(kFrame.key_of(p));
     });

@@ -204,10 +204,11 @@ TEST(ThreadRanks, WaitForAMessageThatIsLate) {
       run_as_ranks(
           3, [](Exchange& exchange) { talk(exchange, 3); }, options);
     };
-    if (number == 5)
+    if (number == 5) {
       EXPECT_THROW(run(), ExchangeError);
-    else
+    } else {
       EXPECT_NO_THROW(run());
+    }
   }
 }
 
