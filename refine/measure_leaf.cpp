@@ -22,6 +22,9 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 // Edges that turn by more are creases, and no part of a curved sheet. In degrees.
 constexpr double kCreaseAngle = 40;
+// Sheets that make a smaller angle are a tip. Facets across it, seldom any, get longer with the
+// angle, and at this one are as long as any. Measured on wedges of 5° to 45°.
+constexpr double kTip = std::numbers::pi / 6;
 // Of the boundary's edges, over h, on average.
 constexpr double kEdge = 1.15;
 // Sheets form a thin part if they face each other up to this angle, in degrees.
@@ -112,6 +115,7 @@ struct Edge {
   double width = 0;       // of the narrower of its triangles; of a vertex, its shortest edge
   Point left{}, right{};  // normals of its triangles
   bool is_convex = false;
+  double opening = 0;  // of a vertex like the tip of a cone: the tangent of half its angle
 };
 
 // Normals at the corners are those of the triangles around that no crease parts from it.
@@ -159,6 +163,7 @@ class Curvatures {
     };
     spokes_.clear();
     creases_.clear();
+    sharpest_ = 1;
     for (std::uint32_t n = 0; n < corners.size(); ++n)
       for (const std::uint32_t k : {1U, 2U}) spokes_.push_back({at(corners[n], k), n});
     std::ranges::sort(spokes_);
@@ -178,7 +183,9 @@ class Curvatures {
                           measured_[corners[a].triangle].normal,
                           measured_[corners[b].triangle].normal,
                           is_convex(corners[a], corners[b], spokes_[s].end)});
-      if (cosine <= kCrease) creases_.push_back(spokes_[s].end);
+      if (cosine > kCrease) continue;
+      creases_.push_back(spokes_[s].end);
+      sharpest_ = std::min(sharpest_, cosine);
     }
     sums_.assign(corners.size(), {});
     angles_.assign(corners.size(), 0);
@@ -201,7 +208,7 @@ class Curvatures {
     double shortest = std::numeric_limits<double>::infinity();
     for (const Spoke& spoke : spokes_)
       shortest = std::min(shortest, squared_distance(spoke.end, place));
-    double cosine = 1, turn = 0;
+    double cosine = 1, turn = 0, opening = 0;
     if (creases_.size() == 2) {
       for (std::size_t n = 0; n < sums_.size(); ++n)
         if (angles_[n] > 0) cosine = std::min(cosine, norm(sums_[n]) / angles_[n]);
@@ -211,9 +218,19 @@ class Curvatures {
       Point sum;
       for (const Point& some : sums_) sum = sum + some;
       cosine = norm(sum) / std::accumulate(angles_.begin(), angles_.end(), 0.0);
+      // Where one of its edges is a tip, it is the corner of a knife, which the edge sees to.
+      if (sharpest_ > -std::cos(kTip) && cosine < kFlat)
+        opening = cosine / std::sqrt(1 - cosine * cosine);
     }
     if (cosine < kFlat) turn = std::max(turn, 2 * std::acos(cosine));
-    if (turn > 0) edges_.push_back({place, place, turn, std::sqrt(shortest)});
+    if (turn > 0)
+      edges_.push_back({.a = place,
+                        .b = place,
+                        .turn = turn,
+                        .width = std::sqrt(shortest),
+                        .left = {},
+                        .right = {},
+                        .opening = opening});
   }
   // The edge from the two corners' place to `end`.
   bool is_convex(const Corner& one, const Corner& two, const Point& end) const {
@@ -240,6 +257,7 @@ class Curvatures {
   std::vector<Point> sums_;     // of normals, by fan
   std::vector<double> angles_;  // of its corners, by fan
   std::vector<Point> creases_;  // ends of the vertex's
+  double sharpest_ = 1;         // cosine of how much the surface turns at them, at most
 };
 
 // ---- Nodes of one level, with what is in them
@@ -439,7 +457,7 @@ class LeafMeasure {
   void measure_creases() {
     const Box box = input_.frame.box(input_.leaf);
     for (const Edge& edge : curvatures_.edges()) {
-      const double size = size_for_crease(edge.turn);
+      const double size = std::min(size_for_crease(edge.turn), size_for_needle(edge));
       if (size >= input_.size || (edge.turn < kPi / 180 * kCreaseAngle && size > edge.width))
         continue;
       if (!Box::around(edge.a).joined(edge.b).overlaps(box)) continue;
@@ -460,6 +478,15 @@ class LeafMeasure {
   // if the ball were around a place of the edge. A vertex is cut off likewise, as of a cone.
   double size_for_crease(double turn) const {
     return kSafeSize * rules_.deviation / (kCovered * std::sin(0.5 * turn));
+  }
+
+  // A vertex like the tip of a cone is cut off where the cone is no wider than a size there, which
+  // has grown on the way (0.8 sizes, measured on cones and pyramids with half angles of 4° to 25°).
+  // A cone narrower than sizes grow asks for the least.
+  double size_for_needle(const Edge& edge) const {
+    if (edge.opening == 0) return std::numeric_limits<double>::infinity();
+    const double slope = 2 * edge.opening - rules_.growth;
+    return std::max(rules_.least, kSafeSize * rules_.deviation * slope);
   }
 
   // Sheets that make a small angle are told apart (C3, C4) almost down to where they are a spacing
@@ -585,9 +612,6 @@ class LeafMeasure {
   static constexpr double kSafeSize = 0.97;
   // How far the surface is from a sample at most, over the size there.
   static constexpr double kCovered = 0.98;
-  // Sheets that make a smaller angle are a tip. Facets across it, seldom any, get longer with the
-  // angle, and at this one are as long as any. Measured on wedges of 5° to 45°.
-  static constexpr double kTip = kPi / 6;
   static constexpr double kSkew = 0.34;        // sine of how much a tip's sheets lean along it
   static constexpr double kSameSheet = 0.999;  // cosine of normals
   static constexpr std::size_t kMostTips = 16;

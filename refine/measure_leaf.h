@@ -17,6 +17,7 @@ struct SizeRules {              // each 0: none
   double layers = 0;            // of cells across thin parts
   double least = 0;             // no smaller size is asked for. Above 0 if any is given
   double spacing_floor = 0.02;  // over the size: how close to each other points may come
+  double growth = 0;            // of sizes around what asks for them, over the way
 };
 
 // How far from a leaf the surface matters to what is measured in it. `size`: λ

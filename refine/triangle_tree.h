@@ -37,18 +37,34 @@ class TriangleTree {
 
   // A stretch of a line: place + d · direction, where d is from `first` to `last`.
   struct Stretch {
-    Point place, direction;
+    Point place, inverse;  // the latter of the direction's coordinates
     double first = -kEndless, last = kEndless;
+
+    Stretch(const Point& from, const Point& direction)
+        : place(from),
+          inverse{inverse_of(direction.x), inverse_of(direction.y), inverse_of(direction.z)} {}
+    // Does it come closer to the box than `margin` along each axis? By the stretches that lie
+    // between the box' sides.
+    bool meets(const Box& box, double margin) const {
+      double in = first, out = last;
+      for (int axis = 0; axis < 3; ++axis) {
+        const double low = (box.min[axis] - margin - place[axis]) * inverse[axis],
+                     high = (box.max[axis] + margin - place[axis]) * inverse[axis];
+        in = std::max(in, std::min(low, high));
+        out = std::min(out, std::max(low, high));
+      }
+      return in <= out;
+    }
+
+   private:
+    static double inverse_of(double x) { return x == 0 ? 1e300 : 1 / x; }  // 0 · ∞ is no number
   };
   // visit(t) for every triangle whose box the stretch comes closer to than `margin` along each
   // axis. Visits may shorten it.
   template <class Visit>
   void for_each_along(const Stretch& stretch, double margin, const Visit& visit) const {
-    const auto inverse = [](double x) { return x == 0 ? 1e300 : 1 / x; };  // 0 · ∞ is no number
-    const auto& [x, y, z] = stretch.direction;
-    const Passage passage{stretch, {inverse(x), inverse(y), inverse(z)}, margin};
     const std::size_t top = levels_.size() - 1;
-    along(top, 0, levels_[top].size(), passage, visit);
+    along(top, 0, levels_[top].size(), stretch, margin, visit);
   }
 
  private:
@@ -57,24 +73,6 @@ class TriangleTree {
     Box box;
     std::uint32_t triangle = 0;  // the smallest below
   };
-  struct Passage {
-    const Stretch& stretch;
-    Point inverse;
-    double margin = 0;
-
-    // By the stretches that lie between the box' sides.
-    bool meets(const Box& box) const {
-      double first = stretch.first, last = stretch.last;
-      for (int axis = 0; axis < 3; ++axis) {
-        const double low = (box.min[axis] - margin - stretch.place[axis]) * inverse[axis],
-                     high = (box.max[axis] + margin - stretch.place[axis]) * inverse[axis];
-        first = std::max(first, std::min(low, high));
-        last = std::min(last, std::max(low, high));
-      }
-      return first <= last;
-    }
-  };
-
   void sort_along_curve(const std::vector<Node>& nodes);
   void build_levels();
 
@@ -102,15 +100,15 @@ class TriangleTree {
   }
 
   template <class Visit>
-  void along(std::size_t level, std::size_t begin, std::size_t end, const Passage& passage,
-             const Visit& visit) const {
+  void along(std::size_t level, std::size_t begin, std::size_t end, const Stretch& stretch,
+             double margin, const Visit& visit) const {
     for (std::size_t i = begin; i < end; ++i) {
       const Node& node = levels_[level][i];
-      if (!passage.meets(node.box)) continue;
+      if (!stretch.meets(node.box, margin)) continue;
       if (level == 0)
         visit(node.triangle);
       else
-        along(level - 1, kFanOut * i, end_of_children(level, i), passage, visit);
+        along(level - 1, kFanOut * i, end_of_children(level, i), stretch, margin, visit);
     }
   }
 

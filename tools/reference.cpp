@@ -219,6 +219,7 @@ locvol generate octahandles \-o octahandles.stl \-\-triangles 50k
 locvol mesh octahandles.stl \-o octahandles.vtu \-\-size 5%
 locvol mesh scan.ply \-o scan.vtu \-\-size 0.5% \-\-memory 2G \-\-store run
 locvol resume run \-o scan.vtu
+xz \-dc part.stl.xz | locvol mesh \- \-o part.vtu
 locvol inspect run \-\-leaves \-\-sort cells \-\-limit 10
 locvol audit run
 .fi
@@ -313,7 +314,7 @@ std::string bash_values(const Values& values) {
     case Values::Kind::kFiles:
       return "_locvol_files ''";
     case Values::Kind::kSurfaces:
-      return fmt::format("_locvol_files '\\.({})$'", fmt::join(kSurfaceExtensions, "|"));
+      return fmt::format("_locvol_files '\\.({})(\\.gz)?$'", fmt::join(kSurfaceExtensions, "|"));
     case Values::Kind::kDirectories:
       return "_locvol_files '^$'";
     case Values::Kind::kWords:
@@ -389,7 +390,7 @@ std::string zsh_values(const Values& values) {
     case Values::Kind::kFiles:
       return "_files";
     case Values::Kind::kSurfaces:
-      return fmt::format("_files -g \"(#i)*.({})\"", fmt::join(kSurfaceExtensions, "|"));
+      return fmt::format("_files -g \"(#i)*.({})(|.gz)\"", fmt::join(kSurfaceExtensions, "|"));
     case Values::Kind::kDirectories:
       return "_files -/";
     case Values::Kind::kWords:

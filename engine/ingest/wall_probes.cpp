@@ -97,7 +97,12 @@ void WallProbes::add_line(const WallProbe& probe, const Point& direction) {
   const Point axis = std::abs(direction.x) < 0.6 ? Point{1, 0, 0} : Point{0, 1, 0};
   const Point across = cross(direction, axis);
   const Point unit = (1 / norm(across)) * across;
-  lines_.push_back({probe.place, direction, unit, cross(direction, unit), probe.corners});
+  lines_.push_back({probe.place,
+                    direction,
+                    unit,
+                    cross(direction, unit),
+                    probe.corners,
+                    {probe.place, direction}});
 }
 
 // Seen along the line, does the triangle go around it? What is rounded is the same for both
@@ -129,8 +134,9 @@ std::vector<LineHit> WallProbes::hits_in(
   std::vector<LineHit> hits;
   for (std::uint32_t number = 0; number < lines_.size(); ++number) {
     const Line& line = lines_[number];
+    TriangleTree::Stretch stretch = line.all;
+    if (!stretch.meets(cell, rounding_)) continue;
     const bool is_straight = number % kNumLines == 0;
-    TriangleTree::Stretch stretch{line.place, line.direction};
     tree.for_each_along(stretch, rounding_, [&](std::uint32_t t) {
       const auto& [a, b, c] = triangles[t];
       const auto met = hit(number, {vertices[a], vertices[b], vertices[c]});

@@ -82,6 +82,7 @@ class WallProbes {
   struct Line {
     Point place, direction, across, beside;
     std::array<Point, 3> corners;
+    TriangleTree::Stretch all;
   };
 
   void add_line(const WallProbe& probe, const Point& direction);

@@ -21,7 +21,7 @@ constexpr double kDistanceSlack = 1.01;  // on distances whose exact value does 
 constexpr GridFineness kFine{3.2, 48}, kOfCover{4, 64}, kOfFill{3, 48}, kCoarse{6, 128};
 
 SizeRules rules_of(const RunParameters& p) {
-  return {p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor};
+  return {p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor, p.growth};
 }
 
 constexpr std::uint64_t kBytesPerPiece = 350;  // of a surface that is measured

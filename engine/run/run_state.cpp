@@ -52,7 +52,8 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
   const RunParameters& p = run.parameters;
   if (p.growth == 0) return kTouch * p.size;
   if (run.phase <= Phase::kSize) {
-    const SizeRules rules{p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor};
+    const SizeRules rules{p.per_circle, p.deviation,     p.layers,
+                          p.min_size,   p.spacing_floor, p.growth};
     return kConflictSlack * std::max(kExactDistance * p.size, measure_reach(rules, p.size));
   }
   // As long as it is not known, no more than twice as large (find_reached_size()).

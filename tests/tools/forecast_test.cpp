@@ -1,4 +1,3 @@
-#include "tests/directories.h"
 #include "tools/forecast.h"
 
 #include <gtest/gtest.h>
@@ -9,6 +8,8 @@
 #include <sstream>
 #include <string>
 #include <vector>
+
+#include "tests/directories.h"
 
 namespace locvol {
 namespace {

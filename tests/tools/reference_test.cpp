@@ -128,9 +128,11 @@ TEST(Reference, BashOffersFilesDirectoriesAndNames) {
   const TempDir dir;
   for (const char* name : {"work", "work/stores", "work/some models"})
     std::filesystem::create_directory(dir / name);
-  for (const char* name : {"work/a.stl", "work/b c.PLY", "work/notes.txt", "work/a.vtu"})
+  for (const char* name :
+       {"work/a.stl", "work/b c.PLY", "work/d.off.gz", "work/notes.txt", "work/a.vtu"})
     std::ofstream(dir / name) << "";
-  EXPECT_EQ(offered(dir, "mesh ''"), (Words{"a.stl", "b c.PLY", "some models", "stores"}));
+  EXPECT_EQ(offered(dir, "mesh ''"),
+            (Words{"a.stl", "b c.PLY", "d.off.gz", "some models", "stores"}));
   EXPECT_EQ(offered(dir, "mesh a.stl -o a"), (Words{"a.stl", "a.vtu"}));
   EXPECT_EQ(offered(dir, "inspect s"), (Words{"some models", "stores"}));
   EXPECT_EQ(offered(dir, "mesh a.stl --init ''"), (Words{"cover", "paper"}));
