@@ -39,7 +39,7 @@ void print_error(std::initializer_list<const char*> texts) {
 
 bool is_directory_gone() {
   std::error_code error;
-  std::filesystem::current_path(error);
+  [[maybe_unused]] const auto current = std::filesystem::current_path(error);
   return error == std::errc::no_such_file_or_directory;
 }
 

@@ -21,13 +21,13 @@ namespace {
 constexpr std::size_t kCopyBytes = std::size_t{1} << 18;
 constexpr int kPollMilliseconds = 100;
 
-enum class Kind { kRegular, kPipe, kTerminal, kDevice, kDirectory };
+enum class FileKind { kRegular, kPipe, kTerminal, kDevice, kDirectory };
 
-Kind kind_of(const struct stat& status, int descriptor) {
-  if (S_ISREG(status.st_mode)) return Kind::kRegular;
-  if (S_ISDIR(status.st_mode)) return Kind::kDirectory;
-  if (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode)) return Kind::kPipe;
-  return descriptor >= 0 && ::isatty(descriptor) ? Kind::kTerminal : Kind::kDevice;
+FileKind kind_of(const struct stat& status, int descriptor) {
+  if (S_ISREG(status.st_mode)) return FileKind::kRegular;
+  if (S_ISDIR(status.st_mode)) return FileKind::kDirectory;
+  if (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode)) return FileKind::kPipe;
+  return descriptor >= 0 && ::isatty(descriptor) ? FileKind::kTerminal : FileKind::kDevice;
 }
 
 [[noreturn]] void refuse(const std::filesystem::path& path, const std::string& what) {
@@ -42,11 +42,11 @@ OpenFile opened(const std::filesystem::path& path, bool may_be_pipe) {
     refuse(path, fmt::format("cannot be examined ({})", std::strerror(errno)));
   }
   switch (kind_of(status, -1)) {
-    case Kind::kRegular:
+    case FileKind::kRegular:
       break;
-    case Kind::kDirectory:
+    case FileKind::kDirectory:
       refuse(path, "is a directory; name a file in it");
-    case Kind::kPipe:
+    case FileKind::kPipe:
       if (may_be_pipe) break;
       refuse(path, "is not a regular file; save what it gives to a file first");
     default:
@@ -99,16 +99,16 @@ InputBytes InputBytes::of_standard_input(const std::filesystem::path& directory,
   }
   InputBytes input(kStandardInput, OpenFile(descriptor, kStandardInput));
   switch (kind_of(status, descriptor)) {
-    case Kind::kRegular: {
+    case FileKind::kRegular: {
       const off_t begin = ::lseek(descriptor, 0, SEEK_CUR);
       input.begin_ = begin > 0 ? std::min(static_cast<std::uint64_t>(begin), input.size_) : 0;
       input.size_ -= input.begin_;
       break;
     }
-    case Kind::kPipe:
+    case FileKind::kPipe:
       input.copy_into(directory, stop);
       break;
-    case Kind::kTerminal:
+    case FileKind::kTerminal:
       input.refuse(
           "is a terminal: give the name of a surface file, or send one in, as in \"zcat "
           "part.stl.gz "

@@ -317,6 +317,11 @@ struct SurfaceSummary {
   void add(const CellReport& cell) {
     findings.add(cell.findings);
     for (const LineHit& hit : cell.hits) findings.sights[hit.line].add(hit);
+    // Of an open surface nothing else matters, and each of its triangles may be a component.
+    if (findings.edges.border.count > 0) {
+      joiner = {};
+      return;
+    }
     std::vector<std::uint32_t> numbers(cell.parts.size());
     for (std::size_t i = 0; i < numbers.size(); ++i) {
       const auto& [sum, is_whole] = cell.parts[i];

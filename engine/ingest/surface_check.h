@@ -53,8 +53,8 @@ struct SurfaceFindings {
 
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
-  JoinedComponents joined;
-  LineSights sights;  // of the lines of all probes, in CheckScope::kAll
+  JoinedComponents joined;  // none that is complete, where edges are in one triangle
+  LineSights sights;        // of the lines of all probes, in CheckScope::kAll
 
   void add(const SurfaceFindings& others);  // but for their components
 

@@ -112,8 +112,8 @@ std::string WeldTrials::flaw_of(WeldedSurface& surface, CheckScope scope) {
   buckets.distribute(spill_, all, box_, {}, true, watch_);
   surface.triangles = std::move(all.front());
   const SurfaceFindings findings =
-      check_cells(spill_, buckets, box_, surface.collinear.empty() ? scope : CheckScope::kNeighbors,
-                  watch_, workers_);
+      check_cells(spill_, buckets, box_, {},
+                  surface.collinear.empty() ? scope : CheckScope::kNeighbors, watch_, workers_);
   buckets.release(spill_);
   const auto& [open, overused] = findings.edges_that_count();
   if (open.count > 0)

@@ -102,10 +102,10 @@ std::string name_of(const std::filesystem::path& input) {
   return std::filesystem::absolute(input).string();
 }
 
-Box box_of(const SizeShape& shape) { return Box::around(shape.a).joined(shape.b); }
+Box ends_of(const SizeShape& shape) { return Box::around(shape.a).joined(shape.b); }
 
 double distance_between(const SizeShape& shape, const Box& box) {
-  return std::max(0.0, std::sqrt(box.squared_distance(box_of(shape))) - shape.radius);
+  return std::max(0.0, std::sqrt(box.squared_distance(ends_of(shape))) - shape.radius);
 }
 
 void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
@@ -117,10 +117,10 @@ void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& p
       throw InputError(place + ": " + e.what());
     }
     if (shape.kind == ShapeKind::kBox) {
-      const Box box = box_of(shape);
+      const Box box = ends_of(shape);
       added.a = box.min, added.b = box.max;
     }
-    const Point farthest = box_of(shape).expanded(shape.radius).max;
+    const Point farthest = ends_of(shape).expanded(shape.radius).max;
     if (!(shape.radius >= 0) || !std::isfinite(dot(farthest, farthest)))
       throw InputError(place + ": give finite coordinates, and a radius of at least 0");
     const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);

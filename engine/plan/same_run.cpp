@@ -38,6 +38,8 @@ std::string image_text(const RunParameters& p) {
   return p.has_image() ? "the image " + p.size_image : "no image";
 }
 
+std::string weld_text(const RunParameters& p) { return p.weld ? decimal(*p.weld) : "auto"; }
+
 // In the user's own time.
 std::string time_text(std::time_t seconds) {
   std::tm time{};
@@ -87,6 +89,7 @@ std::vector<std::string> differences(const RunRecord& held_run, const RunRecord&
   compare("--spacing-floor", decimal(held.spacing_floor), decimal(asked.spacing_floor));
   compare("--leaf-capacity", std::to_string(held.leaf_capacity),
           std::to_string(asked.leaf_capacity));
+  compare("--weld", weld_text(held), weld_text(asked));
   compare("--init", name_of(held.init), name_of(asked.init));
   compare("--seed", std::to_string(held.seed), std::to_string(asked.seed));
   compare("--growth", decimal(held.growth), decimal(asked.growth));

@@ -14,6 +14,9 @@
 
 #include "engine/formats/mesh_format.h"
 #include "storage/store.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/engine/ingest/random_surfaces.h"
+#include "tests/engine/ingest/surface_fixtures.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 #include "tests/tools/process.h"

@@ -23,6 +23,7 @@
 #include "engine/formats/writer.h"
 #include "engine/ingest/input_file.h"
 #include "engine/plan/run_setup.h"
+#include "engine/plan/same_run.h"
 #include "engine/rank_engine.h"
 #include "engine/shared/standard_input.h"
 #include "engine/shared/stop_source.h"

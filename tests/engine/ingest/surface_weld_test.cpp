@@ -17,6 +17,7 @@
 
 #include "engine/ingest/near_points.h"
 #include "engine/ingest/sorted_spill.h"
+#include "tests/directories.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"
 #include "tests/skip_reasons.h"
@@ -550,7 +551,7 @@ class WeldedModels : public testing::Test {
   void SetUp() override {
     if (kModels.empty()) GTEST_SKIP() << kNoModels;
   }
-  const std::filesystem::path kModels = LOCVOL_MODELS_DIR;
+  const std::filesystem::path kModels = models_directory();
 };
 
 TEST_F(WeldedModels, FeaturetypeIsClosed) {

@@ -104,7 +104,7 @@ TEST(RunEstimate, IsWithinAFactorOfTwoAtThinWallsAndGaps) {
       {"sheet", turned(box_shape({{0, 0, 0}, {3, 4, 0.05}})), 0.9},
       {"sheet as thin as can be resolved", turned(box_shape({{0, 0, 0}, {1, 1.2, 0.022}})), 1},
       {"gap", turned(together(box_shape(slab), translated(box_shape(slab), {0, 0, 1.65}))), 1},
-      {"knife", turned(wedge(6, 8, 0.15)), 1},
+      {"knife", turned(testing_shapes::wedge(6, 8, 0.15)), 1},
       {"growing shell", shell(2, 0.15, 30), 0.8, 0.2}};
   for (const auto& [name, shape, size, growth, max_size] : trials) {
     SCOPED_TRACE(name);

@@ -311,6 +311,7 @@ TEST(RequireSameRun, NamesEachOptionThatDiffersWithBothValues) {
            {"--spacing-floor", [](auto& p) { p.spacing_floor = 0.3; }},
            {"--leaf-capacity", [](auto& p) { p.leaf_capacity = 7; }},
            {"--init", [](auto& p) { p.init = Initialization::kPaper; }},
+           {"--weld", [](auto& p) { p.weld = 1; }},
            {"--seed", [](auto& p) { p.seed = 4; }},
            {"--min-dihedral", [](auto& p) { p.min_dihedral = 20; }},
            {"--growth", [](auto& p) { p.growth = 0.1; }},
