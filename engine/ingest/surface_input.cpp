@@ -108,6 +108,11 @@ class SurfacePreparation {
     raw_.triangles = {std::exchange(welded.triangles, {})};
     raw_.collinear = std::exchange(welded.collinear, {});
     raw_.num_collapsed += welded.num_collapsed;
+    // Places of before lie beside their own triangles now, as if walls were there.
+    ProbePicker probes;
+    for (const TriangleList& list : raw_.triangles)
+      raw_.spill.for_each(list, [&](const Triangle& triangle) { probes.add(triangle); });
+    raw_.probes = probes.take();
     welded_ = std::move(welded);
   }
 

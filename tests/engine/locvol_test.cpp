@@ -384,7 +384,7 @@ TEST(Library, JoinsPointsThatAreNearlyOne) {
   options.weld = Size::length(1e-9);
   EXPECT_TRUE(mesh_surface(loose, options).is_complete());
   options.weld.reset();
-  EXPECT_EQ(code_of([&] { mesh_surface(loose, options); }, "weld: 1e-09 in the store, auto"),
+  EXPECT_EQ(code_of([&] { mesh_surface(loose, options); }, "--weld is 1e-09 in it, and auto here"),
             ErrorCode::kMismatch);
 }
 

@@ -887,8 +887,7 @@ TEST(Command, PointsThatAreNearlyOneAreJoinedAndSaid) {
   arguments.insert(arguments.end(), {"--weld", "1e-6"});
   const ProcessResult other = run_locvol(arguments);
   EXPECT_EQ(other.exit_code, 1);
-  EXPECT_NE(other.err.find("weld: auto in the store, 1e-06 asked for"), std::string::npos)
-      << other.err;
+  EXPECT_NE(other.err.find("--weld is auto in it, and 1e-06 here"), std::string::npos) << other.err;
   const ProcessResult never = run_locvol({"info", surface, "--weld", "0"});
   EXPECT_EQ(never.exit_code, 1);
   EXPECT_NE(never.err.find("not closed"), std::string::npos) << never.err;
