@@ -43,12 +43,13 @@ void ProbePicker::add(const Triangle& triangle) {
   const auto& [a, b, c] = triangle.corners;
   const Point normal = cross(b - a, c - a);
   const double twice_area = norm(normal);
-  if (!(twice_area > 0)) return;
+  if (!(twice_area > 0) || !std::isfinite(twice_area)) return;  // refused elsewhere
   const std::uint64_t hash = hash_of(triangle.corners);
   const double step = 2 / twice_area, phase = fraction(hash);
   if (!may_take(phase * step)) return;
   const double x0 = fraction(mix(hash ^ 1)), y0 = fraction(mix(hash ^ 2));
-  for (std::uint64_t i = 0; may_take((phase + static_cast<double>(i)) * step); ++i) {
+  for (std::uint64_t i = 0; i < kNumProbes && may_take((phase + static_cast<double>(i)) * step);
+       ++i) {
     const auto n = static_cast<double>(i);
     double x = x0 + n * kStepX, y = y0 + n * kStepY;
     x -= std::floor(x);
