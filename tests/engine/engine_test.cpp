@@ -767,9 +767,9 @@ TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
       EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
     }
   };
-  expect_refusal(options("one", 0.25, 300), "image of sizes: ");
+  expect_refusal(options("one", 0.25, 300), "--sizes is the image ");
   std::ofstream(image) << image_of_sizes([](const Point&) { return 0.1; });
-  expect_refusal(of_image("one"), "image of sizes: ");
+  expect_refusal(of_image("one"), "--sizes is the image ");
   std::ofstream(image) << image_of_sizes([](const Point& p) { return p.x > 0 ? 0.1 : -0.1; });
   expect_refusal(of_image("bad"), "field.vti");
   std::ofstream(image) << image_of_sizes([](const Point&) { return 2e-5; });

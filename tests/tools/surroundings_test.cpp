@@ -87,12 +87,13 @@ TEST_F(Surroundings, ALimitOnTheSizeOfFilesIsTold) {
 TEST_F(Surroundings, FewOpenFilesAreEnoughOrTheErrorSaysSo) {
   // The shell needs some itself, unless the command takes its place.
   const auto mesh_with = [&](const std::string& limit) {
-    return shell("exec > /dev/null 2> err; ulimit " + limit +
+    return shell("exec > /dev/null 2> err 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit " + limit +
                  "; exec $LOCVOL mesh ball.stl -o few.vtu --size 20%");
   };
   for (int limit = 4; limit <= 24; ++limit) {
     SCOPED_TRACE(limit);
     const int code = mesh_with("-n " + std::to_string(limit));
+    if (err_says("error while loading shared libraries")) continue;  // it has not begun
     EXPECT_TRUE(code == 0 || code == 1) << code << err();
     if (code == 1) {
       EXPECT_TRUE(err_says("Too many open files")) << err();
