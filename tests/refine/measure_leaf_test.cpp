@@ -179,6 +179,46 @@ TEST(MeasureLeaf, AsksForNoMoreAtATipThanItTakes) {
   EXPECT_LT(least_at_axis(tip, nodes, length), deviation / 0.34);
 }
 
+Mesh cone(double half_angle_degrees) {
+  constexpr int kSides = 64;
+  const Point apex{0, 0, 0}, base{0, 0, -1};
+  const double radius = std::tan(kPi / 180 * half_angle_degrees);
+  const auto at = [&](int n) {
+    return Point{radius * std::cos(2 * kPi * n / kSides), radius * std::sin(2 * kPi * n / kSides),
+                 -1};
+  };
+  std::vector<std::array<Point, 3>> all;
+  for (int n = 0; n < kSides; ++n) {
+    all.push_back({apex, at(n), at((n + 1) % kSides)});
+    all.push_back({base, at((n + 1) % kSides), at(n)});
+  }
+  return numbered(all);
+}
+
+// A cone is cut off where it is no wider than a size, which has grown on the way from the apex.
+TEST(MeasureLeaf, AsksForWhatReachesTheTipOfACone) {
+  const double deviation = 0.05, least = 0.002;
+  for (const double degrees : {8.0, 15.0, 25.0}) {
+    const Part part(cone(degrees), 0.3, 1);
+    const double opening = 2 * std::tan(kPi / 180 * degrees);
+    for (const double growth : {0.0, 0.1, 0.2}) {
+      SizeRules rules{.deviation = deviation, .least = least};
+      rules.growth = growth;
+      double at_apex = 1e9;
+      for (const SizedNode& node : part.measured(rules))
+        if (part.box(node).squared_distance(Point{0, 0, 0}) == 0)
+          at_apex = std::min<double>(at_apex, node.size);
+      const double reaching = deviation * (opening - growth);
+      EXPECT_LT(at_apex, std::max(least, reaching) * 1.001) << degrees << ' ' << growth;
+      EXPECT_GT(at_apex, std::max(least, 0.9 * reaching) * 0.999) << degrees << ' ' << growth;
+    }
+  }
+  // Narrower than sizes grow: the least that is asked for.
+  const Part needle(cone(4), 0.3, 1);
+  const auto nodes = needle.measured({.deviation = deviation, .least = least, .growth = 0.2});
+  EXPECT_EQ(std::ranges::min(nodes, {}, &SizedNode::size).size, static_cast<float>(least));
+}
+
 // The curvature of such a scan's triangles is that of a ball 25 times as small.
 TEST(MeasureLeaf, DoesNotTakeNoiseForCurvature) {
   Mesh scanned = icosphere({0, 0, 0}, 1, 5);
