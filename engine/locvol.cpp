@@ -532,10 +532,9 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
-    const SurfaceFacts facts =
-        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
-                       size_spec(weld))
-            .facts;
+    const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, directory, thrown),
+                                              directory, watch, workers, size_spec(weld))
+                                   .facts;
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);
     return info_of(facts);
