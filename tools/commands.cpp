@@ -199,9 +199,8 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
     const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
     ProgressLine line(progress_style(own), cap);
     const SurfaceSource surface = surface_at(command.options.input, place.own());
-    own.options.size = command.size
-                           ? *command.size
-                           : chosen_size(surface, command.options.weld, cap, place, line);
+    own.options.size =
+        command.size ? *command.size : chosen_size(surface, command.options.weld, cap, place, line);
     own.options.store = place.stores;
     const bool is_removable =
         command.options.store.empty() && !command.is_store_kept && is_absent_or_store(place.own());
