@@ -195,7 +195,8 @@ inline std::vector<SurfaceVariant> binary_stl_variants() {
   };
   const std::string plain = to_binary_stl(variant_box());
   std::string colored = to_binary_stl(
-      variant_box(), std::string_view("COLOR=\xa9\xa9\xff\xff,MATERIAL=\x7f\x7f\x7f\xff", 28));
+      variant_box(),
+      "COLOR=\xa9\xa9\xff\xff,MATERIAL=\x7f\x7f\x7f\xff\x7f\x7f\x7f\xff\x7f\x7f\x7f\xff");
   for (std::size_t t = 0; t < 12; ++t) colored[84 + 50 * t + 48] = static_cast<char>(0x80 + t);
   return {
       {"fusion_360.stl", plain},
