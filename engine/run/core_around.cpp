@@ -24,7 +24,7 @@ constexpr auto kNumCells = [] {
   std::array<std::uint8_t, std::size_t{1} << kLargerNeighbors.size()> num{};
   for (std::size_t larger = 0; larger < num.size(); ++larger)
     for (const auto& [a, b, c] : kCellsOfLargerNeighbors)
-      num[larger] += larger >> a & larger >> b & larger >> c & 1;
+      if (larger >> a & larger >> b & larger >> c & 1) ++num[larger];
   return num;
 }();
 

@@ -166,21 +166,22 @@ RunControl with_threads(int num_threads) {
   return control;
 }
 
-// A run that is stopped after each `num_visits` visits, and resumed until it is done. On one
-// thread: on several, those under way would be dropped, and at one visit a piece it would get
-// nowhere.
-void mesh_in_pieces(const MeshOptions& options, int num_visits) {
+// A run that is stopped after each `num_visits` visits, each time after `num_more` more of them,
+// and resumed until it is done. On one thread: on several, those under way would be dropped, and at
+// one visit a piece it would get nowhere.
+void mesh_in_pieces(const MeshOptions& options, int num_visits, int num_more = 0) {
   int num_pieces = 0, num_done = 0;
   const auto stop_soon = [&] {
     num_done = 0;
     return RunControl{.on_progress = [&](const Progress&) { ++num_done; },
-                      .is_stopped = [&, num_visits] { return num_done >= num_visits; },
+                      .is_stopped = [&] { return num_done >= num_visits; },
                       .on_note = {},
                       .num_threads = 1};
   };
   RunSummary summary = mesh(options, stop_soon());
   while (summary.outcome == RunOutcome::kInterrupted) {
     ASSERT_LT(++num_pieces, 5000);
+    num_visits += num_more;
     if (num_pieces % 7 == 0) expect_consistent(contents_of(options.store));
     summary = num_pieces % 2 == 0 ? resume(options.store, stop_soon()) : mesh(options, stop_soon());
   }
@@ -492,7 +493,8 @@ class GradedEngineTest : public EngineTest {
     options.growth = growth;
     return options;
   }
-  // Of a run with one thread: they are the same with others, and in pieces of so many visits.
+  // Of a run with one thread: they are the same with others, and in pieces of so many visits and
+  // more.
   // `run_of`: with a store of that name
   Contents expect_same_records(const std::function<MeshOptions(const std::string&)>& run_of,
                                const std::vector<int>& some_threads, int num_visits) const {
@@ -505,7 +507,7 @@ class GradedEngineTest : public EngineTest {
       EXPECT_TRUE(are_equal(contents_of(run.store), expected)) << num_threads << " threads";
     }
     const auto pieces = run_of("pieces");
-    mesh_in_pieces(pieces, num_visits);
+    mesh_in_pieces(pieces, num_visits, num_visits);
     EXPECT_TRUE(are_equal(contents_of(pieces.store), expected));
     return expected;
   }
@@ -558,12 +560,12 @@ TEST_F(GradedEngineTest, HasACoreWhereSizesAreBounded) {
   for (const std::uint64_t leaf_capacity : {150, 2000}) {
     for (const bool has_shape : {false, true}) {
       const std::string name = std::to_string(leaf_capacity) + (has_shape ? "shape" : "");
-      auto run = graded(name, 0.05, leaf_capacity, 0.3);
+      auto run = graded(name, 0.06, leaf_capacity, 0.3);
       if (has_shape) {
         run.growth = 0;  // but around the shape
         run.shapes = {{{ShapeKind::kBall, 0.01, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
       } else {
-        run.max_size = SizeSpec{0.08, false};
+        run.max_size = SizeSpec{0.09, false};
       }
       const RunSummary summary = mesh(run);
       EXPECT_EQ(summary.outcome, RunOutcome::kDone);

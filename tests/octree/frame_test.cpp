@@ -9,10 +9,10 @@
 #include <random>
 #include <stdexcept>
 
+#include "tests/octree/random_places.h"
+
 namespace locvol {
 namespace {
-
-constexpr std::uint32_t kGridSide = std::uint32_t{1} << MortonKey::kMaxLevel;
 
 class RandomFrames {
  public:

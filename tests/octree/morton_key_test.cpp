@@ -6,10 +6,10 @@
 #include <cstdint>
 #include <random>
 
+#include "tests/octree/random_places.h"
+
 namespace locvol {
 namespace {
-
-constexpr std::uint32_t kGridSide = std::uint32_t{1} << MortonKey::kMaxLevel;
 
 static_assert(!MortonKey().is_valid());
 static_assert(MortonKey::root().is_valid() && MortonKey::root().level() == 0);

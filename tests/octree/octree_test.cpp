@@ -12,7 +12,7 @@
 namespace locvol {
 namespace {
 
-const Frame kFrame = Frame::around({{-1, -1, -1}, {1, 1, 1}}, 0.1, 0.01);
+const Frame kUnevenFrame = Frame::around({{-1, -1, -1}, {1, 1, 1}}, 0.1, 0.01);
 
 class RandomOctrees {
  public:
@@ -25,7 +25,7 @@ class RandomOctrees {
   }
   Point point() { return {between(-1, 1), between(-1, 1), between(-1, 1)}; }
   MortonKey key() {
-    return kFrame.key_of(point(), static_cast<int>(below(MortonKey::kMaxLevel + 1)));
+    return kUnevenFrame.key_of(point(), static_cast<int>(below(MortonKey::kMaxLevel + 1)));
   }
   // A mix of levels, deep in a few places.
   LinearOctree octree(int num_splits) {
@@ -33,7 +33,7 @@ class RandomOctrees {
     const Point dense = point();
     for (int i = 0; i < num_splits; ++i) {
       const bool is_dense = below(4) == 0;
-      const MortonKey leaf = octree.leaf_owning(kFrame, is_dense ? dense : point());
+      const MortonKey leaf = octree.leaf_owning(kUnevenFrame, is_dense ? dense : point());
       if (leaf.level() < MortonKey::kMaxLevel) octree.split(leaf);
     }
     return octree;
@@ -58,15 +58,15 @@ TEST(LinearOctree, SplitsKeepTheCoverUntilTheLastLevel) {
   LinearOctree octree;
   const Point p = random.point();
   for (int level = 0; level < MortonKey::kMaxLevel; ++level) {
-    const MortonKey leaf = octree.leaf_owning(kFrame, p);
-    ASSERT_EQ(leaf, kFrame.key_of(p, level));
+    const MortonKey leaf = octree.leaf_owning(kUnevenFrame, p);
+    ASSERT_EQ(leaf, kUnevenFrame.key_of(p, level));
     octree.split(leaf);
     ASSERT_EQ(octree.size(), 8 + 7 * static_cast<std::size_t>(level));
     ASSERT_FALSE(octree.is_leaf(leaf));
     for (int octant = 0; octant < 8; ++octant) ASSERT_TRUE(octree.is_leaf(leaf.child(octant)));
     ASSERT_NO_THROW(LinearOctree(copy(octree.leaves())));
   }
-  EXPECT_EQ(octree.leaf_owning(kFrame, p).level(), MortonKey::kMaxLevel);
+  EXPECT_EQ(octree.leaf_owning(kUnevenFrame, p).level(), MortonKey::kMaxLevel);
 }
 
 TEST(LinearOctree, UniformIsTheSameAsSplittingEverything) {
@@ -140,9 +140,9 @@ TEST(LinearOctree, EveryPointHasItsLeaf) {
   const LinearOctree octree = random.octree(120);
   for (int i = 0; i < 2000; ++i) {
     const Point p = random.point();
-    const MortonKey leaf = octree.leaf_owning(kFrame, p);
+    const MortonKey leaf = octree.leaf_owning(kUnevenFrame, p);
     ASSERT_TRUE(octree.is_leaf(leaf));
-    ASSERT_TRUE(kFrame.box(leaf).contains(p));
+    ASSERT_TRUE(kUnevenFrame.box(leaf).contains(p));
   }
 }
 
@@ -156,26 +156,27 @@ TEST(LinearOctree, LeavesWithinAgreeWithAllPairs) {
     const MortonKey leaf = octree.leaves()[random.below(octree.size())];
     const bool is_aligned = i % 2 == 0;
     const Box box =
-        is_aligned ? kFrame.box(leaf) : Box::around(random.point()).joined(random.point());
+        is_aligned ? kUnevenFrame.box(leaf) : Box::around(random.point()).joined(random.point());
     const double distance = i % 5 == 0   ? 0
-                            : is_aligned ? kFrame.side(leaf.level())
+                            : is_aligned ? kUnevenFrame.side(leaf.level())
                                          : random.between(0, 0.5);
     std::vector<MortonKey> expected;
     for (const MortonKey other : octree.leaves())
-      if (kFrame.box(other).squared_distance(box) <= distance * distance) expected.push_back(other);
-    ASSERT_EQ(octree.leaves_within(kFrame, box, distance), expected);
+      if (kUnevenFrame.box(other).squared_distance(box) <= distance * distance)
+        expected.push_back(other);
+    ASSERT_EQ(octree.leaves_within(kUnevenFrame, box, distance), expected);
   }
 }
 
 TEST(LinearOctree, LeavesWithinEndsOfTheScale) {
   const LinearOctree octree = RandomOctrees(26).octree(50);
-  const Box corner = Box::around(kFrame.root_box().min);
-  EXPECT_EQ(octree.leaves_within(kFrame, corner, std::numeric_limits<double>::infinity()),
+  const Box corner = Box::around(kUnevenFrame.root_box().min);
+  EXPECT_EQ(octree.leaves_within(kUnevenFrame, corner, std::numeric_limits<double>::infinity()),
             copy(octree.leaves()));
-  EXPECT_TRUE(octree.leaves_within(kFrame, corner, -1).empty());
-  const Box elsewhere = Box::around(kFrame.root_box().max + Point{1, 0, 0});
-  EXPECT_TRUE(octree.leaves_within(kFrame, elsewhere, 0.5).empty());
-  EXPECT_FALSE(octree.leaves_within(kFrame, elsewhere, 1).empty());
+  EXPECT_TRUE(octree.leaves_within(kUnevenFrame, corner, -1).empty());
+  const Box elsewhere = Box::around(kUnevenFrame.root_box().max + Point{1, 0, 0});
+  EXPECT_TRUE(octree.leaves_within(kUnevenFrame, elsewhere, 0.5).empty());
+  EXPECT_FALSE(octree.leaves_within(kUnevenFrame, elsewhere, 1).empty());
 }
 
 }  // namespace

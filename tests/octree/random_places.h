@@ -6,9 +6,11 @@
 
 #include "octree/frame.h"
 #include "octree/geometry.h"
+#include "octree/morton_key.h"
 
 namespace locvol {
 
+inline constexpr std::uint32_t kGridSide = std::uint32_t{1} << MortonKey::kMaxLevel;
 inline const Frame kFrame({-4, -4, -4}, 0x1p-18);  // a root of side 8
 
 class RandomPlaces {

@@ -12,7 +12,7 @@
 namespace locvol {
 namespace {
 
-const Frame kFrame = Frame({-3, 1, 10}, 0x1p-18);
+const Frame kSharedFrame = Frame({-3, 1, 10}, 0x1p-18);
 
 LinearOctree random_octree(std::mt19937_64& random, int num_splits) {
   LinearOctree octree;
@@ -88,14 +88,14 @@ TEST(Shares, FindTheRanksNearABox) {
     const Shares shares =
         Shares::of_equal_cost(octree.leaves(), costs, 1 + static_cast<int>(random() % 9));
     for (int i = 0; i < 20; ++i) {
-      const Box box = kFrame.box(octree.leaves()[random() % octree.size()]);
+      const Box box = kSharedFrame.box(octree.leaves()[random() % octree.size()]);
       const double distance = 0.01 * static_cast<double>(random() % 300) - 0.1;
       std::vector<int> expected;
-      for (const MortonKey leaf : octree.leaves_within(kFrame, box, distance))
+      for (const MortonKey leaf : octree.leaves_within(kSharedFrame, box, distance))
         expected.push_back(shares.owner_of(leaf));
       const auto repeated = std::ranges::unique(expected);
       expected.erase(repeated.begin(), repeated.end());
-      EXPECT_EQ(shares.ranks_within(kFrame, box, distance), expected);
+      EXPECT_EQ(shares.ranks_within(kSharedFrame, box, distance), expected);
     }
   }
 }

@@ -12,7 +12,7 @@
 namespace locvol {
 namespace {
 
-const Frame kFrame({-1, -2, 3}, 0x1p-18);  // a root of side 8
+const Frame kPlaneFrame({-1, -2, 3}, 0x1p-18);  // a root of side 8
 
 Point random_point(std::mt19937_64& random, const Box& box) {
   Point p;
@@ -26,10 +26,10 @@ SizeCubes cubes_at_a_plane(const Point& normal, double offset) {
   LinearOctree octree = LinearOctree::uniform(2);
   octree.split(octree.leaves()[5]);
   octree.split(octree.leaves()[7]);
-  SizeCubes sizes{.law = {.surface = 0.5, .growth = 0.2}, .frame = kFrame, .cubes = {}};
+  SizeCubes sizes{.law = {.surface = 0.5, .growth = 0.2}, .frame = kPlaneFrame, .cubes = {}};
   for (const MortonKey key : octree.leaves()) {
     SizeCube cube{.key = key};
-    const Box box = kFrame.box(key);
+    const Box box = kPlaneFrame.box(key);
     for (std::size_t k = 0; k < 8; ++k) {
       const Point corner{(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
                          (k & 4 ? box.max : box.min).z};
@@ -50,12 +50,12 @@ TEST(SizeField, IsTheSameEverywhereUnlessItGrows) {
 
 TEST(SizeField, GrowsWithTheDistanceFromAPlaneAndNotOutside) {
   const Point normal = 1 / std::sqrt(14.0) * Point{1, 2, 3};
-  const double offset = dot(normal, kFrame.root_box().center());
+  const double offset = dot(normal, kPlaneFrame.root_box().center());
   const SizeCubes sizes = cubes_at_a_plane(normal, offset);
   const SizeField field(sizes);
   std::mt19937_64 random(7);
   for (int i = 0; i < 2000; ++i) {
-    const Point p = random_point(random, kFrame.root_box());
+    const Point p = random_point(random, kPlaneFrame.root_box());
     const double depth = dot(normal, p) - offset;
     const double expected = 0.5 + 0.2 * std::max(0.0, depth);
     EXPECT_NEAR(field.at(p), expected, 1e-5);
@@ -73,7 +73,7 @@ TEST(SizeField, FindsTheSameCubesAsASearch) {
     std::erase_if(some.cubes, [&](const SizeCube&) { return random() % 3 == 0; });
     const SizeField field(some);
     for (int i = 0; i < 300; ++i) {
-      const Point p = random_point(random, kFrame.root_box().expanded(0.1));
+      const Point p = random_point(random, kPlaneFrame.root_box().expanded(0.1));
       EXPECT_NEAR(field.at(p), size_at(some.law, some.frame, some.cubes, p), 1e-12);
       const double h = field.at(p);
       EXPECT_TRUE(field.is_below(0.999 * h * h, 1, p));
@@ -102,7 +102,7 @@ TEST(SizeField, HasRoomWhereItIsBounded) {
   const double of_one = sizes.law.growth * sizes.law.most;
   int num_in_core = 0;
   for (int i = 0; i < 2000; ++i) {
-    const Point p = random_point(random, kFrame.root_box());
+    const Point p = random_point(random, kPlaneFrame.root_box());
     const double room = field.room(p), at = field.at(p);
     if (room >= 0) {
       EXPECT_EQ(at, sizes.law.most);
@@ -110,7 +110,7 @@ TEST(SizeField, HasRoomWhereItIsBounded) {
       EXPECT_NEAR(at, sizes.law.most + room, 1e-9);
     }
     const auto cube = std::ranges::find_if(sizes.cubes, [&](const SizeCube& c) {
-      return c.key.is_ancestor_or_self_of(kFrame.key_of(p));
+      return c.key.is_ancestor_or_self_of(kPlaneFrame.key_of(p));
     });
     ASSERT_NE(cube, sizes.cubes.end());
     if (!is_of_core(sizes.law, *cube)) continue;
@@ -126,7 +126,7 @@ TEST(SizeField, HasRoomWhereItIsBounded) {
 TEST(SizeField, IsSmallestWhereNothingIsKnown) {
   SizeCubes sizes = cubes_at_a_plane({0, 0, 1}, 3);
   sizes.cubes.erase(sizes.cubes.begin() + 10, sizes.cubes.end() - 3);
-  const Point unknown = kFrame.box(LinearOctree::uniform(2).leaves()[20]).center();
+  const Point unknown = kPlaneFrame.box(LinearOctree::uniform(2).leaves()[20]).center();
   EXPECT_EQ(SizeField(sizes).at(unknown), 0.5);
   EXPECT_EQ(SizeField(sizes).at({-100, 0, 0}), 0.5);
 }
@@ -144,11 +144,11 @@ TEST(SizeField, BallsStayWithinReach) {
   const SizeField field(cubes_at_a_plane({0, 0, 1}, 3));
   std::mt19937_64 random(8);
   for (int i = 0; i < 2000; ++i) {
-    const Point center = random_point(random, kFrame.root_box());
+    const Point center = random_point(random, kPlaneFrame.root_box());
     const double k = 2.25, radius = 0.5 * k * field.at(center);
     Point way = random_point(random, {{-1, -1, -1}, {1, 1, 1}});
     const Point p = center + radius / norm(way) * way;
-    if (!kFrame.contains(p)) continue;
+    if (!kPlaneFrame.contains(p)) continue;
     EXPECT_LE(2 * radius, field.reach_of_balls(p, k) * (1 + 1e-6));
   }
 }

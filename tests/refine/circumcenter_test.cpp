@@ -20,13 +20,11 @@ using shapes::uniform;
 using CellPoints = std::array<Point, 4>;
 using Corners = std::array<Point, 3>;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-const Box kCube{{-1, -1, -1}, {1, 1, 1}};
-
 // Points of a plane, moved off it by a random multiple of `height`.
 CellPoints flat_cell(Random& random, double height) {
-  const Point origin = shapes::uniform_in(random, kCube), u = shapes::uniform_in(random, kCube),
-              v = shapes::uniform_in(random, kCube);
+  const Point origin = shapes::uniform_in(random, shapes::kCube),
+              u = shapes::uniform_in(random, shapes::kCube),
+              v = shapes::uniform_in(random, shapes::kCube);
   const Point n = cross(u, v);
   CellPoints cell;
   for (Point& p : cell) {
@@ -46,7 +44,7 @@ CellPoints lattice_cell(Random& random, int side) {
 
 CellPoints random_cell(Random& random) {
   CellPoints cell;
-  for (Point& p : cell) p = shapes::uniform_in(random, kCube);
+  for (Point& p : cell) p = shapes::uniform_in(random, shapes::kCube);
   return cell;
 }
 
@@ -100,13 +98,13 @@ TEST(Circumball, OfABccCell) {
 
 TEST(Circumball, OfAFlatCellIsInfinite) {
   EXPECT_EQ(circumball({Point{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}).squared_radius,
-            kInfinity);
+            std::numeric_limits<double>::infinity());
   EXPECT_EQ(circumball({Point{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {5, 5, 5}}).squared_radius,
-            kInfinity);
+            std::numeric_limits<double>::infinity());
   EXPECT_EQ(circumball({Point{1, 2, 3}, {1, 2, 3}, {4, 0, 1}, {0, 7, 1}}).squared_radius,
-            kInfinity);
+            std::numeric_limits<double>::infinity());
   EXPECT_EQ(circumball({Point{1, 2, 3}, {1, 2, 3}, {1, 2, 3}, {1, 2, 3}}).squared_radius,
-            kInfinity);
+            std::numeric_limits<double>::infinity());
 }
 
 TEST(Circumball, IsTheSameForAllOrdersOfTheVertices) {
@@ -128,7 +126,7 @@ TEST(Circumball, AgreesWithRationals) {
     const Circumball ball = circumball(cell);
     const auto truth = brute_force::circumball(cell);
     if (!truth) {
-      ASSERT_EQ(ball.squared_radius, kInfinity) << "seed " << kSeed;
+      ASSERT_EQ(ball.squared_radius, std::numeric_limits<double>::infinity()) << "seed " << kSeed;
       ++num_flat;
       continue;
     }
@@ -167,7 +165,8 @@ TEST(Circumball, MayBeInfiniteWhereItIsLargerThanAskedFor) {
                               0.1 * size_of(cell), 10 * size_of(cell)}) {
       const Circumball bounded = circumball(cell, most);
       if (equal_bits(bounded, ball)) continue;
-      ASSERT_EQ(bounded.squared_radius, kInfinity) << "seed " << kSeed;
+      ASSERT_EQ(bounded.squared_radius, std::numeric_limits<double>::infinity())
+          << "seed " << kSeed;
       ASSERT_GT(radius, most) << "seed " << kSeed;
       ++num_given_up;
     }
@@ -182,8 +181,10 @@ TEST(AxisOf, ClosedForms) {
   EXPECT_EQ(right.center, (Point{2, 1, 1}));
   EXPECT_DOUBLE_EQ(right.squared_radius, 5);
   EXPECT_EQ(right.direction, (Point{0, 0, -1})) << "sorted: (0,0,1), (0,2,1), (4,0,1)";
-  EXPECT_EQ(axis_of({Point{0, 0, 0}, {1, 2, 3}, {2, 4, 6}}).squared_radius, kInfinity);
-  EXPECT_EQ(axis_of({Point{1, 2, 3}, {1, 2, 3}, {2, 4, 7}}).squared_radius, kInfinity);
+  EXPECT_EQ(axis_of({Point{0, 0, 0}, {1, 2, 3}, {2, 4, 6}}).squared_radius,
+            std::numeric_limits<double>::infinity());
+  EXPECT_EQ(axis_of({Point{1, 2, 3}, {1, 2, 3}, {2, 4, 7}}).squared_radius,
+            std::numeric_limits<double>::infinity());
 }
 
 TEST(AxisOf, IsTheSameForAllOrdersOfTheCorners) {
@@ -210,7 +211,8 @@ TEST(AxisOf, AgreesWithRationals) {
     const Axis axis = axis_of(corners);
     const auto truth = brute_force::circumball(corners);
     if (!truth) {
-      ASSERT_EQ(axis.squared_radius, kInfinity) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(axis.squared_radius, std::numeric_limits<double>::infinity())
+          << "seed " << kSeed << ", n " << n;
       continue;
     }
     if (truth->radius > 1e3 * size_of(corners)) continue;  // its precision is not promised
@@ -235,9 +237,9 @@ TEST(IsOutsideSmallestBall, IsExactForNearlyCocircularPoints) {
   Random random(kSeed);
   int num_outside = 0, num_changed = 0;  // by rounding, had the axis decided
   for (int n = 0; n < 20000; ++n) {
-    const Point center = 1e3 * shapes::uniform_in(random, kCube);
-    const Point u = shapes::uniform_in(random, kCube);
-    const Point across = cross(u, shapes::uniform_in(random, kCube));
+    const Point center = 1e3 * shapes::uniform_in(random, shapes::kCube);
+    const Point u = shapes::uniform_in(random, shapes::kCube);
+    const Point across = cross(u, shapes::uniform_in(random, shapes::kCube));
     const Point v = norm(u) / norm(across) * across;
     CellPoints cell;
     for (Point& p : cell) {

@@ -14,7 +14,6 @@ namespace {
 
 using shapes::Random;
 using shapes::uniform;
-const Box kCube{{-1, -1, -1}, {1, 1, 1}};
 
 struct Question {
   std::array<Point, 4> cell;  // positively oriented
@@ -30,9 +29,9 @@ Question oriented(const std::array<Point, 5>& points) {
 
 // All on a plane at an angle, but for rounding.
 Question coplanar(Random& random) {
-  const Point origin = 20 * shapes::uniform_in(random, kCube);
-  const Point u = 0.1 * shapes::uniform_in(random, kCube);
-  const Point v = 0.1 * shapes::uniform_in(random, kCube);
+  const Point origin = 20 * shapes::uniform_in(random, shapes::kCube);
+  const Point u = 0.1 * shapes::uniform_in(random, shapes::kCube);
+  const Point v = 0.1 * shapes::uniform_in(random, shapes::kCube);
   std::array<Point, 5> points;
   for (Point& p : points) p = origin + uniform(random, -1, 1) * u + uniform(random, -1, 1) * v;
   return oriented(points);
@@ -40,10 +39,10 @@ Question coplanar(Random& random) {
 
 // All on a sphere, but for rounding.
 Question cospherical(Random& random) {
-  const Point center = 20 * shapes::uniform_in(random, kCube);
+  const Point center = 20 * shapes::uniform_in(random, shapes::kCube);
   std::array<Point, 5> points;
   for (Point& p : points) {
-    const Point way = shapes::uniform_in(random, kCube);
+    const Point way = shapes::uniform_in(random, shapes::kCube);
     p = center + (0.1 / norm(way)) * way;
   }
   return oriented(points);
@@ -52,12 +51,12 @@ Question cospherical(Random& random) {
 // Four on a sphere, where cells are long or flat; the fifth is off it by 10⁻¹⁶ to 10⁻⁸ of its size,
 // where doubles begin to tell.
 Question off_sphere(Random& random) {
-  const Point center = 20 * shapes::uniform_in(random, kCube);
+  const Point center = 20 * shapes::uniform_in(random, shapes::kCube);
   Point shape;
   for (int axis = 0; axis < 3; ++axis) shape[axis] = std::pow(10, uniform(random, -3, 0));
   std::array<Point, 5> points;
   for (Point& p : points) {
-    Point way = shapes::uniform_in(random, kCube);
+    Point way = shapes::uniform_in(random, shapes::kCube);
     for (int axis = 0; axis < 3; ++axis) way[axis] *= shape[axis];
     p = center + (0.1 / norm(way)) * way;
   }

@@ -19,6 +19,8 @@ namespace locvol::shapes {
 using Mesh = std::vector<Triangle>;
 using Random = std::mt19937_64;
 
+inline const Box kCube{{-1, -1, -1}, {1, 1, 1}};
+
 inline double uniform(Random& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }

@@ -18,6 +18,7 @@
 #include "tests/file_bytes.h"
 #include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
+#include "tests/storage/store_errors.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -25,25 +26,10 @@ namespace {
 
 using namespace testing_samples;
 
-constexpr StoreOptions kReadOnly{.read_only = true};
-constexpr int kNumLeaves = 12;
-
-MortonKey leaf_number(int i) {
-  return MortonKey::containing({static_cast<std::uint32_t>(i), 5, 0}, MortonKey::kMaxLevel);
-}
+constexpr int kNumDamagedLeaves = 12;
 
 void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
-}
-
-template <class Action>
-void expect_error(const Action& action, const std::string& words) {
-  try {
-    action();
-    ADD_FAILURE() << "no StoreError about: " << words;
-  } catch (const StoreError& error) {
-    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-  }
 }
 
 struct LeafRecords {
@@ -58,8 +44,8 @@ struct LeafRecords {
 const std::vector<LeafRecords>& expected_leaves() {
   static const std::vector<LeafRecords> leaves = [] {
     Generator random(5);
-    std::vector<LeafRecords> made(kNumLeaves);
-    for (int i = 0; i < kNumLeaves; ++i) {
+    std::vector<LeafRecords> made(kNumDamagedLeaves);
+    for (int i = 0; i < kNumDamagedLeaves; ++i) {
       const auto size = static_cast<std::size_t>(i);
       made[size] = {random.info(),       random.points(20 + 60 * size), random.cells(300),
                     random.surface(200), random.unresolved(3),          {{1, 2}, leaf_number(i)}};
@@ -131,7 +117,7 @@ Reading read_store(const std::filesystem::path& path) {
   }
   return reading;
 }
-constexpr int kNumRecords = 1 + 6 * kNumLeaves;
+constexpr int kNumRecords = 1 + 6 * kNumDamagedLeaves;
 
 class Damage : public testing::Test {
  protected:
@@ -225,7 +211,7 @@ TEST_F(Damage, DamagedHeadersOfOverflowPagesAreNeverFreed) {
       try {
         Store store = Store::open(path_);
         Batch batch = store.begin();
-        for (int i = 0; i < kNumLeaves; ++i) batch.erase_leaf(leaf_number(i));
+        for (int i = 0; i < kNumDamagedLeaves; ++i) batch.erase_leaf(leaf_number(i));
         batch.commit();
       } catch (const StoreError& error) {
         EXPECT_NE(std::string(error.what()).find("damaged overflow page"), std::string::npos)
@@ -234,7 +220,7 @@ TEST_F(Damage, DamagedHeadersOfOverflowPagesAreNeverFreed) {
       }
     }
   }
-  EXPECT_GT(num_refused, 2 * kNumLeaves);
+  EXPECT_GT(num_refused, 2 * kNumDamagedLeaves);
 }
 
 // To remove a node, LMDB moves the others by its length: one too long moved bytes beyond the page.

@@ -20,6 +20,7 @@
 #include "tests/skip_reasons.h"
 #include "tests/storage/child_process.h"
 #include "tests/storage/samples.h"
+#include "tests/storage/store_errors.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
@@ -28,30 +29,7 @@ namespace {
 using namespace testing_samples;
 
 constexpr StoreOptions kCreate{.create = true};
-constexpr StoreOptions kReadOnly{.read_only = true};
 constexpr StoreOptions kTiny{.create = true, .map_bytes = 1};  // grows many times
-
-MortonKey leaf_number(int i) {
-  return MortonKey::containing({static_cast<std::uint32_t>(i), 0, 0}, MortonKey::kMaxLevel);
-}
-
-// The message of the StoreError that `action` must throw.
-template <class Action>
-std::string error_of(const Action& action) {
-  try {
-    action();
-  } catch (const StoreError& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "no StoreError";
-  return {};
-}
-
-template <class Action>
-void expect_error(const Action& action, const std::string& words) {
-  const std::string message = error_of(action);
-  EXPECT_NE(message.find(words), std::string::npos) << message;
-}
 
 // -- Against a model ------------------------------------------------------------------------------
 

@@ -30,6 +30,7 @@ using Clock = std::chrono::steady_clock;
 struct CaseName {
   std::uint64_t seed = 0, number = 0;
   bool has_sizes = false;
+  double share = 1;
 };
 
 // On which the command failed once, beside those of seed 1: two had no end in sight, then rounding
@@ -49,6 +50,7 @@ struct Options {
   std::uint64_t num_cases = ~std::uint64_t{0};
   std::optional<std::uint64_t> only_case;
   bool has_sizes = false;
+  double share = 1;
   std::vector<CaseName> others;  // to be meshed first
   double minutes = 0;            // 0: no end but that of the cases
   double limit = 60;             // seconds for a process
@@ -78,7 +80,7 @@ class ShapeSweep {
 
   // One case, with all there is to say about it.
   bool run_only(std::uint64_t number) {
-    const ShapeCase made = make_case(options_.seed, number, options_.has_sizes);
+    const ShapeCase made = make_case(options_.seed, number, options_.has_sizes, options_.share);
     const Shape& shape = made.solid.shape;
     Dice dice(0);
     fmt::print("{}: {} triangles, area {:.6g}, volume {:.6g}, thickness {:.3g} λ; {}\n",
@@ -99,8 +101,8 @@ class ShapeSweep {
   void work() try {
     const TempDir directory;
     while (const auto next = next_case()) {
-      const ShapeCase made = make_case(next->seed, next->number, next->has_sizes);
-      add(made, try_case(made, directory.path(), options_.limit));
+      const ShapeCase made = make_case(next->seed, next->number, next->has_sizes, next->share);
+      add(*next, made, try_case(made, directory.path(), options_.limit));
     }
   } catch (...) {
     const std::lock_guard lock(mutex_);
@@ -118,17 +120,17 @@ class ShapeSweep {
     const bool is_late = options_.minutes > 0 && seconds() > 60 * options_.minutes;
     if (num_begun_ >= options_.num_cases || is_late || error_) return std::nullopt;
     ++num_begun_;
-    return CaseName{options_.seed, next_++, options_.has_sizes};
+    return CaseName{options_.seed, next_++, options_.has_sizes, options_.share};
   }
 
-  void add(const ShapeCase& made, const TrialResult& result) {
+  void add(const CaseName& name_of_case, const ShapeCase& made, const TrialResult& result) {
     const std::lock_guard lock(mutex_);
     report_.add(made, result);
     if (is_failure(result.verdict)) {
       keep(made);
-      fmt::print("{}: {} case {}: {} [{}]\n  shape_sweep --seed {} --case {}{}; {}\n",
+      fmt::print("{}: {} case {}: {} [{}]\n  shape_sweep --seed {} --case {} --share {}{}; {}\n",
                  name(result.verdict), made.family, made.number, result.reason, made.changes,
-                 made.seed, made.number, made.sizes.empty() ? "" : " --sizes",
+                 made.seed, made.number, name_of_case.share, made.sizes.empty() ? "" : " --sizes",
                  command_text(mesh_command(made, options_.keep, made.num_threads)));
     }
     if (seconds() < next_progress_) return;
@@ -164,6 +166,8 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--minutes", options.minutes, "How long (default: until all cases are done)");
   app.add_option("--case", options.only_case, "This one alone");
   app.add_flag("--sizes", options.has_sizes, "With sizes that vary");
+  app.add_option("--share", options.share, "With so many times the cells (default: 1)")
+      ->check(CLI::PositiveNumber);
   app.add_option("--family", options.family, "Only such shapes")
       ->check([](const std::string& name) {
         for (const Family& family : families())
@@ -190,10 +194,11 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   if (is_brief) {
     options.seed = 1;
+    options.share = 0.3;
     options.num_cases = 7 * families().size();
     options.others.assign(kFoundCases.begin(), kFoundCases.end());
     for (std::uint64_t number = 0; number < families().size(); ++number)
-      options.others.push_back({1, number, true});
+      options.others.push_back({1, number, true, options.share});
   }
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {

@@ -31,10 +31,9 @@ struct Ending {
 };
 
 Ending run(const std::vector<std::string>& arguments, double limit) {
-  using Clock = std::chrono::steady_clock;
-  const auto deadline = Clock::now() + std::chrono::duration<double>(limit);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit);
   Process process(arguments);
-  while (!process.has_ended() && Clock::now() < deadline)
+  while (!process.has_ended() && std::chrono::steady_clock::now() < deadline)
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   const bool is_hung = !process.has_ended();
   if (is_hung) process.send(SIGKILL);

@@ -14,6 +14,7 @@
 
 #include "engine/formats/mesh_format.h"
 #include "storage/store.h"
+#include "tests/cube_off.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"
@@ -24,14 +25,6 @@
 
 namespace locvol {
 namespace {
-
-using Json = nlohmann::json;
-
-constexpr const char* kCube =
-    "OFF\n8 12 0\n"
-    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n"
-    "3 0 2 1\n3 0 3 2\n3 4 5 6\n3 4 6 7\n3 0 1 5\n3 0 5 4\n"
-    "3 1 2 6\n3 1 6 5\n3 2 3 7\n3 2 7 6\n3 3 0 4\n3 3 4 7\n";
 
 std::string make_cube(const TempDir& dir) {
   const auto file = dir / "cube.off";
@@ -259,7 +252,7 @@ TEST(Command, AFinishedMeshTooLargeForItsFormatIsRefused) {
 TEST(Command, WhatFloatsCannotTellApartIsNoStl) {
   const TempDir dir;
   const auto cube = dir / "far.off";
-  std::string far = kCube;  // coordinates are 10000000 or 10000001
+  std::string far(kCube);  // coordinates are 10000000 or 10000001
   for (std::size_t place = far.find('\n', 4), i = 0; i < 24; ++i) {
     place = far.find_first_of("01", place);
     far.insert(place, "1000000");
@@ -323,12 +316,13 @@ TEST(Command, InfoEstimatesEveryFormat) {
   for (const FormatInfo& format : mesh_formats()) {
     SCOPED_TRACE(format.name);
     const std::string name(format.name);
-    const Json estimate = Json::parse(
+    const nlohmann::json estimate = nlohmann::json::parse(
         run_locvol({"info", ball, "-s", "8%", "--format", name, "--json"}).out)["estimate"];
     EXPECT_EQ(estimate["format"], format.name);
-    const Json written = Json::parse(run_locvol({"export", store, "-o", (dir / "mesh").string(),
-                                                 "--format", name, "--json", "-q"})
-                                         .out);
+    const nlohmann::json written =
+        nlohmann::json::parse(run_locvol({"export", store, "-o", (dir / "mesh").string(),
+                                          "--format", name, "--json", "-q"})
+                                  .out);
     EXPECT_LE(estimate["file_bytes"]["low"], written["bytes"]);
     EXPECT_GE(estimate["file_bytes"]["high"], written["bytes"]);
     EXPECT_GT(estimate["output_disk_bytes"]["expected"], estimate["file_bytes"]["expected"]);
@@ -341,18 +335,18 @@ TEST(Command, InfoEstimatesWhatMeshMakes) {
   const std::string cube = make_cube(dir);
   const ProcessResult result = run_locvol({"info", cube, "--size", "10%", "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  const Json info = Json::parse(result.out);
+  const nlohmann::json info = nlohmann::json::parse(result.out);
   EXPECT_EQ(info["num_triangles"], 12);
   EXPECT_EQ(info["genus"], 0);
   EXPECT_NEAR(info["volume"].get<double>(), 1, 1e-12);
   EXPECT_EQ(info["size"], 0.1);
-  const Json made = Json::parse(
+  const nlohmann::json made = nlohmann::json::parse(
       run_locvol({"mesh", cube, "-o", (dir / "cube.vtu").string(), "-s", "10%", "--json", "-q"})
           .out);
-  const auto in_range = [](const Json& range, double value) {
+  const auto in_range = [](const nlohmann::json& range, double value) {
     return range["low"].get<double>() <= value && value <= range["high"].get<double>();
   };
-  const Json& estimate = info["estimate"];
+  const nlohmann::json& estimate = info["estimate"];
   EXPECT_TRUE(in_range(estimate["num_cells"], made["num_cells"])) << estimate << made["num_cells"];
   EXPECT_TRUE(in_range(estimate["file_bytes"], made["written"]["bytes"])) << estimate;
   EXPECT_EQ(info["estimated_cells"], std::round(estimate["num_cells"]["expected"].get<double>()));
@@ -369,7 +363,7 @@ TEST(Command, InfoEstimatesWhatMeshMakes) {
 TEST(Command, MeshChoosesASizeAndSaysSo) {
   const TempDir dir;
   const std::string cube = make_cube(dir), output = (dir / "cube.vtu").string();
-  const double size = Json::parse(run_locvol({"info", cube, "--json"}).out)["size"];
+  const double size = nlohmann::json::parse(run_locvol({"info", cube, "--json"}).out)["size"];
   Process process({"mesh", cube, "-o", output});
   const std::string said = fmt::format("no --size is given: {} is chosen, for about ", size);
   for (int i = 0; i < 6000 && process.err().find(said) == std::string::npos; ++i)
@@ -389,9 +383,10 @@ TEST(Command, ProgressInJsonIsALineForEachEvent) {
   std::istringstream lines(result.err);
   std::map<std::string, int> num_events;
   std::vector<std::string> phases;
-  Json last = {{"seconds", 0}, {"num_visits", 0}, {"num_leaves", 0}, {"num_triangles", 0}};
+  nlohmann::json last = {
+      {"seconds", 0}, {"num_visits", 0}, {"num_leaves", 0}, {"num_triangles", 0}};
   for (std::string line; std::getline(lines, line);) {
-    const Json event = Json::parse(line);
+    const nlohmann::json event = nlohmann::json::parse(line);
     ++num_events[event["event"]];
     EXPECT_GE(event["seconds"], last["seconds"]);
     if (event["event"] == "run") {
@@ -413,7 +408,7 @@ TEST(Command, ProgressInJsonIsALineForEachEvent) {
   EXPECT_EQ(num_events["run"], 1);
   EXPECT_EQ(phases, (Names{"initialize", "refine", "measure", "write"}));
   EXPECT_EQ(last["fraction"], 1);
-  EXPECT_EQ(last["num_cells"], Json::parse(result.out)["num_cells"]);
+  EXPECT_EQ(last["num_cells"], nlohmann::json::parse(result.out)["num_cells"]);
 }
 
 TEST(Command, AMeshThatNoDiskHoldsIsRefusedBeforeTheRun) {
@@ -444,7 +439,7 @@ TEST(Command, MeshLeavesOnlyItsOutput) {
   const ProcessResult result =
       run_locvol({"mesh", make_cube(dir), "-o", output.string(), "-s", "30%", "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  const Json json = Json::parse(result.out);
+  const nlohmann::json json = nlohmann::json::parse(result.out);
   EXPECT_EQ(json["outcome"], "done");
   EXPECT_EQ(json["written"]["bytes"], std::filesystem::file_size(output));
   EXPECT_EQ(json["written"]["num_cells"], json["num_cells"]);
@@ -463,12 +458,12 @@ TEST(Command, MeshEndsWithWhatItsCellsAreLike) {
     EXPECT_NE(text.out.find(part), std::string::npos) << part << " in\n" << text.out;
   auto again = command;  // goes on with the store, which is done
   again.push_back("--json");
-  const Json json = Json::parse(run_locvol(again).out);
-  const Json& statistics = json["statistics"];
+  const nlohmann::json json = nlohmann::json::parse(run_locvol(again).out);
+  const nlohmann::json& statistics = json["statistics"];
   EXPECT_EQ(statistics["num_cells"], json["num_cells"]);
   EXPECT_NEAR(statistics["volume"].get<double>(), 1, 0.1);
   std::uint64_t num_angles = 0;
-  for (const Json& count : statistics["dihedral_angles"]["counts"])
+  for (const nlohmann::json& count : statistics["dihedral_angles"]["counts"])
     num_angles += count.get<std::uint64_t>();
   EXPECT_EQ(num_angles, 6 * json["num_cells"].get<std::uint64_t>());
   EXPECT_EQ(statistics["dihedral_angles"]["edges"].size(),
@@ -477,7 +472,7 @@ TEST(Command, MeshEndsWithWhatItsCellsAreLike) {
   EXPECT_GE(json["memory_cap_bytes"], json["peak_resident_bytes"]);
   const ProcessResult inspected =
       run_locvol({"inspect", (dir / "cube.vtu.locvol").string(), "--json"});
-  EXPECT_EQ(Json::parse(inspected.out)["statistics"], statistics);
+  EXPECT_EQ(nlohmann::json::parse(inspected.out)["statistics"], statistics);
 }
 
 // A mesh made without a bound, in a store that says there was one.
@@ -488,7 +483,7 @@ TEST(Command, CellsThatKeepASmallAngleAreToldAndTheExitCodeIs0) {
       "mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "10%", "--keep-store"};
   auto without_bound = command;
   without_bound.insert(without_bound.end(), {"--min-dihedral", "0", "--json"});
-  const Json any = Json::parse(run_locvol(without_bound).out);
+  const nlohmann::json any = nlohmann::json::parse(run_locvol(without_bound).out);
   EXPECT_EQ(any["parameters"]["min_dihedral"], 0);
   EXPECT_EQ(any["num_moves"], 0);
   EXPECT_EQ(any["statistics"]["num_poor_cells"], 0);
@@ -509,14 +504,14 @@ TEST(Command, CellsThatKeepASmallAngleAreToldAndTheExitCodeIs0) {
   command.push_back("--json");
   const ProcessResult json = run_locvol(command);
   EXPECT_EQ(json.exit_code, 0);
-  const Json statistics = Json::parse(json.out)["statistics"];
+  const nlohmann::json statistics = nlohmann::json::parse(json.out)["statistics"];
   const auto num_poor = statistics["num_poor_cells"].get<std::uint64_t>();
   EXPECT_GT(num_poor, 0u);
   EXPECT_LT(statistics["min_dihedral_degrees"], 15);
   bool is_told = false;
   std::istringstream events(json.err);
   for (std::string line; std::getline(events, line);) {
-    const Json event = Json::parse(line);
+    const nlohmann::json event = nlohmann::json::parse(line);
     if (event["event"] != "poor_cells") continue;
     is_told = true;
     EXPECT_EQ(event["num_poor_cells"], num_poor);
@@ -524,21 +519,22 @@ TEST(Command, CellsThatKeepASmallAngleAreToldAndTheExitCodeIs0) {
   }
   EXPECT_TRUE(is_told) << json.err;
 
-  const Json sites = Json::parse(run_locvol({"inspect", store, "--unresolved", "--json"}).out);
+  const nlohmann::json sites =
+      nlohmann::json::parse(run_locvol({"inspect", store, "--unresolved", "--json"}).out);
   ASSERT_EQ(sites.size(), num_poor);
   double smallest = 180;
-  for (const Json& site : sites) {
+  for (const nlohmann::json& site : sites) {
     EXPECT_EQ(site["condition"], "angle");
     smallest = std::min(smallest, site["min_dihedral_degrees"].get<double>());
   }
   EXPECT_EQ(statistics["min_dihedral_degrees"], smallest);
-  EXPECT_EQ(
-      Json::parse(run_locvol({"inspect", store, "--unresolved", "--limit", "1", "--json"}).out),
-      Json::array({sites[0]}));
+  EXPECT_EQ(nlohmann::json::parse(
+                run_locvol({"inspect", store, "--unresolved", "--limit", "1", "--json"}).out),
+            nlohmann::json::array({sites[0]}));
   EXPECT_NE(run_locvol({"inspect", store}).out.find("\npoor cells:\n  angle "), std::string::npos);
   const ProcessResult audited = run_locvol({"audit", store, "--json"});
   EXPECT_EQ(audited.exit_code, 0);
-  const Json audit = Json::parse(audited.out);
+  const nlohmann::json audit = nlohmann::json::parse(audited.out);
   EXPECT_EQ(audit["is_valid"], true);
   EXPECT_EQ(audit["num_poor_cells"], num_poor);
   EXPECT_NEAR(audit["min_dihedral_degrees"], smallest, 1e-6);
@@ -565,12 +561,12 @@ TEST(Command, MeshKeepsTheBoundOnAngles) {
     if (bound != std::string("15")) command.insert(command.end(), {"--min-dihedral", bound});
     const ProcessResult result = run_locvol(command);
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    const Json json = Json::parse(result.out);
+    const nlohmann::json json = nlohmann::json::parse(result.out);
     EXPECT_EQ(json["parameters"]["min_dihedral"], std::stod(bound));
     EXPECT_GT(json["num_moves"], 0);
     EXPECT_EQ(json["statistics"]["num_poor_cells"], 0);
     EXPECT_GE(json["statistics"]["min_dihedral_degrees"], std::stod(bound));
-    const Json audit = Json::parse(run_locvol({"audit", store, "--json"}).out);
+    const nlohmann::json audit = nlohmann::json::parse(run_locvol({"audit", store, "--json"}).out);
     EXPECT_EQ(audit["is_valid"], true);
     EXPECT_EQ(audit["num_poor_cells"], 0);
     EXPECT_GE(audit["min_dihedral_degrees"], std::stod(bound));
@@ -584,7 +580,7 @@ TEST(Command, MeshTellsTheTimeOfEachPhase) {
       "mesh", make_cube(dir), "-o", (dir / "cube.vtu").string(), "-s", "20%"};
   auto with_json = command;
   with_json.push_back("--json");
-  const Json json = Json::parse(run_locvol(with_json).out);
+  const nlohmann::json json = nlohmann::json::parse(run_locvol(with_json).out);
   double sum = 0;
   Names phases;
   for (const auto& [phase, seconds] : json["seconds_by_phase"].items()) {
@@ -617,11 +613,11 @@ class CubeStore : public testing::Test {
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
 
-  Json json_of(std::vector<std::string> arguments) const {
+  nlohmann::json json_of(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin() + 1, {store_, "--json"});
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return Json::parse(result.out);
+    return nlohmann::json::parse(result.out);
   }
 
   const TempDir dir_;
@@ -629,7 +625,7 @@ class CubeStore : public testing::Test {
 };
 
 TEST_F(CubeStore, AuditFindsItValid) {
-  const Json audit = json_of({"audit"});
+  const nlohmann::json audit = json_of({"audit"});
   EXPECT_EQ(audit["is_valid"], true);
   EXPECT_EQ(audit["mesh"]["genus"], 0);
   EXPECT_NEAR(audit["input"]["volume"].get<double>(), 1, 1e-12);
@@ -639,15 +635,15 @@ TEST_F(CubeStore, AuditFindsItValid) {
 }
 
 TEST_F(CubeStore, InspectAgreesWithItself) {
-  const Json summary = json_of({"inspect"});
+  const nlohmann::json summary = json_of({"inspect"});
   EXPECT_EQ(summary["phase"], "done");
   EXPECT_EQ(summary["parameters"]["size"], 0.2);
-  const Json leaves = json_of({"inspect", "--leaves"});
+  const nlohmann::json leaves = json_of({"inspect", "--leaves"});
   EXPECT_EQ(leaves.size(), summary["num_leaves"]);
   std::uint64_t num_cells = 0, num_points = 0;
-  for (const Json& leaf : leaves) {
+  for (const nlohmann::json& leaf : leaves) {
     EXPECT_EQ(leaf["state"], "clean");
-    const Json contents = json_of({"inspect", "--leaf", leaf["leaf"]});
+    const nlohmann::json contents = json_of({"inspect", "--leaf", leaf["leaf"]});
     EXPECT_EQ(contents["points"].size(), leaf["num_points"]);
     EXPECT_EQ(contents["cells"].size(), leaf["num_cells"]);
     num_points += contents["points"].size();
@@ -655,7 +651,7 @@ TEST_F(CubeStore, InspectAgreesWithItself) {
   }
   EXPECT_EQ(num_cells, summary["num_cells"]);
   EXPECT_EQ(num_points, summary["num_points"]);
-  EXPECT_EQ(json_of({"inspect", "--queue"}), Json::array());
+  EXPECT_EQ(json_of({"inspect", "--queue"}), nlohmann::json::array());
 }
 
 TEST_F(CubeStore, InspectNamesALeafThatIsMissing) {
@@ -712,18 +708,18 @@ TEST(Command, SizesThatGrowMakeFewerCells) {
     arguments.insert(arguments.end(), sizes.begin(), sizes.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return Json::parse(result.out);
+    return nlohmann::json::parse(result.out);
   };
-  const Json uniform = meshed({}), grown = meshed({"--growth", "0.3"}),
-             bounded = meshed({"--growth", "0.3", "--max-size", "5%"});
-  const auto cells = [](const Json& json) {
+  const nlohmann::json uniform = meshed({}), grown = meshed({"--growth", "0.3"}),
+                       bounded = meshed({"--growth", "0.3", "--max-size", "5%"});
+  const auto cells = [](const nlohmann::json& json) {
     return json.at("statistics").at("num_cells").get<double>();
   };
   EXPECT_LT(cells(grown), 0.6 * cells(uniform));
   EXPECT_GT(cells(bounded), 1.1 * cells(grown));
   EXPECT_GE(grown.at("statistics").at("min_dihedral_degrees").get<double>(), 15);
   const ProcessResult info = run_locvol({"info", cube, "-s", "3%", "--growth", "0.3", "--json"});
-  EXPECT_NEAR(Json::parse(info.out).at("estimated_cells").get<double>(), cells(grown),
+  EXPECT_NEAR(nlohmann::json::parse(info.out).at("estimated_cells").get<double>(), cells(grown),
               0.2 * cells(grown));
   for (const char* bad : {"-0.1", "0.5", "nan", "much"}) {
     const ProcessResult refused = run_locvol({"info", cube, "-s", "3%", "--growth", bad});
@@ -740,15 +736,16 @@ TEST(Command, SizesFromAFileMakeMoreCells) {
   const ProcessResult meshed = run_locvol({"mesh", cube, "-o", output, "--store", store, "-s",
                                            "10%", "--sizes", sizes, "--json", "--quiet"});
   ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
-  const Json json = Json::parse(meshed.out);
+  const nlohmann::json json = nlohmann::json::parse(meshed.out);
   EXPECT_EQ(json.at("parameters").at("num_shapes"), 1);
   EXPECT_EQ(json.at("parameters").at("growth"), 0.2);
   const double num_cells = json.at("statistics").at("num_cells").get<double>();
   const ProcessResult info = run_locvol({"info", cube, "-s", "10%", "--sizes", sizes, "--json"});
-  EXPECT_NEAR(Json::parse(info.out).at("estimated_cells").get<double>(), num_cells,
+  EXPECT_NEAR(nlohmann::json::parse(info.out).at("estimated_cells").get<double>(), num_cells,
               0.5 * num_cells);
   const ProcessResult uniform = run_locvol({"info", cube, "-s", "10%", "--json"});
-  EXPECT_GT(num_cells, 1.5 * Json::parse(uniform.out).at("estimated_cells").get<double>());
+  EXPECT_GT(num_cells,
+            1.5 * nlohmann::json::parse(uniform.out).at("estimated_cells").get<double>());
   EXPECT_EQ(run_locvol({"audit", store}).exit_code, 0);
 
   std::ofstream(sizes, std::ios::app) << "ball 1% 1 1 1\n";
@@ -780,7 +777,7 @@ TEST(Command, SizesComeFromAnImageAndAFile) {
     arguments.insert(arguments.end(), sizes.begin(), sizes.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return Json::parse(result.out).at("estimated_cells").get<double>();
+    return nlohmann::json::parse(result.out).at("estimated_cells").get<double>();
   };
   const double with_image = num_cells({"--sizes", image});
   EXPECT_GT(with_image, 4.5 * 0.5 / std::pow(0.05, 3));
@@ -789,8 +786,8 @@ TEST(Command, SizesComeFromAnImageAndAFile) {
   const ProcessResult meshed = run_locvol({"mesh", cube, "-s", "20%", "--sizes", image, "-o",
                                            (dir / "cube.vtu").string(), "--json", "--quiet"});
   ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
-  EXPECT_NEAR(Json::parse(meshed.out).at("statistics").at("num_cells").get<double>(), with_image,
-              0.2 * with_image);
+  EXPECT_NEAR(nlohmann::json::parse(meshed.out).at("statistics").at("num_cells").get<double>(),
+              with_image, 0.2 * with_image);
   write_image("0.05");
   const ProcessResult cut = run_locvol({"info", cube, "-s", "20%", "--sizes", image});
   EXPECT_EQ(cut.exit_code, 1);
@@ -807,12 +804,12 @@ TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
     arguments.insert(arguments.end(), more.begin(), more.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return Json::parse(result.out);
+    return nlohmann::json::parse(result.out);
   };
-  const Json info = command("info", {"--vtu", vtu});
+  const nlohmann::json info = command("info", {"--vtu", vtu});
   const double expected = info.at("estimated_cells").get<double>();
   double of_octaves = 0;
-  for (const Json& octave : info.at("sizes").at("octaves"))
+  for (const nlohmann::json& octave : info.at("sizes").at("octaves"))
     of_octaves += octave.at("estimated_cells").get<double>();
   EXPECT_NEAR(of_octaves, expected, 1);
   const VtuArrays arrays(vtu);
@@ -820,11 +817,11 @@ TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
   EXPECT_EQ(sizes.size(), info.at("sizes").at("num_cubes").get<std::size_t>());
   EXPECT_EQ(std::ranges::min(sizes), info.at("sizes").at("least").get<double>());
 
-  const Json meshed = command("mesh", {"-o", output, "--store", store, "--quiet"});
+  const nlohmann::json meshed = command("mesh", {"-o", output, "--store", store, "--quiet"});
   const double num_cells = meshed.at("statistics").at("num_cells").get<double>();
   EXPECT_NEAR(expected, num_cells, 0.15 * num_cells);
   const ProcessResult inspected = run_locvol({"inspect", store, "--sizes", "--json"});
-  EXPECT_EQ(Json::parse(inspected.out), info.at("sizes"));
+  EXPECT_EQ(nlohmann::json::parse(inspected.out), info.at("sizes"));
   const std::string again = (dir / "again.vtu").string();
   EXPECT_EQ(run_locvol({"inspect", store, "--sizes", "--vtu", again}).exit_code, 0);
   EXPECT_EQ(VtuArrays(again).array<double>("Float64", "size"), sizes);
@@ -844,7 +841,7 @@ TEST(Command, SizesGoWithCurvatureDeviationAndLayers) {
     arguments.insert(arguments.end(), sizes.begin(), sizes.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return Json::parse(result.out).at("statistics").at("num_cells").get<double>();
+    return nlohmann::json::parse(result.out).at("statistics").at("num_cells").get<double>();
   };
   const double num_before = num_cells({});
   for (const char* option : {"--per-circle=20", "--deviation=2%", "--layers=4"})
@@ -869,7 +866,7 @@ TEST(Command, PointsThatAreNearlyOneAreJoinedAndSaid) {
   std::ofstream(surface) << to_off(jittered(torus, 1e-9, random));
   const ProcessResult info = run_locvol({"info", surface, "--json"});
   ASSERT_EQ(info.exit_code, 0) << info.err;
-  const Json facts = Json::parse(info.out);
+  const nlohmann::json facts = nlohmann::json::parse(info.out);
   EXPECT_EQ(facts.at("num_vertices"), torus.vertices.size());
   const std::string note = facts.at("notes").at(0);
   EXPECT_EQ(note.find("joined 2560 points with others up to "), 0U) << note;
@@ -880,8 +877,8 @@ TEST(Command, PointsThatAreNearlyOneAreJoinedAndSaid) {
   EXPECT_EQ(meshed.exit_code, 0) << meshed.err;
   EXPECT_NE(meshed.err.find(note), std::string::npos) << meshed.err;
   const ProcessResult inspected = run_locvol({"inspect", store, "--json"});
-  EXPECT_EQ(Json::parse(inspected.out).at("parameters").at("weld"), "auto");
-  EXPECT_EQ(Json::parse(inspected.out).at("surface").at("notes"), facts.at("notes"));
+  EXPECT_EQ(nlohmann::json::parse(inspected.out).at("parameters").at("weld"), "auto");
+  EXPECT_EQ(nlohmann::json::parse(inspected.out).at("surface").at("notes"), facts.at("notes"));
   EXPECT_EQ(run_locvol({"resume", store, "-o", output}).exit_code, 0);
 
   arguments.insert(arguments.end(), {"--weld", "1e-6"});

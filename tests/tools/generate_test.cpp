@@ -36,7 +36,7 @@ constexpr double kPi = std::numbers::pi;
 
 using Indices = std::array<std::uint32_t, 3>;
 
-struct Mesh {
+struct GeneratedMesh {
   std::vector<Point> vertices;
   std::vector<Indices> triangles;
 
@@ -57,9 +57,9 @@ T read_at(const std::string& bytes, std::size_t place) {
 }
 
 // Corners with equal coordinates become one vertex, in order of their first appearance.
-Mesh read_stl(const std::filesystem::path& file) {
+GeneratedMesh read_stl(const std::filesystem::path& file) {
   const std::string bytes = bytes_of(file);
-  Mesh mesh;
+  GeneratedMesh mesh;
   mesh.triangles.resize(read_at<std::uint32_t>(bytes, 80));
   EXPECT_EQ(bytes.size(), 84 + 50 * mesh.triangles.size());
   std::map<std::array<float, 3>, std::uint32_t> ids;
@@ -78,10 +78,10 @@ Mesh read_stl(const std::filesystem::path& file) {
   return mesh;
 }
 
-Mesh read_ply(const std::filesystem::path& file) {
+GeneratedMesh read_ply(const std::filesystem::path& file) {
   const std::string bytes = bytes_of(file), mark = "end_header\n";
   const std::size_t start = bytes.find(mark) + mark.size();
-  Mesh mesh;
+  GeneratedMesh mesh;
   std::istringstream header(bytes.substr(0, start));
   for (std::string word; header >> word;) {
     std::size_t count = 0;
@@ -104,7 +104,7 @@ Mesh read_ply(const std::filesystem::path& file) {
 std::uint64_t edge(std::uint32_t from, std::uint32_t to) { return std::uint64_t{from} << 32 | to; }
 
 // Edges are used once in each direction, and the triangles at a vertex form one cycle.
-void expect_closed_oriented_manifold(const Mesh& mesh) {
+void expect_closed_oriented_manifold(const GeneratedMesh& mesh) {
   std::unordered_map<std::uint64_t, std::uint32_t> opposite;  // directed edge -> third corner
   for (const Indices& t : mesh.triangles)
     for (std::size_t i = 0; i < 3; ++i)
@@ -130,7 +130,7 @@ void expect_closed_oriented_manifold(const Mesh& mesh) {
   }
 }
 
-void expect_no_degenerate_or_repeated_triangles(const Mesh& mesh) {
+void expect_no_degenerate_or_repeated_triangles(const GeneratedMesh& mesh) {
   std::set<Indices> seen;
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const Point a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
@@ -143,7 +143,7 @@ void expect_no_degenerate_or_repeated_triangles(const Mesh& mesh) {
   }
 }
 
-std::size_t num_components(const Mesh& mesh) {
+std::size_t num_components(const GeneratedMesh& mesh) {
   std::vector<std::uint32_t> up(mesh.vertices.size());
   std::iota(up.begin(), up.end(), 0U);
   const auto top = [&](std::uint32_t v) {
@@ -161,17 +161,17 @@ std::size_t num_components(const Mesh& mesh) {
   return count;
 }
 
-int genus(const Mesh& mesh) {
+int genus_of(const GeneratedMesh& mesh) {
   const auto v = static_cast<int>(mesh.vertices.size());
   const auto f = static_cast<int>(mesh.triangles.size());
   return 1 - (v - f / 2) / 2;
 }
 
-void expect_good_surface(const Mesh& mesh, const ShapeInfo& shape) {
+void expect_good_surface(const GeneratedMesh& mesh, const ShapeInfo& shape) {
   ASSERT_NO_FATAL_FAILURE(expect_closed_oriented_manifold(mesh));
   ASSERT_NO_FATAL_FAILURE(expect_no_degenerate_or_repeated_triangles(mesh));
   EXPECT_EQ(num_components(mesh), 1U);
-  EXPECT_EQ(genus(mesh), shape.genus);
+  EXPECT_EQ(genus_of(mesh), shape.genus);
   EXPECT_GT(mesh.volume(), 0);
   for (const Point& p : mesh.vertices) ASSERT_LT(norm(p), 1.2);
 }
@@ -186,14 +186,14 @@ TEST_P(EveryShape, IsGoodAtManySizesInBothFormats) {
     const GeneratedSurface made = generate(GetParam().name, wanted, dir / "s.stl");
     EXPECT_NEAR(static_cast<double>(made.num_triangles) / static_cast<double>(wanted), 1, 0.05);
     EXPECT_EQ(made.bytes, std::filesystem::file_size(dir / "s.stl"));
-    const Mesh stl = read_stl(dir / "s.stl");
+    const GeneratedMesh stl = read_stl(dir / "s.stl");
     EXPECT_EQ(stl.triangles.size(), made.num_triangles);
     EXPECT_EQ(stl.vertices.size(), made.num_vertices);
     ASSERT_NO_FATAL_FAILURE(expect_good_surface(stl, GetParam()));
 
     const GeneratedSurface again = generate(GetParam().name, wanted, dir / "s.ply");
     EXPECT_EQ(again.bytes, std::filesystem::file_size(dir / "s.ply"));
-    const Mesh ply = read_ply(dir / "s.ply");
+    const GeneratedMesh ply = read_ply(dir / "s.ply");
     ASSERT_NO_FATAL_FAILURE(expect_good_surface(ply, GetParam()));
     ASSERT_EQ(ply.triangles.size(), stl.triangles.size());
     for (std::size_t t = 0; t < ply.triangles.size(); ++t) {
@@ -208,7 +208,7 @@ TEST_P(EveryShape, IsGoodAtManySizesInBothFormats) {
 TEST_P(EveryShape, KeepsItsFormWithTheFewestTriangles) {
   const TempDir dir;
   generate(GetParam().name, GetParam().min_triangles, dir / "s.ply");
-  const Mesh mesh = read_ply(dir / "s.ply");
+  const GeneratedMesh mesh = read_ply(dir / "s.ply");
   expect_good_surface(mesh, GetParam());
   EXPECT_NEAR(
       static_cast<double>(mesh.triangles.size()) / static_cast<double>(GetParam().min_triangles), 1,
@@ -330,7 +330,7 @@ TEST(Generate, ReplacesAFileAndLeavesNoPartialOne) {
   const TempDir dir;
   std::ofstream(dir / "s.ply") << "old";
   generate("torus", 1000, dir / "s.ply");
-  EXPECT_EQ(genus(read_ply(dir / "s.ply")), 1);
+  EXPECT_EQ(genus_of(read_ply(dir / "s.ply")), 1);
   EXPECT_FALSE(std::filesystem::exists(dir / "s.ply.partial"));
   EXPECT_FALSE(std::filesystem::exists(dir / "s.ply.partial.faces"));
 }

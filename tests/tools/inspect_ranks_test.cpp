@@ -39,7 +39,6 @@ auto fields(Maybe<NumberRow> auto& row) {
 namespace {
 
 using namespace testing_shapes;
-using Json = nlohmann::json;
 
 struct Shown {
   std::string out, err;
@@ -112,11 +111,11 @@ class InspectRanks : public testing::Test {
     }
     return "none";
   }
-  Json summary(const Choose& choose = [](InspectCommand&) {}) const {
-    return Json::parse(by_ranks([&](InspectCommand& command) {
-                         command.is_json = true;
-                         choose(command);
-                       }).out);
+  nlohmann::json summary(const Choose& choose = [](InspectCommand&) {}) const {
+    return nlohmann::json::parse(by_ranks([&](InspectCommand& command) {
+                                   command.is_json = true;
+                                   choose(command);
+                                 }).out);
   }
 
   // Of all views, as text and as JSON: what they print and write.
@@ -215,7 +214,7 @@ class InspectRanks : public testing::Test {
         command.is_json = true;
         command.reads_all = reads_all;
       };
-      Json one = Json::parse(of_whole(choose).out), all = summary(choose);
+      nlohmann::json one = nlohmann::json::parse(of_whole(choose).out), all = summary(choose);
       if (num_ranks_ > 1) {
         EXPECT_EQ(all["ranks"]["num_ranks"], num_ranks_);
         EXPECT_EQ(all["ranks"]["num_working"], 0);
@@ -223,7 +222,7 @@ class InspectRanks : public testing::Test {
       }
       EXPECT_EQ(all["databases"].size(), one["databases"].size());
       EXPECT_GE(all["databases"][1]["num_entries"], one["databases"][1]["num_entries"]);
-      for (Json* json : {&one, &all}) {
+      for (nlohmann::json* json : {&one, &all}) {
         for (const char* name :
              {"ranks", "memory", "databases", "bytes", "file_bytes", "bytes_per_cell"})
           json->erase(name);
@@ -297,7 +296,7 @@ TEST_F(InspectRanks, OfAStoppedRunShowWhatTheWholeShows) {
     control.is_stopped = [&] { return is_refining && ++num_asked > 20; };
     const auto choose = [](MeshOptions& options) { options.size = {0.05, false}; };
     mesh(num_ranks, choose, control);
-    const Json shown = summary();
+    const nlohmann::json shown = summary();
     EXPECT_EQ(shown["phase"], "refine");
     EXPECT_GT(shown["queue"]["num_waiting"], 10);
     expect_what_the_whole_shows();
@@ -339,7 +338,7 @@ TEST_F(InspectRanks, ShowPoorCellsOfTheWhole) {
     };
     const std::string listed = by_ranks(choose).out;
     EXPECT_EQ(listed, of_whole(choose).out);
-    nums.push_back(Json::parse(listed).size());
+    nums.push_back(nlohmann::json::parse(listed).size());
   }
   EXPECT_GT(nums[0], 20U);
   EXPECT_EQ(nums[1], 7U);
@@ -369,35 +368,37 @@ TEST_F(InspectRanks, ShowDamageInItsPlace) {
   damage_record(part(2), points, leaf);
   const Shown measured = by_ranks([](InspectCommand& command) { command.is_json = true; });
   expect_named(measured, 2);
-  EXPECT_FALSE(Json::parse(measured.out).contains("statistics"));
-  EXPECT_EQ(Json::parse(measured.out)["leaves"]["num_leaves"], num_leaves);
-  EXPECT_EQ(Json::parse(measured.out)["faults"].size(), 1U);
+  EXPECT_FALSE(nlohmann::json::parse(measured.out).contains("statistics"));
+  EXPECT_EQ(nlohmann::json::parse(measured.out)["leaves"]["num_leaves"], num_leaves);
+  EXPECT_EQ(nlohmann::json::parse(measured.out)["faults"].size(), 1U);
 
   damage_record(part(2), info, leaf);
   const Shown listed = by_ranks(leaves);
   expect_named(listed, 2);
-  const Json rows = Json::parse(listed.out);
+  const nlohmann::json rows = nlohmann::json::parse(listed.out);
   ASSERT_EQ(rows.size(), num_leaves);
-  EXPECT_TRUE(
-      std::ranges::is_sorted(rows, {}, [](const Json& row) -> std::string { return row["leaf"]; }));
-  EXPECT_EQ(std::ranges::count(rows, "damaged", [](const Json& row) { return row["state"]; }), 1);
+  EXPECT_TRUE(std::ranges::is_sorted(
+      rows, {}, [](const nlohmann::json& row) -> std::string { return row["leaf"]; }));
+  EXPECT_EQ(
+      std::ranges::count(rows, "damaged", [](const nlohmann::json& row) { return row["state"]; }),
+      1);
 
   damage_record(part(1), run, MortonKey());
   damage_record(part(1), rank, MortonKey());
   const Shown without_run = by_ranks(leaves);
   expect_named(without_run, 1);
   expect_named(without_run, 2);
-  EXPECT_EQ(Json::parse(without_run.out).size(), num_leaves);
+  EXPECT_EQ(nlohmann::json::parse(without_run.out).size(), num_leaves);
 
   std::ofstream(part(1) / "data.mdb", std::ios::trunc) << std::string(1 << 16, 'x');
   const Shown unopened = by_ranks(leaves);
   expect_named(unopened, 1);
-  const std::size_t num_others = Json::parse(unopened.out).size();
+  const std::size_t num_others = nlohmann::json::parse(unopened.out).size();
   EXPECT_GT(num_others, 0U);
   EXPECT_LT(num_others, num_leaves);
   const Shown summed = by_ranks([](InspectCommand& command) { command.is_json = true; });
   expect_named(summed, 1);
-  EXPECT_EQ(Json::parse(summed.out)["leaves"]["num_leaves"], num_others);
+  EXPECT_EQ(nlohmann::json::parse(summed.out)["leaves"]["num_leaves"], num_others);
 }
 
 // Ranks are not seen at one moment.

@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "engine/engine.h"
+#include "tests/cube_off.h"
 #include "tests/damaged_record.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
@@ -22,14 +23,7 @@
 namespace locvol {
 namespace {
 
-using Json = nlohmann::json;
 using Names = std::vector<std::string>;
-
-constexpr const char* kCube =
-    "OFF\n8 12 0\n"
-    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n"
-    "3 0 2 1\n3 0 3 2\n3 4 5 6\n3 4 6 7\n3 0 1 5\n3 0 5 4\n"
-    "3 1 2 6\n3 1 6 5\n3 2 3 7\n3 2 7 6\n3 3 0 4\n3 3 4 7\n";
 
 // A run over the unit cube, and the command that looks into its store.
 class InspectTest : public testing::Test {
@@ -66,27 +60,27 @@ class InspectTest : public testing::Test {
     EXPECT_EQ(result.err.empty(), exit_code == 0) << result.err;
     return result.out;
   }
-  Json inspect(Names arguments = {}, int exit_code = 0) const {
+  nlohmann::json inspect(Names arguments = {}, int exit_code = 0) const {
     arguments.insert(arguments.begin(), {"inspect", "--json"});
-    return Json::parse(run(arguments, exit_code));
+    return nlohmann::json::parse(run(arguments, exit_code));
   }
-  Json replay(const std::string& leaf, int exit_code = 0) const {
-    return Json::parse(run({"replay", "--leaf", leaf, "--json"}, exit_code));
+  nlohmann::json replay(const std::string& leaf, int exit_code = 0) const {
+    return nlohmann::json::parse(run({"replay", "--leaf", leaf, "--json"}, exit_code));
   }
 
   const TempDir dir_;
   const std::string store_ = (dir_ / "store").string();
 };
 
-std::vector<std::uint64_t> counts(const Json& rows, const std::string& name) {
+std::vector<std::uint64_t> counts(const nlohmann::json& rows, const std::string& name) {
   std::vector<std::uint64_t> counts;
-  for (const Json& row : rows) counts.push_back(row.at(name));
+  for (const nlohmann::json& row : rows) counts.push_back(row.at(name));
   return counts;
 }
 
 TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
   const RunSummary summary = finish();
-  const Json json = inspect();
+  const nlohmann::json json = inspect();
   EXPECT_EQ(json["phase"], "done");
   EXPECT_EQ(json["num_cells"], summary.run.counts.num_cells);
   EXPECT_EQ(json["num_points"], summary.run.counts.num_points);
@@ -109,15 +103,16 @@ TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
   EXPECT_EQ(json["leaves"]["waiting"], 0);
   EXPECT_EQ(json["leaves"]["damaged"], 0);
   std::uint64_t num_in_levels = 0;
-  for (const Json& level : json["levels"])
+  for (const nlohmann::json& level : json["levels"])
     num_in_levels += level["num_leaves"].get<std::uint64_t>();
   EXPECT_EQ(num_in_levels, summary.num_leaves);
   std::uint64_t bytes = 0;
-  for (const Json& database : json["databases"]) bytes += database["bytes"].get<std::uint64_t>();
+  for (const nlohmann::json& database : json["databases"])
+    bytes += database["bytes"].get<std::uint64_t>();
   EXPECT_EQ(json["bytes"], bytes);
   EXPECT_EQ(json["file_bytes"], std::filesystem::file_size(dir_ / "store" / "data.mdb"));
   EXPECT_DOUBLE_EQ(json["bytes_per_cell"], double(bytes) / double(summary.run.counts.num_cells));
-  EXPECT_EQ(json["faults"], Json::array());
+  EXPECT_EQ(json["faults"], nlohmann::json::array());
   const auto memory = Store::open(store_, {.read_only = true}).snapshot().memory();
   ASSERT_TRUE(memory);
   EXPECT_EQ(json["memory"]["cap"], memory->cap);
@@ -132,9 +127,9 @@ TEST_F(InspectTest, SummaryTellsTheFactsOfTheRun) {
 
 TEST_F(InspectTest, LeavesAreSortedFilteredAndLimited) {
   finish();
-  const Json all = inspect({"--leaves"});
+  const nlohmann::json all = inspect({"--leaves"});
   std::vector<std::string> keys;
-  for (const Json& leaf : all) keys.push_back(leaf["leaf"]);
+  for (const nlohmann::json& leaf : all) keys.push_back(leaf["leaf"]);
   EXPECT_TRUE(std::ranges::is_sorted(keys));
   ASSERT_GT(all.size(), 8U);
   auto cells = counts(all, "num_cells");
@@ -145,8 +140,8 @@ TEST_F(InspectTest, LeavesAreSortedFilteredAndLimited) {
   std::ranges::reverse(cells);
   EXPECT_EQ(counts(inspect({"--leaves", "--sort", "cells", "--reverse"}), "num_cells"), cells);
 
-  const Json some = inspect({"--leaves", "--where", "cells>0", "--where", "visits=1"});
-  const auto matches = [](const Json& leaf) {
+  const nlohmann::json some = inspect({"--leaves", "--where", "cells>0", "--where", "visits=1"});
+  const auto matches = [](const nlohmann::json& leaf) {
     return leaf["num_cells"] > 0 && leaf["num_visits"] == 1;
   };
   EXPECT_EQ(some.size(), std::size_t(std::ranges::count_if(all, matches)));
@@ -155,8 +150,8 @@ TEST_F(InspectTest, LeavesAreSortedFilteredAndLimited) {
   EXPECT_EQ(std::accumulate(moves.begin(), moves.end(), std::uint64_t{0}), inspect()["num_moves"]);
   EXPECT_EQ(counts(inspect({"--leaves", "--sort", "moves", "--limit", "1"}), "num_moves"),
             std::vector{std::ranges::max(moves)});
-  EXPECT_EQ(inspect({"--leaves", "--state", "waiting"}), Json::array());
-  const Json clean = inspect({"--leaves", "--state", "clean"});
+  EXPECT_EQ(inspect({"--leaves", "--state", "waiting"}), nlohmann::json::array());
+  const nlohmann::json clean = inspect({"--leaves", "--state", "clean"});
   EXPECT_EQ(clean.size(), inspect()["leaves"]["clean"]);
   EXPECT_GT(clean.size(), 0U);
 
@@ -167,9 +162,9 @@ TEST_F(InspectTest, LeavesAreSortedFilteredAndLimited) {
 
 TEST_F(InspectTest, LeafInFullByItsKeyOrAPoint) {
   finish();
-  const Json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
+  const nlohmann::json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
   const std::string key = largest["leaf"];
-  const Json leaf = inspect({"--leaf", key});
+  const nlohmann::json leaf = inspect({"--leaf", key});
   EXPECT_EQ(leaf["num_cells"], largest["num_cells"]);
   EXPECT_EQ(leaf["cells"].size(), leaf["num_cells"]);
   EXPECT_EQ(leaf["points"].size(), leaf["num_points"]);
@@ -178,7 +173,7 @@ TEST_F(InspectTest, LeafInFullByItsKeyOrAPoint) {
   EXPECT_LE(leaf["quality"]["max_radius_edge_ratio"], 2.000001);
   EXPECT_GT(leaf["neighbors"].size(), 6U);
   std::map<std::string, int> kinds;
-  for (const Json& point : leaf["points"]) {
+  for (const nlohmann::json& point : leaf["points"]) {
     ++kinds[point["kind"]];
     for (std::size_t axis = 0; axis < 3; ++axis) {
       EXPECT_GE(point["position"][axis], leaf["box"]["min"][axis]);
@@ -186,9 +181,9 @@ TEST_F(InspectTest, LeafInFullByItsKeyOrAPoint) {
     }
   }
   for (const auto& [kind, num] : kinds) EXPECT_EQ(leaf["points_by_kind"][kind], num);
-  EXPECT_EQ(leaf["faults"], Json::array());
+  EXPECT_EQ(leaf["faults"], nlohmann::json::array());
 
-  const Json& p = leaf["points"][0]["position"];
+  const nlohmann::json& p = leaf["points"][0]["position"];
   const std::string spec = p[0].dump() + "," + p[1].dump() + "," + p[2].dump();
   EXPECT_EQ(inspect({"--leaf", spec})["leaf"], key);
   EXPECT_NE(run({"inspect", "--leaf", key, "--limit", "1"}).find(key + ", level"),
@@ -200,7 +195,7 @@ TEST_F(InspectTest, CountsTheLatticeCore) {
   const RunSummary summary = finish();
   std::uint64_t num_points = 0, num_cells = 0, num_core_cells = 0;
   std::string leaf_with_core;
-  for (const Json& leaf : inspect({"--leaves"})) {
+  for (const nlohmann::json& leaf : inspect({"--leaves"})) {
     num_points +=
         leaf["num_points"].get<std::uint64_t>() + leaf["num_core_points"].get<std::uint64_t>();
     num_cells += leaf["num_cells"].get<std::uint64_t>();
@@ -211,13 +206,13 @@ TEST_F(InspectTest, CountsTheLatticeCore) {
   EXPECT_EQ(num_points, summary.run.counts.num_points);
   EXPECT_EQ(num_cells + num_core_cells, summary.run.counts.num_cells);
   ASSERT_FALSE(leaf_with_core.empty());
-  const Json leaf = inspect({"--leaf", leaf_with_core});
-  EXPECT_EQ(leaf["faults"], Json::array());
+  const nlohmann::json leaf = inspect({"--leaf", leaf_with_core});
+  EXPECT_EQ(leaf["faults"], nlohmann::json::array());
   EXPECT_EQ(leaf["num_stale_cells"], 0);
   const std::string line =
       leaf["num_core_points"].dump() + " points, " + leaf["num_core_cells"].dump() + " cells\n";
   EXPECT_NE(run({"inspect", "--leaf", leaf_with_core}).find(line), std::string::npos) << line;
-  EXPECT_EQ(inspect({"--check"})["faults"], Json::array());
+  EXPECT_EQ(inspect({"--check"})["faults"], nlohmann::json::array());
 }
 
 TEST_F(InspectTest, SaysWhereALeafIsThatIsNone) {
@@ -245,8 +240,9 @@ TEST_F(InspectTest, WritesBoxesAndCells) {
   for (const std::int64_t num : core_cells) num_cells += num;
   EXPECT_EQ(static_cast<std::uint64_t>(num_cells), summary.run.counts.num_cells);
 
-  const Json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
-  const Json few = inspect({"--vtu", boxes, "--where", "cells>=" + largest["num_cells"].dump()});
+  const nlohmann::json largest = inspect({"--leaves", "--sort", "cells", "--limit", "1"})[0];
+  const nlohmann::json few =
+      inspect({"--vtu", boxes, "--where", "cells>=" + largest["num_cells"].dump()});
   EXPECT_EQ(few["num_leaves"], VtuArrays(boxes).num_cells());
   EXPECT_LT(few["num_leaves"], summary.num_leaves);
   const std::uint64_t num_in_leaf =
@@ -259,13 +255,13 @@ TEST_F(InspectTest, WritesBoxesAndCells) {
 
 TEST_F(InspectTest, ReplayRepeatsEachCleanLeaf) {
   finish();
-  for (const Json& leaf : inspect({"--leaves", "--where", "cells>0"})) {
-    const Json again = replay(leaf["leaf"]);
+  for (const nlohmann::json& leaf : inspect({"--leaves", "--where", "cells>0"})) {
+    const nlohmann::json again = replay(leaf["leaf"]);
     EXPECT_EQ(again["is_clean"], true);
     EXPECT_EQ(again["reproduces"], true);
     EXPECT_EQ(again["num_cells"], leaf["num_cells"]);
     EXPECT_EQ(again["num_inserted"], 0);
-    for (const Json& step : again["steps"])  // a poor cell is tried again, in vain
+    for (const nlohmann::json& step : again["steps"])  // a poor cell is tried again, in vain
       EXPECT_EQ(step["action"], "take in");
   }
 }
@@ -273,15 +269,15 @@ TEST_F(InspectTest, ReplayRepeatsEachCleanLeaf) {
 TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   stop_after(3);
   const std::string before = bytes_of(dir_ / "store" / "data.mdb");
-  const Json summary = inspect();
+  const nlohmann::json summary = inspect();
   EXPECT_EQ(summary["phase"], "refine");
   EXPECT_EQ(summary["writer"], nullptr);
   EXPECT_EQ(summary["num_visits"], 3);
-  const Json queue = inspect({"--queue"});
+  const nlohmann::json queue = inspect({"--queue"});
   ASSERT_GT(queue.size(), 3U);
   EXPECT_EQ(summary["queue"]["num_waiting"], queue.size());
   EXPECT_EQ(summary["queue"]["front"]["leaf"], queue[0]["leaf"]);
-  const auto position = [](const Json& entry) {
+  const auto position = [](const nlohmann::json& entry) {
     const auto color =
         entry["color"].is_null() ? ~std::uint32_t{0} : entry["color"].get<std::uint32_t>();
     return std::tuple(entry["epoch"].get<std::uint32_t>(), color, entry["leaf"].get<std::string>());
@@ -291,16 +287,16 @@ TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   EXPECT_EQ(summary["leaves"]["waiting"].get<std::size_t>() +
                 summary["leaves"]["unvisited"].get<std::size_t>(),
             queue.size());
-  const Json unvisited = inspect({"--leaves", "--state", "unvisited"});
+  const nlohmann::json unvisited = inspect({"--leaves", "--state", "unvisited"});
   EXPECT_EQ(unvisited.size(), summary["leaves"]["unvisited"]);
 
-  const Json leaf = inspect({"--leaf", queue[0]["leaf"]});
+  const nlohmann::json leaf = inspect({"--leaf", queue[0]["leaf"]});
   EXPECT_EQ(leaf["queued"]["epoch"], queue[0]["epoch"]);
-  const Json next = replay(queue[0]["leaf"]);
+  const nlohmann::json next = replay(queue[0]["leaf"]);
   EXPECT_EQ(next["is_clean"], false);
   EXPECT_EQ(next["error"], nullptr);
   std::uint64_t num_inserted = 0;
-  for (const Json& step : next["steps"]) {
+  for (const nlohmann::json& step : next["steps"]) {
     num_inserted += step["action"] == "insert";
     EXPECT_EQ(step["position"].size(), 3U);
   }
@@ -314,15 +310,15 @@ TEST_F(InspectTest, DumpedVisitIsTheSame) {
   stop_after(2);
   const std::string leaf = inspect({"--queue", "--limit", "1"})[0]["leaf"];
   const std::string dump = (dir_ / "visit.json").string(), cells = (dir_ / "cells.vtu").string();
-  const Json visit =
-      Json::parse(run({"replay", "--leaf", leaf, "--json", "--dump", dump, "--vtu", cells}));
+  const nlohmann::json visit = nlohmann::json::parse(
+      run({"replay", "--leaf", leaf, "--json", "--dump", dump, "--vtu", cells}));
   EXPECT_GT(visit["num_inserted"], 0);
   EXPECT_EQ(VtuArrays(cells).num_cells(), visit["num_cells"]);
   std::filesystem::remove_all(store_);
   const std::string again = (dir_ / "again.vtu").string();
   const ProcessResult result = run_locvol({"replay", "--from", dump, "--json", "--vtu", again});
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(Json::parse(result.out), visit);
+  EXPECT_EQ(nlohmann::json::parse(result.out), visit);
   EXPECT_TRUE(bytes_of(again) == bytes_of(cells));
 
   std::ofstream(dump) << "{\"format\":\"locvol visit\",\"version\":2}";
@@ -364,28 +360,28 @@ TEST_F(InspectTest, DamageIsShownInItsPlace) {
     return digits;
   };
 
-  const Json leaves = inspect({"--leaves"}, 1);
+  const nlohmann::json leaves = inspect({"--leaves"}, 1);
   ASSERT_EQ(leaves.size(), num_leaves);
-  for (const Json& leaf : leaves)
+  for (const nlohmann::json& leaf : leaves)
     EXPECT_EQ(leaf["state"] == "damaged", leaf["leaf"] == text(damaged_info)) << leaf;
-  const Json checked = inspect({"--leaves", "--check", "--state", "damaged"}, 1);
+  const nlohmann::json checked = inspect({"--leaves", "--check", "--state", "damaged"}, 1);
   ASSERT_EQ(checked.size(), 2U);
   EXPECT_EQ(checked[1]["leaf"], text(damaged_points));
   EXPECT_GT(checked[1]["num_points"], 0);  // what can be read is shown
   EXPECT_EQ(checked[1]["faults"][0]["leaf"], text(damaged_points));
 
-  const Json queue = inspect({"--queue"}, 1);
-  for (const Json& entry : queue)
+  const nlohmann::json queue = inspect({"--queue"}, 1);
+  for (const nlohmann::json& entry : queue)
     EXPECT_EQ(entry.contains("faults"), entry["leaf"] == text(damaged_entry.leaf)) << entry;
-  const Json summary = inspect({}, 1);
+  const nlohmann::json summary = inspect({}, 1);
   EXPECT_EQ(summary["leaves"]["damaged"], 1);
   EXPECT_EQ(summary["faults"].size(), 1U);
   EXPECT_EQ(summary["num_visits"], 3);
-  const Json all = inspect({"--check"}, 1);
+  const nlohmann::json all = inspect({"--check"}, 1);
   EXPECT_EQ(all["leaves"]["damaged"], 2);
   EXPECT_EQ(all["faults"].size(), 3U);
-  const Json leaf = inspect({"--leaf", text(damaged_points)}, 1);
-  EXPECT_EQ(leaf["points"], Json::array());
+  const nlohmann::json leaf = inspect({"--leaf", text(damaged_points)}, 1);
+  EXPECT_EQ(leaf["points"], nlohmann::json::array());
   EXPECT_GT(leaf["num_triangles"].get<int>() + leaf["neighbors"].size(), 0U);
   EXPECT_NE(run({"inspect", "--leaves"}, 1).find("damaged record in database `leaves`"),
             std::string::npos);
@@ -396,7 +392,7 @@ TEST_F(InspectTest, DamageIsShownInItsPlace) {
 
 TEST_F(InspectTest, CheckMissesQueueEntries) {
   stop_after(3);
-  EXPECT_EQ(inspect({"--check"})["faults"], Json::array());
+  EXPECT_EQ(inspect({"--check"})["faults"], nlohmann::json::array());
   {
     Store store = Store::open(store_);
     const QueueEntry front = store.snapshot().queue_keys({}, 1).at(0);
@@ -404,7 +400,7 @@ TEST_F(InspectTest, CheckMissesQueueEntries) {
     batch.erase_queue_entry(front);
     batch.commit();
   }
-  const Json faults = inspect({"--check"}, 1)["faults"];
+  const nlohmann::json faults = inspect({"--check"}, 1)["faults"];
   ASSERT_EQ(faults.size(), 1U);
   EXPECT_NE(faults[0]["message"].get<std::string>().find("the queue has"), std::string::npos);
 }
@@ -419,7 +415,7 @@ TEST_F(InspectTest, DamagedRunRecordLeavesTheLists) {
     num_leaves = store.snapshot().leaf_keys().size();
   }
   damage_record(store_, run_record, MortonKey());
-  const Json summary = inspect({}, 1);
+  const nlohmann::json summary = inspect({}, 1);
   EXPECT_EQ(summary["leaves"]["num_leaves"], num_leaves);
   EXPECT_EQ(summary["faults"][0]["leaf"], nullptr);
   EXPECT_EQ(inspect({"--leaves"}, 1).size(), num_leaves);
@@ -464,14 +460,14 @@ TEST_F(InspectTest, LiveRunIsShownAndLeftAlone) {
   int num_live = 0, num_replayed = 0;
   while (!process.has_ended()) {
     process.send(SIGSTOP);  // or the leaf might be split before it is replayed
-    const Json queue = inspect({"--queue", "--limit", "1"});
+    const nlohmann::json queue = inspect({"--queue", "--limit", "1"});
     if (!queue.empty()) {
       ++num_replayed;
       const std::string leaf = queue[0]["leaf"];
-      EXPECT_EQ(Json::parse(run({"replay", "--leaf", leaf, "--json"}))["error"], nullptr);
+      EXPECT_EQ(nlohmann::json::parse(run({"replay", "--leaf", leaf, "--json"}))["error"], nullptr);
     }
     process.send(SIGCONT);
-    const Json summary = inspect();
+    const nlohmann::json summary = inspect();
     const bool is_live = summary["writer"] == std::to_string(process.id());
     if (!is_live) break;
     ++num_live;
@@ -479,7 +475,7 @@ TEST_F(InspectTest, LiveRunIsShownAndLeftAlone) {
     EXPECT_GE(visits, last_visits);
     last_visits = visits;
     double covered = 0;
-    for (const Json& leaf : inspect({"--leaves"}))
+    for (const nlohmann::json& leaf : inspect({"--leaves"}))
       covered += std::pow(8.0, -leaf["level"].get<int>());
     EXPECT_EQ(covered, 1);
     inspect({"--vtu", (dir_ / "boxes.vtu").string()});

@@ -121,7 +121,7 @@ TEST(SurfaceVariants, CutAnywhereTheyAreReadAsTheyWereOrRefused) {
   std::size_t num_accepted = 0, num_refused = 0;
   for (const auto& [name, content] : surface_variants()) {
     for (const std::string& whole : {content, packed(content)}) {
-      for (int i = 0; i < 24; ++i) {
+      for (int i = 0; i < 10; ++i) {
         const bool is_near_end = i % 2 == 0;
         const std::size_t most =
             std::min<std::size_t>(whole.size(), is_near_end ? 60 : whole.size());

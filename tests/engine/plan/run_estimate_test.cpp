@@ -48,12 +48,12 @@ void expect_work_of(const RunEstimate& estimate, std::uint64_t num_listed,
 TEST(RunEstimate, IsThatOfWholeRuns) {
   const std::vector<Trial> trials = {
       {"coarse ball", sphere(2, 31, 64), 0.3},
-      {"ball", sphere(2, 31, 64), 0.1},
-      {"flat torus", torus(3, 0.5, 90, 30), 0.12},
-      {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.08},
-      {"growing ball", sphere(2, 61, 128), 0.08, 0.2},
-      {"growing torus", torus(3, 0.5, 90, 30), 0.06, 0.3},
-      {"bounded ball", sphere(2, 61, 128), 0.06, 0.2, 0.09}};
+      {"ball", sphere(2, 31, 64), 0.13},
+      {"flat torus", torus(3, 0.5, 90, 30), 0.14},
+      {"two", together(sphere(1, 15, 32), translated(torus(1, 0.4, 60, 30), {5, 0, 0})), 0.1},
+      {"growing ball", sphere(2, 61, 128), 0.1, 0.2},
+      {"growing torus", torus(3, 0.5, 90, 30), 0.08, 0.3},
+      {"bounded ball", sphere(2, 61, 128), 0.08, 0.2, 0.12}};
   for (const auto& [name, shape, size, growth, max_size] : trials) {
     SCOPED_TRACE(name);
     const TempDir scratch;

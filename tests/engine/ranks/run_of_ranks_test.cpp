@@ -174,7 +174,7 @@ class RunOfRanks : public testing::Test {
 
 TEST_F(RunOfRanks, HasTheRecordsOfOneProcess) {
   write_off(sphere(1, 24, 48), scratch_ / "input.off");
-  const MeshOptions options = this->options("store", 0.04, 500);
+  const MeshOptions options = this->options("store", 0.06, 200);
   mesh(options);
   const Contents expected = contents_of(options.store);
   EXPECT_GT(expected.leaves.size(), 100U);
@@ -185,7 +185,7 @@ TEST_F(RunOfRanks, HasTheRecordsOfOneProcess) {
 TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
   write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
             scratch_ / "input.off");
-  const MeshOptions options = this->options("store", 0.06, 500);
+  const MeshOptions options = this->options("store", 0.08, 300);
   mesh(options);
   const Store store = Store::open(options.store, {.read_only = true});
   const MeshStatistics expected = mesh_statistics(store);
@@ -419,9 +419,9 @@ TEST_F(RunOfRanks, MendsAsOneProcess) {
 TEST_F(RunOfRanks, OfARealModelHasTheRecordsOfOneProcess) {
   const std::filesystem::path models = models_directory();
   if (models.empty()) GTEST_SKIP() << kNoModels;
-  MeshOptions options = this->options("store", 0, 3000);
+  MeshOptions options = this->options("store", 0, 2000);
   options.input = models / "rocker_arm.obj";
-  options.size = {3, true};
+  options.size = {4, true};
   mesh(options);
   const Contents expected = contents_of(options.store);
   EXPECT_GT(expected.leaves.size(), 100U);
@@ -498,8 +498,8 @@ std::vector<MeshOptions> with_sizes(const MeshOptions& options) {
   std::vector<MeshOptions> some(5, options);
   some[0].growth = 0.3;
   some[1].growth = 0.2;
-  some[0].size = some[1].size = {0.1, false};
-  some[1].max_size = SizeSpec{0.12, false};
+  some[0].size = some[1].size = {0.12, false};
+  some[1].max_size = SizeSpec{0.15, false};
   some[2].shapes = {{.shape = {ShapeKind::kBall, 0.05, {0.3, 0.2, 0.1}, {}, 0.1}, .place = {}}};
   some[3].deviation = SizeSpec{0.02, false};
   some[4].layers = 3;

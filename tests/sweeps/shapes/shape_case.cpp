@@ -136,11 +136,11 @@ double size_for(const MeshingWork& work, double extent, double num_cells) {
 }
 
 // By the number of cells; or by what it is compared with, the thinnest feature.
-double choose_size(const Solid& solid, Dice& dice) {
+double choose_size(const Solid& solid, double share, Dice& dice) {
   const MeshingWork work(solid.shape, dice);
   const Box box = box_of(solid.shape);
   const double extent = max_norm(box.max - box.min);
-  const auto size = [&](double num_cells) { return size_for(work, extent, num_cells); };
+  const auto size = [&](double num_cells) { return size_for(work, extent, share * num_cells); };
   const double by_cells = size(dice.log_uniform(1500, 60'000));
   if (solid.thickness == 0 || dice.chance(0.3)) return by_cells;
   // Often several λ, which is what users have; as often, next to none.
@@ -250,7 +250,7 @@ std::vector<std::string> some_sizes(double size, Dice& dice) {
   return sizes;
 }
 
-ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes) {
+ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, double share) {
   Dice dice(seed, number);
   // In turn, so that a short sweep has them all.
   const Family& family = families()[number % families().size()];
@@ -260,7 +260,7 @@ ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes) {
   changes.refine_triangulation();
   changes.turn();
   changes.scale();
-  made.size = maybe_rounded(choose_size(made.solid, dice), dice);
+  made.size = maybe_rounded(choose_size(made.solid, share, dice), dice);
   changes.move();
   changes.add_noise();
   changes.round_to_float();

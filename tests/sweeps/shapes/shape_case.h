@@ -35,8 +35,9 @@ struct ShapeCase {
   bool is_resolved() const;
 };
 
-// `has_sizes`: the same, with sizes that vary.
-ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes = false);
+// `has_sizes`: the same, with sizes that vary. `share`: with λ for so many times the cells.
+ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes = false,
+                    double share = 1);
 
 // How much there is to mesh.
 class MeshingWork {
