@@ -85,11 +85,12 @@ static LeafInput with_one_insertion(LeafInput input) {
 }
 
 // SYMBOL is the mangled name; the parameters of a member function begin with the object.
-#define WRAP(which, Result, function, symbol, parameters, arguments)             \
-  Result real_##function parameters asm("__real_" symbol);                       \
-  Result wrapped_##function parameters asm("__wrap_" symbol);                    \
-  Result wrapped_##function parameters {                                         \
-    return sweeps::step(Step::which, [&] { return real_##function arguments; }); \
+// Aligned, for an odd address in a pointer to a member function means a virtual one.
+#define WRAP(which, Result, function, symbol, parameters, arguments)               \
+  Result real_##function parameters asm("__real_" symbol);                         \
+  [[gnu::aligned(16)]] Result wrapped_##function parameters asm("__wrap_" symbol); \
+  Result wrapped_##function parameters {                                           \
+    return sweeps::step(Step::which, [&] { return real_##function arguments; });   \
   }
 
 WRAP(kIngest, void, put_surface, "_ZN6locvol5Batch11put_surfaceENS_9MortonKeyERKNS_11LeafSurfaceE",
