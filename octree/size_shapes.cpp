@@ -30,6 +30,11 @@ Distances distances(const SizeShape& shape, const Box& box) {
 
 }  // namespace
 
+Box box_of(const SizeShape& shape) {
+  if (shape.kind == ShapeKind::kBall) return Box::around(shape.a).expanded(shape.radius);
+  return Box::around(shape.a).joined(shape.b);
+}
+
 double distance_to(const SizeShape& shape, const Point& p) {
   switch (shape.kind) {
     case ShapeKind::kBall:

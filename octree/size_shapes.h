@@ -21,6 +21,9 @@ struct SizeShape {
   friend bool operator==(const SizeShape&, const SizeShape&) = default;
 };
 
+// Around all of it.
+Box box_of(const SizeShape& shape);
+
 // From p; 0 in the shape.
 double distance_to(const SizeShape& shape, const Point& p);
 

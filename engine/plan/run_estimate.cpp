@@ -221,11 +221,6 @@ SizeTotals estimated_totals(const SizeLaw& law, const SurfaceFacts& surface) {
   return totals;
 }
 
-Box box_of(const SizeShape& shape) {
-  if (shape.kind == ShapeKind::kBall) return Box::around(shape.a).expanded(shape.radius);
-  return Box::around(shape.a).joined(shape.b);
-}
-
 // Of the places that are no farther from the shape.
 double volume_around(const SizeShape& shape, double distance) {
   constexpr double kPi = std::numbers::pi;

@@ -102,10 +102,10 @@ std::string name_of(const std::filesystem::path& input) {
   return std::filesystem::absolute(input).string();
 }
 
-Box ends_of(const SizeShape& shape) { return Box::around(shape.a).joined(shape.b); }
-
 double distance_between(const SizeShape& shape, const Box& box) {
-  return std::max(0.0, std::sqrt(box.squared_distance(ends_of(shape))) - shape.radius);
+  if (shape.kind == ShapeKind::kBall)
+    return std::max(0.0, std::sqrt(box.squared_distance(shape.a)) - shape.radius);
+  return std::sqrt(box.squared_distance(box_of(shape)));
 }
 
 void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
@@ -117,11 +117,11 @@ void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& p
       throw InputError(place + ": " + e.what());
     }
     if (shape.kind == ShapeKind::kBox) {
-      const Box box = ends_of(shape);
+      const Box box = box_of(shape);
       added.a = box.min, added.b = box.max;
     }
-    const Point farthest = ends_of(shape).expanded(shape.radius).max;
-    if (!(shape.radius >= 0) || !std::isfinite(dot(farthest, farthest)))
+    const auto& [least, most] = box_of(shape);
+    if (!(shape.radius >= 0) || !std::isfinite(dot(least, least) + dot(most, most)))
       throw InputError(place + ": give finite coordinates, and a radius of at least 0");
     const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);
     if (!(num_cells < kMostCells))

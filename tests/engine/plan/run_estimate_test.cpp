@@ -36,6 +36,18 @@ struct Trial {
   double growth = 0, max_size = 0;
 };
 
+// Its run, with a store "store" there.
+RunSummary mesh(const Trial& trial, const TempDir& scratch) {
+  write_off(trial.shape, scratch / "surface.off");
+  MeshOptions options;
+  options.input = scratch / "surface.off";
+  options.store = scratch / "store";
+  options.size = {trial.size, false};
+  options.growth = trial.growth;
+  if (trial.max_size > 0) options.max_size = {trial.max_size, false};
+  return mesh(options);
+}
+
 void expect_work_of(const RunEstimate& estimate, std::uint64_t num_listed,
                     const std::filesystem::path& store) {
   EXPECT_NEAR(estimate.num_listed_cells, static_cast<double>(num_listed),
@@ -54,17 +66,10 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
       {"growing ball", sphere(2, 61, 128), 0.1, 0.2},
       {"growing torus", torus(3, 0.5, 90, 30), 0.08, 0.3},
       {"bounded ball", sphere(2, 61, 128), 0.08, 0.2, 0.12}};
-  for (const auto& [name, shape, size, growth, max_size] : trials) {
-    SCOPED_TRACE(name);
+  for (const Trial& trial : trials) {
+    SCOPED_TRACE(trial.name);
     const TempDir scratch;
-    write_off(shape, scratch / "surface.off");
-    MeshOptions options;
-    options.input = scratch / "surface.off";
-    options.store = scratch / "store";
-    options.size = {size, false};
-    options.growth = growth;
-    if (max_size > 0) options.max_size = {max_size, false};
-    const RunSummary made = mesh(options);
+    const RunSummary made = mesh(trial, scratch);
     const RunEstimate estimate = estimate_run(made.run.surface, made.run.parameters);
     const auto num_cells = static_cast<double>(made.run.counts.num_cells);
     EXPECT_GT(kCellsFactor * estimate.num_cells, num_cells);
@@ -72,15 +77,15 @@ TEST(RunEstimate, IsThatOfWholeRuns) {
     EXPECT_NEAR(estimate.num_vertices, static_cast<double>(made.run.counts.num_points),
                 0.15 * static_cast<double>(made.run.counts.num_points));
     std::uint64_t num_listed = 0;
-    const Store store = Store::open(options.store, {.read_only = true});
+    const Store store = Store::open(scratch / "store", {.read_only = true});
     store.snapshot().for_each_leaf([&](MortonKey, const LeafInfo& info) {
       num_listed += info.num_cells;
       return true;
     });
-    expect_work_of(estimate, num_listed, options.store);
+    expect_work_of(estimate, num_listed, scratch / "store");
     RunRecord as_it_began = made.run;  // with its sizes, where they vary
     as_it_began.phase = Phase::kRefine;
-    expect_work_of(estimate_run(as_it_began, {}), num_listed, options.store);
+    expect_work_of(estimate_run(as_it_began, {}), num_listed, scratch / "store");
     for (const FormatInfo& format : mesh_formats()) {
       SCOPED_TRACE(format.name);
       const OutputOptions output = {format.format, format.has_cell_data};
@@ -106,16 +111,10 @@ TEST(RunEstimate, IsWithinAFactorOfTwoAtThinWallsAndGaps) {
       {"gap", turned(together(box_shape(slab), translated(box_shape(slab), {0, 0, 1.65}))), 1},
       {"knife", turned(testing_shapes::wedge(6, 8, 0.15)), 1},
       {"growing shell", shell(2, 0.15, 30), 0.8, 0.2}};
-  for (const auto& [name, shape, size, growth, max_size] : trials) {
-    SCOPED_TRACE(name);
+  for (const Trial& trial : trials) {
+    SCOPED_TRACE(trial.name);
     const TempDir scratch;
-    write_off(shape, scratch / "surface.off");
-    MeshOptions options;
-    options.input = scratch / "surface.off";
-    options.store = scratch / "store";
-    options.size = {size, false};
-    options.growth = growth;
-    const RunSummary made = mesh(options);
+    const RunSummary made = mesh(trial, scratch);
     const RunEstimate estimate = estimate_run(made.run.surface, made.run.parameters);
     const auto expect_twice = [](double estimated, double came) {
       EXPECT_GT(2 * estimated, came);
@@ -126,8 +125,9 @@ TEST(RunEstimate, IsWithinAFactorOfTwoAtThinWallsAndGaps) {
     EXPECT_GT(kCellsFactor * estimate.doubt * estimate.num_cells, num_cells);
     expect_twice(estimate.num_vertices, static_cast<double>(made.run.counts.num_points));
     EXPECT_GT(estimate.narrow.num_cells, 0.15 * estimate.num_cells);
-    const Store store = Store::open(options.store, {.read_only = true});
-    const auto bytes = static_cast<double>(std::filesystem::file_size(options.store / "data.mdb"));
+    const Store store = Store::open(scratch / "store", {.read_only = true});
+    const auto bytes =
+        static_cast<double>(std::filesystem::file_size(scratch / "store" / "data.mdb"));
     if (bytes > 5e5) expect_twice(estimate.store_bytes, bytes);
     const WriteSummary written = write_mesh(store, scratch / "mesh.vtu", {});
     expect_twice(estimate.output.file_bytes, static_cast<double>(written.bytes));

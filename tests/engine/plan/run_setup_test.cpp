@@ -63,6 +63,24 @@ TEST(PlannedRun, TakesPercentOfTheSmallestSide) {
   EXPECT_EQ(planned_in_box(options_with({0.5, false}), {4, 2, 3}).parameters.size, 0.5);
 }
 
+// A ball has one corner alone: the other, at the origin, once made it reach into the model.
+TEST(PlannedRun, TellsOfABallOutsideTheModel) {
+  const Box box{{-1, -1, -1}, {1, 1, 1}};
+  MeshOptions options = options_with({0.3, false});
+  options.shapes = {{{ShapeKind::kBall, 0.05, {5, 5, 5}, {}, 1}, false, "the ball"},
+                    {{ShapeKind::kBall, 0.05, {1.5, 0, 0}, {}, 1}, false, "the near one"},
+                    {{ShapeKind::kSegment, 0.05, {0, 0, 3}, {0, 2, 3}}, false, "the segment"}};
+  const RunRecord run = planned_run(options, "ab12", box);
+  const std::vector<std::string> notes = notes_on_shapes(options, run.parameters, box);
+  ASSERT_EQ(notes.size(), 2U);
+  EXPECT_TRUE(notes[0].starts_with("the ball: this shape lies outside the model, 5.93 from"))
+      << notes[0];
+  EXPECT_TRUE(notes[1].starts_with("the segment: this shape lies outside the model, 2 from"))
+      << notes[1];
+  options.shapes = {{{ShapeKind::kSegment, 0.05, {-HUGE_VAL, 0, 0}, {0, 0, 0}}, false, "far"}};
+  EXPECT_THROW(planned_run(options, "ab12", box), InputError);
+}
+
 TEST(PlannedRun, RefusesOptionsOutOfRange) {
   const Point surface{1, 1, 1};
   for (const double size : {0.0, -1.0, std::nan(""), HUGE_VAL, 1e-300, 1e300})
