@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <random>
 #include <set>
@@ -10,6 +11,7 @@
 #include "engine/audit/audit.h"
 #include "engine/inspect/replay.h"
 #include "engine/plan/same_run.h"
+#include "refine/predicates.h"
 #include "tests/directories.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
@@ -672,6 +674,84 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
       ++num_nodes;
     }
   EXPECT_GT(num_nodes, 100U);
+}
+
+// The corners of triangles, places on their edges, and places in them, `num` of which are spread
+// over their area.
+std::vector<Point> places_on(const std::vector<Triangle>& triangles, int num,
+                             std::mt19937_64& random) {
+  std::uniform_real_distribution<double> uniform(0, 1);
+  std::vector<Point> places;
+  std::vector<double> areas;
+  for (const Triangle& t : triangles) {
+    const auto& [a, b, c] = t.corners;
+    areas.push_back(norm(cross(b - a, c - a)));
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Point &from = t.corners[i], &to = t.corners[(i + 1) % 3];
+      places.insert(places.end(), {from, from + uniform(random) * (to - from)});
+    }
+  }
+  std::discrete_distribution<std::size_t> triangle_at(areas.begin(), areas.end());
+  for (int i = 0; i < num; ++i) {
+    const auto& [a, b, c] = triangles[triangle_at(random)].corners;
+    double u = uniform(random), v = uniform(random);
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    places.push_back(a + u * (b - a) + v * (c - a));
+  }
+  return places;
+}
+
+double farthest(const std::vector<Point>& places, const std::vector<Triangle>& triangles) {
+  double farthest = 0;
+  for (const Point& p : places) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Triangle& t : triangles) {
+      if (nearest <= farthest) break;
+      if (Box::around(t.corners[0]).joined(t.corners[1]).joined(t.corners[2]).squared_distance(p) <
+          nearest * nearest)
+        nearest = std::min(nearest, distance_to_triangle(p, t));
+    }
+    farthest = std::max(farthest, nearest);
+  }
+  return farthest;
+}
+
+// By brute force, where the surface is smooth, bends, and has edges and corners.
+TEST_F(GradedEngineTest, BoundaryAndSurfaceAreWithinTheDeviationOfEachOther) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  constexpr double kDeviation = 0.015;
+  const std::vector<std::pair<std::string, Shape>> shapes = {
+      {"ball", sphere(1, 61, 128)},
+      {"ring", torus(1, 0.4, 96, 48)},
+      {"box", turned(box_shape({{0, 0, 0}, {1, 0.7, 1.3}}))},
+      {"wedge", wedge(1, 0.6, std::numbers::pi / 6)}};
+  for (const auto& [name, shape] : shapes) {
+    SCOPED_TRACE(name);
+    write(shape);
+    auto run = options(name, 0.4, 1000);
+    run.deviation = SizeSpec{kDeviation, false};
+    run.seed = seed;
+    const RunOutcome outcome = mesh(run).outcome;
+    if (name != "wedge") {  // whose edges are acute
+      EXPECT_EQ(outcome, RunOutcome::kDone);
+    }
+    std::vector<Triangle> surface, boundary;
+    for (const auto& [a, b, c] : shape.triangles)
+      surface.push_back({0, {shape.vertices[a], shape.vertices[b], shape.vertices[c]}});
+    const Contents contents = contents_of(run.store);
+    const auto points = points_of(contents);
+    for (const auto& [a, b, c] : boundary_of(contents).facets)
+      boundary.push_back(
+          {0, {points.at(a).position, points.at(b).position, points.at(c).position}});
+    EXPECT_LT(farthest(places_on(boundary, 3000, random), surface), kDeviation);
+    EXPECT_LT(farthest(places_on(surface, 3000, random), boundary), kDeviation);
+    // And not closer than it takes: of the ball, where the bound is all there is.
+    if (name == "ball") {
+      EXPECT_GT(farthest(places_on(boundary, 3000, random), surface), 0.2 * kDeviation);
+    }
+  }
 }
 
 // Sheets that make 5° have cells of their own between them, where they are closer than the spacing
