@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "octree/sort_and_unite.h"
 #include "refine/fragment.h"
 
 namespace locvol {
@@ -447,9 +448,7 @@ void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const Sur
       if (is_in_leaf(input.box, input.lattice.position(site))) sites.push_back(site);
     });
   }
-  std::ranges::sort(sites);
-  const auto repeated = std::ranges::unique(sites);
-  sites.erase(repeated.begin(), repeated.end());
+  sort_and_unite(sites);
   std::erase_if(sites, [&](const LatticeSite& site) {
     poll();
     const Point p = input.lattice.position(site);

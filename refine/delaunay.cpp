@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "octree/sort_and_unite.h"
 #include "refine/ball_filter.h"
 #include "refine/near_sphere.h"
 
@@ -351,9 +352,7 @@ void Delaunay::neighbors_of(Vertex v, std::vector<Vertex>& out) const {
   for (const Cell c : seen_)
     for (const Vertex w : corners_[c].vertex)
       if (w != v && w != kInfinite) out.push_back(w);
-  std::ranges::sort(out);
-  const auto repeated = std::ranges::unique(out);
-  out.erase(repeated.begin(), repeated.end());
+  sort_and_unite(out);
 }
 
 bool Delaunay::build(std::span<const Point> points, const StopToken* stop) {
@@ -570,9 +569,7 @@ bool Delaunay::remove(std::span<const Vertex> vertices) {
     leaving.push_back(std::exchange(impl_->vertices[v], {}));
     cell_of_[v] = kNone;
   }
-  std::ranges::sort(seen_);
-  const auto repeated = std::ranges::unique(seen_);
-  seen_.erase(repeated.begin(), repeated.end());
+  sort_and_unite(seen_);
 
   // The cells around these stay.
   ++epoch_;

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/sort_and_unite.h"
 #include "octree/stop.h"
 #include "refine/ball_filter.h"
 
@@ -55,9 +56,7 @@ std::vector<Name> distinct_vertices(const std::vector<std::array<Name, kNum>>& i
   std::vector<Name> vertices;
   vertices.reserve(kNum * items.size());
   for (const auto& item : items) vertices.insert(vertices.end(), item.begin(), item.end());
-  std::ranges::sort(vertices);
-  const auto repeated = std::ranges::unique(vertices);
-  vertices.erase(repeated.begin(), repeated.end());
+  sort_and_unite(vertices);
   return vertices;
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "octree/site_block.h"
+#include "octree/sort_and_unite.h"
 #include "refine/cover_leaf.h"
 #include "refine/fragment.h"
 #include "refine/leaf.h"
@@ -194,9 +195,7 @@ class HoleSearch {
   }
 
   FillPoints found() {
-    std::ranges::sort(found_.met_core);
-    const auto repeated = std::ranges::unique(found_.met_core);
-    found_.met_core.erase(repeated.begin(), repeated.end());
+    sort_and_unite(found_.met_core);
     return std::move(found_);
   }
   // In small cubes and in those beside them, in order.
@@ -237,9 +236,7 @@ class HoleSearch {
                 {low.x + at[0] * quarter, low.y + at[1] * quarter, low.z + at[2] * quarter});
           }
     }
-    std::ranges::sort(places);
-    const auto repeated = std::ranges::unique(places);
-    places.erase(repeated.begin(), repeated.end());
+    sort_and_unite(places);
     // All of the lattice is there as far as its balls reach.
     const SizeLaw& law = input_.sizes.law;
     const auto is_in_lattice = [&](const Point& p) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "octree/mix.h"
+#include "octree/sort_and_unite.h"
 #include "refine/cell_shape.h"
 #include "refine/fragment.h"
 #include "refine/vertex_link.h"
@@ -268,9 +269,7 @@ std::span<const LocalIndex> ImproveAngles::movable_around(Cell poor) {
         if (is_movable(w) && std::ranges::find(vertices, w) == vertices.end())
           movable_.push_back(w);
   }
-  std::ranges::sort(movable_);
-  const auto repeated = std::ranges::unique(movable_);
-  movable_.erase(repeated.begin(), repeated.end());
+  sort_and_unite(movable_);
   std::ranges::stable_sort(
       movable_, {}, [&](LocalIndex v) { return squared_distance(delaunay.point(v), center); });
   return std::span(movable_).first(std::min(movable_.size(), kNumMovable));
@@ -613,9 +612,7 @@ bool ImproveAngles::are_facets_good() {
         facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
   }
   std::ranges::sort(facets_made_);
-  std::ranges::sort(facets_gone_);
-  const auto repeated = std::ranges::unique(facets_gone_);  // between two that go
-  facets_gone_.erase(repeated.begin(), repeated.end());
+  sort_and_unite(facets_gone_);  // between two that go
   // Of the same vertices, but one of them moves.
   const bool is_moved = kind_ == PointKind::kSurface;
   return (facets_made_ == facets_gone_ && !is_moved) ||

@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "octree/site_block.h"
+#include "octree/sort_and_unite.h"
 #include "refine/cell_shape.h"
 #include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
@@ -225,9 +226,7 @@ void Refinement::restore() {
 LeafDelta Refinement::finish() {
   if (!delta_.is_overfull && mesh_.has_cells() && input_.criteria.min_dihedral > 0)
     ImproveAngles(input_, surroundings_, on_step_, mesh_, delta_).run();
-  std::ranges::sort(delta_.met_core);
-  const auto repeated = std::ranges::unique(delta_.met_core);
-  delta_.met_core.erase(repeated.begin(), repeated.end());
+  sort_and_unite(delta_.met_core);
   delta_.stats.cells_made = mesh_.num_cells_made();
   if (!delta_.is_overfull) {
     if (mesh_.has_cells()) list_unresolved();
@@ -451,9 +450,7 @@ const PointCubes& Refinement::corners() {
   std::vector<Point> all;
   for (const Triangle& t : surroundings_.surface.triangles())
     all.insert(all.end(), t.corners.begin(), t.corners.end());
-  std::ranges::sort(all);
-  const auto repeated = std::ranges::unique(all);
-  all.erase(repeated.begin(), repeated.end());
+  sort_and_unite(all);
   const Box& region = surroundings_.surface.region();
   const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
   return corner_cubes_.emplace(region, side, all);
@@ -684,9 +681,7 @@ std::optional<std::vector<Point>> Refinement::others_changed(const Point& q) con
       const Point& p = mesh_.delaunay().point(v);
       if (squared_distance(p, q) < near * near) changed.push_back(p);
     }
-  std::ranges::sort(changed);
-  const auto repeated = std::ranges::unique(changed);
-  changed.erase(repeated.begin(), repeated.end());
+  sort_and_unite(changed);
   return changed;
 }
 

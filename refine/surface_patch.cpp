@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "octree/sort_and_unite.h"
 #include "refine/closest_point.h"
 #include "refine/crossing.h"
 
@@ -562,9 +563,7 @@ void SurfacePatch::triangles_near(const Point& p, double distance,
     if (impl_->boxes[t].squared_distance(p) < distance * distance) near.push_back(t);
     return true;
   });
-  std::ranges::sort(near);
-  const auto repeated = std::ranges::unique(near);
-  near.erase(repeated.begin(), repeated.end());
+  sort_and_unite(near);
   out.clear();
   for (const Impl::Index t : near) out.push_back(impl_->triangles[t]);
 }
@@ -574,9 +573,7 @@ void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Poi
   std::vector<Triangle> near;
   triangles_near(p, distance, near);
   for (const Triangle& t : near) out.insert(out.end(), t.corners.begin(), t.corners.end());
-  std::ranges::sort(out);
-  const auto repeated = std::ranges::unique(out);
-  out.erase(repeated.begin(), repeated.end());
+  sort_and_unite(out);
 }
 
 }  // namespace locvol

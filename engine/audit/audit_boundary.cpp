@@ -7,7 +7,7 @@
 #include <string>
 
 #include "engine/audit/audit_leaf.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/predicates.h"
 
 namespace locvol {

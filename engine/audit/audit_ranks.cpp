@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 

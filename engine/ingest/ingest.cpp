@@ -18,7 +18,7 @@
 #include "engine/plan/octree_plan.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/surface_patch.h"
 #include "refine/triangle_box.h"
 

@@ -10,7 +10,7 @@
 
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {

@@ -18,7 +18,7 @@
 #include "engine/ingest/weld_trials.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/number_text.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {

@@ -14,7 +14,7 @@
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {

@@ -7,7 +7,7 @@
 #include "engine/output/leaf_facets.h"
 #include "engine/shared/encode_in_order.h"
 #include "engine/shared/leaf_name.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 namespace {

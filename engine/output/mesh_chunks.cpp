@@ -4,8 +4,8 @@
 #include <string>
 
 #include "engine/shared/leaf_name.h"
-#include "engine/shared/sort_and_unite.h"
 #include "octree/lattice.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 namespace {

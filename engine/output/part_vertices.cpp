@@ -3,7 +3,7 @@
 #include <atomic>
 
 #include "engine/shared/leaf_name.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "engine/exchange/pack.h"
 #include "engine/plan/octree_plan.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 

@@ -12,7 +12,7 @@
 #include <set>
 #include <utility>
 
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/predicates.h"
 
 namespace locvol {

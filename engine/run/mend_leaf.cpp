@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "engine/run/unresolved_sites.h"
-#include "engine/shared/sort_and_unite.h"
+#include "octree/sort_and_unite.h"
 #include "refine/leaf.h"
 
 namespace locvol {
