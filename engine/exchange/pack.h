@@ -54,6 +54,16 @@ struct tracking_level<T> : mpl::int_<track_never> {};
 
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
 
+// In one piece, for they are many.
+BOOST_IS_BITWISE_SERIALIZABLE(locvol::Point)
+BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeSite)
+BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeRow)
+BOOST_IS_BITWISE_SERIALIZABLE(locvol::OthersCell)
+namespace boost::serialization {
+template <>
+struct is_bitwise_serializable<std::array<std::uint32_t, 4>> : mpl::true_ {};
+}  // namespace boost::serialization
+
 namespace locvol {
 
 auto fields(Maybe<CompensatedSum> auto& sum) {

@@ -29,16 +29,6 @@ auto fields(Maybe<MendedCells> auto& cells) {
 
 }  // namespace locvol
 
-// In one piece, for they are many.
-BOOST_IS_BITWISE_SERIALIZABLE(locvol::Point)
-BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeSite)
-BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeRow)
-BOOST_IS_BITWISE_SERIALIZABLE(locvol::OthersCell)
-namespace boost::serialization {
-template <>
-struct is_bitwise_serializable<std::array<std::uint32_t, 4>> : mpl::true_ {};
-}  // namespace boost::serialization
-
 namespace locvol {
 
 template <class Result>
