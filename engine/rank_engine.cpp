@@ -125,12 +125,8 @@ Phase next_move(const Reader& reader) {
 // With the counts of all parts, whichever ranks have them.
 RunRecord run_of_all(const HeldRun& held, Exchange& exchange) {
   RunCounts own;
-  for (const std::filesystem::path& part : held.parts) {
-    const RunCounts counts = Store::open(part, {.read_only = true}).snapshot().run()->counts;
-    own.num_points += counts.num_points;
-    own.num_cells += counts.num_cells;
-    own.num_unresolved += counts.num_unresolved;
-  }
+  for (const std::filesystem::path& part : held.parts)
+    own = sum_of(own, Store::open(part, {.read_only = true}).snapshot().run()->counts);
   RunRecord run = held.run;
   run.counts = total_counts(exchange, own);
   return run;

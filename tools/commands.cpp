@@ -154,8 +154,8 @@ void require_output(const RunPlace& place, const RunControl& control,
   do_on_all(place.exchange, [&] {
     if (place.is_first()) require_output(control.output, control.output_options.format, surface());
   });
-  if (place.exchange != nullptr && !control.is_in_pieces)
-    require_seen_by_all(control.output, *place.exchange);
+  if (place.is_of_ranks && !control.is_in_pieces)
+    require_seen_by_all(control.output, place.exchange);
 }
 
 // The file that is read; what a pipe is through, if it is one.
@@ -164,9 +164,9 @@ std::filesystem::path file_of(const std::filesystem::path& input) {
 }
 
 // By default the ranks of one machine share half of what is free.
-std::uint64_t cap_of(std::uint64_t asked, Exchange* exchange) {
-  if (asked > 0 || exchange == nullptr) return memory_cap(asked);
-  return memory_cap(memory_cap(0) / static_cast<std::uint64_t>(num_ranks_here(*exchange)));
+std::uint64_t cap_of(std::uint64_t asked, const RunPlace& place) {
+  if (asked > 0 || !place.is_of_ranks) return memory_cap(asked);
+  return memory_cap(memory_cap(0) / static_cast<std::uint64_t>(num_ranks_here(place.exchange)));
 }
 
 // The first rank chooses it, and all throw Stopped if that is stopped.
@@ -176,27 +176,17 @@ SizeSpec chosen_size(const SurfaceSource& surface, const std::optional<SizeSpec>
   do_on_all(place.exchange, [&] {
     if (place.is_first()) size = chosen_size(surface, weld, cap, line).value;
   });
-  if (place.exchange != nullptr) size = gather_values(*place.exchange, size).front();
-  return {size, false};
+  return {gather_values(place.exchange, size).front(), false};
 }
 
-}  // namespace
-
-std::filesystem::path store_of(const MeshCommand& command, bool is_of_ranks) {
-  const std::filesystem::path& named = command.options.store;
-  if (!named.empty()) return named;
-  return command.control.output.string() + (is_of_ranks ? ".locvol-%r" : ".locvol");
-}
-
-int run_mesh(const MeshCommand& command, Exchange* exchange) {
+int mesh_at(const RunPlace& place, const MeshCommand& command) {
   const StopSignal& stop = StopSignal::install();
-  const RunPlace place{store_of(command, exchange != nullptr), exchange};
   try {
     require_pieces(command);
     MeshCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
     require_output(place, command.control, [&] { return file_of(command.options.input); });
-    const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
+    const std::uint64_t cap = cap_of(command.control.memory_bytes, place);
     ProgressLine line(progress_style(own), cap);
     const SurfaceSource surface = surface_at(command.options.input, place.own());
     own.options.size =
@@ -206,8 +196,8 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
         command.options.store.empty() && !command.is_store_kept && is_absent_or_store(place.own());
 
     const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
-      return exchange != nullptr ? mesh_as_rank(surface, own.options, control, *exchange)
-                                 : mesh(surface, own.options, control);
+      return place.is_of_ranks ? mesh_as_rank(surface, own.options, control, place.exchange)
+                               : mesh(surface, own.options, control);
     });
     const int code = finish(run, place, own, stop, line);
     if (code == kExitDone && is_removable) remove_store(place.own());
@@ -219,28 +209,51 @@ int run_mesh(const MeshCommand& command, Exchange* exchange) {
   }
 }
 
-int run_resume(const ResumeCommand& command, Exchange* exchange) {
+int resume_at(const RunPlace& place, const ResumeCommand& command) {
   const StopSignal& stop = StopSignal::install();
-  const RunPlace place{command.store, exchange};
   try {
     require_pieces(command);
     ResumeCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
     require_output(place, command.control, [&]() -> std::filesystem::path {
       // Ranks say together what is wrong with their stores.
-      if (exchange != nullptr && !Store::owns(place.own())) return {};
+      if (place.is_of_ranks && !Store::owns(place.own())) return {};
       return run_of(open_to_read(place.own())).surface.file;
     });
-    const std::uint64_t cap = cap_of(command.control.memory_bytes, exchange);
+    const std::uint64_t cap = cap_of(command.control.memory_bytes, place);
     ProgressLine line(progress_style(own), cap);
     const TimedRun run = run_with_progress(own.control, cap, line, [&](const RunControl& control) {
-      return exchange != nullptr ? resume_as_rank(place.stores, control, *exchange)
-                                 : resume(place.stores, control);
+      return place.is_of_ranks ? resume_as_rank(place.stores, control, place.exchange)
+                               : resume(place.stores, control);
     });
     return finish(run, place, own, stop, line);
   } catch (const VisitError& error) {
     fail(error, place.own());
   }
+}
+
+}  // namespace
+
+std::filesystem::path store_of(const MeshCommand& command, bool is_of_ranks) {
+  const std::filesystem::path& named = command.options.store;
+  if (!named.empty()) return named;
+  return command.control.output.string() + (is_of_ranks ? ".locvol-%r" : ".locvol");
+}
+
+int run_mesh(const MeshCommand& command) {
+  return mesh_at({.stores = store_of(command, false)}, command);
+}
+
+int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange) {
+  return mesh_at({store_of(command, true), exchange, true}, command);
+}
+
+int run_resume(const ResumeCommand& command) {
+  return resume_at({.stores = command.store}, command);
+}
+
+int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange) {
+  return resume_at({command.store, exchange, true}, command);
 }
 
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
@@ -254,12 +267,12 @@ int run_export_as_rank(const ExportCommand& command, Exchange& exchange) {
   resume.is_json = command.is_json;
   resume.control.is_in_pieces = command.is_in_pieces;
   finished_by_ranks(command.store, exchange);
-  return run_resume(resume, &exchange);
+  return run_resume_as_rank(resume, exchange);
 }
 
 int run_join(const JoinCommand& command, Exchange& exchange) {
   RunControl control;
-  control.memory_bytes = cap_of(0, &exchange);
+  control.memory_bytes = cap_of(0, {command.stores, exchange, true});
   join_ranks(command.stores, command.whole, control, exchange);
   if (exchange.rank() != 0) return kExitDone;
   const RunSummary summary = summarize(open_to_read(command.whole).snapshot());
@@ -348,8 +361,7 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
   RunControl control;
   control.is_stopped = StopSignal::is_requested;
   run = find_sizes(surface, options, control).run;
-  OneRank alone;
-  const RunPart found = whole_run(open_to_read(options.store), alone);
+  const RunPart found = whole_run(open_to_read(options.store));
   if (!command.vtu.empty()) write_sizes_vtu(found, run, command.vtu);
   return report_sizes(found, run);
 }

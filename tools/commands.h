@@ -102,8 +102,10 @@ struct GenerateCommand {
 // OUTPUT.locvol, of ranks OUTPUT.locvol-%r.
 std::filesystem::path store_of(const MeshCommand& command, bool is_of_ranks);
 // By several ranks, each calls it; what goes to stdout is the first rank's.
-int run_mesh(const MeshCommand& command, Exchange* exchange = nullptr);
-int run_resume(const ResumeCommand& command, Exchange* exchange = nullptr);
+int run_mesh(const MeshCommand& command);
+int run_resume(const ResumeCommand& command);
+int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);
+int run_resume_as_rank(const ResumeCommand& command, Exchange& exchange);
 int run_export_as_rank(const ExportCommand& command, Exchange& exchange);
 int run_report_as_rank(const ReportCommand& command, Exchange& exchange);
 int run_audit_as_rank(const AuditCommand& command, Exchange& exchange);

@@ -182,7 +182,7 @@ std::filesystem::path name_of_output(const RunControl& control) {
 WriteSummary write(const Store& store, const RunControl& control, int num_threads,
                    const RunPlace& place, const StopSignal& stop, const StepProgress& on_step) {
   return control.is_in_pieces ? write_piece_as_rank(store, control.output, control.output_options,
-                                                    *place.exchange, num_threads)
+                                                    place.exchange, num_threads)
                               : write_mesh(store, control.output, control.output_options,
                                            num_threads, on_step, &stop, place.exchange);
 }
@@ -191,12 +191,11 @@ WriteSummary write(const Store& store, const RunControl& control, int num_thread
 MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
                                const RunCommand& command, const StopSignal& stop,
                                ProgressLine& line, Seconds& seconds) {
-  OneRank alone;
-  Exchange& exchange = place.exchange != nullptr ? *place.exchange : alone;
+  Exchange& exchange = place.exchange;
   const Store store = open_to_read(place.own());
   MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
-    return mesh_statistics(store, run.num_writers, on_step, &stop, place.exchange);
+    return mesh_statistics(store, run.num_writers, on_step, &stop, exchange);
   });
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
@@ -210,7 +209,7 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
   }
   // To find them takes time. Ranks but the first are quiet.
   if (mesh.statistics->num_poor_cells > 0 && any(exchange, !command.is_quiet)) {
-    const auto cells = first_poor_cells(store, kMaxListedSites, run.num_writers, place.exchange);
+    const auto cells = first_poor_cells(store, kMaxListedSites, run.num_writers, exchange);
     if (place.is_first()) tell_poor_cells(cells, *mesh.statistics, place.program(), line);
   }
   return mesh;
@@ -257,7 +256,7 @@ void tell_ranks(const RunSummary& run, Exchange& exchange, bool is_json, Progres
 }  // namespace
 
 std::filesystem::path RunPlace::own() const {
-  return exchange == nullptr ? stores : store_of_rank(stores, exchange->rank());
+  return is_of_ranks ? store_of_rank(stores, exchange.rank()) : stores;
 }
 
 TimedRun run_with_progress(RunControl control, std::uint64_t cap, ProgressLine& line,
@@ -281,8 +280,7 @@ int finish(const TimedRun& run, const RunPlace& place, const RunCommand& command
   MeasuredMesh mesh;
   Seconds seconds = run.seconds;
   if (outcome != RunOutcome::kInterrupted) try {
-      if (place.exchange != nullptr)
-        tell_ranks(run.summary, *place.exchange, command.is_json, line);
+      if (place.is_of_ranks) tell_ranks(run.summary, place.exchange, command.is_json, line);
       mesh = measure_and_write(run, place, command, stop, line, seconds);
     } catch (const Stopped&) {
       outcome = RunOutcome::kInterrupted;

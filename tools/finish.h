@@ -12,6 +12,7 @@
 
 #include "engine/engine.h"
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/formats/writer.h"
 #include "tools/progress.h"
 #include "tools/results.h"
@@ -22,11 +23,12 @@ namespace locvol {
 
 // Where a run is kept, and by whom.
 struct RunPlace {
-  std::filesystem::path stores;  // of several ranks, %r is the rank
-  Exchange* exchange = nullptr;  // null: one process has it
+  std::filesystem::path stores;  // of ranks, %r is the rank
+  Exchange& exchange = alone();
+  bool is_of_ranks = false;  // if only one
   std::filesystem::path own() const;
-  bool is_first() const { return exchange == nullptr || exchange->rank() == 0; }
-  std::string_view program() const { return exchange == nullptr ? "locvol" : "locvol-mpi"; }
+  bool is_first() const { return exchange.rank() == 0; }
+  std::string_view program() const { return is_of_ranks ? "locvol-mpi" : "locvol"; }
 };
 
 struct TimedRun {

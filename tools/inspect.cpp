@@ -363,9 +363,8 @@ int tell_inspected(const RunPart& part, std::vector<Fault> faults, const Inspect
 }  // namespace
 
 int run_inspect(const InspectCommand& command) {
-  OneRank alone;
   if (!command.vtu.empty()) require_writable(command.vtu);
-  return tell_inspected(whole_run(open_to_read(command.store), alone), {}, command, "locvol");
+  return tell_inspected(whole_run(open_to_read(command.store)), {}, command, "locvol");
 }
 
 int run_inspect_as_rank(const InspectCommand& command, Exchange& exchange) {

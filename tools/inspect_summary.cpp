@@ -277,7 +277,7 @@ std::optional<MeshStatistics> measured(const RunPart& part, int num_threads,
                                        std::vector<Fault>& faults) {
   try {
     return mesh_statistics(*part.store, num_threads, {}, nullptr,
-                           part.is_of_ranks() ? &part.exchange : nullptr);
+                           part.is_of_ranks() ? part.exchange : alone());
   } catch (const CorruptRecord& e) {
     faults.push_back({e.leaf(), e.what()});
   } catch (const ExchangeError&) {  // so it is on another rank
@@ -293,7 +293,7 @@ std::uint64_t measure(const RunPart& part, InspectSummary& all) {
   all.statistics = measured(part, num_threads, faults);
   all.faults = gather_named(part, faults);
   if (!all.statistics || all.statistics->num_poor_cells == 0) return faults.size();
-  all.first_poor_cells = first_poor_cells(*part.store, kMaxFirstSites, num_threads, &part.exchange);
+  all.first_poor_cells = first_poor_cells(*part.store, kMaxFirstSites, num_threads, part.exchange);
   return faults.size();
 }
 

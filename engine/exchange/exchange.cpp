@@ -104,10 +104,6 @@ void do_on_all(Exchange& exchange, const std::function<void()>& work) {
   if (worst == kStopped) throw Stopped();
 }
 
-void do_on_all(Exchange* exchange, const std::function<void()>& work) {
-  exchange != nullptr ? do_on_all(*exchange, work) : work();
-}
-
 void check_on_all(Exchange& exchange, const std::function<void()>& check) {
   constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
   const auto own = static_cast<std::uint64_t>(exchange.rank());

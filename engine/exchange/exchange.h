@@ -85,8 +85,6 @@ void wait_for_all(Exchange& exchange);
 // The same once each has done its work, which talks to no other rank. If that throws on any, then
 // on all: there what it was, on others ExchangeError; Stopped, if that is all that any throws.
 void do_on_all(Exchange& exchange, const std::function<void()>& work);
-// Null: there is but one process.
-void do_on_all(Exchange* exchange, const std::function<void()>& work);
 // Of what all ranks find out alike, or nearly so: what `check` throws, the first rank throws where
 // it does, and the others nothing but ExchangeError, when it has ended.
 void check_on_all(Exchange& exchange, const std::function<void()>& check);

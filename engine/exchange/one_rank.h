@@ -8,6 +8,7 @@
 
 namespace locvol {
 
+// Threads: any.
 class OneRank : public Exchange {
  public:
   int rank() const override { return 0; }
@@ -15,6 +16,13 @@ class OneRank : public Exchange {
   std::vector<std::string> swap(std::vector<std::string> messages) override { return messages; }
   std::vector<std::string> gather(const std::string& message) override { return {message}; }
   ExchangeStats stats() const override { return {}; }
+  void set_work(Work) override {}  // it waits for nobody
 };
+
+// The one that all processes have who have a run to themselves.
+inline Exchange& alone() {
+  static OneRank alone;
+  return alone;
+}
 
 }  // namespace locvol

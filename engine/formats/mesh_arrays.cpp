@@ -154,8 +154,8 @@ NumberRange ArrayBlocks::own_items(const ArrayInfo& info) const {
   if (info.array == ArrayName::kPoints || info.array == ArrayName::kPointIds)
     return mesh_.own_vertices();
   NumberRange own = mesh_.own_cells();
-  const Exchange* exchange = mesh_.exchange();
-  const bool is_last = exchange == nullptr || exchange->rank() + 1 == exchange->num_ranks();
+  const Exchange& exchange = mesh_.exchange();
+  const bool is_last = exchange.rank() + 1 == exchange.num_ranks();
   if (info.array != ArrayName::kStarts || !is_last) return own;
   return {own.size() > 0 ? own.first : mesh_.num_cells(), mesh_.num_cells() + 1};
 }
@@ -190,7 +190,7 @@ ArrayBlocks::ReadItems ArrayBlocks::reader_of(const ArrayInfo& info) {
 // Gives those of the rank's last block that others have.
 std::vector<std::byte> ArrayBlocks::items_after(const ArrayInfo& info, std::uint64_t block_items,
                                                 const ReadItems& read) {
-  Exchange& exchange = *mesh_.exchange();
+  Exchange& exchange = mesh_.exchange();
   const NumberRange own = own_items(info);
   const std::vector<std::uint64_t> firsts = gather_numbers(exchange, own.first),
                                    ends = gather_numbers(exchange, own.end);
@@ -217,7 +217,7 @@ ArrayBlocks::Blocks ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t blo
   const NumberRange own = own_items(info);
   const ReadItems read = reader_of(info);
   std::vector<std::byte> after;
-  if (mesh_.exchange() != nullptr && read) after = items_after(info, block_items, read);
+  if (read) after = items_after(info, block_items, read);
   const std::uint64_t first = block_items * num_blocks(own.first, block_items),
                       end =
                           std::min(info.num_items, block_items * num_blocks(own.end, block_items));

@@ -23,11 +23,10 @@ namespace locvol {
 // written by the first one, and of a run, what each has comes after that of lower ranks.
 class AppendedFile {
  public:
-  // `exchange`: null for one process
-  AppendedFile(PartialFile& file, Exchange* exchange, std::uint64_t offset = 0)
+  AppendedFile(PartialFile& file, Exchange& exchange, std::uint64_t offset = 0)
       : file_(file), exchange_(exchange), offset_(offset) {}
   void append(std::span<const std::byte> bytes) {
-    if (exchange_ == nullptr || exchange_->rank() == 0) file_.write_at(offset_, bytes);
+    if (exchange_.rank() == 0) file_.write_at(offset_, bytes);
     offset_ += bytes.size();
   }
   void append(std::string_view text) { append(std::as_bytes(std::span(text))); }
@@ -50,7 +49,7 @@ class AppendedFile {
   void append_here(const Write& write);
 
   PartialFile& file_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::uint64_t offset_;
 };
 

@@ -184,10 +184,10 @@ std::vector<std::byte> compressed_chunk(const ArrayInfo& info, std::span<const s
 
 // The rank's chunks of an array, in order, compressed by the threads; then, on the first rank,
 // those of the others, which wait in nameless files beside the output until it has its own.
-void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange* exchange,
+void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange& exchange,
                     const std::filesystem::path& output,
                     const std::function<void(std::span<const std::byte>)>& take) {
-  const bool is_first = exchange == nullptr || exchange->rank() == 0;
+  const bool is_first = exchange.rank() == 0;
   std::optional<OpenFile> waiting;
   std::vector<std::uint64_t> ends = {0};
   const auto blocks = arrays.blocks(info, items_of_chunk(info));
@@ -201,7 +201,6 @@ void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange* exchan
           ends.push_back(ends.back() + chunk.size());
         });
   });
-  if (exchange == nullptr) return;
   std::size_t i = 0;
   const auto next_waiting = [&]() -> std::optional<std::string> {
     if (i + 1 == ends.size()) return std::nullopt;
@@ -209,11 +208,11 @@ void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange* exchan
     waiting->read_at(ends[i++], std::as_writable_bytes(std::span(chunk)));
     return chunk;
   };
-  tell_first_rank(*exchange, next_waiting,
+  tell_first_rank(exchange, next_waiting,
                   [&](const std::string& chunk) { take(std::as_bytes(std::span(chunk))); });
 }
 
-void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks, Exchange* exchange,
+void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks, Exchange& exchange,
                  const std::filesystem::path& output) {
   const std::uint64_t chunk_items = items_of_chunk(info);
   const Extent extent(info);
@@ -299,7 +298,7 @@ std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file
   const PieceFile whole{file.name().string(), mesh.num_vertices(), mesh.num_cells()};
   const bool is_part = mesh.part().has_value();
   const std::vector<ArrayInfo> arrays = hdf_arrays(whole, has_quality, is_part);
-  Exchange* const exchange = mesh.exchange();
+  Exchange& exchange = mesh.exchange();
   ArrayBlocks blocks(mesh, has_quality, file.name());
   if (!mesh.is_of_first_rank()) {
     for (const ArrayInfo& info : arrays) for_each_chunk(info, blocks, exchange, file.name(), {});

@@ -143,7 +143,7 @@ constexpr std::uint64_t kBlockBytes = std::uint64_t{1} << 20;
 
 // The number of blocks, the bytes of each before compression, those of the last one if it is
 // shorter, and then of each block after compression.
-void write_compressed(const ArrayInfo& array, ArrayBlocks& arrays, Exchange* exchange,
+void write_compressed(const ArrayInfo& array, ArrayBlocks& arrays, Exchange& exchange,
                       PartialFile& file, std::uint64_t& offset) {
   const std::uint64_t block_items = kBlockBytes / std::bit_ceil(array.item_bytes());
   const std::uint64_t num_blocks = (array.num_items + block_items - 1) / block_items;

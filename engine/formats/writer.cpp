@@ -117,11 +117,10 @@ void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange) 
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
-                        const StopToken* stop, Exchange* exchange) {
+                        const StopToken* stop, Exchange& exchange) {
   MeshSource mesh(store, file, num_threads, on_step, stop, exchange);
   const MeshCounts counts = mesh_counts(mesh, options.format);
-  const auto check = [&] { check_limits(options.format, counts, file); };
-  exchange != nullptr ? check_on_all(*exchange, check) : check();
+  check_on_all(exchange, [&] { check_limits(options.format, counts, file); });
   const auto names = files_of(options.format, file);
   std::vector<std::unique_ptr<PartialFile>> files;
   do_on_all(exchange, [&] {
@@ -132,14 +131,12 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
     if (mesh.is_of_first_rank()) return;
     for (const auto& name : names) files.push_back(begun_by_first(name, stop));
   });
-  std::uint64_t bytes = write(mesh, options, *files.front(), files.back().get());
-  if (exchange != nullptr) {
-    do_on_all(*exchange, [&] {
-      if (mesh.is_of_first_rank()) return;
-      for (const auto& part : files) part->finish_part();
-    });
-    bytes = gather_numbers(*exchange, bytes).front();
-  }
+  const std::uint64_t own_bytes = write(mesh, options, *files.front(), files.back().get());
+  do_on_all(exchange, [&] {
+    if (mesh.is_of_first_rank()) return;
+    for (const auto& part : files) part->finish_part();
+  });
+  const std::uint64_t bytes = gather_numbers(exchange, own_bytes).front();
   do_on_all(exchange, [&] {
     if (!mesh.is_of_first_rank()) return;
     std::vector<PartialFile*> all;
@@ -170,7 +167,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
                                  const OutputOptions& options, Exchange& exchange,
                                  int num_threads) {
   const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
-  MeshSource mesh(store, name, num_threads, {}, nullptr, &exchange, true);
+  MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true);
   const MeshCounts counts = mesh_counts(mesh, options.format);
   const std::vector<PieceFile> pieces = piece_files(file, options.format, mesh, exchange);
   const auto of_all = index_of_pieces(file, options.format);

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/shared/step_progress.h"
 #include "octree/stop.h"
@@ -26,14 +27,14 @@ struct WriteSummary {
 // more. Steps are cells. Throws StoreError; FormatLimit before a byte is written;
 // std::runtime_error with the file's name when it cannot be written; Stopped, with nothing written.
 //
-// `exchange`: null if one process has all of the mesh. Else all ranks call it, each with its store,
+// `exchange`: of the ranks that have the mesh together. All call it, each with its store,
 // and all see the file's directory: each writes what is its own into the one file, which has the
 // same bytes. What has no known place, text and what is compressed, waits in nameless files beside
 // it, an array or a list at a time.
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads = 1,
                         const StepProgress& on_step = {}, const StopToken* stop = nullptr,
-                        Exchange* exchange = nullptr);
+                        Exchange& exchange = alone());
 // Called by all ranks, before the work is done. Throws std::runtime_error on the first rank that
 // does not see what rank 0 begins there, and ExchangeError on others.
 void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange);

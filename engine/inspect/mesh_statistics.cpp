@@ -274,10 +274,10 @@ void share_neighbors(const Reader& reader, NeighborRatio& neighbors, Exchange& e
     }
 }
 
-// `exchange`: null, if one process has all of the mesh; else all ranks call it.
+// All ranks call it.
 MeshStatistics measure(const Store& store, int num_threads, const StepProgress& on_step,
                        std::function<bool(const LeafPoorCell&)> on_poor, const StopToken* stop,
-                       Exchange* exchange = nullptr) {
+                       Exchange& exchange) {
   const Snapshot snapshot = store.snapshot();
   const RunRecord run = finished_run(store, snapshot);
   const LinearOctree octree = stored_octree(store, snapshot);
@@ -321,8 +321,8 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   do_on_all(exchange, [&] { Workers(num_threads).run_in_order(next_piece); });
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
-  if (has_neighbors && exchange != nullptr)
-    share_neighbors(snapshot, *measured.neighbors, *exchange);
+  if (has_neighbors && exchange.num_ranks() > 1)
+    share_neighbors(snapshot, *measured.neighbors, exchange);
   const auto near = [&](std::size_t place) {
     return leaves_near(octree, run.frame, place, 2 * kCellReach * measured.scale.of(place));
   };
@@ -335,12 +335,11 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
 }  // namespace
 
 MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepProgress& on_step,
-                               const StopToken* stop, Exchange* exchange) {
+                               const StopToken* stop, Exchange& exchange) {
   const MeshStatistics own = measure(store, num_threads, on_step, {}, stop, exchange);
-  if (exchange == nullptr) return own;
   std::optional<MeshStatistics> all;
   double most = 0;
-  for (const MeshStatistics& of_rank : gather_values(*exchange, own)) {
+  for (const MeshStatistics& of_rank : gather_values(exchange, own)) {
     most = std::max(most, of_rank.max_neighbor_ratio);
     all = all ? together(*all, of_rank) : of_rank;
   }
@@ -351,18 +350,18 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads, const StepPr
 void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
                         int num_threads, const StopToken* stop) {
   const RunRecord run = finished_run(store, store.snapshot());
-  if (run.parameters.min_dihedral > 0) measure(store, num_threads, {}, visit, stop);
+  if (run.parameters.min_dihedral > 0) measure(store, num_threads, {}, visit, stop, alone());
 }
 
 std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max, int num_threads,
-                                           Exchange* exchange) {
+                                           Exchange& exchange) {
   std::vector<LeafPoorCell> cells;
   const auto take = [&](const LeafPoorCell& cell) {
     cells.push_back(cell);
     return cells.size() < max;
   };
   if (max > 0) for_each_poor_cell(store, take, num_threads);
-  return exchange != nullptr ? first_of_ranks(*exchange, std::move(cells), max) : cells;
+  return first_of_ranks(exchange, std::move(cells), max);
 }
 
 }  // namespace locvol

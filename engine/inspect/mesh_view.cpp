@@ -407,7 +407,7 @@ bool straddles(const LeafMesh& mesh, std::size_t cell, const ViewPlane& plane) {
 // finish() tells them.
 class SetGatherer {
  public:
-  SetGatherer(std::vector<ViewCells>& sets, bool finds_boundary, Exchange* exchange)
+  SetGatherer(std::vector<ViewCells>& sets, bool finds_boundary, Exchange& exchange)
       : exchange_(exchange) {
     for (ViewCells& set : sets) gatherers_.emplace_back(set, finds_boundary);
   }
@@ -416,14 +416,13 @@ class SetGatherer {
   template <class IsShown>
   std::uint64_t add(std::uint32_t set, std::uint32_t leaf, const LeafMesh& mesh,
                     const IsShown& is_shown) {
-    if (exchange_ == nullptr || exchange_->rank() == 0)
-      return gatherers_[set].add(leaf, mesh, is_shown);
+    if (exchange_.rank() == 0) return gatherers_[set].add(leaf, mesh, is_shown);
     told_.push_back({set, leaf, part_of(mesh, is_shown)});
     return told_.back().mesh.cells.size();
   }
 
   void finish() {
-    if (exchange_ != nullptr) tell();
+    tell();
     for (CellGatherer& gatherer : gatherers_) gatherer.finish();
   }
 
@@ -439,13 +438,13 @@ class SetGatherer {
       }
       return some;
     };
-    tell_first_rank(*exchange_, next, [&](const std::vector<ToldCells>& some) {
+    tell_first_rank(exchange_, next, [&](const std::vector<ToldCells>& some) {
       for (const auto& [set, place, mesh] : some)
         gatherers_.at(set).add(place, mesh, [](std::size_t) { return true; });
     });
   }
 
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::vector<CellGatherer> gatherers_;
   std::vector<ToldCells> told_;
 };
@@ -454,7 +453,7 @@ class SetGatherer {
 
 class Viewer {
  public:
-  Viewer(const Store& store, const ViewLimits& limits, Exchange* exchange)
+  Viewer(const Store& store, const ViewLimits& limits, Exchange& exchange)
       : limits_(limits),
         exchange_(exchange),
         reader_(store.snapshot()),
@@ -462,7 +461,7 @@ class Viewer {
         run_(stored_run(store, reader_)),
         octree_(stored_octree(store, reader_)),
         scale_(reader_, run_) {
-    if (exchange_ != nullptr) run_.counts = total_counts(*exchange_, run_.counts);
+    run_.counts = total_counts(exchange_, run_.counts);
   }
 
   MeshView view() {
@@ -487,14 +486,13 @@ class Viewer {
       if (leaf.state != LeafState::kEmpty) gatherer.add(std::move(leaf));
       return true;
     });
-    view_.leaves = exchange_ != nullptr ? gatherer.take_of_all(*exchange_) : gatherer.take();
-    if (exchange_ != nullptr) view_.leaf_counts = counts_of_all(view_.leaf_counts, *exchange_);
+    view_.leaves = gatherer.take_of_all(exchange_);
+    view_.leaf_counts = counts_of_all(view_.leaf_counts, exchange_);
   }
 
   void read_sites() {
     read_own_sites();
-    if (exchange_ != nullptr)
-      view_.sites = first_of_ranks(*exchange_, std::move(view_.sites), limits_.max_sites);
+    view_.sites = first_of_ranks(exchange_, std::move(view_.sites), limits_.max_sites);
   }
 
   void read_own_sites() {
@@ -548,13 +546,9 @@ class Viewer {
   }
 
   // The sum of all ranks' numbers.
-  std::uint64_t of_all(std::uint64_t own) const {
-    return exchange_ != nullptr ? sum(*exchange_, own).all : own;
-  }
+  std::uint64_t of_all(std::uint64_t own) const { return sum(exchange_, own).all; }
 
-  bool on_all(bool is_true) const {
-    return exchange_ != nullptr ? !any(*exchange_, !is_true) : is_true;
-  }
+  bool on_all(bool is_true) const { return !any(exchange_, !is_true); }
 
   // All cells, or those that meet one of the planes. False: these are too many.
   bool gather_cells(std::span<const ViewPlane> planes, bool has_all) {
@@ -606,15 +600,13 @@ class Viewer {
     for (std::size_t leaf = 0; leaf < octree_.size() && has_room(); ++leaf)
       if (is_own_[leaf]) add_triangles(octree_.leaves()[leaf], thinner);
     if (!on_all(has_room())) return false;
-    if (exchange_ != nullptr) {
-      std::optional<SurfaceThinner::Part> own;
-      if (exchange_->rank() != 0) own = thinner.take_part();
-      tell_first_rank(
-          *exchange_, [&] { return std::exchange(own, std::nullopt); },
-          [&](const SurfaceThinner::Part& part) {
-            if (has_room()) thinner.add(part);
-          });
-    }
+    std::optional<SurfaceThinner::Part> own;
+    if (exchange_.rank() != 0) own = thinner.take_part();
+    tell_first_rank(
+        exchange_, [&] { return std::exchange(own, std::nullopt); },
+        [&](const SurfaceThinner::Part& part) {
+          if (has_room()) thinner.add(part);
+        });
     const bool fits = has_room() && thinner.num_triangles() <= limits_.max_triangles;
     return on_all(fits);
   }
@@ -628,7 +620,7 @@ class Viewer {
   }
 
   ViewLimits limits_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   Snapshot reader_;
   PageRelease pages_;
   RunRecord run_;
@@ -659,7 +651,7 @@ std::vector<ViewPlane> view_planes(
   return best;
 }
 
-MeshView mesh_view(const Store& store, const ViewLimits& limits, Exchange* exchange) {
+MeshView mesh_view(const Store& store, const ViewLimits& limits, Exchange& exchange) {
   return Viewer(store, limits, exchange).view();
 }
 

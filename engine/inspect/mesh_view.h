@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/surface_thinner.h"
 #include "octree/geometry.h"
@@ -75,10 +76,10 @@ struct MeshView {
 // Of a finished run. Of any other, no cells: the leaves and the surface only.
 // Memory: what the limits allow, some 100 bytes a cell, and 40 MB. Errors: StoreError,
 // CorruptRecord.
-// `exchange`: null, if one process has all of the run; else all ranks call it, each for its own
+// `exchange`: of the ranks that have the run together, which all call it, each for its own
 // leaves. The first one gets what a single process gets of all, others leaves and sites alone.
 // Memory: the same; on others, some 50 bytes for each of their cells that are shown.
-MeshView mesh_view(const Store& store, const ViewLimits& limits = {}, Exchange* exchange = nullptr);
+MeshView mesh_view(const Store& store, const ViewLimits& limits = {}, Exchange& exchange = alone());
 
 // Planes of the axes at equal distances, as many as `max_cells` allows; none if one is too many.
 // `box`: of what they cut; `num_met`: an estimate of the cells that planes meet.

@@ -27,9 +27,9 @@ std::string RunPart::name() const {
   return "rank " + std::to_string(exchange.rank()) + ": ";
 }
 
-RunPart whole_run(Store store, OneRank& alone) {
+RunPart whole_run(Store store) {
   const std::filesystem::path directory = store.directory();
-  return {alone, directory, std::move(store), {}};
+  return {alone(), directory, std::move(store), {}};
 }
 
 RunPart part_of_rank(const std::filesystem::path& stores, Exchange& exchange,

@@ -28,7 +28,7 @@ struct RunPart {
 };
 
 // All that is in the store.
-RunPart whole_run(Store store, OneRank& alone);
+RunPart whole_run(Store store);
 // Of the run that several ranks have in their stores, each of which calls it; see
 // part_to_look_into(). What is damaged of the store, or of who has what, goes to `faults`.
 RunPart part_of_rank(const std::filesystem::path& stores, Exchange& exchange,

@@ -25,7 +25,7 @@ std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertice
 BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                                  VertexPositions& positions, const std::filesystem::path& output,
                                  PageRelease& pages, Workers& workers, const StopToken* stop,
-                                 Exchange* exchange)
+                                 Exchange& exchange)
     : reader_(&reader),
       numbering_(&numbering),
       positions_(&positions),
@@ -35,8 +35,7 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       exchange_(exchange),
       facets_(output) {
   find_facets(workers);
-  num_facets_ =
-      exchange != nullptr ? sum(*exchange, facets_.size()) : SumOfRanks{facets_.size(), 0};
+  num_facets_ = sum(exchange, facets_.size());
 }
 
 BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
@@ -103,14 +102,13 @@ void BoundarySurface::find_facets(Workers& workers) {
       },
       facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
   std::map<std::size_t, std::size_t> beside;  // places of their lists
-  if (exchange_ != nullptr)
-    numbering_->tell_ranks_beside(
-        *reader_, *exchange_, 2 * kCellReach,
-        [&](std::size_t leaf) { return flat(open.list(leaf - first_own).values); },
-        [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
-          beside[leaf] = open.num_leaves();
-          open.append(records_in(values));
-        });
+  numbering_->tell_ranks_beside(
+      *reader_, exchange_, 2 * kCellReach,
+      [&](std::size_t leaf) { return flat(open.list(leaf - first_own).values); },
+      [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+        beside[leaf] = open.num_leaves();
+        open.append(records_in(values));
+      });
 
   LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
                                      [&](std::size_t list) { return open.list(list); });
@@ -162,12 +160,11 @@ void BoundarySurface::find_vertices() {
     named.append(vertices_of_facets(leaf));
   }
   const auto list_of = [&](std::size_t leaf) { return named.list(leaf - first_own).values; };
-  if (exchange_ != nullptr)
-    numbering_->tell_ranks_beside(*reader_, *exchange_, kCellReach, list_of,
-                                  [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
-                                    beside[leaf] = named.num_leaves();
-                                    named.append(values);
-                                  });
+  numbering_->tell_ranks_beside(*reader_, exchange_, kCellReach, list_of,
+                                [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+                                  beside[leaf] = named.num_leaves();
+                                  named.append(values);
+                                });
 
   vertices_.emplace(output_);
   LeafWindow<LeafList<std::uint64_t>> lists(kOpenFacetBytes,
@@ -190,22 +187,19 @@ void BoundarySurface::find_vertices() {
     vertices_->append(vertices);
   }
   end_own_vertex_ = vertices_->size();
-  num_vertices_ = {end_own_vertex_, 0};
-  if (exchange_ != nullptr) {
-    num_vertices_ = sum(*exchange_, end_own_vertex_);
-    numbering_->tell_ranks_beside(
-        *reader_, *exchange_, kCellReach,
-        [&](std::size_t leaf) {
-          const std::size_t own = leaf - first_own;
-          std::vector<std::uint64_t> told = vertices_->list(own).values;
-          told.insert(told.begin(), num_vertices_.before + vertices_->first(own));
-          return told;
-        },
-        [&](std::size_t leaf, const std::vector<std::uint64_t>& told) {
-          vertices_beside_[leaf] = {vertices_->num_leaves(), told.front()};
-          vertices_->append(std::span(told).subspan(1));
-        });
-  }
+  num_vertices_ = sum(exchange_, end_own_vertex_);
+  numbering_->tell_ranks_beside(
+      *reader_, exchange_, kCellReach,
+      [&](std::size_t leaf) {
+        const std::size_t own = leaf - first_own;
+        std::vector<std::uint64_t> told = vertices_->list(own).values;
+        told.insert(told.begin(), num_vertices_.before + vertices_->first(own));
+        return told;
+      },
+      [&](std::size_t leaf, const std::vector<std::uint64_t>& told) {
+        vertices_beside_[leaf] = {vertices_->num_leaves(), told.front()};
+        vertices_->append(std::span(told).subspan(1));
+      });
   vertices_near_.emplace(kVertexBytes, [this](std::size_t list) { return vertices_->list(list); });
 }
 

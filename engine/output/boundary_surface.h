@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
@@ -43,7 +44,7 @@ class BoundarySurface {
   BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
                   VertexPositions& positions, const std::filesystem::path& output,
                   PageRelease& pages, Workers& workers, const StopToken* stop = nullptr,
-                  Exchange* exchange = nullptr);
+                  Exchange& exchange = alone());
   BoundarySurface(const BoundarySurface&) = delete;
   BoundarySurface& operator=(const BoundarySurface&) = delete;
 
@@ -110,7 +111,7 @@ class BoundarySurface {
   std::filesystem::path output_;
   PageRelease* pages_;
   const StopToken* stop_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   LeafLists<Record> facets_;  // of own leaves
   SumOfRanks num_facets_, num_vertices_;
   // Of own leaves, and then of those beside them that have some.

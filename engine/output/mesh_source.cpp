@@ -16,7 +16,7 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 }  // namespace
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
-                       const StepProgress& on_step, const StopToken* stop, Exchange* exchange,
+                       const StepProgress& on_step, const StopToken* stop, Exchange& exchange,
                        bool is_part)
     : store_(store),
       snapshot_(store.snapshot()),
@@ -39,7 +39,7 @@ void MeshSource::become_part() {
       {.has_cells = true}, [&](const MeshPiece& piece) { return named.add_own(piece.cells); },
       [&](const std::vector<std::uint64_t>& others) { named.add_others(others); });
   vertices_.emplace(snapshot_, numbering_, std::move(named));
-  part_ = {exchange_->rank(), exchange_->num_ranks()};
+  part_ = {exchange_.rank(), exchange_.num_ranks()};
   first_cell_ = numbering_.first_cell(numbering_.first_own());
   end_cell_ = numbering_.first_cell(numbering_.end_own());
 }

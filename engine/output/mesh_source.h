@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/part_vertices.h"
@@ -79,14 +80,14 @@ class MeshSource {
   // for a part.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
-             Exchange* exchange = nullptr, bool is_part = false);
+             Exchange& exchange = alone(), bool is_part = false);
 
   const RunRecord& run() const { return run_; }
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
-  // Of those that have this mesh together; null: it is one process's, or a rank's part.
-  Exchange* exchange() const { return part_ ? nullptr : exchange_; }
-  bool is_of_first_rank() const { return exchange() == nullptr || exchange_->rank() == 0; }
+  // Of those that have this mesh together: of a rank's part, that is the rank alone.
+  Exchange& exchange() const { return part_ ? alone() : exchange_; }
+  bool is_of_first_rank() const { return exchange().rank() == 0; }
   // What the pieces hold of it.
   NumberRange own_vertices() const;
   NumberRange own_cells() const;
@@ -136,7 +137,7 @@ class MeshSource {
   };
 
   // Where ranks talk to each other, none may stop.
-  const StopToken* stop_while_alone() const { return exchange_ == nullptr ? stop_ : nullptr; }
+  const StopToken* stop_while_alone() const { return exchange_.num_ranks() == 1 ? stop_ : nullptr; }
   std::function<std::optional<PieceRange>()> ranges(const PieceParts& parts);
   std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
   void become_part();
@@ -152,7 +153,7 @@ class MeshSource {
   std::filesystem::path output_;
   StepProgress on_step_;
   const StopToken* stop_;
-  Exchange* exchange_;
+  Exchange& exchange_;
   std::uint64_t num_told_ = 0;
   PageRelease pages_;
   VertexNumbering numbering_;

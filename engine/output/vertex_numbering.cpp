@@ -61,7 +61,7 @@ std::pair<std::size_t, std::size_t> own_leaves(const Reader& reader,
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const std::filesystem::path& output, PageRelease& pages,
-                                 const StopToken* stop, Exchange* exchange)
+                                 const StopToken* stop, Exchange& exchange)
     : frame_(run.frame),
       lattice_(lattice_of(run)),
       scale_(reader, run),
@@ -73,10 +73,8 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
       first_used_(octree_.size()),
       num_used_(octree_.size()),
       end_own_(octree_.size()) {
-  if (exchange != nullptr) {
-    std::tie(first_own_, end_own_) = own_leaves(reader, leaves());
-    exchange_names(reader, pages, *exchange);
-  }
+  if (exchange.num_ranks() > 1) std::tie(first_own_, end_own_) = own_leaves(reader, leaves());
+  exchange_names(reader, pages, exchange);
   std::vector<Numbered> own;
   std::vector<std::uint64_t> num_cells;
   std::uint64_t num_vertices = 0, num_used = 0, num_all_cells = 0;
@@ -95,16 +93,11 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
     num_all_cells += num_cells.back();
   }
 
-  SumOfRanks of_vertices{num_vertices, 0}, of_cells{num_all_cells, 0};
-  std::vector<std::pair<std::size_t, Numbered>> beside;
-  if (exchange != nullptr) {
-    of_vertices = sum(*exchange, num_vertices);
-    of_cells = sum(*exchange, num_all_cells);
-    first_place_ = sum(*exchange, end_own_ - first_own_).before;
-    for (Numbered& leaf : own) leaf.first_vertex += of_vertices.before;
-    beside = numbers_beside(reader, own, *exchange);
-  }
-  number(own, beside, of_vertices.all);
+  const SumOfRanks of_vertices = sum(exchange, num_vertices),
+                   of_cells = sum(exchange, num_all_cells);
+  first_place_ = sum(exchange, end_own_ - first_own_).before;
+  for (Numbered& leaf : own) leaf.first_vertex += of_vertices.before;
+  number(own, numbers_beside(reader, own, exchange), of_vertices.all);
   std::uint64_t next_cell = 0;
   for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
     const bool is_own = first_own_ <= leaf && leaf < end_own_;
@@ -143,6 +136,7 @@ void VertexNumbering::number(std::span<const Numbered> own,
 
 void VertexNumbering::tell_ranks_beside(const Reader& reader, Exchange& exchange, double distance,
                                         const NumbersOf& list, const TakeNumbers& take) const {
+  if (exchange.num_ranks() == 1) return;
   const Shares shares(reader.rank().value().first);
   std::size_t leaf = first_own_;
   do {

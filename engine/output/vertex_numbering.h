@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/partial_file.h"
@@ -34,10 +35,10 @@ namespace locvol {
 class VertexNumbering {
  public:
   // `reader` is used by the constructor only, which throws Stopped.
-  // `exchange`: null, if one process has all of the run; else all ranks call it.
+  // `exchange`: of the ranks that have the run together, which all call it.
   VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
                   PageRelease& pages, const StopToken* stop = nullptr,
-                  Exchange* exchange = nullptr);
+                  Exchange& exchange = alone());
 
   VertexNumbering(const VertexNumbering&) = delete;
   VertexNumbering& operator=(const VertexNumbering&) = delete;

@@ -51,7 +51,7 @@ class PageOfRanks : public testing::TestWithParam<int> {
     PageSummary page;
     run_as_ranks(GetParam(), [&](Exchange& exchange) {
       const Store own = Store::open(part(exchange.rank()), {.read_only = true});
-      const PageSummary of_rank = write_page(own, many_, limits, 1, &exchange);
+      const PageSummary of_rank = write_page(own, many_, limits, 1, exchange);
       if (exchange.rank() == 0) page = of_rank;
     });
     return page;

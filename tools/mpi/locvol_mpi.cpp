@@ -99,11 +99,11 @@ int run(int argc, char** argv, Exchange& exchange) {
   }
   if (app.got_subcommand("mesh")) {
     note_store(store_of_rank(store_of(commands.mesh, true), exchange.rank()));
-    return run_mesh(commands.mesh, &exchange);
+    return run_mesh_as_rank(commands.mesh, exchange);
   }
   if (app.got_subcommand("resume")) {
     note_store(store_of_rank(commands.resume.store, exchange.rank()));
-    return run_resume(commands.resume, &exchange);
+    return run_resume_as_rank(commands.resume, exchange);
   }
   if (app.got_subcommand("export")) return run_export_as_rank(commands.export_command, exchange);
   if (app.got_subcommand("report")) return run_report_as_rank(commands.report, exchange);

@@ -80,11 +80,11 @@ class PageFile {
 
 class Page {
  public:
-  Page(const Store& store, const ViewLimits& limits, int num_threads, Exchange* exchange)
+  Page(const Store& store, const ViewLimits& limits, int num_threads, Exchange& exchange)
       : run_(run_of(store)),
         timeline_(store.snapshot().timeline()),
         memory_(store.snapshot().memory()) {
-    if (exchange != nullptr) run_.counts = total_counts(*exchange, run_.counts);
+    run_.counts = total_counts(exchange, run_.counts);
     if (is_done()) statistics_ = mesh_statistics(store, num_threads, {}, nullptr, exchange);
     view_ = mesh_view(store, limits, exchange);
     num_sites_ = view_.sites.size();
@@ -481,9 +481,9 @@ class Page {
 }  // namespace
 
 PageSummary write_page(const Store& store, const std::filesystem::path& file,
-                       const ViewLimits& limits, int num_threads, Exchange* exchange) {
+                       const ViewLimits& limits, int num_threads, Exchange& exchange) {
   Page page(store, limits, num_threads, exchange);
-  const bool is_first = exchange == nullptr || exchange->rank() == 0;
+  const bool is_first = exchange.rank() == 0;
   return is_first ? page.write(file) : PageSummary();
 }
 
@@ -524,7 +524,7 @@ int run_report_as_rank(const ReportCommand& command, Exchange& exchange) {
   const std::uint64_t memory =
       free_memory() / 2 / static_cast<std::uint64_t>(num_ranks_here(exchange));
   const PageSummary page = write_page(store, command.output, limits_of(command),
-                                      num_streaming_threads(0, memory), &exchange);
+                                      num_streaming_threads(0, memory), exchange);
   if (is_first) tell_page(command, page);
   return kExitDone;
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/inspect/mesh_view.h"
 #include "storage/store.h"
 
@@ -19,9 +20,9 @@ struct PageSummary {
 // Writes the page about a run that has begun. `num_threads`: to measure the cells with.
 // Memory: as mesh_view() and mesh_statistics(). Errors: as those, and as PartialFile: the file
 // appears only when it is whole.
-// `exchange`: null, if one process has all of the run; else all ranks call it, and the first one
-// writes and tells.
+// `exchange`: of the ranks that have the run together: all call it, and the first one writes and
+// tells.
 PageSummary write_page(const Store& store, const std::filesystem::path& file,
-                       const ViewLimits& limits, int num_threads, Exchange* exchange = nullptr);
+                       const ViewLimits& limits, int num_threads, Exchange& exchange = alone());
 
 }  // namespace locvol

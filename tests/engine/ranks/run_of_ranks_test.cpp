@@ -197,7 +197,7 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
       const RunSummary summary = mesh_as_rank(many, {}, exchange);
       const Store part =
           Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
-      const MeshStatistics all = mesh_statistics(part, 1, {}, nullptr, &exchange);
+      const MeshStatistics all = mesh_statistics(part, 1, {}, nullptr, exchange);
       EXPECT_EQ(all.num_cells, summary.run.counts.num_cells);
       EXPECT_EQ(all.num_cells, expected.num_cells);
       EXPECT_EQ(all.num_core_cells, expected.num_core_cells);
@@ -222,7 +222,7 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
           const Store part =
               Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
           EXPECT_EQ(
-              write_mesh(part, of_many / "mesh", output, 1 + num_ranks % 2, {}, nullptr, &exchange),
+              write_mesh(part, of_many / "mesh", output, 1 + num_ranks % 2, {}, nullptr, exchange),
               one);
         });
         EXPECT_EQ(names_in(of_many), names_in(of_one));
@@ -265,7 +265,7 @@ class FileOfRanks : public MeshOfRanks {
              const StopToken* stop = nullptr) const {
     run_as_ranks(3, [&](Exchange& exchange) {
       write_mesh(part(exchange), file, {format}, 1, {},
-                 exchange.rank() == stopped_rank ? stop : nullptr, &exchange);
+                 exchange.rank() == stopped_rank ? stop : nullptr, exchange);
     });
   }
 };
@@ -295,7 +295,7 @@ TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
       std::array<Blocks, 3> of_ranks;
       run_as_ranks(3, [&](Exchange& exchange) {
         const Store store = part(exchange);
-        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, &exchange);
+        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange);
         of_ranks[static_cast<std::size_t>(exchange.rank())] = blocks_of(source, info, items);
       });
       Blocks all;
@@ -533,7 +533,7 @@ TEST_F(RunOfRanks, MeasuresNeighborsOfOtherRanks) {
   run_as_ranks(5, [&](Exchange& exchange) {
     const Store own = Store::open(store_of_rank(options.store.string() + "-5-%r", exchange.rank()),
                                   {.read_only = true});
-    const MeshStatistics all = mesh_statistics(own, 1, {}, nullptr, &exchange);
+    const MeshStatistics all = mesh_statistics(own, 1, {}, nullptr, exchange);
     EXPECT_EQ(all.max_neighbor_ratio, expected.max_neighbor_ratio);
     EXPECT_EQ(all.num_cells_by_octave, expected.num_cells_by_octave);
   });
