@@ -562,12 +562,12 @@ TEST_F(GradedEngineTest, HasACoreWhereSizesAreBounded) {
   for (const std::uint64_t leaf_capacity : {150, 2000}) {
     for (const bool has_shape : {false, true}) {
       const std::string name = std::to_string(leaf_capacity) + (has_shape ? "shape" : "");
-      auto run = graded(name, 0.06, leaf_capacity, 0.3);
+      auto run = graded(name, 0.055, leaf_capacity, 0.3);
       if (has_shape) {
         run.growth = 0;  // but around the shape
         run.shapes = {{{ShapeKind::kBall, 0.01, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
       } else {
-        run.max_size = SizeSpec{0.09, false};
+        run.max_size = SizeSpec{0.08, false};
       }
       const RunSummary summary = mesh(run);
       EXPECT_EQ(summary.outcome, RunOutcome::kDone);
