@@ -16,6 +16,7 @@
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/core_brute_force.h"
 #include "tests/engine/store_contents.h"
+#include "tests/refine/shapes.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
 
@@ -676,28 +677,15 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   EXPECT_GT(num_nodes, 100U);
 }
 
-// The corners of triangles, places on their edges, and places in them, `num` of which are spread
-// over their area.
-std::vector<Point> places_on(const std::vector<Triangle>& triangles, int num,
+// The corners of triangles, a place on each edge, and `num` places spread over their area.
+std::vector<Point> places_on(const std::vector<Triangle>& triangles, std::size_t num,
                              std::mt19937_64& random) {
-  std::uniform_real_distribution<double> uniform(0, 1);
-  std::vector<Point> places;
-  std::vector<double> areas;
-  for (const Triangle& t : triangles) {
-    const auto& [a, b, c] = t.corners;
-    areas.push_back(norm(cross(b - a, c - a)));
+  std::vector<Point> places = shapes::random_points_on(triangles, num, random);
+  for (const Triangle& t : triangles)
     for (std::size_t i = 0; i < 3; ++i) {
       const Point &from = t.corners[i], &to = t.corners[(i + 1) % 3];
-      places.insert(places.end(), {from, from + uniform(random) * (to - from)});
+      places.insert(places.end(), {from, from + shapes::uniform(random, 0, 1) * (to - from)});
     }
-  }
-  std::discrete_distribution<std::size_t> triangle_at(areas.begin(), areas.end());
-  for (int i = 0; i < num; ++i) {
-    const auto& [a, b, c] = triangles[triangle_at(random)].corners;
-    double u = uniform(random), v = uniform(random);
-    if (u + v > 1) u = 1 - u, v = 1 - v;
-    places.push_back(a + u * (b - a) + v * (c - a));
-  }
   return places;
 }
 
