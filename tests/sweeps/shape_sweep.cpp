@@ -102,7 +102,7 @@ class ShapeSweep {
     const TempDir directory;
     while (const auto next = next_case()) {
       const ShapeCase made = make_case(next->seed, next->number, next->has_sizes, next->share);
-      add(*next, made, try_case(made, directory.path(), options_.limit));
+      add(made, try_case(made, directory.path(), options_.limit));
     }
   } catch (...) {
     const std::lock_guard lock(mutex_);
@@ -123,14 +123,14 @@ class ShapeSweep {
     return CaseName{options_.seed, next_++, options_.has_sizes, options_.share};
   }
 
-  void add(const CaseName& name_of_case, const ShapeCase& made, const TrialResult& result) {
+  void add(const ShapeCase& made, const TrialResult& result) {
     const std::lock_guard lock(mutex_);
     report_.add(made, result);
     if (is_failure(result.verdict)) {
       keep(made);
       fmt::print("{}: {} case {}: {} [{}]\n  shape_sweep --seed {} --case {} --share {}{}; {}\n",
                  name(result.verdict), made.family, made.number, result.reason, made.changes,
-                 made.seed, made.number, name_of_case.share, made.sizes.empty() ? "" : " --sizes",
+                 made.seed, made.number, made.share, made.sizes.empty() ? "" : " --sizes",
                  command_text(mesh_command(made, options_.keep, made.num_threads)));
     }
     if (seconds() < next_progress_) return;

@@ -254,7 +254,11 @@ ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, do
   Dice dice(seed, number);
   // In turn, so that a short sweep has them all.
   const Family& family = families()[number % families().size()];
-  ShapeCase made{.seed = seed, .number = number, .family = family.name, .solid = family.make(dice)};
+  ShapeCase made{.seed = seed,
+                 .number = number,
+                 .share = share,
+                 .family = family.name,
+                 .solid = family.make(dice)};
   Changes changes(made, dice);
   changes.stretch();
   changes.refine_triangulation();

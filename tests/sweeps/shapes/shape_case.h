@@ -13,6 +13,7 @@ namespace locvol::sweeps {
 
 struct ShapeCase {
   std::uint64_t seed = 0, number = 0;
+  double share = 1;  // of the cells that it would have
   std::string_view family;
   Solid solid;
   std::string changes = {};  // what was done to what the family made, in words
