@@ -19,5 +19,6 @@ tree=${sanitize:-release}
 tools/setup.sh python3-vtk9 python3-gmsh python3-meshio  # readers of the formats
 tools/build.sh "$tree" "-DLOCVOL_MODELS=$models" "-DLOCVOL_SANITIZE=$sanitize" \
   "-DCMAKE_UNITY_BUILD=${LOCVOL_UNITY:-OFF}" "-DCMAKE_COMPILE_WARNING_AS_ERROR=${LOCVOL_WERROR:-OFF}"
+# One more than there are processors: some wait, for a disk or for what they started.
 exec python3 -B tools/run_tests.py "build/$tree" \
-  --output-on-failure --no-tests=error --parallel "$(nproc)" "$@"
+  --output-on-failure --no-tests=error --parallel "$(($(nproc) + 1))" "$@"

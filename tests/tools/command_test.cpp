@@ -279,8 +279,8 @@ TEST(Command, MeshesOfManySmallLeavesPassTheAudit) {
   for (const char* seed : {"0", "1", "2", "3"}) {
     SCOPED_TRACE(seed);
     const ProcessResult made =
-        run_locvol({"mesh", surface, "-o", scratch / "mesh.vtu", "--size", "6%", "--leaf-capacity",
-                    "100", "--seed", seed, "--store", store, "--force", "-q"});
+        run_locvol({"mesh", surface, "-o", scratch / "mesh.vtu", "--size", "8%", "--leaf-capacity",
+                    "50", "--seed", seed, "--store", store, "--force", "-q"});
     EXPECT_EQ(made.exit_code, 0) << made.err;
     const ProcessResult audit = run_locvol({"audit", store, "-q"});
     EXPECT_EQ(audit.exit_code, 0) << audit.out;
@@ -703,7 +703,7 @@ TEST(Command, SizesThatGrowMakeFewerCells) {
   const std::string cube = make_cube(dir);
   const auto meshed = [&](const std::vector<std::string>& sizes) {
     std::vector<std::string> arguments{"mesh",   cube, "-o",     (dir / "cube.vtu").string(),
-                                       "-s",     "3%", "--json", "--quiet",
+                                       "-s",     "4%", "--json", "--quiet",
                                        "--force"};
     arguments.insert(arguments.end(), sizes.begin(), sizes.end());
     const ProcessResult result = run_locvol(arguments);
@@ -718,7 +718,7 @@ TEST(Command, SizesThatGrowMakeFewerCells) {
   EXPECT_LT(cells(grown), 0.6 * cells(uniform));
   EXPECT_GT(cells(bounded), 1.1 * cells(grown));
   EXPECT_GE(grown.at("statistics").at("min_dihedral_degrees").get<double>(), 15);
-  const ProcessResult info = run_locvol({"info", cube, "-s", "3%", "--growth", "0.3", "--json"});
+  const ProcessResult info = run_locvol({"info", cube, "-s", "4%", "--growth", "0.3", "--json"});
   EXPECT_NEAR(nlohmann::json::parse(info.out).at("estimated_cells").get<double>(), cells(grown),
               0.2 * cells(grown));
   for (const char* bad : {"-0.1", "0.5", "nan", "much"}) {
@@ -800,7 +800,7 @@ TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
                     store = (dir / "run").string(), vtu = (dir / "sizes.vtu").string();
   ASSERT_EQ(run_locvol({"generate", "torus", "-o", ring, "-n", "5k"}).exit_code, 0);
   const auto command = [&](const char* name, std::vector<std::string> more) {
-    std::vector<std::string> arguments{name, ring, "-s", "20%", "--per-circle=40", "--json"};
+    std::vector<std::string> arguments{name, ring, "-s", "20%", "--per-circle=24", "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const ProcessResult result = run_locvol(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
@@ -834,7 +834,7 @@ TEST(Command, SizesAreShownBeforeAnythingIsMeshed) {
 TEST(Command, SizesGoWithCurvatureDeviationAndLayers) {
   const TempDir dir;
   const std::string ring = (dir / "ring.ply").string(), output = (dir / "ring.vtu").string();
-  ASSERT_EQ(run_locvol({"generate", "torus", "-o", ring, "-n", "5k"}).exit_code, 0);
+  ASSERT_EQ(run_locvol({"generate", "torus", "-o", ring, "-n", "2k"}).exit_code, 0);
   const auto num_cells = [&](const std::vector<std::string>& sizes) {
     std::vector<std::string> arguments{"mesh", ring,     "-o",      output,   "-s",
                                        "50%",  "--json", "--quiet", "--force"};
@@ -872,8 +872,8 @@ TEST(Command, PointsThatAreNearlyOneAreJoinedAndSaid) {
   EXPECT_EQ(note.find("joined 2560 points with others up to "), 0U) << note;
   EXPECT_NE(run_locvol({"info", surface}).out.find(note), std::string::npos);
 
-  std::vector<std::string> arguments{"mesh", surface, "-o", output, "--store", store};
-  const ProcessResult meshed = run_locvol(arguments);  // a size is chosen, too
+  std::vector<std::string> arguments{"mesh", surface, "-o", output, "-s", "6%", "--store", store};
+  const ProcessResult meshed = run_locvol(arguments);
   EXPECT_EQ(meshed.exit_code, 0) << meshed.err;
   EXPECT_NE(meshed.err.find(note), std::string::npos) << meshed.err;
   const ProcessResult inspected = run_locvol({"inspect", store, "--json"});

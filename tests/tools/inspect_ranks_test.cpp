@@ -72,7 +72,7 @@ class InspectRanks : public testing::Test {
     MeshOptions options;
     options.input = scratch_ / "input.off";
     options.store = stores_;
-    options.size = {0.08, false};
+    options.size = {0.1, false};
     options.leaf_capacity = 300;
     if (choose) choose(options);
     run_as_ranks(num_ranks, [&](Exchange& exchange) { mesh_as_rank(options, control, exchange); });
@@ -326,7 +326,7 @@ TEST_F(InspectRanks, ShowSizesOfTheWhole) {
 
 TEST_F(InspectRanks, ShowPoorCellsOfTheWhole) {
   mesh(3, [](MeshOptions& options) {
-    options.size = {0.15, false};
+    options.size = {0.2, false};
     options.min_dihedral = 40;
   });
   join();

@@ -149,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(Capacity, MeshViewOf, testing::Values(20000, 1000, 120)
 
 // Where sizes vary, cells reach farther out of their leaves than 2 λ.
 TEST_F(MeshViewTest, HasTheCellsThatMeetAPlaneWhereSizesVary) {
-  const Store store = meshed(sphere(1, 61, 128), 0.04, 300, {}, 0.3);
+  const Store store = meshed(sphere(1, 61, 128), 0.05, 300, {}, 0.3);
   const auto all = cells_of(store);
   ViewLimits limits;
   limits.max_cells = all.size() * 3 / 5;

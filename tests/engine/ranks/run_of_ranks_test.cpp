@@ -498,8 +498,8 @@ std::vector<MeshOptions> with_sizes(const MeshOptions& options) {
   std::vector<MeshOptions> some(5, options);
   some[0].growth = 0.3;
   some[1].growth = 0.2;
-  some[0].size = some[1].size = {0.12, false};
-  some[1].max_size = SizeSpec{0.15, false};
+  some[0].size = some[1].size = {0.15, false};
+  some[1].max_size = SizeSpec{0.18, false};
   some[2].shapes = {{.shape = {ShapeKind::kBall, 0.05, {0.3, 0.2, 0.1}, {}, 0.1}, .place = {}}};
   some[3].deviation = SizeSpec{0.02, false};
   some[4].layers = 3;
