@@ -2,7 +2,7 @@
 
 namespace locvol {
 
-// Documented in --help and the README.
+// Documented in --help and tools/mesh.md.
 enum ExitCode : int {
   kExitDone = 0,
   kExitError = 1,

@@ -7,7 +7,8 @@ namespace locvol {
 //   - No signal is blocked. A file that outgrows its limit (`ulimit -f`) is an error of the write,
 //     which is told, and no signal that ends the process.
 //   - Limits that the system lets a process lift are lifted to what any run gets along with: open
-//     files, the stack. Threads have stacks of 8 MiB, whatever the limit on that of the first one.
+//     files, the stack. Threads have stacks of 8 MiB, but for those that ask for another size,
+//     whatever the limit on that of the first one.
 // What cannot be had is left as it is: whoever needs it says so.
 void start_process();
 
