@@ -85,14 +85,15 @@ struct Box {
   friend bool operator==(const Box&, const Box&) = default;
 
  private:
-  // On one axis, from what is below the box, or above it. max(.., 0) takes a branch.
+  // How far something lies beyond the box on one axis: below it, or above it. max(.., 0) takes a
+  // branch.
   static double gap(double below, double above) {
     const double larger = std::max(below, above);
     return 0.5 * (larger + std::abs(larger));
   }
 };
 
-// Is p in a leaf's half-open box?
+// Tells whether p is in a leaf's half-open box.
 inline bool is_in_leaf(const Box& box, const Point& p) {
   return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
          (box.min.z <= p.z) & (p.z < box.max.z);
@@ -117,7 +118,7 @@ enum class PointKind : std::uint8_t {
 
 inline constexpr std::size_t kNumPointKinds = 4;
 
-// May a surface point closer than λ have it deleted?
+// Tells whether a surface point closer than λ may have the point deleted.
 inline bool is_deletable(PointKind kind) {
   return kind == PointKind::kVolume || kind == PointKind::kInserted;
 }

@@ -25,7 +25,7 @@ struct KeyRange {
   bool overlaps(MortonKey node) const {
     return has_begin_of(node) || (node.is_ancestor_or_self_of(first) && (!end || first < *end));
   }
-  // Those of the nodes that begin in it. REQUIRES: they are in Morton order, none inside another
+  // The nodes that begin in the range. REQUIRES: they are in Morton order, none inside another
   std::span<const MortonKey> begun_of(std::span<const MortonKey> nodes) const {
     const auto from = std::ranges::lower_bound(nodes, first, {}, &MortonKey::range_min);
     const auto to =

@@ -30,8 +30,9 @@ struct LatticeSite {
   }
 };
 
-// Whether a point so far from a site (`offset`) lies in the circumball of one of the lattice's
-// cells at the site, and so changes them; with room for rounding and for the displacement.
+// Tells whether a point so far from a site (`offset`) lies in the circumball of one of the
+// lattice's cells at the site, and so changes them; with room for rounding and for the
+// displacement.
 bool changes_star(const Point& offset, double spacing);
 
 // The 14 neighbors of a site in the Delaunay triangulation of the lattice, as steps, ascending.
@@ -62,7 +63,7 @@ inline constexpr std::array<LatticeCell, 6> kLatticeCells{{
     {{{0, 0, 2}, {1, -1, 1}, {1, 1, 1}}},
 }};
 
-// Of kLatticeCells, all other sites, ascending; and each cell's as places among them.
+// All sites of kLatticeCells but the smallest one, ascending; and each cell's as places among them.
 inline constexpr std::array<LatticeSite, 7> kLargerNeighbors{
     {{0, 0, 2}, {0, 2, 0}, {1, -1, -1}, {1, -1, 1}, {1, 1, -1}, {1, 1, 1}, {2, 0, 0}}};
 inline constexpr std::array<std::array<std::uint8_t, 3>, 6> kCellsOfLargerNeighbors{
@@ -142,8 +143,8 @@ void for_each_piece(const SiteBox& box, Visit visit) {
       }
 }
 
-// Points of a leaf that are known by their places in the lattice alone (engine/README.md, "The
-// lattice core").
+// Points of a leaf that are known by their places in the lattice alone (engine/run/README.md,
+// "The lattice core").
 struct LatticeCore {
   bool is_whole = false;         // all sites in the leaf's box; then there are no rows
   std::vector<LatticeRow> rows;  // in lexicographic order, as few as can be
@@ -197,27 +198,28 @@ class Lattice {
   Lattice() = default;  // not valid
   // `size`: λ. REQUIRES: leaves have sides of at least min_leaf_side
   Lattice(const Frame& frame, double size, double min_leaf_side);
-  // Of corners and centers of the octree's cubes, down to those of level 19 ("Sizes that vary"):
-  // sites are positions on the grid of level 20, from 0 on, and no point is displaced.
+  // The lattice of corners and centers of the octree's cubes, down to those of level 19 ("Sizes
+  // that vary"). Sites are positions on the grid of level 20, from 0 on, and no point is displaced.
   static Lattice of_cubes(const Frame& frame);
 
   Point position(const LatticeSite& site) const;
   MeshPoint point(const LatticeSite& site) const;
   Point position_of(std::uint64_t id) const { return position(site(id)); }
-  // As ids of points: below kFirstOtherId.
+  // The id that a site's point has; it is below kFirstOtherId.
   std::uint64_t id(const LatticeSite& site) const;
   LatticeSite site(std::uint64_t id) const;
   // The sites with box.min <= position < box.max on each axis. REQUIRES: an octree leaf's box; for
   // any other, sites within the displacement of its faces may be on the wrong side.
   SiteBox sites_in(const Box& box) const;
-  // Those within `radius` of q, lexicographically.
+  // The sites whose points are within `radius` of q, lexicographically.
   void sites_within(const Point& q, double radius, std::vector<LatticeSite>& out) const;
-  // On which side of planes between leaves the site lies.
+  // The place that says on which side of planes between leaves the site lies.
   Point undisplaced(const LatticeSite& site) const;
   // The site closest to q, but for displacements; at most kLatticeCircumradius times the size away.
   LatticeSite nearest(const Point& q) const;
   double spacing() const { return 2 * half_; }
-  // Of its cells: their circumradii are kLatticeCircumradius times it. λ in uniform runs.
+  // The size that the cells are made for: their circumradii are kLatticeCircumradius times it. It
+  // is λ in uniform runs.
   double size() const { return spacing() / kLatticeSpacing; }
   friend bool operator==(const Lattice&, const Lattice&) = default;
   // What makes it up, for those who store or send it. `lattice`: a Lattice or a const one
@@ -241,7 +243,8 @@ inline constexpr std::uint64_t kFirstOtherId = std::uint64_t{1} << 61;
 inline constexpr std::int32_t kMaxSiteIndex = (1 << 20) - 1;  // and at least minus it
 std::uint64_t site_id(const LatticeSite& site);
 LatticeSite site_of(std::uint64_t id);  // REQUIRES: id < kFirstOtherId
-// Does its id tell its site? Lattice points of stores of old have ids like all others, and no core.
+// Tells whether the point's id says which site it is. Lattice points of stores of old have ids like
+// all others, and no core.
 inline bool has_site(const MeshPoint& p) {
   return p.kind == PointKind::kLattice && p.id < kFirstOtherId;
 }

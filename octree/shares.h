@@ -15,7 +15,7 @@ namespace locvol {
 // rank.
 class Shares {
  public:
-  // Of one rank, which has all.
+  // The shares of a run by one rank, which has all.
   Shares() : first_{MortonKey::root().range_min()} {}
   // `first`: of each rank's leaves the first; ranks without leaves have that of the next, those at
   // the end may have MortonKey::root().range_max(). REQUIRES: ascending, the first of all leaves is

@@ -62,7 +62,8 @@ void for_each_core_row(const LatticeCore& core, const SiteBox& sites, const Site
   });
 }
 
-// The same for each point: visit(site, number of points of the core before it).
+// Calls visit(site, number of points of the core before it) for each point, in the order of
+// for_each_core_row().
 template <class Visit>
 void for_each_core_site(const LatticeCore& core, const SiteBox& sites, const SiteBox& part,
                         Visit visit) {

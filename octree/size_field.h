@@ -25,10 +25,11 @@ struct SizeLaw {
   double least = surface;  // of any shape
 
   bool is_uniform() const { return growth == 0; }
-  // Is there a lattice whose points need not be listed, where sizes vary? It is that of `most`.
+  // Tells whether there is a lattice whose points need not be listed, where sizes vary. It is that
+  // of `most`.
   bool has_core() const { return !is_uniform() && most < std::numeric_limits<double>::infinity(); }
   bool has_shapes() const { return least < surface; }
-  // Where the surface is so far, and h is by `less` smaller than that alone would make it.
+  // h where the surface is so far away, and shapes make it smaller by `less` than that alone would.
   double at_distance(double distance, double less = 0) const {
     const double size = surface - less + growth * std::max(distance, 0.0);
     return size > most ? most : size < least ? least : size;
@@ -39,12 +40,12 @@ struct SizeLaw {
 // A cube of the octree of sizes, which is as large as the lattice's cells in it may be.
 struct SizeCube {
   MortonKey key;
-  // From the surface, at its corners (1 = upper x, 2 = y, 4 = z): negative outside. Between them it
-  // is interpolated, and at the center `excess` larger than it is.
+  // The distance of its corners from the surface (1 = upper x, 2 = y, 4 = z): negative outside.
+  // Between them it is interpolated, and at the center `excess` larger than it is.
   std::array<float, 8> distance{};
   float excess = 0;
-  // By how much h is smaller than the surface alone would make it, at its corners; interpolated
-  // likewise.
+  // By how much h is smaller at its corners than the surface alone would make it; it is
+  // interpolated, too.
   std::array<float, 8> less{};
   friend bool operator==(const SizeCube&, const SizeCube&) = default;
 };
@@ -57,8 +58,8 @@ struct SizeCubes {
   friend bool operator==(const SizeCubes&, const SizeCubes&) = default;
 };
 
-// Does the cube lie outside, so that no surface passes through? No place in it is farther from all
-// of its corners than half of its diagonal.
+// Tells whether the cube lies outside, so that no surface passes through. No place in it is farther
+// from all of its corners than half of its diagonal.
 bool is_outside(const SizeCube& cube, double side);
 
 // What is at a cube's corners, at a point of its box.
@@ -96,12 +97,12 @@ struct SizeRange {
 SizeRange size_range(const SizeLaw& law, const Frame& frame, std::span<const SizeCube> cubes);
 // λ, or at shapes what is there in its place: the largest at the cube's corners.
 double base_size(const SizeLaw& law, const SizeCube& cube);
-// Is h as large as it gets in all of the cube, and within `distance` of it?
+// Tells whether h is as large as it gets in all of the cube, and within `distance` of it.
 bool is_saturated(const SizeLaw& law, const SizeCube& cube, double distance = 0);
-// Where h grows no more there is the lattice of that size, and farther in its core (SizeLaw::
-// has_core). How much larger than that h would be at the border of either, over growth · most:
-// balls of the lattice's cells have their centers where h is as large; around a point of the core
-// there is nothing but the lattice.
+// How much larger than its bound h would be at the border of the lattice, and of the core, over
+// growth · most. Where h grows no more there is the lattice of that size, and farther in its core
+// (SizeLaw::has_core). Balls of the lattice's cells have their centers where h is as large; around
+// a point of the core there is nothing but the lattice.
 inline constexpr double kLatticeMargin = 1, kCoreMargin = kLatticeMargin + 3;
 // Has all of the cube the lattice? Is all of it of the core?
 bool is_of_lattice(const SizeLaw& law, const SizeCube& cube);
@@ -118,10 +119,10 @@ struct SizeTotals {
   }
   friend bool operator==(const SizeTotals&, const SizeTotals&) = default;
 };
-// Of what is in the cube, about.
+// The totals of what is in the cube, about.
 SizeTotals size_totals(const SizeLaw& law, const SizeCube& cube, const Box& box);
 
-// How far from a point balls through it reach, over h there, if their radii are at most k / 2 times
+// How far balls through a point reach from it, over h there, if their radii are at most k / 2 times
 // h at their centers.
 inline double reach_factor(double growth, double k) { return k / (1 - 0.5 * growth * k); }
 
@@ -154,11 +155,11 @@ class SizeField {
 
   // h(p). Where no cube is known: λ.
   double at(const Point& p) const { return is_uniform() ? on_surface() : graded_at(p); }
-  // How deep inside p is at least; less than 0: not known. Distances at a cube's corners have a
-  // sign and change by no more than the way: from the mean of them that h is made of, a corner is
-  // as far as √3/2 of the side at most.
+  // The least depth at which p lies inside; less than 0: it is not known. Distances at a cube's
+  // corners have a sign and change by no more than the way. From the mean of them that h is made
+  // of, a corner is as far as √3/2 of the side at most.
   double least_depth(const Point& p) const;
-  // How much larger than it is anywhere h would be, if it grew on; less than 0 where it is smaller.
+  // How much larger than its bound h would be, if it grew on; less than 0 where it is smaller.
   // REQUIRES: law().has_core(), and the cube at p is known
   double room(const Point& p) const;
   // λ.
@@ -170,12 +171,12 @@ class SizeField {
   // No less than h anywhere; no more.
   double largest() const { return range_.most; }
   double least() const { return range_.least; }
-  // Is a ball's radius below k times h at its center? Most often least() tells.
+  // Tells whether a ball's radius is below k times h at its center. Most often least() tells.
   bool is_below(double squared_radius, double k, const Point& center) const {
     const auto is_below = [&](double bound) { return squared_radius < bound * bound; };
     return is_below(k * least()) || (!is_uniform() && is_below(k * graded_at(center)));
   }
-  // How far from p a ball through it reaches if its radius is at most k / 2 times h at its center.
+  // How far a ball through p reaches from it if its radius is at most k / 2 times h at its center.
   // REQUIRES: growth · k < 2
   double reach_of_balls(const Point& p, double k) const {
     return is_uniform() ? k * on_surface() : reach_factor(growth(), k) * graded_at(p);
@@ -201,8 +202,7 @@ class SizeField {
   double inverse_unit_ = 0;
   std::vector<std::uint64_t> first_, last_;  // of each cube's range of keys
   std::vector<Cube> cubes_;
-  // In which of them to look: of each node of one level around, the first that meets it, and the
-  // end.
+  // The cubes to look at in each node of one level around: the first that meets it, and the end.
   struct Range {
     std::uint32_t first = 0, end = 0;
   };

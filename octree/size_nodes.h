@@ -17,7 +17,7 @@ struct SizedNode {
   float size = 0;
   friend bool operator==(const SizedNode&, const SizedNode&) = default;
 };
-// Ascending, each key once, with the least of its sizes.
+// Makes the nodes ascend, each key once, with the least of its sizes.
 void unite(std::vector<SizedNode>& nodes);
 
 // h is the least of s + g · distance over nodes of size s. Found by bounds of what a branch of the
@@ -27,11 +27,11 @@ class SizeNodes {
   SizeNodes(std::vector<SizedNode> nodes, double growth, const Frame& frame);
 
   bool is_empty() const { return tree_.empty(); }
-  // Of branches that matter somewhere.
+  // The places of branches that matter somewhere.
   using Branches = std::vector<std::uint32_t>;
   Branches all() const { return is_empty() ? Branches{} : Branches{0}; }
-  // Of branches, those that may ask for `most` or less in the box, as parts that are no wider than
-  // it. Lowers `most` to what they ask for in all of the box.
+  // Finds those of the branches that may ask for `most` or less in the box, as parts that are no
+  // wider than it. Lowers `most` to what they ask for in all of the box.
   void find_near(const Branches& branches, const Box& box, double& most, Branches& near) const;
   // What they ask for at p, if that is less than `most`; else `most`.
   double size_at(const Branches& branches, const Point& p, double most) const;

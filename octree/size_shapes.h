@@ -21,17 +21,17 @@ struct SizeShape {
   friend bool operator==(const SizeShape&, const SizeShape&) = default;
 };
 
-// Around all of it.
+// The box around all of the shape.
 Box box_of(const SizeShape& shape);
 
-// From p; 0 in the shape.
+// The distance of p from the shape; 0 in it.
 double distance_to(const SizeShape& shape, const Point& p);
 
 // The size at p, and how much it grows away from there.
 inline double size_from(const SizeShape& shape, double growth, const Point& p) {
   return shape.size + growth * distance_to(shape, p);
 }
-// Of all shapes the least; infinite without any.
+// The least size that any of the shapes asks for at p; infinite without any.
 double size_from(std::span<const SizeShape> shapes, double growth, const Point& p);
 
 // No more than the shapes allow anywhere in the box, and what they allow in all of it; infinite
@@ -41,7 +41,7 @@ struct SizeBounds {
 };
 SizeBounds size_bounds(std::span<const SizeShape> shapes, double growth, const Box& box);
 
-// Those that may ask for `most` or less somewhere in the box, in the same order.
+// The shapes that may ask for `most` or less somewhere in the box, in the same order.
 std::vector<SizeShape> shapes_near(std::span<const SizeShape> shapes, double growth, const Box& box,
                                    double most);
 
@@ -53,7 +53,7 @@ class ShapesOfNodes {
   ShapesOfNodes(std::span<const SizeShape> shapes, double growth, const Frame& frame)
       : shapes_(shapes), growth_(growth), frame_(frame) {}
 
-  // Valid until the next call.
+  // The shapes that matter in a node; valid until the next call.
   std::span<const SizeShape> in(MortonKey node);
   SizeBounds bounds(MortonKey node) { return size_bounds(in(node), growth_, frame_.box(node)); }
 

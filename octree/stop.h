@@ -14,20 +14,21 @@ class Stopped : public std::exception {
   const char* what() const noexcept override { return "stopped"; }
 };
 
-// Whether work is to end. Asked by any threads at once, and often: it takes some nanoseconds.
+// StopToken says whether work is to end. Any threads ask it at once, and often: it takes some
+// nanoseconds.
 class StopToken {
  public:
   virtual ~StopToken() = default;
   virtual bool is_stopped() const = 0;
 };
 
-// Null: it never is.
+// `stop` may be null: then it never throws.
 inline void throw_if_stopped(const StopToken* stop) {
   if (stop != nullptr && stop->is_stopped()) throw Stopped();
 }
 
-// For loops with short turns, in which asking would show: asks in one of `period` turns, a power of
-// two. Called once a turn.
+// StopPoll is for loops with short turns, in which asking would show. It is called once a turn, and
+// asks in one of `period` turns, a power of two.
 class StopPoll {
  public:
   explicit StopPoll(const StopToken* stop, std::uint32_t period = 64)

@@ -20,7 +20,7 @@ struct TableHash {
     return hash ^ hash >> 32;
   }
   std::size_t operator()(MortonKey key) const { return (*this)(std::array{key.bits()}); }
-  // By its bits: 0 and -0 differ.
+  // Hashes a point by its bits: 0 and -0 differ.
   std::size_t operator()(const Point& p) const {
     return (*this)(std::bit_cast<std::array<std::uint64_t, 3>>(p));
   }

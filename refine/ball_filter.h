@@ -20,10 +20,10 @@ struct WayToCenter {
   Point vector() const { return {x, y, z}; }
 };
 
-// From a cell's corner to its other ones: a, b, c.
+// The way from a cell's corner to its circumcenter, from the ways to its other corners, a, b and c.
 // Of D and N, whose quotient it is, rounding changes 60 ε |a|³ and 220 ε |a|⁴ at most, with the
-// longest a; and as twice the radius is no less than |a|, that is 3e-7 of each where D is not
-// small, and 2^-20 with what rounding to floats adds.
+// longest a. As twice the radius is no less than |a|, that is 3e-7 of each where D is not small,
+// and 2^-20 with what rounding to floats adds.
 inline WayToCenter way_to_center(const Point& a, const Point& b, const Point& c) {
   constexpr double kFlat = 1e-7, kLeast = 1e-30, kMost = 1e30;  // floats do not underflow, overflow
   const double a2 = dot(a, a), b2 = dot(b, b), c2 = dot(c, c);
@@ -37,8 +37,8 @@ inline WayToCenter way_to_center(const Point& a, const Point& b, const Point& c)
   return {static_cast<float>(way.x), static_cast<float>(way.y), static_cast<float>(way.z)};
 }
 
-// Is p in the circumball of the cell with this corner, and so no vertex? Empty where the way does
-// not tell.
+// Tells whether p is in the circumball of the cell with this corner, and so no vertex. Empty where
+// the way does not tell.
 [[gnu::always_inline]] inline std::optional<bool> is_in_ball(const WayToCenter& way_to,
                                                              const Point& corner, const Point& p) {
   const Point q = p - corner, way = way_to.vector();

@@ -28,7 +28,7 @@ inline double largest_cosine(const std::array<Point, 4>& cell) {
   return -std::min(std::min(std::min(ab, ac), std::min(ad, bc)), std::min(bd, cd));
 }
 
-// The same of a triangle's angles.
+// The largest cosine of a triangle's angles.
 inline double largest_cosine(const std::array<Point, 3>& triangle) {
   double largest = -1;
   for (std::size_t i = 0; i < 3; ++i) {

@@ -29,7 +29,8 @@ struct Axis {
 };
 Axis axis_of(std::array<Point, 3> corners);
 
-// Is p outside the smallest ball through a triangle's corners? Exact. False for one without area.
+// Tells exactly whether p is outside the smallest ball through a triangle's corners. False for one
+// without area.
 bool is_outside_smallest_ball(const std::array<Point, 3>& corners, const Point& p);
 
 }  // namespace locvol

@@ -19,7 +19,7 @@ inline Point closest_on_segment(const Point& a, const Point& b, const Point& q) 
 inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Point& q) {
   const auto& [a, b, c] = corners;
   const Point normal = cross(b - a, c - a);
-  // Of the foot in the plane: where it lies along b - a and c - a, times the normal squared.
+  // Where the foot in the plane lies along b - a and c - a, times the normal squared.
   const double v = dot(cross(q - a, c - a), normal), w = dot(cross(b - a, q - a), normal),
                whole = dot(normal, normal);
   if (v > 0 && w > 0 && v + w < whole) return a + (v / whole) * (b - a) + (w / whole) * (c - a);

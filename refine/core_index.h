@@ -1,5 +1,5 @@
-// The lattice core around a leaf (engine/README.md): points of P that a visit need not load, unless
-// it inserts near them. All cells at them are the lattice's: no other point lies in their
+// The lattice core around a leaf (engine/run/README.md): points of P that a visit need not load,
+// unless it inserts near them. All cells at them are the lattice's: no other point lies in their
 // circumballs, which reach kLatticeStar times its size, and their neighbors are of P.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace locvol {
 
-// Its sites: a value, which can be stored and sent.
+// CoreRows has the sites of the core: a value, which can be stored and sent.
 struct CoreRows {
   Lattice lattice;
   std::vector<LatticeRow> rows;  // each site once
@@ -28,10 +28,10 @@ class CoreIndex {
   bool contains(const LatticeSite& site) const {
     return is_core_.box().contains(site) && is_core_[site] != 0;
   }
-  // All of them at most `radius` from q, in order of id.
+  // The points of the core at most `radius` from q, in order of id.
   void within(const Point& q, double radius, std::vector<MeshPoint>& out) const;
-  // Is one of them closer to q than `radius`? REQUIRES: radius <= 2 size(), and no other point of P
-  // is
+  // Tells whether a point of the core is closer to q than `radius`. REQUIRES: radius <= 2 size(),
+  // and no other point of P is
   bool has_within(const Point& q, double radius) const;
   // Appends the ids of those at which a point inserted at q changes cells.
   void append_met(const Point& q, std::vector<std::uint64_t>& ids) const;

@@ -50,7 +50,7 @@ void sort_oriented(std::array<Name, 4>& v) {
   if (sort_oddly(v)) std::swap(v[2], v[3]);
 }
 
-// Of cells or facets: their vertices in ascending order, once each.
+// The vertices of cells or facets in ascending order, once each.
 template <class Name, std::size_t kNum>
 std::vector<Name> distinct_vertices(const std::vector<std::array<Name, kNum>>& items) {
   std::vector<Name> vertices;
@@ -128,9 +128,9 @@ class Delaunay {
   void find_conflict(const Point& q, Cell hint, Conflict& conflict) const;
   // The vertex of q, whose `conflict` is given; new_cells() are those around it.
   Vertex insert(const Point& q, const Conflict& conflict);
-  // At once, which takes a fraction of the time of one after another. Their numbers are not used
-  // again. False if all cells were numbered anew, and their old numbers mean nothing.
-  // REQUIRES: different vertices, at least one
+  // Removes the vertices at once, which takes a fraction of the time of one after another. Their
+  // numbers are not used again. False if all cells were numbered anew, and their old numbers mean
+  // nothing. REQUIRES: different vertices, at least one
   bool remove(std::span<const Vertex> vertices);
 
   // A cell that a change would make.
@@ -147,9 +147,9 @@ class Delaunay {
     std::vector<Cell> gone;
     std::vector<NewCell> made;
   };
-  // Is q in the cell's circumball? Told by symbolic perturbation if it is on it.
+  // Tells whether q is in the cell's circumball; by symbolic perturbation if it is on it.
   bool is_in_conflict(Cell c, const Point& q) const;
-  // The same of a cell that may not be there, positively oriented.
+  // Tells the same of a cell that may not be there, positively oriented.
   bool is_in_circumball(const std::array<Point, 4>& cell, const Point& p) const;
   // REQUIRES: what `change` says is so; vertex_move finds it
   void move(const Change& change);

@@ -25,7 +25,7 @@ struct FarPoint {
 // What is enough for places in a box.
 class FarPoints {
  public:
-  // From p to the surface, or `bound` if no point is closer.
+  // The distance of p from the surface, or `bound` if no point is closer.
   double distance(const Point& p, double bound) const;
   std::size_t size() const { return points_.size(); }
 
@@ -61,8 +61,8 @@ class FarSurface {
   // `triangles`: that meet the leaf's box.
   void add(MortonKey leaf, std::span<const Triangle> triangles);
   void finish();  // once all leaves are there
-  // Where a part of the surface is known to another process: what is enough for places in these
-  // boxes. It gets them by add_told(). REQUIRES: finish() was called
+  // What another process has to know of a part of the surface, as far as it is enough for places in
+  // these boxes. It gets the points by add_told(). REQUIRES: finish() was called
   std::vector<FarPoint> seen_from(std::span<const Box> places) const;
   void add_told(std::span<const FarPoint> points);
 

@@ -42,14 +42,15 @@ Point clamped(const Point& p, const Box& box);
 // The piece of a triangle in a closed box: a convex polygon, or nothing.
 std::vector<Point> clipped(const Triangle& triangle, const Box& box);
 
-// Is all of the fragment closer to q than to p? It lies on q's side of the plane between the two if
-// its corners do.
+// Tells whether all of the fragment is closer to q than to p. It lies on q's side of the plane
+// between the two if its corners do.
 inline bool is_nearer(const Fragment& f, const Point& q, const Point& p) {
   return std::ranges::all_of(
       f.corners, [&](const Point& c) { return squared_distance(c, q) < squared_distance(c, p); });
 }
 
-// Does is_known(piece) hold for pieces that cover the fragment and are no shorter than `length`?
+// Tells whether is_known(piece) holds for pieces that cover the fragment and are no shorter than
+// `length`.
 template <class IsKnown>
 bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
   if (is_known(f)) return true;
@@ -59,7 +60,7 @@ bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
   return is_made_of(both[0], length, is_known) && is_made_of(both[1], length, is_known);
 }
 
-// Does is_known(piece) hold for pieces that cover the surface within `radius` of p?
+// Tells whether is_known(piece) holds for pieces that cover the surface within `radius` of p.
 template <class IsKnown>
 bool is_known_around(const SurfacePatch& surface, const Point& p, double radius,
                      const IsKnown& is_known) {

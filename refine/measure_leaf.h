@@ -23,7 +23,7 @@ struct SizeRules {              // each 0: none
 // How far from a leaf the surface matters to what is measured in it. `size`: λ
 double measure_reach(const SizeRules& rules, double size);
 
-// Of layers of cells in a thin part, over h.
+// How thick a layer of cells is in a thin part, over h.
 inline constexpr double kLayer = 1.35;
 
 struct MeasureInput {
@@ -34,19 +34,19 @@ struct MeasureInput {
   SurfacePiece surface;  // region contains the leaf's box expanded by measure_reach()
 };
 
-// In the leaf, wherever that is below λ; ascending. One node may lie in another.
+// What the surface in the leaf asks for, wherever that is below λ; ascending. One node may lie in
+// another.
 //
 // Curvature is measured at the scale of the size that it asks for, and so not on a scanner's noise:
 // from λ downwards in nodes of half the side, until one is no larger than what the surface in it
 // and in the 26 around it asks for. Of the triangles, a tensor of curvature (Rusinkiewicz 2004,
 // "Estimating curvatures and their derivatives on triangle meshes") is averaged by area, and the
 // covariance of places tells how flat they lie. Sheets are told apart by the directions of their
-// normals.
-// Throws Stopped; `stop` may be null
+// normals. Throws Stopped; `stop` may be null
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop = nullptr);
 
-// Of the surface in the leaf and near it, about as small as the sizes that it asks for: what a
-// visit keeps in memory. About.
+// About how many pieces, as small as the sizes that it asks for, the surface in the leaf and near
+// it has: what a visit keeps in memory.
 double num_pieces_to_measure(const MeasureInput& input, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -9,10 +9,10 @@
 
 namespace locvol {
 
-// Is p inside the circumsphere of the positively oriented cell? By doubles, then by twice their
-// precision, which tells nearly always where coordinates were rounded: on planes at an angle to the
-// axes above all, in a twentieth of the time of exact arithmetic. Empty where it is not certain, as
-// for cospherical points.
+// Tells whether p is inside the circumsphere of the positively oriented cell. It asks doubles, then
+// twice their precision, which tells nearly always where coordinates were rounded: on planes at an
+// angle to the axes above all, in a twentieth of the time of exact arithmetic. Empty where it is
+// not certain, as for cospherical points.
 std::optional<bool> is_in_near_sphere(const std::array<Point, 4>& cell, const Point& p);
 
 }  // namespace locvol

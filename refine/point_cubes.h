@@ -17,8 +17,8 @@
 
 namespace locvol {
 
-// Of cubes for the box: as wanted, or wider, so that no more than some are in a row, and there are
-// not many more of them than items.
+// The side of cubes for the box: as wanted, or wider, so that no more than some are in a row, and
+// there are not many more of them than items.
 inline double cube_side(const Box& box, double wanted, double most_in_row, std::size_t num_items) {
   constexpr double kMostOfAnItem = 8;
   const Point sides = box.max - box.min;
@@ -68,14 +68,14 @@ class CubesOf {
         if (!for_each_in({low[0], j, k}, high[0], visit)) return false;
     return true;
   }
-  // Is one of p's own cube closer to it than `radius`? Cheap.
+  // Tells whether an item of p's own cube is closer to it than `radius`. Cheap.
   bool has_in_cube(const Point& p, double radius) const {
     const Cube cube = cube_of(p);
     return !for_each_in(cube, cube[0], [&](const Item& item) {
       return squared_distance(p, position(item)) >= radius * radius;
     });
   }
-  // Is none closer to p than `radius`?
+  // Tells whether no item is closer to p than `radius`.
   bool is_free(const Point& p, double radius) const {
     return !has_in_cube(p, radius) && for_each_around(p, radius, [&](const Item& item) {
       return squared_distance(p, position(item)) >= radius * radius;
@@ -96,7 +96,7 @@ class CubesOf {
     else
       return item.position;
   }
-  // From a cube to the one at `last` in its row.
+  // Visits the items from a cube to the one at `last` in its row.
   template <class Visit>
   bool for_each_in(const Cube& from, std::int32_t last, Visit visit) const {
     const std::size_t begin = index(from), end = begin + std::size_t(last - from[0]) + 1;

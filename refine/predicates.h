@@ -21,14 +21,14 @@ struct Circumsphere {
   double radius = 0;  // infinity for a flat cell, whose center means nothing
 };
 
-// To about 1e-10 of the longest edge, or of the radius if that is larger; beyond that, the center
-// is rounded to double coordinates. REQUIRES: finite coordinates
+// The circumsphere, to about 1e-10 of the longest edge, or of the radius if that is larger. Beyond
+// that, the center is rounded to double coordinates. REQUIRES: finite coordinates
 Circumsphere circumsphere_of(const Point& a, const Point& b, const Point& c, const Point& d);
 
 // Euclidean distance to the closed triangle. Fast; a triangle with a height below 1e-6 of its
 // length may cost accuracy, which exact_distance_to_triangle does not lose.
 double distance_to_triangle(const Point& p, const Triangle& triangle);
-// The same from exact arithmetic, rounded once; some 100 times slower.
+// The distance by exact arithmetic, rounded once; some 100 times slower.
 double exact_distance_to_triangle(const Point& p, const Triangle& triangle);
 
 }  // namespace locvol

@@ -22,11 +22,11 @@ class Revisit {
   // Empty if all of the leaf must be visited, or nearly all.
   static std::optional<Revisit> of(const LeafInput& input, const SizeField& sizes);
 
-  // Its own points are the active ones; the leaf's others are among its ghosts. Points inserted
-  // into the box are own. Its surface and core are the leaf's, and are left out.
+  // The visit's input. Its own points are the active ones; the leaf's others are among its ghosts.
+  // Points inserted into the box are own. Its surface and core are the leaf's, and are left out.
   const LeafInput& part() const { return part_; }
-  // Whether what the visit of part() changed leaves the stars of all other own points as they were,
-  // and all points around what it inserted were there.
+  // Tells whether what the visit of part() changed leaves the stars of all other own points as they
+  // were, and all points around what it inserted were there.
   bool is_complete(const LeafDelta& delta) const;
   // Completes its cells by those that the leaf keeps. `core`: null if none is near
   void add_kept_cells(LeafDelta& delta, const CoreIndex* core) const;

@@ -28,15 +28,15 @@ struct SizeInput {
   Frame frame;
   MortonKey leaf;
   SurfacePiece surface;  // region contains the leaf's box
-  // All that make h smaller in the leaf.
+  // All shapes that make h smaller in the leaf.
   std::vector<SizeShape> shapes = {};
   std::vector<SizedNode> nodes = {};
 };
 
-// In Morton order, all of the leaf. A cube is halved as long as the circumradius of the lattice's
-// cells in it, √5/4 of its side, may exceed h at a circumcenter; outside, as long as the surface
-// may pass through it. In the core (SizeLaw::has_core) cubes are of any size.
-// Throws Stopped; `stop` may be null
+// The cubes of the leaf, in Morton order. A cube is halved as long as the circumradius of the
+// lattice's cells in it, √5/4 of its side, may exceed h at a circumcenter; outside, as long as the
+// surface may pass through it. In the core (SizeLaw::has_core) cubes are of any size. Throws
+// Stopped; `stop` may be null
 std::vector<SizeCube> size_leaf(SizeInput input, const FarSurface& far,
                                 const StopToken* stop = nullptr);
 

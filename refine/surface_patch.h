@@ -65,8 +65,8 @@ class SurfacePatch {
     double distance_bound = 0;
   };
   Location locate(const Point& p) const;  // both at the price of one
-  // All crossings of the segment with the surface, by t, each triangle at most once. The part of
-  // the segment outside region() is ignored.
+  // Finds all crossings of the segment with the surface, by t, each triangle at most once. The part
+  // of the segment outside region() is ignored.
   void crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const;
   // A lower bound of the distance from p to the surface within region(), 0 if nothing better is
   // known cheaply.
@@ -80,7 +80,8 @@ class SurfacePatch {
   // The point of the surface that is closest to p, of several that on the first triangle; null if
   // none is closer than `distance`. REQUIRES: the region holds all that is
   std::optional<Point> closest_to(const Point& p, double distance) const;
-  // Is some triangle closer to p than `distance`? REQUIRES: the region holds all that is
+  // Tells whether some triangle is closer to p than `distance`. REQUIRES: the region holds all that
+  // is
   bool is_near(const Point& p, double distance) const;
 
  private:
@@ -92,7 +93,8 @@ class SurfacePatch {
 // the surface an odd number of times. Needs only the triangles that meet the box.
 std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, const Box& box);
 
-// May say true for a triangle that misses the box by little, never false for one that meets it.
+// Tells whether the triangle meets the box. It may say true for one that misses the box by little,
+// never false for one that meets it.
 bool meets(const Triangle& triangle, const Box& box);
 
 }  // namespace locvol

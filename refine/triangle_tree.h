@@ -43,8 +43,8 @@ class TriangleTree {
     Stretch(const Point& from, const Point& direction)
         : place(from),
           inverse{inverse_of(direction.x), inverse_of(direction.y), inverse_of(direction.z)} {}
-    // Does it come closer to the box than `margin` along each axis? By the stretches that lie
-    // between the box' sides.
+    // Tells whether it comes closer to the box than `margin` along each axis, by the stretches that
+    // lie between the box' sides.
     bool meets(const Box& box, double margin) const {
       double in = first, out = last;
       for (int axis = 0; axis < 3; ++axis) {

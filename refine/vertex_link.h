@@ -14,8 +14,8 @@ struct LinkEdge {
   Delaunay::Vertex a = Delaunay::kInfinite, b = Delaunay::kInfinite;
 };
 
-// Whether the edges make one cycle, so that the facets are a disk: from edge to edge, each has one
-// that goes on. They change places.
+// Tells whether the edges make one cycle, so that the facets are a disk: from edge to edge, each
+// has one that goes on. They change places.
 inline bool is_cycle(std::span<LinkEdge> link) {
   if (link.empty()) return false;
   Delaunay::Vertex here = link[0].b;

@@ -44,13 +44,13 @@ class VertexMove {
   void put_in_new() { begin(static_cast<Vertex>(delaunay_.num_vertices())); }
 
   const std::vector<Cell>& star() const { return star_; }  // the cells at the vertex
-  // Of the cells that the change found last makes: the largest of their dihedral angles' cosines.
+  // For each cell that the change found last makes, the largest of its dihedral angles' cosines.
   const std::vector<double>& cosines() const { return cosines_; }
   // The change that puts the vertex at q. False if q is not in the hole or at another vertex, if a
   // cell at the vertex goes beyond the limits, or if too large a part of the triangulation would
   // change. Valid until the next call.
   bool find(const Point& q, const Limits& limits, Change& change);
-  // The same of a new vertex; false also if `start` is not in conflict with q.
+  // Finds what find() finds, of a new vertex; false also if `start` is not in conflict with q.
   bool find_insertion(const Point& q, Cell start, const Limits& limits, Change& change);
 
  private:
@@ -64,13 +64,13 @@ class VertexMove {
     std::uint32_t beyond = 0;      // the cell on the other side; kNew |: of hole_
     int index = 0;                 // of the facet in that cell
   };
-  // Between the hole and a cell around it.
+  // A facet between the hole and a cell around it.
   struct Rim {
     Cell outer = 0;
     int index = 0;
     std::uint32_t inner = 0;  // in hole_
   };
-  // Of the cells in conflict with the place.
+  // A facet on the border of the cells in conflict with the place.
   struct Border {
     std::uint32_t inside = 0, beyond = 0;
     std::array<Vertex, 3> corner;
@@ -115,8 +115,8 @@ class VertexMove {
   std::vector<Rim> rim_;
   std::vector<Open> open_;
 
-  // Of cells: whether they are of the star, and what is known of them and the place; both count
-  // only under the stamp of the day.
+  // Marks of cells: whether they are of the star, and what is known of them and the place. Both
+  // count only under the stamp of the day.
   struct Mark {
     std::uint32_t star = 0, place = 0;
     Seen seen = Seen::kNot;

@@ -70,8 +70,8 @@ class Environment {
   using WriteTurn = std::unique_ptr<Environment, GiveBackTurn>;
 
   static bool exists(const std::filesystem::path& directory);  // as Store::exists()
-  // One for each directory in a process: a second read-only open shares the first one's.
-  // Throws StoreError as Store::open() does.
+  // Opens the one environment that a directory has in a process: a second read-only open shares the
+  // first one's. Throws StoreError as Store::open() does.
   static std::shared_ptr<Environment> open(const std::filesystem::path& directory,
                                            const StoreOptions& options);
   ~Environment();

@@ -51,7 +51,8 @@ void sync_directory(const std::filesystem::path& directory);
 // coherent between machines. Throws StoreError when the system cannot tell.
 std::optional<std::string> network_file_system(const std::filesystem::path& path);
 
-// The same, from what statfs(2) and /proc/self/mountinfo say: magic number and type's name.
+// The network file system, if it is one, that statfs(2) and /proc/self/mountinfo name: magic number
+// and type's name.
 std::optional<std::string> network_file_system_named(std::uint32_t magic, const std::string& type);
 
 }  // namespace locvol

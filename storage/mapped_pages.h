@@ -29,7 +29,7 @@ class MappedPages {
   void locate(const void* map, std::uint64_t map_bytes);
   void forget();  // the map is gone. REQUIRES: no other member is running
 
-  // In the map; absent: outside of it.
+  // The place's distance from the map's beginning; absent: it is outside of the map.
   std::optional<std::uint64_t> offset_of(const void* place) const;
   // The bytes are being read. Places outside the map are left out of account.
   void note(const void* place, std::size_t bytes);

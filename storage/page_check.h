@@ -23,8 +23,8 @@ class DamagedFile : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Whether anything was ever committed to the file. A file too damaged to tell counts as one to
-// which something was.
+// Tells whether anything was ever committed to the file. A file too damaged to tell counts as one
+// to which something was.
 bool has_content(int file);
 
 // What opening the environment relies on: the two meta pages. Throws DamagedFile.
@@ -33,7 +33,7 @@ void check_meta_pages(int file);
 // A number that tells keys apart.
 std::uint64_t key_hash(std::string_view key);
 
-// Of each named database: the sum modulo 2^64 of its keys' key_hash().
+// The sum modulo 2^64 of the key_hash() of all keys, for each named database.
 using KeySumByName = std::map<std::string, std::uint64_t, std::less<>>;
 
 // What following pages relies on, in the state that transaction `txn` left: every page that can be

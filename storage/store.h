@@ -46,7 +46,7 @@ class Reader {
   LeafUnresolved unresolved(MortonKey key) const;
   LeafSizes sizes(MortonKey key) const;
   std::vector<MortonKey> leaf_keys() const;  // all leaves, in Morton order
-  // Of visits on other ranks, what is yet to be applied, by the leaf: all, in Morton order.
+  // The leaves whose visits on other ranks found what is yet to be applied: all, in Morton order.
   std::vector<MortonKey> result_keys() const;
   std::optional<RankResult> result(MortonKey key) const;
   // The first `max` leaves, or entries of the queue, from `from` on, in order. Decodes no record,

@@ -31,7 +31,7 @@ std::uint64_t parse_count(const std::string& text);
 std::uint64_t parse_memory(const std::string& text);
 // A whole number from 1 to 1024.
 int parse_threads(const std::string& text);
-// Above 0 and below 1.
+// A number above 0 and below 1.
 double parse_fraction(const std::string& text);
 double parse_angle(const std::string& text);  // degrees, from 0 to 40
 // A whole number from 0 to 2^64 - 1.
@@ -52,7 +52,7 @@ std::filesystem::path parse_output(const std::string& text,
 // `text` as a path, if it is not empty.
 std::filesystem::path parse_directory(const std::string& text);
 
-// By its name, such as "msh2".
+// The format with this name, such as "msh2".
 MeshFormat parse_format(const std::string& text);
 // "leaf" or "quality": whether the quality is cell data, too.
 bool parse_cell_data(const std::string& text);

@@ -29,7 +29,7 @@ struct ResumeCommand : RunCommand {  // whose output may be empty: none is writt
 
 struct InspectCommand {
   std::filesystem::path store;
-  // At most one: what to show instead of the summary.
+  // What to show instead of the summary: at most one of these.
   bool lists_leaves = false;
   bool lists_queue = false;
   bool lists_unresolved = false;
@@ -98,10 +98,10 @@ struct GenerateCommand {
   bool is_json = false;
 };
 
-// Where `mesh` keeps its run: the directory that the user names, where %r is the rank; or
+// The directory where `mesh` keeps its run: the one that the user names, where %r is the rank; or
 // OUTPUT.locvol, of ranks OUTPUT.locvol-%r.
 std::filesystem::path store_of(const MeshCommand& command, bool is_of_ranks);
-// By several ranks, each calls it; what goes to stdout is the first rank's.
+// The subcommands. By several ranks, each calls them; what goes to stdout is the first rank's.
 int run_mesh(const MeshCommand& command);
 int run_resume(const ResumeCommand& command);
 int run_mesh_as_rank(const MeshCommand& command, Exchange& exchange);

@@ -21,7 +21,7 @@
 
 namespace locvol {
 
-// Where a run is kept, and by whom.
+// The place where a run is kept, and by whom.
 struct RunPlace {
   std::filesystem::path stores;  // of ranks, %r is the rank
   Exchange& exchange = alone();

@@ -23,13 +23,13 @@ class Forecast {
   // What is known of the run, once. `writes`: it ends with an output file.
   void expect(const RunEstimate& estimate, bool writes);
   void note(const Progress& progress, double seconds);
-  // Of a stage after refinement; `all`: 0 while it is not known.
+  // Notes how far a stage after refinement is; `all`: 0 while it is not known.
   void note(RunStage stage, std::uint64_t done, std::uint64_t all, double seconds);
 
   RunStage stage() const { return stage_; }
-  // Of the stage's work, from 0 to 1, as far as it is known.
+  // The part of the stage's work that is done, from 0 to 1, as far as it is known.
   double fraction_done() const;
-  // Nothing before expect(); of a later stage alone, once there is a pace.
+  // The time left; nothing before expect(), and of a later stage alone, once there is a pace.
   std::optional<double> seconds_left(double seconds) const;
 
  private:
@@ -42,13 +42,13 @@ class Forecast {
   bool writes_ = true;
   RunStage stage_ = RunStage::kIngest;
   double began_ = 0;  // the stage
-  // Its work, in a unit of its own; and when some of it was first known to be done.
+  // The stage's work, in a unit of its own; and when some of it was first known to be done.
   double done_ = 0, left_ = 1;
   double first_done_ = 0, first_seconds_ = 0;
   double taken_ = 0, guessed_ = 0;  // seconds of the stages before, and by the law
 
-  // Of visits: units done in the epochs before, what one takes, and the epoch's leaves when it was
-  // first seen.
+  // The visits' work: units done in the epochs before, what one takes, and the epoch's leaves when
+  // it was first seen.
   std::uint32_t epoch_ = 0;
   double units_before_ = 0, unit_ = 1;
   std::uint64_t num_in_epoch_ = 0;

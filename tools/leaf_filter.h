@@ -15,7 +15,7 @@
 
 namespace locvol {
 
-// As tables have them.
+// The states in the order that tables have.
 inline constexpr std::array kLeafStates = {LeafState::kClean,     LeafState::kWaiting,
                                            LeafState::kUnvisited, LeafState::kCore,
                                            LeafState::kEmpty,     LeafState::kDamaged};
@@ -35,7 +35,7 @@ struct LeafCondition {
   bool holds(const LeafRow& row) const;  // of a leaf whose record is damaged: always
 };
 
-// Each throws std::invalid_argument with what can be given instead.
+// Each parser throws std::invalid_argument with what can be given instead.
 LeafCondition parse_condition(const std::string& text);
 const LeafField* parse_sort(const std::string& text);  // null: "key"
 LeafState parse_state(const std::string& text);

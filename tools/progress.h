@@ -26,9 +26,9 @@ struct Standing {
   std::uint64_t resident = 0, peak_resident = 0, memory_cap = 0;  // bytes
 };
 
-// One line, without its end.
+// The line that shows progress, without its end.
 std::string progress_text(const Standing& standing);
-// One event (tools/README.md).
+// The event that tells progress (tools/runs.md).
 Json progress_json(const Standing& standing);
 
 // Seconds spent in each stage of a run, as far as its progress tells: what passes before a stage is
@@ -64,8 +64,8 @@ class ProgressLine {
   void update(const Progress& progress);
   void update(RunStage stage, std::uint64_t done, std::uint64_t all);
   void note(const std::string& text);
-  // In JSON, as an event of this name; as text, the text. Only then `json` is asked: to destroy a
-  // Json takes memory, and where there is none, its library ends the process.
+  // Tells something: in JSON, as an event of this name; as text, the text. Only for JSON `json` is
+  // asked: to destroy a Json takes memory, and where there is none, its library ends the process.
   void tell(std::string_view event, const std::function<Json()>& json, const std::string& text);
   void clear();            // leaves stderr at the start of a line
   double seconds() const;  // since construction

@@ -65,29 +65,29 @@ std::string position_text(const QueuePosition& position);
 std::string quality_text(const CellQuality& quality, double size);
 std::string insertions_text(std::span<const std::uint64_t> num_insertions);
 
-// Each ends its lines itself.
+// Each of these texts ends its lines itself.
 std::string line_text(std::string_view name, std::string_view value);  // of a table
 std::string facts_text(const SurfaceFacts& facts);
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
 std::string audit_text(const AuditReport& report);
-// Of a run on so many threads; `least_memory`: the least cap that would do, in bytes.
+// The estimate of a run on so many threads; `least_memory`: the least cap that would do, in bytes.
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,
                           std::uint64_t least_memory);
-// The same in one line, without its end.
+// The estimate in one line, without its end.
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads);
 std::string sizes_text(const SizeReport& report);
 Json to_json(const SizeReport& report);
 // `run`: whose mesh it is.
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run);
-// Of a run whose sizes vary: what a mesh of λ everywhere would have (an estimate), and how fast
+// What a mesh of λ everywhere would have, of a run whose sizes vary (an estimate); and how fast
 // cells grow.
 std::string uniform_text(const RunRecord& run, std::uint64_t num_cells);
 std::string neighbors_text(const MeshStatistics& statistics);
-// Estimated, of a run like this one but for its sizes: λ everywhere.
+// The estimate for a run like this one but for its sizes: λ everywhere.
 double num_uniform_cells(const RunRecord& run);
 
-// Handles' count of a closed surface: the sum over its components.
+// How many handles a closed surface has: the sum over its components.
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic);
 
 std::string json_text(const Json& json);

@@ -17,7 +17,7 @@ class StopSignal : public StopToken {
  public:
   static constexpr std::chrono::milliseconds kPatience{1500};
 
-  // From now to the end of the process.
+  // Installs the handlers, from now to the end of the process.
   static const StopSignal& install();
   static bool is_requested();
   bool is_stopped() const override { return is_requested(); }
@@ -26,7 +26,7 @@ class StopSignal : public StopToken {
   StopSignal() = default;
 };
 
-// Until StopSignal::install(): a signal that ends the process removes its unfinished files.
+// Has a signal that ends the process, until StopSignal::install(), remove its unfinished files.
 void clean_up_on_signals();
 
 }  // namespace locvol

@@ -14,7 +14,7 @@
 namespace locvol {
 
 Store open_to_read(const std::filesystem::path& directory);
-// Of a run that one process makes; throws StoreMismatch otherwise.
+// Opens the store of a run that one process makes; throws StoreMismatch otherwise.
 Store open_whole(const std::filesystem::path& directory);
 // Called by all ranks. Throw StoreError, the same on all: the stores hold no finished run. The
 // first one settles what a move of leaves left behind, as held_by_ranks() does.
@@ -25,7 +25,8 @@ Store open_part(const std::filesystem::path& stores, Exchange& exchange);
 // Throws std::runtime_error if no run has begun in this store.
 RunRecord run_of(const Store& store);
 RunRecord run_of(const Reader& reader, const std::filesystem::path& directory);
-// Called by all ranks: as the first has it that can read its own. Throws what the store does.
+// The run's record, as the first rank has it that can read its own. Called by all ranks. Throws
+// what the store does.
 RunRecord run_of(const RunPart& part);
 // Throws std::runtime_error if the run in this store is not done.
 void require_done(const Store& store);
@@ -33,7 +34,7 @@ void require_done(const Store& store);
 // leaves are there instead.
 MortonKey find_leaf(const Reader& reader, const RunRecord& run, const LeafSpec& spec,
                     const std::filesystem::path& directory);
-// Of the store's own leaves, in Morton order.
+// The unresolved sites of the store's own leaves, in Morton order.
 std::vector<LeafSite> unresolved_sites(const Reader& reader);
 
 }  // namespace locvol

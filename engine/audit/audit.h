@@ -18,12 +18,12 @@ namespace locvol {
 // it; what is told of the mesh is then of these.
 AuditReport audit(const Store& store, const StepProgress& on_step = {}, std::uint64_t one_in = 1);
 
-// The same by all ranks of a run: each checks its own leaves, for which others tell the records of
-// theirs beside them, a mebibyte at once, into a store without a name on the disk of its own. All
-// get one report, that of all stores as one, but for the last digits of the volume, and with
-// descriptions of the first few violations of each kind that each rank has found.
-// Memory: the above; 32 bytes for each two vertices of the boundary that a facet joins across a
-// border; and on all ranks, 24 for each two components that are one.
+// audit() by all ranks of a run. Each rank checks its own leaves, for which others tell it the
+// records of theirs beside them, a mebibyte at once, into a store without a name on the disk of its
+// own. All get one report, that of all stores as one, but for the last digits of the volume, and
+// with descriptions of the first few violations of each kind that each rank has found.
+// Memory: that of audit(); 32 bytes for each two vertices of the boundary that a facet joins across
+// a border; and on all ranks, 24 for each two components that are one.
 AuditReport audit_as_rank(const Store& own, Exchange& exchange, const StepProgress& on_step = {},
                           std::uint64_t one_in = 1);
 

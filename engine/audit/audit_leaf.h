@@ -34,11 +34,11 @@ class AuditFindings {
   AuditReport& report() { return *report_; }
   void add(std::uint64_t AuditReport::*count, std::string_view what, MortonKey leaf,
            const Point& place);
-  // Of what refinement leaves open where it could not go on: no violation near a site.
+  // Counts what refinement leaves open where it could not go on: near a site it is no violation.
   void add_unless_open(std::uint64_t AuditReport::*count, std::string_view what, MortonKey leaf,
                        const Point& place);
   void add_fault(const std::string& what);
-  // Those that may matter to the findings to come. `distance`: near
+  // Takes the sites that may matter to the findings to come. `distance`: up to which one is near
   void set_sites(std::vector<Point> sites, double distance);
 
  private:
@@ -57,7 +57,8 @@ class AuditLeaves {
   Box box(std::size_t leaf) const { return box(keys_[leaf]); }
   Box box(MortonKey key) const { return frame_.box(key); }
   bool tile_the_root() const;
-  // Whose closed boxes are at most `distance` from `box`, in order. REQUIRES: tile_the_root()
+  // The leaves whose closed boxes are at most `distance` from `box`, in order. REQUIRES:
+  // tile_the_root()
   std::vector<std::size_t> within(const Box& box, double distance) const;
 
  private:
@@ -77,9 +78,9 @@ struct SitesOfLeaf {
 // The records of leaves, each as the rank has it whose leaf it is.
 class AuditRecords {
  public:
-  // Of a store that has all of the run.
+  // The records of a store that has all of the run.
   explicit AuditRecords(const Reader& own) : own_(&own) {}
-  // Of a rank's. `store_beside`: of leaves near its own, as others have told
+  // The records that a rank has. `store_beside`: those of leaves near its own, as others have told
   AuditRecords(const Reader& own, const Store& store_beside, const RankRecord& rank,
                std::vector<SitesOfLeaf> sites_beside)
       : own_(&own),
@@ -251,7 +252,8 @@ class BoundaryComponents {
   // Leaves must come in Morton order.
   void add(const AuditLeaf& leaf, std::span<const LocalFacet> boundary, const AuditLeaves& leaves);
   std::size_t size() const { return labels_.num_sets(); }
-  // With the labels that components have at last. Memory: 32 bytes each.
+  // The vertices that facets across borders have, with the labels that components have at last.
+  // Memory: 32 bytes each.
   std::vector<Crossing> crossings();
 
  private:

@@ -9,11 +9,11 @@
 
 namespace locvol {
 
-// Each is called by all ranks.
-// Unresolved sites of others' leaves within the distance of own ones.
+// All ranks call each of these functions.
+// The unresolved sites of others' leaves within the distance of own ones.
 std::vector<SitesOfLeaf> sites_beside(const Reader& own, const RunRecord& run, double distance,
                                       Exchange& exchange);
-// How many components of the boundary, of all ranks', are others' continued.
+// How many components of the boundary, over all ranks, go on one that another rank has counted.
 std::uint64_t num_joined_components(BoundaryComponents& own, const AuditLeaves& leaves,
                                     const AuditRecords& records, Exchange& exchange);
 // What all ranks have found.

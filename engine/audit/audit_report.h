@@ -13,7 +13,7 @@ namespace locvol {
 struct AuditReport {
   std::uint64_t num_leaves = 0, num_checked_leaves = 0;  // fewer, if it is a sample
   bool is_sample() const { return num_checked_leaves < num_leaves; }
-  // Of what was checked:
+  // What was checked is counted here.
   std::uint64_t num_cells = 0, num_vertices = 0, num_boundary_facets = 0, num_boundary_vertices = 0;
   double volume = 0, surface_volume = 0;
   double max_circumradius = 0;  // over λ
@@ -26,8 +26,8 @@ struct AuditReport {
   double min_dihedral_bound = 0;  // 0: any
   std::uint64_t num_poor_cells = 0;
   double max_surface_distance = 0;  // of a boundary vertex, over λ
-  // Of the boundaries; `surface_…`: of the input. A difference is no violation: parts of the input
-  // smaller than λ may be lost.
+  // Facts of the mesh's boundary; `surface_…`: of the input. A difference is no violation: parts of
+  // the input smaller than λ may be lost.
   std::int64_t euler_characteristic = 0, surface_euler_characteristic = 0;
   std::uint64_t num_components = 0, surface_num_components = 0;
   std::uint64_t num_unresolved = 0;  // as listed in the store

@@ -35,7 +35,8 @@ class Exchange {
   // A message to each rank, which may be empty, in order of rank, to the own one, too; gives those
   // to this rank. REQUIRES: messages.size() == num_ranks()
   virtual std::vector<std::string> swap(std::vector<std::string> messages) = 0;
-  // The same message to each. Takes as much memory as all of them.
+  // Says the same message to each rank, and gives those of all. Takes as much memory as all of
+  // them.
   virtual std::vector<std::string> gather(const std::string& message) = 0;
   virtual ExchangeStats stats() const = 0;
 
@@ -68,9 +69,9 @@ class WorkWhileWaiting {
   Exchange& exchange_;
 };
 
-// Each rank's number.
+// The numbers of all ranks, by rank.
 std::vector<std::uint64_t> gather_numbers(Exchange& exchange, std::uint64_t number);
-// Of all ranks' numbers, the sum, and of those before this rank's.
+// The sum of all ranks' numbers, and of those of ranks before this one.
 struct SumOfRanks {
   std::uint64_t all = 0, before = 0;
 };
@@ -78,18 +79,19 @@ SumOfRanks sum(Exchange& exchange, std::uint64_t number);
 // Element by element. REQUIRES: as many on each rank
 std::vector<std::uint64_t> sums(Exchange& exchange, std::span<const std::uint64_t> numbers);
 std::uint64_t smallest(Exchange& exchange, std::uint64_t number);
-// Is it true on any rank?
+// Tells whether it is true on any rank.
 bool any(Exchange& exchange, bool is_true);
 // Returns when all ranks have called it.
 void wait_for_all(Exchange& exchange);
-// The same once each has done its work, which talks to no other rank. If that throws on any, then
-// on all: there what it was, on others ExchangeError; Stopped, if that is all that any throws.
+// Returns once each rank has done its work, which talks to no other rank. If that throws on any,
+// then all throw: there what it was, on others ExchangeError; Stopped, if that is all that any
+// throws.
 void do_on_all(Exchange& exchange, const std::function<void()>& work);
-// Of what all ranks find out alike, or nearly so: what `check` throws, the first rank throws where
-// it does, and the others nothing but ExchangeError, when it has ended.
+// Makes a check whose outcome is alike on all ranks, or nearly so. What `check` throws, the first
+// rank throws where it does; the others throw nothing but ExchangeError, when it has ended.
 void check_on_all(Exchange& exchange, const std::function<void()>& check);
 
-// Of what is sent in parts, about as much as a rank sends at once, to all others together.
+// About as much as a rank sends at once, to all others together, of what is sent in parts.
 inline constexpr std::size_t kMessageBytes = std::size_t{1} << 20;
 
 }  // namespace locvol

@@ -49,7 +49,7 @@ class MergedRows {
   static constexpr std::size_t kBytes = std::size_t{1} << 17;
   static constexpr char kWanted = '1', kNotWanted = '0';
 
-  // On the first rank: what another has sent, and has not been visited.
+  // Rows that another rank has sent to the first one, which has not visited them.
   struct Source {
     std::vector<Row> rows;
     std::size_t place = 0;
@@ -111,7 +111,7 @@ class MergedRows {
   bool is_over_ = false;
   std::vector<Row> rows_;  // to be sent
   std::size_t num_bytes_ = 0;
-  // On the first rank, by rank; empty: it wants no more.
+  // The first rank's wishes, by rank; empty: it wants no more.
   std::string wanted_;
   std::vector<Source> sources_;
   std::set<std::pair<RowOrder, std::size_t>> heads_;  // of sources: the next row's order, and rank

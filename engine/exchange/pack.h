@@ -44,7 +44,7 @@ void serialize(Archive& archive, std::optional<T>& value, unsigned) {
   if (is_there) archive&* value;
 }
 
-// Neither versions nor addresses are of any use here.
+// Classes are packed without versions and addresses, which are of no use here.
 template <locvol::HasFields T>
 struct implementation_level<T> : mpl::int_<object_serializable> {};
 template <locvol::HasFields T>
@@ -54,7 +54,7 @@ struct tracking_level<T> : mpl::int_<track_never> {};
 
 BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
 
-// In one piece, for they are many.
+// Points are packed in one piece, for they are many.
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::Point)
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeSite)
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeRow)
@@ -97,7 +97,7 @@ T unpack(std::string_view bytes) try {
   throw ExchangeError("what another rank said is something else, or did not arrive whole");
 }
 
-// Each rank's value, by rank.
+// The values of all ranks, by rank.
 template <class T>
 std::vector<T> gather_values(Exchange& exchange, const T& own) {
   std::vector<T> values;
@@ -106,7 +106,7 @@ std::vector<T> gather_values(Exchange& exchange, const T& own) {
   return values;
 }
 
-// All ranks' lists, one after another.
+// The lists of all ranks, one after another.
 template <class T>
 std::vector<T> gather_all(Exchange& exchange, const std::vector<T>& own) {
   std::vector<T> all;

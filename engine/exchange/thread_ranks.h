@@ -14,8 +14,8 @@ namespace locvol {
 enum class MessageFault { kNone, kLost, kLate, kDoubled };
 
 struct ThreadRanksOptions {
-  // Of message `number` (from 0 on) from one rank to another; empty: none. Called by one thread at
-  // a time for each `from`.
+  // What goes wrong with message `number` (from 0 on) from one rank to another; empty: nothing
+  // does. It is called by one thread at a time for each `from`.
   std::function<MessageFault(int from, int to, std::uint64_t number)> fault = {};
   // A rank that waits longer for a message gives up.
   std::chrono::milliseconds patience = std::chrono::minutes(10);

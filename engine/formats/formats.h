@@ -36,7 +36,7 @@ struct PieceFile {
   std::string name;
   std::uint64_t num_vertices = 0, num_cells = 0;
 };
-// It names VTU files.
+// Writes the file that names the VTU files of all ranks.
 void write_pvtu(std::span<const PieceFile> pieces, bool has_quality, PartialFile& file);
 // A partition for each VTKHDF file, of virtual datasets: a reader gets values from where they are.
 void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, bool has_quality,

@@ -59,14 +59,16 @@ using NarrowCell = std::array<std::int32_t, 4>;
 std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> cells,
                                               std::uint64_t value_bytes,
                                               std::vector<NarrowCell>& narrow);
-// Where cells begin among the vertices of all: of `count` of them from `first` on.
+// The places where `count` cells, from `first` on, begin among the vertices of all cells.
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
                                     std::uint64_t value_bytes);
 
-// Of several ranks, a block is that rank's which has its first item: others tell it the rest.
+// Blocks of a mesh's arrays. A block is that rank's which has its first item: others tell it the
+// rest.
 class ArrayBlocks {
  public:
-  // With the quality, measures all cells: 8 bytes each, in nameless files beside the output.
+  // `has_quality`: all cells are measured first, which takes 8 bytes each, in nameless files beside
+  // the output.
   ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output);
 
   struct Block {

@@ -39,13 +39,13 @@ struct FormatInfo {
 
 std::span<const FormatInfo> mesh_formats();
 const FormatInfo& info_of(MeshFormat format);
-// By the extension of a file's name, whatever its case.
+// The format that a file's name asks for by its extension, whatever its case.
 std::optional<MeshFormat> format_of(const std::filesystem::path& file);
 std::optional<MeshFormat> format_named(std::string_view name);
-// The same as format_of(); throws InputError, which lists the extensions, if it means none.
+// Gives what format_of() gives; throws InputError, which lists the extensions, if that is none.
 MeshFormat format_meant_by(const std::filesystem::path& file);
 
-// Does it hold the boundary, alone or with the cells?
+// Tells whether a format holds the boundary, alone or with the cells.
 bool has_boundary(MeshFormat format);
 
 // What is written of a mesh.

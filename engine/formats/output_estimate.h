@@ -7,11 +7,11 @@
 
 namespace locvol {
 
-// Of the BCC lattice, over λ³: 12 to its cubic cell.
+// How many cells the BCC lattice has, over λ³: 12 to its cubic cell.
 inline constexpr double kLatticeCellsPerVolume =
     12 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
 
-// Of a mesh: known, or estimated.
+// How large a mesh is, known or estimated.
 struct MeshSizes {
   double num_vertices = 0, num_cells = 0;
   double num_listed_cells = 0;  // not of the lattice core
@@ -26,7 +26,7 @@ struct OutputEstimate {
   // while the file is written.
   double bytes_before = 0, bytes_beside = 0;
 
-  // At the worst moment.
+  // What the disk must have room for, at the worst moment.
   double disk_bytes() const;
 };
 

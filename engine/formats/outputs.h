@@ -53,14 +53,14 @@ class AppendedFile {
   std::uint64_t offset_;
 };
 
-// What `encode` makes of each piece, as a run; `num_bytes`: see there.
+// Appends what `encode` makes of each piece, as a run; `num_bytes`: see AppendedFile::append_run().
 template <class Encode>
 void append_pieces(AppendedFile& out, MeshSource& mesh, const PieceParts& parts,
                    const Encode& encode, std::optional<std::uint64_t> num_bytes = std::nullopt) {
   out.append_run([&](const auto& append) { mesh.for_each_piece(parts, encode, append); },
                  num_bytes);
 }
-// Likewise of what next() gives of the boundary.
+// Appends what `encode` makes of what next() gives of the boundary, as append_pieces() does.
 template <class Next, class Encode>
 void append_boundary(AppendedFile& out, MeshSource& mesh, const Next& next, const Encode& encode,
                      std::optional<std::uint64_t> num_bytes = std::nullopt) {

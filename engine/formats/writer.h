@@ -51,7 +51,7 @@ std::filesystem::path piece_of(const std::filesystem::path& file, MeshFormat for
 // FILE.pvtu, FILE.vtkhdf; Gmsh has none.
 std::optional<std::filesystem::path> index_of_pieces(const std::filesystem::path& file,
                                                      MeshFormat format);
-// The same as VTU, without the quality.
+// Writes the mesh as VTU, without the quality.
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads = 1,
                        const StepProgress& on_step = {});
 

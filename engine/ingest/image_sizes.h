@@ -18,9 +18,9 @@ namespace locvol {
 ImageFacts survey_size_image(const std::filesystem::path& file, const Box& box,
                              const StopToken* stop = nullptr);
 
-// Each voxel's value in nodes that cover it: half as wide as it at least, or about as wide as the
-// value, if that is more; without what can matter nowhere in the surface's box. take() gets them in
-// portions, united.
+// Finds nodes of the octree that cover each voxel, with its value. They are at least half as wide
+// as the voxel, or about as wide as the value, if that is more. What can matter nowhere in the
+// surface's box is left out. take() gets them in portions, united.
 void read_image_nodes(const std::filesystem::path& file, const RunRecord& run,
                       const std::function<void(std::span<const SizedNode>)>& take,
                       const StopToken* stop = nullptr);

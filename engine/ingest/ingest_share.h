@@ -26,7 +26,7 @@ class IngestShare {
  public:
   virtual ~IngestShare() = default;
   virtual KeyRange range() const { return {}; }
-  // Before triangles are changed, which only a process with all of the surface does.
+  // It is asked before triangles are changed, which only a process with all of the surface does.
   virtual void require_whole() const {}
   virtual void join_findings(SurfaceFindings&) const {}
   virtual void join_parities(std::vector<bool>&) const {}  // of sums, element by element

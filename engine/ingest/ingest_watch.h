@@ -26,7 +26,7 @@ class IngestWatch {
     unasked_ += num_triangles;
     if (unasked_ >= kUnasked) look();
   }
-  // For what has no watch; null if it cannot be stopped.
+  // The token for what has no watch; null if it cannot be stopped.
   const StopToken* stop() const { return stop_; }
 
  private:

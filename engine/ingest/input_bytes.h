@@ -18,13 +18,14 @@ namespace locvol {
 // terminal, or cannot be read; std::system_error where the copy cannot be written.
 class InputBytes {
  public:
-  // Of a regular file.
+  // Opens a regular file.
   explicit InputBytes(const std::filesystem::path& file);
-  // Of a regular file, or of anything that ends, such as a named pipe: that is read to its end, and
-  // copied into `directory`, which must exist. While it waits for the pipe it throws Stopped.
+  // Opens a regular file, or anything that ends, such as a named pipe. A pipe is read to its end,
+  // and copied into `directory`, which must exist. While it waits for the pipe it throws Stopped.
   InputBytes(const std::filesystem::path& file, const std::filesystem::path& directory,
              const StopToken* stop);
-  // The same of the standard input, from where it stands; it is called kStandardInput.
+  // Takes the standard input, from where it stands, as a pipe is taken; it is called
+  // kStandardInput.
   static InputBytes of_standard_input(const std::filesystem::path& directory,
                                       const StopToken* stop);
 

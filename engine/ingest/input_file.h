@@ -51,7 +51,7 @@ class InputFile {
   // The next byte taken is the one at `position`, at most size(). The file then has no digest().
   // REQUIRES: !is_unpacked(), also of the next
   void seek(std::uint64_t position);
-  // Those at `position`, without taking them. Throws InputError if they are not there.
+  // Reads the bytes at `position`, without taking them. Throws InputError if they are not there.
   void read_at(std::uint64_t position, std::span<unsigned char> bytes) const;
 
   // SHA-256 of the whole file, as it was read; takes what is left of it. To be called once, of a
@@ -83,8 +83,8 @@ class InputFile {
 // Adds its bytes [begin, end) to a hash. Throws InputError as InputFile does, Stopped.
 void hash_bytes(const std::filesystem::path& file, std::uint64_t begin, std::uint64_t end,
                 Sha256& hash, const StopToken* stop = nullptr);
-// Of what it holds, which is its bytes unless gzip has packed it. Throws InputError as InputFile
-// does, Stopped.
+// The digest of what a file holds: its bytes, unless gzip has packed it. Throws InputError as
+// InputFile does, Stopped.
 std::string digest_of_file(const std::filesystem::path& file, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -24,12 +24,12 @@ struct PointGroups {
   std::vector<std::uint32_t> of_point;  // by point, the place of its group
 };
 
-// In all groups, however wide. Distances are those of distance_between().
+// All groups, however wide. Distances are those of distance_between().
 // REQUIRES: points are ascending, and all different; the distance is above 1e-240
 // Memory: 60 bytes a point. Time: a logarithm for each point.
 PointGroups near_groups(std::span<const Point> points, double distance);
 
-// Of any two points that double arithmetic can tell apart.
+// The distance, right for any two points that double arithmetic can tell apart.
 double distance_between(const Point& p, const Point& q);
 
 // A cube of a grid whose lines lie at multiples of its side, a power of two: so that the cube of a

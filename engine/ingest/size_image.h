@@ -38,7 +38,7 @@ struct SizeImage {
 
 struct SizeImageSink {
   std::function<void(const SizeImage&)> on_header;  // once, before the slices
-  // For each k, ascending: num[0] * num[1] sizes, finite and above 0, x fastest.
+  // It is called for each k, ascending, with num[0] * num[1] sizes, finite and above 0, x fastest.
   std::function<void(std::uint64_t k, std::span<const float> sizes)> on_slice;
 };
 

@@ -21,8 +21,8 @@
 
 namespace locvol {
 
-// By their keys, std::invoke(kKey, record), which are different for all records, so that their
-// order is one.
+// Sorts records by their keys, std::invoke(kKey, record), which are different for all records, so
+// that their order is one.
 template <class Record, auto kKey = std::identity()>
 class SortedSpill {
   static_assert(std::is_trivially_copyable_v<Record>);

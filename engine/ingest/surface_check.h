@@ -73,16 +73,16 @@ enum class CheckScope {
   kAll,
 };
 
-// Of the buckets' range. `box` is around the surface. Each thread is at a cell of its own.
-// Memory: see check_surface(). Throws as TriangleSpill, Stopped.
+// Checks the cells of the buckets' range. `box` is around the surface. Each thread is at a cell of
+// its own. Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
                             const Box& box, const WallProbes& probes, CheckScope scope,
                             IngestWatch& watch, Workers& workers);
 
-// Of triangles with the same vertices, all but the first. REQUIRES: they are in order of id
+// Drops all but the first of triangles with the same vertices. REQUIRES: they are in order of id
 void drop_copies(std::vector<Triangle>& triangles);
 
-// Is the triangle's smallest corner one that the cell owns?
+// Tells whether the triangle's smallest corner is one that the cell owns.
 bool owns_triangle(const Box& cell, const Triangle& triangle);
 
 }  // namespace locvol

@@ -20,7 +20,7 @@ namespace locvol {
 // A component, or the part of it in one cell. Volume and orientation are relative to one of its
 // triangles.
 struct SurfaceComponent {
-  // Its highest vertex (in z, then x, then y).
+  // The component's highest vertex (in z, then x, then y).
   Point top{0, 0, -std::numeric_limits<double>::infinity()};
   CompensatedSum six_volume;    // six times the volume, positive if it faces outward
   double six_volume_error = 0;  // a bound

@@ -16,18 +16,18 @@ void parse_obj(InputFile& file, SurfaceSink& sink);
 void parse_off(InputFile& file, SurfaceSink& sink);
 void parse_ply(InputFile& file, SurfaceSink& sink);
 
-// Null: not all of the file's faces are known to take as many bytes.
+// The ranges of a binary file; null: not all of the file's faces are known to take as many bytes.
 std::unique_ptr<SurfaceRanges> ranges_of_binary_stl(InputFile file);
 std::unique_ptr<SurfaceRanges> ranges_of_ply(InputFile file);
 
 // Do the file's size and its count of triangles agree, as they ought to in a binary STL file?
 bool is_binary_stl(InputFile& file);
-// Is this text, with a line that begins as those of an ASCII STL file do?
+// Tells whether this is text, with a line that begins as those of an ASCII STL file do.
 bool has_stl_line(std::string_view text);
-// Is this the first word of an OFF file (OFF, COFF, NOFF, …, also those of other dimensions), in
-// any case?
+// Tells whether this is the first word of an OFF file (OFF, COFF, NOFF, …, also those of other
+// dimensions), in any case.
 bool is_off_keyword(std::string_view word);
-// Is this a word that may begin a line of an OBJ file?
+// Tells whether this is a word that may begin a line of an OBJ file.
 bool is_obj_keyword(std::string_view word);
 
 }  // namespace locvol

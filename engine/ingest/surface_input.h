@@ -64,8 +64,8 @@ RawSurface read_surface(const SurfaceSource& source, const std::filesystem::path
 RawSurface read_surface(const std::filesystem::path& file, const std::filesystem::path& directory,
                         IngestWatch& watch, const DiskOf& disk = disk_of);
 
-// One of `num_parts` parts, with ids, a box and counts of its own, and no digest. Not all that is
-// asked of a surface is asked of a part, see require_extent(). Throws as
+// Reads one of `num_parts` parts of a surface, with ids, a box and counts of its own, and no
+// digest. Not all that is asked of a surface is asked of a part, see require_extent(). Throws as
 // SurfaceRanges::read_part(), and where triangles without area are too many; std::system_error.
 RawSurface read_part_of_surface(SurfaceRanges& ranges, std::uint64_t part, std::uint64_t num_parts,
                                 const std::filesystem::path& directory, IngestWatch& watch);

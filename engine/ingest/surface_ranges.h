@@ -33,7 +33,7 @@ class SurfaceRanges {
   std::uint64_t num_faces_, num_vertices_;
 };
 
-// Where one of `num_parts` parts of `num` things begins.
+// The place where one of `num_parts` parts of `num` things begins.
 inline std::uint64_t begin_of_part(std::uint64_t num, std::uint64_t part, std::uint64_t num_parts) {
   return num / num_parts * part + num % num_parts * part / num_parts;
 }

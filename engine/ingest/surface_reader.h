@@ -22,7 +22,7 @@ namespace locvol {
 // that is not finite, or named as another format than it is. Throws Stopped.
 std::string parse_surface(std::shared_ptr<const InputBytes> bytes, SurfaceSink& sink,
                           const StopToken* stop = nullptr);
-// Of a regular file.
+// Parses a regular file.
 std::string parse_surface(const std::filesystem::path& file, SurfaceSink& sink,
                           const StopToken* stop = nullptr);
 

@@ -13,7 +13,7 @@
 
 namespace locvol {
 
-// Of triangles without area: their neighborhoods are repaired in memory.
+// The most triangles without area whose neighborhoods are repaired in memory.
 inline constexpr std::size_t kMaxCollinear = 200'000;
 
 struct FlipResult {
@@ -24,10 +24,11 @@ struct FlipResult {
   std::vector<std::uint32_t> beyond;
 };
 
-// Where the middle corner b of a collinear triangle lies on its edge ac, the triangle acd beyond
-// that edge is cut at b, and acb, acd become bad, dcb. Fails where b and d are joined already.
-// `collinear`: the triangles to be repaired. `is_whole`: by vertex, are all its triangles here?
-// REQUIRES: the soup is a piece of a closed, orientable surface with each edge in two triangles
+// Flips triangles without area. Where the middle corner b of such a triangle lies on its edge ac,
+// the triangle acd beyond that edge is cut at b, and acb, acd become bad, dcb. It fails where b and
+// d are joined already. `collinear`: the triangles to be repaired. `is_whole`: by vertex, are all
+// its triangles here? REQUIRES: the soup is a piece of a closed, orientable surface with each edge
+// in two triangles
 FlipResult flip_collinear_triangles(TriangleSoup& soup, const std::vector<bool>& is_whole,
                                     std::vector<std::uint32_t> collinear);
 

@@ -10,7 +10,7 @@
 
 namespace locvol {
 
-// Where in the file something stands, for messages.
+// The place where something stands in the file, for messages.
 struct FilePlace {
   enum class Unit { kLine, kFace } unit = Unit::kLine;
   std::uint64_t number = 0;  // from 1
@@ -22,8 +22,8 @@ inline std::string to_string(const FilePlace& place) {
 class SurfaceSink {
  public:
   virtual ~SurfaceSink() = default;
-  // So many polygons or facets are to come, for all that the file says: called before any of them,
-  // if at all.
+  // Says that so many polygons or facets are to come, for all that the file says. It is called
+  // before any of them, if at all.
   virtual void announce(std::uint64_t /*num_faces*/) {}
   // What the user is to know of a file that is odd, and is read all the same.
   virtual void note(const std::string& /*text*/) {}

@@ -30,7 +30,7 @@ struct SurfaceSource {
 SurfaceSource surface_in_file(const std::filesystem::path& file,
                               const std::filesystem::path& directory);
 SurfaceSource surface_in_standard_input(const std::filesystem::path& directory);
-// Of the two the one that MeshOptions::input means.
+// The surface that MeshOptions::input means: a file, or the standard input.
 SurfaceSource surface_at(const std::filesystem::path& input,
                          const std::filesystem::path& directory);
 

@@ -27,7 +27,8 @@ inline std::uint32_t apex(std::span<const TriangleCorners> triangles, std::uint3
   return origin(triangles, previous_half_edge(h));
 }
 
-// By half-edge, that of the triangle beyond its edge; kNoHalfEdge unless there is exactly one.
+// For each half-edge, that of the triangle beyond its edge; kNoHalfEdge unless there is exactly
+// one.
 using Mates = std::vector<std::uint32_t>;
 
 // The half-edges of each edge. Memory: 24 bytes a triangle.
@@ -83,8 +84,8 @@ Components find_components(std::span<const TriangleCorners> triangles,
 void turn_triangles(const std::vector<bool>& is_turned, std::span<TriangleCorners> triangles,
                     std::span<std::uint32_t> mates);
 
-// How many triangles form the fan around the origin of half-edge h, whatever their orientation;
-// 0 if it does not close.
+// Counts the triangles that form the fan around the origin of half-edge h, whatever their
+// orientation; 0 if it does not close.
 std::uint32_t fan_around(std::span<const TriangleCorners> triangles,
                          std::span<const std::uint32_t> mates, std::uint32_t h);
 

@@ -41,15 +41,17 @@ class EdgeLengths {
   std::optional<double> next_distance(double above, double least, double most) const;
 
  private:
-  // By exponent and two bits: the shortest and the longest. Memory: that of a few thousand at most.
+  // The shortest and the longest length in each quarter of an octave, by exponent and two bits.
+  // There are a few thousand at most.
   std::map<std::uint64_t, std::pair<double, double>> ranges_;
 };
 
-// All functions: `buckets` have the surface, whole, in `spill`. Memory: as check_cells(), 24 MB
-// while triangles are put in order, and 300 bytes for each of kMaxWeldTriangles for each thread
-// where more triangles than a bucket has lie within 16 distances. Throw std::system_error, Stopped.
+// The functions below take a surface whose triangles are all in `spill`, and in `buckets`. Memory:
+// as check_cells(), 24 MB while triangles are put in order, and 300 bytes for each of
+// kMaxWeldTriangles for each thread where more triangles than a bucket has lie within 16 distances.
+// They throw std::system_error, Stopped.
 
-// Of edges with an end among the points.
+// The lengths of edges with an end among the points.
 EdgeLengths edge_lengths(const TriangleSpill& spill, const TriangleBuckets& buckets,
                          WeldPoints points, IngestWatch& watch, Workers& workers);
 

@@ -12,7 +12,8 @@ namespace locvol {
 
 // A word as a message may show it: short, and without control characters.
 std::string shown(std::string_view word);
-// With a decimal point; infinity, or about 0, for one out of a double's range. None: no number.
+// A number with a decimal point; infinity, or about 0, for one out of a double's range. None: it is
+// no number.
 std::optional<double> parse_number(std::string_view word);
 
 class TextScanner {
@@ -28,7 +29,7 @@ class TextScanner {
   std::string_view word();  // on this line; empty at its end
   // The next word on this line. Throws InputError if there is none or it is no finite number.
   double coordinate();
-  // The same across lines.
+  // The next word, on this line or a later one.
   std::string_view word_on_any_line();
   double coordinate_on_any_line() { return coordinate(word_on_any_line()); }
   std::uint64_t count_on_any_line(const char* what);  // `what` is counted, for messages

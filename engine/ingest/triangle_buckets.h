@@ -29,8 +29,8 @@ struct TriangleBucket {
 
 class TriangleBuckets {
  public:
-  // Of cells in `range` alone. REQUIRES: the frame contains all triangles, and if the range is not
-  // all, more than a grid step around them
+  // Has the cells in `range` alone. REQUIRES: the frame contains all triangles, and if the range is
+  // not all, more than a grid step around them
   TriangleBuckets(const Frame& frame, std::uint64_t capacity, const KeyRange& range = {})
       : frame_(frame), capacity_(capacity), range_(range) {}
 
@@ -47,16 +47,16 @@ class TriangleBuckets {
 
   const Frame& frame() const { return frame_; }
   std::span<const TriangleBucket> all() const { return buckets_; }  // in Morton order
-  // Those of the cells under `node`, or the one whose cell contains it.
+  // The buckets of the cells under `node`, or the one whose cell contains it.
   std::span<const TriangleBucket> under(MortonKey node) const;
-  // Does the cell with this box own the point?
+  // Tells whether the cell with this box owns the point.
   static bool owns(const Box& cell, const Point& p) {
     return cell.min.x <= p.x && p.x < cell.max.x && cell.min.y <= p.y && p.y < cell.max.y &&
            cell.min.z <= p.z && p.z < cell.max.z;
   }
   // The last cell, in Morton order, that the triangle meets. REQUIRES: it is in a bucket
   MortonKey last_met_by(const Triangle& triangle) const;
-  // May the triangle meet cells that are not in the range?
+  // Tells whether the triangle may meet cells that are not in the range.
   bool reaches_beyond_range(const Triangle& triangle) const;
 
  private:

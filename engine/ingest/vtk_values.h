@@ -34,7 +34,7 @@ enum class VtkType {
   kFloat64
 };
 
-// As VTK spells it, such as "Float32".
+// The type that VTK spells so, such as "Float32".
 std::optional<VtkType> vtk_type_named(std::string_view name);
 
 struct VtkArray {

@@ -39,7 +39,7 @@ class ProbePicker {
 
   void add(const Triangle& triangle);
   void add(const WallProbe& probe);
-  // In order; of a surface with fewer places that can be told apart, fewer.
+  // The probes in order; of a surface with fewer places that can be told apart, fewer.
   std::vector<WallProbe> take();
 
  private:
@@ -50,7 +50,7 @@ class ProbePicker {
   std::vector<WallProbe> probes_;  // a heap, the last in order first
 };
 
-// Where a line meets a triangle.
+// A place where a line meets a triangle.
 struct LineHit {
   std::uint32_t line = 0;
   double distance = 0;  // below 0: behind the probe's place
@@ -65,20 +65,20 @@ class WallProbes {
   static constexpr double kLean = 3;  // the tangent of their angle
 
   WallProbes() = default;
-  // Of a surface in `box`. Memory: 600 bytes a probe.
+  // Makes the lines of probes of a surface in `box`. Memory: 600 bytes a probe.
   WallProbes(std::span<const WallProbe> probes, const Box& box);
 
   std::size_t num_lines() const { return lines_.size(); }  // those of a probe one after another
 
-  // Where lines meet triangles in the half-open cell, but not those of their own probes; of those
-  // that lean, and behind places, the nearest alone are needed, and others may be left out. `tree`:
-  // of all triangles that meet the cell
+  // The places where lines meet triangles in the half-open cell, but not those of their own probes.
+  // Of lines that lean, and behind places, the nearest alone are needed, and others may be left
+  // out. `tree`: of all triangles that meet the cell
   std::vector<LineHit> hits_in(const Box& cell, const TriangleTree& tree,
                                std::span<const Point> vertices,
                                std::span<const std::array<std::uint32_t, 3>> triangles) const;
 
  private:
-  // With two directions across its own.
+  // A line, with two directions across its own.
   struct Line {
     Point place, direction, across, beside;
     std::array<Point, 3> corners;
@@ -103,10 +103,10 @@ class LineSight {
   void add(const LineHit& hit);
   void add(const LineSight& other);
   const Nearest& nearest(bool is_ahead) const { return is_ahead ? ahead_ : behind_; }
-  // Of a line straight across: is it ahead?
+  // Tells of a line straight across whether the inside is ahead.
   bool is_inside_ahead() const { return is_odd_ahead_; }
 
-  // For those who send it.
+  // All members, for those who send a sight.
   template <class Self>
   static auto members(Self& sight) {
     return std::tie(sight.ahead_.distance, sight.ahead_.cosine, sight.behind_.distance,

@@ -30,8 +30,8 @@ class WeldTrials {
   // kMostJoined of the longest side of the box. If there is none, tried() says why.
   // REQUIRES: it is not closed
   std::optional<WeldedSurface> closed_surface();
-  // For the message of a surface that stays open; and with which distance the user can close it, or
-  // what larger ones would leave, if they join any points. Takes time.
+  // Sentences for the message of a surface that stays open: what was tried; and which distance
+  // would close it, or what larger ones would leave, if they join any points. cure() takes time.
   std::string tried() const { return tried_; }
   std::string cure();
 

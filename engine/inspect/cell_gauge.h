@@ -35,17 +35,17 @@ struct MeshStatistics {
   double max_radius_over_size = 0;  // circumradius over h at the circumcenter
   // Circumradii of two cells that share a facet, the larger over the smaller. 0: not asked for.
   double max_neighbor_ratio = 0;
-  // Of h at their circumcenters: from 2 to this power to below twice that.
+  // Counts cells by h at their circumcenters: from 2 to this power to below twice that.
   std::map<int, std::uint64_t> num_cells_by_octave;
-  // In degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's cells, 60 and
-  // 90 degrees, are in the middle of a bin.
+  // Angles are in degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's
+  // cells, 60 and 90 degrees, are in the middle of a bin.
   Histogram dihedral_angles;      // six a cell
   Histogram min_dihedral_angles;  // one a cell, its smallest
   Histogram radius_edge_ratios;   // edges at 0.6, 0.65, ..., 2, 2.05
   Histogram radii_over_size;      // edges at 0, 0.05, ..., 1
 };
 
-// Of all cells of both, but for max_neighbor_ratio, which is lost.
+// The statistics of all cells of both meshes, but for max_neighbor_ratio, which is lost.
 MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b);
 
 // What is known of some cells. Counts and extremes know no order; volumes are added up in the order
@@ -62,8 +62,8 @@ class CellGauge {
 
   using Radii = std::array<double, kAtOnce>;
 
-  // At most kAtOnce, at little more than the price of one. `sizes`: h around them; null: λ. Returns
-  // their circumradii, over λ.
+  // Adds at most kAtOnce cells, at little more than the price of one. `sizes`: h around them; null:
+  // λ. Returns their circumradii, over λ.
   Radii add(std::span<const Corners> cells, const SizeField* sizes = nullptr);
   // Cells of the lattice core: all congruent, taken by formula.
   void add_core(std::uint64_t num_cells);

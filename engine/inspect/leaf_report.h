@@ -25,16 +25,16 @@ struct LeafReport {
   std::vector<MortonKey> neighbors;  // leaves that touch it, in Morton order
   std::uint64_t num_triangles = 0;
   LeafCells cells;  // as stored
-  // The same cells with positions, but for those with a vertex that is gone: another leaf's visit
-  // may delete a point, and this one waits since. Then the cells of the core whose smallest vertex
-  // is the leaf's.
+  // The cells with positions, but for those with a vertex that is gone: another leaf's visit may
+  // delete a point, and this one waits since. Behind them are the cells of the core whose smallest
+  // vertex is the leaf's.
   CellMesh mesh;
   std::uint64_t num_stale_cells = 0;  // those
   LeafUnresolved unresolved;
   std::vector<Fault> faults;  // of the leaf, and of its surroundings
 };
 
-// Nothing if there is no such leaf.
+// Reports a leaf; gives nothing if there is no such leaf.
 std::optional<LeafReport> report_leaf(const Reader& reader, const RunRecord& run, MortonKey leaf);
 
 // The leaves' boxes with cell data key, level, state (LeafState), visits, points, cells,

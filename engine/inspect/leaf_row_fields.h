@@ -13,7 +13,7 @@
 
 namespace boost::serialization {
 
-// As the store's codec writes it.
+// LeafInfo is sent as the store's codec writes it.
 template <class Archive>
 void serialize(Archive& archive, locvol::LeafInfo& info, unsigned) {
   std::string record;

@@ -27,12 +27,12 @@ MeshStatistics mesh_statistics(const Store& store, int num_threads = 1,
                                const StepProgress& on_step = {}, const StopToken* stop = nullptr,
                                Exchange& exchange = alone());
 
-// All of them in the order of leaves, until `visit` returns false. They are found by measuring the
-// cells, which is what mesh_statistics() does: same memory, same errors. None if the run has no
-// bound.
+// Visits all poor cells in the order of leaves, until `visit` returns false. They are found by
+// measuring the cells, which is what mesh_statistics() does: same memory, same errors. There are
+// none if the run has no bound.
 void for_each_poor_cell(const Store& store, const std::function<bool(const LeafPoorCell&)>& visit,
                         int num_threads = 1, const StopToken* stop = nullptr);
-// At most `max` of them, the first. `exchange`: of the ranks that have the mesh together; all
+// The first `max` poor cells at most. `exchange`: of the ranks that have the mesh together; all
 // ranks call it and get the same.
 std::vector<LeafPoorCell> first_poor_cells(const Store& store, std::uint64_t max,
                                            int num_threads = 1, Exchange& exchange = alone());

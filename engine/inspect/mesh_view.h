@@ -18,8 +18,8 @@
 
 namespace locvol {
 
-// More than these are not shown. Of leaves and triangles there may be a few times as many before
-// they are made fewer.
+// How much a view shows. Of leaves and triangles there may be a few times as many before they are
+// made fewer.
 struct ViewLimits {
   std::uint64_t max_cells = 2'000'000;
   std::uint64_t max_triangles = 300'000;
@@ -50,7 +50,7 @@ struct ViewCells {
 
   std::vector<Point> vertices;
   std::vector<std::array<std::uint32_t, 4>> cells;  // positively oriented
-  // Whose the cells are: places in MeshView::leaves, and how many cells, in order.
+  // Whose the cells are: places in MeshView::leaves, and how many cells each has, in order.
   std::vector<std::array<std::uint32_t, 2>> leaves;
   std::vector<float> min_dihedral_degrees, radius_edge_ratios, circumradii;  // of each cell
   // Bit i: the facet opposite vertex i is on the boundary of the mesh. Empty unless all cells are
@@ -73,12 +73,12 @@ struct MeshView {
   bool has_all_cells() const { return cells.size() == 1 && cells[0].axis == ViewCells::kAll; }
 };
 
-// Of a finished run. Of any other, no cells: the leaves and the surface only.
+// The view of a finished run. Of any other, it has no cells: the leaves and the surface only.
 // Memory: what the limits allow, some 100 bytes a cell, and 40 MB. Errors: StoreError,
 // CorruptRecord.
-// `exchange`: of the ranks that have the run together, which all call it, each for its own
-// leaves. The first one gets what a single process gets of all, others leaves and sites alone.
-// Memory: the same; on others, some 50 bytes for each of their cells that are shown.
+// `exchange`: of the ranks that have the run together, which all call it, each for its own leaves.
+// The first one gets what a single process gets of all, others leaves and sites alone. Memory: the
+// same; on others, some 50 bytes for each of their cells that are shown.
 MeshView mesh_view(const Store& store, const ViewLimits& limits = {}, Exchange& exchange = alone());
 
 // Planes of the axes at equal distances, as many as `max_cells` allows; none if one is too many.

@@ -30,7 +30,7 @@ struct LeafNeighbors {
 // `radii`: of the cells' circumballs
 LeafNeighbors leaf_neighbors(const LeafCells& cells, std::span<const double> radii);
 
-// Of all leaves, those near each other. Two cells that share a facet are listed by such.
+// NeighborRatio compares cells that share a facet: they are listed by leaves near each other.
 // Memory: LeafLists, what is told, and 8 MB while ratio() is found.
 class NeighborRatio {
  public:
@@ -38,8 +38,8 @@ class NeighborRatio {
   explicit NeighborRatio(const std::filesystem::path& store) : open_(store) {}
 
   void add(const LeafNeighbors& leaf);  // in Morton order
-  // Where several ranks measure a mesh: what one knows of a leaf, and another, which has added that
-  // as one without cells, is told.
+  // Where several ranks measure a mesh, one tells another the open facets of a leaf, which the
+  // other has added as one without cells.
   std::vector<OpenFacet> open_facets(std::size_t leaf) const { return open_.list(leaf).values; }
   void put_told(std::size_t leaf, std::vector<OpenFacet> open) { told_[leaf] = std::move(open); }
   // near(leaf): the places of leaves near it. Throws Stopped.

@@ -37,14 +37,14 @@ struct Replay {
   std::string error;         // why the visit broke off, after `steps`; else empty
   CellMesh mesh;             // the leaf's cells after the visit; empty if it is to be split
 
-  // Against what the store held.
+  // Differences from what the store held.
   std::uint64_t num_cells_gone = 0;  // in the store only
   std::uint64_t num_cells_new = 0;   // in the visit's result only
   std::uint64_t num_left_out = 0;    // StoredVisit::num_left_out
 
   bool changes_points() const { return !delta.inserted.empty() || !delta.deleted.empty(); }
-  // The same cells, but for those left out later, and no point inserted or deleted: what a clean
-  // leaf's visit must give.
+  // Tells whether the visit gave what that of a clean leaf must give: the same cells, but for those
+  // left out later, and no point inserted or deleted.
   bool reproduces() const {
     return error.empty() && !delta.is_overfull && !changes_points() && num_cells_gone == 0 &&
            num_cells_new == num_left_out;

@@ -27,22 +27,23 @@ struct RunPart {
   std::string name() const;
 };
 
-// All that is in the store.
+// The part that is all of a store.
 RunPart whole_run(Store store);
-// Of the run that several ranks have in their stores, each of which calls it; see
+// A rank's part of the run that several ranks have in their stores, each of which calls it; see
 // part_to_look_into(). What is damaged of the store, or of who has what, goes to `faults`.
 RunPart part_of_rank(const std::filesystem::path& stores, Exchange& exchange,
                      std::vector<Fault>& faults);
 
-// As those of a store, of the part's own leaves. What is damaged of others' goes to `faults`.
+// Scans the part's own leaves, as those of a store are scanned. What is damaged of others' goes to
+// `faults`.
 void scan_leaves(const RunPart& part, const std::function<bool(const LeafRow&)>& visit,
                  std::vector<Fault>& faults, const ScanOptions& options = {});
 void scan_queue(const RunPart& part, const std::function<bool(const QueueRow&)>& visit,
                 std::vector<Fault>& faults);
 
-// With the part's name in front of what they say.
+// The faults with the part's name in front of what they say.
 std::vector<Fault> named(const RunPart& part, std::vector<Fault> faults);
-// All ranks' faults, by rank, with their names.
+// The faults of all ranks, by rank, with their names.
 std::vector<Fault> gather_named(const RunPart& part, const std::vector<Fault>& faults);
 
 }  // namespace locvol

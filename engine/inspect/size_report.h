@@ -23,8 +23,8 @@ struct SizeReport {
   std::vector<SizeOctave> octaves;  // ascending
 };
 
-// Empty where sizes are not known, or do not vary. The same on all ranks, each of which calls it:
-// numbers are added up rank by rank.
+// Reports sizes; empty where they are not known, or do not vary. All ranks call it and get the
+// same: numbers are added up rank by rank.
 SizeReport report_sizes(const RunPart& part, const RunRecord& run);
 
 // The cubes of the octree of sizes that the domain may meet, as hexahedra with the cell data `size`

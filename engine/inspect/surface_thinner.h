@@ -32,7 +32,7 @@ class SurfaceThinner {
     std::array<CompensatedSum, 3> sum;
     std::uint64_t count = 0;
   };
-  // How many triangles there are with these vertices, less those turned around.
+  // Counts the triangles with these vertices, less those turned around.
   struct JoinedTriangle {
     std::array<std::uint32_t, 3> vertices{};
     int num = 0;

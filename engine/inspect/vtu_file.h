@@ -32,7 +32,7 @@ constexpr const char* vtk_type_name() {
   if constexpr (std::same_as<T, std::uint8_t>) return "UInt8";
 }
 
-// One number for each i < num: value(i).
+// An array with one number, value(i), for each i < num.
 template <class Value>
 VtuArray vtu_array(std::string name, std::size_t num, Value value) {
   using T = std::invoke_result_t<Value, std::size_t>;
@@ -51,7 +51,7 @@ struct VtuGrid {
   std::vector<VtuArray> point_data, cell_data;
 };
 
-// Of hexahedra, each with corners of its own; without data.
+// A grid of hexahedra, each with corners of its own; without data.
 VtuGrid grid_of_boxes(std::size_t num, const std::function<Box(std::size_t)>& box);
 
 // Returns the file's size. Errors as PartialFile; the file appears only when it is whole.

@@ -12,7 +12,7 @@ namespace locvol {
 template <class T>
 class IdlePool {
  public:
-  // One that nobody uses, or *make() if there is none.
+  // Gives one that nobody uses, or *make() if there is none.
   template <class Make>
   std::unique_ptr<T> take(const Make& make) {
     {

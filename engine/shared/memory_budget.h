@@ -1,4 +1,5 @@
-// The cap on the memory of the process, shared out before it is used (engine/README.md, "Memory").
+// The cap on the memory of the process, shared out before it is used (engine/shared/README.md,
+// "Memory").
 #pragma once
 
 #include <condition_variable>
@@ -32,16 +33,16 @@ extern const std::uint64_t kLeastMemory;
 // what it takes `besides`. Throws OverBudget if the rest is less than it takes to read and check a
 // surface.
 std::uint64_t memory_cap(std::uint64_t asked, std::uint64_t besides = 0);
-// How many threads may each have a bucket of the surface, or a piece of the output, under the cap,
-// of those `asked` for; 0: of those that the process may use.
+// How many of the threads `asked` for may each have a bucket of the surface, or a piece of the
+// output, under the cap; 0: of those that the process may use.
 int num_streaming_threads(int asked, std::uint64_t cap);
 // The most RAM that the process has held so far (VmHWM), in bytes; and what it holds now.
 std::uint64_t peak_resident_memory();
 std::uint64_t resident_memory();
 
-// Of decoded records, however large the cap: more has not made any run faster.
+// The most that decoded records may take, however large the cap: more has not made any run faster.
 inline constexpr std::uint64_t kMostCacheBytes = std::uint64_t{256} << 20;
-// For the records around a leaf, and for the writer's windows, which take as much.
+// The least for the records around a leaf, and for the writer's windows, which take as much.
 inline constexpr std::uint64_t kLeastCacheBytes = std::uint64_t{24} << 20;
 
 // What a visit has to deal with; it gives the memory that the visit takes at its peak, for its
@@ -74,9 +75,9 @@ class MemoryPlan {
 
   std::uint64_t cap() const { return cap_; }
   std::uint64_t heap() const { return heap_; }
-  // Of those asked for: as many as have some memory to work in.
+  // How many of the threads asked for have some memory to work in.
   int num_threads(int asked) const;
-  // Of decoded changes, before they have to be committed.
+  // The most that changes may take, decoded, before they have to be committed.
   std::uint64_t max_unwritten() const { return unwritten_; }
   // The least cap with a heap that `bytes` more fit into.
   std::uint64_t cap_with_heap(std::uint64_t heap) const;

@@ -13,7 +13,7 @@ inline std::string decimal(double v) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), v).ptr};
 }
 
-// To three digits.
+// The number to three digits.
 inline std::string rounded(double v) {
   std::array<char, 32> text;
   return {

@@ -30,7 +30,7 @@ class OpenFile {
   void write_at(std::uint64_t offset, std::span<const std::byte> bytes);
   void read_at(std::uint64_t offset, std::span<std::byte> bytes) const;  // all of them, or throws
   void close();  // reports what the system found out late
-  // Before it is given up, when this process is to end soon: closes it in a child, for the system
+  // Closes a file that is to be given up in a child, when this process is to end soon: the system
   // takes seconds to give back gigabytes, and the end of a process waits for that.
   void close_in_child();
 
@@ -44,8 +44,8 @@ class OpenFile {
 class PartialFile {
  public:
   explicit PartialFile(std::filesystem::path file, const StopToken* stop = nullptr);
-  // One that another process has begun, to write a part of it, too: who began it publishes it, or
-  // removes it.
+  // Opens a file that another process has begun, to write a part of it, too. Who began it publishes
+  // it, or removes it.
   static PartialFile of_another(std::filesystem::path file, const StopToken* stop = nullptr);
   PartialFile(const PartialFile&) = delete;
   PartialFile& operator=(const PartialFile&) = delete;
@@ -63,7 +63,7 @@ class PartialFile {
   void finish();  // makes it durable, so that publish() has nothing to do but to rename
   void publish();
   void finish_part();  // of another's: durable on return
-  // All of them or none, but for a crash between two names.
+  // Publishes all files or none, but for a crash between two names.
   static void publish_all(std::span<PartialFile* const> files);
 
  private:

@@ -25,7 +25,7 @@ class RecentMap {
     places_.emplace(key, entries_.begin());
     return entries_.front().second;
   }
-  // As recently used as before. REQUIRES: there is one
+  // The value, which stays as recently used as before. REQUIRES: there is one
   Value& at(const Key& key) { return places_.at(key)->second; }
   const Value& at(const Key& key) const { return places_.at(key)->second; }
   Value& oldest() { return entries_.back().second; }  // REQUIRES: there is one

@@ -12,7 +12,7 @@
 
 namespace locvol {
 
-// Where files go that belong to no store. Throws InputError if the environment names none.
+// The directory for files that belong to no store. Throws InputError if the environment names none.
 inline std::filesystem::path temporary_directory() {
   std::error_code error;
   std::filesystem::path directory = std::filesystem::temp_directory_path(error);

@@ -3,9 +3,9 @@
 
 namespace locvol {
 
-// In place of a file, by those who ask for it: MeshOptions::input.
+// Stands in place of a file for those who ask for it: MeshOptions::input.
 inline constexpr const char* kFromStandardInput = "-";
-// By messages and stores.
+// Names it in messages and stores.
 inline constexpr const char* kStandardInput = "standard input";
 
 }  // namespace locvol

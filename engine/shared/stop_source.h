@@ -19,7 +19,7 @@ namespace locvol {
 // Once stopped, it stays so.
 class StopSource : public StopToken {
  public:
-  // So long after the last question the next one is due.
+  // The next question is due so long after the last one.
   static constexpr std::chrono::milliseconds kInterval{100};
 
   // `ask` may be empty: it is never stopped. What it throws stops, too: see rethrow().
@@ -31,7 +31,7 @@ class StopSource : public StopToken {
   bool ask() const;
   // Throws what the user has thrown when asked.
   void rethrow() const;
-  // The same function, called in turn with the question.
+  // Gives a function that makes the same call, in turn with the question.
   template <class... Arguments>
   std::function<void(Arguments...)> in_turn(std::function<void(Arguments...)> call) const {
     if (!call) return nullptr;

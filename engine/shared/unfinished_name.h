@@ -14,7 +14,7 @@ class UnfinishedName {
   UnfinishedName& operator=(const UnfinishedName&) = delete;
   ~UnfinishedName();
 
-  // Before the process ends. Safe in a signal handler.
+  // Removes all such files before the process ends. Safe in a signal handler.
   static void remove_all() noexcept;
 
  private:

@@ -24,7 +24,8 @@ class Task {
 // Threads: used by one at a time, and not from within a task; what it is given is called from any.
 class Workers {
  public:
-  // With the caller's, so that 1 starts none; works with fewer if the system refuses some.
+  // `num_threads` counts the caller's, so that 1 starts none. It works with fewer if the system
+  // refuses some.
   explicit Workers(int num_threads);
   ~Workers();
   Workers(const Workers&) = delete;

@@ -478,7 +478,7 @@ TEST_P(CoverOf, CoreIsWhatIsDeep) {
   RecordProperty("core", std::to_string(core.size()));
 }
 
-// So that all cells at it are the lattice's (engine/README.md).
+// So that all cells at it are the lattice's (engine/run/README.md).
 TEST_P(CoverOf, AllNeighborsOfACorePointArePointsOfTheLattice) {
   const World& world = run().world;
   const Lattice lattice = world.lattice();

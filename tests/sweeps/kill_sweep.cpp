@@ -14,7 +14,7 @@
 namespace locvol::sweeps {
 namespace {
 
-// What a commit takes at most (engine/README.md): these visits may have to be made again.
+// What a commit takes at most (engine/run/README.md): these visits may have to be made again.
 
 const std::array<Model, 4> kModels = {
     {{"three-holes", "2k", "10%", "150"},

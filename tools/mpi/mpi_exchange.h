@@ -10,8 +10,8 @@
 
 namespace locvol {
 
-// From MPI_Init to MPI_Finalize, with all of the job's processes as ranks. One lives at a time, in
-// the process' first thread. An error of MPI ends the job.
+// MpiExchange lives from MPI_Init to MPI_Finalize, with all of the job's processes as ranks. One
+// lives at a time, in the process' first thread. An error of MPI ends the job.
 class MpiExchange : public Exchange {
  public:
   MpiExchange(int& argc, char**& argv);
