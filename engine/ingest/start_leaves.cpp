@@ -16,8 +16,6 @@
 namespace locvol {
 namespace {
 
-// Beyond it the leaves' own records outweigh what they hold.
-
 // Cells, each once. Memory: 16 bytes for each.
 class CellSet {
  public:
