@@ -102,6 +102,24 @@ std::optional<LinkPath> path_of(const std::vector<LinkEdge>& edges) {
   return length == edges.size() ? std::optional(path) : std::nullopt;
 }
 
+// What points that came in this visit are vertices of was in no list.
+template <class List>
+void tell_gone(const std::map<typename List::Name, Point>& gone,
+               std::vector<OfOther<List>>& others) {
+  for (const auto& [name, smallest] : gone)
+    if (std::ranges::none_of(vertices_in(name), [](VertexRef v) { return (v & kNewPoint) != 0; }))
+      others.push_back({name, smallest});
+}
+
+// What comes and goes again is nothing to others.
+template <class ByName>
+void note_change(const ByName& gone, const ByName& made, ByName& all_gone, ByName& all_made) {
+  for (const auto& item : gone)
+    if (all_made.erase(item.first) == 0) all_gone.insert(item);
+  for (const auto& item : made)
+    if (all_gone.erase(item.first) == 0) all_made.insert(item);
+}
+
 }  // namespace
 
 ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
@@ -151,11 +169,12 @@ void ImproveAngles::run() {
       if (mesh_.is_alive(poor.cell) && !is_left_to_others(poor.cell.cell)) waiting_.push(poor);
   }
   list_poor();
-  // Cells of points that came in this visit were in no list.
-  for (const auto& [name, smallest] : others_gone_)
-    if (std::ranges::none_of(name, [](VertexRef v) { return (v & kNewPoint) != 0; }))
-      delta_.others_gone.push_back({name, smallest});
-  for (const auto& [name, smallest] : others_made_) delta_.others_made.push_back({name, smallest});
+  tell_gone(others_gone_.cells, delta_.others_gone);
+  tell_gone(others_gone_.facets, delta_.others_facets_gone);
+  for (const auto& [name, smallest] : others_made_.cells)
+    delta_.others_made.push_back({name, smallest});
+  for (const auto& [name, smallest] : others_made_.facets)
+    delta_.others_facets_made.push_back({name, smallest});
 }
 
 // Others try a cell if it is new, or if they have left it to this leaf; and only if something has
@@ -728,9 +747,11 @@ bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) const {
 // ---- Changing -----------------------------------------------------------------------------------
 
 void ImproveAngles::make() {
-  CellsByName gone, made;
+  OfOthers gone, made;
+  const bool changes_boundary = kind_ == PointKind::kSurface || facets_made_ != facets_gone_;
   for (const Cell c : change_.gone) {
     note_others(c, gone);
+    if (changes_boundary) note_others_facets(c, gone);
     note_met_core(c);
   }
   const bool is_new = is_insertion();
@@ -759,19 +780,17 @@ void ImproveAngles::make() {
        {0, change_.place, kind});
   for (const Cell c : mesh_.delaunay().new_cells()) {
     note_others(c, made);
+    if (changes_boundary) note_others_facets(c, made);
     note_met_core(c);
     look_at(c);
   }
-  // What comes and goes again is nothing to others.
-  for (const auto& cell : gone)
-    if (others_made_.erase(cell.first) == 0) others_gone_.insert(cell);
-  for (const auto& cell : made)
-    if (others_gone_.erase(cell.first) == 0) others_made_.insert(cell);
+  note_change(gone.cells, made.cells, others_gone_.cells, others_made_.cells);
+  note_change(gone.facets, made.facets, others_gone_.facets, others_made_.facets);
 }
 
 // The leaf of its smallest vertex lists it. Leaves of cells at core points will be visited, for
 // these are met.
-void ImproveAngles::note_others(Cell c, CellsByName& changed) const {
+void ImproveAngles::note_others(Cell c, OfOthers& changed) const {
   if (mesh_.state(c).own == 0b1111 || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
   std::array<VertexRef, 4> name{};
   int smallest = 0;
@@ -783,7 +802,25 @@ void ImproveAngles::note_others(Cell c, CellsByName& changed) const {
   }
   if (mesh_.is_own(mesh_.delaunay().vertex(c, smallest))) return;
   sort_oriented(name);
-  changed.emplace(name, mesh_.point(c, smallest));
+  changed.cells.emplace(name, mesh_.point(c, smallest));
+}
+
+// Likewise.
+void ImproveAngles::note_others_facets(Cell c, OfOthers& changed) const {
+  for (int i = 0; i < 4; ++i) {
+    const LeafMesh::Facet facet{c, i};
+    if (!mesh_.may_be_of_boundary(facet)) continue;
+    const auto vertices = mesh_.boundary_facet(facet);
+    if (!vertices) continue;
+    const LocalIndex smallest =
+        std::ranges::min(*vertices, {}, [&](LocalIndex v) { return mesh_.delaunay().point(v); });
+    if (mesh_.is_own(smallest)) continue;
+    NamedFacet name;
+    std::ranges::transform(*vertices, name.vertices.begin(),
+                           [&](LocalIndex v) { return mesh_.local(v).ref; });
+    name.vertices = smallest_first(name.vertices);
+    changed.facets.emplace(name, mesh_.delaunay().point(smallest));
+  }
 }
 
 void ImproveAngles::note_met_core(Cell c) {

@@ -112,8 +112,13 @@ class ImproveAngles {
     if (on_step_) on_step_({action, 7, 0, ref, point.position, point.kind});
   }
   bool note_taken_in();
-  using CellsByName = std::map<std::array<VertexRef, 4>, Point>;  // and their smallest vertices
-  void note_others(Cell c, CellsByName& changed) const;
+  // What others list, with its smallest vertex.
+  struct OfOthers {
+    std::map<CellList::Name, Point> cells;
+    std::map<FacetList::Name, Point> facets;
+  };
+  void note_others(Cell c, OfOthers& changed) const;
+  void note_others_facets(Cell c, OfOthers& changed) const;
   void list_poor();
   void note_met_core(Cell c);
 
@@ -144,7 +149,7 @@ class ImproveAngles {
   std::vector<LeafMesh::Prospect> prospects_;
   std::vector<Better> better_;
 
-  CellsByName others_gone_, others_made_;
+  OfOthers others_gone_, others_made_;
   std::vector<Point> places_;
   std::vector<LocalIndex> movable_;
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary

@@ -2,15 +2,18 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/mesh_facet.h"
 #include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/core_index.h"
@@ -83,12 +86,11 @@ using VertexRef = std::uint64_t;
 inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 
 struct CellList {
-  std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
-  std::vector<std::array<std::uint32_t, 4>> cells;  // indices into `vertices`, ascending
+  using Item = std::array<std::uint32_t, 4>;
+  using Name = std::array<VertexRef, 4>;  // positively oriented
 
-  // Has the cells refer to another list of vertices, ascending. REQUIRES: those in use are in it
-  void name_vertices(std::vector<VertexRef> names);
-  void drop_unused_vertices();
+  std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
+  std::vector<Item> cells;          // indices into `vertices`, ascending
 
   std::size_t size() const { return cells.size(); }
   std::array<VertexRef, 4> refs(std::size_t i) const {
@@ -98,18 +100,60 @@ struct CellList {
   friend bool operator==(const CellList&, const CellList&) = default;
 };
 
-// Takes cells out of a list, and puts others in; vertices that no cell has any more go.
-struct CellChanges {
-  std::vector<std::array<VertexRef, 4>> gone, made;  // positively oriented
+struct NamedFacet {
+  std::array<VertexRef, 3> vertices{};  // as MeshFacet has them
+  FacetLabels labels;
+  friend auto operator<=>(const NamedFacet&, const NamedFacet&) = default;
+};
+
+// Facets of the mesh's boundary.
+struct FacetList {
+  using Item = MeshFacet;
+  using Name = NamedFacet;
+
+  std::vector<VertexRef> vertices;  // as those of a CellList
+  std::vector<MeshFacet> facets;    // ascending
+  friend bool operator==(const FacetList&, const FacetList&) = default;
+};
+
+// What follows is for both kinds of lists.
+template <class T, class Struct>
+concept Maybe = std::same_as<std::remove_const_t<T>, Struct>;  // Struct or const Struct
+
+auto& items_of(Maybe<CellList> auto& list) { return list.cells; }
+auto& items_of(Maybe<FacetList> auto& list) { return list.facets; }
+template <class Name, std::size_t kNum>
+const std::array<Name, kNum>& vertices_in(const std::array<Name, kNum>& cell) {
+  return cell;
+}
+template <class Name, std::size_t kNum>
+std::array<Name, kNum>& vertices_in(std::array<Name, kNum>& cell) {
+  return cell;
+}
+auto& vertices_in(Maybe<MeshFacet> auto& facet) { return facet.vertices; }
+auto& vertices_in(Maybe<NamedFacet> auto& facet) { return facet.vertices; }
+
+// Has the items refer to another list of vertices, ascending. REQUIRES: those in use are in it
+template <class List>
+void name_vertices(List& list, std::vector<VertexRef> names);
+template <class List>
+void drop_unused_vertices(List& list);
+
+// Takes items out of a list, and puts others in; vertices that none has any more go.
+template <class List>
+struct Changes {
+  std::vector<typename List::Name> gone, made;
   bool is_strict = true;  // what goes is there, and what comes is not: throws RefineError otherwise
 };
-void apply(const CellChanges& changes, CellList& list);
+template <class List>
+void apply(const Changes<List>& changes, List& list);
 
 // How the last visit of a leaf left it. REQUIRES: no point within `reach` of the leaf was deleted
 // since
 struct LastVisit {
   std::uint64_t first_new_id = 0;  // points from here on came later, and not from that visit
   CellList cells;                  // LeafDelta::cells, with ids for all vertices
+  FacetList facets = {};           // likewise
   // Since then: within 2λ, core points that became explicit, and LeafDelta::left of others
   // visits; and their PoorCell::others.
   std::vector<Point> asked = {};
@@ -186,12 +230,15 @@ struct PoorCell {
   friend bool operator==(const PoorCell&, const PoorCell&) = default;
 };
 
-// A cell that another leaf lists.
-struct OthersCell {
-  std::array<VertexRef, 4> vertices;  // ascending as far as the positive orientation permits
-  Point smallest;                     // of them: the leaf that owns it lists the cell
-  friend bool operator==(const OthersCell&, const OthersCell&) = default;
+// An item that another leaf lists.
+template <class List>
+struct OfOther {
+  typename List::Name name;  // a cell's vertices ascend as far as the orientation permits
+  Point smallest;            // of its vertices: the leaf that owns that one lists the item
+  friend bool operator==(const OfOther&, const OfOther&) = default;
 };
+using OthersCell = OfOther<CellList>;
+using OthersFacet = OfOther<FacetList>;
 
 struct VisitStats {
   std::array<std::uint64_t, 7> insertions{};  // by condition
@@ -213,16 +260,20 @@ struct LeafDelta {
   // that wait to look at what such a point changed are to look around that place.
   std::vector<Point> left;
   std::vector<OthersCell> others_gone, others_made;  // ascending
+  std::vector<OthersFacet> others_facets_gone, others_facets_made;
   // Of the mesh, whose smallest vertex (not counting core points) is own and lies in the box;
   // positively oriented.
   CellList cells;
+  // Of the boundary, whose smallest vertex is own.
+  FacetList facets;
   // Ids of core points at which an inserted one changes cells, ascending: all cells at them are
   // no longer the lattice's.
   std::vector<std::uint64_t> met_core;
   std::vector<Violation> unresolved;
   std::vector<PoorCell> poor;
   VisitStats stats;
-  bool is_overfull = false;  // more than max_own_points: to be split; cells is empty
+  bool is_overfull = false;  // more than max_own_points: to be split; cells and facets are
+                             // empty
   // Where sizes vary, and the delta is applied by one who may not know them there: h at `inserted`,
   // then at `deleted`, then at `left`. Empty: to be looked up.
   std::vector<double> sizes = {};

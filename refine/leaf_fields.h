@@ -3,7 +3,6 @@
 // hands them on. A member that is not listed does not compile.
 #pragma once
 
-#include <concepts>
 #include <tuple>
 #include <type_traits>
 
@@ -21,9 +20,6 @@ struct Field {
 };
 template <class T>
 Field(const char*, T&) -> Field<T>;
-
-template <class T, class Struct>
-concept Maybe = std::same_as<std::remove_const_t<T>, Struct>;  // Struct or const Struct
 
 auto fields(Maybe<Point> auto& point) {
   auto& [x, y, z] = point;
@@ -104,10 +100,26 @@ auto fields(Maybe<CellList> auto& list) {
   auto& [vertices, cells] = list;
   return std::tuple(Field("vertices", vertices), Field("cells", cells));
 }
+auto fields(Maybe<FacetLabels> auto& labels) {
+  auto& [behind, before, sheet] = labels;
+  return std::tuple(Field("behind", behind), Field("before", before), Field("sheet", sheet));
+}
+auto fields(Maybe<MeshFacet> auto& facet) {
+  auto& [vertices, labels] = facet;
+  return std::tuple(Field("vertices", vertices), Field("labels", labels));
+}
+auto fields(Maybe<NamedFacet> auto& facet) {
+  auto& [vertices, labels] = facet;
+  return std::tuple(Field("vertices", vertices), Field("labels", labels));
+}
+auto fields(Maybe<FacetList> auto& list) {
+  auto& [vertices, facets] = list;
+  return std::tuple(Field("vertices", vertices), Field("facets", facets));
+}
 auto fields(Maybe<LastVisit> auto& last) {
-  auto& [first_new_id, cells, asked] = last;
+  auto& [first_new_id, cells, facets, asked] = last;
   return std::tuple(Field("first_new_id", first_new_id), Field("cells", cells),
-                    Field("asked", asked));
+                    Field("facets", facets), Field("asked", asked));
 }
 auto fields(Maybe<LeafInput> auto& input) {
   auto& [criteria, box, own, ghosts, surface, core, sizes, max_own_points, last_visit,
@@ -135,8 +147,12 @@ auto fields(Maybe<PoorCell> auto& cell) {
                     Field("others", others));
 }
 auto fields(Maybe<OthersCell> auto& cell) {
-  auto& [vertices, smallest] = cell;
-  return std::tuple(Field("vertices", vertices), Field("smallest", smallest));
+  auto& [name, smallest] = cell;
+  return std::tuple(Field("vertices", name), Field("smallest", smallest));
+}
+auto fields(Maybe<OthersFacet> auto& facet) {
+  auto& [name, smallest] = facet;
+  return std::tuple(Field("facet", name), Field("smallest", smallest));
 }
 auto fields(Maybe<VisitStats> auto& stats) {
   auto& [insertions, moves, deletions, points_added, cells_made] = stats;
@@ -145,14 +161,17 @@ auto fields(Maybe<VisitStats> auto& stats) {
                     Field("cells_made", cells_made));
 }
 auto fields(Maybe<LeafDelta> auto& delta) {
-  auto& [inserted, deleted, moved, left, others_gone, others_made, cells, met_core, unresolved,
-         poor, stats, is_overfull, sizes] = delta;
+  auto& [inserted, deleted, moved, left, others_gone, others_made, others_facets_gone,
+         others_facets_made, cells, facets, met_core, unresolved, poor, stats, is_overfull, sizes] =
+      delta;
   return std::tuple(Field("inserted", inserted), Field("deleted", deleted), Field("moved", moved),
                     Field("left", left), Field("others_gone", others_gone),
-                    Field("others_made", others_made), Field("cells", cells),
-                    Field("met_core", met_core), Field("unresolved", unresolved),
-                    Field("poor", poor), Field("stats", stats), Field("is_overfull", is_overfull),
-                    Field("sizes", sizes));
+                    Field("others_made", others_made),
+                    Field("others_facets_gone", others_facets_gone),
+                    Field("others_facets_made", others_facets_made), Field("cells", cells),
+                    Field("facets", facets), Field("met_core", met_core),
+                    Field("unresolved", unresolved), Field("poor", poor), Field("stats", stats),
+                    Field("is_overfull", is_overfull), Field("sizes", sizes));
 }
 
 template <class T>

@@ -338,6 +338,16 @@ bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Po
 
 // The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
 // the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
+std::optional<std::array<LocalIndex, 3>> LeafMesh::boundary_facet(Facet f) const {
+  const Cell beyond = delaunay_.neighbor(f.cell, f.index);
+  const bool is_here = is_member(f.cell);
+  if (is_here == is_member(beyond)) return std::nullopt;
+  if (!is_here) f = {beyond, delaunay_.index_of_neighbor(beyond, f.cell)};
+  const auto& [a, b, c] = kFacetCorners[std::size_t(f.index)];
+  return std::array{delaunay_.vertex(f.cell, a), delaunay_.vertex(f.cell, c),
+                    delaunay_.vertex(f.cell, b)};
+}
+
 LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
   const Cell there = delaunay_.neighbor(f.cell, f.index);
   side(f.cell), side(there);

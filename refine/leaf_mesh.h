@@ -142,6 +142,15 @@ class LeafMesh {
     return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
            side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
   }
+  // Do all own vertices of the facet lie on the surface, or near it? Of the others it is known that
+  // all cells around them are in the mesh.
+  bool may_be_of_boundary(Facet f) const {
+    const CellState& state = states_[f.cell];
+    return !has_vertex(state.own & state.hidden, f);
+  }
+  // Does the facet part the mesh from what is outside? Then its vertices, counterclockwise from
+  // outside.
+  std::optional<std::array<LocalIndex, 3>> boundary_facet(Facet f) const;
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
 
@@ -231,7 +240,7 @@ class LeafMesh {
   bool is_hidden(const MeshPoint& p) const;
   bool is_at_core(const MeshPoint& p, bool is_own) const;
   bool has_core_point(const Point& center, double squared_radius) const;
-  static bool has_vertex(std::uint8_t bits, Facet f) { return (bits & ~(1 << f.index)) != 0; }
+  static bool has_vertex(int bits, Facet f) { return (bits & ~(1 << f.index)) != 0; }
   bool has_hidden_own_vertex(Facet f) const {
     return has_vertex(states_[f.cell].own, f) && has_vertex(states_[f.cell].hidden, f);
   }

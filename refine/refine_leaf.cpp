@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <deque>
 #include <numeric>
@@ -40,6 +41,29 @@ LinkEdge link_edge(const std::array<LocalIndex, 4>& cell, int i, int at) {
   for (int k = 0; k < 4; ++k)
     if (k != i && k != at) (edge.a == kInfiniteVertex ? edge.a : edge.b) = cell[std::size_t(k)];
   return edge;
+}
+
+// The names of what the items' numbers are numbers of, ascending: from now on these are places
+// among them. `vertices_of`: of an item, the numbers; they are below `bound`
+template <class Item, class VerticesOf, class NameOf>
+std::vector<VertexRef> names_in_use(std::vector<Item>& items, const VerticesOf& vertices_of,
+                                    std::size_t bound, const NameOf& name_of) {
+  constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> place(bound, kUnused);
+  std::vector<std::pair<VertexRef, std::uint32_t>> used;
+  for (Item& item : items)
+    for (const std::uint32_t v : vertices_of(item))
+      if (std::exchange(place[v], 0) == kUnused) used.emplace_back(name_of(v), v);
+  std::ranges::sort(used);
+  std::vector<VertexRef> names;
+  names.reserve(used.size());
+  for (const auto& [name, v] : used) {
+    place[v] = static_cast<std::uint32_t>(names.size());
+    names.push_back(name);
+  }
+  for (Item& item : items)
+    for (std::uint32_t& v : vertices_of(item)) v = place[v];
+  return names;
 }
 
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
@@ -163,6 +187,7 @@ class Refinement {
   // Lists of cells hold local indices, and behind those indices into `core`, ids of core points.
   using Cells = std::vector<std::array<std::uint32_t, 4>>;
   void list_cells();
+  void list_facets();
   void list_triangulated_cells(Cells& cells) const;
   void list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& core) const;
   bool is_met(std::uint64_t id) const { return std::ranges::binary_search(delta_.met_core, id); }
@@ -231,6 +256,7 @@ LeafDelta Refinement::finish() {
   if (!delta_.is_overfull) {
     if (mesh_.has_cells()) list_unresolved();
     list_cells();
+    if (mesh_.has_cells()) list_facets();
   }
   return std::move(delta_);
 }
@@ -712,29 +738,42 @@ void Refinement::list_unresolved() {
 void Refinement::list_cells() {
   throw_if_stopped(surroundings_.stop);
   Cells& cells = delta_.cells.cells;
-  std::vector<VertexRef>& vertices = delta_.cells.vertices;
   std::vector<std::uint64_t> core;
   if (mesh_.has_cells()) list_triangulated_cells(cells);
   if (surroundings_.core != nullptr) list_cells_at_core(cells, core);
 
-  // From indices to places in the list of vertices.
-  constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
   const std::size_t num_locals = mesh_.num_locals();
-  std::vector<std::uint32_t> place(num_locals + core.size(), kUnused);
-  std::vector<std::pair<VertexRef, std::uint32_t>> used;
-  for (const auto& cell : cells)
-    for (const std::uint32_t v : cell)
-      if (std::exchange(place[v], 0) == kUnused)
-        used.emplace_back(v < num_locals ? mesh_.local(v).ref : core[v - num_locals], v);
-  std::ranges::sort(used);
-  vertices.reserve(used.size());
-  for (const auto& [ref, v] : used) {
-    place[v] = static_cast<std::uint32_t>(vertices.size());
-    vertices.push_back(ref);
+  delta_.cells.vertices = names_in_use(
+      cells, [](auto& cell) -> auto& { return cell; }, num_locals + core.size(),
+      [&](std::uint32_t v) { return v < num_locals ? mesh_.local(v).ref : core[v - num_locals]; });
+  bring_into_order(cells, delta_.cells.vertices.size());
+}
+
+// A facet is on the boundary of the mesh if one of its cells is in it. The leaf of its smallest
+// vertex, all of whose cells are known here, lists it.
+void Refinement::list_facets() {
+  const Delaunay& delaunay = mesh_.delaunay();
+  std::vector<MeshFacet>& facets = delta_.facets.facets;
+  for (Cell c = 0; c < delaunay.cell_bound(); ++c) {
+    if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
+    const CellState& state = mesh_.state(c);
+    if (std::popcount(static_cast<unsigned>(state.own & state.hidden)) > 1) continue;
+    if (mesh_.is_hollow(c)) continue;
+    for (int i = 0; i < 4; ++i) {
+      const Facet facet{c, i};
+      if (!mesh_.has_own_vertex(facet) || !mesh_.may_be_of_boundary(facet)) continue;
+      const auto vertices = mesh_.boundary_facet(facet);
+      if (!vertices) continue;
+      const LocalIndex smallest =
+          std::ranges::min(*vertices, {}, [&](LocalIndex v) { return delaunay.point(v); });
+      if (mesh_.is_own(smallest)) facets.push_back({*vertices, {}});
+    }
   }
-  for (auto& cell : cells)
-    for (std::uint32_t& v : cell) v = place[v];
-  bring_into_order(cells, vertices.size());
+  delta_.facets.vertices = names_in_use(
+      facets, [](MeshFacet & facet) -> auto& { return facet.vertices; }, mesh_.num_locals(),
+      [&](LocalIndex v) { return mesh_.local(v).ref; });
+  for (MeshFacet& facet : facets) facet.vertices = smallest_first(facet.vertices);
+  std::ranges::sort(facets);
 }
 
 // A cell with a core point is the lattice's, and listed below, unless that was met by an insertion.
@@ -829,7 +868,7 @@ LeafDelta visited(const LeafInput& input, const Surroundings& around,
       LeafDelta delta = part.finish();
       if (std::ranges::all_of(delta.poor, [](const PoorCell& c) { return c.others.empty(); })) {
         std::ranges::for_each(steps, [&](const RefineStep& step) { on_step(step); });
-        revisit->add_kept_cells(delta, around.core);
+        revisit->add_kept(delta, around.core);
         return delta;
       }
     }

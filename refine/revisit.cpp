@@ -139,8 +139,7 @@ Point Revisit::place_among_smallest(VertexRef id, const CoreIndex* core) const {
                     ", which is not loaded");
 }
 
-std::vector<Revisit::VertexKind> Revisit::kinds_of_vertices() const {
-  const std::vector<VertexRef>& vertices = input_->last_visit->cells.vertices;
+std::vector<Revisit::VertexKind> Revisit::kinds_of(const std::vector<VertexRef>& vertices) const {
   std::vector<VertexKind> kinds(vertices.size(), VertexKind::kOther);
   for (std::size_t i = 0; i < is_active_.size(); ++i) {
     const auto found = std::ranges::lower_bound(vertices, input_->own[i].id);
@@ -151,52 +150,58 @@ std::vector<Revisit::VertexKind> Revisit::kinds_of_vertices() const {
   return kinds;
 }
 
-// A cell is of the point that is its smallest vertex, not counting those of the core: an own one.
-// One whose own vertices are all active may be gone, and other vertices of it, too.
-bool Revisit::is_kept(const std::array<std::uint32_t, 4>& cell,
-                      const std::vector<VertexKind>& kinds, const CoreIndex* core) const {
-  const auto has = [&](VertexKind kind) {
-    return std::ranges::any_of(cell, [&](std::uint32_t v) { return kinds[v] == kind; });
-  };
-  if (!has(VertexKind::kActive)) return true;
-  if (!has(VertexKind::kInactive)) return false;
-  const auto smallest = std::ranges::min(cell, {}, [&](std::uint32_t v) {
-    return place_among_smallest(input_->last_visit->cells.vertices[v], core);
-  });
-  return kinds[smallest] != VertexKind::kActive;
-}
-
 // Those that the leaf itself lists.
-std::vector<std::array<VertexRef, 4>> Revisit::taken_own(std::vector<OthersCell>& cells) const {
-  std::vector<std::array<VertexRef, 4>> own;
-  std::erase_if(cells, [&](const OthersCell& cell) {
-    if (!is_in_leaf(input_->box, cell.smallest)) return false;
-    own.push_back(cell.vertices);
+template <class List>
+std::vector<typename List::Name> Revisit::taken_own(std::vector<OfOther<List>>& items) const {
+  std::vector<typename List::Name> own;
+  std::erase_if(items, [&](const OfOther<List>& item) {
+    if (!is_in_leaf(input_->box, item.smallest)) return false;
+    own.push_back(item.name);
     return true;
   });
   return own;
 }
 
-void Revisit::add_kept_cells(LeafDelta& delta, const CoreIndex* core) const {
-  if (delta.is_overfull) return;
-  CellList kept;
-  const CellList& last = input_->last_visit->cells;
-  std::ranges::copy_if(
-      last.cells, std::back_inserter(kept.cells),
-      [&, kinds = kinds_of_vertices()](const auto& cell) { return is_kept(cell, kinds, core); });
+// A cell or facet is of the point that is its smallest vertex, not counting those of the core: an
+// own one. One whose own vertices are all active may be gone, and other vertices of it, too.
+template <class List>
+void Revisit::add_kept(const List& last, std::vector<OfOther<List>>& others_gone,
+                       std::vector<OfOther<List>>& others_made, const CoreIndex* core,
+                       List& list) const {
+  const std::vector<VertexKind> kinds = kinds_of(last.vertices);
+  List kept;
   kept.vertices = last.vertices;
-  kept.drop_unused_vertices();
-  // To the part, the leaf's other points are others'.
-  CellChanges changes{.gone = taken_own(delta.others_gone), .made = taken_own(delta.others_made)};
+  std::ranges::copy_if(
+      items_of(last), std::back_inserter(items_of(kept)), [&](const typename List::Item& item) {
+        const auto& vertices = vertices_in(item);
+        const auto has = [&](VertexKind kind) {
+          return std::ranges::any_of(vertices, [&](std::uint32_t v) { return kinds[v] == kind; });
+        };
+        if (!has(VertexKind::kActive)) return true;
+        if (!has(VertexKind::kInactive)) return false;
+        const auto smallest = std::ranges::min(vertices, {}, [&](std::uint32_t v) {
+          return place_among_smallest(last.vertices[v], core);
+        });
+        return kinds[smallest] != VertexKind::kActive;
+      });
+  drop_unused_vertices(kept);
+  const Changes<List> changes{.gone = taken_own(others_gone), .made = taken_own(others_made)};
   if (!changes.gone.empty() || !changes.made.empty()) apply(changes, kept);
 
-  CellList all;
-  std::ranges::set_union(kept.vertices, delta.cells.vertices, std::back_inserter(all.vertices));
-  kept.name_vertices(all.vertices);
-  delta.cells.name_vertices(all.vertices);
-  all.cells.reserve(kept.size() + delta.cells.size());
-  std::ranges::merge(kept.cells, delta.cells.cells, std::back_inserter(all.cells));
-  delta.cells = std::move(all);
+  List all;
+  std::ranges::set_union(kept.vertices, list.vertices, std::back_inserter(all.vertices));
+  name_vertices(kept, all.vertices);
+  name_vertices(list, all.vertices);
+  items_of(all).reserve(items_of(kept).size() + items_of(list).size());
+  std::ranges::merge(items_of(kept), items_of(list), std::back_inserter(items_of(all)));
+  list = std::move(all);
+}
+
+void Revisit::add_kept(LeafDelta& delta, const CoreIndex* core) const {
+  if (delta.is_overfull) return;
+  const LastVisit& last = *input_->last_visit;
+  add_kept(last.cells, delta.others_gone, delta.others_made, core, delta.cells);
+  add_kept(last.facets, delta.others_facets_gone, delta.others_facets_made, core, delta.facets);
 }
 
 }  // namespace locvol

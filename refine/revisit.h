@@ -28,8 +28,8 @@ class Revisit {
   // Tells whether what the visit of part() changed leaves the stars of all other own points as they
   // were, and all points around what it inserted were there.
   bool is_complete(const LeafDelta& delta) const;
-  // Completes its cells by those that the leaf keeps. `core`: null if none is near
-  void add_kept_cells(LeafDelta& delta, const CoreIndex* core) const;
+  // Completes its cells and facets by those that the leaf keeps. `core`: null if none is near
+  void add_kept(LeafDelta& delta, const CoreIndex* core) const;
 
  private:
   struct Numbered {
@@ -49,10 +49,14 @@ class Revisit {
   void find_active();
   void gather_part();
   enum class VertexKind : std::uint8_t { kOther, kActive, kInactive };  // own: active or not
-  std::vector<VertexKind> kinds_of_vertices() const;                    // of the last visit's cells
-  bool is_kept(const std::array<std::uint32_t, 4>& cell, const std::vector<VertexKind>& kinds,
-               const CoreIndex* core) const;
-  std::vector<std::array<VertexRef, 4>> taken_own(std::vector<OthersCell>& cells) const;
+  std::vector<VertexKind> kinds_of(const std::vector<VertexRef>& vertices) const;
+  // For both kinds of lists. `others_gone`, `others_made`: of the part, to which the leaf's other
+  // points are others'
+  template <class List>
+  void add_kept(const List& last, std::vector<OfOther<List>>& others_gone,
+                std::vector<OfOther<List>>& others_made, const CoreIndex* core, List& list) const;
+  template <class List>
+  std::vector<typename List::Name> taken_own(std::vector<OfOther<List>>& items) const;
   Point place_among_smallest(VertexRef id, const CoreIndex* core) const;
 
   double insertion_matters(const Point& q) const {  // to points up to this distance from q

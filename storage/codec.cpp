@@ -75,6 +75,9 @@
 //                 u32
 //  13 result      first id u64; its length u64 and its bytes
 //  14 words       their length u64 and bytes
+//  15 facets      [vertex steps u64]
+//                 [first corner's steps u32 | second - first u32 | third - first | labels: behind |
+//                 before | sheet u32]
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -86,9 +89,10 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "the archive writes numbers as they are");
 static_assert(std::numeric_limits<double>::is_iec559);
 
-using Kinds = boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells,
-                                   LeafSurface, LeafUnresolved, QueueEntry, MemoryRecord, KeySums,
-                                   TimelineRecord, LeafSizes, RankRecord, RankResult, RankWords>;
+using Kinds =
+    boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
+                         LeafUnresolved, QueueEntry, MemoryRecord, KeySums, TimelineRecord,
+                         LeafSizes, RankRecord, RankResult, RankWords, LeafFacets>;
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
@@ -295,10 +299,14 @@ struct KeySteps {  // of Morton keys, modulo 2^64
   std::uint64_t last = 0;
 };
 
-template <std::size_t i>
+template <std::size_t i, auto... members>
 struct BeyondFirst {
-  std::uint32_t to_bits(const auto& item) { return item[i] - item[0]; }
-  void from_bits(auto& item, std::uint32_t difference) { item[i] = item[0] + difference; }
+  std::uint32_t to_bits(const auto& item) {
+    return element<i, members...>(item) - element<0, members...>(item);
+  }
+  void from_bits(auto& item, std::uint32_t difference) {
+    element<i, members...>(item) = element<0, members...>(item) + difference;
+  }
 };
 
 template <class Items, class... Numbers>
@@ -546,6 +554,21 @@ void serialize(auto& archive, LeafCells& record, unsigned) {
   for (const auto& cell : record.cells)
     for (const std::uint32_t corner : cell) is_known &= corner < record.vertices.size();
   if (!is_known) throw DecodeError("a cell of unknown vertices");
+}
+
+void serialize(auto& archive, LeafFacets& record, unsigned) {
+  constexpr auto kVertices = &MeshFacet::vertices;
+  constexpr auto kLabels = &MeshFacet::labels;
+  each(archive, columns(record.vertices, Steps(field<>)),
+       columns(record.facets, Steps(element<0, kVertices>), BeyondFirst<1, kVertices>(),
+               BeyondFirst<2, kVertices>(), Plain(field<kLabels, &FacetLabels::behind>),
+               Plain(field<kLabels, &FacetLabels::before>),
+               Plain(field<kLabels, &FacetLabels::sheet>)));
+  const auto is_known = [&](const MeshFacet& facet) {
+    return std::ranges::max(facet.vertices) < record.vertices.size();
+  };
+  if (!std::ranges::all_of(record.facets, is_known))
+    throw DecodeError("a facet of unknown vertices");
 }
 
 template <class Archive>
@@ -841,6 +864,7 @@ template std::string encode(const RunRecord&, MortonKey);
 template std::string encode(const LeafInfo&, MortonKey);
 template std::string encode(const LeafPoints&, MortonKey);
 template std::string encode(const LeafCells&, MortonKey);
+template std::string encode(const LeafFacets&, MortonKey);
 template std::string encode(const LeafSurface&, MortonKey);
 template std::string encode(const LeafUnresolved&, MortonKey);
 template std::string encode(const QueueEntry&, MortonKey);
@@ -856,6 +880,7 @@ template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
 template LeafPoints decode(std::string_view, MortonKey);
 template LeafCells decode(std::string_view, MortonKey);
+template LeafFacets decode(std::string_view, MortonKey);
 template LeafSurface decode(std::string_view, MortonKey);
 template LeafUnresolved decode(std::string_view, MortonKey);
 template QueueEntry decode(std::string_view, MortonKey);

@@ -26,7 +26,7 @@ constexpr unsigned kMaxReaders = 1000;  // snapshots at once, over all processes
 constexpr mdb_mode_t kFileMode = 0644;
 
 constexpr std::array<const char*, kNumDatabases> kNames = {
-    "meta", "leaves", "points", "cells", "surface", "queue", "unresolved", "sizes"};
+    "meta", "leaves", "points", "cells", "surface", "queue", "unresolved", "sizes", "facets"};
 
 struct CloseCursor {
   void operator()(MDB_cursor* cursor) const { mdb_cursor_close(cursor); }

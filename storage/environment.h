@@ -45,9 +45,10 @@ enum class Database : std::uint8_t {
   kSurface,
   kQueue,
   kUnresolved,
-  kSizes
+  kSizes,
+  kFacets
 };
-inline constexpr std::size_t kNumDatabases = 8;
+inline constexpr std::size_t kNumDatabases = 9;
 const char* name_of(Database database);
 
 struct CloseEnvironment {

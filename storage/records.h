@@ -11,6 +11,7 @@
 #include "octree/frame.h"
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/mesh_facet.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
 #include "octree/size_nodes.h"
@@ -79,6 +80,13 @@ struct LeafCells {
   // that other leaves could not improve (C7), from where inserted points moved.
   std::vector<Point> asked = {};
   friend bool operator==(const LeafCells&, const LeafCells&) = default;
+};
+
+// The facets of the mesh's boundary whose smallest vertex is an own point of the leaf.
+struct LeafFacets {
+  std::vector<std::uint64_t> vertices;  // ids, ascending
+  std::vector<MeshFacet> facets;        // ascending
+  friend bool operator==(const LeafFacets&, const LeafFacets&) = default;
 };
 
 struct LeafSurface {

@@ -24,7 +24,7 @@
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
 //   points, cells, surface,
-//   unresolved, sizes                leaf u64 | chunk number u32    -> chunk of a blob
+//   unresolved, sizes, facets        leaf u64 | chunk number u32    -> chunk of a blob
 //
 // A record is the bytes of codec.h. A blob is a record of any length, cut into chunks of 4,080
 // bytes, what fits an LMDB page beside its header: LMDB looks for single free pages, never for runs
@@ -43,7 +43,7 @@ constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey 
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
-                               Database::kUnresolved, Database::kSizes};
+                               Database::kUnresolved, Database::kSizes, Database::kFacets};
 
 // -- Keys -----------------------------------------------------------------------------------------
 
@@ -388,6 +388,10 @@ LeafCells Reader::cells(MortonKey key) const {
   return impl_->list<LeafCells>(Database::kCells, key);
 }
 
+LeafFacets Reader::facets(MortonKey key) const {
+  return impl_->list<LeafFacets>(Database::kFacets, key);
+}
+
 LeafSurface Reader::surface(MortonKey key) const {
   return impl_->list<LeafSurface>(Database::kSurface, key);
 }
@@ -517,6 +521,10 @@ void Batch::put_points(MortonKey key, const LeafPoints& points) {
 void Batch::put_cells(MortonKey key, const LeafCells& cells) {
   assert(!cells.cells.empty() || cells.vertices.empty());
   impl_->put_list(Database::kCells, key, cells);
+}
+
+void Batch::put_facets(MortonKey key, const LeafFacets& facets) {
+  impl_->put_list(Database::kFacets, key, facets);
 }
 
 void Batch::put_surface(MortonKey key, const LeafSurface& surface) {

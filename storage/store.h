@@ -42,6 +42,7 @@ class Reader {
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
   LeafCells cells(MortonKey key) const;
+  LeafFacets facets(MortonKey key) const;
   LeafSurface surface(MortonKey key) const;
   LeafUnresolved unresolved(MortonKey key) const;
   LeafSizes sizes(MortonKey key) const;
@@ -95,6 +96,7 @@ class Batch : public Reader {
   void put_leaf(MortonKey key, const LeafInfo& info);
   void put_points(MortonKey key, const LeafPoints& points);
   void put_cells(MortonKey key, const LeafCells& cells);
+  void put_facets(MortonKey key, const LeafFacets& facets);
   void put_surface(MortonKey key, const LeafSurface& surface);
   void put_unresolved(MortonKey key, const LeafUnresolved& unresolved);
   void put_sizes(MortonKey key, const LeafSizes& sizes);

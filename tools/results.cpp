@@ -172,6 +172,8 @@ constexpr std::array kChecks = {
           &AuditReport::num_bad_boundary_edges},
     Check{"bad_boundary_vertices", "boundary vertices whose link is no cycle",
           &AuditReport::num_bad_boundary_vertices},
+    Check{"wrong_facets", "boundary facets listed wrong or not at all",
+          &AuditReport::num_wrong_facets},
     Check{"off_surface_vertices", "boundary vertices off the surface",
           &AuditReport::num_off_surface_vertices},
     Check{"large_cells", "cells with a circumradius of λ or more", &AuditReport::num_large_cells},

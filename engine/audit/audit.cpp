@@ -107,6 +107,7 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
     report.num_vertices += num_used_own_points(*leaf);
     check_cells(*leaf, bounds, findings);
     const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
+    check_listed_facets(*leaf, boundary, findings);
     check_boundary_links(*leaf, boundary, findings);
     check_boundary_on_surface(*leaf, boundary, leaves, records, bounds, findings);
     components.add(*leaf, boundary, leaves);

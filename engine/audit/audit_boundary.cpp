@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <string>
 
@@ -18,15 +19,8 @@ constexpr double kOnSurface = 1e-9;
 // What the fast distance to a needle of a triangle may be wrong by; fraction of λ.
 constexpr double kFastDistanceError = 1e-6;
 
-// The facet of a positively oriented cell that lies across from its vertex k.
-LocalFacet facet_across(const std::array<LocalIndex, 4>& cell, std::size_t k) {
-  LocalFacet facet;
-  for (std::size_t i = 0, j = 0; i < 4; ++i) {
-    if (i != k) facet.vertices[j++] = cell[i];
-  }
-  // Without the last vertex, the others turn counterclockwise seen from it; each step of k towards
-  // the front is an exchange of two vertices, and so is each exchange of the sort.
-  facet.side = k % 2 == 1 ? 1 : -1;
+// Each exchange of two of them turns it round.
+void sort_vertices(LocalFacet& facet) {
   auto& [a, b, c] = facet.vertices;
   const auto order = [&](LocalIndex& low, LocalIndex& high) {
     if (low <= high) return;
@@ -36,6 +30,18 @@ LocalFacet facet_across(const std::array<LocalIndex, 4>& cell, std::size_t k) {
   order(a, b);
   order(b, c);
   order(a, b);
+}
+
+// The facet of a positively oriented cell that lies across from its vertex k.
+LocalFacet facet_across(const std::array<LocalIndex, 4>& cell, std::size_t k) {
+  LocalFacet facet;
+  for (std::size_t i = 0, j = 0; i < 4; ++i) {
+    if (i != k) facet.vertices[j++] = cell[i];
+  }
+  // Without the last vertex, the others turn counterclockwise seen from it; each step of k towards
+  // the front is an exchange of two vertices.
+  facet.side = k % 2 == 1 ? 1 : -1;
+  sort_vertices(facet);
   return facet;
 }
 
@@ -230,6 +236,30 @@ std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& fi
         }
       });
   return boundary;
+}
+
+void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                         AuditFindings& findings) {
+  const std::vector<LocalIndex> vertex = leaf.points.find(leaf.facets.vertices);
+  std::vector<LocalFacet> listed, expected, wrong;
+  for (const auto& [vertices, labels] : leaf.facets.facets) {
+    // Counterclockwise from outside, so that the cell lies where they turn clockwise.
+    LocalFacet facet{{vertex[vertices[0]], vertex[vertices[1]], vertex[vertices[2]]}, -1};
+    sort_vertices(facet);
+    const bool is_labelled = labels.behind != labels.before;
+    (is_labelled && facet.vertices[2] != kUnknownPoint ? listed : wrong).push_back(facet);
+  }
+  for (const LocalFacet& facet : boundary)
+    if (leaf.is_own(facet.vertices[0])) expected.push_back(facet);
+  std::ranges::sort(listed);
+  std::ranges::sort(expected);
+  std::ranges::set_symmetric_difference(listed, expected, std::back_inserter(wrong));
+  for (const LocalFacet& facet : wrong) {
+    const LocalIndex at = facet.vertices[0];
+    findings.add(&AuditReport::num_wrong_facets,
+                 "a facet here is on the boundary and not listed so, or the other way round",
+                 leaf.key, at == kUnknownPoint ? Point() : leaf.points.position(at));
+  }
 }
 
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,

@@ -178,8 +178,11 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   here.key = leaves_->key(leaf);
   const Reader& reader = records_->own();
   here.cells = reader.cells(here.key);
+  here.facets = reader.facets(here.key);
   const LeafPoints own = reader.points(here.key);
-  if (own.points.empty() && own.core.is_empty() && here.cells.cells.empty()) return std::nullopt;
+  if (own.points.empty() && own.core.is_empty() && here.cells.cells.empty() &&
+      here.facets.facets.empty())
+    return std::nullopt;
   const Box box = leaves_->box(leaf);
   report_misplaced(own, box, here.key, findings);
 

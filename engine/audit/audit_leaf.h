@@ -150,6 +150,7 @@ struct AuditLeaf {
   LocalPoints points;
   LeafCells cells;                      // as stored, then those of the core
   std::vector<LocalIndex> cell_vertex;  // index of each of cells.vertices
+  LeafFacets facets;                    // as stored
   std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
   AuditSizes sizes;                     // around them
 
@@ -209,10 +210,15 @@ void check_cells(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings
 struct LocalFacet {
   std::array<LocalIndex, 3> vertices;
   std::int32_t side = 0;  // of the cell: +1 if it lies where the vertices turn counterclockwise
+  friend auto operator<=>(const LocalFacet&, const LocalFacet&) = default;
 };
 
 // Facets at own points that are in one cell only.
 std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& findings);
+
+// Are the facets that the leaf lists those whose smallest vertex is own?
+void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                         AuditFindings& findings);
 
 // Edges and links of the boundary at own points.
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,

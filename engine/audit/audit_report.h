@@ -41,6 +41,7 @@ struct AuditReport {
   std::uint64_t num_overused_facets = 0;        // in more than two cells, or twice on one side
   std::uint64_t num_bad_boundary_edges = 0;     // not in exactly two boundary facets
   std::uint64_t num_bad_boundary_vertices = 0;  // link is not a single cycle
+  std::uint64_t num_wrong_facets = 0;           // listed as boundary and none, or not listed
   std::uint64_t num_off_surface_vertices = 0;   // boundary vertices not on the surface
   std::uint64_t num_large_cells = 0;            // circumradius >= λ
   std::uint64_t num_badly_shaped_cells = 0;     // radius-edge ratio above the bound
@@ -57,8 +58,8 @@ struct AuditReport {
 
   std::uint64_t num_violations() const {
     return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
-           num_bad_boundary_vertices + num_off_surface_vertices + num_large_cells +
-           num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells +
+           num_bad_boundary_vertices + num_wrong_facets + num_off_surface_vertices +
+           num_large_cells + num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells +
            num_misplaced_cells + num_unknown_vertices + num_misplaced_points + num_repeated_points +
            num_run_faults;
   }

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "engine/output/leaf_facets.h"
 #include "engine/output/leaf_window.h"
+#include "engine/shared/leaf_facets.h"
 
 namespace locvol {
 namespace {

@@ -4,8 +4,8 @@
 #include <cassert>
 #include <utility>
 
-#include "engine/output/leaf_facets.h"
 #include "engine/shared/encode_in_order.h"
+#include "engine/shared/leaf_facets.h"
 #include "engine/shared/leaf_name.h"
 #include "octree/sort_and_unite.h"
 
@@ -14,11 +14,6 @@ namespace {
 
 constexpr std::size_t kOpenFacetBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
 constexpr std::uint64_t kItemsAtOnce = std::uint64_t{1} << 14;
-
-std::array<std::uint64_t, 3> smallest_first(std::array<std::uint64_t, 3> vertices) {
-  std::ranges::rotate(vertices, std::ranges::min_element(vertices));
-  return vertices;
-}
 
 }  // namespace
 
@@ -35,102 +30,122 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       exchange_(exchange),
       facets_(output) {
   find_facets(workers);
-  num_facets_ = sum(exchange, facets_.size());
 }
 
-BoundarySurface::NumberedCells BoundarySurface::load_cells(std::size_t leaf,
-                                                           NumberWindow& numbers) {
-  LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
-  NumberedCells result{numbering_->first_cell(leaf), {}, numbers.numbers(leaf, cells)};
-  for (std::int64_t& number : result.numbers)
-    if (number >= 0 && numbering_->is_core(static_cast<std::uint64_t>(number))) number = -1;
-  result.cells = std::move(cells.cells);
-  pages_->count(sizeof(result.cells[0]) * result.cells.size());
-  return result;
+std::vector<BoundarySurface::ListedFacet> BoundarySurface::load_facets(std::size_t leaf,
+                                                                       NumberWindow& numbers) {
+  const LeafFacets listed = reader_->facets(numbering_->leaves()[leaf]);
+  pages_->count(sizeof(listed.facets[0]) * listed.facets.size());
+  std::vector<ListedFacet> facets;
+  if (listed.facets.empty()) return facets;
+  const std::vector<std::int64_t> number = numbers.numbers(leaf, listed.vertices);
+  facets.reserve(listed.facets.size());
+  for (const auto& [vertices, labels] : listed.facets) {
+    std::array<std::uint64_t, 3> corners;
+    std::ranges::transform(vertices, corners.begin(),
+                           [&](std::uint32_t v) { return static_cast<std::uint64_t>(number[v]); });
+    facets.push_back({smallest_first(corners), labels});
+  }
+  std::ranges::sort(facets, {}, &ListedFacet::key);
+  return facets;
 }
 
-std::vector<std::uint64_t> BoundarySurface::flat(std::span<const Record> records) {
+std::vector<std::uint64_t> BoundarySurface::flat(std::span<const ListedFacet> facets) {
   std::vector<std::uint64_t> values;
-  for (const auto& [vertices, cell_and_across] : records)
-    values.insert(values.end(), {vertices[0], vertices[1], vertices[2], cell_and_across});
+  for (const auto& [vertices, labels] : facets)
+    values.insert(values.end(), {vertices[0], vertices[1], vertices[2], labels.behind,
+                                 labels.before, labels.sheet});
   return values;
 }
 
-std::vector<BoundarySurface::Record> BoundarySurface::records_in(
+std::vector<BoundarySurface::ListedFacet> BoundarySurface::facets_in(
     std::span<const std::uint64_t> values) {
-  std::vector<Record> records;
-  for (; values.size() >= 4; values = values.subspan(4))
-    records.push_back({{values[0], values[1], values[2]}, values[3]});
-  return records;
+  std::vector<ListedFacet> facets;
+  for (; values.size() >= 6; values = values.subspan(6))
+    facets.push_back({{values[0], values[1], values[2]},
+                      {static_cast<BodyId>(values[3]), static_cast<BodyId>(values[4]),
+                       static_cast<SheetId>(values[5])}});
+  return facets;
 }
 
-std::vector<BoundarySurface::Record> BoundarySurface::facets_in_one_cell(
-    const NumberedCells& leaf) {
-  std::vector<ListedFacet> facets;
-  for (std::uint32_t i = 0; i < leaf.cells.size(); ++i)
+// In the order of the cells. Most have no three vertices on the boundary.
+std::vector<BoundaryFacet> BoundarySurface::facets_of_cells(const CellsAndFacets& near) {
+  std::vector<std::uint64_t> on_boundary;
+  for (const ListedFacet& facet : near.facets)
+    on_boundary.insert(on_boundary.end(), facet.vertices.begin(), facet.vertices.end());
+  sort_and_unite(on_boundary);
+  std::vector<bool> is_on_boundary(near.numbers.size());
+  for (std::size_t v = 0; v < near.numbers.size(); ++v)
+    is_on_boundary[v] =
+        near.numbers[v] >= 0 &&
+        std::ranges::binary_search(on_boundary, static_cast<std::uint64_t>(near.numbers[v]));
+  std::vector<BoundaryFacet> found;
+  for (std::uint32_t c = 0; c < near.cells.size(); ++c) {
+    const auto& cell = near.cells[c];
+    if (std::ranges::count_if(cell, [&](std::uint32_t v) { return is_on_boundary[v]; }) < 3)
+      continue;
     for (std::uint32_t across = 0; across < 4; ++across) {
-      const ListedFacet facet = listed_facet(leaf.cells[i], i, across);
-      const bool is_core =
-          std::ranges::any_of(facet.vertices, [&](std::uint32_t n) { return leaf.numbers[n] < 0; });
-      if (!is_core) facets.push_back(facet);
+      const auto& corners = kFacets[across];
+      if (!std::ranges::all_of(corners, [&](auto k) { return is_on_boundary[cell[k]]; })) continue;
+      ListedFacet facet{};
+      for (std::size_t k = 0; k < 3; ++k)
+        facet.vertices[k] = static_cast<std::uint64_t>(near.numbers[cell[corners[k]]]);
+      facet.vertices = smallest_first(facet.vertices);
+      const auto listed = std::ranges::lower_bound(near.facets, facet.key(), {}, &ListedFacet::key);
+      if (listed != near.facets.end() && listed->vertices == facet.vertices)
+        found.push_back({facet.vertices, near.first_cell + c, across, listed->labels});
     }
-  std::vector<Record> records;
-  for_each_facet(facets, leaf.numbers.size(), [&](std::span<const ListedFacet> same) {
-    if (same.size() != 1) return;
-    const auto& [cell, across] = same.front().side;
-    std::array<std::uint64_t, 3> vertices{};
-    for (std::size_t i = 0; i < 3; ++i)
-      vertices[i] = static_cast<std::uint64_t>(leaf.numbers[leaf.cells[cell][kFacets[across][i]]]);
-    records.push_back({smallest_first(vertices), 4 * (leaf.first_cell + cell) + across});
-  });
-  std::ranges::sort(records, {}, &Record::key);
-  return records;
+  }
+  return found;
 }
 
 void BoundarySurface::find_facets(Workers& workers) {
   const std::size_t first_own = numbering_->first_own(), end_own = numbering_->end_own();
-  // In one cell of those that a leaf lists, by key: of own leaves, and then of those beside them.
-  LeafLists<Record> open(output_);
+  // Of own leaves, and then of those beside them, each by key.
+  LeafLists<ListedFacet> listed(output_);
   NumberWindow numbers(*reader_, *numbering_);
+  for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
+    throw_if_stopped(stop_);
+    listed.append(load_facets(leaf, numbers));
+  }
+  const std::uint64_t num_listed = listed.size();
+  std::map<std::size_t, std::size_t> beside;  // places of their lists
+  numbering_->tell_ranks_beside(
+      *reader_, exchange_, kCellReach,
+      [&](std::size_t leaf) { return flat(listed.list(leaf - first_own).values); },
+      [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+        beside[leaf] = listed.num_leaves();
+        listed.append(facets_in(values));
+      });
+
+  LeafWindow<LeafList<ListedFacet>> lists(kOpenFacetBytes,
+                                          [&](std::size_t list) { return listed.list(list); });
   std::size_t next = first_own;
   encode_in_order(
       workers,
-      [&]() -> std::optional<NumberedCells> {
+      [&]() -> std::optional<CellsAndFacets> {
         if (next == end_own) return std::nullopt;
         throw_if_stopped(stop_);
-        return load_cells(next++, numbers);
+        const std::size_t leaf = next++;
+        CellsAndFacets near{numbering_->first_cell(leaf), {}, {}, {}};
+        for (const std::size_t other : numbering_->near(leaf, kCellReach)) {
+          const auto list = place_of_list(other, beside);
+          if (!list || listed.length(*list) == 0) continue;
+          const auto theirs = lists.get(*list);
+          near.facets.insert(near.facets.end(), theirs->values.begin(), theirs->values.end());
+        }
+        if (near.facets.empty()) return near;
+        std::ranges::sort(near.facets, {}, &ListedFacet::key);
+        LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
+        near.numbers = numbers.numbers(leaf, cells);
+        near.cells = std::move(cells.cells);
+        pages_->count(sizeof(near.cells[0]) * near.cells.size());
+        return near;
       },
-      facets_in_one_cell, [&](std::vector<Record> records) { open.append(records); });
-  std::map<std::size_t, std::size_t> beside;  // places of their lists
-  numbering_->tell_ranks_beside(
-      *reader_, exchange_, 2 * kCellReach,
-      [&](std::size_t leaf) { return flat(open.list(leaf - first_own).values); },
-      [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
-        beside[leaf] = open.num_leaves();
-        open.append(records_in(values));
-      });
-
-  LeafWindow<LeafList<Record>> lists(kOpenFacetBytes,
-                                     [&](std::size_t list) { return open.list(list); });
-  for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
-    throw_if_stopped(stop_);
-    const std::size_t own = leaf - first_own;
-    std::vector<Record> records;
-    if (open.length(own) > 0) records = lists.get(own)->values;
-    for (const std::size_t other : numbering_->near(leaf, 2 * kCellReach)) {
-      const auto list = place_of_list(other, beside);
-      if (other == leaf || records.empty() || !list || open.length(*list) == 0) continue;
-      const auto theirs = lists.get(*list);
-      auto place = theirs->values.begin();
-      std::erase_if(records, [&](const Record& record) {
-        place =
-            std::ranges::lower_bound(place, theirs->values.end(), record.key(), {}, &Record::key);
-        return place != theirs->values.end() && place->key() == record.key();
-      });
-    }
-    std::ranges::sort(records, {}, &Record::cell_and_across);
-    facets_.append(records);
-  }
+      facets_of_cells, [&](std::vector<BoundaryFacet> facets) { facets_.append(facets); });
+  num_facets_ = sum(exchange_, facets_.size());
+  if (num_facets_.all != sum(exchange_, num_listed).all)
+    throw StoreError("the store is damaged: its boundary facets are not those of its cells");
 }
 
 std::optional<std::size_t> BoundarySurface::place_of_list(
@@ -144,8 +159,8 @@ std::optional<std::size_t> BoundarySurface::place_of_list(
 // Those of all facets of its cells.
 std::vector<std::uint64_t> BoundarySurface::vertices_of_facets(std::size_t leaf) const {
   std::vector<std::uint64_t> vertices;
-  for (const Record& record : facets_.list(leaf - numbering_->first_own()).values)
-    vertices.insert(vertices.end(), record.vertices.begin(), record.vertices.end());
+  for (const BoundaryFacet& facet : facets_.list(leaf - numbering_->first_own()).values)
+    vertices.insert(vertices.end(), facet.vertices.begin(), facet.vertices.end());
   sort_and_unite(vertices);
   return vertices;
 }
@@ -230,10 +245,9 @@ std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
     const std::uint64_t count = std::min(kItemsAtOnce, facets_.size() - first);
     if (count == 0) return std::nullopt;
     Facets some{num_facets_.before + first, {}, {}, {}};
-    for (const Record& record : facets_.read(first, count)) {
-      const auto& [a, b, c] = record.vertices;
-      some.facets.push_back(
-          {record.vertices, record.cell_and_across / 4, record.cell_and_across % 4});
+    some.facets = facets_.read(first, count);
+    for (const BoundaryFacet& facet : some.facets) {
+      const auto& [a, b, c] = facet.vertices;
       if (parts.has_corners)
         some.corners.push_back({positions_->of(a), positions_->of(b), positions_->of(c)});
       if (parts.has_places) some.places.push_back({place_of(a), place_of(b), place_of(c)});

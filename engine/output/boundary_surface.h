@@ -1,4 +1,5 @@
-// BoundarySurface is the boundary of the finished mesh: the facets that are in exactly one cell.
+// BoundarySurface is the boundary of the finished mesh, as leaves list its facets, in the order of
+// the cells that have them.
 #pragma once
 
 #include <array>
@@ -17,6 +18,7 @@
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/workers.h"
+#include "octree/mesh_facet.h"
 #include "storage/store.h"
 
 namespace locvol {
@@ -25,18 +27,19 @@ struct BoundaryFacet {
   std::array<std::uint64_t, 3> vertices{};  // counterclockwise from outside, the smallest first
   std::uint64_t cell = 0;                   // whose facet it is
   std::uint64_t across = 0;                 // from which of the cell's vertices, 0 to 3
+  FacetLabels labels;
 };
 
 // Facets come in the order of their cells, vertices in that of their numbers in the mesh.
 //
-// Two cells that share a facet are stored by leaves within 4λ of each other. Leaf by leaf, facets
-// that are in one cell of it go to a nameless file beside the output; from there, those of a leaf
-// are set against those of the leaves around it. A point of the lattice core has all of its cells
-// in the mesh, so no facet with one is on the boundary. Of several ranks, each tells those beside
-// it of its own, and has the facets of its cells and the vertices of its leaves.
+// A facet is listed by the leaf of its smallest vertex, its cell by that of the cell's, which is
+// within 2λ. Leaf by leaf, facets go to a nameless file beside the output; from there, those of the
+// leaves around one are looked up among its cells. Of several ranks, each tells those beside it of
+// its own, and has the facets of its cells and the vertices of its leaves.
 // Memory: 24 bytes a leaf, 64 a leaf of another rank beside, 12 MB for lists of leaves near the
 // current one, and for each thread a leaf's cells and facets; 20 MB while facets are found.
-// Threads: used by one at a time. Errors: StoreError, std::system_error.
+// Threads: used by one at a time. Errors: StoreError, also if a facet is of no cell;
+// std::system_error.
 class BoundarySurface {
  public:
   // All but `workers` must outlive this object. What looks at all leaves throws Stopped.
@@ -75,28 +78,29 @@ class BoundarySurface {
   std::function<std::optional<Vertices>()> vertices();  // REQUIRES: num_vertices() was called
 
  private:
-  // As a facet lies in a file.
-  struct Record {
-    std::array<std::uint64_t, 3> vertices;
-    std::uint64_t cell_and_across;  // 4 cell + across
-    // The same for both cells, which list the vertices in opposite order.
+  // As a leaf lists it.
+  struct ListedFacet {
+    std::array<std::uint64_t, 3> vertices;  // as BoundaryFacet has them
+    FacetLabels labels;
+    // The same whichever side it is seen from.
     std::array<std::uint64_t, 3> key() const {
       const auto& [a, b, c] = vertices;
       return {a, std::min(b, c), std::max(b, c)};
     }
   };
-  // What a leaf's record lists, with the numbers of the vertices; -1: of the core.
-  struct NumberedCells {
+  // A leaf's cells, and facets near it by key.
+  struct CellsAndFacets {
     std::uint64_t first_cell = 0;
     std::vector<std::array<std::uint32_t, 4>> cells;
-    std::vector<std::int64_t> numbers;
+    std::vector<std::int64_t> numbers;  // of the vertices
+    std::vector<ListedFacet> facets;
   };
 
-  NumberedCells load_cells(std::size_t leaf, NumberWindow& numbers);
-  static std::vector<Record> facets_in_one_cell(const NumberedCells& leaf);
+  std::vector<ListedFacet> load_facets(std::size_t leaf, NumberWindow& numbers);
+  static std::vector<BoundaryFacet> facets_of_cells(const CellsAndFacets& near);
   // For another rank.
-  static std::vector<std::uint64_t> flat(std::span<const Record> records);
-  static std::vector<Record> records_in(std::span<const std::uint64_t> values);
+  static std::vector<std::uint64_t> flat(std::span<const ListedFacet> facets);
+  static std::vector<ListedFacet> facets_in(std::span<const std::uint64_t> values);
   void find_facets(Workers& workers);
   void find_vertices();
   // Of a leaf's list among those of own leaves, one after another, and then of those in `beside`.
@@ -112,7 +116,7 @@ class BoundarySurface {
   PageRelease* pages_;
   const StopToken* stop_;
   Exchange& exchange_;
-  LeafLists<Record> facets_;  // of own leaves
+  LeafLists<BoundaryFacet> facets_;  // of own leaves
   SumOfRanks num_facets_, num_vertices_;
   // Of own leaves, and then of those beside them that have some.
   std::optional<LeafLists<std::uint64_t>> vertices_;

@@ -21,7 +21,7 @@ namespace locvol {
 // A leaf with all its records, as the store's codec writes them.
 struct MovedLeaf {
   MortonKey leaf;
-  std::string info, points, cells, surface, unresolved, sizes;
+  std::string info, points, cells, facets, surface, unresolved, sizes;
 };
 // What leaves of a store cost, and where they begin.
 struct CostOfPart {
@@ -46,9 +46,9 @@ struct AskingLeaf {
 namespace locvol {
 
 auto fields(Maybe<MovedLeaf> auto& moved) {
-  auto& [leaf, info, points, cells, surface, unresolved, sizes] = moved;
+  auto& [leaf, info, points, cells, facets, surface, unresolved, sizes] = moved;
   return std::tuple(Field("leaf", leaf), Field("info", info), Field("points", points),
-                    Field("cells", cells), Field("surface", surface),
+                    Field("cells", cells), Field("facets", facets), Field("surface", surface),
                     Field("unresolved", unresolved), Field("sizes", sizes));
 }
 auto fields(Maybe<CostOfPart> auto& part) {
@@ -120,14 +120,15 @@ MovedLeaf moved(const Reader& reader, MortonKey leaf, const LeafInfo& info, bool
           encode(info, leaf),
           encode(reader.points(leaf), leaf),
           encode(has_cells ? reader.cells(leaf) : LeafCells(), leaf),
+          encode(info.holding == Holding::kOwn ? reader.facets(leaf) : LeafFacets(), leaf),
           encode(reader.surface(leaf), leaf),
           encode(reader.unresolved(leaf), leaf),
           encode(reader.sizes(leaf), leaf)};
 }
 
 std::size_t num_bytes(const MovedLeaf& m) {
-  return m.info.size() + m.points.size() + m.cells.size() + m.surface.size() + m.unresolved.size() +
-         m.sizes.size();
+  return m.info.size() + m.points.size() + m.cells.size() + m.facets.size() + m.surface.size() +
+         m.unresolved.size() + m.sizes.size();
 }
 
 void put(Batch& batch, const MovedLeaf& moved) {
@@ -136,6 +137,7 @@ void put(Batch& batch, const MovedLeaf& moved) {
   batch.put_leaf(leaf, info);
   batch.put_points(leaf, decode<LeafPoints>(moved.points, leaf));
   batch.put_cells(leaf, decode<LeafCells>(moved.cells, leaf));
+  batch.put_facets(leaf, decode<LeafFacets>(moved.facets, leaf));
   batch.put_surface(leaf, decode<LeafSurface>(moved.surface, leaf));
   batch.put_unresolved(leaf, decode<LeafUnresolved>(moved.unresolved, leaf));
   batch.put_sizes(leaf, decode<LeafSizes>(moved.sizes, leaf));

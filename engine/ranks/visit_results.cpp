@@ -22,9 +22,14 @@ auto fields(Maybe<CellPlaces> auto& cells) {
   auto& [leaf, places] = cells;
   return std::tuple(Field("leaf", leaf), Field("places", places));
 }
+auto fields(Maybe<LeafFacets> auto& list) {
+  auto& [vertices, facets] = list;
+  return std::tuple(Field("vertices", vertices), Field("facets", facets));
+}
 auto fields(Maybe<MendedCells> auto& cells) {
-  auto& [left_out, others, reach] = cells;
-  return std::tuple(Field("left_out", left_out), Field("others", others), Field("reach", reach));
+  auto& [left_out, others, hanging, facets, reach] = cells;
+  return std::tuple(Field("left_out", left_out), Field("others", others), Field("hanging", hanging),
+                    Field("facets", facets), Field("reach", reach));
 }
 
 }  // namespace locvol

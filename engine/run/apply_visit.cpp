@@ -81,8 +81,10 @@ class VisitChanges {
     for (const Point& place : delta.left) have_others_look(place, size_at(place));
     state_.add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
-      store_cells(delta.cells);
-      replace_cells_of_others(delta);
+      state_.put_cells(leaf_, {ids_of(delta.cells.vertices), delta.cells.cells});
+      state_.put_facets(leaf_, {ids_of(delta.facets.vertices), delta.facets.facets});
+      change_others(delta.others_gone, delta.others_made);
+      change_others(delta.others_facets_gone, delta.others_facets_made);
       for (const PoorCell& cell : delta.poor) have_others_try(cell);
       store_unresolved(delta.unresolved);
       if (delta.unresolved.empty())
@@ -138,25 +140,26 @@ class VisitChanges {
       state_.ask_for_visit(state_.octree().leaf_owning(state_.run().frame, p), p);
   }
 
-  // A leaf that waits for a whole visit will list its cells anew. Of one that waits for a short one
-  // some cells may be gone, which that visit finds.
-  void replace_cells_of_others(const LeafDelta& delta) {
-    std::map<MortonKey, CellChanges> changes;
-    const auto add = [&](const std::vector<OthersCell>& cells, auto list) {
-      for (const OthersCell& cell : cells) {
-        std::array<std::uint64_t, 4> ids;
-        std::ranges::transform(cell.vertices, ids.begin(), [&](VertexRef v) { return id_of(v); });
-        const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, cell.smallest);
-        (changes[owner].*list).push_back(ids);
+  // A leaf that waits for a whole visit will list all anew. Of what one lists that waits for a
+  // short one some may be gone, which that visit finds.
+  template <class List>
+  void change_others(const std::vector<OfOther<List>>& gone,
+                     const std::vector<OfOther<List>>& made) {
+    std::map<MortonKey, Changes<List>> changes;
+    const auto add = [&](const std::vector<OfOther<List>>& items, auto list) {
+      for (OfOther<List> item : items) {
+        for (VertexRef& v : vertices_in(item.name)) v = id_of(v);
+        const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, item.smallest);
+        (changes[owner].*list).push_back(item.name);
       }
     };
-    add(delta.others_gone, &CellChanges::gone);
-    add(delta.others_made, &CellChanges::made);
+    add(gone, &Changes<List>::gone);
+    add(made, &Changes<List>::made);
     for (auto& [owner, change] : changes) {
       const LeafInfo& info = state_.leaves().info(owner);
       if (info.queued && info.first_new_id == 0) continue;
       change.is_strict = !info.queued;
-      state_.change_cells(owner, change);
+      state_.change(owner, change);
     }
   }
 
@@ -187,18 +190,17 @@ class VisitChanges {
 
   // The ids of new points ascend in order of insertion, and are larger than all others: the list of
   // vertices stays in order.
-  void store_cells(const CellList& list) {
-    LeafCells cells;
-    cells.vertices.reserve(list.vertices.size());
-    for (const VertexRef ref : list.vertices) cells.vertices.push_back(id_of(ref));
-    cells.cells = list.cells;
-    state_.put_cells(leaf_, std::move(cells));
+  std::vector<std::uint64_t> ids_of(const std::vector<VertexRef>& vertices) const {
+    std::vector<std::uint64_t> ids;
+    ids.reserve(vertices.size());
+    for (const VertexRef ref : vertices) ids.push_back(id_of(ref));
+    return ids;
   }
 
   std::uint64_t id_of(VertexRef ref) const {
     if ((ref & kNewPoint) == 0) return ref;
     const auto id = ids_.at(ref & ~kNewPoint);
-    if (!id) throw RefineError("a cell has a vertex that was deleted");
+    if (!id) throw RefineError("a cell or facet has a vertex that was deleted");
     return *id;
   }
 

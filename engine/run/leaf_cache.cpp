@@ -22,6 +22,8 @@ std::size_t LeafCache::Entry::bytes() const {
   if (sizes.record) bytes += vector_bytes(sizes.record->cubes);
   if (cells.record)
     bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);
+  if (facets.record)
+    bytes += vector_bytes(facets.record->vertices) + vector_bytes(facets.record->facets);
   if (unresolved.record) bytes += vector_bytes(unresolved.record->sites);
   return bytes;
 }
@@ -75,6 +77,11 @@ LeafCells LeafCache::cells(MortonKey leaf) {
   return cells.record ? *cells.record : store_.snapshot().cells(leaf);
 }
 
+LeafFacets LeafCache::facets(MortonKey leaf) {
+  const auto& facets = touch(leaf).facets;
+  return facets.record ? *facets.record : store_.snapshot().facets(leaf);
+}
+
 LeafUnresolved LeafCache::unresolved(MortonKey leaf) {
   const auto& unresolved = touch(leaf).unresolved;
   return unresolved.record ? *unresolved.record : store_.snapshot().unresolved(leaf);
@@ -96,6 +103,10 @@ LeafPoints& LeafCache::edit_points(MortonKey leaf) {
 
 void LeafCache::put_cells(MortonKey leaf, LeafCells cells) {
   touch_changed(leaf).cells = {std::move(cells), true};
+}
+
+void LeafCache::put_facets(MortonKey leaf, LeafFacets facets) {
+  touch_changed(leaf).facets = {std::move(facets), true};
 }
 
 void LeafCache::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
@@ -133,10 +144,12 @@ void LeafCache::write(Batch& batch, MortonKey leaf, Entry& entry) {
   if (entry.surface.is_changed) batch.put_surface(leaf, *entry.surface.record);
   if (entry.sizes.is_changed) batch.put_sizes(leaf, *entry.sizes.record);
   if (entry.cells.is_changed) batch.put_cells(leaf, *entry.cells.record);
+  if (entry.facets.is_changed) batch.put_facets(leaf, *entry.facets.record);
   if (entry.unresolved.is_changed) batch.put_unresolved(leaf, *entry.unresolved.record);
   entry.info.is_changed = entry.points.is_changed = entry.surface.is_changed = false;
   entry.sizes.is_changed = false;
   entry.cells = {};
+  entry.facets = {};
   entry.unresolved = {};
 }
 

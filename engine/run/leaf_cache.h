@@ -27,6 +27,7 @@ class LeafCache {
   const LeafSurface& surface(MortonKey leaf);
   const LeafSizes& sizes(MortonKey leaf);
   LeafCells cells(MortonKey leaf);            // not kept
+  LeafFacets facets(MortonKey leaf);          // likewise
   LeafUnresolved unresolved(MortonKey leaf);  // likewise
 
   // Of what is unchanged; to be enforced by the next trim().
@@ -42,6 +43,7 @@ class LeafCache {
   LeafInfo& edit_info(MortonKey leaf);
   LeafPoints& edit_points(MortonKey leaf);
   void put_cells(MortonKey leaf, LeafCells cells);
+  void put_facets(MortonKey leaf, LeafFacets facets);
   void put_unresolved(MortonKey leaf, LeafUnresolved unresolved);
   void put_sizes(MortonKey leaf, LeafSizes sizes);
   // A leaf that the store has not had before.
@@ -61,6 +63,7 @@ class LeafCache {
     Cached<LeafSurface> surface;
     Cached<LeafSizes> sizes;
     Cached<LeafCells> cells;            // only until they are written
+    Cached<LeafFacets> facets;          // likewise
     Cached<LeafUnresolved> unresolved;  // likewise
     std::size_t bytes() const;
   };

@@ -287,8 +287,11 @@ std::optional<LastVisit> LeafLoader::last_visit(MortonKey leaf) {
   const LeafInfo& info = state_.leaves().info(leaf);
   if (info.first_new_id == 0) return std::nullopt;
   LeafCells held = state_.leaves().cells(leaf);
-  return LastVisit{
-      info.first_new_id, {std::move(held.vertices), std::move(held.cells)}, std::move(held.asked)};
+  LeafFacets facets = state_.leaves().facets(leaf);
+  return LastVisit{info.first_new_id,
+                   {std::move(held.vertices), std::move(held.cells)},
+                   {std::move(facets.vertices), std::move(facets.facets)},
+                   std::move(held.asked)};
 }
 
 double LeafLoader::volume_over_size(const Box& box, double size) const {

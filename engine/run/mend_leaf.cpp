@@ -6,16 +6,21 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "engine/run/unresolved_sites.h"
+#include "engine/shared/leaf_facets.h"
 #include "octree/sort_and_unite.h"
+#include "refine/delaunay.h"
 #include "refine/leaf.h"
 
 namespace locvol {
 namespace {
 
 constexpr std::uint64_t kBytesPerCell = 120;  // with lists of the cells at each vertex
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr Point kUnknownPlace{kInfinity, kInfinity, kInfinity};
 constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
 
 // Those that have a vertex in a cell at the leaf's points, and their cells in the mesh, are as
@@ -45,9 +50,13 @@ class MendLoader {
       if (state.leaves().info(other).num_cells > 0) take_from(other);
     sort_and_unite(others_);
     is_on_surface_.resize(own_.size() + others_.size());
+    positions_.resize(is_on_surface_.size(), kUnknownPlace);
     for (const MortonKey other : leaves_around(state, leaf, reach_))
       for (const MeshPoint& p : state.leaves().points(other).points)
-        if (const auto v = index_of(p.id)) is_on_surface_[*v] = p.kind == PointKind::kSurface;
+        if (const auto v = index_of(p.id)) {
+          is_on_surface_[*v] = p.kind == PointKind::kSurface;
+          positions_[*v] = p.position;
+        }
   }
 
   LoadedMend loaded() {
@@ -64,6 +73,7 @@ class MendLoader {
     result.ids = std::move(own_);
     result.ids.insert(result.ids.end(), others_.begin(), others_.end());
     result.origins = std::move(origins_);
+    result.positions = std::move(positions_);
     return result;
   }
 
@@ -99,6 +109,7 @@ class MendLoader {
   double reach_;
   std::vector<std::uint64_t> own_, others_;
   std::vector<bool> is_on_surface_;
+  std::vector<Point> positions_;
   std::vector<std::array<std::uint64_t, 4>> cells_;
   std::vector<LoadedMend::Origin> origins_;
 };
@@ -123,11 +134,66 @@ LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& place
   return left;
 }
 
+// The facets that the leaf lists, of its cells as they were loaded: those that one cell has. A core
+// point has all of its cells in the mesh.
+LeafFacets boundary_facets(const LoadedMend& loaded) {
+  const auto& cells = loaded.input.cells;
+  std::vector<ListedFacet> facets;
+  for (std::uint32_t c = 0; c < cells.size(); ++c)
+    for (std::uint32_t across = 0; across < 4; ++across) {
+      const ListedFacet facet = listed_facet(cells[c], c, across);
+      const auto smallest = std::ranges::min(facet.vertices, {},
+                                             [&](std::uint32_t v) { return loaded.positions[v]; });
+      const bool is_core = std::ranges::any_of(
+          facet.vertices, [&](std::uint32_t v) { return loaded.positions[v] == kUnknownPlace; });
+      if (smallest < loaded.input.num_own && !is_core) facets.push_back(facet);
+    }
+  std::vector<std::array<std::uint64_t, 3>> names;
+  for_each_facet(facets, loaded.ids.size(), [&](std::span<const ListedFacet> same) {
+    if (same.size() != 1) return;
+    const auto& [cell, across] = same.front().side;
+    auto& name = names.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) name[k] = loaded.ids[cells[cell][kFacets[across][k]]];
+  });
+  LeafFacets result;
+  result.vertices = distinct_vertices(names);
+  for (const auto& name : names) {
+    MeshFacet& facet = result.facets.emplace_back();
+    std::ranges::transform(name, facet.vertices.begin(), [&](std::uint64_t id) {
+      return static_cast<std::uint32_t>(std::ranges::lower_bound(result.vertices, id) -
+                                        result.vertices.begin());
+    });
+    facet.vertices = smallest_first(facet.vertices);
+  }
+  std::ranges::sort(result.facets);
+  return result;
+}
+
+// Without the facets of cells that hung on nothing.
+void forget_facets_at(RunState& state, MortonKey leaf, const std::vector<std::uint64_t>& hanging) {
+  LeafFacets held = state.leaves().facets(leaf);
+  FacetList list{std::move(held.vertices), std::move(held.facets)};
+  const auto num_before = list.facets.size();
+  std::erase_if(list.facets, [&](const MeshFacet& facet) {
+    return std::ranges::binary_search(hanging, list.vertices[facet.vertices[0]]);
+  });
+  if (list.facets.size() == num_before) return;
+  drop_unused_vertices(list);
+  state.put_facets(leaf, {std::move(list.vertices), std::move(list.facets)});
+}
+
 }  // namespace
 
 LoadedMend load_mend(RunState& state, MortonKey leaf) {
   LoadedMend loaded = MendLoader(state, leaf).loaded();
   loaded.hanging = hanging_cells(state, leaf);
+  for (const auto& [home, places] : loaded.hanging) {
+    const LeafCells held = state.leaves().cells(home);
+    for (const std::uint32_t place : places)
+      for (const std::uint32_t v : held.cells[place])
+        loaded.hanging_ids.push_back(held.vertices[v]);
+  }
+  sort_and_unite(loaded.hanging_ids);
   return loaded;
 }
 
@@ -149,16 +215,20 @@ MendedCells mended_cells(const LoadedMend& loaded) {
     result.left_out.push_back({leaf, std::move(left)});
   }
   sort_and_unite(result.others);
+  result.hanging = loaded.hanging_ids;
+  if (result.left_out.empty()) result.facets = boundary_facets(loaded);
   return result;
 }
 
 void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
   state.dequeue(leaf);
-  if (cells.left_out.empty()) return;
+  if (cells.left_out.empty()) return state.put_facets(leaf, cells.facets);
   for (const auto& [home, places] : cells.left_out)
     state.leave_out_cells(home, without(state.leaves().cells(home), places));
   state.enqueue(leaf);  // what hangs on nothing now is seen when the leaf is loaded
   for (const MortonKey other : leaves_around(state, leaf, cells.reach)) {
+    if (!cells.hanging.empty() && state.is_own(other))
+      forget_facets_at(state, other, cells.hanging);
     if (other == leaf || state.leaves().info(other).num_points == 0) continue;
     const auto& points = state.leaves().points(other).points;
     if (std::ranges::any_of(cells.others, [&](std::uint64_t id) {

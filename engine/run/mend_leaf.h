@@ -25,13 +25,18 @@ struct LoadedMend {
   };
   std::vector<Origin> origins;
   std::vector<CellPlaces> hanging;
+  std::vector<std::uint64_t> hanging_ids;  // of their vertices, ascending
+  std::vector<Point> positions;            // of the vertices in `ids`; of core points, infinite
 };
 
 // What a visit leaves out of the mesh.
 struct MendedCells {
-  std::vector<CellPlaces> left_out;   // in Morton order
-  std::vector<std::uint64_t> others;  // ids of their vertices in other leaves, ascending
-  double reach = 0;                   // as far from the leaf as these may be
+  std::vector<CellPlaces> left_out;         // in Morton order
+  std::vector<std::uint64_t> others;        // ids of their vertices in other leaves, ascending
+  std::vector<std::uint64_t> hanging = {};  // ids of vertices without cells from now on, ascending
+  // Of the leaf, if nothing is left out: the cells at its points will be those that were loaded.
+  LeafFacets facets = {};
+  double reach = 0;  // as far from the leaf as these may be
 };
 
 LoadedMend load_mend(RunState& state, MortonKey leaf);

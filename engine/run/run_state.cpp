@@ -363,12 +363,24 @@ void RunState::put_shared_cells(MortonKey leaf, LeafCells cells) {
   leaves_.put_cells(leaf, std::move(cells));
 }
 
-void RunState::change_cells(MortonKey leaf, const CellChanges& changes) {
+void RunState::put_facets(MortonKey leaf, LeafFacets facets) {
+  if (is_own(leaf)) leaves_.put_facets(leaf, std::move(facets));
+}
+
+void RunState::change(MortonKey leaf, const Changes<CellList>& changes) {
   if (!is_own(leaf)) return;
   LeafCells held = leaves_.cells(leaf);
   CellList list{std::move(held.vertices), std::move(held.cells)};
   apply(changes, list);
   put_cells(leaf, {std::move(list.vertices), std::move(list.cells), std::move(held.asked)});
+}
+
+void RunState::change(MortonKey leaf, const Changes<FacetList>& changes) {
+  if (!is_own(leaf)) return;
+  LeafFacets held = leaves_.facets(leaf);
+  FacetList list{std::move(held.vertices), std::move(held.facets)};
+  apply(changes, list);
+  put_facets(leaf, {std::move(list.vertices), std::move(list.facets)});
 }
 
 void RunState::ask_for_visit(MortonKey leaf, const Point& place) {

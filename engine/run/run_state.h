@@ -169,10 +169,13 @@ class RunState {
   void allow_short_visit(MortonKey leaf);
   void require_whole_visit(MortonKey leaf);
   // Each in place of what the leaf had. Of copies cells are dropped, unless they are shared for
-  // mending.
+  // mending; facets always.
   void put_cells(MortonKey leaf, LeafCells cells);
   void put_shared_cells(MortonKey leaf, LeafCells cells);
-  void change_cells(MortonKey leaf, const CellChanges& changes);
+  void put_facets(MortonKey leaf, LeafFacets facets);
+  // Of what an own leaf lists.
+  void change(MortonKey leaf, const Changes<CellList>& changes);
+  void change(MortonKey leaf, const Changes<FacetList>& changes);
   // The leaf is visited once more, and looks around the place if not at all of it; without points
   // it has nothing to restore.
   void ask_for_visit(MortonKey leaf, const Point& place);

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "octree/octree.h"
+#include "octree/sort_and_unite.h"
 #include "refine/predicates.h"
 #include "storage/store.h"
 
@@ -274,7 +275,67 @@ class HandMadeStore {
     return result;
   }
 
+  // By leaf: those that one of the cells has which are stored.
+  std::map<MortonKey, LeafFacets> boundary_facets() const {
+    struct Owned {
+      Point position;
+      MortonKey leaf;
+    };
+    struct Used {
+      int count = 0;
+      std::array<std::uint64_t, 3> facet;
+    };
+    std::map<std::uint64_t, Owned> points;
+    for (const auto& [key, leaf] : leaves)
+      for (const MeshPoint& p : leaf.points.points) points[p.id] = {p.position, key};
+    std::map<std::array<std::uint64_t, 3>, Used> uses;
+    for (const auto& [key, leaf] : leaves)
+      for (const auto& [a, b, c, d] : leaf.cells.cells) {
+        const auto& ids = leaf.cells.vertices;
+        CellIds cell{ids[a], ids[b], ids[c], ids[d]};
+        if (!std::ranges::all_of(cell, [&](std::uint64_t id) { return points.contains(id); }))
+          continue;
+        const auto at = [&](std::size_t k) { return points[cell[k]].position; };
+        const int sign = exact_orientation(at(0), at(1), at(2), at(3));
+        if (sign == 0) continue;
+        if (sign < 0) std::swap(cell[2], cell[3]);
+        const auto& [p, q, r, s] = cell;
+        for (const auto& facet :
+             {std::array{q, r, s}, std::array{p, s, r}, std::array{p, q, s}, std::array{p, r, q}}) {
+          std::array<std::uint64_t, 3> name = facet;
+          std::ranges::sort(name);
+          Used& used = uses[name];
+          ++used.count;
+          used.facet = facet;
+        }
+      }
+    std::map<MortonKey, LeafFacets> result;
+    for (const int pass : {0, 1})
+      for (const auto& [name, used] : uses) {
+        if (used.count != 1) continue;
+        const std::uint64_t smallest =
+            std::ranges::min(name, {}, [&](std::uint64_t id) { return points[id].position; });
+        LeafFacets& list = result[points[smallest].leaf];
+        if (pass == 0) {
+          list.vertices.insert(list.vertices.end(), name.begin(), name.end());
+          continue;
+        }
+        sort_and_unite(list.vertices);
+        MeshFacet& facet = list.facets.emplace_back();
+        for (std::size_t k = 0; k < 3; ++k)
+          facet.vertices[k] = static_cast<std::uint32_t>(
+              std::ranges::lower_bound(list.vertices, used.facet[k]) - list.vertices.begin());
+        facet.vertices = smallest_first(facet.vertices);
+      }
+    for (auto& [key, list] : result) std::ranges::sort(list.facets);
+    return result;
+  }
+
   Store write(const std::filesystem::path& directory) const {
+    return write(directory, boundary_facets());
+  }
+  Store write(const std::filesystem::path& directory,
+              const std::map<MortonKey, LeafFacets>& facets) const {
     Store store = Store::open(directory, {.create = true, .is_durable = false});
     Batch batch = store.begin();
     RunRecord run;
@@ -299,6 +360,7 @@ class HandMadeStore {
       batch.put_surface(key, leaf.surface);
       batch.put_unresolved(key, leaf.unresolved);
     }
+    for (const auto& [key, list] : facets) batch.put_facets(key, list);
     for (const QueueEntry& entry : queue) batch.put_queue_entry(entry);
     batch.commit();
     return store;

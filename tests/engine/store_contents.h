@@ -15,6 +15,7 @@ struct LeafContents {
   LeafInfo info;
   LeafPoints points;
   LeafCells cells;
+  LeafFacets facets;
   LeafSurface surface;
   LeafUnresolved unresolved;
   LeafSizes sizes;
@@ -32,8 +33,9 @@ inline Contents contents_of(const std::filesystem::path& directory) {
   const Snapshot snapshot = store.snapshot();
   Contents contents{.run = *snapshot.run(), .leaves = {}, .queue = {}};
   for (const MortonKey key : snapshot.leaf_keys())
-    contents.leaves[key] = {*snapshot.leaf(key),   snapshot.points(key),     snapshot.cells(key),
-                            snapshot.surface(key), snapshot.unresolved(key), snapshot.sizes(key)};
+    contents.leaves[key] = {*snapshot.leaf(key),  snapshot.points(key),  snapshot.cells(key),
+                            snapshot.facets(key), snapshot.surface(key), snapshot.unresolved(key),
+                            snapshot.sizes(key)};
   snapshot.for_each_queued([&](const QueueEntry& entry) {
     contents.queue.push_back(entry);
     return true;

@@ -83,6 +83,12 @@ void expect_sound(const LeafCells& record) {
       expect(corner < record.vertices.size(), "cells have vertices that are there");
 }
 
+void expect_sound(const LeafFacets& record) {
+  for (const MeshFacet& facet : record.facets)
+    for (const std::uint32_t corner : facet.vertices)
+      expect(corner < record.vertices.size(), "facets have vertices that are there");
+}
+
 void expect_sound(const LeafSurface&) {}
 
 void expect_sound(const LeafUnresolved& record) {
@@ -123,8 +129,8 @@ void decode_at(int stage, std::string_view bytes) {
 }
 
 void decode_any(std::uint8_t selector, std::string_view bytes) {
-  const int stage = selector >> 3 & 3;
-  switch (selector & 7) {
+  const int stage = selector >> 4 & 3;
+  switch (selector & 15) {
     case 0:
       return decode_at<StoreFormat>(stage, bytes);
     case 1:
@@ -139,6 +145,8 @@ void decode_any(std::uint8_t selector, std::string_view bytes) {
       return decode_at<LeafSurface>(stage, bytes);
     case 6:
       return decode_at<LeafUnresolved>(stage, bytes);
+    case 7:
+      return decode_at<LeafFacets>(stage, bytes);
     default:
       return decode_at<QueueEntry>(stage, bytes);
   }

@@ -41,6 +41,7 @@ struct LeafRecords {
   LeafInfo info;
   LeafPoints points;
   LeafCells cells;
+  LeafFacets facets;
   LeafSurface surface;
   LeafUnresolved unresolved;
 };
@@ -56,6 +57,7 @@ std::vector<LeafRecords> make_leaves() {
                       random.info(),
                       random.points(size),
                       random.cells(size),
+                      random.facets(size / 2),
                       random.surface(size / 4),
                       random.unresolved(size / 100)});
   }
@@ -72,6 +74,7 @@ void put(Batch& batch, const LeafRecords& leaf) {
   batch.put_leaf(key, leaf.info);
   batch.put_points(key, leaf.points);
   batch.put_cells(key, leaf.cells);
+  batch.put_facets(key, leaf.facets);
   batch.put_surface(key, leaf.surface);
   batch.put_unresolved(key, leaf.unresolved);
   batch.put_queue_entry(leaf.entry);
@@ -167,6 +170,7 @@ void expect_stored_or_nothing(const Reader& reader) {
     expect_stored_or_nothing(std::optional(leaf.info), [&] { return reader.leaf(key); });
     expect_stored_or_nothing(leaf.points, [&] { return reader.points(key); });
     expect_stored_or_nothing(leaf.cells, [&] { return reader.cells(key); });
+    expect_stored_or_nothing(leaf.facets, [&] { return reader.facets(key); });
     expect_stored_or_nothing(leaf.surface, [&] { return reader.surface(key); });
     expect_stored_or_nothing(leaf.unresolved, [&] { return reader.unresolved(key); });
     expect_stored_or_nothing(true, [&] { return reader.has_queue_entry(leaf.entry); });

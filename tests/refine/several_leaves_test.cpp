@@ -103,6 +103,7 @@ class LeafRun {
     std::optional<LastVisit> last_visit = std::nullopt;
     bool waits = true;    // its last visit, or another leaf's since then, changed something here
     CellList cells = {};  // of its last visit, with what others have replaced
+    FacetList facets = {};
   };
 
   void disturb();
@@ -113,7 +114,10 @@ class LeafRun {
   bool visit(Leaf& leaf);
   LeafInput load(const Leaf& leaf) const;
   void commit(Leaf& leaf, const LeafDelta& delta);
-  void replace_cells_of_others(const LeafDelta& delta, const std::vector<std::uint64_t>& ids);
+  template <class List>
+  void change_others(const std::vector<OfOther<List>>& gone, const std::vector<OfOther<List>>& made,
+                     const std::vector<std::uint64_t>& ids, List Leaf::*held,
+                     List LastVisit::*last);
   void enqueue_others(const Leaf& leaf, const LeafDelta& delta);
   void list_cells(const LeafDelta& delta);
   Leaf& leaf_owning(const Point& p);
@@ -323,12 +327,14 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
     if (!p.is_deleted) points_.push_back({next_id_++, p.position, p.kind});
   }
   leaf.cells = delta.cells;
-  for (VertexRef& ref : leaf.cells.vertices)
-    if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
+  leaf.facets = delta.facets;
+  for (auto* vertices : {&leaf.cells.vertices, &leaf.facets.vertices})
+    for (VertexRef& ref : *vertices)
+      if (ref & kNewPoint) ref = ids[ref & ~kNewPoint];
   if (visits_ == Visits::kWhole || !delta.unresolved.empty())
     leaf.last_visit.reset();
   else
-    leaf.last_visit = LastVisit{next_id_, leaf.cells};
+    leaf.last_visit = LastVisit{next_id_, leaf.cells, leaf.facets};
   for (const std::uint64_t id : delta.met_core) make_explicit(site_of(id));
   enqueue_others(leaf, delta);
   for (Leaf& other : leaves_)
@@ -336,7 +342,9 @@ void LeafRun::commit(Leaf& leaf, const LeafDelta& delta) {
       if (&other != &leaf && other.waits && other.last_visit &&
           other.box.squared_distance(place) <= std::pow(kNeighborhood * scene_.size, 2))
         other.last_visit->asked.push_back(place);
-  replace_cells_of_others(delta, ids);
+  change_others(delta.others_gone, delta.others_made, ids, &Leaf::cells, &LastVisit::cells);
+  change_others(delta.others_facets_gone, delta.others_facets_made, ids, &Leaf::facets,
+                &LastVisit::facets);
   for (const PoorCell& poor : delta.poor)
     for (const Point& p : poor.others) {
       Leaf& other = leaf_owning(p);
@@ -349,25 +357,27 @@ LeafRun::Leaf& LeafRun::leaf_owning(const Point& p) {
   return *std::ranges::find_if(leaves_, [&](const Leaf& l) { return is_in_leaf(l.box, p); });
 }
 
-void LeafRun::replace_cells_of_others(const LeafDelta& delta,
-                                      const std::vector<std::uint64_t>& ids) {
-  std::map<Leaf*, CellChanges> changes;
-  const auto add = [&](const std::vector<OthersCell>& cells, auto list) {
-    for (const OthersCell& cell : cells) {
-      Cell name = cell.vertices;
-      for (std::uint64_t& v : name)
+template <class List>
+void LeafRun::change_others(const std::vector<OfOther<List>>& gone,
+                            const std::vector<OfOther<List>>& made,
+                            const std::vector<std::uint64_t>& ids, List Leaf::*held,
+                            List LastVisit::*last) {
+  std::map<Leaf*, Changes<List>> changes;
+  const auto add = [&](const std::vector<OfOther<List>>& items, auto list) {
+    for (OfOther<List> item : items) {
+      for (VertexRef& v : vertices_in(item.name))
         if (v & kNewPoint) v = ids[v & ~kNewPoint];
-      (changes[&leaf_owning(cell.smallest)].*list).push_back(name);
+      (changes[&leaf_owning(item.smallest)].*list).push_back(item.name);
       ++num_replaced_;
     }
   };
-  add(delta.others_gone, &CellChanges::gone);
-  add(delta.others_made, &CellChanges::made);
+  add(gone, &Changes<List>::gone);
+  add(made, &Changes<List>::made);
   for (auto& [owner, change] : changes) {
     if (owner->waits && !owner->last_visit) continue;
     change.is_strict = !owner->waits;
-    apply(change, owner->cells);
-    if (owner->last_visit) owner->last_visit->cells = owner->cells;
+    apply(change, owner->*held);
+    if (owner->last_visit) (*owner->last_visit).*last = owner->*held;
   }
 }
 
@@ -395,6 +405,7 @@ void LeafRun::expect_lists_as_found() const {
     EXPECT_TRUE(leaf.waits || (delta.inserted.empty() && delta.deleted.empty()));
     if (!leaf.waits) {
       EXPECT_TRUE(delta.cells == leaf.cells);
+      EXPECT_TRUE(delta.facets == leaf.facets);
     }
   }
 }
@@ -426,7 +437,8 @@ bool LeafRun::visit(Leaf& leaf) {
   LeafInput input = load(leaf);
   const LeafDelta delta = refine_leaf(input);
   if (!std::exchange(leaf.waits, false) && scene_.min_dihedral == 0) {
-    EXPECT_TRUE(delta.inserted.empty() && delta.deleted.empty() && delta.cells == leaf.cells)
+    EXPECT_TRUE(delta.inserted.empty() && delta.deleted.empty() && delta.cells == leaf.cells &&
+                delta.facets == leaf.facets)
         << "nobody said that it changes";
     ++num_spared_;
   }
@@ -436,6 +448,7 @@ bool LeafRun::visit(Leaf& leaf) {
     if (whole.inserted.empty() || delta.inserted.empty()) {
       EXPECT_EQ(delta.inserted.size(), whole.inserted.size());
       EXPECT_TRUE(delta.cells == whole.cells) << "in round " << num_rounds_;
+      EXPECT_TRUE(delta.facets == whole.facets) << "in round " << num_rounds_;
       num_cells_made_.first += delta.stats.cells_made;
       num_cells_made_.second += whole.stats.cells_made;
     }

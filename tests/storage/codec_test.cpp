@@ -39,6 +39,7 @@ TEST(Codec, RandomRecordsComeBack) {
     const std::size_t size = random.integer(round % 20 == 0 ? 5000 : 30);
     expect_round_trip(random.points(size), leaf);
     expect_round_trip(random.cells(size), leaf);
+    expect_round_trip(random.facets(size), leaf);
     expect_round_trip(random.surface(size), leaf);
     expect_round_trip(random.unresolved(size), leaf);
     expect_round_trip(random.sizes(size), leaf);
@@ -110,6 +111,7 @@ TEST(Codec, NoticesEveryFlippedBitAndEveryCut) {
   expect_damage_is_noticed(KeySums{{1, 2, 3, 4, 5, 6, 7}}, MortonKey());
   expect_damage_is_noticed(random.points(100), sample_leaf());
   expect_damage_is_noticed(random.cells(300), sample_leaf());
+  expect_damage_is_noticed(random.facets(100), sample_leaf());
   expect_damage_is_noticed(random.surface(100), sample_leaf());
   expect_damage_is_noticed(random.unresolved(30), sample_leaf());
   expect_damage_is_noticed(random.sizes(30), sample_leaf());
@@ -206,6 +208,9 @@ TEST(Codec, RefusesValuesOutOfRange) {
   constexpr std::size_t kBytesOfNoneAsked = sizeof(std::uint64_t);
   cells[cells.size() - kBytesOfNoneAsked - 1] = 1;  // the highest byte of the last corner
   expect_error_about<LeafCells>(frame_of(cells), "unknown vertices");
+  LeafFacets unknown = sample_facets();
+  unknown.facets.back().vertices[2] = 5;
+  EXPECT_THROW(encode(unknown, sample_leaf()), DecodeError);
   std::string surface = content_of(encode(sample_surface(), sample_leaf()));
   surface.back() = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
@@ -274,6 +279,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("leaf.v2", sample_info(), sample_leaf());
   expect_golden("points.v0", sample_points(), sample_leaf());
   expect_golden("cells.v0", sample_cells(), sample_leaf());
+  expect_golden("facets.v0", sample_facets(), sample_leaf());
   expect_golden("surface.v0", sample_surface(), sample_leaf());
   expect_golden("unresolved.v0", sample_unresolved(), sample_leaf());
   expect_golden("sizes.v0", sample_sizes(), sample_leaf());

@@ -36,6 +36,7 @@ struct LeafRecords {
   LeafInfo info;
   LeafPoints points;
   LeafCells cells;
+  LeafFacets facets;
   LeafSurface surface;
   LeafUnresolved unresolved;
   QueueEntry entry;
@@ -47,8 +48,9 @@ const std::vector<LeafRecords>& expected_leaves() {
     std::vector<LeafRecords> made(kNumDamagedLeaves);
     for (int i = 0; i < kNumDamagedLeaves; ++i) {
       const auto size = static_cast<std::size_t>(i);
-      made[size] = {random.info(),       random.points(20 + 60 * size), random.cells(300),
-                    random.surface(200), random.unresolved(3),          {{1, 2}, leaf_number(i)}};
+      made[size] = {random.info(),           random.points(20 + 60 * size), random.cells(300),
+                    random.facets(100),      random.surface(200),           random.unresolved(3),
+                    {{1, 2}, leaf_number(i)}};
     }
     return made;
   }();
@@ -65,6 +67,7 @@ void make_store(const std::filesystem::path& path) {
       batch.put_leaf(leaf.entry.leaf, leaf.info);
       batch.put_points(leaf.entry.leaf, leaf.points);
       batch.put_cells(leaf.entry.leaf, leaf.cells);
+      batch.put_facets(leaf.entry.leaf, leaf.facets);
       batch.put_surface(leaf.entry.leaf, leaf.surface);
       batch.put_unresolved(leaf.entry.leaf, leaf.unresolved);
       batch.put_queue_entry(leaf.entry);
@@ -105,6 +108,7 @@ Reading read_store(const std::filesystem::path& path) {
     read_one(reading, std::optional(leaf.info), [&] { return snapshot.leaf(key); });
     read_one(reading, leaf.points, [&] { return snapshot.points(key); });
     read_one(reading, leaf.cells, [&] { return snapshot.cells(key); });
+    read_one(reading, leaf.facets, [&] { return snapshot.facets(key); });
     read_one(reading, leaf.surface, [&] { return snapshot.surface(key); });
     read_one(reading, leaf.unresolved, [&] { return snapshot.unresolved(key); });
     read_one(reading, true, [&] { return snapshot.has_queue_entry(leaf.entry); });
@@ -117,7 +121,7 @@ Reading read_store(const std::filesystem::path& path) {
   }
   return reading;
 }
-constexpr int kNumRecords = 1 + 6 * kNumDamagedLeaves;
+constexpr int kNumRecords = 1 + 7 * kNumDamagedLeaves;
 
 class Damage : public testing::Test {
  protected:
@@ -297,7 +301,7 @@ class ForeignFile : public testing::Test {
  protected:
   ForeignFile() {
     mdb_env_create(&environment_);
-    mdb_env_set_maxdbs(environment_, 8);
+    mdb_env_set_maxdbs(environment_, 9);
     EXPECT_EQ(mdb_env_open(environment_, dir_.path().c_str(), 0, 0644), 0);
     mdb_txn_begin(environment_, nullptr, 0, &transaction_);
   }
@@ -403,8 +407,8 @@ class ForeignRecords : public ForeignFile {
     const Store store = Store::open(dir_.path());
     EXPECT_THROW(store.snapshot().points(MortonKey::root()), CorruptRecord);
   }
-  static constexpr const char* kNames[] = {"meta",    "leaves", "points",     "cells",
-                                           "surface", "queue",  "unresolved", "sizes"};
+  static constexpr const char* kNames[] = {"meta",  "leaves",     "points", "cells", "surface",
+                                           "queue", "unresolved", "sizes",  "facets"};
   const std::string record_ = encode(sample_points(), MortonKey::root());
 };
 

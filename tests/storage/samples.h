@@ -85,6 +85,11 @@ inline LeafCells sample_cells() {
           {{0.5, -0.0, 3}}};
 }
 
+inline LeafFacets sample_facets() {
+  return {{3, 8, 9, std::uint64_t{1} << 63, ~std::uint64_t{0}},
+          {{{0, 1, 2}, {}}, {{1, 4, 2}, {7, 0, 3}}, {{1, 4, 3}, {7, 2, 1u << 31}}}};
+}
+
 inline LeafSurface sample_surface() {
   const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
   return {{{2, {a, b, c}}, {3, {b, d, c}}, {90, {a, a, d}}}};
@@ -268,6 +273,14 @@ class Generator {
     for (std::size_t i = 0; i < count; ++i)
       record.cells.push_back({vertex(), vertex(), vertex(), vertex()});
     for (std::size_t i = 0; i < integer(3); ++i) record.asked.push_back(point());
+    return record;
+  }
+
+  LeafFacets facets(std::size_t count) {
+    const LeafCells some = cells(count);
+    LeafFacets record{some.vertices, {}};
+    for (const auto& [a, b, c, d] : some.cells)
+      record.facets.push_back({{a, b, c}, {static_cast<BodyId>(integer(3)), d, 1}});
     return record;
   }
 

@@ -38,6 +38,7 @@ struct Model {
   struct Leaf {
     LeafPoints points;
     LeafCells cells;
+    LeafFacets facets;
     LeafSurface surface;
     LeafUnresolved unresolved;
   };
@@ -86,6 +87,7 @@ void expect_same(const Reader& reader, const Model& model, const std::vector<Mor
     const Model::Leaf expected = leaf == model.leaves.end() ? Model::Leaf() : leaf->second;
     EXPECT_EQ(reader.points(key), expected.points);
     EXPECT_EQ(reader.cells(key), expected.cells);
+    EXPECT_EQ(reader.facets(key), expected.facets);
     EXPECT_EQ(reader.surface(key), expected.surface);
     EXPECT_EQ(reader.unresolved(key), expected.unresolved);
   }
@@ -97,7 +99,7 @@ void change(Generator& random, const std::vector<MortonKey>& keys, Batch& batch,
   const MortonKey key = keys[random.integer(keys.size())];
   const std::size_t size = random.integer(4) == 0 ? random.integer(3000) : random.integer(20);
   Model::Leaf& leaf = model.leaves[key];
-  switch (random.integer(9)) {
+  switch (random.integer(10)) {
     case 0:
       batch.put_run(*(model.run = random.run()));
       break;
@@ -127,6 +129,9 @@ void change(Generator& random, const std::vector<MortonKey>& keys, Batch& batch,
       model.queue.insert(entry);
       break;
     }
+    case 8:
+      batch.put_facets(key, leaf.facets = random.facets(size));
+      break;
     default:
       if (model.queue.empty()) break;
       batch.erase_queue_entry(*model.queue.begin());
@@ -258,7 +263,7 @@ TEST(Store, BytesWrittenCountsWhatIsStored) {
     EXPECT_GE(size.bytes, written);
     EXPECT_LE(size.bytes, written * 11 / 10 + 8192);
   }
-  EXPECT_EQ(store.sizes().size(), 8u);
+  EXPECT_EQ(store.sizes().size(), 9u);
 }
 
 // -- Map growth -----------------------------------------------------------------------------------

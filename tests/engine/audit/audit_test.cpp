@@ -339,6 +339,42 @@ TEST(AuditDamage, UnusedPointOutsideAllCircumballsIsNone) {
   EXPECT_EQ(report.num_vertices, mesh.points.size() - 1);
 }
 
+TEST(AuditDamage, FacetsThatAreListedWrong) {
+  using Facets = std::map<MortonKey, LeafFacets>;
+  for (const LinearOctree& octree : octrees()) {
+    const HandMadeStore records(ball(), octree);
+    const auto first_of = [](Facets& facets) -> std::vector<MeshFacet>& {
+      return std::ranges::find_if(facets, [](const auto& f) { return !f.second.facets.empty(); })
+          ->second.facets;
+    };
+    const auto num_wrong = [&](const auto& damage) {
+      Facets facets = records.boundary_facets();
+      damage(facets);
+      const TempDir dir;
+      const AuditReport report = audit(records.write(dir / "store", facets));
+      EXPECT_EQ(report.num_violations(), report.num_wrong_facets) << described(report);
+      return report.num_wrong_facets;
+    };
+    EXPECT_EQ(num_wrong([](Facets&) {}), 0U);
+    EXPECT_EQ(num_wrong([&](Facets& facets) { first_of(facets).pop_back(); }), 1U);
+    EXPECT_EQ(num_wrong([&](Facets& facets) {
+                std::swap(first_of(facets)[0].vertices[1], first_of(facets)[0].vertices[2]);
+              }),
+              2U);
+    EXPECT_EQ(num_wrong([&](Facets& facets) { first_of(facets)[0].labels.before = 1; }), 2U);
+    EXPECT_EQ(
+        num_wrong([&](Facets& facets) { first_of(facets).push_back(first_of(facets).front()); }),
+        1U);
+    EXPECT_EQ(num_wrong([&](Facets& facets) {
+                const auto& [leaf, list] = *facets.begin();
+                const MortonKey other = octree.leaves().back() == leaf ? octree.leaves().front()
+                                                                       : octree.leaves().back();
+                if (other != leaf) std::swap(facets[leaf], facets[other]);
+              }) > 0,
+              octree.size() > 1);
+  }
+}
+
 TEST(AuditDamage, PinchedVertex) {
   const HandMadeMesh mesh = cubes(2, [](int x, int y, int z) { return x == y && y == z; });
   for (const LinearOctree& octree : octrees()) {

@@ -19,6 +19,9 @@ LeafDelta sample_delta() {
   delta.others_gone = {{{1, 2, 3, kNewPoint | 4}, {0.5, 0.25, 0.125}}};
   delta.others_made = {{{1, 2, 3, 5}, {0.5, 0.25, 0.125}}, {{2, 3, 4, 5}, {1, 2, 3}}};
   delta.cells = {{3, 5, 9, 17, kNewPoint}, {{0, 1, 2, 3}, {1, 2, 3, 4}}};
+  delta.others_facets_gone = {{{{1, 3, kNewPoint | 4}, {2, 0, 7}}, {0.5, 0.25, 0.125}}};
+  delta.others_facets_made = {{{{1, 5, 3}, {}}, {0.5, 0.25, 0.125}}};
+  delta.facets = {{3, 5, 9, kNewPoint}, {{{0, 1, 2}, {}}, {{0, 3, 1}, {4, 5, 6}}}};
   delta.met_core = {100, 200};
   delta.unresolved = {{3, {1, 0, 0}, 0.5}};
   delta.poor = {{{0, 1, 0}, 14.5, {{1, 2, 3}, {4, 5, 6}}}};
@@ -46,12 +49,18 @@ TEST(VisitResults, ComeBack) {
   EXPECT_EQ(filled.met_core, fill.met_core);
 
   const MortonKey leaf = MortonKey::root().child(3).child(7);
-  const auto mended = decode_result<MendedCells>(encode_result(
-      MendedCells{.left_out = {{leaf, {1, 5, 9}}}, .others = {33, 44}, .reach = 0.5}));
+  const auto mended =
+      decode_result<MendedCells>(encode_result(MendedCells{.left_out = {{leaf, {1, 5, 9}}},
+                                                           .others = {33, 44},
+                                                           .hanging = {55},
+                                                           .facets = {{1, 2, 3}, {{{0, 1, 2}, {}}}},
+                                                           .reach = 0.5}));
   ASSERT_EQ(mended.left_out.size(), 1U);
   EXPECT_EQ(mended.left_out[0].leaf, leaf);
   EXPECT_EQ(mended.left_out[0].places, (std::vector<std::uint32_t>{1, 5, 9}));
   EXPECT_EQ(mended.others, (std::vector<std::uint64_t>{33, 44}));
+  EXPECT_EQ(mended.hanging, (std::vector<std::uint64_t>{55}));
+  EXPECT_EQ(mended.facets, (LeafFacets{{1, 2, 3}, {{{0, 1, 2}, {}}}}));
   EXPECT_EQ(mended.reach, 0.5);
 
   const std::vector<SizedNode> nodes = {{leaf, 0.5F}, {leaf.child(1), 0.25F}};
