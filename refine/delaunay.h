@@ -9,6 +9,7 @@
 // triangulations", 2011): the same points always have the same cells.
 //
 // Memory: 160 bytes a cell, with its share of a vertex. Time: about 6 µs a vertex in a build.
+// Threads: used by one at a time; const functions use scratch.
 #pragma once
 
 #include <algorithm>
@@ -64,6 +65,13 @@ std::vector<Name> distinct_vertices(const std::vector<std::array<Name, kNum>>& i
 // last, they are positively oriented.
 inline constexpr std::array<std::array<int, 3>, 4> kFacetCorners{
     {{1, 3, 2}, {0, 2, 3}, {0, 3, 1}, {0, 1, 2}}};
+
+// Of the facet opposite the vertex `off`, in this order.
+template <class Name>
+std::array<Name, 3> facet_of(const std::array<Name, 4>& cell, int off) {
+  const auto& [a, b, c] = kFacetCorners[std::size_t(off)];
+  return {cell[std::size_t(a)], cell[std::size_t(b)], cell[std::size_t(c)]};
+}
 
 // The predicates contradict each other: a bug, or arithmetic that is not what it should be. What is
 // left of the triangulation is of no use.

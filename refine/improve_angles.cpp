@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <map>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -12,7 +11,6 @@
 #include "octree/sort_and_unite.h"
 #include "refine/cell_shape.h"
 #include "refine/fragment.h"
-#include "refine/vertex_link.h"
 
 namespace locvol {
 namespace {
@@ -63,45 +61,6 @@ class Noise {
   std::uint64_t state_;
 };
 
-// Of a facet of the vertex.
-LinkEdge link_edge(const std::array<LocalIndex, 3>& facet, LocalIndex v) {
-  const auto& [a, b, c] = facet;
-  return a == v ? LinkEdge{b, c} : b == v ? LinkEdge{a, c} : LinkEdge{a, b};
-}
-
-struct LinkPath {
-  std::array<LocalIndex, 2> ends;  // ascending
-  std::vector<LocalIndex> between;
-};
-
-// That edges make, if they make one.
-std::optional<LinkPath> path_of(const std::vector<LinkEdge>& edges) {
-  std::map<LocalIndex, int> degrees;
-  for (const auto& [a, b] : edges) ++degrees[a], ++degrees[b];
-  LinkPath path{};
-  std::size_t num_ends = 0;
-  for (const auto& [v, degree] : degrees) {
-    if (degree > 2) return std::nullopt;
-    if (degree == 2)
-      path.between.push_back(v);
-    else if (num_ends < 2)
-      path.ends[num_ends++] = v;
-    else
-      return std::nullopt;
-  }
-  // With two ends and no vertex of three edges, what is not on the path between them is cycles.
-  if (num_ends != 2) return std::nullopt;
-  std::size_t length = 0;
-  for (LocalIndex at = path.ends[0], from = at; length < edges.size(); ++length) {
-    const auto next = std::ranges::find_if(edges, [&](const LinkEdge& e) {
-      return (e.a == at && e.b != from) || (e.b == at && e.a != from);
-    });
-    if (next == edges.end()) break;
-    from = std::exchange(at, next->a == at ? next->b : next->a);
-  }
-  return length == edges.size() ? std::optional(path) : std::nullopt;
-}
-
 // What points that came in this visit are vertices of was in no list.
 template <class List>
 void tell_gone(const std::map<typename List::Name, Point>& gone,
@@ -134,10 +93,10 @@ ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
   for (std::size_t k = 0; k < kFractions.size(); ++k)
     cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kSlack));
   bound_ = cosines_.back();
-  const double size = around.sizes.largest(), ratio = input.criteria.radius_edge_bound;
+  const double size = around.sizes.largest();
   limits_ = {.cosine = cosines_[kMuchBelow],
              .squared_radius = size * size,
-             .squared_ratio = ratio * ratio};
+             .radius_edge = bounds_.radius_edge};
 }
 
 void ImproveAngles::run() {
@@ -196,15 +155,8 @@ void ImproveAngles::list_poor() {
   }
 }
 
-std::array<Point, 4> ImproveAngles::corners(const NewCell& cell) const {
-  return {place(cell.vertex[0]), place(cell.vertex[1]), place(cell.vertex[2]),
-          place(cell.vertex[3])};
-}
-
 ImproveAngles::Facet ImproveAngles::facet(const std::array<LocalIndex, 4>& cell, int off) const {
-  Facet result{};
-  for (std::size_t k = 0, n = 0; k < 4; ++k)
-    if (k != std::size_t(off)) result[n++] = cell[k];
+  Facet result = facet_of(cell, off);
   std::ranges::sort(result);
   return result;
 }
@@ -314,7 +266,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
     if (!move_.find(q, limits(), change_) || !is_gone(poor)) continue;
     const std::optional<Counts> counts = counts_of_made();
-    const Verdict verdict = judge(counts);
+    const Verdict verdict = verdict_on(counts);
     if (verdict == Verdict::kBetter) better_.push_back({*counts, v, q});
     if (verdict != Verdict::kGood || !is_allowed_once_counted(verdict)) continue;
     make();
@@ -406,7 +358,7 @@ bool ImproveAngles::try_insertions(Cell poor) {
     take_in_core(q);
     move_.put_in_new();
     if (!move_.find_insertion(q, poor, limits(), change_)) continue;
-    const Verdict verdict = judge(counts_of_made());
+    const Verdict verdict = verdict_on(counts_of_made());
     if (verdict == Verdict::kNone || !is_allowed_once_counted(verdict)) continue;
     make();
     return true;
@@ -520,16 +472,10 @@ bool ImproveAngles::leaves_poor_to_others() const {
   return false;
 }
 
-ImproveAngles::Verdict ImproveAngles::judge(const std::optional<Counts>& made) const {
+ImproveAngles::Verdict ImproveAngles::verdict_on(const std::optional<Counts>& made) const {
   if (!made) return Verdict::kNone;
   if (*made == Counts{}) return Verdict::kGood;
   return *made < counts_of_gone() ? Verdict::kBetter : Verdict::kNone;
-}
-
-bool ImproveAngles::is_small_and_round(const std::array<Point, 4>& corners,
-                                       const CellBall& ball) const {
-  return surroundings_.sizes.is_below(ball.squared_radius, 1, ball.center) &&
-         ball.squared_radius <= limits_.squared_ratio * shortest_edge_squared(corners);
 }
 
 void ImproveAngles::count(double cosine, Counts& counts) const {
@@ -581,17 +527,17 @@ bool ImproveAngles::are_cells_good() {
   }
   mesh_.appraise(change_, kind_, prospects_);
   for (std::size_t n = 0; n < prospects_.size(); ++n) {
-    const auto& [state, ball] = prospects_[n];
+    const CellState& state = prospects_[n].state;
     if (state.side == Side::kBeyond || state.is_hollow) return false;
-    if (state.side == Side::kInside ? !is_small_and_round(corners(change_.made[n]), ball)
-                                    : state.on_surface != 0b1111)
+    if (state.side == Side::kInside ? judge(mesh_.view(change_, prospects_, n), bounds_).has_value()
+                                    : must_be_inside(state.on_surface))
       return false;
   }
   return true;
 }
 
-// C1 to C4: dual edges cross the surface once where sides differ, in a small ball of surface
-// points; elsewhere not at all. Where the boundary changes, its facets are disks as before.
+// C1 to C4; and dual edges cross the surface where sides differ, and nowhere else. Where the
+// boundary changes, its facets are disks as before.
 bool ImproveAngles::are_facets_good() {
   constexpr std::uint32_t kNew = Delaunay::kNewCell;
   const auto is_inside = [&](std::uint32_t cell) {
@@ -613,13 +559,10 @@ bool ImproveAngles::are_facets_good() {
         continue;
       }
       if (!is_on_boundary && state.side == Side::kFar && is_out_of_reach(cell, i)) continue;
-      if (is_on_boundary && (state.on_surface | 1 << i) != 0b1111) return false;
-      const auto dual = mesh_.dual_crossings(change_, prospects_, n, i);
-      if (dual.open_end || dual.count != (is_on_boundary ? 1 : 0)) return false;
-      if (!is_on_boundary) continue;
-      const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
-      if (!(dual.squared_radius < size * size)) return false;
-      facets_made_.push_back(facet(cell.vertex, i));
+      const FacetView view = mesh_.view(change_, prospects_, n, i);
+      if (judge_end(view) || judge(view, bounds_)) return false;
+      if ((view.dual.count > 0) != is_on_boundary) return false;
+      if (is_on_boundary) facets_made_.push_back(facet(cell.vertex, i));
     }
   }
   facets_gone_.clear();
@@ -674,7 +617,7 @@ bool ImproveAngles::changes_core() {
 }
 
 // With the same vertices (and the new one) as before, so as many facets (and two more).
-bool ImproveAngles::is_boundary_kept() const {
+bool ImproveAngles::is_boundary_kept() {
   std::vector<LocalIndex> before = distinct_vertices(facets_gone_);
   const std::vector<LocalIndex> after = distinct_vertices(facets_made_);
   const bool is_new = kind_ == PointKind::kSurface && is_insertion();
@@ -684,31 +627,22 @@ bool ImproveAngles::is_boundary_kept() const {
 }
 
 // Whether the boundary facets at v will be a disk.
-bool ImproveAngles::is_disk_after(LocalIndex v) const {
+bool ImproveAngles::is_disk_after(LocalIndex v) {
   if (v < mesh_.num_locals() && !mesh_.is_own(v)) return is_disk_kept(v);
-  const Delaunay& delaunay = mesh_.delaunay();
-  around_.clear();
-  if (v < delaunay.num_vertices()) delaunay.cells_around(v, around_);
-  std::vector<Facet> star;
-  for (const Cell c : around_) {
-    if (!mesh_.is_member(c)) continue;
-    const int at = delaunay.index_of(c, v);
-    for (int i = 0; i < 4; ++i)
-      if (i != at && !mesh_.is_member(delaunay.neighbor(c, i)))
-        star.push_back(facet(delaunay.vertices(c), i));
-  }
-  std::erase_if(star, [&](const Facet& f) { return std::ranges::binary_search(facets_gone_, f); });
-  std::ranges::copy_if(facets_made_, std::back_inserter(star),
-                       [&](const Facet& f) { return std::ranges::find(f, v) != f.end(); });
+  star_.clear();
+  if (v < mesh_.num_locals()) mesh_.boundary_at(v, star_);
   std::vector<LinkEdge> link;
-  for (const Facet& f : star) link.push_back(link_edge(f, v));
-  return is_cycle(link);
+  for (const LeafMesh::Facet& at : star_) {
+    const Facet f = facet(mesh_.delaunay().vertices(at.cell), at.index);
+    if (!std::ranges::binary_search(facets_gone_, f)) link.push_back(link_edge(f, v));
+  }
+  for (const Facet& f : facets_made_)
+    if (std::ranges::find(f, v) != f.end()) link.push_back(link_edge(f, v));
+  return !judge(StarView{link});
 }
 
-// The same of a ghost, whose star is not known as a whole: where it is a disk now, it stays one if
-// a part of its link, a path, gives way to a path between the same ends. Of what lies between them,
-// nothing may be in the link already.
-bool ImproveAngles::is_disk_kept(LocalIndex v) const {
+// The same of a ghost, whose star is not known as a whole.
+bool ImproveAngles::is_disk_kept(LocalIndex v) {
   const auto link_of = [&](const std::vector<Facet>& facets, const std::vector<Facet>& others) {
     std::vector<LinkEdge> link;
     for (const Facet& f : facets)
@@ -718,16 +652,11 @@ bool ImproveAngles::is_disk_kept(LocalIndex v) const {
   };
   const std::vector<LinkEdge> gone = link_of(facets_gone_, facets_made_);
   const std::vector<LinkEdge> made = link_of(facets_made_, facets_gone_);
-  if (gone.empty() && made.empty()) return true;
-  const auto before = path_of(gone), after = path_of(made);
-  if (!before || !after || before->ends != after->ends) return false;
-  return std::ranges::all_of(after->between, [&](LocalIndex w) {
-    return std::ranges::find(before->between, w) != before->between.end() || is_off_boundary(v, w);
-  });
+  return !judge(StarChange{gone, made}, [&](LocalIndex w) { return is_off_boundary(v, w); });
 }
 
 // Is no boundary facet at the edge, as far as is known?
-bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) const {
+bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) {
   const Delaunay& delaunay = mesh_.delaunay();
   if (w >= delaunay.num_vertices()) return true;
   delaunay.cells_around(v, around_);
@@ -770,7 +699,7 @@ void ImproveAngles::make() {
     delta_.inserted.push_back({change_.place, kind, false, std::vector<Point>{}});
   }
   if (is_new) {
-    ++delta_.stats.insertions[6];
+    ++delta_.stats.insertions[kC7 - 1];
     mesh_.insert(change_, kind, ref);
   } else {
     ++delta_.stats.moves;

@@ -19,6 +19,7 @@
 #include <span>
 #include <vector>
 
+#include "refine/conditions.h"
 #include "refine/leaf.h"
 #include "refine/leaf_mesh.h"
 #include "refine/vertex_move.h"
@@ -86,7 +87,7 @@ class ImproveAngles {
     return kind_ == PointKind::kSurface ? VertexMove::Limits{} : limits_;
   }
   bool is_insertion() const { return change_.vertex == mesh_.num_locals(); }
-  Verdict judge(const std::optional<Counts>& made) const;
+  Verdict verdict_on(const std::optional<Counts>& made) const;
   bool is_allowed(Verdict verdict);
   bool is_allowed_once_counted(Verdict verdict);
   bool do_samples_hide_as_before() const;
@@ -96,20 +97,19 @@ class ImproveAngles {
   bool makes_poor_inside() const;
   bool are_facets_good();
   bool changes_core();
-  bool is_boundary_kept() const;
+  bool is_boundary_kept();
   bool is_out_of_reach(const NewCell& cell, int off) const;
   bool are_facets_as_round() const;
-  bool is_disk_after(LocalIndex v) const;
-  bool is_disk_kept(LocalIndex v) const;
-  bool is_off_boundary(LocalIndex v, LocalIndex w) const;
-  bool is_small_and_round(const std::array<Point, 4>& corners, const CellBall& ball) const;
+  bool is_disk_after(LocalIndex v);
+  bool is_disk_kept(LocalIndex v);
+  bool is_off_boundary(LocalIndex v, LocalIndex w);
   std::optional<Counts> counts_of_made();
   Counts counts_of_gone() const;
   void count(double cosine, Counts& counts) const;
 
   void make();
   void tell(RefineStep::Action action, VertexRef ref, const MeshPoint& point) const {
-    if (on_step_) on_step_({action, 7, 0, ref, point.position, point.kind});
+    if (on_step_) on_step_({action, kC7, 0, ref, point.position, point.kind});
   }
   bool note_taken_in();
   // What others list, with its smallest vertex.
@@ -122,10 +122,7 @@ class ImproveAngles {
   void list_poor();
   void note_met_core(Cell c);
 
-  const Point& place(LocalIndex v) const {
-    return v == change_.vertex ? change_.place : mesh_.delaunay().point(v);
-  }
-  std::array<Point, 4> corners(const NewCell& cell) const;
+  const Point& place(LocalIndex v) const { return mesh_.place(change_, v); }
   Facet facet(const std::array<LocalIndex, 4>& cell, int off) const;
 
   const LeafInput& input_;
@@ -133,6 +130,7 @@ class ImproveAngles {
   const OnStep& on_step_;
   LeafMesh& mesh_;
   LeafDelta& delta_;
+  const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   VertexMove move_;
   std::array<double, kFractions.size()> cosines_;  // of the angles
   double bound_;                                   // the last of them
@@ -155,7 +153,8 @@ class ImproveAngles {
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
   std::vector<MeshPoint> near_;                   // taken in
   std::vector<std::uint64_t> met_core_;
-  mutable std::vector<Cell> around_;
+  std::vector<Cell> around_;
+  std::vector<LeafMesh::Facet> star_;
 };
 
 }  // namespace locvol

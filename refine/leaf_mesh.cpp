@@ -336,8 +336,6 @@ bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Po
   return squared_distance(corner, from + t * edge) > radius * radius;
 }
 
-// The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
-// the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
 std::optional<std::array<LocalIndex, 3>> LeafMesh::boundary_facet(Facet f) const {
   const Cell beyond = delaunay_.neighbor(f.cell, f.index);
   const bool is_here = is_member(f.cell);
@@ -348,7 +346,9 @@ std::optional<std::array<LocalIndex, 3>> LeafMesh::boundary_facet(Facet f) const
                     delaunay_.vertex(f.cell, b)};
 }
 
-LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
+// The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
+// the edge is cut on the facet's axis at the radius up to which balls are known to be empty.
+DualCrossings LeafMesh::dual_crossings(Facet f) const {
   const Cell there = delaunay_.neighbor(f.cell, f.index);
   side(f.cell), side(there);
   if (is_hidden(f)) return {};
@@ -360,9 +360,8 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(Facet f) const {
                         has_hidden_own_vertex(f));
 }
 
-LeafMesh::DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners,
-                                                 const CellAtFacet& here, const CellAtFacet& there,
-                                                 bool is_past_surface) const {
+DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, const CellAtFacet& here,
+                                       const CellAtFacet& there, bool is_past_surface) const {
   DualCrossings result;
   const Side side_here = here.state->side, side_there = there.state->side;
   const bool is_here_near = side_here != Side::kFar, is_there_near = side_there != Side::kFar;
@@ -418,6 +417,17 @@ LeafMesh::DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& cor
   return result;
 }
 
+void LeafMesh::boundary_at(LocalIndex v, std::vector<Facet>& out) const {
+  out.clear();
+  delaunay_.cells_around(v, around_);
+  for (const Cell c : around_) {
+    if (!is_member(c)) continue;
+    const int at = delaunay_.index_of(c, v);
+    for (int i = 0; i < 4; ++i)
+      if (i != at && !is_member(delaunay_.neighbor(c, i))) out.push_back({c, i});
+  }
+}
+
 Side LeafMesh::find_side(Cell c) const {
   if (delaunay_.is_infinite(c)) return states_[c].side = Side::kFar;
   return find_side(corners(c), states_[c], balls_[c]);
@@ -429,49 +439,55 @@ void LeafMesh::appraise(const Delaunay::Change& change, PointKind kind,
   out.clear();
   for (const Delaunay::NewCell& cell : change.made) {
     std::array<Marks, 4> marks;
-    std::array<Point, 4> corners;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const LocalIndex v = cell.vertex[i];
-      marks[i] = v == change.vertex ? moved : marks_[v];
-      corners[i] = v == change.vertex ? change.place : delaunay_.point(v);
-    }
+    for (std::size_t i = 0; i < 4; ++i)
+      marks[i] = cell.vertex[i] == change.vertex ? moved : marks_[cell.vertex[i]];
     Prospect& prospect = out.emplace_back(Prospect{fresh_state(marks), {}});
-    find_side(corners, prospect.state, prospect.ball);
+    find_side(corners(change, cell), prospect.state, prospect.ball);
   }
 }
 
-LeafMesh::DualCrossings LeafMesh::dual_crossings(const Delaunay::Change& change,
-                                                 const std::vector<Prospect>& prospects,
-                                                 std::size_t cell, int index) const {
+std::array<Point, 4> LeafMesh::corners(const Delaunay::Change& change,
+                                       const Delaunay::NewCell& cell) const {
+  return {place(change, cell.vertex[0]), place(change, cell.vertex[1]),
+          place(change, cell.vertex[2]), place(change, cell.vertex[3])};
+}
+
+CellView LeafMesh::view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,
+                        std::size_t cell) const {
+  const CellBall& ball = prospects[cell].ball;
+  return {ball.center, ball.squared_radius, corners(change, change.made[cell])};
+}
+
+FacetView LeafMesh::view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,
+                         std::size_t cell, int index) const {
   const Delaunay::NewCell& here = change.made[cell];
-  const auto place = [&](LocalIndex v) -> const Point& {
-    return v == change.vertex ? change.place : delaunay_.point(v);
-  };
+  const std::array<LocalIndex, 3> vertices = facet_of(here.vertex, index);
   std::array<Point, 3> corners;
-  std::array<LocalIndex, 3> vertices;
-  for (std::size_t k = 0; k < 3; ++k) {
-    vertices[k] = here.vertex[std::size_t(kFacetCorners[std::size_t(index)][k])];
-    corners[k] = place(vertices[k]);
-  }
+  for (std::size_t k = 0; k < 3; ++k) corners[k] = place(change, vertices[k]);
   // The states are their caller's, who has more of them: what they learn here is lost.
   Prospect mine = prospects[cell], others;
-  const CellAtFacet at_here{&mine.state, &mine.ball, &place(here.vertex[std::size_t(index)])};
+  const CellAtFacet at_here{&mine.state, &mine.ball,
+                            &place(change, here.vertex[std::size_t(index)])};
   const bool is_past_surface = has_vertex(mine.state.own & mine.state.hidden, {0, index});
+  const bool are_all_on_surface = (mine.state.on_surface | 1 << index) == 0b1111;
   const std::uint32_t beyond = here.neighbor[std::size_t(index)];
   if ((beyond & Delaunay::kNewCell) == 0) {
     side(beyond);
     const auto& other = delaunay_.vertices(beyond);
     int off = 0;
     while (std::ranges::find(vertices, other[std::size_t(off)]) != vertices.end()) ++off;
-    return dual_crossings(corners, at_here, at_facet({beyond, off}), is_past_surface);
+    return {dual_crossings(corners, at_here, at_facet({beyond, off}), is_past_surface),
+            are_all_on_surface};
   }
   const std::size_t n = beyond & ~Delaunay::kNewCell;
   others = prospects[n];
   const auto& other = change.made[n].vertex;
   std::size_t off = 0;
   while (std::ranges::find(vertices, other[off]) != vertices.end()) ++off;
-  return dual_crossings(corners, at_here, {&others.state, &others.ball, &place(other[off])},
-                        is_past_surface);
+  return {
+      dual_crossings(corners, at_here, {&others.state, &others.ball, &place(change, other[off])},
+                     is_past_surface),
+      are_all_on_surface};
 }
 
 void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {

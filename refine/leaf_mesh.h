@@ -1,5 +1,7 @@
 // LeafMesh: the Delaunay triangulation of a leaf's local points, seen against the surface: which
 // cells belong to the mesh, where dual edges cross the surface. Internal to refine/.
+//
+// Threads: used by one at a time; const functions note what they find, and use scratch.
 #pragma once
 
 #include <array>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "refine/circumcenter.h"
+#include "refine/conditions.h"
 #include "refine/delaunay.h"
 #include "refine/leaf.h"
 #include "refine/point_cubes.h"
@@ -61,15 +64,6 @@ class LeafMesh {
   using Cell = Delaunay::Cell;
   using Facet = Delaunay::Facet;
   static constexpr Cell kNoCell = Delaunay::kNone;
-
-  // How the dual edge of a facet meets the surface.
-  struct DualCrossings {
-    int count = 0;
-    Point ball_center;              // of the largest surface ball
-    double squared_radius = 0;      // of that ball
-    std::optional<Point> open_end;  // an end that was cut at the reach and lies inside the domain
-    double open_radius = 0;
-  };
 
   struct Local {
     MeshPoint point;
@@ -153,6 +147,11 @@ class LeafMesh {
   std::optional<std::array<LocalIndex, 3>> boundary_facet(Facet f) const;
   // REQUIRES: neither cell of the facet is kBeyond
   DualCrossings dual_crossings(Facet f) const;
+  // The facets of the mesh's boundary at the vertex, each of its cell in the mesh.
+  void boundary_at(LocalIndex v, std::vector<Facet>& out) const;
+  // What conditions.h judges. REQUIRES: the cell is of the mesh; of the facet, as dual_crossings()
+  CellView view(Cell c) const { return {balls_[c].center, balls_[c].squared_radius, corners(c)}; }
+  FacetView view(Facet f) const { return {dual_crossings(f), is_on_surface(f)}; }
 
   // ---- The same of cells that a change would make (Delaunay::Change).
   struct Prospect {
@@ -161,9 +160,14 @@ class LeafMesh {
   };
   // What `change` makes, if its vertex is then an own point of this kind. Sides are known.
   void appraise(const Delaunay::Change& change, PointKind kind, std::vector<Prospect>& out) const;
-  DualCrossings dual_crossings(const Delaunay::Change& change,
-                               const std::vector<Prospect>& prospects, std::size_t cell,
-                               int index) const;
+  CellView view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,
+                std::size_t cell) const;
+  FacetView view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,
+                 std::size_t cell, int index) const;
+  // Where a vertex is then.
+  const Point& place(const Delaunay::Change& change, LocalIndex v) const {
+    return v == change.vertex ? change.place : delaunay_.point(v);
+  }
 
   void note_facet_seen(Facet f) {
     states_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
@@ -259,6 +263,7 @@ class LeafMesh {
   DualCrossings dual_crossings(const std::array<Point, 3>& corners, const CellAtFacet& here,
                                const CellAtFacet& there, bool is_past_surface) const;
   static CellState fresh_state(const std::array<Marks, 4>& marks);
+  std::array<Point, 4> corners(const Delaunay::Change& change, const Delaunay::NewCell& cell) const;
   double clearance(CellState& state, CellBall& ball) const;
   bool is_deep(CellState& state, CellBall& ball) const;
   bool is_off_surface(Side here, Side there, const Point& from, const Point& to,

@@ -306,7 +306,7 @@ class LeafMeasure {
         around_(input.frame.box(input.leaf).expanded(1.001 * input.frame.side(coarsest_))),
         curvatures_(triangles_, StopPoll(stop)) {}
 
-  double num_pieces() const {
+  double num_pieces() {
     constexpr double kPieces = 4;  // halves come down to between half of the length and all of it
     double num = 0;
     for (std::size_t n = 0; n < triangles_.size(); ++n) {
@@ -625,7 +625,7 @@ class LeafMeasure {
   const MeasureInput& input_;
   const SizeRules& rules_;
   const SurfacePatch* surface_;
-  mutable StopPoll poll_;
+  StopPoll poll_;
   std::span<const Triangle> triangles_;
   Point origin_;  // of places
   int finest_, coarsest_;

@@ -14,12 +14,11 @@
 
 #include "octree/site_block.h"
 #include "octree/sort_and_unite.h"
-#include "refine/cell_shape.h"
+#include "refine/conditions.h"
 #include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
 #include "refine/predicates.h"
 #include "refine/revisit.h"
-#include "refine/vertex_link.h"
 
 namespace locvol {
 namespace {
@@ -34,14 +33,6 @@ struct FacetRef {
   int index = 0;
   Facet facet() const { return {here.cell, index}; }
 };
-
-// Of the facet of the cell opposite its vertex i; the vertex is `at`.
-LinkEdge link_edge(const std::array<LocalIndex, 4>& cell, int i, int at) {
-  LinkEdge edge;
-  for (int k = 0; k < 4; ++k)
-    if (k != i && k != at) (edge.a == kInfiniteVertex ? edge.a : edge.b) = cell[std::size_t(k)];
-  return edge;
-}
 
 // The names of what the items' numbers are numbers of, ascending: from now on these are places
 // among them. `vertices_of`: of an item, the numbers; they are below `bound`
@@ -114,8 +105,12 @@ class Refinement {
  private:
   enum class Outcome { kChanged, kBlocked };
 
+  // What may be violated, by condition: first come, first served. The last come first would stay in
+  // one place and pile up points there: twice as many for C6 between the folds of a rough surface.
   template <class Ref>
-  using Cure = Outcome (Refinement::*)(const Ref&, int condition);
+  using Waiting = std::array<std::deque<Ref>, kC6 + 1>;
+  template <class Ref>
+  using Cure = Outcome (Refinement::*)(const Ref&, Condition condition);
 
   bool restore_next();
   bool is_alive(const CellRef& ref) const { return mesh_.is_alive(ref); }
@@ -123,7 +118,7 @@ class Refinement {
   template <class Ref>
   std::optional<Ref> pop_alive(std::deque<Ref>& waiting) const;
   template <class Ref>
-  bool restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> cure);
+  bool restore_next(Waiting<Ref>& waiting, Condition condition, Cure<Ref> cure);
   bool restore_next_disk();
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
@@ -131,17 +126,17 @@ class Refinement {
   void look_at_vertex(LocalIndex v);
   void pass_disks();
 
-  Outcome restore_facet(const FacetRef& facet, int condition);
+  Outcome restore_facet(const FacetRef& facet, Condition condition);
   Outcome restore_disk(LocalIndex v);
   Outcome restore_lost_part(LocalIndex v);
   const PointCubes& corners();
   void start_from_corners();
-  Outcome restore_open_end(const FacetRef& facet, int condition);
-  Outcome restore_cell(const CellRef& cell, int condition);
+  Outcome restore_open_end(const FacetRef& facet, Condition condition);
+  Outcome restore_cell(const CellRef& cell, Condition condition);
 
-  bool is_disk(LocalIndex v, std::vector<Facet>& star) const;
-  Outcome insert_on_surface(const Point& q, int condition, Cell hint);
-  Outcome insert_in_volume(const Point& q, int condition, Cell hint);
+  bool is_disk(LocalIndex v, std::vector<Facet>& star);
+  Outcome insert_on_surface(const Point& q, Condition condition, Cell hint);
+  Outcome insert_in_volume(const Point& q, Condition condition, Cell hint);
   bool take_in_missing(const Point& q, Cell hint) {
     return take_in_unloaded(q, hint) || take_in_ghosts(q, hint) || take_in_core(q, hint);
   }
@@ -155,8 +150,8 @@ class Refinement {
     Cell cell = LeafMesh::kNoCell;  // of its facet
   };
   std::optional<SurfaceBall> encroached_ball(const Point& q) const;
-  VertexRef new_point(const Point& q, PointKind kind, int condition);
-  void insert(const Point& q, PointKind kind, int condition);
+  VertexRef new_point(const Point& q, PointKind kind, Condition condition);
+  void insert(const Point& q, PointKind kind, Condition condition);
   std::optional<std::vector<Point>> others_changed(const Point& q) const;
   void forget_changed();
   void delete_volume_points_near(const Point& q);
@@ -170,8 +165,8 @@ class Refinement {
     const double least = surroundings_.sizes.has_shapes() ? 1 - surroundings_.sizes.growth() : 1;
     return least * mesh_.scaled(input_.criteria.reach, size);
   }
-  bool is_in_fold(const Point& q) const;
-  bool is_in_fold(Facet f) const;  // all of its vertices are
+  bool is_in_fold(const Point& q);
+  bool is_in_fold(Facet f);  // all of its vertices are
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
@@ -197,15 +192,14 @@ class Refinement {
   const LeafInput& input_;
   const Surroundings& surroundings_;
   const OnStep& on_step_;
+  const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   LeafMesh mesh_;
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
-  // What may be violated, by condition: first come, first served. The last come first would stay in
-  // one place and pile up points there: twice as many for C6 between the folds of a rough surface.
-  std::deque<FacetRef> c1_, c2_, c4_, open_ends_;
-  std::vector<LocalIndex> c3_;
-  std::deque<CellRef> c5_, c6_;
+  Waiting<FacetRef> facets_;
+  Waiting<CellRef> cells_;
+  std::vector<LocalIndex> c3_;  // vertices that may break it: the last come first
   std::vector<bool> is_in_c3_;
 
   // Violations whose cure the spacing floor forbade when it was tried.
@@ -217,15 +211,14 @@ class Refinement {
   Violation attempt_;  // the last insertion that was tried
 
   LeafMesh::Conflict conflict_;
-  mutable std::vector<Facet> star_;
-  mutable std::vector<LinkEdge> link_;
-  mutable std::vector<Cell> around_;
+  std::vector<Facet> star_;
+  std::vector<LinkEdge> link_;
   std::vector<Point> corners_;
   std::optional<PointCubes> corner_cubes_;  // once they are asked for
   std::vector<MeshPoint> near_;             // taken in before an insertion
   std::vector<LocalIndex> leaving_;         // deleted by the insertion at hand
-  mutable std::vector<Triangle> near_triangles_;
-  mutable std::vector<Point> sheets_;     // normals of triangles nearby
+  std::vector<Triangle> near_triangles_;
+  std::vector<Point> sheets_;             // normals of triangles nearby
   StopPoll poll_{surroundings_.stop, 8};  // of restore_next()
 };
 
@@ -273,18 +266,18 @@ void Refinement::forget_changed() {
 bool Refinement::restore_next() {
   poll_();
   look_at_fresh_cells();
-  return restore_next(c1_, 1, &Refinement::restore_facet) ||
-         restore_next(c2_, 2, &Refinement::restore_facet) ||
-         restore_next(open_ends_, 5, &Refinement::restore_open_end) || restore_next_disk() ||
-         restore_next(c4_, 4, &Refinement::restore_facet) ||
-         restore_next(c5_, 5, &Refinement::restore_cell) ||
-         restore_next(c6_, 6, &Refinement::restore_cell);
+  return restore_next(facets_, kC1, &Refinement::restore_facet) ||
+         restore_next(facets_, kC2, &Refinement::restore_facet) ||
+         restore_next(facets_, kC5, &Refinement::restore_open_end) || restore_next_disk() ||
+         restore_next(facets_, kC4, &Refinement::restore_facet) ||
+         restore_next(cells_, kC5, &Refinement::restore_cell) ||
+         restore_next(cells_, kC6, &Refinement::restore_cell);
 }
 
 // What survives its cure (the center of a surface ball was inserted in its place) is tried again.
 template <class Ref>
-bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref> cure) {
-  const auto ref = pop_alive(waiting);
+bool Refinement::restore_next(Waiting<Ref>& waiting, Condition condition, Cure<Ref> cure) {
+  const auto ref = pop_alive(waiting[condition]);
   if (!ref) return false;
   const std::size_t num_before = mesh_.num_locals();
   if ((this->*cure)(*ref, condition) == Outcome::kBlocked) {
@@ -292,7 +285,7 @@ bool Refinement::restore_next(std::deque<Ref>& waiting, int condition, Cure<Ref>
     tell_blocked();
   } else if (is_alive(*ref)) {
     if (mesh_.num_locals() == num_before) throw_unchanged();
-    waiting.push_back(*ref);
+    waiting[condition].push_back(*ref);
   }
   return true;
 }
@@ -338,7 +331,7 @@ void Refinement::pass_disks() {
       for (int at = 0; at < 4; ++at) {
         if (at == i || (corners >> at & 1) == 0) continue;
         const LocalIndex v = delaunay.vertex(cell, at);
-        found.emplace_back(v, link_edge(delaunay.vertices(cell), i, at));
+        found.emplace_back(v, link_edge(delaunay.vertices(cell), i, v));
         ++first[v + 2];
       }
     }
@@ -349,7 +342,7 @@ void Refinement::pass_disks() {
 
   std::erase_if(c3_, [&](LocalIndex v) {
     const std::span link(edges.data() + first[v], edges.data() + first[v + 1]);
-    if (!is_cycle(link)) return false;
+    if (link.empty() || judge(StarView{link})) return false;
     is_in_c3_[v] = false;
     return true;
   });
@@ -365,13 +358,8 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
       look_at(Facet{cell, i});
   }
   if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
-  const CellRef ref = mesh_.ref(cell);
-  const double ratio = input_.criteria.radius_edge_bound;
-  const double squared_radius = mesh_.ball(cell).squared_radius;
-  if (!surroundings_.sizes.is_below(squared_radius, 1, mesh_.ball(cell).center))
-    c5_.push_back(ref);
-  else if (squared_radius > ratio * ratio * shortest_edge_squared(mesh_.corners(cell)))
-    c6_.push_back(ref);
+  if (const auto broken = judge(mesh_.view(cell), bounds_))
+    cells_[*broken].push_back(mesh_.ref(cell));
 }
 
 void Refinement::look_at(Facet facet) {
@@ -380,17 +368,10 @@ void Refinement::look_at(Facet facet) {
   mesh_.note_facet_seen(facet);
   mesh_.note_facet_seen({there, delaunay.index_of_neighbor(there, here)});
   if (delaunay.is_infinite(facet)) return;
-  const auto dual = mesh_.dual_crossings(facet);
+  const FacetView view = mesh_.view(facet);
   const FacetRef ref{mesh_.ref(here), mesh_.ref(there), facet.index};
-  if (dual.open_end) open_ends_.push_back(ref);
-  if (dual.count == 0) return;
-  const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
-  if (dual.squared_radius >= size * size)
-    c1_.push_back(ref);
-  else if (!mesh_.is_on_surface(facet))
-    c2_.push_back(ref);
-  else if (dual.count > 1)
-    c4_.push_back(ref);
+  if (const auto broken = judge_end(view)) facets_[*broken].push_back(ref);
+  if (const auto broken = judge(view, bounds_)) facets_[*broken].push_back(ref);
 }
 
 void Refinement::look_at_vertex(LocalIndex v) {
@@ -401,38 +382,28 @@ void Refinement::look_at_vertex(LocalIndex v) {
   c3_.push_back(v);
 }
 
-// Whether the boundary facets at v (in `star`) form a disk around it: their edges opposite v make
-// one cycle. True without any: such vertices lie inside or are unused.
-bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) const {
-  const Delaunay& delaunay = mesh_.delaunay();
-  star.clear();
+// Whether the boundary facets at v (in `star`) meet C3.
+bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) {
+  mesh_.boundary_at(v, star);
   link_.clear();
-  delaunay.cells_around(v, around_);
-  for (const Cell c : around_) {
-    if (!mesh_.is_member(c)) continue;
-    const int at = delaunay.index_of(c, v);
-    for (int i = 0; i < 4; ++i) {
-      if (i == at || mesh_.is_member(delaunay.neighbor(c, i))) continue;
-      star.push_back({c, i});
-      link_.push_back(link_edge(delaunay.vertices(c), i, at));
-    }
-  }
-  return star.empty() || is_cycle(link_);
+  for (const Facet& f : star)
+    link_.push_back(link_edge(mesh_.delaunay().vertices(f.cell), f.index, v));
+  return !judge(StarView{link_});
 }
 
 // ---- Restoring ----------------------------------------------------------------------------------
 
-Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, int condition) {
+Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, Condition condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   attempt_ = {condition, dual.ball_center, std::sqrt(dual.squared_radius)};
-  if (condition == 4 && is_in_fold(dual.ball_center) && is_in_fold(ref.facet()))
+  if (condition == kC4 && is_in_fold(dual.ball_center) && is_in_fold(ref.facet()))
     return Outcome::kBlocked;
   return insert_on_surface(dual.ball_center, condition, ref.here.cell);
 }
 
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   if (is_disk(v, star_)) return star_.empty() ? restore_lost_part(v) : Outcome::kChanged;
-  LeafMesh::DualCrossings largest;
+  DualCrossings largest;
   Cell hint = LeafMesh::kNoCell;
   for (const Facet& f : star_) {
     const auto dual = mesh_.dual_crossings(f);
@@ -442,12 +413,12 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
       hint = f.cell;
     }
   }
-  attempt_ = {3, mesh_.local(v).point.position, 0};
+  attempt_ = {kC3, mesh_.local(v).point.position, 0};
   if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
-  attempt_ = {3, largest.ball_center, std::sqrt(largest.squared_radius)};
+  attempt_ = {kC3, largest.ball_center, std::sqrt(largest.squared_radius)};
   if (is_in_fold(mesh_.local(v).point.position) && is_in_fold(largest.ball_center))
     return Outcome::kBlocked;
-  const Outcome outcome = insert_on_surface(largest.ball_center, 3, hint);
+  const Outcome outcome = insert_on_surface(largest.ball_center, kC3, hint);
   // Again: where points of P were missing, only those came, perhaps far from v.
   if (outcome == Outcome::kChanged) look_at_vertex(v);
   return outcome;
@@ -461,8 +432,8 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const double size = surroundings_.sizes.on_surface_at(p), floor = floor_at(p);
   const auto q = mesh_.farthest_in_voronoi_cell(v, corners(), floor, size);
   if (!q) return Outcome::kChanged;
-  attempt_ = {3, *q, std::sqrt(squared_distance(p, *q))};
-  const Outcome outcome = insert_on_surface(*q, 3, mesh_.delaunay().cell_of(v));
+  attempt_ = {kC3, *q, std::sqrt(squared_distance(p, *q))};
+  const Outcome outcome = insert_on_surface(*q, kC3, mesh_.delaunay().cell_of(v));
   if (outcome == Outcome::kBlocked) return outcome;
   look_at_vertex(v);  // again, and the new one: nothing else might have changed
   look_at_vertex(static_cast<LocalIndex>(mesh_.num_locals() - 1));
@@ -506,7 +477,7 @@ void Refinement::start_from_corners() {
     const auto farthest = std::ranges::max_element(corners, {}, distance);
     const double floor = floor_at(*farthest);
     if (distance(*farthest) <= floor * floor) return;
-    const VertexRef ref = new_point(*farthest, PointKind::kSurface, 3);
+    const VertexRef ref = new_point(*farthest, PointKind::kSurface, kC3);
     mesh_.insert_first({ref, *farthest, PointKind::kSurface}, ref);
     corners.erase(farthest);
   }
@@ -514,14 +485,14 @@ void Refinement::start_from_corners() {
 
 // A dual edge that is still inside where balls are no longer known to be empty: its end is a
 // point of the domain farther than λ from P.
-Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, int condition) {
+Refinement::Outcome Refinement::restore_open_end(const FacetRef& ref, Condition condition) {
   const auto dual = mesh_.dual_crossings(ref.facet());
   if (!dual.open_end) return Outcome::kChanged;
   attempt_ = {condition, *dual.open_end, dual.open_radius};
   return insert_in_volume(*dual.open_end, condition, ref.here.cell);
 }
 
-Refinement::Outcome Refinement::restore_cell(const CellRef& ref, int condition) {
+Refinement::Outcome Refinement::restore_cell(const CellRef& ref, Condition condition) {
   const CellBall ball = mesh_.ball(ref.cell);  // the cell's own goes with it
   attempt_ = {condition, ball.center, std::sqrt(ball.squared_radius)};
   return insert_in_volume(ball.center, condition, ref.cell);
@@ -562,7 +533,7 @@ void Refinement::note_taken_in(const MeshPoint& p) {
   tell(RefineStep::Action::kTakeIn, attempt_.condition, p.id, p);
 }
 
-Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition, Cell hint) {
+Refinement::Outcome Refinement::insert_on_surface(const Point& q, Condition condition, Cell hint) {
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   mesh_.volume_points_near(q, std::min(input_.criteria.size, kCleared * attempt_.radius), leaving_);
@@ -572,7 +543,7 @@ Refinement::Outcome Refinement::insert_on_surface(const Point& q, int condition,
   return Outcome::kChanged;
 }
 
-Refinement::Outcome Refinement::insert_in_volume(const Point& q, int condition, Cell hint) {
+Refinement::Outcome Refinement::insert_in_volume(const Point& q, Condition condition, Cell hint) {
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   if (const auto ball = encroached_ball(q)) {
@@ -607,7 +578,7 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
         continue;
       const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
       const double margin = loaded_around(size) - size;
-      if (dual.squared_radius >= size * size ||
+      if (!has_small_balls(dual, size) ||
           input_.box.squared_distance(dual.ball_center) > margin * margin)
         continue;
       squared_radius = dual.squared_radius;
@@ -625,7 +596,7 @@ bool Refinement::is_blocked(const Point& q) const {
 // Whether two sheets of the surface face each other at q, closer than the spacing floor. To tell
 // them apart takes samples about as close as they are (measured on parallel sheets: 1.07 of their
 // distance), so what is inserted there for C3 or C4 comes down to the floor, and is of no use.
-bool Refinement::is_in_fold(const Point& q) const {
+bool Refinement::is_in_fold(const Point& q) {
   constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
   const double floor = floor_at(q);
   surroundings_.surface.triangles_near(q, floor, near_triangles_);
@@ -648,7 +619,7 @@ bool Refinement::is_in_fold(const Point& q) const {
       sheets_, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
 }
 
-bool Refinement::is_in_fold(Facet f) const {
+bool Refinement::is_in_fold(Facet f) {
   for (int i = 0; i < 4; ++i)
     if (i != f.index && !is_in_fold(mesh_.point(f.cell, i))) return false;
   return true;
@@ -669,18 +640,18 @@ void Refinement::delete_volume_points_near(const Point& q) {
   if (mesh_.has_cells()) mesh_.find_conflict(q, mesh_.delaunay().newest_cell(), conflict_);
 }
 
-VertexRef Refinement::new_point(const Point& q, PointKind kind, int condition) {
+VertexRef Refinement::new_point(const Point& q, PointKind kind, Condition condition) {
   if (input_.max_insertions > 0 && ++num_insertions_ > input_.max_insertions)
     throw RefineError(fmt::format("more than {} insertions{}, the last near ({}, {}, {}) for C{}",
-                                  input_.max_insertions, place(), q.x, q.y, q.z, condition));
+                                  input_.max_insertions, place(), q.x, q.y, q.z, int{condition}));
   const VertexRef ref = kNewPoint | delta_.inserted.size();
   delta_.inserted.push_back({q, kind, false, std::nullopt});
-  ++delta_.stats.insertions[std::size_t(condition - 1)];
+  ++delta_.stats.insertions[std::size_t{condition} - 1];
   tell(RefineStep::Action::kInsert, condition, ref, {0, q, kind});
   return ref;
 }
 
-void Refinement::insert(const Point& q, PointKind kind, int condition) {
+void Refinement::insert(const Point& q, PointKind kind, Condition condition) {
   const VertexRef ref = new_point(q, kind, condition);
   if (surroundings_.core) surroundings_.core->append_met(q, delta_.met_core);
   if (!mesh_.has_cells()) {

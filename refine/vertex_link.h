@@ -2,9 +2,12 @@
 // Internal to refine/.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "refine/delaunay.h"
 
@@ -13,6 +16,18 @@ namespace locvol {
 struct LinkEdge {
   Delaunay::Vertex a = Delaunay::kInfinite, b = Delaunay::kInfinite;
 };
+
+// Of a facet of v.
+inline LinkEdge link_edge(const std::array<Delaunay::Vertex, 3>& facet, Delaunay::Vertex v) {
+  const auto& [a, b, c] = facet;
+  return a == v ? LinkEdge{b, c} : b == v ? LinkEdge{a, c} : LinkEdge{a, b};
+}
+
+// The same of the facet of a cell that its vertex `off` is opposite.
+inline LinkEdge link_edge(const std::array<Delaunay::Vertex, 4>& cell, int off,
+                          Delaunay::Vertex v) {
+  return link_edge(facet_of(cell, off), v);
+}
 
 // Tells whether the edges make one cycle, so that the facets are a disk: from edge to edge, each
 // has one that goes on. They change places.
@@ -31,5 +46,13 @@ inline bool is_cycle(std::span<LinkEdge> link) {
   }
   return here == link[0].a;
 }
+
+struct LinkPath {
+  std::array<Delaunay::Vertex, 2> ends;  // ascending
+  std::vector<Delaunay::Vertex> between;
+};
+
+// That edges make, if they make one.
+std::optional<LinkPath> path_of(std::span<const LinkEdge> edges);
 
 }  // namespace locvol

@@ -5,16 +5,11 @@
 
 #include "refine/cell_shape.h"
 #include "refine/circumcenter.h"
+#include "refine/conditions.h"
 #include "refine/exact_predicates.h"
 
 namespace locvol {
 namespace {
-
-// Of the facet opposite the vertex `off`.
-std::array<Delaunay::Vertex, 3> corners_of(const std::array<Delaunay::Vertex, 4>& cell, int off) {
-  const auto& [a, b, c] = kFacetCorners[std::size_t(off)];
-  return {cell[std::size_t(a)], cell[std::size_t(b)], cell[std::size_t(c)]};
-}
 
 bool is_same_facet(const std::array<Delaunay::Vertex, 3>& a,
                    const std::array<Delaunay::Vertex, 3>& b) {
@@ -50,7 +45,7 @@ bool VertexMove::take_out(Vertex v) {
     marks_[c].star = star_stamp_;
     const int at = delaunay_.index_of(c, v);
     Open facet;
-    facet.corner = corners_of(delaunay_.vertices(c), at);
+    facet.corner = facet_of(delaunay_.vertices(c), at);
     for (const Vertex w : facet.corner)
       if (place_on_border(w) == link_.size()) link_.push_back(w);
     facet.beyond = delaunay_.neighbor(c, at);
@@ -91,7 +86,7 @@ bool VertexMove::fill_hole() {
     };
     meet(facet);
     for (std::size_t i = 0; i < 3; ++i) {
-      const auto corner = corners_of(cell.vertex, int(i));
+      const auto corner = facet_of(cell.vertex, int(i));
       const Open next{{corner[0], corner[2], corner[1]}, kNew | h, int(i)};
       const auto other = std::ranges::find_if(
           open_, [&](const Open& o) { return is_same_facet(o.corner, next.corner); });
@@ -230,7 +225,7 @@ bool is_too_large(const VertexMove::Limits& limits, const std::array<Point, 4>& 
       way.is_known() ? 0.25 * (1 + kSlack) * (1 + kSlack) * dot(twice, twice)
                      : circumball(corners, std::numeric_limits<double>::infinity()).squared_radius;
   return !(squared_radius < limits.squared_radius) ||
-         squared_radius > limits.squared_ratio * shortest_edge_squared(corners);
+         !is_round(squared_radius, corners, limits.radius_edge);
 }
 
 }  // namespace
@@ -250,7 +245,7 @@ bool VertexMove::spread(const Point& q, const Limits& limits) {
         if (known == Seen::kInside) inside_.push_back(next);
       }
       if (known == Seen::kInside) continue;
-      const auto corner = corners_of(vertices(here), i);
+      const auto corner = facet_of(vertices(here), i);
       if (std::ranges::find(corner, Delaunay::kInfinite) != corner.end()) return false;
       const Point &a = point(corner[0]), &b = point(corner[1]), &c = point(corner[2]);
       const WayToCenter way = way_to_center(a - q, b - q, c - q);

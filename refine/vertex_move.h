@@ -31,7 +31,7 @@ class VertexMove {
   struct Limits {
     double cosine = 1;                                                // of its dihedral angles
     double squared_radius = std::numeric_limits<double>::infinity();  // of its circumsphere
-    double squared_ratio = std::numeric_limits<double>::infinity();   // of that to its edges
+    double radius_edge = std::numeric_limits<double>::infinity();     // its ratio
     bool are_any() const { return cosine < 1; }
   };
 
