@@ -1,4 +1,5 @@
-// The point of a segment or a triangle that is closest to a place. Internal to refine/.
+// The point of a segment or a triangle that is closest to a place. For what builds the mesh; the
+// audit has its own (predicates.h).
 #pragma once
 
 #include <algorithm>
@@ -26,6 +27,10 @@ inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Poin
   return std::ranges::min(
       {closest_on_segment(a, b, q), closest_on_segment(b, c, q), closest_on_segment(c, a, q)}, {},
       [&](const Point& p) { return squared_distance(p, q); });
+}
+
+inline double squared_distance(const Triangle& triangle, const Point& q) {
+  return squared_distance(closest_on_triangle(triangle.corners, q), q);
 }
 
 }  // namespace locvol

@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "refine/box_tree.h"
+#include "refine/closest_point.h"
 #include "refine/fragment.h"
-#include "refine/predicates.h"
 
 namespace locvol {
 namespace {
@@ -536,7 +536,7 @@ class LeafMeasure {
     double squared = radius * radius;
     tree_.for_each_within(p, squared, [&](std::uint32_t n) {
       const Point& normal = curvatures_.of(n).normal;
-      if (normal == Point{} || distance_to_triangle(p, triangles_[n]) >= radius) return;
+      if (normal == Point{} || squared_distance(triangles_[n], p) >= radius * radius) return;
       const double side = dot(normal, across);
       const double lean = std::atan2(dot(normal, out), std::abs(side));
       auto& [least, largest] = leans[side > 0 ? 0 : 1];

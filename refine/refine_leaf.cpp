@@ -14,10 +14,10 @@
 
 #include "octree/site_block.h"
 #include "octree/sort_and_unite.h"
+#include "refine/closest_point.h"
 #include "refine/conditions.h"
 #include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
-#include "refine/predicates.h"
 #include "refine/revisit.h"
 
 namespace locvol {
@@ -601,17 +601,17 @@ bool Refinement::is_in_fold(const Point& q) {
   const double floor = floor_at(q);
   surroundings_.surface.triangles_near(q, floor, near_triangles_);
   sheets_.clear();
-  double nearest = floor;
+  double nearest = floor * floor;
   Point normal;
   for (const Triangle& t : near_triangles_) {
-    const double distance = distance_to_triangle(q, t);
+    const double squared = squared_distance(t, q);
     const auto& [a, b, c] = t.corners;
     const Point area = cross(b - a, c - a);
     const double length = norm(area);
-    if (!(distance < floor && length > 0)) continue;
+    if (!(squared < floor * floor && length > 0)) continue;
     sheets_.push_back((1 / length) * area);
-    if (distance < nearest) {
-      nearest = distance;
+    if (squared < nearest) {
+      nearest = squared;
       normal = sheets_.back();
     }
   }

@@ -39,25 +39,6 @@ bool meets_with_slack(const Triangle& t, const Box& triangle_box, const Box& box
   return triangle_box.overlaps(box.expanded(slack)) && !plane_misses(t, box, slack);
 }
 
-double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
-  return squared_distance(p, closest_on_segment(a, b, p));
-}
-
-double squared_distance_to_triangle(const Point& p, const Triangle& t) {
-  const auto& [a, b, c] = t.corners;
-  const Point n = cross(b - a, c - a);
-  const double nn = dot(n, n);
-  const bool is_above = nn > 0 && dot(cross(b - a, p - a), n) >= 0 &&
-                        dot(cross(c - b, p - b), n) >= 0 && dot(cross(a - c, p - c), n) >= 0;
-  if (is_above) {
-    const double d = dot(p - a, n);
-    return d * d / nn;
-  }
-  return std::min(
-      std::min(squared_distance_to_segment(p, a, b), squared_distance_to_segment(p, b, c)),
-      squared_distance_to_segment(p, c, a));
-}
-
 Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
   const auto& [u, v, w] = triangle.corners;
   const Point n = cross(v - u, w - u);
@@ -527,7 +508,7 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
   Impl::Recent far;
   const auto is_far = [&](Impl::Index t) {
     if (impl_->boxes[t].squared_distance(p) >= bound || far.holds(t)) return true;
-    if (squared_distance_to_triangle(p, impl_->triangles[t]) < bound) return false;
+    if (squared_distance(impl_->triangles[t], p) < bound) return false;
     far.add(t);
     return true;
   };

@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "octree/sort_and_unite.h"
-#include "refine/predicates.h"
+#include "refine/closest_point.h"
 
 namespace locvol {
 namespace {
@@ -185,10 +185,10 @@ class HangingCells {
     std::multimap<Point, std::uint64_t> at;
     for (const MortonKey leaf : around_)
       for (const Triangle& t : state_.leaves().surface(leaf).triangles)
-        if (distance_to_triangle(p, t) <= far && near.emplace(t.id, t).second)
+        if (squared_distance(t, p) <= far * far && near.emplace(t.id, t).second)
           for (const Point& corner : t.corners) at.emplace(corner, t.id);
     const auto nearest = std::ranges::min_element(
-        near, {}, [&](const auto& t) { return distance_to_triangle(p, t.second); });
+        near, {}, [&](const auto& t) { return squared_distance(t.second, p); });
     if (nearest == near.end()) return false;
     std::set<std::uint64_t> met{nearest->first};
     std::vector<std::uint64_t> next{nearest->first};

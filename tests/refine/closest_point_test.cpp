@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include "refine/predicates.h"
 #include "tests/refine/shapes.h"
 
 namespace locvol {
@@ -53,6 +54,22 @@ TEST(ClosestPoint, NoneIsCloser) {
       EXPECT_LE(norm(closest - q), norm(a + u * (b - a) + v * (c - a) - q) + 1e-12)
           << "seed " << kSeed << ", case " << n;
     }
+  }
+}
+
+// The audit's exact distances, of needles as well.
+TEST(ClosestPoint, IsAsFarAsExactArithmeticSays) {
+  constexpr unsigned kSeed = 7;
+  shapes::Random random(kSeed);
+  const Box space{{-1, -1, -1}, {1, 1, 1}};
+  for (int n = 0; n < 500; ++n) {
+    const Point a = shapes::uniform_in(random, space), q = shapes::uniform_in(random, space),
+                b = shapes::uniform_in(random, space);
+    const double height = n % 2 == 0 ? 1 : 1e-4;
+    const Triangle triangle{0, {a, b, 0.5 * (a + b) + height * shapes::uniform_in(random, space)}};
+    EXPECT_NEAR(std::sqrt(squared_distance(triangle, q)), exact_distance_to_triangle(q, triangle),
+                1e-10)
+        << "seed " << kSeed << ", case " << n;
   }
 }
 
