@@ -64,7 +64,7 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
   } catch (const Stopped&) {
     return interrupted(store);
   }
-  if (until < Phase::kDone) return interrupted(store);
+  if (until != Phase::kDone) return interrupted(store);
   RunSummary summary = summarize(store.snapshot());
   require_cells(summary.run);
   return summary;

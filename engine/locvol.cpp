@@ -123,22 +123,15 @@ std::filesystem::path scratch_directory(const std::filesystem::path& named) {
 }
 
 Stage public_stage(Phase phase) {
-  switch (phase) {
-    case Phase::kIngest:
+  if (phase == Phase::kDone) return Stage::kDone;
+  switch (stage_of(phase)) {
+    case RunStage::kIngest:
       return Stage::kIngest;
-    case Phase::kMeasure:
-    case Phase::kSize:
-    case Phase::kScatter:
-    case Phase::kCover:
-    case Phase::kFill:
+    case RunStage::kInitialize:
       return Stage::kInitialize;
-    case Phase::kRefine:
-    case Phase::kMend:
+    default:
       return Stage::kRefine;
-    case Phase::kDone:
-      return Stage::kDone;
   }
-  return Stage::kDone;
 }
 
 Status status_of(const Progress& progress) {

@@ -12,6 +12,7 @@
 #include "engine/exchange/hosted_ranks.h"
 #include "engine/exchange/recorded_exchange.h"
 #include "engine/ingest/surface_input.h"
+#include "engine/plan/phases.h"
 #include "engine/plan/run_setup.h"
 #include "engine/plan/same_run.h"
 #include "engine/ranks/counts_of_ranks.h"
@@ -111,15 +112,9 @@ void move_to_equal_shares(const std::filesystem::path& own,
   next.take_place(parts, exchange);
 }
 
-// Before which phase leaves are to move next, if at all: to have copies as far as sizes ask for;
-// and where most of the work begins, if shares are not equal.
+// Before which phase leaves are to move next, if at all.
 Phase next_move(const Reader& reader) {
-  const RunRecord run = reader.run().value();
-  const Phase moved_at = reader.rank().value().moved_at;
-  const bool has_sizes = !run.parameters.sizes().is_uniform();
-  if (has_sizes && moved_at < Phase::kCover && run.phase <= Phase::kCover) return Phase::kCover;
-  if (moved_at < Phase::kRefine && run.phase <= Phase::kRefine) return Phase::kRefine;
-  return Phase::kDone;
+  return next_move(reader.run().value(), reader.rank().value().moved_at);
 }
 
 // With the counts of all parts, whichever ranks have them.
@@ -171,17 +166,6 @@ RunSummary summarize(const Reader& own, Exchange& exchange) {
   return summary;
 }
 
-// After a start: are some ranks finding sizes, and all so far that they may tell of their surface?
-bool is_surface_shared(const Reader& own, Exchange& exchange) {
-  const RunRecord run = own.run().value();
-  if (run.parameters.sizes().is_uniform()) return false;  // the same on all
-  const bool is_before =
-      run.phase < Phase::kSize ||
-      (run.phase == Phase::kSize && own.rank()->stage < first_stage_with_surface(run));
-  const std::uint64_t standing = is_before ? 0 : run.phase == Phase::kSize ? 1 : 2;
-  return smallest(exchange, standing) == 1;
-}
-
 struct Sitting {
   bool is_stopped = false;
   double cpu_of_visits = 0;
@@ -200,11 +184,11 @@ Sitting sit(Store& store, const std::optional<HeldRun>& held, const RunControl& 
   // The same on all: a rank that is ahead may know already that leaves stay.
   const auto until = static_cast<Phase>(
       smallest(exchange, static_cast<std::uint64_t>(next_move(store.snapshot()))));
-  RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, &exchange,
+  RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, exchange,
                    held && held->is_behind);
   bool is_stopped = false;
   try {
-    if (is_surface_shared(store.snapshot(), exchange)) phases.find_far_surface();
+    phases.share_knowledge();
     if (held && held->is_ahead) say_again(exchange, store.snapshot().words().said);
     phases.run(until, on_sizes);
   } catch (const Stopped&) {

@@ -9,6 +9,8 @@
 #include "octree/geometry.h"
 #include "octree/lattice.h"
 #include "octree/size_nodes.h"
+#include "refine/cover_leaf.h"
+#include "refine/fill_leaf.h"
 #include "refine/leaf.h"
 
 namespace locvol {
@@ -44,6 +46,10 @@ auto fields(Maybe<LatticeSite> auto& site) {
 auto fields(Maybe<LatticeRow> auto& row) {
   auto& [first, count] = row;
   return std::tuple(Field("first", first), Field("count", count));
+}
+auto fields(Maybe<LatticeCore> auto& core) {
+  auto& [is_whole, rows] = core;
+  return std::tuple(Field("is_whole", is_whole), Field("rows", rows));
 }
 auto fields(Maybe<Lattice> auto& lattice) {
   auto [origin, grid_origin, half, grid_side, is_of_cubes] = Lattice::members(lattice);
@@ -159,6 +165,14 @@ auto fields(Maybe<VisitStats> auto& stats) {
   return std::tuple(Field("insertions", insertions), Field("moves", moves),
                     Field("deletions", deletions), Field("points_added", points_added),
                     Field("cells_made", cells_made));
+}
+auto fields(Maybe<CoverPoints> auto& points) {
+  auto& [samples, lattice, core] = points;
+  return std::tuple(Field("samples", samples), Field("lattice", lattice), Field("core", core));
+}
+auto fields(Maybe<FillPoints> auto& points) {
+  auto& [centers, met_core] = points;
+  return std::tuple(Field("centers", centers), Field("met_core", met_core));
 }
 auto fields(Maybe<LeafDelta> auto& delta) {
   auto& [inserted, deleted, moved, left, others_gone, others_made, others_facets_gone,

@@ -24,7 +24,7 @@ std::size_t index(RunStage stage) { return static_cast<std::size_t>(stage); }
 // What a visit of the open epoch takes, in those of its phase's first one.
 double unit_of(const Progress& progress) {
   if (progress.phase == Phase::kFill) return kFill;
-  if (progress.phase < Phase::kRefine) return 1;
+  if (!are_first_points_known(progress.phase)) return 1;
   return progress.epoch <= progress.first_epoch ? 1 : kLaterVisit;
 }
 
@@ -33,7 +33,7 @@ double units_left(const Progress& progress) {
   const auto now = static_cast<double>(progress.num_in_epoch);
   const auto next = static_cast<double>(progress.num_queued - progress.num_in_epoch);
   if (progress.phase == Phase::kFill) return kFill * (now + next);
-  if (progress.phase < Phase::kRefine) return now + kFill * (next + now);
+  if (!are_first_points_known(progress.phase)) return now + kFill * (next + now);
   if (progress.epoch <= progress.first_epoch)
     return now + kLaterVisit * (next + kSecondVisits * now);
   return kLaterVisit * (now + next + kFurtherVisits * now);

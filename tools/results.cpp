@@ -203,25 +203,7 @@ std::string_view init_name(Initialization init) {
   return init == Initialization::kPaper ? "paper" : "cover";
 }
 
-std::string_view phase_name(Phase phase) {
-  switch (phase) {
-    case Phase::kIngest:
-      return "ingest";
-    case Phase::kMeasure:
-    case Phase::kSize:
-    case Phase::kScatter:
-    case Phase::kCover:
-    case Phase::kFill:
-      return "initialize";
-    case Phase::kRefine:
-      return "refine";
-    case Phase::kMend:
-      return "mend";
-    case Phase::kDone:
-      return "done";
-  }
-  return "unknown";
-}
+std::string_view phase_name(Phase phase) { return facts_of(phase).name; }
 
 std::string_view kind_name(PointKind kind) {
   switch (kind) {

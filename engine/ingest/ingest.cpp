@@ -16,6 +16,7 @@
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
+#include "engine/plan/phases.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
 #include "octree/sort_and_unite.h"
@@ -367,10 +368,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     leaves.keep(range);
     store_leaves(leaves, run, batches);
     if (run.parameters.has_image()) store_image_nodes(leaves.keys, run, batches, watch.stop());
-    run.phase = run.parameters.init == Initialization::kPaper ? Phase::kScatter
-                : is_uniform                                  ? Phase::kCover
-                : run.parameters.is_measured()                ? Phase::kMeasure
-                                                              : Phase::kSize;
+    run.phase = next_phase(run.parameters, Phase::kIngest);
     batches.next().put_run(run);
     batches.commit();
   } catch (const Stopped&) {

@@ -11,10 +11,13 @@
 #include <unordered_map>
 #include <utility>
 
-#include "engine/run/leaf_loader.h"
+#include "engine/plan/phases.h"
 #include "engine/run/point_grid.h"
 #include "engine/run/run_state.h"
+#include "engine/run/surroundings.h"
+#include "engine/run/whole_model.h"
 #include "engine/shared/leaf_name.h"
+#include "engine/stages/refine_stage.h"
 #include "octree/mix.h"
 #include "refine/leaf_fields.h"
 #include "refine/refine_leaf.h"
@@ -28,7 +31,7 @@ using Cells = std::vector<std::array<VertexRef, 4>>;  // sorted
 
 void require_refinement(const Store& store) {
   const auto run = store.snapshot().run();
-  if (run && run->phase >= Phase::kRefine) return;
+  if (run && are_first_points_known(run->phase)) return;
   throw StoreError("the run in " + store.directory().string() +
                    " has not begun to refine: there is no visit to replay yet");
 }
@@ -101,7 +104,7 @@ class VertexTable {
   std::unordered_map<VertexRef, CellMesh::Vertex> known_;  // asked, never listed
 };
 
-std::vector<MeshPoint> all_points(RunState& state) {
+std::vector<MeshPoint> all_points(const RunView& state) {
   std::vector<MeshPoint> points;
   for (const MortonKey leaf : state.octree().leaves()) {
     const std::vector<MeshPoint>& own = state.leaves().points(leaf).points;
@@ -156,8 +159,8 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
     throw StoreError("the store " + store.directory().string() + " has no " + leaf_name(leaf));
   RunState state = state_of(now);
   MemoryBudget no_cap(std::numeric_limits<std::uint64_t>::max());
-  LeafLoader loader(state, no_cap);
-  LoadedLeaf loaded = loader.load(leaf);
+  HeldModel model(state, no_cap);
+  Loaded<LeafInput> loaded = load_refine(state, Surroundings(state), model, leaf);
   if (!state.leaves().info(leaf).queued) {
     loaded.input.last_visit.reset();  // shows all of the leaf
     // What C7 could not improve it might now, after what other leaves have done.
@@ -171,7 +174,7 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.num_left_out = state.leaves().info(leaf).num_left_out;
   visit.num_visits = state.leaves().info(leaf).num_visits;
   visit.input = std::move(loaded.input);
-  if (const SurfacePatch* const surface = loader.whole().surface) {
+  if (const SurfacePatch* const surface = model.whole().surface) {
     visit.all_points = all_points(state);
     visit.input.surface = {.triangles = {surface->triangles().begin(), surface->triangles().end()},
                            .region = surface->region(),

@@ -8,18 +8,10 @@
 #include <string>
 
 #include "engine/formats/output_estimate.h"
+#include "engine/plan/phases.h"
 #include "storage/records.h"
 
 namespace locvol {
-
-// What takes time, one after another; in the first three is a run in some Phase.
-enum class RunStage { kIngest, kInitialize, kRefine, kMeasure, kWrite, kAudit };
-inline constexpr std::size_t kNumStages = 5;  // of a run: no audit
-// Mending is the end of refinement.
-constexpr RunStage stage_of(Phase phase) {
-  if (phase == Phase::kIngest) return RunStage::kIngest;
-  return phase < Phase::kRefine ? RunStage::kInitialize : RunStage::kRefine;
-}
 
 // Where sizes vary: cells to h³, with those at the boundary; the lattice has fewer.
 inline constexpr double kGradedCells = 4.5;

@@ -40,15 +40,19 @@ unsigned flags_of(std::span<const std::string> messages) {
   return flags;
 }
 
-ColorResults::ColorResults(RunState& state, Exchange& exchange, const QueuePosition& color)
+ColorResults::ColorResults(RunState& state, Exchange& exchange, const QueuePosition& color,
+                           bool changes_others)
     : state_(state),
       exchange_(exchange),
       color_(color),
       file_(OpenFile::temporary(state.store().directory() / "results")) {
-  if (state.queue().is_empty() || state.queue().front() != color) return;
-  for (const MortonKey leaf : state.queue().front_leaves())
+  const LeafQueue& queue = state.queue().entries();
+  if (queue.is_empty() || queue.front() != color) return;
+  for (const MortonKey leaf : queue.front_leaves())
     if (state.is_own(leaf))
-      results_.push_back({.leaf = leaf, .touched = state.others_touched(leaf)});
+      results_.push_back({.leaf = leaf,
+                          .touched = changes_others ? state.ranks().others_touched(leaf)
+                                                    : state.others_holding(leaf)});
 }
 
 std::vector<QueueEntry> ColorResults::unvisited(bool is_near, std::size_t most) const {
@@ -110,10 +114,9 @@ void ColorResults::keep(const std::vector<std::string>& received) {
   for (const std::string& message : received) {
     if (message.size() == 1) continue;
     for (auto& [leaf, result] : unpack<SentResults>(std::string_view(message).substr(1)))
-      state_.keep_result(leaf, std::move(result));
+      state_.ranks().keep_result(leaf, std::move(result));
   }
-  state_.note_sent(num_sent_);
-  if ((flags_of(received) & kHasMore) == 0) state_.note_all_sent();
+  state_.ranks().note_sent(num_sent_, (flags_of(received) & kHasMore) == 0);
 }
 
 bool ColorResults::begin(std::uint64_t first_own_id, std::uint64_t end_id, bool is_stopped) {
@@ -124,13 +127,14 @@ bool ColorResults::begin(std::uint64_t first_own_id, std::uint64_t end_id, bool 
     messages = messages_from(0, first_own_id);
   const std::vector<std::string> received = exchange_.swap(std::move(messages));
   if ((flags_of(received) & kIsStopped) != 0) return false;
-  state_.begin_applying(color_, first_own_id, end_id);
+  state_.ranks().begin_applying(color_, first_own_id, end_id);
   keep(received);
   return true;
 }
 
 void ColorResults::send_more() {
-  keep(exchange_.swap(messages_from(state_.rank().num_sent, state_.rank().next_id)));
+  keep(exchange_.swap(
+      messages_from(state_.ranks().record().num_sent, state_.ranks().record().next_id)));
 }
 
 void ColorResults::apply_all(const Apply& apply) {
@@ -139,15 +143,14 @@ void ColorResults::apply_all(const Apply& apply) {
   const auto apply_others_before = [&](std::optional<MortonKey> leaf) {
     for (; other != others.end() && (!leaf || *other < *leaf); ++other) {
       const RankResult result = state_.store().snapshot().result(*other).value();
-      state_.begin_ids(result.first_id);
-      state_.drop_result(*other);
+      state_.points().begin_ids(result.first_id);
+      state_.ranks().drop_result(*other);
       apply(*other, result.bytes);
     }
   };
   for (const Result& result : results_) {
     apply_others_before(result.leaf);
-    state_.begin_ids(state_.rank().next_id);
-    state_.put_next_own_id(state_.rank().next_id + kIdsOfVisit);
+    state_.points().begin_ids(state_.ranks().take_ids());
     apply(result.leaf, bytes_at(result.offset, result.size));
   }
   apply_others_before(std::nullopt);

@@ -21,8 +21,10 @@ namespace locvol {
 // ExchangeError, StoreError, std::system_error
 class ColorResults {
  public:
-  // Of the rank's own leaves that wait there.
-  ColorResults(RunState& state, Exchange& exchange, const QueuePosition& color);
+  // Of the rank's own leaves that wait there. `changes_others`: visits change what is known of
+  // other leaves than the visited one.
+  ColorResults(RunState& state, Exchange& exchange, const QueuePosition& color,
+               bool changes_others);
 
   const QueuePosition& color() const { return color_; }
   bool has_own() const { return !results_.empty(); }

@@ -11,8 +11,9 @@
 #include <vector>
 
 #include "engine/exchange/round_budget.h"
+#include "engine/plan/phases.h"
 #include "engine/ranks/counts_of_ranks.h"
-#include "engine/run/run_state.h"
+#include "engine/run/leaf_distances.h"
 #include "octree/octree.h"
 #include "storage/codec.h"
 
@@ -91,9 +92,9 @@ double area_in(const Box& box, std::span<const Triangle> triangles) {
 double predicted_cost(const Reader& reader, MortonKey leaf, const LeafInfo& info,
                       const RunRecord& run) {
   constexpr double kInside = 0.02, kOutside = 1e-4;  // of the side of a leaf, squared
-  if (run.phase > Phase::kFill) return predicted_cost(info);
+  if (are_first_points_known(run.phase)) return predicted_cost(info);
   const SizeLaw law = run.parameters.sizes();
-  if (!law.is_uniform() && run.phase > Phase::kSize) {
+  if (!law.is_uniform() && are_sizes_known(run.phase)) {
     SizeTotals totals;
     for (const SizeCube& cube : reader.sizes(leaf).cubes)
       totals += size_totals(law, cube, run.frame.box(cube.key));

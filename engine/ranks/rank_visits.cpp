@@ -14,7 +14,12 @@
 
 namespace locvol {
 
-auto fields(Maybe<RunState::Waiting> auto& waiting) {
+// A leaf that waits, and how far from it others must have other colors.
+struct WaitingLeaf {
+  MortonKey leaf;
+  double conflict_distance = 0;
+};
+auto fields(Maybe<WaitingLeaf> auto& waiting) {
   auto& [leaf, conflict_distance] = waiting;
   return std::tuple(Field("leaf", leaf), Field("conflict_distance", conflict_distance));
 }
@@ -48,15 +53,15 @@ auto fields(Maybe<SharedRecord> auto& shared) {
 RankVisits::Next RankVisits::next() {
   constexpr std::uint64_t kNothing = std::numeric_limits<std::uint64_t>::max();
   StandingOfRank own{.counts = numbers_of(state_.run().counts)};
-  const LeafQueue& queue = state_.queue();
+  const LeafQueue& queue = state_.queue().entries();
   own.front =
       queue.is_empty() ? kNothing : std::uint64_t{queue.front().epoch} << 32 | queue.front().color;
   if (!queue.is_empty())
     for (const MortonKey leaf : queue.front_leaves())
       own.num_at_front += state_.is_own(leaf) ? 1 : 0;
-  own.is_sending = state_.rank().applied.has_value();
-  own.num_leaves = state_.num_own_leaves();
-  own.num_queued = state_.num_own_queued();
+  own.is_sending = state_.ranks().record().applied.has_value();
+  own.num_leaves = state_.records().num_own_leaves();
+  own.num_queued = state_.queue().num_own();
   if (!queue.is_empty() && queue.front().epoch == state_.run().epoch)
     for (const QueueEntry& entry : queue.front_epoch())
       own.num_in_epoch += state_.is_own(entry.leaf) ? 1 : 0;
@@ -74,7 +79,7 @@ RankVisits::Next RankVisits::next() {
     for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += of_rank.counts.at(i);
   }
   totals_.counts = counts_of(counts);
-  if (is_sending) return {Step::kSend, state_.rank().applied.value()};
+  if (is_sending) return {Step::kSend, state_.ranks().record().applied.value()};
   if (first == kNothing) return {};
   const QueuePosition position{static_cast<std::uint32_t>(first >> 32),
                                static_cast<std::uint32_t>(first)};
@@ -89,30 +94,34 @@ RankVisits::Next RankVisits::next() {
   return next;
 }
 
-void RankVisits::open_epoch(std::uint32_t epoch) {
+void RankVisits::open_epoch(std::uint32_t epoch, const LeafVisits& visits) {
+  std::vector<WaitingLeaf> own;
+  for (const MortonKey leaf : state_.queue().own_waiting(epoch))
+    own.push_back({leaf, visits.conflict_distance(leaf)});
   std::vector<MortonKey> leaves;  // in Morton order, as the ranks have them
   std::vector<double> distances;
-  for (const auto& [leaf, distance] : gather_all(exchange_, state_.waiting(epoch))) {
+  for (const auto& [leaf, distance] : gather_all(exchange_, own)) {
     leaves.push_back(leaf);
     distances.push_back(distance);
   }
   const LinearOctree octree = LinearOctree::coarsest_with(leaves);
-  state_.open_epoch(epoch, leaves, color_leaves(octree, state_.run().frame, leaves, distances));
+  state_.queue().open_epoch(epoch, leaves,
+                            color_leaves(octree, state_.run().frame, leaves, distances));
 }
 
 void share_cells(RunState& state, Exchange& exchange) {
   std::vector<std::vector<SharedRecord>> shared(static_cast<std::size_t>(exchange.num_ranks()));
   for (const MortonKey leaf : state.octree().leaves()) {
+    state.leaves().trim();
     if (!state.is_own(leaf) || state.leaves().info(leaf).num_cells == 0) continue;
     const std::vector<int> ranks = state.others_holding(leaf);
     if (ranks.empty()) continue;
     const std::string cells = encode(state.leaves().cells(leaf), leaf);
     for (const int rank : ranks) shared[static_cast<std::size_t>(rank)].push_back({leaf, cells});
-    state.leaves().trim();
   }
   for (const auto& of_rank : swap_lists(exchange, std::move(shared)))
     for (const auto& [leaf, cells] : of_rank)
-      state.put_shared_cells(leaf, decode<LeafCells>(cells, leaf));
+      state.records().put_shared_cells(leaf, decode<LeafCells>(cells, leaf));
 }
 
 void merge_sites_in_turn(RunState& state, Exchange& exchange) {
@@ -125,7 +134,7 @@ void merge_sites_in_turn(RunState& state, Exchange& exchange) {
     if (rank == exchange.rank()) continue;
     for (const auto& [leaf, sites] : unpack<std::vector<SharedRecord>>(message))
       if (state.octree().is_leaf(leaf))
-        state.put_unresolved(leaf, decode<LeafUnresolved>(sites, leaf));
+        state.records().put_unresolved(leaf, decode<LeafUnresolved>(sites, leaf));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "engine/exchange/exchange.h"
+#include "engine/run/leaf_stage.h"
 #include "engine/run/run_state.h"
 
 namespace locvol {
@@ -34,7 +35,7 @@ class RankVisits {
   Next next();
   // Gives all that wait in it their colors, which is to be committed. Memory: 16 bytes for each
   // leaf of the epoch, of all ranks.
-  void open_epoch(std::uint32_t epoch);
+  void open_epoch(std::uint32_t epoch, const LeafVisits& visits);
 
  private:
   RunState& state_;

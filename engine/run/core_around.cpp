@@ -8,11 +8,11 @@
 namespace locvol {
 namespace {
 
-MortonKey leaf_of(const RunState& state, const LatticeSite& site) {
+MortonKey leaf_of(const RunView& state, const LatticeSite& site) {
   return state.octree().leaf_owning(state.run().frame, state.lattice().undisplaced(site));
 }
 
-bool is_whole_all_around(RunState& state, MortonKey leaf) {
+bool is_whole_all_around(const RunView& state, MortonKey leaf) {
   const double star = kLatticeStar * core_size(state.run().parameters);
   return std::ranges::all_of(
       state.octree().leaves_within(state.run().frame, state.box(leaf), star),
@@ -32,7 +32,7 @@ LatticeSite negated(const LatticeSite& s) { return {-s.i, -s.j, -s.k}; }
 
 }  // namespace
 
-CoreRows core_around(RunState& state, MortonKey leaf, double distance) {
+CoreRows core_around(const RunView& state, MortonKey leaf, double distance) {
   const Box box = state.box(leaf);
   const SiteBox around = state.lattice().sites_in(box.expanded(distance));
   CoreRows core{.lattice = state.lattice(), .rows = {}};
@@ -42,7 +42,7 @@ CoreRows core_around(RunState& state, MortonKey leaf, double distance) {
   return core;
 }
 
-std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
+std::uint64_t num_core_cells(const RunView& state, MortonKey leaf) {
   const std::uint64_t num_points = state.leaves().info(leaf).num_core_points;
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
@@ -60,7 +60,7 @@ std::uint64_t num_core_cells(RunState& state, MortonKey leaf) {
   return num_cells;
 }
 
-bool is_core(RunState& state, const LatticeSite& site) {
+bool is_core(const RunView& state, const LatticeSite& site) {
   if (!state.run().frame.contains(state.lattice().undisplaced(site))) return false;
   const MortonKey leaf = leaf_of(state, site);
   bool is_found = false;
@@ -71,7 +71,7 @@ bool is_core(RunState& state, const LatticeSite& site) {
 }
 
 void list_core_point(RunState& state, const LatticeSite& site) {
-  state.list_core_point(leaf_of(state, site), site);
+  state.points().list_core_point(leaf_of(state, site), site);
 }
 
 void make_explicit(RunState& state, const LatticeSite& site) {
@@ -85,7 +85,7 @@ void make_explicit(RunState& state, const LatticeSite& site) {
                                [&](const LatticeSite& s) { return is_core(state, smallest + s); }))
         continue;
       const MortonKey leaf = leaf_of(state, smallest);
-      state.put_num_core_cells(leaf, state.leaves().info(leaf).num_core_cells - 1);
+      state.records().put_num_core_cells(leaf, state.leaves().info(leaf).num_core_cells - 1);
     }
   }
   list_core_point(state, site);
@@ -93,7 +93,7 @@ void make_explicit(RunState& state, const LatticeSite& site) {
   for (const MortonKey other :
        state.octree().leaves_within(state.run().frame, Box::around(place),
                                     kNeighborhood * core_size(state.run().parameters)))
-    state.ask_for_visit(other, place);
+    state.records().ask_for_visit(other, place);
 }
 
 }  // namespace locvol

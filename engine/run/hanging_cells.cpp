@@ -24,7 +24,7 @@ using FacetIds = std::array<Id, 3>;
 
 class HangingCells {
  public:
-  HangingCells(RunState& state, MortonKey leaf) : state_(state) {
+  HangingCells(const RunView& state, MortonKey leaf) : state_(state) {
     const bool is_cover = state.is_cover();
     // All cells at a vertex that is as far from the leaf are stored within the reach.
     most_ = is_cover ? state.reach_of(leaf, kReach) - state.reach_of(leaf, 2) : 0.25 * state.size();
@@ -210,7 +210,7 @@ class HangingCells {
     return c;
   }
 
-  RunState& state_;
+  const RunView& state_;
   double most_ = 0;  // how large such a part is
   std::vector<MortonKey> around_;
   std::vector<Place> places_;  // of points on the surface, by id
@@ -223,7 +223,7 @@ class HangingCells {
 
 }  // namespace
 
-std::vector<CellPlaces> hanging_cells(RunState& state, MortonKey leaf) {
+std::vector<CellPlaces> hanging_cells(const RunView& state, MortonKey leaf) {
   return HangingCells(state, leaf).run();
 }
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/run/run_state.h"
+#include "engine/run/run_view.h"
 
 namespace locvol {
 
@@ -19,6 +19,6 @@ struct CellPlaces {
 // than λ / 4, have vertices on the surface alone and none with other cells in common, and lie
 // within λ of other parts, unless they are all there is of a component of the surface. In Morton
 // order. A function of what lies within the reach of the leaf.
-std::vector<CellPlaces> hanging_cells(RunState& state, MortonKey leaf);
+std::vector<CellPlaces> hanging_cells(const RunView& state, MortonKey leaf);
 
 }  // namespace locvol

@@ -37,9 +37,7 @@ class LeafCache {
 
   std::size_t unwritten_bytes() const;  // decoded, roughly
 
- private:
-  friend class RunState;  // makes all changes, and keeps what is counted of them
-
+ protected:
   LeafInfo& edit_info(MortonKey leaf);
   LeafPoints& edit_points(MortonKey leaf);
   void put_cells(MortonKey leaf, LeafCells cells);
@@ -51,6 +49,7 @@ class LeafCache {
   void erase_leaf(MortonKey leaf);  // with all its records
   void write_to(Batch& batch);      // the changes, in Morton order
 
+ private:
   // A record as decoded, and whether the store has yet to see it.
   template <class Record>
   struct Cached {
@@ -84,6 +83,21 @@ class LeafCache {
   RecentMap<MortonKey, Entry, TableHash> entries_;
   std::set<MortonKey> changed_;  // leaves with a record to write
   std::set<MortonKey> erased_;   // leaves to erase from the store
+};
+
+// The same for the parts of a RunState, which make all changes and keep what is counted of them.
+class EditedLeaves : public LeafCache {
+ public:
+  using LeafCache::add_leaf;
+  using LeafCache::edit_info;
+  using LeafCache::edit_points;
+  using LeafCache::erase_leaf;
+  using LeafCache::LeafCache;
+  using LeafCache::put_cells;
+  using LeafCache::put_facets;
+  using LeafCache::put_sizes;
+  using LeafCache::put_unresolved;
+  using LeafCache::write_to;
 };
 
 }  // namespace locvol

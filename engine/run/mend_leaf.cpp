@@ -25,10 +25,10 @@ constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
 
 // Those that have a vertex in a cell at the leaf's points, and their cells in the mesh, are as
 // near: circumradii are below half of the reach (in paper mode there is no such bound).
-double reach_of_cells(RunState& state, MortonKey leaf) {
+double reach_of_cells(const RunView& state, MortonKey leaf) {
   return state.is_cover() ? state.reach_of(leaf, kReach) : std::numeric_limits<double>::infinity();
 }
-std::vector<MortonKey> leaves_around(const RunState& state, MortonKey leaf, double reach) {
+std::vector<MortonKey> leaves_around(const RunView& state, MortonKey leaf, double reach) {
   return state.octree().leaves_within(state.run().frame, state.box(leaf), reach);
 }
 
@@ -42,7 +42,7 @@ std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
 // Gathers the cells at own points.
 class MendLoader {
  public:
-  MendLoader(RunState& state, MortonKey leaf)
+  MendLoader(const RunView& state, MortonKey leaf)
       : state_(state),
         reach_(reach_of_cells(state, leaf)),
         own_(ids_of(state.leaves().points(leaf))) {
@@ -59,8 +59,9 @@ class MendLoader {
         }
   }
 
-  LoadedMend loaded() {
-    LoadedMend result;
+  Loaded<LoadedMend> loaded() {
+    Loaded<LoadedMend> loaded{.bytes = kBytesPerCell * cells_.size(), .input = {}};
+    LoadedMend& result = loaded.input;
     result.reach = reach_;
     result.input.num_own = static_cast<std::uint32_t>(own_.size());
     result.input.is_on_surface = std::move(is_on_surface_);
@@ -69,12 +70,11 @@ class MendLoader {
       auto& corners = result.input.cells.emplace_back();
       for (std::size_t i = 0; i < 4; ++i) corners[i] = index_of(cell[i]).value();
     }
-    result.bytes = kBytesPerCell * cells_.size();
     result.ids = std::move(own_);
     result.ids.insert(result.ids.end(), others_.begin(), others_.end());
     result.origins = std::move(origins_);
     result.positions = std::move(positions_);
-    return result;
+    return loaded;
   }
 
  private:
@@ -105,7 +105,7 @@ class MendLoader {
     return static_cast<std::uint32_t>(own_.size() + std::size_t(other - others_.begin()));
   }
 
-  RunState& state_;
+  const RunView& state_;
   double reach_;
   std::vector<std::uint64_t> own_, others_;
   std::vector<bool> is_on_surface_;
@@ -179,21 +179,21 @@ void forget_facets_at(RunState& state, MortonKey leaf, const std::vector<std::ui
   });
   if (list.facets.size() == num_before) return;
   drop_unused_vertices(list);
-  state.put_facets(leaf, {std::move(list.vertices), std::move(list.facets)});
+  state.records().put_facets(leaf, {std::move(list.vertices), std::move(list.facets)});
 }
 
 }  // namespace
 
-LoadedMend load_mend(RunState& state, MortonKey leaf) {
-  LoadedMend loaded = MendLoader(state, leaf).loaded();
-  loaded.hanging = hanging_cells(state, leaf);
-  for (const auto& [home, places] : loaded.hanging) {
+Loaded<LoadedMend> load_mend(const RunView& state, MortonKey leaf) {
+  Loaded<LoadedMend> loaded = MendLoader(state, leaf).loaded();
+  loaded.input.hanging = hanging_cells(state, leaf);
+  for (const auto& [home, places] : loaded.input.hanging) {
     const LeafCells held = state.leaves().cells(home);
     for (const std::uint32_t place : places)
       for (const std::uint32_t v : held.cells[place])
-        loaded.hanging_ids.push_back(held.vertices[v]);
+        loaded.input.hanging_ids.push_back(held.vertices[v]);
   }
-  sort_and_unite(loaded.hanging_ids);
+  sort_and_unite(loaded.input.hanging_ids);
   return loaded;
 }
 
@@ -221,11 +221,11 @@ MendedCells mended_cells(const LoadedMend& loaded) {
 }
 
 void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
-  state.dequeue(leaf);
-  if (cells.left_out.empty()) return state.put_facets(leaf, cells.facets);
+  state.queue().dequeue(leaf);
+  if (cells.left_out.empty()) return state.records().put_facets(leaf, cells.facets);
   for (const auto& [home, places] : cells.left_out)
-    state.leave_out_cells(home, without(state.leaves().cells(home), places));
-  state.enqueue(leaf);  // what hangs on nothing now is seen when the leaf is loaded
+    state.records().leave_out_cells(home, without(state.leaves().cells(home), places));
+  state.queue().enqueue(leaf);  // what hangs on nothing now is seen when the leaf is loaded
   for (const MortonKey other : leaves_around(state, leaf, cells.reach)) {
     if (!cells.hanging.empty() && state.is_own(other))
       forget_facets_at(state, other, cells.hanging);
@@ -234,13 +234,13 @@ void apply_mend(RunState& state, MortonKey leaf, const MendedCells& cells) {
     if (std::ranges::any_of(cells.others, [&](std::uint64_t id) {
           return std::ranges::binary_search(points, id, {}, &MeshPoint::id);
         }))
-      state.enqueue(other);
+      state.queue().enqueue(other);
   }
 }
 
 void enqueue_for_mending(RunState& state) {
   for (const MortonKey leaf : state.octree().leaves()) {
-    if (state.leaves().info(leaf).num_unresolved > 0) state.enqueue(leaf);
+    if (state.leaves().info(leaf).num_unresolved > 0) state.queue().enqueue(leaf);
     state.leaves().trim();
   }
 }
@@ -266,7 +266,7 @@ std::vector<MortonKey> merge_sites(RunState& state) {
     const auto num_before = own.sites.size();
     own.sites = thinned(own.sites, kept, size);
     if (own.sites.size() == num_before) continue;
-    state.put_unresolved(leaf, std::move(own));
+    state.records().put_unresolved(leaf, std::move(own));
     changed.push_back(leaf);
   }
   return changed;

@@ -3,18 +3,20 @@
 #pragma once
 
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "engine/run/hanging_cells.h"
+#include "engine/run/leaf_stage.h"
 #include "engine/run/run_state.h"
+#include "refine/leaf_fields.h"
 #include "refine/mend_boundary.h"
 
 namespace locvol {
 
 // All cells at a leaf's own points, copied from the run.
 struct LoadedMend {
-  std::uint64_t bytes = 0;  // that the visit takes at its peak
-  double reach = 0;         // how far from the leaf such cells may have vertices
+  double reach = 0;  // how far from the leaf such cells may have vertices
   MendInput input;
   std::vector<std::uint64_t> ids;  // of the vertices
   // The cells from `first` on are of that leaf's record, at these places.
@@ -39,7 +41,21 @@ struct MendedCells {
   double reach = 0;  // as far from the leaf as these may be
 };
 
-LoadedMend load_mend(RunState& state, MortonKey leaf);
+auto fields(Maybe<CellPlaces> auto& cells) {
+  auto& [leaf, places] = cells;
+  return std::tuple(Field("leaf", leaf), Field("places", places));
+}
+auto fields(Maybe<LeafFacets> auto& list) {
+  auto& [vertices, facets] = list;
+  return std::tuple(Field("vertices", vertices), Field("facets", facets));
+}
+auto fields(Maybe<MendedCells> auto& cells) {
+  auto& [left_out, others, hanging, facets, reach] = cells;
+  return std::tuple(Field("left_out", left_out), Field("others", others), Field("hanging", hanging),
+                    Field("facets", facets), Field("reach", reach));
+}
+
+Loaded<LoadedMend> load_mend(const RunView& state, MortonKey leaf);
 MendedCells mended_cells(const LoadedMend& loaded);
 // Takes cells out of the records; leaves with a vertex of theirs, and this one, wait for the next
 // epoch.

@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "engine/plan/run_estimate.h"
+#include "engine/plan/phases.h"
 
 namespace locvol {
 namespace {

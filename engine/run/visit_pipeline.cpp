@@ -1,7 +1,11 @@
 #include "engine/run/visit_pipeline.h"
 
 #include <algorithm>
+#include <deque>
+#include <memory>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "engine/run/visit_error.h"
 #include "engine/shared/leaf_name.h"
@@ -27,11 +31,12 @@ auto named(MortonKey leaf, const Action& action) {
 // One epoch's visits, or one color's.
 class VisitPipeline::Run {
  public:
-  Run(VisitPipeline& pipeline, std::vector<QueueEntry> leaves, const Load& load,
+  Run(VisitPipeline& pipeline, std::vector<QueueEntry> leaves, LeafVisits& visits, const Take& take,
       const IsStopped& is_stopped)
       : state_(pipeline.state_),
         budget_(pipeline.budget_),
-        load_(load),
+        visits_(visits),
+        take_(take),
         is_stopped_(is_stopped),
         waiting_(std::move(leaves)) {}
 
@@ -53,7 +58,7 @@ class VisitPipeline::Run {
       fail(e);
     }
     void apply() override {
-      named(leaf_, [&] { visit_->apply(); });
+      named(leaf_, [&] { run_.take_(leaf_, *visit_); });
       run_.under_way_.pop_front();
     }
 
@@ -76,13 +81,15 @@ class VisitPipeline::Run {
   }
 
   bool may_load(const QueueEntry& next) const {
-    return std::ranges::all_of(
-        under_way_, [&](const QueueEntry& other) { return state_.are_independent(next, other); });
+    const auto distance = [&](MortonKey leaf) { return visits_.conflict_distance(leaf); };
+    return std::ranges::all_of(under_way_, [&](const QueueEntry& other) {
+      return state_.queue().are_independent(next, other, distance);
+    });
   }
 
   std::unique_ptr<Task> begin(const QueueEntry& place) {
     if (!under_way_.empty() && budget_.free_bytes() < bytes_wanted_) return nullptr;
-    auto visit = load_(place.leaf);
+    auto visit = visits_.load(place.leaf);
     bytes_wanted_ = 0;
     auto memory = reserve(visit->bytes());
     if (!memory) return nullptr;
@@ -107,7 +114,8 @@ class VisitPipeline::Run {
 
   RunState& state_;
   MemoryBudget& budget_;
-  const Load& load_;
+  LeafVisits& visits_;
+  const Take& take_;
   const IsStopped& is_stopped_;
   const std::vector<QueueEntry> waiting_;
   std::size_t num_begun_ = 0;  // of those waiting
@@ -115,9 +123,9 @@ class VisitPipeline::Run {
   std::uint64_t bytes_wanted_ = 0;
 };
 
-void VisitPipeline::visit(std::vector<QueueEntry> leaves, const Load& load,
+void VisitPipeline::visit(std::vector<QueueEntry> leaves, LeafVisits& visits, const Take& take,
                           const IsStopped& is_stopped) {
-  Run(*this, std::move(leaves), load, is_stopped).run(workers_);
+  Run(*this, std::move(leaves), visits, take, is_stopped).run(workers_);
 }
 
 }  // namespace locvol

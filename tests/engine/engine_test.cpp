@@ -10,6 +10,7 @@
 
 #include "engine/audit/audit.h"
 #include "engine/inspect/replay.h"
+#include "engine/plan/phases.h"
 #include "engine/plan/same_run.h"
 #include "refine/predicates.h"
 #include "tests/directories.h"
@@ -112,7 +113,7 @@ void expect_consistent(const Contents& contents) {
   const CoreByBruteForce core = core_of(contents);
   const Lattice lattice = lattice_of(contents.run);
   const bool is_cover = contents.run.parameters.init == Initialization::kCover;
-  const bool is_core_counted = contents.run.phase >= Phase::kRefine;
+  const bool is_core_counted = are_first_points_known(contents.run.phase);
   for (const auto& [key, leaf] : contents.leaves) {
     EXPECT_EQ(leaf.info.num_points, leaf.points.points.size());
     EXPECT_EQ(leaf.info.num_cells, leaf.cells.cells.size());

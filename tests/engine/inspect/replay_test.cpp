@@ -9,6 +9,7 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/leaf_report.h"
+#include "engine/run/leaf_distances.h"
 #include "engine/run/run_state.h"
 #include "tests/damaged_record.h"
 #include "tests/engine/closed_shapes.h"
@@ -101,9 +102,10 @@ TEST_P(ReplayOf, TheFrontOfTheQueueIsWhatTheRunDoesNext) {
     {
       Store store = Store::open(run.store());
       RunState state(store, 1 << 20);
-      if (state.open_epoch()) state.commit();
+      const auto distance = [&](MortonKey leaf) { return conflict_of_refinement(state, leaf); };
+      if (state.queue().open_epoch(distance)) state.commits().commit();
       before = state.run();
-      visit = stored_visit(store, state.queue().front_leaves().front());
+      visit = stored_visit(store, state.queue().entries().front_leaves().front());
     }
     EXPECT_FALSE(visit.is_clean);
     const Replay next = replay(visit);

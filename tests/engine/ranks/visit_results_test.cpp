@@ -1,8 +1,9 @@
-#include "engine/ranks/visit_results.h"
-
+// What visits find, as other ranks get it.
 #include <gtest/gtest.h>
 
 #include "engine/exchange/exchange.h"
+#include "engine/exchange/pack.h"
+#include "engine/run/mend_leaf.h"
 
 namespace locvol {
 namespace {
@@ -34,23 +35,22 @@ LeafDelta sample_delta() {
 
 TEST(VisitResults, ComeBack) {
   const LeafDelta delta = sample_delta();
-  EXPECT_EQ(decode_result<LeafDelta>(encode_result(delta)), delta);
-  EXPECT_EQ(decode_result<LeafDelta>(encode_result(LeafDelta())), LeafDelta());
+  EXPECT_EQ(unpack<LeafDelta>(pack(delta)), delta);
+  EXPECT_EQ(unpack<LeafDelta>(pack(LeafDelta())), LeafDelta());
 
   const CoverPoints cover{{{1, 2, 3}, {4, 5, 6}}, {{1, -2, 3}}, {false, {{{5, 6, 7}, 8}}}};
-  const auto covered = decode_result<CoverPoints>(encode_result(cover));
+  const auto covered = unpack<CoverPoints>(pack(cover));
   EXPECT_EQ(covered.samples, cover.samples);
   EXPECT_EQ(covered.lattice, cover.lattice);
   EXPECT_EQ(covered.core, cover.core);
 
   const FillPoints fill{{{1, 2, 3}}, {4, 5}};
-  const auto filled = decode_result<FillPoints>(encode_result(fill));
+  const auto filled = unpack<FillPoints>(pack(fill));
   EXPECT_EQ(filled.centers, fill.centers);
   EXPECT_EQ(filled.met_core, fill.met_core);
 
   const MortonKey leaf = MortonKey::root().child(3).child(7);
-  const auto mended =
-      decode_result<MendedCells>(encode_result(MendedCells{.left_out = {{leaf, {1, 5, 9}}},
+  const auto mended = unpack<MendedCells>(pack(MendedCells{.left_out = {{leaf, {1, 5, 9}}},
                                                            .others = {33, 44},
                                                            .hanging = {55},
                                                            .facets = {{1, 2, 3}, {{{0, 1, 2}, {}}}},
@@ -64,15 +64,15 @@ TEST(VisitResults, ComeBack) {
   EXPECT_EQ(mended.reach, 0.5);
 
   const std::vector<SizedNode> nodes = {{leaf, 0.5F}, {leaf.child(1), 0.25F}};
-  EXPECT_EQ(decode_result<std::vector<SizedNode>>(encode_result(nodes)), nodes);
+  EXPECT_EQ(unpack<std::vector<SizedNode>>(pack(nodes)), nodes);
   const std::vector<SizeCube> cubes = {{leaf, {1, 2, 3, 4, 5, 6, 7, 8}, 0.5F, {0, 0, 1}}};
-  EXPECT_EQ(decode_result<std::vector<SizeCube>>(encode_result(cubes)), cubes);
+  EXPECT_EQ(unpack<std::vector<SizeCube>>(pack(cubes)), cubes);
 }
 
 TEST(VisitResults, ThatAreCutShortAreRefused) {
-  const std::string bytes = encode_result(sample_delta());
+  const std::string bytes = pack(sample_delta());
   for (std::size_t size = 0; size < bytes.size(); size += 7)
-    EXPECT_THROW(decode_result<LeafDelta>(bytes.substr(0, size)), ExchangeError) << size;
+    EXPECT_THROW(unpack<LeafDelta>(bytes.substr(0, size)), ExchangeError) << size;
 }
 
 }  // namespace

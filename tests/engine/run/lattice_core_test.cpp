@@ -64,7 +64,7 @@ class CoreOfARun : public testing::Test {
     return {*snapshot.run(), snapshot.leaf_keys(),
             [&](MortonKey leaf) { return snapshot.points(leaf).core; }};
   }
-  static CoreByBruteForce core_of(RunState& state) {
+  static CoreByBruteForce core_of(const RunView& state) {
     const auto leaves = state.octree().leaves();
     return {state.run(), {leaves.begin(), leaves.end()}, [&](MortonKey leaf) {
               return state.leaves().points(leaf).core;
@@ -85,7 +85,7 @@ class CoreOfARun : public testing::Test {
   std::mt19937_64 random_{seed_};
 };
 
-void expect_counts_of(RunState& state, const CoreByBruteForce& core) {
+void expect_counts_of(const RunView& state, const CoreByBruteForce& core) {
   std::uint64_t num_points = 0, num_cells = 0;
   const auto count = [](const auto& counts, MortonKey leaf) {
     return counts.contains(leaf) ? counts.at(leaf) : std::uint64_t{0};
@@ -245,7 +245,7 @@ TEST_F(CoreOfARun, PointsMadeExplicitChangeNoMesh) {
                                              &MeshPoint::id));
     }
     state.begin_phase(Phase::kRefine);
-    state.commit();
+    state.commits().commit();
   }
   EXPECT_EQ(resume(scratch_ / "store").outcome, RunOutcome::kDone);
   Store store = open();
@@ -268,7 +268,7 @@ TEST_F(CoreOfARun, MayBeMadeExplicitAltogether) {
     EXPECT_TRUE(core.sites.empty());
     expect_counts_of(state, core);
     state.begin_phase(Phase::kRefine);
-    state.commit();
+    state.commits().commit();
   }
   EXPECT_EQ(resume(scratch_ / "store").outcome, RunOutcome::kDone);
   EXPECT_TRUE(all_cells(open().snapshot()) == before);

@@ -8,13 +8,11 @@
 #include <new>
 
 #include "engine/engine.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/formats/writer.h"
-#include "engine/run/apply_visit.h"
-#include "engine/run/leaf_loader.h"
 #include "engine/run/run_state.h"
-#include "refine/cover_leaf.h"
-#include "refine/fill_leaf.h"
-#include "refine/refine_leaf.h"
+#include "engine/run/whole_model.h"
+#include "engine/stages/stages.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 #include "tools/generate.h"
@@ -52,88 +50,54 @@ struct Case {
 // For the failure messages of a parameterized test.
 void PrintTo(const Case& c, std::ostream* out) { *out << c.shape << ' ' << c.percent << '%'; }
 
+class NeverStopped : public StopToken {
+ public:
+  bool is_stopped() const override { return false; }
+};
+const NeverStopped kNeverStopped;
+
 // What a visit takes from where it has reserved its memory.
 class VisitMemory : public testing::TestWithParam<Case> {
  protected:
-  // The engine's loop, with the loader's reservation at hand.
+  // The engine's loop, with the reservation of each visit at hand.
   void run(Store& store) {
     MemoryBudget budget(std::numeric_limits<std::uint64_t>::max() / 4);
     RunState state(store);
-    LeafLoader loader(state, budget);
+    HeldModel model(state, budget);
     while (state.run().phase != Phase::kDone) {
-      if (state.open_epoch()) state.commit();
-      if (!state.queue().is_empty()) visit_front(state, loader);
-      const bool is_covered =
-          state.run().phase == Phase::kCover && state.queue().num_in_epoch(state.run().epoch) == 0;
-      if (is_covered || state.queue().is_empty()) end_phase(state);
+      const auto stage =
+          stage_in(state.run().phase, {state, model, budget, kNeverStopped, alone(), alone()});
+      visit_all(state, *stage->visits());
+      state.begin_phase(stage->end());
+      state.commits().commit();
     }
   }
 
-  void visit_front(RunState& state, LeafLoader& loader) {
-    for (const MortonKey leaf : state.queue().front_leaves()) {
-      switch (state.run().phase) {
-        case Phase::kCover:
-          cover(state, loader, leaf);
-          break;
-        case Phase::kFill:
-          fill(state, loader, leaf);
-          break;
-        default:
-          refine(state, loader, leaf);
-      }
-      state.note_visit();
-      if (state.is_commit_due()) state.commit();
+  void visit_all(RunState& state, LeafVisits& visits) {
+    const LeafQueue& queue = state.queue().entries();
+    while (!queue.is_empty()) {
+      if (state.queue().open_epoch([&](MortonKey leaf) { return visits.conflict_distance(leaf); }))
+        state.commits().commit();
+      while (!queue.is_empty() && state.queue().is_epoch_open())
+        for (const MortonKey leaf : queue.front_leaves()) {
+          measure(state, visits, leaf);
+          state.commits().note_visit();
+          if (state.commits().is_due()) state.commits().commit();
+        }
+      if (visits.is_once()) return;
     }
   }
 
-  void end_phase(RunState& state) {
-    switch (state.run().phase) {
-      case Phase::kCover:
-        state.begin_phase(Phase::kFill);
-        break;
-      case Phase::kRefine:
-        state.begin_phase(Phase::kDone);
-        break;
-      default:
-        enqueue_for_refinement(state);
-        state.begin_phase(Phase::kRefine);
-    }
-    state.commit();
-  }
-
-  // `reach`: over λ; what lies within it is brought into the cache before, so that the visit need
-  // not.
-  template <class Load, class Compute>
-  auto measured(RunState& state, MortonKey leaf, double reach, Load load, Compute compute) {
+  // What lies around is brought into the cache before, so that the visit need not.
+  void measure(const RunState& state, LeafVisits& visits, MortonKey leaf) {
     for (const MortonKey near :
-         state.octree().leaves_within(state.run().frame, state.box(leaf), reach * state.size()))
+         state.octree().leaves_within(state.run().frame, state.box(leaf), kReach * state.size()))
       state.leaves().surface(near), state.leaves().points(near);
     const std::size_t before = begin_measuring();
-    auto loaded = load();
-    auto result = compute(std::move(loaded.input));
-    compare(loaded.bytes, before);
-    return result;
-  }
-
-  void cover(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    const auto points = measured(
-        state, leaf, 0, [&] { return loader.load_cover(leaf); },
-        [](CoverInput input) { return cover_leaf(std::move(input)); });
-    apply_cover(state, leaf, points);
-  }
-
-  void fill(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    const auto points = measured(
-        state, leaf, kFillReach, [&] { return loader.load_fill(leaf); },
-        [](FillInput input) { return fill_leaf(std::move(input)); });
-    apply_fill(state, leaf, points);
-  }
-
-  void refine(RunState& state, LeafLoader& loader, MortonKey leaf) {
-    const auto delta = measured(
-        state, leaf, kReach, [&] { return loader.load(leaf); },
-        [](LeafInput input) { return refine_leaf(std::move(input)); });
-    apply_visit(state, loader, leaf, delta);
+    const auto visit = visits.load(leaf);
+    visit->compute();
+    compare(visit->bytes(), before);
+    visit->apply();
   }
 
   static std::size_t begin_measuring() { return most_bytes_in_use = bytes_in_use; }
@@ -162,7 +126,7 @@ TEST_P(VisitMemory, StaysWithinItsReservation) {
   RunControl stop_after_ingest;
   bool is_ingested = false;
   stop_after_ingest.on_progress = [&](const Progress& p) {
-    is_ingested = p.phase > Phase::kIngest;
+    is_ingested = p.phase != Phase::kIngest;
   };
   stop_after_ingest.is_stopped = [&] { return is_ingested; };
   mesh(options, stop_after_ingest);

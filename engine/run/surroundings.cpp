@@ -1,0 +1,101 @@
+#include "engine/run/surroundings.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "octree/sort_and_unite.h"
+
+namespace locvol {
+
+double volume_over_size(const Box& box, double size) {
+  const Point sides = (1 / size) * (box.max - box.min);
+  return sides.x * sides.y * sides.z;
+}
+
+std::vector<Triangle> Surroundings::triangles_meeting(const Box& region) const {
+  std::vector<Triangle> triangles;
+  for (const MortonKey leaf : run_.octree().leaves_within(run_.run().frame, region, 0)) {
+    throw_if_stopped(stop_);
+    if (run_.leaves().info(leaf).num_triangles == 0) continue;
+    std::ranges::copy_if(run_.leaves().surface(leaf).triangles, std::back_inserter(triangles),
+                         [&](const Triangle& t) { return t.box().overlaps(region); });
+    run_.leaves().trim();
+  }
+  sort_and_unite(triangles, &Triangle::id);
+  return triangles;
+}
+
+SurfacePiece Surroundings::surface(MortonKey leaf, double distance, std::vector<Triangle> triangles,
+                                   GridFineness fineness) const {
+  const Box box = run_.box(leaf);
+  return {.triangles = std::move(triangles),
+          .region = box.expanded(distance),
+          .reference = box.center(),
+          .is_reference_inside = run_.leaves().info(leaf).is_center_inside,
+          .fineness = fineness};
+}
+
+// Only points that samples may not hide ask for the surface: those on it, and volume points at most
+// r_s deep.
+double Surroundings::surface_reach(MortonKey leaf) const {
+  const double growth = run_.run().parameters.growth;
+  return kDistanceSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * run_.surface_size(leaf);
+}
+
+std::vector<MeshPoint> Surroundings::points(MortonKey leaf, double k) const {
+  const double distance = run_.reach_of(leaf, k);
+  const Box box = run_.box(leaf), nearly = box.expanded(distance);
+  const double factor = reach_factor(run_.run().parameters.growth, k);
+  const bool is_uniform = run_.is_uniform();
+  const SizeLaw law = run_.run().parameters.sizes();
+  const double near = std::min(distance, factor * law.least);  // any point's reach
+  std::vector<MeshPoint> around;
+  for (const MortonKey other : run_.octree().leaves_within(run_.run().frame, box, distance)) {
+    if (other == leaf || run_.leaves().info(other).num_points == 0) continue;
+    std::span<const SizeCube> cubes;
+    if (!is_uniform) cubes = run_.leaves().sizes(other).cubes;
+    SizeCursor sizes(law, run_.run().frame, cubes);
+    std::ranges::copy_if(run_.leaves().points(other).points, std::back_inserter(around),
+                         [&](const MeshPoint& p) {
+                           if (!nearly.contains(p.position)) return false;
+                           const double squared = box.squared_distance(p.position);
+                           if (squared > distance * distance) return false;
+                           if (is_uniform || squared <= near * near) return true;
+                           const double reach = factor * sizes.at(p.position);
+                           return squared <= reach * reach;
+                         });
+    run_.leaves().trim();
+  }
+  std::ranges::sort(around, {}, &MeshPoint::id);
+  return around;
+}
+
+SizeCubes Surroundings::sizes(MortonKey leaf, double k) const {
+  SizeCubes sizes;
+  if (run_.is_uniform()) return sizes;
+  const Frame& frame = run_.run().frame;
+  sizes.law = run_.run().parameters.sizes();
+  sizes.frame = frame;
+  const Box box = run_.box(leaf);
+  const double farthest = run_.reach_of(leaf, k);
+  const double factor = kDistanceSlack * reach_factor(sizes.law.growth, k);
+  const auto reaches = [&](const SizeCube& cube) {
+    const double squared = box.squared_distance(frame.box(cube.key));
+    if (squared == 0) return true;
+    if (squared > farthest * farthest) return false;
+    const double reach = factor * largest_size(sizes.law, cube);
+    return squared <= reach * reach;
+  };
+  for (const MortonKey other : run_.octree().leaves_within(frame, box, farthest)) {
+    std::ranges::copy_if(run_.leaves().sizes(other).cubes, std::back_inserter(sizes.cubes),
+                         reaches);
+    run_.leaves().trim();
+  }
+  // A cube may be larger than a leaf that was split.
+  const auto repeated = std::ranges::unique(sizes.cubes);
+  sizes.cubes.erase(repeated.begin(), repeated.end());
+  return sizes;
+}
+
+}  // namespace locvol

@@ -1,0 +1,135 @@
+// Each leaf that the domain may meet gets its share of a point set that covers it: first what does
+// not depend on its neighbors' share.
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "engine/plan/phases.h"
+#include "engine/run/leaf_distances.h"
+#include "engine/stages/visiting_stage.h"
+#include "refine/cover_leaf.h"
+
+namespace locvol {
+namespace {
+
+// In a leaf's box, and on its triangles at the density of a maximal sample (at most one in each
+// disk of radius r_s / 2, which is some 1.8 times what it gets to).
+std::uint64_t most_lattice_points(const Box& box, double size) {
+  const Point sides = (1 / (kLatticeSpacing * size)) * (box.max - box.min);
+  return static_cast<std::uint64_t>(2 * (sides.x + 1) * (sides.y + 1) * (sides.z + 1));
+}
+std::uint64_t most_samples(std::span<const Triangle> triangles, double size) {
+  double area = 0;
+  for (const auto& [id, c] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+  return static_cast<std::uint64_t>(2 * area / (size * size));
+}
+
+// LeafInfo::reached_size. Interpolated, h may change faster than it should, and jumps a little from
+// cube to cube: so this is looked up. Even with that, it doubles nowhere within the distance that
+// is looked at.
+double reached_size(const RunView& run, MortonKey leaf) {
+  const Box box = run.box(leaf);
+  double most = run.leaves().info(leaf).largest_size;
+  for (const MortonKey other :
+       run.octree().leaves_within(run.run().frame, box, run.reach_of(leaf, kReach))) {
+    if (run.leaves().info(other).largest_size <= most) continue;
+    for (const SizeCube& cube : run.leaves().sizes(other).cubes) {
+      const double size =
+          size_range(run.run().parameters.sizes(), run.run().frame, {&cube, 1}).most;
+      const double farthest = 0.5 * kReach * size;
+      if (size > most && box.squared_distance(run.run().frame.box(cube.key)) <= farthest * farthest)
+        most = size;
+    }
+  }
+  return most;
+}
+
+class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
+ public:
+  using VisitingStage::VisitingStage;
+
+  // Sizes are known all around only now: so far copies reached less far.
+  std::vector<Step> steps_before() override {
+    if (state_.is_uniform()) return {};
+    return {[this, n = std::size_t{0}]() mutable {
+      const auto leaves = state_.octree().leaves();
+      while (n < leaves.size()) {
+        throw_if_stopped(&tools_.stop);
+        const MortonKey leaf = leaves[n++];
+        if (state_.is_own(leaf))
+          state_.records().put_reached_size(leaf, reached_size(state_, leaf));
+        state_.leaves().trim();
+        if (state_.commits().is_due()) break;
+      }
+      return n < leaves.size();
+    }};
+  }
+  bool changes_others() const override { return false; }
+  double conflict_distance(MortonKey leaf) const override {
+    return conflict_of_cover(state_, leaf);
+  }
+  Phase end() override { return next_phase(state_.run().parameters, Phase::kCover); }
+
+ protected:
+  Loaded<CoverInput> load_input(MortonKey leaf) override {
+    const double size = state_.surface_size(leaf);
+    const Box box = state_.box(leaf);
+    std::vector<MeshPoint> around;
+    if (state_.leaves().info(leaf).num_triangles > 0)
+      around = around_.points(leaf, sample_radius(state_.is_uniform()));
+    const double patch_distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+    const Box region = box.expanded(patch_distance);
+    std::vector<Triangle> triangles = around_.triangles_meeting(region);
+    const bool has_shapes = state_.run().parameters.sizes().has_shapes();
+    SizeCubes sizes = around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
+    const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
+                                      : sizes.law.has_core()
+                                          ? most_lattice_points(box, sizes.law.most)
+                                          : 9 * sizes.cubes.size();
+    const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
+                          .num_points = around.size() + num_lattice + most_samples(triangles, size),
+                          .num_triangles = triangles.size()};
+    Loaded<CoverInput> loaded;
+    loaded.bytes = visit.bytes_to_cover();
+    loaded.input = {.size = size,
+                    .seed = state_.run().parameters.seed,
+                    .lattice = state_.lattice(),
+                    .box = box,
+                    .surface = around_.surface(leaf, patch_distance, std::move(triangles),
+                                               fineness(kFinenessOfCover, state_.least_size(leaf))),
+                    .nearby_samples = {},
+                    .sizes = std::move(sizes)};
+    for (const MeshPoint& point : around)
+      if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
+    return loaded;
+  }
+
+  CoverPoints compute(CoverInput&& input) const override {
+    return cover_leaf(std::move(input), &tools_.stop);
+  }
+
+  void apply_result(MortonKey leaf, const CoverPoints& points) override {
+    const auto require_own = [&](const Point& position) {
+      if (state_.run().frame.key_of(position, leaf.level()) != leaf)
+        throw RefineError("its cover has a point outside its box");
+    };
+    state_.queue().dequeue(leaf);
+    for (const LatticeSite& site : points.lattice) require_own(state_.points().add(site).position);
+    for (const Point& p : points.samples) {
+      require_own(p);
+      state_.points().add(p, PointKind::kSurface);
+    }
+    if (!points.samples.empty() || !points.lattice.empty()) state_.queue().enqueue(leaf);
+    if (!points.core.is_empty()) state_.points().put_core(leaf, points.core);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<LeafStage> cover_stage(const StageTools& tools) {
+  return std::make_unique<CoverStage>(tools);
+}
+
+}  // namespace locvol

@@ -1,0 +1,33 @@
+// Paper mode's first points, all or nothing: a second time, the same ones would come again.
+#include "engine/plan/phases.h"
+#include "engine/run/first_points.h"
+#include "engine/stages/begin_refinement.h"
+#include "engine/stages/stages.h"
+
+namespace locvol {
+namespace {
+
+class ScatterStage : public LeafStage {
+ public:
+  explicit ScatterStage(const StageTools& tools) : tools_(tools) {}
+
+  Phase end() override {
+    RunState& state = tools_.state;
+    const RunParameters& p = state.run().parameters;
+    for (const Point& point : scatter_on_surface(tools_.model.whole().surface->triangles(), p.seed))
+      tools_.model.note_inserted(state.points().add(point, PointKind::kSurface));
+    begin_refinement(state, nullptr);
+    return next_phase(p, Phase::kScatter);
+  }
+
+ private:
+  StageTools tools_;
+};
+
+}  // namespace
+
+std::unique_ptr<LeafStage> scatter_stage(const StageTools& tools) {
+  return std::make_unique<ScatterStage>(tools);
+}
+
+}  // namespace locvol
