@@ -157,51 +157,13 @@ RunControl run_control(const Control& control, Thrown& thrown) {
   return run;
 }
 
-std::vector<SizeRequest> size_requests(std::span<const SizedShape> shapes) {
-  std::vector<SizeRequest> requests;
-  const auto point = [](const Coordinates& c) { return Point{c[0], c[1], c[2]}; };
-  for (const SizedShape& shape : shapes) {
-    SizeRequest& request = requests.emplace_back();
-    request.shape = {.kind = shape.kind == SizedShape::Kind::kBall  ? ShapeKind::kBall
-                             : shape.kind == SizedShape::Kind::kBox ? ShapeKind::kBox
-                                                                    : ShapeKind::kSegment,
-                     .size = shape.size.value,
-                     .a = point(shape.a),
-                     .b = point(shape.b),
-                     .radius = shape.radius};
-    request.is_percent = shape.size.is_percent;
-    request.place = "shape " + std::to_string(requests.size());
-  }
-  return requests;
-}
-
-std::optional<SizeSpec> size_spec(const std::optional<Size>& size) {
-  if (!size) return std::nullopt;
-  return SizeSpec{size->value, size->is_percent};
-}
-
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
-  const auto given = [](const Size& size) {
-    return size.value == 0 ? std::nullopt : std::optional(SizeSpec{size.value, size.is_percent});
-  };
-  return {.input = SurfaceAccess::file(surface),
-          .store = store,
-          .size = {options.size.value, options.size.is_percent},
-          .leaf_capacity = options.leaf_capacity,
-          .seed = options.seed,
-          .min_dihedral = options.min_dihedral,
-          .spacing_floor = options.spacing_floor,
-          .growth = options.growth,
-          .max_size = given(options.max_size),
-          .shapes = size_requests(options.shapes),
-          .per_circle = options.per_circle,
-          .deviation = given(options.deviation),
-          .layers = options.layers,
-          .min_size = given(options.min_size),
-          .size_image = options.size_image,
-          .weld = size_spec(options.weld),
-          .is_forced = options.is_forced};
+  MeshOptions all{options, SurfaceAccess::file(surface)};
+  all.store = store;
+  for (std::size_t i = 0; i < all.shapes.size(); ++i)
+    if (all.shapes[i].place.empty()) all.shapes[i].place = "shape " + std::to_string(i + 1);
+  return all;
 }
 
 SurfaceInfo info_of(const SurfaceFacts& surface) {
@@ -526,7 +488,7 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
     const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, directory, thrown),
-                                              directory, watch, workers, size_spec(weld))
+                                              directory, watch, workers, weld)
                                    .facts;
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);

@@ -42,7 +42,7 @@ constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey 
                            kRankKey = "rank", kResultKey = "result", kWordsKey = "words";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
-constexpr std::array kBlobs = {Database::kPoints, Database::kCells, Database::kSurface,
+constexpr std::array kBlobs = {Database::kPoints,     Database::kCells, Database::kSurface,
                                Database::kUnresolved, Database::kSizes, Database::kFacets};
 
 // -- Keys -----------------------------------------------------------------------------------------

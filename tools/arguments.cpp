@@ -20,7 +20,7 @@ namespace {
 
 // All of `text` as a number, or nothing.
 template <typename Number, typename... Format>
-std::optional<Number> parse_number(std::string_view text, Format... format) {
+std::optional<Number> number_in(std::string_view text, Format... format) {
   Number value{};
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, value, format...);
@@ -39,20 +39,11 @@ double take_factor(std::string_view& text) {
   return factor;
 }
 
-// `what`: it is, and what is to be given instead
-double parse_within(const std::string& text, double low, double high, const char* what) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value >= low && *value <= high))
-    throw std::invalid_argument(fmt::format("'{}' is no {} from {} to {}", text, what, low, high));
-  return *value;
-}
-
 }  // namespace
 
-SizeSpec parse_size(const std::string& text) {
+Size parse_size(const std::string& text) {
   const bool is_percent = text.ends_with('%');
-  const auto value =
-      parse_number<double>(std::string_view(text).substr(0, text.size() - is_percent));
+  const auto value = number_in<double>(std::string_view(text).substr(0, text.size() - is_percent));
   if (!value || !std::isfinite(*value) || *value <= 0) {
     throw std::invalid_argument(fmt::format(
         "'{}' is no size: give a positive length (0.01) or a percentage of the smallest side of "
@@ -62,9 +53,9 @@ SizeSpec parse_size(const std::string& text) {
   return {*value, is_percent};
 }
 
-std::optional<SizeSpec> parse_weld(const std::string& text) try {
+std::optional<Size> parse_weld(const std::string& text) try {
   if (text == "auto") return std::nullopt;
-  if (text == "0") return SizeSpec{};
+  if (text == "0") return Size{};
   return parse_size(text);
 } catch (const std::invalid_argument&) {
   throw std::invalid_argument(fmt::format(
@@ -73,22 +64,18 @@ std::optional<SizeSpec> parse_weld(const std::string& text) try {
       text));
 }
 
-double parse_growth(const std::string& text) {
-  return parse_within(text, 0, kMostGrowth, "growth: give a number");
-}
-
-double parse_number_of_edges(const std::string& text) {
-  return parse_within(text, 3, 1000, "number of edges per circle: give one");
-}
-
-double parse_layers(const std::string& text) {
-  return parse_within(text, 1, 20, "number of layers: give one");
+double parse_number(const std::string& text, const OptionText& option) {
+  const auto value = number_in<double>(text);
+  if (!value || !(*value >= option.range.least && *value <= option.range.most))
+    throw std::invalid_argument(
+        fmt::format("'{}' is no {}: {}", text, option.noun, filled(option.cure, option)));
+  return *value;
 }
 
 std::uint64_t parse_count(const std::string& text) {
   std::string_view digits = text;
   const double factor = take_factor(digits);
-  const auto number = parse_number<double>(digits);
+  const auto number = number_in<double>(digits);
   const double value = number.value_or(0) * factor;
   if (!(value >= 1) || value >= 0x1p53 || value != std::floor(value)) {
     throw std::invalid_argument(
@@ -115,7 +102,7 @@ std::uint64_t parse_memory(const std::string& text) {
       digits = {};  // "iB" of nothing
     }
   }
-  const double bytes = parse_number<double>(digits).value_or(0) * factor;
+  const double bytes = number_in<double>(digits).value_or(0) * factor;
   if (!(bytes >= 1) || bytes >= 0x1p53 || (text.ends_with('%') && bytes > 100 * factor)) {
     throw std::invalid_argument(fmt::format(
         "'{}' is no amount of memory: give one such as 512M or 2G, or a percentage of what is free "
@@ -127,7 +114,7 @@ std::uint64_t parse_memory(const std::string& text) {
 
 int parse_threads(const std::string& text) {
   constexpr int kMost = 1024;
-  const auto value = parse_number<int>(text);
+  const auto value = number_in<int>(text);
   if (!value || *value < 1 || *value > kMost) {
     throw std::invalid_argument(
         fmt::format("'{}' is no number of threads: give a whole number from 1 to {}", text, kMost));
@@ -135,26 +122,8 @@ int parse_threads(const std::string& text) {
   return *value;
 }
 
-double parse_fraction(const std::string& text) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value > 0 && *value < 1)) {
-    throw std::invalid_argument(
-        fmt::format("'{}' is no fraction: give a number above 0 and below 1", text));
-  }
-  return *value;
-}
-
-double parse_angle(const std::string& text) {
-  const auto value = parse_number<double>(text);
-  if (!value || !(*value >= 0 && *value <= 40)) {
-    throw std::invalid_argument(
-        fmt::format("'{}' is no angle to ask for: give degrees from 0, any, to 40", text));
-  }
-  return *value;
-}
-
 std::uint64_t parse_seed(const std::string& text) {
-  const auto value = parse_number<std::uint64_t>(text);
+  const auto value = number_in<std::uint64_t>(text);
   if (!value) {
     throw std::invalid_argument(
         fmt::format("'{}' is no seed: give a whole number from 0 to 2^64 - 1", text));
@@ -163,9 +132,10 @@ std::uint64_t parse_seed(const std::string& text) {
 }
 
 Initialization parse_init(const std::string& text) {
-  if (text == "cover") return Initialization::kCover;
-  if (text == "paper") return Initialization::kPaper;
-  throw std::invalid_argument(fmt::format("'{}' is no initialization: give cover or paper", text));
+  for (const Initialization init : {Initialization::kCover, Initialization::kPaper})
+    if (init_name(init) == text) return init;
+  throw std::invalid_argument(
+      fmt::format("'{}' is no initialization: give {}", text, fmt::join(kInitNames, " or ")));
 }
 
 std::string parse_shape(const std::string& text) {
@@ -179,7 +149,7 @@ std::string parse_shape(const std::string& text) {
 MortonKey parse_key(const std::string& text) {
   std::string_view digits = text;
   if (digits.starts_with("0x")) digits.remove_prefix(2);
-  const auto bits = parse_number<std::uint64_t>(digits, 16);
+  const auto bits = number_in<std::uint64_t>(digits, 16);
   if (!bits || !MortonKey::from_bits(*bits).is_valid()) {
     throw std::invalid_argument(
         fmt::format("'{}' is no leaf key: give one as `locvol inspect DIR --leaves` prints it, "
@@ -197,7 +167,7 @@ LeafSpec parse_leaf(const std::string& text) {
   std::string_view rest = numbers;
   for (int axis = 0; axis < 3; ++axis) {
     const std::size_t end = axis < 2 ? rest.find(',') : rest.size();
-    const auto value = parse_number<double>(rest.substr(0, end));
+    const auto value = number_in<double>(rest.substr(0, end));
     if (end == std::string_view::npos || !value || !std::isfinite(*value)) {
       throw std::invalid_argument(
           fmt::format("'{}' is no point: give three numbers, x,y,z, or a leaf's key", text));

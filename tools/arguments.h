@@ -12,18 +12,18 @@
 
 #include "engine/engine.h"
 #include "engine/formats/mesh_format.h"
+#include "engine/plan/option_table.h"
 #include "octree/geometry.h"
 #include "octree/morton_key.h"
 
 namespace locvol {
 
 // "0.01", a length; "2%", of the smallest side of the bounding box. Positive and finite.
-SizeSpec parse_size(const std::string& text);
+Size parse_size(const std::string& text);
 // "auto": nothing; "0"; or a size as above.
-std::optional<SizeSpec> parse_weld(const std::string& text);
-double parse_growth(const std::string& text);
-double parse_number_of_edges(const std::string& text);  // from 3 to 1000
-double parse_layers(const std::string& text);           // from 1 to 20
+std::optional<Size> parse_weld(const std::string& text);
+// In the option's range.
+double parse_number(const std::string& text, const OptionText& option);
 // "50000", "50k", "1.5M", "2G" (powers of 1000). A whole number, at least 1 and below 2^53.
 std::uint64_t parse_count(const std::string& text);
 // "512M", "2G", "1.5GiB" (K, M, G and T are powers of 1024), or "25%" of the memory that is free.
@@ -31,9 +31,6 @@ std::uint64_t parse_count(const std::string& text);
 std::uint64_t parse_memory(const std::string& text);
 // A whole number from 1 to 1024.
 int parse_threads(const std::string& text);
-// A number above 0 and below 1.
-double parse_fraction(const std::string& text);
-double parse_angle(const std::string& text);  // degrees, from 0 to 40
 // A whole number from 0 to 2^64 - 1.
 std::uint64_t parse_seed(const std::string& text);
 Initialization parse_init(const std::string& text);  // "cover" or "paper"

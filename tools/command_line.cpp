@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/ingest/size_file.h"
+#include "engine/plan/option_table.h"
 #include "tools/arguments.h"
 #include "tools/tell_user.h"
 
@@ -61,6 +62,39 @@ std::string unknown_word_text(const CLI::App& app) {
   }
   const std::string meant = meant_by(words.front().substr(0, words.front().find('=')), known);
   return meant.empty() ? what : fmt::format("{}; is '{}' meant?", what, meant);
+}
+
+using Text = const std::string&;
+void parse(Text text, const OptionText&, Size& value) { value = parse_size(text); }
+void parse(Text text, const OptionText&, std::optional<Size>& value) { value = parse_weld(text); }
+void parse(Text text, const OptionText&, Initialization& value) { value = parse_init(text); }
+void parse(Text text, const OptionText& option, std::uint64_t& value) {
+  value = option.range.least > 0 ? parse_count(text) : parse_seed(text);
+}
+void parse(Text text, const OptionText& option, double& value) {
+  value = parse_number(text, option);
+}
+void parse(Text text, const OptionText& option, std::optional<double>& value) {
+  value = parse_number(text, option);
+}
+
+// See add_sizes().
+void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
+void parse(Text, const OptionText&, std::filesystem::path&) {}
+
+// Those of the table that have help.
+void add_options(CLI::App& app, MeshOptions& options, OptionGroup group) {
+  for_each_given_option([&](const auto& option) {
+    if (option.group != group || *option.help.text == '\0') return;
+    auto& target = options.*option.given;
+    const auto parse_option = [&option, &target](Text text) {
+      auto value = target;
+      parse(text, option, value);
+      return value;
+    };
+    add_parsed(app, option.name.typed, parse_option, target, filled(option.help.text, option))
+        ->type_name(option.help.value);
+  });
 }
 
 }  // namespace
@@ -149,32 +183,11 @@ void add_quiet(CLI::App& app, bool& is_quiet) {
 }
 
 void add_sizes(CLI::App& app, MeshOptions& options) {
-  add_parsed(app, "--growth", parse_growth, options.growth,
-             fmt::format("Cells grow from the surface inwards, by so much of the way: 0 (the "
-                         "default: one size) to {}",
-                         kMostGrowth))
-      ->type_name("G");
-  add_parsed(app, "--max-size", parse_size, options.max_size,
-             "What cells do not grow beyond, as --size")
-      ->type_name("SIZE");
-  add_parsed(app, "--per-circle", parse_number_of_edges, options.per_circle,
-             "Smaller cells where the surface is curved: so many edges around a circle")
-      ->type_name("N");
-  add_parsed(app, "--deviation", parse_size, options.deviation,
-             "Smaller cells where the boundary would be farther from the surface, as --size")
-      ->type_name("LENGTH");
-  add_parsed(app, "--layers", parse_layers, options.layers,
-             "Smaller cells where a part is thin: so many across it")
-      ->type_name("K");
-  add_parsed(
-      app, "--min-size", parse_size, options.min_size,
-      fmt::format("What these three do not go below, as --size (default: {} λ)", kDefaultLeast))
-      ->type_name("SIZE");
+  add_options(app, options, OptionGroup::kSizes);
   const auto take_sizes = [&options](const std::vector<std::string>& files) {
     for (const std::filesystem::path file : files) {
       if (file.extension() != ".vti") {
-        for (SizeRequest& request : read_size_requests(file))
-          options.shapes.push_back(std::move(request));
+        for (SizedShape& shape : read_size_file(file)) options.shapes.push_back(std::move(shape));
       } else if (!std::exchange(options.size_image, file).empty()) {
         throw CLI::ValidationError("--sizes: one image of sizes at most");
       }
@@ -189,14 +202,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
                      kDefaultGrowth))
       ->type_name("FILE")
       ->take_all();
-}
-
-void add_weld(CLI::App& app, MeshOptions& options) {
-  add_parsed(app, "--weld", parse_weld, options.weld,
-             "Join points of the surface that lie closer to each other than this, a length or a "
-             "percentage as --size; 0: none (default: auto, those that close a surface which is "
-             "not closed otherwise)")
-      ->type_name("LENGTH");
+  add_options(app, options, OptionGroup::kSurface);
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,
@@ -228,7 +234,6 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
           kSizeHelp))
       ->type_name("SIZE");
   add_sizes(*mesh, options);
-  add_weld(*mesh, options);
   add_memory(*mesh, command.control.memory_bytes);
   add_threads(*mesh, command.control.num_threads);
   add_parsed(*mesh, "--store", parse_directory, options.store,
@@ -236,24 +241,7 @@ CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
              "when the run is done with exit code 0)")
       ->type_name("DIR");
   mesh->add_flag("--keep-store", command.is_store_kept, "Keep the default store, too");
-  add_parsed(*mesh, "--leaf-capacity", parse_count, options.leaf_capacity,
-             "Split a leaf with more points than this")
-      ->type_name("K");
-  add_parsed(*mesh, "--init", parse_init, options.init,
-             "First points: cover the domain, or few as in the paper (default: cover)")
-      ->type_name("cover|paper");
-  add_parsed(*mesh, "--seed", parse_seed, options.seed, "Seed of the surface sample (default: 0)")
-      ->type_name("N");
-  add_parsed(*mesh, "--min-dihedral", parse_angle, options.min_dihedral,
-             fmt::format("Leave no cell with a dihedral angle below this, in degrees; 0: any "
-                         "(default: {}; with --init paper 0)",
-                         kDefaultMinDihedral))
-      ->type_name("DEG");
-  add_parsed(*mesh, "--spacing-floor", parse_fraction, options.spacing_floor,
-             fmt::format("Insert no point closer than this to another, as a fraction of λ "
-                         "(default: {})",
-                         options.spacing_floor))
-      ->type_name("F");
+  add_options(*mesh, options, OptionGroup::kRun);
   mesh->add_flag("--force", options.is_forced, "Start anew over the store of another run");
   add_quiet(*mesh, command.is_quiet);
   add_json(*mesh, command.is_json);

@@ -52,7 +52,7 @@ void add_json(CLI::App& app, bool& is_json);
 void add_memory(CLI::App& app, std::uint64_t& memory_bytes);
 void add_threads(CLI::App& app, int& num_threads);
 void add_quiet(CLI::App& app, bool& is_quiet);
-void add_weld(CLI::App& app, MeshOptions& options);
+// What cells are as large as, and what the surface is taken for.
 void add_sizes(CLI::App& app, MeshOptions& options);
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf, const std::string& description);
 CLI::Option* add_vtu(CLI::App& app, std::filesystem::path& file, const std::string& description);

@@ -57,7 +57,7 @@ void remove_store(const std::filesystem::path& directory) {
 }
 
 // Throws InputError if it is no surface to be meshed; Stopped, once StopSignal is installed.
-SurveyedSurface surveyed(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
+SurveyedSurface surveyed(const SurfaceSource& surface, const std::optional<Size>& weld,
                          std::uint64_t cap) {
   const StopSource stop(StopSignal::is_requested);
   IngestWatch watch(&stop, {});
@@ -75,8 +75,8 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
 }
 
 // For a user who gives none.
-SizeSpec chosen_size(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
-                     std::uint64_t cap, ProgressLine& line) {
+Size chosen_size(const SurfaceSource& surface, const std::optional<Size>& weld, std::uint64_t cap,
+                 ProgressLine& line) {
   const SurfaceFacts facts = surveyed(surface, weld, cap).facts;
   const double size = default_size(facts);
   if (!(size > 0))
@@ -170,8 +170,8 @@ std::uint64_t cap_of(std::uint64_t asked, const RunPlace& place) {
 }
 
 // The first rank chooses it, and all throw Stopped if that is stopped.
-SizeSpec chosen_size(const SurfaceSource& surface, const std::optional<SizeSpec>& weld,
-                     std::uint64_t cap, const RunPlace& place, ProgressLine& line) {
+Size chosen_size(const SurfaceSource& surface, const std::optional<Size>& weld, std::uint64_t cap,
+                 const RunPlace& place, ProgressLine& line) {
   double size = 0;
   do_on_all(place.exchange, [&] {
     if (place.is_first()) size = chosen_size(surface, weld, cap, line).value;

@@ -18,9 +18,9 @@
 namespace locvol {
 
 struct MeshCommand : RunCommand {
-  MeshOptions options;           // store: empty for the default, OUTPUT.locvol; size: see below
-  std::optional<SizeSpec> size;  // absent: chosen for the surface
-  bool is_store_kept = false;    // a store that the user names is kept in any case
+  MeshOptions options;         // store: empty for the default, OUTPUT.locvol; size: see below
+  std::optional<Size> size;    // absent: chosen for the surface
+  bool is_store_kept = false;  // a store that the user names is kept in any case
 };
 
 struct ResumeCommand : RunCommand {  // whose output may be empty: none is written
@@ -84,7 +84,7 @@ struct AuditCommand {
 
 struct InfoCommand {
   std::filesystem::path surface;
-  std::optional<SizeSpec> size;
+  std::optional<Size> size;
   MeshOptions options;  // what sizes depend on alone
   OutputOptions output_options;
   std::filesystem::path vtu;  // for the octree of sizes; empty: none

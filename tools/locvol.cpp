@@ -64,7 +64,6 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
              "λ, as for mesh, to estimate what a run takes (default: as mesh chooses it)")
       ->type_name("SIZE");
   add_sizes(*info, command.options);
-  add_weld(*info, command.options);
   add_format(*info, command.output_options, "vtu");
   add_cell_data(*info, command.output_options);
   info->final_callback([&command] { check_cell_data(command.output_options); });

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <functional>
 
+#include "engine/plan/option_table.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/shared/memory_budget.h"
 #include "tools/arguments.h"
@@ -152,6 +154,14 @@ Json to_json(const Histogram& histogram) {
   return {{"edges", histogram.edges}, {"counts", histogram.counts}};
 }
 
+// What a run's record keeps of an option. There is no infinite number in JSON.
+Json option_json(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+Json option_json(std::uint64_t value) { return value; }
+Json option_json(Initialization init) { return init_name(init); }
+Json option_json(const std::optional<double>& weld) { return weld ? Json(*weld) : Json("auto"); }
+Json option_json(const std::string& image) { return image.empty() ? Json() : Json(image); }
+Json option_json(const std::vector<SizeShape>& shapes) { return shapes.size(); }
+
 // A file name need not be UTF-8; JSON must be.
 std::string dump(const Json& json, int indent) {
   return json.dump(indent, ' ', false, Json::error_handler_t::replace);
@@ -197,10 +207,6 @@ std::string poor_cells_text(const AuditReport& report) {
 
 std::int64_t genus(std::uint64_t num_components, std::int64_t euler_characteristic) {
   return static_cast<std::int64_t>(num_components) - euler_characteristic / 2;
-}
-
-std::string_view init_name(Initialization init) {
-  return init == Initialization::kPaper ? "paper" : "cover";
 }
 
 std::string_view phase_name(Phase phase) { return facts_of(phase).name; }
@@ -272,16 +278,12 @@ std::string bounds_text(const RunParameters& parameters) {
       parameters.min_dihedral > 0 ? fmt::format("at least {}°", parameters.min_dihedral) : "any";
   std::string text = fmt::format("radius-edge ratio {}, dihedral angles {}, spacing floor {} λ",
                                  parameters.radius_edge_bound, angle, parameters.spacing_floor);
-  if (!parameters.sizes().is_uniform())
-    text += fmt::format("; λ grows by {} of the way from the surface", parameters.growth);
-  if (std::isfinite(parameters.max_size)) text += fmt::format(", to {}", parameters.max_size);
-  if (parameters.per_circle > 0)
-    text += fmt::format("; {} edges around circles", parameters.per_circle);
-  if (parameters.deviation > 0)
-    text += fmt::format("; boundary within {} of the surface", parameters.deviation);
-  if (parameters.layers > 0)
-    text += fmt::format("; {} layers across thin parts", parameters.layers);
-  if (parameters.min_size > 0) text += fmt::format("; no smaller than {}", parameters.min_size);
+  for_each_option([&](const auto& option) {
+    const auto& value = parameters.*option.kept;
+    if constexpr (std::same_as<decltype(value), const double&>)
+      if (*option.phrase != '\0' && value != RunParameters().*option.kept)
+        text += fmt::format(fmt::runtime(option.phrase), value);
+  });
   if (parameters.has_image())
     text += fmt::format("; an image of sizes, from {} on", parameters.image_least);
   if (parameters.weld)
@@ -516,23 +518,10 @@ Json to_json(const SurfaceFacts& facts) {
 }
 
 Json to_json(const RunParameters& parameters) {
-  return {{"input_digest", parameters.input_digest},
-          {"size", parameters.size},
-          {"leaf_capacity", parameters.leaf_capacity},
-          {"init", init_name(parameters.init)},
-          {"seed", parameters.seed},
-          {"radius_edge_bound", parameters.radius_edge_bound},
-          {"min_dihedral", parameters.min_dihedral},
-          {"spacing_floor", parameters.spacing_floor},
-          {"growth", parameters.growth},
-          {"max_size", std::isfinite(parameters.max_size) ? Json(parameters.max_size) : Json()},
-          {"num_shapes", parameters.shapes.size()},
-          {"size_image", parameters.has_image() ? Json(parameters.size_image) : Json()},
-          {"per_circle", parameters.per_circle},
-          {"deviation", parameters.deviation},
-          {"layers", parameters.layers},
-          {"min_size", parameters.min_size},
-          {"weld", parameters.weld ? Json(*parameters.weld) : Json("auto")}};
+  Json json = {{"input_digest", parameters.input_digest}};
+  for_each_option(
+      [&](const auto& option) { json[option.name.key] = option_json(parameters.*option.kept); });
+  return json;
 }
 
 Json to_json(const LeafInfo& info) {

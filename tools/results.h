@@ -47,7 +47,6 @@ Json to_json(const MeshStatistics& statistics, const RunRecord& run);
 Json to_json(const RunEstimate& estimate);
 Json insertions_json(std::span<const std::uint64_t> num_insertions);  // by condition, from C1
 
-std::string_view init_name(Initialization init);
 std::string_view phase_name(Phase phase);
 std::string_view kind_name(PointKind kind);
 std::string count_text(double count);  // "999", "12.3 thousand", "9.94 million"

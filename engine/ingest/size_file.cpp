@@ -24,19 +24,20 @@ constexpr std::size_t kMostJsonBytes = std::size_t{256} << 20;
 // A shape as it is written.
 struct Written {
   std::string kind;
-  SizeSpec size;
-  std::vector<Point> points;
+  Size size;
+  std::vector<Coordinates> points;
   std::optional<double> radius;
 };
 
 struct Kind {
   std::string_view name;
-  ShapeKind shape;
+  SizedShape::Kind shape;
   std::size_t least_points, most_points;
 };
-constexpr std::array kKinds{
-    Kind{"point", ShapeKind::kBall, 1, 1}, Kind{"ball", ShapeKind::kBall, 1, 1},
-    Kind{"box", ShapeKind::kBox, 2, 2}, Kind{"line", ShapeKind::kSegment, 2, kMostShapes}};
+constexpr std::array kKinds{Kind{"point", SizedShape::Kind::kBall, 1, 1},
+                            Kind{"ball", SizedShape::Kind::kBall, 1, 1},
+                            Kind{"box", SizedShape::Kind::kBox, 2, 2},
+                            Kind{"line", SizedShape::Kind::kSegment, 2, kMostShapes}};
 
 const Kind* kind_of(std::string_view name) {
   const auto* kind = std::ranges::find(kKinds, name, &Kind::name);
@@ -62,22 +63,18 @@ std::string fault_of(const Written& shape) {
   return {};
 }
 
-void append(const Written& shape, const std::string& place, std::vector<SizeRequest>& requests) {
-  const std::vector<Point>& points = shape.points;
-  SizeShape made{.kind = kind_of(shape.kind)->shape,
-                 .size = shape.size.value,
-                 .a = points[0],
-                 .b = points[0],
-                 .radius = shape.radius.value_or(0)};
-  const auto add = [&] { requests.push_back({made, shape.size.is_percent, place}); };
-  if (made.kind == ShapeKind::kBall) return add();
+void append(const Written& shape, const std::string& place, std::vector<SizedShape>& shapes) {
+  const std::vector<Coordinates>& points = shape.points;
+  SizedShape made{.kind = kind_of(shape.kind)->shape,
+                  .size = shape.size,
+                  .a = points[0],
+                  .b = points[0],
+                  .radius = shape.radius.value_or(0),
+                  .place = place};
+  if (made.kind == SizedShape::Kind::kBall) shapes.push_back(made);
   for (std::size_t i = 1; i < points.size(); ++i) {
     made.a = points[i - 1], made.b = points[i];
-    if (made.kind == ShapeKind::kBox) {
-      const Box box = Box::around(made.a).joined(made.b);
-      made.a = box.min, made.b = box.max;
-    }
-    add();
+    shapes.push_back(made);
   }
 }
 
@@ -112,16 +109,16 @@ Written read_line(TextScanner& scanner, InputFile& file) {
   return shape;
 }
 
-std::vector<SizeRequest> read_text(InputFile& file) {
-  std::vector<SizeRequest> requests;
+std::vector<SizedShape> read_text(InputFile& file) {
+  std::vector<SizedShape> shapes;
   TextScanner scanner(file, '#');
   while (scanner.next_line()) {
     const Written shape = read_line(scanner, file);
-    append(shape, fmt::format("{}, line {}", file.path().string(), file.line_number()), requests);
-    if (requests.size() > kMostShapes)
+    append(shape, fmt::format("{}, line {}", file.path().string(), file.line_number()), shapes);
+    if (shapes.size() > kMostShapes)
       file.refuse_line(fmt::format("more than {} shapes: leave some out", kMostShapes));
   }
-  return requests;
+  return shapes;
 }
 
 // ---- JSON
@@ -166,7 +163,7 @@ Written shape_in(const Json& value) {
   return shape;
 }
 
-std::vector<SizeRequest> read_json(InputFile& file) {
+std::vector<SizedShape> read_json(InputFile& file) {
   if (file.size() > kMostJsonBytes)
     file.refuse("more than 256 MiB of JSON: leave some shapes out, or give them as text");
   const auto size = static_cast<std::size_t>(file.remaining());
@@ -179,33 +176,33 @@ std::vector<SizeRequest> read_json(InputFile& file) {
   }
   if (!json.is_object() || !json.contains("shapes") || !json["shapes"].is_array())
     file.refuse("no list \"shapes\" in it");
-  std::vector<SizeRequest> requests;
+  std::vector<SizedShape> shapes;
   std::size_t number = 0;
   for (const Json& value : json["shapes"]) {
     const std::string place = fmt::format("{}, shape {}", file.path().string(), ++number);
     try {
-      append(shape_in(value), place, requests);
+      append(shape_in(value), place, shapes);
     } catch (const InputError& e) {
       throw InputError(place + ": " + e.what());
     }
-    if (requests.size() > kMostShapes)
+    if (shapes.size() > kMostShapes)
       throw InputError(fmt::format("{}: more than {} shapes: leave some out", place, kMostShapes));
   }
-  return requests;
+  return shapes;
 }
 
 }  // namespace
 
-std::vector<SizeRequest> read_size_requests(const std::filesystem::path& path) {
+std::vector<SizedShape> read_size_file(const std::filesystem::path& path) {
   InputFile file(path);
   const std::string_view start = file.peek(256);
   const std::size_t first = start.find_first_not_of(" \t\r\n");
   const bool is_json = first != start.npos && start[first] == '{';
-  std::vector<SizeRequest> requests = is_json ? read_json(file) : read_text(file);
-  if (requests.empty())
+  std::vector<SizedShape> shapes = is_json ? read_json(file) : read_text(file);
+  if (shapes.empty())
     file.refuse(
         "no shape in it: give one a line, such as 'ball 0.1 0 0 0 2' (size, center, radius)");
-  return requests;
+  return shapes;
 }
 
 }  // namespace locvol

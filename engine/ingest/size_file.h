@@ -24,6 +24,6 @@ namespace locvol {
 
 // Throws InputError, naming the line or the shape: a size or a radius that is not above 0 (below
 // 0), no finite number, too many or too few of them, an unknown kind, no shape at all.
-std::vector<SizeRequest> read_size_requests(const std::filesystem::path& path);
+std::vector<SizedShape> read_size_file(const std::filesystem::path& path);
 
 }  // namespace locvol

@@ -391,7 +391,7 @@ Frame frame_of(const Box& surface) {
 
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
                                IngestWatch& watch, Workers& workers,
-                               const std::optional<SizeSpec>& weld) {
+                               const std::optional<Size>& weld) {
   RawSurface raw = read_surface(source, directory, watch);
   const std::string digest = raw.digest;
   const Frame frame = frame_of(raw.box);

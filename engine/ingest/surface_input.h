@@ -114,6 +114,6 @@ struct SurveyedSurface {
 // Reads and checks it; of it, nothing stays. Throws as both.
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
                                IngestWatch& watch, Workers& workers,
-                               const std::optional<SizeSpec>& weld);
+                               const std::optional<Size>& weld);
 
 }  // namespace locvol

@@ -4,29 +4,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "engine/formats/mesh_format.h"
-#include "octree/size_shapes.h"
+#include "engine/plan/library_options.h"
 #include "storage/records.h"
 
 namespace locvol {
-
-// λ as the user gives it: an absolute length, or a percentage of the smallest side of the bounding
-// box of the surface.
-struct SizeSpec {
-  double value = 0;
-  bool is_percent = false;
-};
-
-// A shape as the user gives it: its size is a length or a percentage. `place`: for messages.
-struct SizeRequest {
-  SizeShape shape;
-  bool is_percent = false;
-  std::string place;
-};
 
 // Without a growth, of sizes around shapes.
 inline constexpr double kDefaultGrowth = 0.2;
@@ -44,36 +28,10 @@ struct ImageFacts {
   double least = 0;    // of all values
 };
 
-struct MeshOptions {
-  std::filesystem::path input;  // empty: the surface is in no file; or kFromStandardInput
-  std::filesystem::path store;
-  SizeSpec size;
-  std::uint64_t leaf_capacity = 0;  // κ; 0: the default
+// What the library does not offer is what the command adds.
+struct MeshOptions : Options {
+  std::filesystem::path input = {};  // empty: the surface is in no file; or kFromStandardInput
   Initialization init = Initialization::kCover;
-  std::uint64_t seed = 0;
-  double radius_edge_bound = 2;
-  // Of the dihedral angles of cells, in degrees; 0: none. Absent: kDefaultMinDihedral, and none in
-  // paper mode.
-  std::optional<double> min_dihedral = std::nullopt;
-  double spacing_floor = 0.02;  // as a fraction of λ
-  // Where sizes vary, cells are λ large at the surface, and grow from there by so much of the way.
-  double growth = 0;                      // 0: λ everywhere
-  std::optional<SizeSpec> max_size = {};  // what they do not grow beyond; absent: no bound
-  // Where they are to be smaller than λ. Then a growth of 0 stands for kDefaultGrowth, with λ as
-  // what sizes do not grow beyond.
-  std::vector<SizeRequest> shapes = {};
-  // Likewise, by the surface's curvature and thickness; 0: none of these. Edges of the boundary
-  // around a circle; how far the boundary may be from the surface; layers of cells across thin
-  // parts.
-  double per_circle = 0;
-  std::optional<SizeSpec> deviation = {};
-  double layers = 0;
-  std::optional<SizeSpec> min_size = {};  // what these do not go below; absent: kDefaultLeast λ
-  std::filesystem::path size_image = {};  // a VTK image of sizes, likewise; empty: none
-  // Points that lie closer to each other than this become one. Absent: those that close a surface
-  // which is not closed otherwise. 0: none.
-  std::optional<SizeSpec> weld = {};
-  bool is_forced = false;  // start anew over a store of another run
 };
 
 struct Progress {

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "engine/plan/octree_plan.h"
+#include "engine/plan/option_table.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/number_text.h"
@@ -44,17 +45,32 @@ void check_lengths(const SurfaceFacts& surface, double size) {
                      " and " + decimal(kMaxLength) + ", or scale the model");
 }
 
-void check_options(const MeshOptions& options) {
-  if (!(options.radius_edge_bound >= 2) || !std::isfinite(options.radius_edge_bound))
-    throw InputError("radius-edge bound " + decimal(options.radius_edge_bound) +
-                     ": give a finite number of at least 2; below it refinement need not end");
-  if (options.min_dihedral && (!(*options.min_dihedral >= 0) || !(*options.min_dihedral <= 40)))
-    throw InputError("smallest dihedral angle " + decimal(*options.min_dihedral) +
-                     ": give degrees from 0, which asks for none, to 40; 15 to 25 can be had");
-  if (!(options.spacing_floor >= 0) || !(options.spacing_floor <= 0.5))
-    throw InputError("spacing floor " + decimal(options.spacing_floor) +
-                     ": give a fraction of the size from 0 to 0.5");
+// What the run's record keeps of an option, which is what it has by itself where none is given.
+void keep(const OptionText& option, const Size& given, const Box& surface, double& kept) {
+  if (given.value != 0 || option.is_required) kept = absolute_size(given, surface, option.noun);
 }
+void keep(const OptionText&, const std::optional<Size>& given, const Box& surface,
+          std::optional<double>& kept) {
+  kept = weld_length(given, surface);
+}
+void keep(const OptionText& option, double given, const Box&, double& kept) {
+  if (given == kept) return;
+  if (!(given >= option.range.least && given <= option.range.most))
+    throw InputError(
+        fmt::format("{} {}: {}", option.noun, decimal(given), filled(option.cure, option)));
+  kept = given;
+}
+void keep(const OptionText& option, const std::optional<double>& given, const Box& surface,
+          double& kept) {
+  if (given) keep(option, *given, surface, kept);
+}
+void keep(const OptionText&, std::uint64_t given, const Box&, std::uint64_t& kept) { kept = given; }
+void keep(const OptionText&, Initialization given, const Box&, Initialization& kept) {
+  kept = given;
+}
+// See add_shapes() and ImageFacts.
+void keep(const OptionText&, const std::vector<SizedShape>&, const Box&, std::vector<SizeShape>&) {}
+void keep(const OptionText&, const std::filesystem::path&, const Box&, std::string&) {}
 
 // Of a box with the given side, grown by `distance` on all sides.
 double volume_growth(double side, double distance) { return std::pow(1 + 2 * distance / side, 3); }
@@ -108,59 +124,57 @@ double distance_between(const SizeShape& shape, const Box& box) {
   return std::sqrt(box.squared_distance(box_of(shape)));
 }
 
+SizeShape stored_shape(const SizedShape& given, const Box& surface) {
+  static_assert(static_cast<int>(SizedShape::Kind::kBall) == static_cast<int>(ShapeKind::kBall) &&
+                static_cast<int>(SizedShape::Kind::kBox) == static_cast<int>(ShapeKind::kBox) &&
+                static_cast<int>(SizedShape::Kind::kSegment) ==
+                    static_cast<int>(ShapeKind::kSegment));
+  const auto point = [](const Coordinates& c) { return Point{c[0], c[1], c[2]}; };
+  SizeShape shape{.kind = static_cast<ShapeKind>(given.kind),
+                  .size = absolute_size(given.size, surface),
+                  .a = point(given.a),
+                  .b = point(given.b),
+                  .radius = given.radius};
+  const Box box = box_of(shape);
+  if (!(shape.radius >= 0) || !std::isfinite(dot(box.min, box.min) + dot(box.max, box.max)))
+    throw InputError("give finite coordinates, and a radius of at least 0");
+  if (shape.kind == ShapeKind::kBox) shape.a = box.min, shape.b = box.max;
+  return shape;
+}
+
 void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
-  for (const auto& [shape, is_percent, place] : options.shapes) {
-    SizeShape& added = parameters.shapes.emplace_back(shape);
+  for (const SizedShape& given : options.shapes) {
     try {
-      added.size = absolute_size({shape.size, is_percent}, surface);
+      const SizeShape& added = parameters.shapes.emplace_back(stored_shape(given, surface));
+      const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);
+      if (!(num_cells < kMostCells))
+        throw InputError(fmt::format(
+            "size {} asks for {:.2g} cells there: choose a size of at least {:.3g}", added.size,
+            num_cells, 1.01 * added.size * std::cbrt(num_cells / kMostCells)));
     } catch (const InputError& e) {
-      throw InputError(place + ": " + e.what());
+      throw InputError(given.place + ": " + e.what());
     }
-    if (shape.kind == ShapeKind::kBox) {
-      const Box box = box_of(shape);
-      added.a = box.min, added.b = box.max;
-    }
-    const auto& [least, most] = box_of(shape);
-    if (!(shape.radius >= 0) || !std::isfinite(dot(least, least) + dot(most, most)))
-      throw InputError(place + ": give finite coordinates, and a radius of at least 0");
-    const double num_cells = estimated_num_cells_at(added, parameters.sizes(), surface);
-    if (!(num_cells < kMostCells))
-      throw InputError(fmt::format(
-          "{}: size {} asks for {:.2g} cells there: choose a size of at "
-          "least {:.3g}",
-          place, added.size, num_cells, 1.01 * added.size * std::cbrt(num_cells / kMostCells)));
   }
 }
 
-void add_rules(const MeshOptions& options, const Box& surface, RunParameters& parameters) {
-  parameters.per_circle = options.per_circle;
-  parameters.layers = options.layers;
-  if (options.deviation)
-    parameters.deviation = absolute_size(*options.deviation, surface, "deviation");
-  if (options.min_size)
-    parameters.min_size = absolute_size(*options.min_size, surface, "smallest size");
-  else if (parameters.is_measured())
+// What stands for options that are not given, and depends on others.
+void add_defaults(const MeshOptions& options, RunParameters& parameters) {
+  if (options.leaf_capacity == 0) parameters.leaf_capacity = kDefaultLeafCapacity;
+  if (!options.min_dihedral && options.init == Initialization::kCover)
+    parameters.min_dihedral = kDefaultMinDihedral;
+  if (options.min_size.value == 0 && parameters.is_measured())
     parameters.min_size = kDefaultLeast * parameters.size;
   if ((options.shapes.empty() && !parameters.has_nodes()) || parameters.growth > 0) return;
   parameters.growth = kDefaultGrowth;
-  if (!options.max_size) parameters.max_size = parameters.size;
+  if (options.max_size.value == 0) parameters.max_size = parameters.size;
 }
 
+// What does not go together.
 void check_sizes(const RunParameters& p) {
-  if (!(p.growth >= 0) || !(p.growth <= kMostGrowth))
-    throw InputError("growth " + decimal(p.growth) +
-                     ": give a number from 0, which asks for one "
-                     "size everywhere, to " +
-                     decimal(kMostGrowth));
   if (p.growth > 0 && p.init == Initialization::kPaper)
     throw InputError("sizes vary in cover mode only: leave the growth out, or give --init cover");
   if (std::isfinite(p.max_size) && p.growth == 0)
     throw InputError("a largest size bounds what grows: give a growth, too");
-  if (p.per_circle != 0 && !(p.per_circle >= 3 && p.per_circle <= 1000))
-    throw InputError("edges per circle " + decimal(p.per_circle) +
-                     ": give a number from 3 to 1000");
-  if (p.layers != 0 && !(p.layers >= 1 && p.layers <= 20))
-    throw InputError("layers " + decimal(p.layers) + ": give a number from 1 to 20");
   if (p.min_size > 0 && !p.is_measured())
     throw InputError(
         "a smallest size bounds what curvature, deviation or layers ask for: give one");
@@ -183,46 +197,36 @@ void require_few_cells(const RunRecord& run) {
       1.01 * std::cbrt(num_cells / kMostCells)));
 }
 
-double absolute_size(const SizeSpec& spec, const Box& box, const std::string& name) {
+double absolute_size(const Size& spec, const Box& box, const std::string& name) {
   if (!(spec.value > 0) || !std::isfinite(spec.value))
     throw InputError(name + " " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
                      ": give a finite number above 0");
   return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
 }
 
-std::optional<double> weld_length(const std::optional<SizeSpec>& weld, const Box& box) {
+std::optional<double> weld_length(const std::optional<Size>& weld, const Box& box) {
   if (!weld) return std::nullopt;
   return weld->value == 0 ? 0 : absolute_size(*weld, box, "weld");
 }
 
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
                       const ImageFacts& image) {
-  check_options(options);
   RunRecord run;
   run.surface.file = name_of(options.input);
   run.surface.box = surface;
   if (!options.size_image.empty())
     run.image_file = std::filesystem::absolute(options.size_image).string();
-  run.parameters = {
-      .input_digest = digest,
-      .size = absolute_size(options.size, surface),
-      .radius_edge_bound = options.radius_edge_bound,
-      .min_dihedral = options.min_dihedral.value_or(
-          options.init == Initialization::kCover ? kDefaultMinDihedral : 0),
-      .spacing_floor = options.spacing_floor,
-      .leaf_capacity = options.leaf_capacity > 0 ? options.leaf_capacity : kDefaultLeafCapacity,
-      .init = options.init,
-      .seed = options.seed,
-      .growth = options.growth,
-      .size_image = image.digest,
-      .image_least = image.least,
-      .weld = weld_length(options.weld, surface)};
-  if (options.max_size)
-    run.parameters.max_size = absolute_size(*options.max_size, surface, "largest size");
-  add_rules(options, surface, run.parameters);
-  add_shapes(options, surface, run.parameters);
-  check_sizes(run.parameters);
-  check_lengths(run.surface, run.parameters.size);
+  RunParameters& parameters = run.parameters;
+  parameters.input_digest = digest;
+  for_each_given_option([&](const auto& option) {
+    keep(option, options.*option.given, surface, parameters.*option.kept);
+  });
+  parameters.size_image = image.digest;
+  parameters.image_least = image.least;
+  add_defaults(options, parameters);
+  add_shapes(options, surface, parameters);
+  check_sizes(parameters);
+  check_lengths(run.surface, parameters.size);
   // Ids below are those of lattice points.
   if (options.init == Initialization::kCover) run.next_point_id = kFirstOtherId;
   return run;

@@ -16,10 +16,10 @@ inline constexpr std::uint64_t kDefaultLeafCapacity = 30000;
 
 // In the units of the coordinates. Throws InputError with its name unless it is positive and
 // finite.
-double absolute_size(const SizeSpec& size, const Box& box, const std::string& name = "size");
+double absolute_size(const Size& size, const Box& box, const std::string& name = "size");
 
 // MeshOptions::weld in these units. Throws as absolute_size().
-std::optional<double> weld_length(const std::optional<SizeSpec>& weld, const Box& box);
+std::optional<double> weld_length(const std::optional<Size>& weld, const Box& box);
 
 // The record of a run that has yet to ingest the surface whose file has this digest, and which has
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that

@@ -6,10 +6,11 @@
 
 #include <bit>
 #include <ctime>
+#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
+#include "engine/plan/option_table.h"
 #include "engine/shared/number_text.h"
 #include "engine/shared/standard_input.h"
 #include "octree/mix.h"
@@ -17,12 +18,16 @@
 namespace locvol {
 namespace {
 
-const char* name_of(Initialization init) {
-  return init == Initialization::kCover ? "cover" : "paper";
+// What tells the values of a parameter apart, and people read. Of shapes it is a number, and so it
+// is of an image.
+std::string text_of(double value) { return decimal(value); }
+std::string text_of(std::uint64_t value) { return std::to_string(value); }
+std::string text_of(Initialization init) { return std::string(init_name(init)); }
+std::string text_of(const std::optional<double>& weld) { return weld ? decimal(*weld) : "auto"; }
+std::string text_of(const std::string& image) {
+  return image.empty() ? "no image" : "the image " + image;
 }
-
-// A number that tells lists of shapes apart.
-std::string shapes_text(const std::vector<SizeShape>& shapes) {
+std::string text_of(const std::vector<SizeShape>& shapes) {
   if (shapes.empty()) return "none";
   std::uint64_t hash = 0;
   for (const auto& [kind, size, a, b, radius] : shapes) {
@@ -33,12 +38,6 @@ std::string shapes_text(const std::vector<SizeShape>& shapes) {
   return fmt::format("{} shape{} (hash {:016x})", shapes.size(), shapes.size() == 1 ? "" : "s",
                      hash);
 }
-
-std::string image_text(const RunParameters& p) {
-  return p.has_image() ? "the image " + p.size_image : "no image";
-}
-
-std::string weld_text(const RunParameters& p) { return p.weld ? decimal(*p.weld) : "auto"; }
 
 // In the user's own time.
 std::string time_text(std::time_t seconds) {
@@ -77,29 +76,11 @@ std::vector<std::string> differences(const RunRecord& held_run, const RunRecord&
   std::vector<std::string> all;
   if (held.input_digest != asked.input_digest)
     all.push_back(surface_difference(held_run, asked_run, started));
-  const auto compare = [&](std::string_view option, const std::string& held_value,
-                           const std::string& asked_value) {
-    if (held_value != asked_value)
-      all.push_back(fmt::format("{} is {} in it, and {} here", option, held_value, asked_value));
-  };
-  compare("--size", decimal(held.size), decimal(asked.size));
-  compare("the radius-edge bound", decimal(held.radius_edge_bound),
-          decimal(asked.radius_edge_bound));
-  compare("--min-dihedral", decimal(held.min_dihedral), decimal(asked.min_dihedral));
-  compare("--spacing-floor", decimal(held.spacing_floor), decimal(asked.spacing_floor));
-  compare("--leaf-capacity", std::to_string(held.leaf_capacity),
-          std::to_string(asked.leaf_capacity));
-  compare("--weld", weld_text(held), weld_text(asked));
-  compare("--init", name_of(held.init), name_of(asked.init));
-  compare("--seed", std::to_string(held.seed), std::to_string(asked.seed));
-  compare("--growth", decimal(held.growth), decimal(asked.growth));
-  compare("--max-size", decimal(held.max_size), decimal(asked.max_size));
-  compare("--per-circle", decimal(held.per_circle), decimal(asked.per_circle));
-  compare("--deviation", decimal(held.deviation), decimal(asked.deviation));
-  compare("--layers", decimal(held.layers), decimal(asked.layers));
-  compare("--min-size", decimal(held.min_size), decimal(asked.min_size));
-  compare("--sizes", image_text(held), image_text(asked));
-  compare("--sizes", shapes_text(held.shapes), shapes_text(asked.shapes));
+  for_each_option([&](const auto& option) {
+    const std::string in_store = text_of(held.*option.kept), here = text_of(asked.*option.kept);
+    if (in_store != here)
+      all.push_back(fmt::format("{} is {} in it, and {} here", option.name.typed, in_store, here));
+  });
   return all;
 }
 

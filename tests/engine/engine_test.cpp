@@ -550,7 +550,7 @@ TEST_F(GradedEngineTest, NoPoorCellsAreLeftAtTheBordersOfLeaves) {
 TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
   write(sphere(1, 61, 128));
   auto run = graded("bounded", 0.1, 0, 0.3);
-  run.max_size = SizeSpec{0.13, false};
+  run.max_size = Size{0.13, false};
   const RunSummary bounded = mesh(run);
   EXPECT_TRUE(audit(Store::open(run.store, {.read_only = true})).is_valid());
   const RunSummary free = mesh(graded("free", 0.1, 0, 0.3));
@@ -567,9 +567,9 @@ TEST_F(GradedEngineTest, HasACoreWhereSizesAreBounded) {
       auto run = graded(name, 0.055, leaf_capacity, 0.3);
       if (has_shape) {
         run.growth = 0;  // but around the shape
-        run.shapes = {{{ShapeKind::kBall, 0.01, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
+        run.shapes = {SizedShape::ball({0.01}, {0.2, 0.1, 0}, 0.02)};
       } else {
-        run.max_size = SizeSpec{0.08, false};
+        run.max_size = Size{0.08, false};
       }
       const RunSummary summary = mesh(run);
       EXPECT_EQ(summary.outcome, RunOutcome::kDone);
@@ -589,8 +589,8 @@ TEST_F(GradedEngineTest, ACoreGivesTheSameRecordsWithAnyThreadsAndInterruptions)
   write(sphere(1, 61, 128));
   const auto bounded = [&](const std::string& name) {
     auto run = graded(name, 0.08, 150, 0.3);
-    run.max_size = SizeSpec{0.1, false};
-    run.shapes = {{{ShapeKind::kBall, 0.02, {0.2, 0.1, 0}, {}, 0.02}, false, "a ball"}};
+    run.max_size = Size{0.1, false};
+    run.shapes = {SizedShape::ball({0.02}, {0.2, 0.1, 0}, 0.02)};
     return run;
   };
   EXPECT_GT(expect_same_records(bounded, {3, 5}, 23).leaves.size(), 30U);
@@ -600,10 +600,9 @@ TEST_F(GradedEngineTest, ACoreGivesTheSameRecordsWithAnyThreadsAndInterruptions)
 TEST_F(GradedEngineTest, CellsAreSmallerAtShapes) {
   write(sphere(1, 61, 128));
   auto run = options("shapes", 0.2, 300);
-  run.shapes = {{{ShapeKind::kBall, 0.015, {1, 0, 0}, {}, 0}, false, "a point"},
-                {{ShapeKind::kBall, 0.03, {-0.3, 0, 0.2}, {}, 0.1}, false, "a ball"},
-                {{ShapeKind::kSegment, 0.02, {0, 0.9, 0.4}, {0, 0.6, 0.85}}, false, "a line"},
-                {{ShapeKind::kBox, 2, {-1, -1, -1}, {-0.9, 1, 1}}, true, "a box"}};
+  run.shapes = {SizedShape::ball({0.015}, {1, 0, 0}), SizedShape::ball({0.03}, {-0.3, 0, 0.2}, 0.1),
+                SizedShape::segment({0.02}, {0, 0.9, 0.4}, {0, 0.6, 0.85}),
+                SizedShape::box(Size::percent(2), {-1, -1, -1}, {-0.9, 1, 1})};
   const RunSummary summary = mesh(run);
   EXPECT_EQ(summary.outcome, RunOutcome::kDone);
   const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
@@ -626,8 +625,8 @@ TEST_F(GradedEngineTest, ShapesGiveTheSameRecordsWithAnyThreadsAndInterruptions)
   write(torus(1, 0.4, 48, 24));
   const auto with_shapes = [&](const std::string& name) {
     auto run = graded(name, 0.15, 100);
-    run.shapes = {{{ShapeKind::kBall, 0.03, {1.2, 0.3, 0}, {}, 0.1}, false, "a ball"},
-                  {{ShapeKind::kSegment, 0.05, {-1, 0, 0.4}, {-1.4, 0, 0}}, false, "a line"}};
+    run.shapes = {SizedShape::ball({0.03}, {1.2, 0.3, 0}, 0.1),
+                  SizedShape::segment({0.05}, {-1, 0, 0.4}, {-1.4, 0, 0})};
     return run;
   };
   EXPECT_GT(expect_same_records(with_shapes, {3}, 23).leaves.size(), 30U);
@@ -638,7 +637,7 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   write(torus(1, 0.2, 128, 32));
   const auto measured = [&](const std::string& name) {
     auto run = options(name, 0.25, 300);
-    run.min_size = SizeSpec{0.02, false};
+    run.min_size = Size{0.02, false};
     return run;
   };
   const auto num_cells = [&](const MeshOptions& run) {
@@ -656,7 +655,7 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   const double num_circles = num_cells(run);
   EXPECT_GT(num_circles, 3 * num_uniform);
   run = measured("deviation");
-  run.deviation = SizeSpec{0.01, false};
+  run.deviation = Size{0.01, false};
   EXPECT_GT(num_cells(run), 3 * num_uniform);
   run = measured("layers");
   run.layers = 2;
@@ -666,8 +665,8 @@ TEST_F(GradedEngineTest, CellsAreSmallerWhereTheSurfaceAsksForIt) {
   EXPECT_GT(num_cells(run), 1.5 * num_circles);
   run = measured("least");
   run.per_circle = 200;
-  run.min_size = SizeSpec{0.1, false};
-  run.shapes = {{{ShapeKind::kBall, 0.01, {1, 0, 0}, {}, 0}, false, "a point"}};
+  run.min_size = Size{0.1, false};
+  run.shapes = {SizedShape::ball({0.01}, {1, 0, 0})};
   num_cells(run);
   std::size_t num_nodes = 0;
   for (const auto& [key, leaf] : contents_of(run.store).leaves)
@@ -720,7 +719,7 @@ TEST_F(GradedEngineTest, BoundaryAndSurfaceAreWithinTheDeviationOfEachOther) {
     SCOPED_TRACE(name);
     write(shape);
     auto run = options(name, 0.4, 1000);
-    run.deviation = SizeSpec{kDeviation, false};
+    run.deviation = Size{kDeviation, false};
     run.seed = seed;
     const RunOutcome outcome = mesh(run).outcome;
     if (name != "wedge") {  // whose edges are acute
@@ -763,7 +762,7 @@ TEST_F(GradedEngineTest, DeviationDoesNotPayTwiceAtATip) {
     return static_cast<double>(mesh(run).run.counts.num_cells);
   };
   auto run = options("with", 0.06, 30000);
-  run.deviation = SizeSpec{0.04, false};
+  run.deviation = Size{0.04, false};
   EXPECT_LT(num_cells(run), 1.7 * num_cells(options("without", 0.06, 30000)));
 }
 
@@ -772,7 +771,7 @@ TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterru
   const auto measured = [&](const std::string& name) {
     auto run = graded(name, 0.3, 100);
     run.per_circle = 24;
-    run.deviation = SizeSpec{0.01, false};
+    run.deviation = Size{0.01, false};
     run.layers = 3;
     return run;
   };
@@ -852,8 +851,8 @@ TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
 TEST_F(GradedEngineTest, KnowsHowLargeSizesAreWhereAVisitMayPutPoints) {
   write(box_shape({{0, 0, 0}, {1, 1, 1}}));
   auto run = options("cube", 0.2, 300);
-  run.deviation = SizeSpec{0.02, false};
-  run.shapes = {{{ShapeKind::kBall, 0.01, {0.3, 0.3, 0.3}, {}, 0}, false, "a point"}};
+  run.deviation = Size{0.02, false};
+  run.shapes = {SizedShape::ball({0.01}, {0.3, 0.3, 0.3})};
   run.growth = 0.3;
   mesh(run);
   const Contents contents = contents_of(run.store);
@@ -909,29 +908,30 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   expect_refusal(graded("store", 0.3, 0, 0.1), "--growth is 0.2 in it, and 0.1 here");
   expect_refusal(options("store", 0.3, 0), "--growth is 0.2 in it, and 0 here");
   auto bounded = graded("store", 0.3, 0);
-  bounded.max_size = SizeSpec{0.5, false};
+  bounded.max_size = Size{0.5, false};
   expect_refusal(bounded, "--max-size is inf in it, and 0.5 here");
   auto shaped = graded("store", 0.3, 0);
-  shaped.shapes = {{{ShapeKind::kBall, 0.1, {1, 0, 0}, {}, 0}, false, "sizes.txt, line 7"}};
+  shaped.shapes = {SizedShape::ball({0.1}, {1, 0, 0})};
+  shaped.shapes.front().place = "sizes.txt, line 7";
   expect_refusal(shaped, "--sizes is none in it, and 1 shape (hash ");
   shaped.store = scratch_ / "bad";
-  shaped.shapes.front().shape.size = 1e-9;
-  shaped.shapes.front().shape.radius = 0.5;
+  shaped.shapes.front().size = {1e-9};
+  shaped.shapes.front().radius = 0.5;
   expect_refusal(shaped, "sizes.txt, line 7: size 1e-09 asks for ");
-  shaped.shapes.front().shape.radius = 0;
+  shaped.shapes.front().radius = 0;
   expect_refusal(shaped, "the octree of sizes would have more than");
-  shaped.shapes.front().shape.size = -1;
+  shaped.shapes.front().size = {-1};
   expect_refusal(shaped, "sizes.txt, line 7: size -1");
   auto measured = graded("store", 0.3, 0);
-  measured.per_circle = 20, measured.layers = 2, measured.deviation = SizeSpec{0.1, false};
+  measured.per_circle = 20, measured.layers = 2, measured.deviation = Size{0.1, false};
   expect_refusal(measured, "--per-circle is 0 in it, and 20 here");
   expect_refusal(measured, "--layers is 0 in it, and 2 here");
   expect_refusal(measured, "--deviation is 0 in it, and 0.1 here");
   expect_refusal(measured, "--min-size is 0 in it, and 0.006 here");
   auto welded = graded("store", 0.3, 0);
-  welded.weld = SizeSpec{1e-6, false};
+  welded.weld = Size{1e-6, false};
   expect_refusal(welded, "--weld is auto in it, and 1e-06 here");
-  welded.weld = SizeSpec{};
+  welded.weld = Size{};
   expect_refusal(welded, "--weld is auto in it, and 0 here");
   const auto expect_bad = [&](const std::function<void(MeshOptions&)>& change,
                               const std::string& words) {
@@ -941,23 +941,23 @@ TEST_F(GradedEngineTest, RefusesOtherSizesAndBadOnes) {
   };
   expect_bad([](MeshOptions& o) { o.per_circle = 2; }, "edges per circle 2");
   expect_bad([](MeshOptions& o) { o.layers = std::nan(""); }, "layers nan");
-  expect_bad([](MeshOptions& o) { o.weld = SizeSpec{-1, false}; }, "weld -1");
-  expect_bad([](MeshOptions& o) { o.deviation = SizeSpec{-1, false}; }, "deviation -1");
-  expect_bad([](MeshOptions& o) { o.min_size = SizeSpec{0.1, false}; }, "give one");
+  expect_bad([](MeshOptions& o) { o.weld = Size{-1, false}; }, "weld -1");
+  expect_bad([](MeshOptions& o) { o.deviation = Size{-1, false}; }, "deviation -1");
+  expect_bad([](MeshOptions& o) { o.min_size = Size{0.1, false}; }, "give one");
   expect_bad(
       [](MeshOptions& o) {
-        o.layers = 2, o.min_size = SizeSpec{0.4, false};
+        o.layers = 2, o.min_size = Size{0.4, false};
       },
       "is above the size");
   expect_bad(
       [](MeshOptions& o) {
-        o.layers = 2, o.min_size = SizeSpec{-0.4, false};
+        o.layers = 2, o.min_size = Size{-0.4, false};
       },
       "smallest size -0.4");
   for (const double growth : {-0.1, 0.31, std::nan("")})
     expect_refusal(graded("bad", 0.3, 0, growth), "growth");
   bounded.store = scratch_ / "bad";
-  bounded.max_size = SizeSpec{0.1, false};
+  bounded.max_size = Size{0.1, false};
   expect_refusal(bounded, "below the size at the surface");
   bounded.growth = 0;
   expect_refusal(bounded, "give a growth");

@@ -67,18 +67,17 @@ INSTANTIATE_TEST_SUITE_P(ParseMemory, BadMemory,
                          testing::Values("", "M", "iB", "512iB", "0", "-1G", "101%", "0%", "nanM",
                                          "1X", "1MM", "1e30", "512 M"));
 
-TEST(ParseAngle, LiesBetweenZeroAndForty) {
-  EXPECT_EQ(parse_angle("0"), 0);
-  EXPECT_EQ(parse_angle("17.5"), 17.5);
-  EXPECT_EQ(parse_angle("40"), 40);
-  for (const char* text : {"", "-1", "40.5", "50", "x", "15°", "nan", "inf"})
-    EXPECT_THROW(parse_angle(text), std::invalid_argument) << text;
-}
-
-TEST(ParseFraction, LiesBetweenZeroAndOne) {
-  EXPECT_EQ(parse_fraction("0.02"), 0.02);
-  for (const char* text : {"", "0", "1", "-0.1", "2", "nan", "2%"}) {
-    EXPECT_THROW(parse_fraction(text), std::invalid_argument) << text;
+TEST(ParseNumber, LiesInTheOptionsRange) {
+  const OptionText angle{.name = {"--angle", "angle"}, .noun = "angle", .range = {0, 40}};
+  EXPECT_EQ(parse_number("0", angle), 0);
+  EXPECT_EQ(parse_number("17.5", angle), 17.5);
+  EXPECT_EQ(parse_number("40", angle), 40);
+  for (const char* text : {"", "-1", "40.5", "50", "x", "15°", "nan", "inf", "2%"})
+    EXPECT_THROW(parse_number(text, angle), std::invalid_argument) << text;
+  try {
+    parse_number("50", angle);
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ(e.what(), "'50' is no angle: give a number from 0 to 40");
   }
 }
 

@@ -308,7 +308,7 @@ TEST_F(InspectRanks, ShowSizesOfTheWhole) {
   mesh(3, [](MeshOptions& options) {
     options.size = {0.15, false};
     options.growth = 0.3;
-    options.deviation = SizeSpec{0.03, false};
+    options.deviation = Size{0.03, false};
   });
   join();
   const Choose sizes = [](InspectCommand& command) { command.lists_sizes = true; };

@@ -112,7 +112,7 @@ TEST_P(PageOfRanks, WhereSizesVary) {
   mesh([](MeshOptions& options) {
     options.growth = 0.3;
     options.size = {0.2, false};
-    options.deviation = SizeSpec{0.05, false};
+    options.deviation = Size{0.05, false};
   });
   expect_same({});
   EXPECT_GT(expect_same({.max_cells = 5'000}).num_cells, 500U);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/run/leaf_queue.h"
+#include "tests/engine/plan/changed_parameters.h"
 
 namespace locvol {
 namespace {
@@ -132,6 +133,16 @@ TEST(ParametersText, TellsTheBoundOnAngles) {
   parameters.min_dihedral = 15;
   EXPECT_NE(parameters_text(parameters).find("dihedral angles at least 15°, "), std::string::npos);
   EXPECT_EQ(to_json(parameters)["min_dihedral"], 15);
+}
+
+TEST(ParametersText, TellsEachOption) {
+  RunParameters parameters;
+  parameters.size = 0.1;
+  for_each_change(parameters, [&](const auto& option, const RunParameters& changed) {
+    EXPECT_NE(parameters_text(changed), parameters_text(parameters)) << option.name.key;
+    EXPECT_NE(to_json(changed)[option.name.key], to_json(parameters)[option.name.key])
+        << option.name.key;
+  });
 }
 
 TEST(PoorCellText, NamesAnglePlaceAndLeaf) {

@@ -16,6 +16,7 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/plan/option_table.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/run/run_timeline.h"

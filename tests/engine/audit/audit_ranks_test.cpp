@@ -115,7 +115,7 @@ TEST_F(AuditOfRanks, WhereSizesVaryIsThatOfOneStore) {
   mesh([](MeshOptions& options) {
     options.growth = 0.3;
     options.size = {0.15, false};
-    options.deviation = SizeSpec{0.03, false};
+    options.deviation = Size{0.03, false};
   });
   const Reports reports = audits();
   EXPECT_TRUE(reports.of_ranks.is_valid());

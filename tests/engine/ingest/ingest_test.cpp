@@ -323,11 +323,11 @@ TEST_F(IngestTest, JoinsPointsAsTheRunSays) {
   for (const std::uint64_t capacity : {300U, 30U})
     EXPECT_TRUE(stored(ingested(automatic, std::to_string(capacity), capacity)) == joined);
   auto never = automatic;
-  never.weld = SizeSpec{};
+  never.weld = Size{};
   EXPECT_THROW(ingested(never, "never"), InputError);
   // A percentage is of the smallest side, 0.8.
   auto asked = automatic;
-  asked.weld = SizeSpec{0.001, true};
+  asked.weld = Size{0.001, true};
   Stored by_length = stored(ingested(asked, "asked"));
   EXPECT_NEAR(by_length.run.parameters.weld.value(), 8e-6, 1e-8);
   EXPECT_NE(by_length.run.surface.notes, joined.run.surface.notes);
@@ -339,7 +339,7 @@ TEST_F(IngestTest, ARunThatJoinsPointsGoesOnAfterItIsStopped) {
   const Polygons sphere = to_polygons(testing_shapes::sphere(1, 150, 200));
   write(jittered(sphere, 1e-9, random));
   auto run = options(0.3, 20000);
-  run.weld = SizeSpec{1e-6, false};
+  run.weld = Size{1e-6, false};
   for (int at_report = 2; at_report < 100; ++at_report) {
     int num_reports = 0;
     const RunControl control{.on_progress = [&](const Progress&) { ++num_reports; },

@@ -13,9 +13,9 @@ namespace {
 
 class SizeFile : public testing::Test {
  protected:
-  std::vector<SizeRequest> read(const std::string& text) const {
+  std::vector<SizedShape> read(const std::string& text) const {
     std::ofstream(file()) << text;
-    return read_size_requests(file());
+    return read_size_file(file());
   }
   std::string refusal_of(const std::string& text) const {
     try {
@@ -31,37 +31,43 @@ class SizeFile : public testing::Test {
   const TempDir dir_;
 };
 
-void expect_all_kinds(const std::vector<SizeRequest>& requests) {
-  ASSERT_EQ(requests.size(), 5U);
-  EXPECT_EQ(requests[0].shape, (SizeShape{ShapeKind::kBall, 0.1, {1, 2, 3}, {1, 2, 3}, 0}));
-  EXPECT_FALSE(requests[0].is_percent);
-  EXPECT_EQ(requests[1].shape, (SizeShape{ShapeKind::kBall, 2, {0, 0, 0}, {0, 0, 0}, 4.5}));
-  EXPECT_TRUE(requests[1].is_percent);
-  EXPECT_EQ(requests[2].shape, (SizeShape{ShapeKind::kBox, 0.2, {-1, 0, 0}, {1, 2, 3}}));
-  EXPECT_EQ(requests[3].shape, (SizeShape{ShapeKind::kSegment, 0.3, {0, 0, 0}, {1, 0, 0}}));
-  EXPECT_EQ(requests[4].shape, (SizeShape{ShapeKind::kSegment, 0.3, {1, 0, 0}, {1, 1, 0}}));
+void expect_all_kinds(const std::vector<SizedShape>& shapes) {
+  const std::vector<SizedShape> all = {SizedShape::ball({0.1}, {1, 2, 3}),
+                                       SizedShape::ball(Size::percent(2), {0, 0, 0}, 4.5),
+                                       SizedShape::box({0.2}, {1, 0, 0}, {-1, 2, 3}),
+                                       SizedShape::segment({0.3}, {0, 0, 0}, {1, 0, 0}),
+                                       SizedShape::segment({0.3}, {1, 0, 0}, {1, 1, 0})};
+  ASSERT_EQ(shapes.size(), all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(shapes[i].kind, all[i].kind) << i;
+    EXPECT_EQ(shapes[i].size.value, all[i].size.value) << i;
+    EXPECT_EQ(shapes[i].size.is_percent, all[i].size.is_percent) << i;
+    EXPECT_EQ(shapes[i].a, all[i].a) << i;
+    EXPECT_EQ(shapes[i].b, all[i].b) << i;
+    EXPECT_EQ(shapes[i].radius, all[i].radius) << i;
+  }
 }
 
 TEST_F(SizeFile, ReadsAllKindsAsText) {
-  const auto requests = read(
+  const auto shapes = read(
       "# sizes\n"
       "point 0.1  1 2 3\n"
       "ball 2%  0 0 0  4.5   # a comment\r\n"
       "\n"
       "box 0.2  1 0 0  -1 2 3\n"
       "line 3e-1  0 0 0  1 0 0  1 1 0");
-  expect_all_kinds(requests);
-  EXPECT_NE(requests[2].place.find("line 5"), std::string::npos) << requests[2].place;
+  expect_all_kinds(shapes);
+  EXPECT_NE(shapes[2].place.find("line 5"), std::string::npos) << shapes[2].place;
 }
 
 TEST_F(SizeFile, ReadsAllKindsAsJson) {
-  const auto requests = read(R"( {"shapes": [
+  const auto shapes = read(R"( {"shapes": [
       {"kind": "point", "size": 0.1, "points": [[1, 2, 3]]},
       {"kind": "ball", "size": "2%", "points": [[0, 0, 0]], "radius": 4.5},
       {"kind": "box", "size": 0.2, "points": [[1, 0, 0], [-1, 2, 3]]},
       {"kind": "line", "size": 0.3, "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}]})");
-  expect_all_kinds(requests);
-  EXPECT_NE(requests[2].place.find("shape 3"), std::string::npos) << requests[2].place;
+  expect_all_kinds(shapes);
+  EXPECT_NE(shapes[2].place.find("shape 3"), std::string::npos) << shapes[2].place;
 }
 
 TEST_F(SizeFile, NamesTheLineThatIsBad) {
@@ -118,8 +124,8 @@ TEST_F(SizeFile, RefusesWhatIsNoListOfShapes) {
     const std::string refusal = refusal_of(text);
     EXPECT_NE(refusal.find(words), std::string::npos) << text << ": " << refusal;
   }
-  EXPECT_THROW(read_size_requests(file().parent_path() / "missing"), InputError);
-  EXPECT_THROW(read_size_requests(file().parent_path()), InputError);
+  EXPECT_THROW(read_size_file(file().parent_path() / "missing"), InputError);
+  EXPECT_THROW(read_size_file(file().parent_path()), InputError);
 }
 
 }  // namespace

@@ -147,7 +147,7 @@ TEST_F(IngestByRanksTest, JudgesAsOneProcess) {
     for (const auto& [kind, surface] : random_samples(random, files_)) {
       const auto& [name, encode] = kFormats[below(random, kFormats.size())];
       MeshOptions options = this->options(name, encode(surface), 5);
-      if (random() % 4) options.weld = SizeSpec{};  // or one process has to see what is open
+      if (random() % 4) options.weld = Size{};  // or one process has to see what is open
       const int num_ranks = static_cast<int>(2 + below(random, 6));
       SCOPED_TRACE(kind + ", " + name + ", " + std::to_string(num_ranks));
       const TakenIn expected = by_one(options);
@@ -221,7 +221,7 @@ TEST_F(IngestByRanksTest, JoinsPointsAsOneProcess) {
       jittered(to_polygons(testing_shapes::sphere(1, 12, 24)), 1e-7, random);  // in float32
   MeshOptions options = this->options("surface.stl", to_binary_stl(loose), 10);
   options.leaf_capacity = 300;
-  for (const auto& weld : {std::optional<SizeSpec>(), std::optional(SizeSpec{1e-4, true})}) {
+  for (const auto& weld : {std::optional<Size>(), std::optional(Size{1e-4, true})}) {
     options.weld = weld;
     options.store = scratch_ / (weld ? "one" : "one-auto");
     mesh(options);
@@ -246,7 +246,7 @@ TEST_F(IngestByRanksTest, JoinsPointsAsOneProcess) {
   open.faces.pop_back();
   options = this->options("open.stl", to_binary_stl(open), 10);
   EXPECT_TRUE(by_ranks(3, options).needs_one_process);
-  options.weld = SizeSpec{};
+  options.weld = Size{};
   EXPECT_NE(by_ranks(3, options).refusal, "") << "where nothing is joined, all can say so";
   EXPECT_EQ(by_ranks(3, options).refusal, by_one(options).refusal);
 }

@@ -499,9 +499,9 @@ std::vector<MeshOptions> with_sizes(const MeshOptions& options) {
   some[0].growth = 0.3;
   some[1].growth = 0.2;
   some[0].size = some[1].size = {0.15, false};
-  some[1].max_size = SizeSpec{0.18, false};
-  some[2].shapes = {{.shape = {ShapeKind::kBall, 0.05, {0.3, 0.2, 0.1}, {}, 0.1}, .place = {}}};
-  some[3].deviation = SizeSpec{0.02, false};
+  some[1].max_size = Size{0.18, false};
+  some[2].shapes = {SizedShape::ball({0.05}, {0.3, 0.2, 0.1}, 0.1)};
+  some[3].deviation = Size{0.02, false};
   some[4].layers = 3;
   some[4].per_circle = 12;
   for (std::size_t i = 0; i < some.size(); ++i) some[i].store += "-sizes" + std::to_string(i);
@@ -543,7 +543,7 @@ TEST_F(RunOfRanks, MeasuresNeighborsOfOtherRanks) {
 TEST_F(RunOfRanks, WithSizesGoesOnAfterAnyRankEnds) {
   write_off(sphere(1, 16, 32), scratch_ / "input.off");
   MeshOptions options = with_sizes(this->options("store", 0.25, 300))[3];
-  options.deviation = SizeSpec{0.02, false};
+  options.deviation = Size{0.02, false};
   for (std::uint64_t round = 0; round < 3; ++round) expect_to_go_on_after_ends(options, round, 7);
 }
 

@@ -72,8 +72,8 @@ TEST(RunTimeline, TellsOfAnInterruptedRun) {
   const TempDir scratch;
   const std::filesystem::path input = scratch / "sphere.off";
   write_off(sphere(1, 15, 32), input);
-  const MeshOptions options{
-      .input = input, .store = scratch / "store", .size = {0.2, false}, .leaf_capacity = 100};
+  const MeshOptions options{{.size = {0.2}, .store = scratch / "store", .leaf_capacity = 100},
+                            input};
   RunControl control;
   control.is_stopped = [left = 20]() mutable { return left-- == 0; };
   ASSERT_EQ(mesh(options, control).outcome, RunOutcome::kInterrupted);

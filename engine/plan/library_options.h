@@ -1,0 +1,94 @@
+/// \file
+/// What a program asks of a run: a part of locvol.h, which includes it.
+//
+// The engine and the command take the same struct. Each member that the mesh depends on has a row
+// in option_table.h.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace locvol {
+
+/// x, y and z.
+using Coordinates = std::array<double, 3>;
+
+/// λ, the bound on the circumradii of the cells and on the surface's balls. Half of it makes about
+/// eight times the cells.
+struct Size {
+  double value = 0;         ///< A length in the units of the coordinates, or a percentage.
+  bool is_percent = false;  ///< Whether it is one: of the smallest side of the bounding box.
+
+  /// A length in the units of the coordinates.
+  static Size length(double value) { return {value, false}; }
+  /// A percentage of the smallest side of the surface's bounding box.
+  static Size percent(double value) { return {value, true}; }
+};
+
+/// Where cells are to be smaller than elsewhere: the bound on circumradii is `size` in all of the
+/// shape, and larger by Options::growth of the distance from it.
+struct SizedShape {
+  /// What it is.
+  enum class Kind { kBall, kBox, kSegment };
+  Kind kind = Kind::kBall;  ///< What it is.
+  Size size = {};           ///< Of cells in it.
+  Coordinates a = {};       ///< Of a ball its center, of a box a corner, of a segment an end.
+  Coordinates b = {};       ///< The other corner or end.
+  double radius = 0;        ///< Of a ball; 0: a point.
+  std::string place = {};   ///< What messages call it; empty: by its number.
+
+  /// A point, with radius 0, or a ball.
+  static SizedShape ball(Size size, const Coordinates& center, double radius = 0) {
+    return {Kind::kBall, size, center, center, radius, {}};
+  }
+  /// Given by two opposite corners.
+  static SizedShape box(Size size, const Coordinates& a, const Coordinates& b) {
+    return {Kind::kBox, size, a, b, 0, {}};
+  }
+  /// Between two points.
+  static SizedShape segment(Size size, const Coordinates& a, const Coordinates& b) {
+    return {Kind::kSegment, size, a, b, 0, {}};
+  }
+};
+
+/// What the mesh depends on, besides the surface; and where its run is kept.
+struct Options {
+  Size size = {};  ///< Must be given; SurfaceInfo::default_size is one.
+  /// Directory of the run's store, made if it is not there, and kept. Empty: a directory of its own
+  /// in `scratch`, which goes with the Mesh.
+  std::filesystem::path store = {};
+  /// Where a store without a name is made. Empty: the system's directory for temporary files, which
+  /// may lie in memory.
+  std::filesystem::path scratch = {};
+  bool is_forced = false;           ///< Start anew over the store of another run.
+  std::uint64_t leaf_capacity = 0;  ///< κ: a leaf with more points is split. 0: the default.
+  std::uint64_t seed = 0;           ///< Of the sample of the surface.
+  /// Cells get no dihedral angle below this, in degrees, 0 (any) to 40; absent: 15. Up to 20 is
+  /// kept nearly everywhere; a cell that nothing improves stays, and is told by
+  /// Statistics::num_poor_cells.
+  std::optional<double> min_dihedral = {};
+  double spacing_floor = 0.02;  ///< No point comes closer than this to another; over λ.
+  /// Cells grow from the surface inwards: the bound on circumradii is λ at the surface, and larger
+  /// by this much of the distance from it, 0 (one size everywhere) to 0.3.
+  double growth = 0;
+  Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
+  /// With any, a growth of 0 stands for 0.2, with `size` as what the bound does not grow beyond.
+  std::vector<SizedShape> shapes = {};
+  /// Likewise, a VTK image (.vti) of sizes. Empty: none.
+  std::filesystem::path size_image = {};
+  // Likewise with one of the next three, each 0 or of value 0 for none.
+  double per_circle = 0;  ///< So many edges around a circle where the surface is curved: 3 to 1000.
+  Size deviation = {};  ///< How far the boundary may be from the surface, and the surface from it.
+  double layers = 0;    ///< So many cells across parts that are thin: 1 to 20.
+  Size min_size = {};   ///< What these three do not go below. Of value 0: 0.02 of `size`.
+  /// Points of the surface that lie closer to each other than this become one; of value 0: none.
+  /// Absent: those that close a surface which is not closed otherwise, up to a millionth of its
+  /// width away; Control::on_note tells of them.
+  std::optional<Size> weld = {};
+};
+
+}  // namespace locvol
