@@ -23,6 +23,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "octree/geometry.h"
 #include "octree/size_field.h"
@@ -112,7 +113,7 @@ inline std::optional<Condition> judge(const StarView& star) {
 // Of a vertex that meets C3, whose star is not known as a whole: edges of its link that a change
 // takes away, and that it brings.
 struct StarChange {
-  std::span<const LinkEdge> gone, made;
+  std::vector<LinkEdge> gone, made;
 };
 
 // A disk stays one if a part of its link, a path, gives way to a path between the same ends. Of

@@ -650,9 +650,8 @@ bool ImproveAngles::is_disk_kept(LocalIndex v) {
         link.push_back(link_edge(f, v));
     return link;
   };
-  const std::vector<LinkEdge> gone = link_of(facets_gone_, facets_made_);
-  const std::vector<LinkEdge> made = link_of(facets_made_, facets_gone_);
-  return !judge(StarChange{gone, made}, [&](LocalIndex w) { return is_off_boundary(v, w); });
+  const StarChange change{link_of(facets_gone_, facets_made_), link_of(facets_made_, facets_gone_)};
+  return !judge(change, [&](LocalIndex w) { return is_off_boundary(v, w); });
 }
 
 // Is no boundary facet at the edge, as far as is known?

@@ -469,25 +469,21 @@ FacetView LeafMesh::view(const Delaunay::Change& change, const std::vector<Prosp
   const CellAtFacet at_here{&mine.state, &mine.ball,
                             &place(change, here.vertex[std::size_t(index)])};
   const bool is_past_surface = has_vertex(mine.state.own & mine.state.hidden, {0, index});
-  const bool are_all_on_surface = (mine.state.on_surface | 1 << index) == 0b1111;
   const std::uint32_t beyond = here.neighbor[std::size_t(index)];
-  if ((beyond & Delaunay::kNewCell) == 0) {
-    side(beyond);
-    const auto& other = delaunay_.vertices(beyond);
-    int off = 0;
-    while (std::ranges::find(vertices, other[std::size_t(off)]) != vertices.end()) ++off;
-    return {dual_crossings(corners, at_here, at_facet({beyond, off}), is_past_surface),
-            are_all_on_surface};
-  }
   const std::size_t n = beyond & ~Delaunay::kNewCell;
-  others = prospects[n];
-  const auto& other = change.made[n].vertex;
+  const bool is_new = n != beyond;
+  const auto& other = is_new ? change.made[n].vertex : delaunay_.vertices(beyond);
   std::size_t off = 0;
   while (std::ranges::find(vertices, other[off]) != vertices.end()) ++off;
-  return {
-      dual_crossings(corners, at_here, {&others.state, &others.ball, &place(change, other[off])},
-                     is_past_surface),
-      are_all_on_surface};
+  if (is_new)
+    others = prospects[n];
+  else
+    side(beyond);
+  const CellAtFacet at_there =
+      is_new ? CellAtFacet{&others.state, &others.ball, &place(change, other[off])}
+             : at_facet({beyond, static_cast<int>(off)});
+  return {dual_crossings(corners, at_here, at_there, is_past_surface),
+          (mine.state.on_surface | 1 << index) == 0b1111};
 }
 
 void LeafMesh::find_conflict(const Point& q, Cell hint, Conflict& conflict) const {

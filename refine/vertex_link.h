@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstddef>
+#include <map>
 #include <optional>
 #include <span>
 #include <utility>
@@ -48,11 +49,18 @@ inline bool is_cycle(std::span<LinkEdge> link) {
 }
 
 struct LinkPath {
-  std::array<Delaunay::Vertex, 2> ends;  // ascending
-  std::vector<Delaunay::Vertex> between;
+  std::vector<Delaunay::Vertex> ends, between;  // ascending; two ends
 };
 
-// That edges make, if they make one.
-std::optional<LinkPath> path_of(std::span<const LinkEdge> edges);
+// That edges make, if they make one: then one more makes a cycle of it.
+inline std::optional<LinkPath> path_of(std::vector<LinkEdge> edges) {
+  std::map<Delaunay::Vertex, int> degrees;
+  for (const auto& [a, b] : edges) ++degrees[a], ++degrees[b];
+  LinkPath path;
+  for (const auto& [v, degree] : degrees) (degree == 1 ? path.ends : path.between).push_back(v);
+  if (path.ends.size() != 2) return std::nullopt;
+  edges.push_back({path.ends[0], path.ends[1]});
+  return is_cycle(edges) ? std::optional(path) : std::nullopt;
+}
 
 }  // namespace locvol
