@@ -6,7 +6,7 @@
 
 #include "engine/plan/phases.h"
 #include "engine/ranks/rank_crew.h"
-#include "engine/run/one_process.h"
+#include "engine/run/crew.h"
 #include "engine/stages/stages.h"
 #include "octree/stop.h"
 
@@ -24,7 +24,7 @@ class RunPhases::Impl {
                work_.stop(),  crew_->exchange(), exchange} {}
 
   void share_knowledge() {
-    const RunParameters& p = work_.state().run().parameters;
+    const RunParameters& p = work_.state().parameters();
     for (Phase phase = next_phase(p, Phase::kIngest); phase != Phase::kDone;
          phase = next_phase(p, phase)) {
       auto stage = stage_in(phase, tools_);

@@ -2,7 +2,6 @@
 // compares phases, or counts epochs, asks here.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -26,33 +25,8 @@ struct PhaseFacts {
   LeavesMove leaves_move = LeavesMove::kNever;
 };
 
-namespace phase_table {
-constexpr bool always(const RunParameters&) { return true; }
-inline bool is_paper(const RunParameters& p) { return p.init == Initialization::kPaper; }
-inline bool is_cover(const RunParameters& p) { return p.init == Initialization::kCover; }
-inline bool is_graded(const RunParameters& p) { return is_cover(p) && !p.sizes().is_uniform(); }
-inline bool is_measured(const RunParameters& p) { return is_graded(p) && p.is_measured(); }
-}  // namespace phase_table
-
-// In the order in which they come.
-inline constexpr std::array kPhases = std::to_array<PhaseFacts>({
-    {Phase::kIngest, "ingest", RunStage::kIngest, phase_table::always},
-    {Phase::kMeasure, "initialize", RunStage::kInitialize, phase_table::is_measured},
-    {Phase::kSize, "initialize", RunStage::kInitialize, phase_table::is_graded},
-    {Phase::kScatter, "initialize", RunStage::kInitialize, phase_table::is_paper},
-    {Phase::kCover, "initialize", RunStage::kInitialize, phase_table::is_cover,
-     LeavesMove::kIfSizesVary},  // copies reach as far as sizes ask for
-    {Phase::kFill, "initialize", RunStage::kInitialize, phase_table::is_cover},
-    {Phase::kRefine, "refine", RunStage::kRefine, phase_table::always,
-     LeavesMove::kUnlessBalanced},  // most of the work begins
-    {Phase::kMend, "mend", RunStage::kRefine, phase_table::always},
-    {Phase::kDone, "done", RunStage::kRefine, phase_table::always},
-});
-
-constexpr const PhaseFacts& facts_of(Phase phase) {
-  return kPhases[static_cast<std::size_t>(phase)];
-}
-constexpr RunStage stage_of(Phase phase) { return facts_of(phase).stage; }
+const PhaseFacts& facts_of(Phase phase);
+inline RunStage stage_of(Phase phase) { return facts_of(phase).stage; }
 
 constexpr bool comes_before(Phase a, Phase b) { return a < b; }
 // Is h known in all leaves, or λ all that there is?

@@ -105,8 +105,7 @@ void RankVisits::open_epoch(std::uint32_t epoch, const LeafVisits& visits) {
     distances.push_back(distance);
   }
   const LinearOctree octree = LinearOctree::coarsest_with(leaves);
-  state_.queue().open_epoch(epoch, leaves,
-                            color_leaves(octree, state_.run().frame, leaves, distances));
+  state_.queue().open_epoch(epoch, leaves, color_leaves(octree, state_.frame(), leaves, distances));
 }
 
 void share_cells(RunState& state, Exchange& exchange) {

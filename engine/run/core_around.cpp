@@ -9,13 +9,13 @@ namespace locvol {
 namespace {
 
 MortonKey leaf_of(const RunView& state, const LatticeSite& site) {
-  return state.octree().leaf_owning(state.run().frame, state.lattice().undisplaced(site));
+  return state.octree().leaf_owning(state.frame(), state.lattice().undisplaced(site));
 }
 
 bool is_whole_all_around(const RunView& state, MortonKey leaf) {
-  const double star = kLatticeStar * core_size(state.run().parameters);
+  const double star = kLatticeStar * core_size(state.parameters());
   return std::ranges::all_of(
-      state.octree().leaves_within(state.run().frame, state.box(leaf), star),
+      state.octree().leaves_within(state.frame(), state.box(leaf), star),
       [&](MortonKey other) { return state.leaves().points(other).core.is_whole; });
 }
 
@@ -36,7 +36,7 @@ CoreRows core_around(const RunView& state, MortonKey leaf, double distance) {
   const Box box = state.box(leaf);
   const SiteBox around = state.lattice().sites_in(box.expanded(distance));
   CoreRows core{.lattice = state.lattice(), .rows = {}};
-  for (const MortonKey other : state.octree().leaves_within(state.run().frame, box, distance))
+  for (const MortonKey other : state.octree().leaves_within(state.frame(), box, distance))
     for_each_core_row(state.leaves().points(other).core, state.sites(other), around,
                       [&](const LatticeRow& row, std::uint64_t) { core.rows.push_back(row); });
   return core;
@@ -46,8 +46,7 @@ std::uint64_t num_core_cells(const RunView& state, MortonKey leaf) {
   const std::uint64_t num_points = state.leaves().info(leaf).num_core_points;
   if (num_points == 0) return 0;
   if (is_whole_all_around(state, leaf)) return kLatticeCells.size() * num_points;
-  const CoreIndex around(
-      core_around(state, leaf, kLatticeStar * core_size(state.run().parameters)));
+  const CoreIndex around(core_around(state, leaf, kLatticeStar * core_size(state.parameters())));
   const SiteBox sites = state.sites(leaf);
   std::uint64_t num_cells = 0;
   for_each_core_site(state.leaves().points(leaf).core, sites, sites,
@@ -61,7 +60,7 @@ std::uint64_t num_core_cells(const RunView& state, MortonKey leaf) {
 }
 
 bool is_core(const RunView& state, const LatticeSite& site) {
-  if (!state.run().frame.contains(state.lattice().undisplaced(site))) return false;
+  if (!state.frame().contains(state.lattice().undisplaced(site))) return false;
   const MortonKey leaf = leaf_of(state, site);
   bool is_found = false;
   for_each_core_site(state.leaves().points(leaf).core, state.sites(leaf),
@@ -90,9 +89,8 @@ void make_explicit(RunState& state, const LatticeSite& site) {
   }
   list_core_point(state, site);
   const Point place = state.lattice().position(site);
-  for (const MortonKey other :
-       state.octree().leaves_within(state.run().frame, Box::around(place),
-                                    kNeighborhood * core_size(state.run().parameters)))
+  for (const MortonKey other : state.octree().leaves_within(
+           state.frame(), Box::around(place), kNeighborhood * core_size(state.parameters())))
     state.records().ask_for_visit(other, place);
 }
 

@@ -3,8 +3,9 @@
 
 #include <cstdint>
 
-#include "engine/exchange/exchange.h"
+#include "engine/exchange/one_rank.h"
 #include "engine/run/leaf_stage.h"
+#include "engine/run/run_work.h"
 
 namespace locvol {
 
@@ -21,6 +22,22 @@ class Crew {
   virtual void end_phase(Phase next) = 0;
   // In seconds of all threads, if visits and their application are told apart.
   virtual double cpu_of_visits() const { return 0; }
+};
+
+// Has a run to itself.
+class OneProcess : public Crew {
+ public:
+  explicit OneProcess(RunWork& work) : work_(work) {}
+  Exchange& exchange() override { return alone(); }
+  bool is_due(std::uint32_t step, bool is_before_visits) override;
+  void visit(LeafVisits& visits) override;
+  bool end_round(bool has_more) override;
+  void end_phase(Phase next) override;
+
+ private:
+  bool has_leaves_of_phase();
+
+  RunWork& work_;
 };
 
 }  // namespace locvol

@@ -30,7 +30,7 @@ class HangingCells {
     most_ = is_cover ? state.reach_of(leaf, kReach) - state.reach_of(leaf, 2) : 0.25 * state.size();
     const double reach =
         is_cover ? state.reach_of(leaf, kReach) : std::numeric_limits<double>::infinity();
-    around_ = state.octree().leaves_within(state.run().frame, state.box(leaf), reach);
+    around_ = state.octree().leaves_within(state.frame(), state.box(leaf), reach);
     for (const MortonKey other : around_)
       for (const MeshPoint& p : state.leaves().points(other).points) {
         if (p.kind == PointKind::kSurface) places_.emplace_back(p.id, p.position);

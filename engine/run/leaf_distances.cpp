@@ -53,12 +53,12 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
 double conflict_of_cover(const RunView& run, MortonKey leaf) {
   const double radius = sample_radius(run.is_uniform());
   return kConflictSlack * std::min(run.reach_of(leaf, radius),
-                                   reach_factor(run.run().parameters.growth, radius) * run.size());
+                                   reach_factor(run.parameters().growth, radius) * run.size());
 }
 
 double conflict_of_fill(const RunView& run, MortonKey leaf) {
   if (run.is_uniform()) return kConflict * run.size();
-  const RunParameters& p = run.run().parameters;
+  const RunParameters& p = run.parameters();
   const LeafInfo& info = run.leaves().info(leaf);
   return std::max(conflict_at_core(p, info),
                   kConflictSlack * reach_factor(p.growth, kFillReach) * info.largest_size);
@@ -67,7 +67,7 @@ double conflict_of_fill(const RunView& run, MortonKey leaf) {
 double conflict_of_refinement(const RunView& run, MortonKey leaf) {
   if (run.is_uniform()) return kConflict * run.size();
   const LeafInfo& info = run.leaves().info(leaf);
-  return graded_conflict(run.run().parameters, info, info.reached_size);
+  return graded_conflict(run.parameters(), info, info.reached_size);
 }
 
 }  // namespace locvol

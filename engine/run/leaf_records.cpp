@@ -95,7 +95,7 @@ void LeafRecords::put_unresolved(MortonKey leaf, LeafUnresolved unresolved) {
 void LeafRecords::put_sizes(MortonKey leaf, LeafSizes sizes) {
   if (is_beyond(leaf)) return;
   LeafInfo& info = data_.leaves.edit_info(leaf);
-  const SizeRange range = size_range(run().parameters.sizes(), run().frame, sizes.cubes);
+  const SizeRange range = size_range(parameters().sizes(), frame(), sizes.cubes);
   info.least_size = range.least;
   info.largest_size = range.most;
   info.surface_size = range.on_surface;

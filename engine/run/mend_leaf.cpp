@@ -29,7 +29,7 @@ double reach_of_cells(const RunView& state, MortonKey leaf) {
   return state.is_cover() ? state.reach_of(leaf, kReach) : std::numeric_limits<double>::infinity();
 }
 std::vector<MortonKey> leaves_around(const RunView& state, MortonKey leaf, double reach) {
-  return state.octree().leaves_within(state.run().frame, state.box(leaf), reach);
+  return state.octree().leaves_within(state.frame(), state.box(leaf), reach);
 }
 
 std::vector<std::uint64_t> ids_of(const LeafPoints& points) {
@@ -256,7 +256,7 @@ std::vector<MortonKey> merge_sites(RunState& state) {
                                              : std::numeric_limits<double>::infinity();
     std::vector<UnresolvedSite> kept;
     for (const MortonKey other :
-         state.octree().leaves_within(state.run().frame, state.box(leaf), distance)) {
+         state.octree().leaves_within(state.frame(), state.box(leaf), distance)) {
       if (other >= leaf) break;
       if (state.leaves().info(other).num_unresolved == 0) continue;
       const auto sites = state.leaves().unresolved(other).sites;

@@ -19,12 +19,11 @@ std::vector<std::uint32_t> colors_of(const RunView& run, const std::vector<Morto
     return colors;
   }
   if (run.is_uniform())
-    return color_leaves(run.octree(), run.run().frame, its_leaves, distance(its_leaves.front()),
-                        stop);
+    return color_leaves(run.octree(), run.frame(), its_leaves, distance(its_leaves.front()), stop);
   std::vector<double> distances;
   distances.reserve(its_leaves.size());
   for (const MortonKey leaf : its_leaves) distances.push_back(distance(leaf));
-  return color_leaves(run.octree(), run.run().frame, its_leaves, distances, stop);
+  return color_leaves(run.octree(), run.frame(), its_leaves, distances, stop);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace locvol {
 std::vector<int> RunRanks::others_touched(MortonKey leaf) const {
   std::vector<int> ranks;
   const double distance = touch_distance(run(), leaves().info(leaf));
-  for (const MortonKey other : octree().leaves_within(run().frame, box(leaf), distance))
+  for (const MortonKey other : octree().leaves_within(frame(), box(leaf), distance))
     for (const int rank : others_holding(other))
       if (const auto place = std::ranges::lower_bound(ranks, rank);
           place == ranks.end() || *place != rank)

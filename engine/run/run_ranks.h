@@ -33,7 +33,7 @@ class RunRanks : RunView {
   void keep_result(MortonKey leaf, RankResult result) { results_[leaf] = std::move(result); }
   void drop_result(MortonKey leaf) { results_[leaf] = std::nullopt; }
 
-  // One of the phase that is no visits, or comes after these.
+  // One of the phase, after which more follow.
   void end_step() { ++data_.rank->stage; }
   // Leaves are well where they are, from this phase on.
   void note_stay(Phase phase) { data_.rank->moved_at = phase; }

@@ -13,10 +13,10 @@ void RunData::put_count(MortonKey leaf, std::uint64_t LeafInfo::*count, std::uin
 }
 
 MortonKey RunView::owner_of(const Point& p) const {
-  if (!run().frame.contains(p))
+  if (!frame().contains(p))
     throw RefineError("the point (" + std::to_string(p.x) + ", " + std::to_string(p.y) + ", " +
                       std::to_string(p.z) + ") lies outside the octree");
-  return octree().leaf_owning(run().frame, p);
+  return octree().leaf_owning(frame(), p);
 }
 
 std::vector<int> RunView::others_holding(MortonKey leaf) const {
@@ -28,13 +28,12 @@ std::vector<int> RunView::others_holding(MortonKey leaf) const {
 
 double RunView::size_at(const Point& p) const {
   if (is_uniform()) return size();
-  return locvol::size_at(run().parameters.sizes(), run().frame, leaves().sizes(owner_of(p)).cubes,
-                         p);
+  return locvol::size_at(parameters().sizes(), frame(), leaves().sizes(owner_of(p)).cubes, p);
 }
 
 double RunView::reach_of(MortonKey leaf, double k) const {
   return is_uniform() ? k * size()
-                      : reach_factor(run().parameters.growth, k) * leaves().info(leaf).largest_size;
+                      : reach_factor(parameters().growth, k) * leaves().info(leaf).largest_size;
 }
 
 double RunView::least_size(MortonKey leaf) const {
@@ -43,7 +42,7 @@ double RunView::least_size(MortonKey leaf) const {
 
 // Balls at points of the leaf have centers where h may be a little larger.
 double RunView::surface_size(MortonKey leaf) const {
-  const RunParameters& p = run().parameters;
+  const RunParameters& p = parameters();
   if (!p.sizes().has_shapes()) return size();
   return std::min(size(), leaves().info(leaf).surface_size / (1 - 0.5 * kReach * p.growth));
 }

@@ -38,13 +38,15 @@ class RunView {
 
   const Store& store() const { return data_.store; }
   const RunRecord& run() const { return data_.run; }
+  const RunParameters& parameters() const { return run().parameters; }
+  const Frame& frame() const { return run().frame; }
   const Lattice& lattice() const { return data_.lattice; }  // in paper mode without points
   const LinearOctree& octree() const { return data_.octree; }
   LeafCache& leaves() const { return data_.leaves; }  // to be read, and trimmed
 
-  double size() const { return run().parameters.size; }  // λ: no more at the surface
-  bool is_cover() const { return run().parameters.init == Initialization::kCover; }
-  Box box(MortonKey leaf) const { return run().frame.box(leaf); }
+  double size() const { return parameters().size; }  // λ: no more at the surface
+  bool is_cover() const { return parameters().init == Initialization::kCover; }
+  Box box(MortonKey leaf) const { return frame().box(leaf); }
   SiteBox sites(MortonKey leaf) const { return lattice().sites_in(box(leaf)); }
   MortonKey owner_of(const Point& p) const;  // throws RefineError: it lies outside the octree
 
@@ -63,7 +65,7 @@ class RunView {
   // Other ranks that have it, or a copy, ascending.
   std::vector<int> others_holding(MortonKey leaf) const;
 
-  bool is_uniform() const { return run().parameters.sizes().is_uniform(); }
+  bool is_uniform() const { return parameters().sizes().is_uniform(); }
   double size_at(const Point& p) const;  // h(p)
   // How far from any point of the leaf a ball through it reaches if its radius is at most k / 2
   // times h at its center.

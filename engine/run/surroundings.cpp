@@ -15,7 +15,7 @@ double volume_over_size(const Box& box, double size) {
 
 std::vector<Triangle> Surroundings::triangles_meeting(const Box& region) const {
   std::vector<Triangle> triangles;
-  for (const MortonKey leaf : run_.octree().leaves_within(run_.run().frame, region, 0)) {
+  for (const MortonKey leaf : run_.octree().leaves_within(run_.frame(), region, 0)) {
     throw_if_stopped(stop_);
     if (run_.leaves().info(leaf).num_triangles == 0) continue;
     std::ranges::copy_if(run_.leaves().surface(leaf).triangles, std::back_inserter(triangles),
@@ -39,23 +39,23 @@ SurfacePiece Surroundings::surface(MortonKey leaf, double distance, std::vector<
 // Only points that samples may not hide ask for the surface: those on it, and volume points at most
 // r_s deep.
 double Surroundings::surface_reach(MortonKey leaf) const {
-  const double growth = run_.run().parameters.growth;
+  const double growth = run_.parameters().growth;
   return kDistanceSlack * reach_factor(growth, kReach) / 2 * (1 + growth) * run_.surface_size(leaf);
 }
 
 std::vector<MeshPoint> Surroundings::points(MortonKey leaf, double k) const {
   const double distance = run_.reach_of(leaf, k);
   const Box box = run_.box(leaf), nearly = box.expanded(distance);
-  const double factor = reach_factor(run_.run().parameters.growth, k);
+  const double factor = reach_factor(run_.parameters().growth, k);
   const bool is_uniform = run_.is_uniform();
-  const SizeLaw law = run_.run().parameters.sizes();
+  const SizeLaw law = run_.parameters().sizes();
   const double near = std::min(distance, factor * law.least);  // any point's reach
   std::vector<MeshPoint> around;
-  for (const MortonKey other : run_.octree().leaves_within(run_.run().frame, box, distance)) {
+  for (const MortonKey other : run_.octree().leaves_within(run_.frame(), box, distance)) {
     if (other == leaf || run_.leaves().info(other).num_points == 0) continue;
     std::span<const SizeCube> cubes;
     if (!is_uniform) cubes = run_.leaves().sizes(other).cubes;
-    SizeCursor sizes(law, run_.run().frame, cubes);
+    SizeCursor sizes(law, run_.frame(), cubes);
     std::ranges::copy_if(run_.leaves().points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
                            if (!nearly.contains(p.position)) return false;
@@ -74,8 +74,8 @@ std::vector<MeshPoint> Surroundings::points(MortonKey leaf, double k) const {
 SizeCubes Surroundings::sizes(MortonKey leaf, double k) const {
   SizeCubes sizes;
   if (run_.is_uniform()) return sizes;
-  const Frame& frame = run_.run().frame;
-  sizes.law = run_.run().parameters.sizes();
+  const Frame& frame = run_.frame();
+  sizes.law = run_.parameters().sizes();
   sizes.frame = frame;
   const Box box = run_.box(leaf);
   const double farthest = run_.reach_of(leaf, k);

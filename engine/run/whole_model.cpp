@@ -15,7 +15,7 @@ constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 HeldModel::HeldModel(const RunView& run, MemoryBudget& budget, const StopToken* stop)
     : budget_(budget) {
   if (run.is_cover()) return;
-  const Box root = run.run().frame.root_box();
+  const Box root = run.frame().root_box();
   std::vector<Triangle> triangles = Surroundings(run, stop).triangles_meeting(root);
   budget_.keep(
       VisitSize{.volume = volume_over_size(root, run.size()), .num_triangles = triangles.size()}

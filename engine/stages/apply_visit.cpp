@@ -84,7 +84,7 @@ class VisitChanges {
   }
 
   double reach_of_size(double size, double k) const {
-    return reach_factor(state_.run().parameters.growth, k) * size;
+    return reach_factor(state_.parameters().growth, k) * size;
   }
 
   // What a move changes of other leaves, the delta tells.
@@ -95,7 +95,7 @@ class VisitChanges {
 
   void have_others_try(const PoorCell& cell) {
     for (const Point& p : cell.others)
-      state_.records().ask_for_visit(state_.octree().leaf_owning(state_.run().frame, p), p);
+      state_.records().ask_for_visit(state_.octree().leaf_owning(state_.frame(), p), p);
   }
 
   // A leaf that waits for a whole visit will list all anew. Of what one lists that waits for a
@@ -107,7 +107,7 @@ class VisitChanges {
     const auto add = [&](const std::vector<OfOther<List>>& items, auto list) {
       for (OfOther<List> item : items) {
         for (VertexRef& v : vertices_in(item.name)) v = id_of(v);
-        const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, item.smallest);
+        const MortonKey owner = state_.octree().leaf_owning(state_.frame(), item.smallest);
         (changes[owner].*list).push_back(item.name);
       }
     };
@@ -122,7 +122,7 @@ class VisitChanges {
   }
 
   std::vector<MortonKey> leaves_within(const Point& p, double distance) const {
-    return state_.octree().leaves_within(state_.run().frame, Box::around(p), distance);
+    return state_.octree().leaves_within(state_.frame(), Box::around(p), distance);
   }
 
   // The other leaves within the distance. Leaves without points have nothing to restore: they are
@@ -137,8 +137,7 @@ class VisitChanges {
   // Of other leaves' points.
   void enqueue_owners(const std::vector<Point>& points) {
     for (const Point& p : points)
-      if (const MortonKey owner = state_.octree().leaf_owning(state_.run().frame, p);
-          owner != leaf_)
+      if (const MortonKey owner = state_.octree().leaf_owning(state_.frame(), p); owner != leaf_)
         state_.queue().enqueue(owner);
   }
 
@@ -180,6 +179,23 @@ class VisitChanges {
 };
 
 }  // namespace
+
+void begin_refinement(RunState& state, const StopToken* stop) {
+  const auto leaves = state.octree().leaves();
+  std::vector<std::uint64_t> num_cells;  // of the core: to count them takes most of the time
+  num_cells.reserve(leaves.size());
+  for (const MortonKey leaf : leaves) {
+    throw_if_stopped(stop);
+    num_cells.push_back(state.is_own(leaf) ? num_core_cells(state, leaf) : 0);
+    state.leaves().trim();
+  }
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    const MortonKey leaf = leaves[i];
+    if (state.leaves().info(leaf).num_points > 0) state.queue().enqueue(leaf);
+    state.records().put_num_core_cells(leaf, num_cells[i]);
+    state.leaves().trim();
+  }
+}
 
 LeafDelta with_sizes(const RunView& run, LeafDelta delta) {
   if (run.is_uniform()) return delta;

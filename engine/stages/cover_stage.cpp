@@ -33,13 +33,12 @@ double reached_size(const RunView& run, MortonKey leaf) {
   const Box box = run.box(leaf);
   double most = run.leaves().info(leaf).largest_size;
   for (const MortonKey other :
-       run.octree().leaves_within(run.run().frame, box, run.reach_of(leaf, kReach))) {
+       run.octree().leaves_within(run.frame(), box, run.reach_of(leaf, kReach))) {
     if (run.leaves().info(other).largest_size <= most) continue;
     for (const SizeCube& cube : run.leaves().sizes(other).cubes) {
-      const double size =
-          size_range(run.run().parameters.sizes(), run.run().frame, {&cube, 1}).most;
+      const double size = size_range(run.parameters().sizes(), run.frame(), {&cube, 1}).most;
       const double farthest = 0.5 * kReach * size;
-      if (size > most && box.squared_distance(run.run().frame.box(cube.key)) <= farthest * farthest)
+      if (size > most && box.squared_distance(run.frame().box(cube.key)) <= farthest * farthest)
         most = size;
     }
   }
@@ -70,7 +69,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
   double conflict_distance(MortonKey leaf) const override {
     return conflict_of_cover(state_, leaf);
   }
-  Phase end() override { return next_phase(state_.run().parameters, Phase::kCover); }
+  Phase end() override { return next_phase(state_.parameters(), Phase::kCover); }
 
  protected:
   Loaded<CoverInput> load_input(MortonKey leaf) override {
@@ -82,7 +81,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     const double patch_distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
     const Box region = box.expanded(patch_distance);
     std::vector<Triangle> triangles = around_.triangles_meeting(region);
-    const bool has_shapes = state_.run().parameters.sizes().has_shapes();
+    const bool has_shapes = state_.parameters().sizes().has_shapes();
     SizeCubes sizes = around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
     const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
                                       : sizes.law.has_core()
@@ -94,7 +93,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     Loaded<CoverInput> loaded;
     loaded.bytes = visit.bytes_to_cover();
     loaded.input = {.size = size,
-                    .seed = state_.run().parameters.seed,
+                    .seed = state_.parameters().seed,
                     .lattice = state_.lattice(),
                     .box = box,
                     .surface = around_.surface(leaf, patch_distance, std::move(triangles),
@@ -112,7 +111,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
 
   void apply_result(MortonKey leaf, const CoverPoints& points) override {
     const auto require_own = [&](const Point& position) {
-      if (state_.run().frame.key_of(position, leaf.level()) != leaf)
+      if (state_.frame().key_of(position, leaf.level()) != leaf)
         throw RefineError("its cover has a point outside its box");
     };
     state_.queue().dequeue(leaf);

@@ -7,7 +7,7 @@
 #include "engine/plan/phases.h"
 #include "engine/run/core_around.h"
 #include "engine/run/leaf_distances.h"
-#include "engine/stages/begin_refinement.h"
+#include "engine/stages/apply_visit.h"
 #include "engine/stages/visiting_stage.h"
 #include "refine/fill_leaf.h"
 
@@ -21,7 +21,7 @@ class FillStage : public VisitingStage<FillInput, FillPoints> {
   double conflict_distance(MortonKey leaf) const override { return conflict_of_fill(state_, leaf); }
   Phase end() override {
     begin_refinement(state_, &tools_.stop);
-    return next_phase(state_.run().parameters, Phase::kFill);
+    return next_phase(state_.parameters(), Phase::kFill);
   }
 
  protected:
@@ -34,7 +34,7 @@ class FillStage : public VisitingStage<FillInput, FillPoints> {
     const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
     points.insert(points.end(), own.begin(), own.end());
     std::ranges::sort(points, {}, &MeshPoint::id);
-    CoreRows core = core_around(state_, leaf, kCoreReach * core_size(state_.run().parameters));
+    CoreRows core = core_around(state_, leaf, kCoreReach * core_size(state_.parameters()));
     const Box region = state_.box(leaf).expanded(patch_distance);
     std::vector<Triangle> triangles = around_.triangles_meeting(region);
     const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),

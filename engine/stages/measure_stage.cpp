@@ -24,16 +24,16 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
   }
   bool changes_others() const override { return false; }
   double conflict_distance(MortonKey) const override { return kNoConflict; }
-  Phase end() override { return next_phase(state_.run().parameters, Phase::kMeasure); }
+  Phase end() override { return next_phase(state_.parameters(), Phase::kMeasure); }
 
  protected:
   Loaded<MeasureInput> load_input(MortonKey leaf) override {
-    const RunParameters& p = state_.run().parameters;
+    const RunParameters& p = state_.parameters();
     Loaded<MeasureInput> loaded;
     loaded.input = {
         .rules = {p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor, p.growth},
         .size = p.size,
-        .frame = state_.run().frame,
+        .frame = state_.frame(),
         .leaf = leaf,
         .surface = {}};
     if (state_.leaves().info(leaf).num_triangles == 0) return loaded;
@@ -71,7 +71,7 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
     const Loaded<MeasureInput> loaded = load_input(leaf);
     const auto memory = tools_.budget.reserve(loaded.bytes);
     return std::max(of_nodes, num_pieces_to_measure(loaded.input, &tools_.stop) /
-                                  static_cast<double>(most_pieces(state_.run().parameters)));
+                                  static_cast<double>(most_pieces(state_.parameters())));
   }
 };
 

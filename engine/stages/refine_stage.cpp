@@ -41,12 +41,12 @@ std::uint64_t most_points_of_visit(const RunView& run, std::uint64_t num_own,
                                    std::uint64_t num_ghosts) {
   const std::uint64_t num_local = num_own + num_ghosts;
   if (run.is_cover()) return num_local + num_local / 5 + 100;
-  const std::uint64_t capacity = run.run().parameters.leaf_capacity;
+  const std::uint64_t capacity = run.parameters().leaf_capacity;
   return 2 * std::max(num_own, capacity) + num_ghosts;
 }
 
 Criteria criteria(const RunView& run, MortonKey leaf) {
-  const RunParameters& p = run.run().parameters;
+  const RunParameters& p = run.parameters();
   return run.is_cover()
              ? Criteria::of_cover(run.surface_size(leaf), p.radius_edge_bound, p.spacing_floor,
                                   p.min_dihedral, p.growth)
@@ -58,24 +58,24 @@ Criteria criteria(const RunView& run, MortonKey leaf) {
 // the memory.
 std::uint64_t max_own_points(const RunView& run, MortonKey leaf) {
   if (leaf.level() == MortonKey::kMaxLevel) return 0;
-  const RunParameters& parameters = run.run().parameters;
+  const RunParameters& parameters = run.parameters();
   const double start = run.is_cover() ? start_leaf_side(parameters) : 0;
   const double size = std::min(run.size(), run.least_size(leaf));
   const double least = std::max(kMinChildSide * size, 0.1 * start * (size / run.size()));
-  return run.run().frame.side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
+  return run.frame().side(leaf.level() + 1) >= least ? parameters.leaf_capacity : 0;
 }
 
 // As far as circumcenters of cells at own points lie.
 std::vector<Box> waiting_around(const RunView& run, MortonKey leaf) {
   std::vector<Box> waiting;
-  if (run.run().parameters.min_dihedral == 0) return waiting;
+  if (run.parameters().min_dihedral == 0) return waiting;
   // One that has come into the queue since for want of a listed point, all of the core before,
   // waits for a later epoch: a visit far away may have made it do so, or be about to.
   const auto& own = run.leaves().info(leaf).queued;
   const auto is_of_epoch = [epoch = own ? own->epoch : run.run().epoch](const LeafInfo& info) {
     return info.queued && info.queued->epoch <= epoch;
   };
-  for (const MortonKey other : run.octree().leaves_within(run.run().frame, run.box(leaf),
+  for (const MortonKey other : run.octree().leaves_within(run.frame(), run.box(leaf),
                                                           0.5 * run.reach_of(leaf, kNeighborhood)))
     if (const LeafInfo& info = run.leaves().info(other);
         other != leaf && is_of_epoch(info) && info.num_visits == 0)
@@ -151,11 +151,11 @@ Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, He
                   .core = {},
                   .max_own_points = max_own_points(run, leaf),
                   .last_visit = std::move(last),
-                  .max_insertions = max_insertions(run.run().parameters.leaf_capacity)};
+                  .max_insertions = max_insertions(run.parameters().leaf_capacity)};
   if (!run.is_cover()) return loaded;
   loaded.input.waiting = waiting_around(run, leaf);
   loaded.input.surface = around.surface(leaf, patch_distance, std::move(triangles), fineness);
-  loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.run().parameters));
+  loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.parameters()));
   loaded.input.sizes = around.sizes(leaf, kReach);
   return loaded;
 }

@@ -1,7 +1,7 @@
 // Paper mode's first points, all or nothing: a second time, the same ones would come again.
 #include "engine/plan/phases.h"
 #include "engine/run/first_points.h"
-#include "engine/stages/begin_refinement.h"
+#include "engine/stages/apply_visit.h"
 #include "engine/stages/stages.h"
 
 namespace locvol {
@@ -13,7 +13,7 @@ class ScatterStage : public LeafStage {
 
   Phase end() override {
     RunState& state = tools_.state;
-    const RunParameters& p = state.run().parameters;
+    const RunParameters& p = state.parameters();
     for (const Point& point : scatter_on_surface(tools_.model.whole().surface->triangles(), p.seed))
       tools_.model.note_inserted(state.points().add(point, PointKind::kSurface));
     begin_refinement(state, nullptr);

@@ -32,7 +32,7 @@ constexpr std::uint64_t kBytesPerNode = 250;  // with a size, its tree and what 
 SizeTotals totals_of(const RunView& run, MortonKey leaf) {
   SizeTotals totals;
   for (const SizeCube& cube : run.leaves().sizes(leaf).cubes)
-    totals += size_totals(run.run().parameters.sizes(), cube, run.box(cube.key));
+    totals += size_totals(run.parameters().sizes(), cube, run.box(cube.key));
   // In whole steps, sums of leaves do not depend on their order: below 2^43 cells.
   constexpr double kSteps = 1 << 10;
   const auto in_steps = [](double v) { return std::round(kSteps * v) / kSteps; };
@@ -58,11 +58,10 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
  public:
   explicit SizeStage(const StageTools& tools)
       : VisitingStage(tools),
-        shapes_(state_.run().parameters.shapes, state_.run().parameters.growth,
-                state_.run().frame) {}
+        shapes_(state_.parameters().shapes, state_.parameters().growth, state_.frame()) {}
 
   std::vector<Step> steps_before() override {
-    if (!state_.run().parameters.has_image()) return {};
+    if (!state_.parameters().has_image()) return {};
     return {
         splitting_rich(tools_, [this](MortonKey leaf) { return share_of_nodes(state_, leaf); })};
   }
@@ -77,14 +76,14 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
     for (int rank = 0; rank < exchange.num_ranks(); ++rank) {
       auto& boxes = places.emplace_back();
       for (const MortonKey node : state_.ranks().shares().nodes_of(rank))
-        boxes.push_back(state_.run().frame.box(node));
+        boxes.push_back(state_.frame().box(node));
     }
     const auto places_of = [&](int rank) -> const std::vector<Box>& {
       return places[static_cast<std::size_t>(rank)];
     };
     far_->add_told(
         swap_with_others(exchange, [&](int rank) { return far_->seen_from(places_of(rank)); }));
-    if (state_.run().parameters.has_nodes()) {
+    if (state_.parameters().has_nodes()) {
       told_nodes_ =
           swap_with_others(exchange, [&](int rank) { return nodes_seen_from(places_of(rank)); });
       unite(told_nodes_);
@@ -115,12 +114,12 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
              tools_.exchange, std::vector{own.of_volume, own.of_area, own.of_lattice, own.of_core}))
       all += {of_rank.at(0), of_rank.at(1), of_rank.at(2), of_rank.at(3)};
     state_.note_sizes(all);
-    return next_phase(state_.run().parameters, Phase::kSize);
+    return next_phase(state_.parameters(), Phase::kSize);
   }
 
  protected:
   Loaded<SizeInput> load_input(MortonKey leaf) override {
-    const RunParameters& parameters = state_.run().parameters;
+    const RunParameters& parameters = state_.parameters();
     const Box box = state_.box(leaf);
     const std::span<const SizeShape> shapes = shapes_.in(leaf);
     double most = std::min(state_.size(), size_bounds(shapes, parameters.growth, box).most);
@@ -134,8 +133,8 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
                     0.5 * diagonal;
       nodes = nodes_around(leaf, deepest);
       for (const SizedNode& node : nodes)
-        most = std::min(most, node.size + parameters.growth *
-                                              state_.run().frame.box(node.key).most_distance(box));
+        most = std::min(
+            most, node.size + parameters.growth * state_.frame().box(node.key).most_distance(box));
     }
     const double distance = kExactDistance * most;
     const Box region = box.expanded(distance);
@@ -147,7 +146,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
                      kBytesPerNode * nodes.size(),
             .input = {.law = parameters.sizes(),
                       .exact_distance = distance,
-                      .frame = state_.run().frame,
+                      .frame = state_.frame(),
                       .leaf = leaf,
                       .surface = around_.surface(leaf, distance, std::move(triangles),
                                                  fineness(kFinenessOfCover, most)),
@@ -168,7 +167,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
  private:
   // Of the rank's own leaves.
   FarSurface far_surface() {
-    FarSurface far(state_.run().frame);
+    FarSurface far(state_.frame());
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&tools_.stop);
       state_.leaves().trim();
@@ -203,7 +202,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
   // is does not depend on which of those between them is known.
   SizedNode seen_from(std::span<const Box> places, SizedNode node) const {
     constexpr double kDetail = 0.05;  // sides of nodes, over their distance
-    const Frame& frame = state_.run().frame;
+    const Frame& frame = state_.frame();
     while (node.key.level() > 0) {
       const MortonKey above = node.key.parent();
       const Box box = frame.box(above);
@@ -221,8 +220,8 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
   // at the distance D >= d matters if s + g D < λ + g d.
   std::vector<SizedNode> nodes_around(MortonKey leaf, double deepest) {
     constexpr double kWidest = 1.1;  // of what seen_from() makes of a node, the way across
-    const RunParameters& p = state_.run().parameters;
-    const Frame& frame = state_.run().frame;
+    const RunParameters& p = state_.parameters();
+    const Frame& frame = state_.frame();
     const Box box = state_.box(leaf);
     const double farthest = deepest + (p.size - p.sizes().least) / p.growth;
     std::vector<SizedNode> nodes;
@@ -246,12 +245,12 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
   // so wide are made for? Measured: 0.75 to h³ inside, and as many to h² of a cube's side where the
   // surface passes through.
   bool is_to_be_full(MortonKey leaf) {
-    const RunParameters& parameters = state_.run().parameters;
+    const RunParameters& parameters = state_.parameters();
     const SizeLaw law = parameters.sizes();
     const std::vector<SizeCube>& cubes = state_.leaves().sizes(leaf).cubes;
     if (!law.has_shapes() || cubes.empty() || leaf.level() == MortonKey::kMaxLevel) return false;
     constexpr double kPoints = 0.75;
-    const Frame& frame = state_.run().frame;
+    const Frame& frame = state_.frame();
     // Grids are as fine in all of it as it takes somewhere.
     const double widest = 1.001 * start_leaf_side(parameters) / parameters.size;
     if (frame.side(leaf.level()) > widest * state_.least_size(leaf)) return true;

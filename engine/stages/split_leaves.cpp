@@ -14,6 +14,7 @@
 #include "engine/run/core_around.h"
 #include "engine/run/leaf_sides.h"
 #include "engine/shared/input_error.h"
+#include "refine/size_leaf.h"
 #include "refine/surface_patch.h"
 
 namespace locvol {
@@ -65,7 +66,7 @@ class SplittingStep {
 
   static void require_few_leaves(const RunView& run, double num_leaves) {
     if (num_leaves < kMaxStartLeaves) return;
-    const RunParameters& p = run.run().parameters;
+    const RunParameters& p = run.parameters();
     throw InputError(fmt::format(
         "{}: the sizes that the surface asks for, from {} on, with {} points to a leaf need more "
         "than {} leaves: ask for less, give a larger --min-size, or a larger leaf capacity",
@@ -86,7 +87,7 @@ void split_leaf(RunState& state, MortonKey leaf) {
   std::array<LeafRecords::Child, 8> children;
   const LeafPoints& own = state.leaves().points(leaf);
   for (const MeshPoint& point : own.points) {
-    const MortonKey owner = state.run().frame.key_of(point.position, leaf.level() + 1);
+    const MortonKey owner = state.frame().key_of(point.position, leaf.level() + 1);
     children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
   }
   std::array<std::uint8_t, 8> parities{};
@@ -152,7 +153,7 @@ std::uint64_t most_pieces(const RunParameters& parameters) {
 
 double share_of_nodes(const RunView& run, MortonKey leaf) {
   return static_cast<double>(run.leaves().sizes(leaf).nodes.size()) /
-         static_cast<double>(most_pieces(run.run().parameters));
+         static_cast<double>(most_pieces(run.parameters()));
 }
 
 }  // namespace locvol

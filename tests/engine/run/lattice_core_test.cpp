@@ -130,13 +130,13 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
     const Box box = state.box(leaf);
     std::set<LatticeSite> expected;  // in leaves at most so far away, and the box around
     std::set<MortonKey> near;
-    for (const MortonKey other : state.octree().leaves_within(state.run().frame, box, distance))
+    for (const MortonKey other : state.octree().leaves_within(state.frame(), box, distance))
       near.insert(other);
     const SiteBox region = state.lattice().sites_in(box.expanded(distance));
     for_each_site(region.expanded(2), [&](const LatticeSite& site) {
       const Point p = state.lattice().position(site);
       const bool is_in = sites.contains(site) && region.contains(site) &&
-                         near.contains(state.octree().leaf_owning(state.run().frame, p));
+                         near.contains(state.octree().leaf_owning(state.frame(), p));
       ASSERT_EQ(around.contains(site), is_in);
       if (sites.contains(site) && box.squared_distance(p) <= distance * distance) {
         ASSERT_TRUE(is_in);
@@ -236,7 +236,7 @@ TEST_F(CoreOfARun, PointsMadeExplicitChangeNoMesh) {
         })));
     for (const LatticeSite& site : sites) {
       const MortonKey leaf =
-          state.octree().leaf_owning(state.run().frame, state.lattice().position(site));
+          state.octree().leaf_owning(state.frame(), state.lattice().position(site));
       EXPECT_TRUE(state.leaves().info(leaf).queued);
       const std::vector<Point> asked = state.leaves().cells(leaf).asked;
       EXPECT_TRUE(state.leaves().info(leaf).first_new_id == 0 ||

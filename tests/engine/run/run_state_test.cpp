@@ -125,7 +125,7 @@ TEST_F(RunStateTest, AddsPointsToTheLeafThatOwnsThem) {
   RunState state(store_, 1 << 20);
   const MeshPoint a = state.points().add({0.3, 0.3, 0.3}, PointKind::kSurface);
   const MeshPoint b = state.points().add({0.25, 0.25, 0.25}, PointKind::kVolume);
-  const MortonKey owner = state.octree().leaf_owning(state.run().frame, a.position);
+  const MortonKey owner = state.octree().leaf_owning(state.frame(), a.position);
   state.commits().commit();
   EXPECT_EQ(store_.snapshot().points(owner).points, (std::vector{a, b}));
   EXPECT_EQ(store_.snapshot().leaf(owner)->num_points, 2U);

@@ -91,7 +91,7 @@ class VisitMemory : public testing::TestWithParam<Case> {
   // What lies around is brought into the cache before, so that the visit need not.
   void measure(const RunState& state, LeafVisits& visits, MortonKey leaf) {
     for (const MortonKey near :
-         state.octree().leaves_within(state.run().frame, state.box(leaf), kReach * state.size()))
+         state.octree().leaves_within(state.frame(), state.box(leaf), kReach * state.size()))
       state.leaves().surface(near), state.leaves().points(near);
     const std::size_t before = begin_measuring();
     const auto visit = visits.load(leaf);

@@ -1,4 +1,4 @@
-#include "engine/run/one_process.h"
+#include "engine/run/crew.h"
 
 #include "engine/plan/phases.h"
 
