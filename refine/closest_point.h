@@ -29,8 +29,21 @@ inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Poin
       [&](const Point& p) { return squared_distance(p, q); });
 }
 
+// How far that is; the foot in the plane needs no place.
 inline double squared_distance(const Triangle& triangle, const Point& q) {
-  return squared_distance(closest_on_triangle(triangle.corners, q), q);
+  const auto& [a, b, c] = triangle.corners;
+  const Point n = cross(b - a, c - a);
+  const double nn = dot(n, n);
+  const bool is_above = nn > 0 && dot(cross(b - a, q - a), n) >= 0 &&
+                        dot(cross(c - b, q - b), n) >= 0 && dot(cross(a - c, q - c), n) >= 0;
+  if (is_above) {
+    const double d = dot(q - a, n);
+    return d * d / nn;
+  }
+  const auto to_edge = [&](const Point& from, const Point& to) {
+    return squared_distance(q, closest_on_segment(from, to, q));
+  };
+  return std::min(std::min(to_edge(a, b), to_edge(b, c)), to_edge(c, a));
 }
 
 }  // namespace locvol

@@ -141,7 +141,7 @@ class SizeTree {
 
   double signed_distance(const Point& p, Nearest& near) const {
     const auto squared_distance_of = [&](std::uint32_t n) {
-      return squared_distance(surface_.triangles()[n], p);
+      return squared_distance(p, closest_on_triangle(surface_.triangles()[n].corners, p));
     };
     double squared = near.bound * near.bound * (1 + 1e-9);
     if (near.triangle != kNone) squared = std::min(squared, squared_distance_of(near.triangle));
