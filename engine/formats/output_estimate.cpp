@@ -119,14 +119,6 @@ bool waits_for_its_place(MeshFormat format) {
   }
 }
 
-// Facets that are in one cell of those that a leaf lists: the boundary's, and those between leaves,
-// about one for each λ² of a leaf's six sides.
-double num_open_facets(const MeshSizes& n) {
-  if (!(n.leaf_side > 0)) return n.num_boundary_facets;
-  const double listed_volume = n.num_listed_cells / kLatticeCellsPerVolume;
-  return n.num_boundary_facets + 6 / n.leaf_side * listed_volume;
-}
-
 }  // namespace
 
 double OutputEstimate::disk_bytes() const {
@@ -134,14 +126,14 @@ double OutputEstimate::disk_bytes() const {
 }
 
 OutputEstimate estimate_output(const OutputOptions& output, const MeshSizes& n) {
-  constexpr double kId = 8, kFacet = 32, kQuality = 8;
+  constexpr double kId = 8, kListedFacet = 40, kFacet = 48, kQuality = 8;
   if (!std::isfinite(n.num_cells)) return {HUGE_VAL, HUGE_VAL, HUGE_VAL};
   OutputEstimate estimate;
   estimate.file_bytes = kHeadBytes + file_bytes(output, n);
   estimate.bytes_beside = kId * num_listed_vertices(n);
   if (has_boundary(output.format)) {
     const double facets = kFacet * n.num_boundary_facets;
-    estimate.bytes_before = estimate.bytes_beside + kFacet * num_open_facets(n) + facets;
+    estimate.bytes_before = estimate.bytes_beside + kListedFacet * n.num_boundary_facets + facets;
     estimate.bytes_beside += facets + kId * num_boundary_vertices(n);
   }
   if (output.has_quality && output.format != MeshFormat::kVtu)

@@ -16,8 +16,7 @@ struct MeshSizes {
   double num_vertices = 0, num_cells = 0;
   double num_listed_cells = 0;  // not of the lattice core
   double num_boundary_facets = 0;
-  double leaf_side = 0;  // over λ, of the leaves at the surface
-  Box box;               // how long coordinates are as text
+  Box box;  // how long coordinates are as text
 };
 
 struct OutputEstimate {

@@ -26,7 +26,7 @@ namespace locvol {
 struct BoundaryFacet {
   std::array<std::uint64_t, 3> vertices{};  // counterclockwise from outside, the smallest first
   std::uint64_t cell = 0;                   // whose facet it is
-  std::uint64_t across = 0;                 // from which of the cell's vertices, 0 to 3
+  std::uint32_t across = 0;                 // from which of the cell's vertices, 0 to 3
   FacetLabels labels;
 };
 

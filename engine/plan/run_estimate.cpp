@@ -9,7 +9,6 @@
 #include <span>
 #include <vector>
 
-#include "engine/plan/octree_plan.h"
 #include "engine/plan/options.h"
 #include "octree/lattice.h"
 #include "refine/measure_leaf.h"
@@ -246,13 +245,11 @@ double rounded_to_two_digits(double v) {
   return unit < 1 ? std::round(v / unit) / std::round(1 / unit) : std::round(v / unit) * unit;
 }
 
-MeshSizes sizes_of(const RunEstimate& estimate, const SurfaceFacts& surface,
-                   const RunParameters& parameters) {
+MeshSizes sizes_of(const RunEstimate& estimate, const SurfaceFacts& surface) {
   return {.num_vertices = estimate.num_vertices,
           .num_cells = estimate.num_cells,
           .num_listed_cells = estimate.num_listed_cells,
           .num_boundary_facets = estimate.num_boundary_facets,
-          .leaf_side = start_leaf_side(parameters) / parameters.size,
           .box = surface.box};
 }
 
@@ -368,7 +365,7 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   }
   estimate.num_boundary_facets = (is_uniform ? kFacetsPerArea : kGradedFacetsPerArea) * area +
                                  kFacetsPerNarrowCell * std::max(0.0, num_narrow);
-  estimate.output = estimate_output(output, sizes_of(estimate, surface, parameters));
+  estimate.output = estimate_output(output, sizes_of(estimate, surface));
 
   const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
   const auto set = [&](RunStage stage, double cpu_seconds) {
@@ -385,8 +382,7 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
                              kNarrowCell * std::max(0.0, num_narrow));
   set(RunStage::kMeasure, kMeasureCell * listed);
   set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
-  const OutputEstimate vtu =
-      estimate_output({MeshFormat::kVtu}, sizes_of(estimate, surface, parameters));
+  const OutputEstimate vtu = estimate_output({MeshFormat::kVtu}, sizes_of(estimate, surface));
   estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kWriteByte * vtu.file_bytes;
   return estimate;
 }

@@ -12,7 +12,6 @@
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/output_estimate.h"
 #include "engine/formats/writer.h"
-#include "engine/plan/octree_plan.h"
 #include "tests/engine/file_size_limit.h"
 #include "tests/engine/formats/meshed_sphere.h"
 #include "tests/engine/hand_made_mesh.h"
@@ -175,7 +174,6 @@ TEST_P(EveryFormat, TakesWhatItsEstimateSays) {
                  .num_cells = static_cast<double>(written.num_cells),
                  .num_listed_cells = static_cast<double>(num_listed),
                  .num_boundary_facets = static_cast<double>(source.boundary().num_facets()),
-                 .leaf_side = start_leaf_side(run.parameters) / run.parameters.size,
                  .box = run.surface.box});
     const auto bytes = static_cast<double>(written.bytes);
     const bool is_compressed =
