@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <iterator>
 #include <utility>
 
 #include "engine/shared/encode_in_order.h"
@@ -14,6 +15,20 @@ namespace {
 
 constexpr std::size_t kOpenFacetBytes = std::size_t{8} << 20, kVertexBytes = std::size_t{4} << 20;
 constexpr std::uint64_t kItemsAtOnce = std::uint64_t{1} << 14;
+
+// Tells of most numbers that are not among some that they are not, at the price of a bit.
+class MarkedNumbers {
+ public:
+  explicit MarkedNumbers(const std::vector<std::int64_t>& numbers) : marks_(kNumMarks) {
+    for (const std::int64_t number : numbers)
+      if (number >= 0) marks_[static_cast<std::uint64_t>(number) % kNumMarks] = true;
+  }
+  bool may_have(std::uint64_t number) const { return marks_[number % kNumMarks]; }
+
+ private:
+  static constexpr std::uint64_t kNumMarks = std::uint64_t{1} << 16;
+  std::vector<bool> marks_;
+};
 
 }  // namespace
 
@@ -127,20 +142,26 @@ void BoundarySurface::find_facets(Workers& workers) {
         if (next == end_own) return std::nullopt;
         throw_if_stopped(stop_);
         const std::size_t leaf = next++;
-        CellsAndFacets near{numbering_->first_cell(leaf), {}, {}, {}};
-        for (const std::size_t other : numbering_->near(leaf, kCellReach)) {
-          const auto list = place_of_list(other, beside);
-          if (!list || listed.length(*list) == 0) continue;
-          const auto theirs = lists.get(*list);
-          near.facets.insert(near.facets.end(), theirs->values.begin(), theirs->values.end());
-        }
-        if (near.facets.empty()) return near;
-        std::ranges::sort(near.facets, {}, &ListedFacet::key);
+        std::vector<std::size_t> near;  // lists that are not empty
+        for (const std::size_t other : numbering_->near(leaf, kCellReach))
+          if (const auto list = place_of_list(other, beside); list && listed.length(*list) > 0)
+            near.push_back(*list);
+        CellsAndFacets result{numbering_->first_cell(leaf), {}, {}, {}};
+        if (near.empty()) return result;
         LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
-        near.numbers = numbers.numbers(leaf, cells);
-        near.cells = std::move(cells.cells);
-        pages_->count(sizeof(near.cells[0]) * near.cells.size());
-        return near;
+        result.numbers = numbers.numbers(leaf, cells);
+        result.cells = std::move(cells.cells);
+        pages_->count(sizeof(result.cells[0]) * result.cells.size());
+        const MarkedNumbers vertices(result.numbers);
+        for (const std::size_t list : near)
+          std::ranges::copy_if(
+              lists.get(list)->values, std::back_inserter(result.facets),
+              [&](const auto& corners) {
+                return std::ranges::all_of(corners, [&](auto v) { return vertices.may_have(v); });
+              },
+              &ListedFacet::vertices);
+        std::ranges::sort(result.facets, {}, &ListedFacet::key);
+        return result;
       },
       facets_of_cells, [&](std::vector<BoundaryFacet> facets) { facets_.append(facets); });
   num_facets_ = sum(exchange_, facets_.size());
