@@ -272,7 +272,7 @@ TEST_F(InspectTest, InterruptedRunShowsWhatWaits) {
   const nlohmann::json summary = inspect();
   EXPECT_EQ(summary["phase"], "refine");
   EXPECT_EQ(summary["writer"], nullptr);
-  EXPECT_EQ(summary["num_visits"], 3);
+  EXPECT_LE(summary["num_visits"], 3);  // a slow visit is asked to stop while it goes on, too
   const nlohmann::json queue = inspect({"--queue"});
   ASSERT_GT(queue.size(), 3U);
   EXPECT_EQ(summary["queue"]["num_waiting"], queue.size());
