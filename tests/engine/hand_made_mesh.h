@@ -287,7 +287,9 @@ class HandMadeStore {
     };
     std::map<std::uint64_t, Owned> points;
     for (const auto& [key, leaf] : leaves)
-      for (const MeshPoint& p : leaf.points.points) points[p.id] = {p.position, key};
+      for (const MeshPoint& p : leaf.points.points)
+        if (std::isfinite(p.position.x + p.position.y + p.position.z))
+          points[p.id] = {p.position, key};
     std::map<std::array<std::uint64_t, 3>, Used> uses;
     for (const auto& [key, leaf] : leaves)
       for (const auto& [a, b, c, d] : leaf.cells.cells) {
