@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/number_bytes.h"
 #include "engine/ingest/surface_formats.h"
 #include "engine/ingest/text_scanner.h"
 #include "engine/ingest/vertex_cache.h"
@@ -20,49 +21,33 @@
 namespace locvol {
 namespace {
 
-enum class Type {
-  kInt8,
-  kUint8,
-  kInt16,
-  kUint16,
-  kInt32,
-  kUint32,
-  kInt64,
-  kUint64,
-  kFloat,
-  kDouble
-};
 enum class Encoding { kAscii, kLittleEndian, kBigEndian };
 
-constexpr std::array<std::size_t, 10> kTypeBytes = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
-constexpr std::array<std::pair<std::string_view, Type>, 18> kTypeNames = {{
-    {"char", Type::kInt8},
-    {"int8", Type::kInt8},
-    {"uchar", Type::kUint8},
-    {"uint8", Type::kUint8},
-    {"short", Type::kInt16},
-    {"int16", Type::kInt16},
-    {"ushort", Type::kUint16},
-    {"uint16", Type::kUint16},
-    {"int", Type::kInt32},
-    {"int32", Type::kInt32},
-    {"uint", Type::kUint32},
-    {"uint32", Type::kUint32},
-    {"int64", Type::kInt64},
-    {"uint64", Type::kUint64},
-    {"float", Type::kFloat},
-    {"float32", Type::kFloat},
-    {"double", Type::kDouble},
-    {"float64", Type::kDouble},
+constexpr std::array<std::pair<std::string_view, NumberType>, 18> kTypeNames = {{
+    {"char", NumberType::kInt8},
+    {"int8", NumberType::kInt8},
+    {"uchar", NumberType::kUint8},
+    {"uint8", NumberType::kUint8},
+    {"short", NumberType::kInt16},
+    {"int16", NumberType::kInt16},
+    {"ushort", NumberType::kUint16},
+    {"uint16", NumberType::kUint16},
+    {"int", NumberType::kInt32},
+    {"int32", NumberType::kInt32},
+    {"uint", NumberType::kUint32},
+    {"uint32", NumberType::kUint32},
+    {"int64", NumberType::kInt64},
+    {"uint64", NumberType::kUint64},
+    {"float", NumberType::kFloat32},
+    {"float32", NumberType::kFloat32},
+    {"double", NumberType::kFloat64},
+    {"float64", NumberType::kFloat64},
 }};
-
-constexpr std::size_t bytes_of(Type type) { return kTypeBytes[static_cast<std::size_t>(type)]; }
-constexpr bool is_integer(Type type) { return type != Type::kFloat && type != Type::kDouble; }
 
 struct Property {
   std::string name;
-  std::optional<Type> count_type;  // of a list
-  Type type = Type::kFloat;        // of a value
+  std::optional<NumberType> count_type;    // of a list
+  NumberType type = NumberType::kFloat32;  // of a value
 };
 
 struct Element {
@@ -164,7 +149,7 @@ class HeaderParser {
     return property;
   }
 
-  Type type(std::string_view name) const {
+  NumberType type(std::string_view name) const {
     for (const auto& [known, type] : kTypeNames)
       if (name == known) return type;
     file_.refuse_line("has a property of unknown type; the file is damaged");
@@ -175,48 +160,19 @@ class HeaderParser {
   Header header_;
 };
 
-std::uint64_t bits_in(const unsigned char* bytes, Type type, Encoding encoding) {
-  const std::size_t n = bytes_of(type);
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < n; ++i)
-    bits = bits << 8 | bytes[encoding == Encoding::kBigEndian ? i : n - 1 - i];
-  return bits;
-}
-
-std::int64_t signed_value(Type type, std::uint64_t bits) {
-  switch (type) {
-    case Type::kInt8:
-      return static_cast<std::int8_t>(bits);
-    case Type::kInt16:
-      return static_cast<std::int16_t>(bits);
-    case Type::kInt32:
-      return static_cast<std::int32_t>(bits);
-    default:
-      return static_cast<std::int64_t>(bits);
-  }
-}
-
-double number_in(const unsigned char* bytes, Type type, Encoding encoding) {
-  const std::uint64_t bits = bits_in(bytes, type, encoding);
-  if (type == Type::kFloat) return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
-  if (type == Type::kDouble) return std::bit_cast<double>(bits);
-  if (type == Type::kUint64) return static_cast<double>(bits);
-  return static_cast<double>(signed_value(type, bits));
-}
-
 // Reads the values that follow the header, in the file's encoding.
 class ValueReader {
  public:
   ValueReader(InputFile& file, Encoding encoding)
       : file_(file), encoding_(encoding), scanner_(file) {}
 
-  double number(Type type) {
+  double number(NumberType type) {
     if (encoding_ == Encoding::kAscii) return scanner_.coordinate_on_any_line();
-    return number_in(file_.take(bytes_of(type)), type, encoding_);
+    return number_in(file_.take(bytes_of(type)), type, is_big_endian());
   }
 
   // REQUIRES: is_integer(type)
-  std::uint64_t count(Type type, const char* what) {
+  std::uint64_t count(NumberType type, const char* what) {
     if (encoding_ == Encoding::kAscii) return scanner_.count_on_any_line(what);
     const std::int64_t value = integer(type, what);
     if (value < 0)
@@ -225,9 +181,9 @@ class ValueReader {
     return static_cast<std::uint64_t>(value);
   }
   // Below 0 also for what is above 2^63 - 1.
-  std::int64_t integer(Type type, const char* what) {
+  std::int64_t integer(NumberType type, const char* what) {
     if (encoding_ == Encoding::kAscii) return scanner_.integer(scanner_.word_on_any_line(), what);
-    return signed_value(type, bits_in(file_.take(bytes_of(type)), type, encoding_));
+    return integer_in(file_.take(bytes_of(type)), type, is_big_endian());
   }
 
   void skip(const Property& property) {
@@ -252,6 +208,8 @@ class ValueReader {
   }
 
  private:
+  bool is_big_endian() const { return encoding_ == Encoding::kBigEndian; }
+
   InputFile& file_;
   Encoding encoding_;
   TextScanner scanner_;
@@ -370,7 +328,7 @@ void read_faces(const InputFile& file, const Element& element, NumberRange numbe
 }
 
 // `length`: of the list that holds the strip, or several.
-void read_strip(std::uint64_t length, std::uint64_t strip, Type type, ValueReader& values,
+void read_strip(std::uint64_t length, std::uint64_t strip, NumberType type, ValueReader& values,
                 SurfaceSink& sink) {
   std::array<std::uint64_t, 3> corners{};
   for (std::uint64_t i = 0, num_corners = 0; i < length; ++i) {
@@ -479,8 +437,8 @@ class FacetsOfFaces : public SurfaceSink {
     const unsigned char* value = bytes_.data();
     for (Point& p : vertices.first(count))
       for (std::size_t i = 0; i < axes_.size(); ++i) {
-        const Type type = vertices_.element.properties[i].type;
-        if (axes_[i] >= 0) p[axes_[i]] = number_in(value, type, encoding_);
+        const NumberType type = vertices_.element.properties[i].type;
+        if (axes_[i] >= 0) p[axes_[i]] = number_in(value, type, encoding_ == Encoding::kBigEndian);
         value += bytes_of(type);
       }
   }

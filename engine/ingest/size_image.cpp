@@ -35,7 +35,7 @@ struct FoundArray {
 
   std::string name() const { return tag.get("Name", ""); }
   std::string num_components() const { return tag.get("NumberOfComponents", "1"); }
-  std::optional<VtkType> type() const { return vtk_type_named(tag.get("type", "")); }
+  std::optional<NumberType> type() const { return vtk_type_named(tag.get("type", "")); }
   bool is_usable() const { return type() && num_components() == "1"; }
 };
 

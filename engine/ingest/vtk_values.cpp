@@ -20,22 +20,8 @@ constexpr std::size_t kMostWordBytes = 400;  // of a number as text: DBL_MIN has
 constexpr std::uint64_t kMostBlocks = std::uint64_t{1} << 24;
 constexpr std::uint64_t kMostBlockBytes = std::uint64_t{1} << 26;
 
-struct TypeFacts {
-  std::string_view name;
-  std::size_t bytes;
-};
-constexpr std::array<TypeFacts, 10> kTypes = {{{"Int8", 1},
-                                               {"UInt8", 1},
-                                               {"Int16", 2},
-                                               {"UInt16", 2},
-                                               {"Int32", 4},
-                                               {"UInt32", 4},
-                                               {"Int64", 8},
-                                               {"UInt64", 8},
-                                               {"Float32", 4},
-                                               {"Float64", 8}}};
-
-const TypeFacts& facts_of(VtkType type) { return kTypes[static_cast<std::size_t>(type)]; }
+constexpr std::array<std::string_view, 10> kTypeNames = {
+    "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Float32", "Float64"};
 
 constexpr bool is_blank(int c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
 
@@ -223,13 +209,6 @@ class DecodedBytes : public ByteSource {
   std::size_t next_ = 0, num_bytes_ = 0;  // of the group
 };
 
-std::uint64_t bits_in(const std::byte* bytes, std::size_t num_bytes, bool is_big_endian) {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < num_bytes; ++i)
-    bits = bits << 8 | std::to_integer<std::uint64_t>(bytes[is_big_endian ? i : num_bytes - 1 - i]);
-  return bits;
-}
-
 std::uint64_t read_word(ByteSource& source, const VtkArray& array) {
   std::array<std::byte, 8> bytes{};
   const std::size_t num_bytes = array.has_wide_head ? 8 : 4;
@@ -238,12 +217,13 @@ std::uint64_t read_word(ByteSource& source, const VtkArray& array) {
 }
 
 void check_length(const InputFile& file, const VtkArray& array, std::uint64_t num_bytes) {
-  const std::uint64_t needed = array.num_values * facts_of(array.type).bytes;
+  const std::uint64_t needed = array.num_values * bytes_of(array.type);
   if (num_bytes != needed)
     refuse(file, array,
            fmt::format("its head says {} bytes, but its extent needs {} ({} values of {}); correct "
                        "the extent, header_type or byte_order, or export the file again",
-                       num_bytes, needed, array.num_values, facts_of(array.type).name));
+                       num_bytes, needed, array.num_values,
+                       kTypeNames[static_cast<std::size_t>(array.type)]));
 }
 
 // Decompresses the blocks of zlib.
@@ -324,38 +304,18 @@ class InflatedBytes : public ByteSource {
   std::size_t num_inflated_ = 0;
 };
 
-double value_in(VtkType type, std::uint64_t bits) {
-  switch (type) {
-    case VtkType::kInt8:
-      return static_cast<std::int8_t>(bits);
-    case VtkType::kInt16:
-      return static_cast<std::int16_t>(bits);
-    case VtkType::kInt32:
-      return static_cast<std::int32_t>(bits);
-    case VtkType::kInt64:
-      return static_cast<double>(static_cast<std::int64_t>(bits));
-    case VtkType::kFloat32:
-      return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
-    case VtkType::kFloat64:
-      return std::bit_cast<double>(bits);
-    default:
-      return static_cast<double>(bits);
-  }
-}
-
 class ByteValues : public VtkValues {
  public:
   ByteValues(const VtkArray& array, std::unique_ptr<ByteSource> source)
       : array_(array), source_(std::move(source)) {}
 
   void read(std::span<double> values) override {
-    const std::size_t value_bytes = facts_of(array_.type).bytes;
+    const std::size_t value_bytes = bytes_of(array_.type);
     while (!values.empty()) {
       const std::size_t n = std::min(values.size(), buffer_.size() / value_bytes);
       source_->read(std::span(buffer_).first(n * value_bytes));
       for (std::size_t i = 0; i < n; ++i)
-        values[i] = value_in(array_.type, bits_in(buffer_.data() + i * value_bytes, value_bytes,
-                                                  array_.is_big_endian));
+        values[i] = number_in(buffer_.data() + i * value_bytes, array_.type, array_.is_big_endian);
       values = values.subspan(n);
     }
   }
@@ -382,10 +342,10 @@ std::unique_ptr<ByteSource> open_bytes(InputFile& file, const VtkArray& array) {
 
 }  // namespace
 
-std::optional<VtkType> vtk_type_named(std::string_view name) {
-  const auto found = std::ranges::find(kTypes, name, &TypeFacts::name);
-  if (found == kTypes.end()) return std::nullopt;
-  return static_cast<VtkType>(found - kTypes.begin());
+std::optional<NumberType> vtk_type_named(std::string_view name) {
+  const auto found = std::ranges::find(kTypeNames, name);
+  if (found == kTypeNames.end()) return std::nullopt;
+  return static_cast<NumberType>(found - kTypeNames.begin());
 }
 
 std::unique_ptr<VtkValues> open_vtk_values(InputFile& file, const VtkArray& array) {

@@ -18,30 +18,18 @@
 #include <string_view>
 
 #include "engine/ingest/input_file.h"
+#include "engine/ingest/number_bytes.h"
 
 namespace locvol {
 
-enum class VtkType {
-  kInt8,
-  kUint8,
-  kInt16,
-  kUint16,
-  kInt32,
-  kUint32,
-  kInt64,
-  kUint64,
-  kFloat32,
-  kFloat64
-};
-
 // The type that VTK spells so, such as "Float32".
-std::optional<VtkType> vtk_type_named(std::string_view name);
+std::optional<NumberType> vtk_type_named(std::string_view name);
 
 struct VtkArray {
   enum class Encoding { kAscii, kBase64, kRaw };
 
   std::string name;
-  VtkType type = VtkType::kFloat32;
+  NumberType type = NumberType::kFloat32;
   std::uint64_t num_values = 0;  // which the extent needs; 1 or more, 8 bytes each below 2^64
   Encoding encoding = Encoding::kAscii;
   std::uint64_t place = 0;  // in the file, of its first character or byte
