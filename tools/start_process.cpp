@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <system_error>
 
+#include "engine/locvol.h"
 #include "engine/shared/standard_streams.h"
 #include "tools/exit_code.h"
 
@@ -47,6 +48,7 @@ void start_process() {
   sigprocmask(SIG_SETMASK, &none, nullptr);
   signal(SIGXFSZ, SIG_IGN);
   set_stack_of_threads();
+  share_one_heap();
 }
 
 }  // namespace locvol

@@ -9,6 +9,7 @@ namespace locvol {
 //   - Limits that the system lets a process lift are lifted to what any run gets along with: open
 //     files, the stack. Threads have stacks of 8 MiB, but for those that ask for another size,
 //     whatever the limit on that of the first one.
+//   - All threads share one heap (share_one_heap()).
 // What cannot be had is left as it is: whoever needs it says so.
 void start_process();
 

@@ -1,6 +1,5 @@
 #include "engine/shared/workers.h"
 
-#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 
@@ -207,21 +206,6 @@ class OrderedRun {
   std::exception_ptr error_, error_of_next_;  // of a task, which comes first; of next()
 };
 
-// Visits ask for few and large blocks, one visit as many as another: so the heap keeps what it has
-// had, which the plan of memory counts as held anyway. Else the kernel takes the pages back after
-// each, and clears others for the next: a fifth of the time of two ranks was measured. The largest
-// blocks have pages of their own: between records of the cache they would leave gaps, of 50 MiB
-// under a cap of 256.
-void keep_heap() {
-  mallopt(M_MMAP_THRESHOLD, 2 << 20);
-  mallopt(M_TRIM_THRESHOLD, 128 << 20);
-  mallopt(M_TOP_PAD, 1 << 20);
-}
-
-// A heap of its own for each thread would keep what its largest visit took, whatever the others
-// need by then: with eight threads twice the cap was measured. One heap costs no time that shows.
-void share_one_heap() { mallopt(M_ARENA_MAX, 1); }
-
 }  // namespace
 
 struct Workers::Impl {
@@ -233,8 +217,6 @@ struct Workers::Impl {
 
 Workers::Workers(int num_threads) {
   assert(num_threads >= 1);
-  keep_heap();
-  if (num_threads > 1) share_one_heap();
   impl_ = std::make_unique<Impl>(num_threads);
 }
 Workers::~Workers() = default;

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "engine/ingest/surface_reader.h"
+#include "engine/locvol.h"
 #include "engine/shared/standard_streams.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
@@ -286,6 +287,7 @@ void visits(benchmark::State& state, const Run& run, std::size_t round, bool is_
 int main(int argc, char** argv) {
   using namespace locvol;
   open_standard_streams();
+  share_one_heap();
   benchmark::Initialize(&argc, argv);
   if (argc != 3) {
     std::fprintf(stderr, "usage: leaf_benchmark SURFACE SIZE [--benchmark_…]\n");

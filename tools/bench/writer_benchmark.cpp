@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "engine/formats/writer.h"
+#include "engine/locvol.h"
 #include "engine/shared/standard_streams.h"
 #include "storage/store.h"
 
@@ -57,6 +58,7 @@ void add_benchmark(const Store& store, const std::filesystem::path& directory,
 int main(int argc, char** argv) {
   using namespace locvol;
   open_standard_streams();
+  share_one_heap();
   benchmark::Initialize(&argc, argv);
   if (argc != 3 || !std::filesystem::is_directory(argv[2])) {
     std::fprintf(stderr, "usage: writer_benchmark STORE DIRECTORY [--benchmark_…]\n");
