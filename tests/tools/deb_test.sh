@@ -17,11 +17,13 @@ has_path() {
 }
 for path in bin/locvol share/man/man1/locvol.1.gz share/bash-completion/completions/locvol \
     share/zsh/vendor-completions/_locvol share/fish/vendor_completions.d/locvol.fish \
-    share/doc/locvol/copyright share/doc/locvol/changelog.gz share/doc/locvol/tutorial.md \
-    share/doc/locvol/examples/calculix/case.py share/doc/locvol/examples/calculix/result.py; do
+    share/doc/locvol/copyright share/doc/locvol/changelog.gz share/doc/locvol/README.md \
+    share/doc/locvol/tools/tutorial.md share/doc/locvol/tools/examples/calculix/case.py \
+    share/doc/locvol/tools/examples/slurm/mesh.sbatch; do
   has_path "$command" "$path"
 done
-for path in include/locvol/locvol.h include/locvol/engine/plan/library_options.h lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
+for path in include/locvol/locvol.h include/locvol/engine/plan/library_options.h \
+    lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
   has_path "$development" "$path"
 done
 headers=$(dpkg-deb -c "$development" | grep -c '\.h$')
@@ -36,7 +38,7 @@ done
 [[ $depends != *mpi* ]] || fail "$command depends on MPI: $depends"
 if [[ -e $build/tools/locvol-mpi ]]; then
   mpi=$(echo "$out"/locvol-mpi_*.deb)
-  for path in bin/locvol-mpi share/man/man1/locvol-mpi.1.gz share/doc/locvol-mpi/cluster.md; do
+  for path in bin/locvol-mpi share/man/man1/locvol-mpi.1.gz; do
     has_path "$mpi" $path
   done
   [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
@@ -46,12 +48,15 @@ dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"
 
-# The links of the tutorial lead to what is installed with it.
+# The links of the pages lead to what is installed with them. Sources are not.
 documents=$out/root/usr/share/doc/locvol
-links=$(grep -oP '\]\(\K[^)]+' "$documents/tutorial.md" | grep -v '^http')
-for link in $links; do
-  [[ -f $documents/$link ]] || fail "the packaged tutorial leads to $link, which is not there"
-done
+num_links=0
+while IFS=: read -r page link; do
+  [[ $link =~ ^https?: || $link =~ ^# || $link =~ \.(h|cpp)$ ]] && continue
+  num_links=$((num_links + 1))
+  [[ -f $(dirname "$page")/${link%%#*} ]] || fail "the packaged $page leads to $link, which is not there"
+done < <(cd "$documents" && grep -roP '\]\(\K[^)\s]+' --include='*.md' "$documents")
+((num_links > 100)) || fail "the packaged pages have $num_links links to each other"
 
 if command -v lintian >/dev/null; then
   lintian --fail-on error,warning "$command" "$development"
