@@ -12,7 +12,7 @@
 
 #include "octree/mix.h"
 #include "octree/sort_and_unite.h"
-#include "refine/fragment.h"
+#include "refine/domain/fragment.h"
 
 namespace locvol {
 namespace {
@@ -345,8 +345,8 @@ class SurfaceSampler {
   }
 
   // As far as samples are known. REQUIRES: p lies in the leaf
-  bool is_hidden(const Point& p, const SurfacePatch& surface) const {
-    return is_hidden_from(surface, p, sample_radius_from(sizes_, size_, p),
+  bool is_hidden(const Point& p, const LeafDomain& domain) const {
+    return is_hidden_from(domain, p, sample_radius_from(sizes_, size_, p),
                           [&](const Fragment& f) { return grid_.is_nearer_than(p, f); });
   }
 
@@ -429,16 +429,16 @@ std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> t
 // ---- Lattice
 
 // For a lattice point. REQUIRES: p lies inside
-bool is_deep_enough(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
+bool is_deep_enough(const CoverInput& input, const SizeField& sizes, const LeafDomain& domain,
                     const SurfaceSampler& sampler, const Point& p) {
   const double least =
       kLeastLatticeDepth * (sizes.has_shapes() ? sizes.on_surface_at(p) : input.size);
-  return !surface.is_near(p, sample_radius_from(sizes, input.size, p)) ||
-         (!surface.is_near(p, least) && sampler.is_hidden(p, surface));
+  return !domain.is_near(p, sample_radius_from(sizes, input.size, p)) ||
+         (!domain.is_near(p, least) && sampler.is_hidden(p, domain));
 }
 
 // Where sizes vary, lattice points are centers and corners of cubes.
-void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
+void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const LeafDomain& domain,
                       const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
   std::vector<LatticeSite>& sites = points.lattice;
   for (const SizeCube& cube : input.sizes.cubes) {
@@ -452,12 +452,12 @@ void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const Sur
   std::erase_if(sites, [&](const LatticeSite& site) {
     poll();
     const Point p = input.lattice.position(site);
-    return !surface.is_inside(p) || !is_deep_enough(input, sizes, surface, sampler, p);
+    return !domain.is_inside(p) || !is_deep_enough(input, sizes, domain, sampler, p);
   });
 }
 
 // Where h grows no more, lattice points are those of its size.
-void cover_inside(const CoverInput& input, const SizeField& sizes, const SurfacePatch& surface,
+void cover_inside(const CoverInput& input, const SizeField& sizes, const LeafDomain& domain,
                   const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
   const SizeLaw& law = input.sizes.law;
   if (std::ranges::all_of(input.sizes.cubes,
@@ -473,14 +473,13 @@ void cover_inside(const CoverInput& input, const SizeField& sizes, const Surface
     if (room < kLatticeMargin * of_one) return;
     if (room >= kCoreMargin * of_one)
       add_row({site, 1}, points.core);
-    else if (surface.is_inside(p) && is_deep_enough(input, sizes, surface, sampler, p))
+    else if (domain.is_inside(p) && is_deep_enough(input, sizes, domain, sampler, p))
       points.lattice.push_back(site);
   });
 }
 
-void cover_with_lattice(const CoverInput& input, const SizeField& sizes,
-                        const SurfacePatch& surface, const SurfaceSampler& sampler, StopPoll poll,
-                        CoverPoints& points) {
+void cover_with_lattice(const CoverInput& input, const SizeField& sizes, const LeafDomain& domain,
+                        const SurfaceSampler& sampler, StopPoll poll, CoverPoints& points) {
   // The sites at the row's beginning that are within `distance` of its first, displaced or not.
   const auto num_within = [&](double distance, const LatticeRow& row) {
     constexpr double kSlack = 1.001;
@@ -491,14 +490,14 @@ void cover_with_lattice(const CoverInput& input, const SizeField& sizes,
     poll();
     const LatticeSite& site = row.first;
     const Point p = input.lattice.position(site);
-    const auto [is_inside, distance] = surface.locate(p);
+    const auto [is_inside, distance] = domain.locate(p);
     if (!is_inside) return num_within(distance, row);
-    if (!surface.is_near(p, kCoreDepth * input.size)) {
+    if (!domain.is_near(p, kCoreDepth * input.size)) {
       const std::uint32_t num_as_deep = num_within(distance - kCoreDepth * input.size, row);
       add_row({site, num_as_deep}, points.core);
       return num_as_deep;
     }
-    if (is_deep_enough(input, sizes, surface, sampler, p)) points.lattice.push_back(site);
+    if (is_deep_enough(input, sizes, domain, sampler, p)) points.lattice.push_back(site);
     return 1U;
   });
 }
@@ -507,19 +506,19 @@ void cover_with_lattice(const CoverInput& input, const SizeField& sizes,
 
 CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
-  const SurfacePatch surface(std::move(input.surface), stop);
+  const LeafDomain domain(std::move(input.domain), stop);
   CoverPoints points;
-  if (surface.triangles().empty() && is_uniform(input)) {
-    points.core.is_whole = surface.is_inside(input.box.center());
+  if (domain.triangles().empty() && is_uniform(input)) {
+    points.core.is_whole = domain.is_inside(input.box.center());
     return points;
   }
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
   SurfaceSampler sampler(input, sizes, stop);
-  points.samples = sampler.sample(fragments_in(input.box, surface.triangles(), input.seed, stop));
+  points.samples = sampler.sample(fragments_in(input.box, domain.triangles(), input.seed, stop));
   const auto cover = is_uniform(input)            ? cover_with_lattice
                      : input.sizes.law.has_core() ? cover_inside
                                                   : cover_with_cubes;
-  cover(input, sizes, surface, sampler, StopPoll(stop), points);
+  cover(input, sizes, domain, sampler, StopPoll(stop), points);
   return points;
 }
 

@@ -10,7 +10,7 @@
 #include "octree/lattice.h"
 #include "octree/size_field.h"
 #include "octree/stop.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -55,7 +55,7 @@ struct CoverInput {
   std::uint64_t seed = 0;
   Lattice lattice;                    // of λ; where sizes vary of the largest h, or of cubes
   Box box;                            // of the leaf, half-open
-  SurfacePiece surface;               // region contains the box expanded by kCoreDepth λ
+  DomainPiece domain;                 // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
   // The cubes of sizes that meet the closed box, and where these samples are; none: λ everywhere.
   // With them r_s and distances between samples are over h.

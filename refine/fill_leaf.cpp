@@ -12,7 +12,7 @@
 #include "octree/site_block.h"
 #include "octree/sort_and_unite.h"
 #include "refine/cover_leaf.h"
-#include "refine/fragment.h"
+#include "refine/domain/fragment.h"
 #include "refine/leaf.h"
 #include "refine/point_cubes.h"
 
@@ -112,10 +112,10 @@ class Climber {
 
 class HoleSearch {
  public:
-  HoleSearch(const FillInput& input, const SurfacePatch& surface, const SizeField& sizes,
+  HoleSearch(const FillInput& input, const LeafDomain& domain, const SizeField& sizes,
              const StopToken* stop)
       : input_(input),
-        surface_(surface),
+        domain_(domain),
         sizes_(sizes),
         core_(input.core),
         stop_(stop),
@@ -262,8 +262,8 @@ class HoleSearch {
     for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
       poll();
       const Point p = place(row.first);
-      const auto [is_inside, distance] = surface_.locate(p);
-      const bool outside = !is_inside && surface_.region().contains(p);
+      const auto [is_inside, distance] = domain_.locate(p);
+      const bool outside = !is_inside && domain_.region().contains(p);
       const bool is_far = distance > kFarthest * size_;
       const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
       if (outside)
@@ -336,7 +336,7 @@ class HoleSearch {
   // and none will be.
   double search_from(const Point& start) {
     const double size = sizes_.at(start), radius = kWorthClimbing * size;
-    if (points_->has_in_cube(start, radius) || !surface_.is_inside(start) ||
+    if (points_->has_in_cube(start, radius) || !domain_.is_inside(start) ||
         !points_->is_free(start, radius))
       return 0;
     const Point center = climber_.climb(start, size, *points_);
@@ -344,7 +344,7 @@ class HoleSearch {
     if (!is_in_leaf(input_.box, center) ||
         !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
         (!sizes_.is_uniform() && core_.has_within(center, sizes_.at(center))) ||
-        !surface_.is_inside(center) || !is_deep_enough(center))
+        !domain_.is_inside(center) || !is_deep_enough(center))
       return hole;
     found_.centers.push_back(center);
     points_->add(center);
@@ -355,22 +355,22 @@ class HoleSearch {
   // Like a lattice point.
   bool is_deep_enough(const Point& p) {
     const double radius = sample_radius_from(sizes_, size_, p);
-    if (!surface_.is_near(p, radius)) return true;
+    if (!domain_.is_near(p, radius)) return true;
     const double least =
         kLeastLatticeDepth * (sizes_.has_shapes() ? sizes_.on_surface_at(p) : size_);
-    if (surface_.is_near(p, least)) return false;
+    if (domain_.is_near(p, least)) return false;
     near_.clear();
     samples_->for_each_around(p, 2 * radius, [&](const Point& q) {
       if (squared_distance(p, q) < 4 * radius * radius) near_.push_back(q);
       return true;
     });
-    return is_hidden_from(surface_, p, radius, [&](const Fragment& f) {
+    return is_hidden_from(domain_, p, radius, [&](const Fragment& f) {
       return std::ranges::any_of(near_, [&](const Point& q) { return is_nearer(f, q, p); });
     });
   }
 
   const FillInput& input_;
-  const SurfacePatch& surface_;
+  const LeafDomain& domain_;
   const SizeField& sizes_;
   const CoreIndex core_;
   const StopToken* stop_;
@@ -388,10 +388,10 @@ class HoleSearch {
 
 FillPoints fill_leaf(FillInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
-  const SurfacePatch surface(std::move(input.surface), stop);
+  const LeafDomain domain(std::move(input.domain), stop);
   const SizeField sizes =
       input.sizes.cubes.empty() ? SizeField(input.size) : SizeField(input.sizes);
-  return HoleSearch(input, surface, sizes, stop).run();
+  return HoleSearch(input, domain, sizes, stop).run();
 }
 
 }  // namespace locvol

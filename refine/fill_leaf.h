@@ -11,7 +11,7 @@
 #include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/core_index.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -25,7 +25,7 @@ struct FillInput {
   // result depends on it.
   std::vector<MeshPoint> points;
   CoreRows core;
-  SurfacePiece surface;  // region contains the box expanded by λ
+  DomainPiece domain;    // region contains the box expanded by λ
   SizeCubes sizes = {};  // around the leaf; none: λ everywhere. Then distances are over h
 };
 

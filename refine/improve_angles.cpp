@@ -10,7 +10,7 @@
 #include "octree/mix.h"
 #include "octree/sort_and_unite.h"
 #include "refine/cell_shape.h"
-#include "refine/fragment.h"
+#include "refine/domain/fragment.h"
 
 namespace locvol {
 namespace {
@@ -345,7 +345,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
 
 // To the closest place there, if that is near.
 bool ImproveAngles::put_on_surface(Point& q) const {
-  const auto closest = surroundings_.surface.closest_to(
+  const auto closest = surroundings_.domain.closest_to(
       q, kToSurface * mesh_.scaled(input_.criteria.size, surroundings_.sizes.on_surface_at(q)));
   if (closest) q = *closest;
   return closest.has_value();
@@ -460,7 +460,7 @@ bool ImproveAngles::do_samples_hide_as_before() const {
     if (point.kind == PointKind::kSurface) samples.push_back(point.position);
     if (point.kind == PointKind::kLattice) hidden.push_back(point.position);
   }
-  return is_covered_without(surroundings_.surface, before, {least, radius}, samples, hidden);
+  return is_covered_without(surroundings_.domain, before, {least, radius}, samples, hidden);
 }
 
 // Nobody would look at them again.

@@ -17,7 +17,7 @@
 #include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/core_index.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -71,8 +71,8 @@ class PointIndex {
 // What the visits of paper mode share: all of the surface and of P, which stay in memory. Cover
 // mode's have neither.
 struct WholeModel {
-  const SurfacePatch* surface = nullptr;  // null: the patch is built from LeafInput::surface
-  const PointIndex* points = nullptr;     // null: the ghosts are all that can matter
+  const LeafDomain* domain = nullptr;  // null: it is built from LeafInput::domain
+  const PointIndex* points = nullptr;  // null: the ghosts are all that can matter
 };
 
 // A bug or a rounding fault, never bad input: with the leaf's place in the message.
@@ -182,7 +182,7 @@ struct LeafInput {
   // In order of id: where points get inserted, the result depends on the order.
   std::vector<MeshPoint> own;        // P_v
   std::vector<MeshPoint> ghosts;     // P within `reach` of the box (paper: within 2λ), without own
-  SurfacePiece surface;              // its region contains the box expanded by reach / 2
+  DomainPiece domain;                // its region contains the box expanded by reach / 2
   CoreRows core;                     // within kCoreReach λ, in cover mode
   SizeCubes sizes = {};              // around all of these; no cubes: λ everywhere
   std::uint64_t max_own_points = 0;  // κ: the visit stops above it, to be split; 0: no bound

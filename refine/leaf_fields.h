@@ -61,7 +61,7 @@ auto fields(Maybe<GridFineness> auto& fineness) {
   return std::tuple(Field("resolution", resolution),
                     Field("triangles_per_cell", triangles_per_cell));
 }
-auto fields(Maybe<SurfacePiece> auto& piece) {
+auto fields(Maybe<DomainPiece> auto& piece) {
   auto& [triangles, region, reference, is_reference_inside, fineness] = piece;
   return std::tuple(Field("triangles", triangles), Field("region", region),
                     Field("reference", reference),
@@ -128,10 +128,10 @@ auto fields(Maybe<LastVisit> auto& last) {
                     Field("facets", facets), Field("asked", asked));
 }
 auto fields(Maybe<LeafInput> auto& input) {
-  auto& [criteria, box, own, ghosts, surface, core, sizes, max_own_points, last_visit,
+  auto& [criteria, box, own, ghosts, domain, core, sizes, max_own_points, last_visit,
          max_insertions, waiting] = input;
   return std::tuple(Field("criteria", criteria), Field("box", box), Field("own", own),
-                    Field("ghosts", ghosts), Field("surface", surface), Field("core", core),
+                    Field("ghosts", ghosts), Field("domain", domain), Field("core", core),
                     Field("sizes", sizes), Field("max_own_points", max_own_points),
                     Field("last_visit", last_visit), Field("max_insertions", max_insertions),
                     Field("waiting", waiting));

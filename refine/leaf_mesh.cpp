@@ -16,11 +16,10 @@ namespace locvol {
 namespace {
 
 // Half of the reach; where the reach is infinite, a radius at which every center is outside.
-double far_radius_of(const Criteria& criteria, const SurfacePatch& surface,
-                     const SizeField& sizes) {
+double far_radius_of(const Criteria& criteria, const LeafDomain& domain, const SizeField& sizes) {
   if (!sizes.is_uniform()) return 0.5 * kReach * sizes.largest();
   if (std::isfinite(criteria.reach)) return 0.5 * criteria.reach;
-  const Box& region = surface.region();
+  const Box& region = domain.region();
   return 2 * norm(region.max - region.min);
 }
 
@@ -99,7 +98,7 @@ bool leads_past(const Point* off, const std::array<Point, 3>& corners) {
 LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints own)
     : input_(input),
       surroundings_(around),
-      far_radius_(far_radius_of(input.criteria, around.surface, around.sizes)),
+      far_radius_(far_radius_of(input.criteria, around.domain, around.sizes)),
       is_around_(own == OwnPoints::kInBox) {
   const double reach = input.criteria.reach;
   std::optional<PointCubes> own_cubes;
@@ -177,9 +176,9 @@ bool LeafMesh::is_hidden(const MeshPoint& p) const {
   if (p.kind == PointKind::kLattice) return true;
   const double radius = cover_radius_from(p.position);
   const Box around = Box::around(p.position).expanded(radius);
-  const Box& region = surroundings_.surface.region();
+  const Box& region = surroundings_.domain.region();
   return region.contains(around.min) && region.contains(around.max) &&
-         !surroundings_.surface.is_near(p.position, radius);
+         !surroundings_.domain.is_near(p.position, radius);
 }
 
 // Of a ghost, neighbors may lie farther away than the core is known.
@@ -279,9 +278,9 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
   if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
   const bool is_whole = !std::isfinite(input_.criteria.reach);
-  if (!is_whole && !surroundings_.surface.region().contains(ball.center))
+  if (!is_whole && !surroundings_.domain.region().contains(ball.center))
     return state.side = is_deep(state, ball) ? Side::kInside : Side::kBeyond;
-  const SurfacePatch::Location location = surroundings_.surface.locate(ball.center);
+  const LeafDomain::Location location = surroundings_.domain.locate(ball.center);
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
   return state.side = location.is_inside ? Side::kInside : Side::kOutside;
@@ -300,7 +299,7 @@ bool LeafMesh::is_deep(CellState& state, CellBall& ball) const {
 // Of a near cell's center.
 double LeafMesh::clearance(CellState& state, CellBall& ball) const {
   if (!std::exchange(state.has_clearance, true))
-    ball.clearance = surroundings_.surface.distance_bound(ball.center);
+    ball.clearance = surroundings_.domain.distance_bound(ball.center);
   return ball.clearance;
 }
 
@@ -386,14 +385,14 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
     const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
-    if (!is_here_near && !is_past_surface) clear += surroundings_.surface.distance_bound(from);
-    if (!is_there_near && !is_past_surface) clear += surroundings_.surface.distance_bound(to);
+    if (!is_here_near && !is_past_surface) clear += surroundings_.domain.distance_bound(from);
+    if (!is_there_near && !is_past_surface) clear += surroundings_.domain.distance_bound(to);
   }
   if (is_past_surface || is_clear_between(from, to, clear) ||
       is_off_surface(side_here, side_there, from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
-    surroundings_.surface.crossings(std::min(from, to), std::max(from, to), crossings_);
+    surroundings_.domain.crossings(std::min(from, to), std::max(from, to), crossings_);
 
   const Point& corner = *std::ranges::min_element(corners);
   for (const Crossing& c : crossings_) {
@@ -405,7 +404,7 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
   if (is_here_near && is_there_near) return result;
   const bool is_odd = crossings_.size() % 2 == 1;
   const bool is_from_inside =
-      is_here_near ? side_here == Side::kInside : surroundings_.surface.is_inside(from);
+      is_here_near ? side_here == Side::kInside : surroundings_.domain.is_inside(from);
   if (!is_there_near && is_from_inside != is_odd)
     result.open_end = to;
   else if (!is_here_near && is_from_inside)

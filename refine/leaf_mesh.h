@@ -52,7 +52,7 @@ struct CellBall {  // once the side is known, if that is not kFar
 
 // What a visit asks of what is around it, made from its input once.
 struct Surroundings {
-  const SurfacePatch& surface;
+  const LeafDomain& domain;
   const SizeField& sizes;
   const CoreIndex* core;     // null: none is near
   const PointIndex* points;  // null: the ghosts are all that can matter

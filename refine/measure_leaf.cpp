@@ -12,9 +12,9 @@
 #include <tuple>
 #include <utility>
 
-#include "refine/box_tree.h"
-#include "refine/closest_point.h"
-#include "refine/fragment.h"
+#include "refine/domain/box_tree.h"
+#include "refine/domain/closest_point.h"
+#include "refine/domain/fragment.h"
 
 namespace locvol {
 namespace {
@@ -294,10 +294,10 @@ class LeafMeasure {
  public:
   // `surface`: null where nothing is asked across the inside
   LeafMeasure(const MeasureInput& input, std::span<const Triangle> triangles,
-              const SurfacePatch* surface, const StopToken* stop)
+              const LeafDomain* domain, const StopToken* stop)
       : input_(input),
         rules_(input.rules),
-        surface_(surface),
+        domain_(domain),
         poll_(stop),
         triangles_(triangles),
         origin_(input.frame.box(input.leaf).center()),
@@ -579,7 +579,7 @@ class LeafMeasure {
     const Point& normal = curvatures_.of(n).normal;
     const double most = rules_.layers * kLayer * input_.size;
     const Point from = p - kOff * rules_.least * normal, to = p - most * normal;
-    surface_->crossings(from, to, crossings_);
+    domain_->crossings(from, to, crossings_);
     for (const Crossing& crossing : crossings_) {
       const auto at = std::ranges::lower_bound(triangles_, crossing.triangle, {}, &Triangle::id);
       const auto other = static_cast<std::size_t>(at - triangles_.begin());
@@ -624,7 +624,7 @@ class LeafMeasure {
 
   const MeasureInput& input_;
   const SizeRules& rules_;
-  const SurfacePatch* surface_;
+  const LeafDomain* domain_;
   StopPoll poll_;
   std::span<const Triangle> triangles_;
   Point origin_;  // of places
@@ -647,15 +647,15 @@ double measure_reach(const SizeRules& rules, double size) {
 }
 
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop) {
-  if (input.surface.triangles.empty()) return {};
+  if (input.domain.triangles.empty()) return {};
   if (input.rules.layers == 0)
-    return LeafMeasure(input, input.surface.triangles, nullptr, stop).run();
-  const SurfacePatch surface(std::move(input.surface), stop);
-  return LeafMeasure(input, surface.triangles(), &surface, stop).run();
+    return LeafMeasure(input, input.domain.triangles, nullptr, stop).run();
+  const LeafDomain domain(std::move(input.domain), stop);
+  return LeafMeasure(input, domain.triangles(), &domain, stop).run();
 }
 
 double num_pieces_to_measure(const MeasureInput& input, const StopToken* stop) {
-  return LeafMeasure(input, input.surface.triangles, nullptr, stop).num_pieces();
+  return LeafMeasure(input, input.domain.triangles, nullptr, stop).num_pieces();
 }
 
 }  // namespace locvol

@@ -7,7 +7,7 @@
 #include "octree/morton_key.h"
 #include "octree/size_nodes.h"
 #include "octree/stop.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -31,7 +31,7 @@ struct MeasureInput {
   double size = 0;  // λ
   Frame frame;
   MortonKey leaf;
-  SurfacePiece surface;  // region contains the leaf's box expanded by measure_reach()
+  DomainPiece domain;  // region contains the leaf's box expanded by measure_reach()
 };
 
 // What the surface in the leaf asks for, wherever that is below λ; ascending. One node may lie in

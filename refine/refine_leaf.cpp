@@ -14,8 +14,8 @@
 
 #include "octree/site_block.h"
 #include "octree/sort_and_unite.h"
-#include "refine/closest_point.h"
 #include "refine/conditions.h"
+#include "refine/domain/closest_point.h"
 #include "refine/improve_angles.h"
 #include "refine/leaf_mesh.h"
 #include "refine/revisit.h"
@@ -445,10 +445,10 @@ const PointCubes& Refinement::corners() {
   if (corner_cubes_) return *corner_cubes_;
   constexpr double kMostCubes = 64;  // in a row
   std::vector<Point> all;
-  for (const Triangle& t : surroundings_.surface.triangles())
+  for (const Triangle& t : surroundings_.domain.triangles())
     all.insert(all.end(), t.corners.begin(), t.corners.end());
   sort_and_unite(all);
-  const Box& region = surroundings_.surface.region();
+  const Box& region = surroundings_.domain.region();
   const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
   return corner_cubes_.emplace(region, side, all);
 }
@@ -462,7 +462,7 @@ void Refinement::start_from_corners() {
     if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
     const Point& p = mesh_.local(i).point.position;
     const double size = surroundings_.sizes.on_surface_at(p);
-    surroundings_.surface.corners_near(p, size, corners_);
+    surroundings_.domain.corners_near(p, size, corners_);
     for (const Point& q : corners_)
       if (squared_distance(p, q) < size * size) corners.insert(q);
   }
@@ -562,7 +562,7 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, Condition condi
 // one. Balls around which not all within λ is loaded are left to other leaves: their volume points
 // would have to go.
 std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& q) const {
-  if (surroundings_.surface.distance_bound(q) >= input_.criteria.size) return std::nullopt;
+  if (surroundings_.domain.distance_bound(q) >= input_.criteria.size) return std::nullopt;
   std::optional<SurfaceBall> largest;
   double squared_radius = 0;
   for (const Cell c : conflict_.cells)
@@ -599,7 +599,7 @@ bool Refinement::is_blocked(const Point& q) const {
 bool Refinement::is_in_fold(const Point& q) {
   constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
   const double floor = floor_at(q);
-  surroundings_.surface.triangles_near(q, floor, near_triangles_);
+  surroundings_.domain.triangles_near(q, floor, near_triangles_);
   sheets_.clear();
   double nearest = floor * floor;
   Point normal;
@@ -857,12 +857,12 @@ LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch, const WholeModel
     delta.is_overfull = true;
     return delta;
   }
-  std::optional<SurfacePatch> patch;
-  if (whole.surface == nullptr) patch.emplace(std::move(input.surface), watch.stop);
+  std::optional<LeafDomain> of_leaf;
+  if (whole.domain == nullptr) of_leaf.emplace(std::move(input.domain), watch.stop);
   const CoreIndex core(input.core);
   const SizeField sizes =
       input.sizes.cubes.empty() ? SizeField(input.criteria.size) : SizeField(input.sizes);
-  const Surroundings around{.surface = patch ? *patch : *whole.surface,
+  const Surroundings around{.domain = of_leaf ? *of_leaf : *whole.domain,
                             .sizes = sizes,
                             .core = core.is_empty() ? nullptr : &core,
                             .points = whole.points,

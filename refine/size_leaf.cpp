@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "octree/table_hash.h"
-#include "refine/box_tree.h"
-#include "refine/closest_point.h"
+#include "refine/domain/box_tree.h"
+#include "refine/domain/closest_point.h"
 
 namespace locvol {
 namespace {
@@ -22,16 +22,16 @@ const double kHalfDiagonal = std::sqrt(3.0) / 2;
 
 class SizeTree {
  public:
-  SizeTree(const SizeInput& input, const SurfacePatch& surface, const FarSurface& far,
+  SizeTree(const SizeInput& input, const LeafDomain& domain, const FarSurface& far,
            const StopToken* stop)
       : input_(input),
-        surface_(surface),
+        domain_(domain),
         far_(far.around(input.frame.box(input.leaf))),
         poll_(stop),
         step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)),
         nodes_(input.nodes, input.law.growth, input.frame) {
     std::vector<Box> boxes;
-    for (const Triangle& t : surface.triangles()) boxes.push_back(t.box());
+    for (const Triangle& t : domain.triangles()) boxes.push_back(t.box());
     triangles_ = BoxTree(std::move(boxes));
   }
 
@@ -141,7 +141,7 @@ class SizeTree {
 
   double signed_distance(const Point& p, Nearest& near) const {
     const auto squared_distance_of = [&](std::uint32_t n) {
-      return squared_distance(p, closest_on_triangle(surface_.triangles()[n].corners, p));
+      return squared_distance(p, closest_on_triangle(domain_.triangles()[n].corners, p));
     };
     double squared = near.bound * near.bound * (1 + 1e-9);
     if (near.triangle != kNone) squared = std::min(squared, squared_distance_of(near.triangle));
@@ -151,7 +151,7 @@ class SizeTree {
     });
     double distance = std::sqrt(squared);
     if (distance > input_.exact_distance) distance = far_.distance(p, distance);
-    return surface_.is_inside(p) ? distance : -distance;
+    return domain_.is_inside(p) ? distance : -distance;
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
@@ -174,7 +174,7 @@ class SizeTree {
   static constexpr std::size_t kFewShapes = 4;
 
   const SizeInput& input_;
-  const SurfacePatch& surface_;
+  const LeafDomain& domain_;
   const FarPoints far_;
   BoxTree triangles_;
   StopPoll poll_;
@@ -190,8 +190,8 @@ class SizeTree {
 }  // namespace
 
 std::vector<SizeCube> size_leaf(SizeInput input, const FarSurface& far, const StopToken* stop) {
-  const SurfacePatch surface(std::move(input.surface), stop);
-  return SizeTree(input, surface, far, stop).run();
+  const LeafDomain domain(std::move(input.domain), stop);
+  return SizeTree(input, domain, far, stop).run();
 }
 
 }  // namespace locvol

@@ -10,8 +10,8 @@
 #include "octree/size_nodes.h"
 #include "octree/size_shapes.h"
 #include "octree/stop.h"
-#include "refine/far_surface.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/far_surface.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -27,7 +27,7 @@ struct SizeInput {
   double exact_distance = 0;
   Frame frame;
   MortonKey leaf;
-  SurfacePiece surface;  // region contains the leaf's box
+  DomainPiece domain;  // region contains the leaf's box
   // All shapes that make h smaller in the leaf.
   std::vector<SizeShape> shapes = {};
   std::vector<SizedNode> nodes = {};

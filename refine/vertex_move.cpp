@@ -6,7 +6,7 @@
 #include "refine/cell_shape.h"
 #include "refine/circumcenter.h"
 #include "refine/conditions.h"
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

@@ -29,11 +29,11 @@ auto fields(Maybe<StoredVisit> auto& visit) {
 
 namespace {
 
-// {"format": "locvol visit", "version": 5, "visit": {...}}: a struct is an object of its fields()
+// {"format": "locvol visit", "version": 7, "visit": {...}}: a struct is an object of its fields()
 // (refine/leaf_fields.h), or an array of them where there are many; an infinite number is null, and
 // so is a last visit that there was not.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 6;
+constexpr int kVersion = 7;
 
 template <class T>
 concept Row = Maybe<T, Point> || Maybe<T, MeshPoint> || Maybe<T, Triangle> ||
@@ -95,8 +95,8 @@ void read(const Json& json, T& value) {
 void require_sense(const StoredVisit& visit) {
   const LeafInput& input = visit.input;
   if (!(input.criteria.size > 0)) throw std::runtime_error("the size is not positive");
-  if (!input.surface.region.contains(input.surface.reference) ||
-      !input.surface.region.contains(input.box.center()))
+  if (!input.domain.region.contains(input.domain.reference) ||
+      !input.domain.region.contains(input.box.center()))
     throw std::runtime_error("the leaf lies outside its surface");
   for (const MeshPoint& p : input.own)
     if (!input.box.contains(p.position))

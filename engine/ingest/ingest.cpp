@@ -20,8 +20,8 @@
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_sides.h"
 #include "octree/sort_and_unite.h"
-#include "refine/surface_patch.h"
-#include "refine/triangle_box.h"
+#include "refine/domain/leaf_domain.h"
+#include "refine/domain/triangle_box.h"
 
 namespace locvol {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

@@ -11,7 +11,7 @@
 #include "engine/ingest/surface_reader.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/vertex_spill.h"
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
-#include "refine/self_intersection.h"
+#include "refine/domain/self_intersection.h"
 
 namespace locvol {
 namespace {

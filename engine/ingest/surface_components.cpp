@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "octree/sort_and_unite.h"
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

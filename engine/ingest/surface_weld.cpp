@@ -15,7 +15,7 @@
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
 #include "octree/sort_and_unite.h"
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

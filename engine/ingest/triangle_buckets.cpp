@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "refine/triangle_box.h"
+#include "refine/domain/triangle_box.h"
 
 namespace locvol {
 namespace {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
-#include "refine/triangle_tree.h"
+#include "refine/domain/triangle_tree.h"
 #include "storage/records.h"
 
 namespace locvol {

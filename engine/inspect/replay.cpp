@@ -174,13 +174,13 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.num_left_out = state.leaves().info(leaf).num_left_out;
   visit.num_visits = state.leaves().info(leaf).num_visits;
   visit.input = std::move(loaded.input);
-  if (const SurfacePatch* const surface = model.whole().surface) {
+  if (const LeafDomain* const domain = model.whole().domain) {
     visit.all_points = all_points(state);
-    visit.input.surface = {.triangles = {surface->triangles().begin(), surface->triangles().end()},
-                           .region = surface->region(),
-                           .reference = surface->region().min,
-                           .is_reference_inside = false,
-                           .fineness = {state.size()}};
+    visit.input.domain = {.triangles = {domain->triangles().begin(), domain->triangles().end()},
+                          .region = domain->region(),
+                          .reference = domain->region().min,
+                          .is_reference_inside = false,
+                          .fineness = {state.size()}};
   }
   visit.cells = stored_cells(now, leaf);
   return visit;

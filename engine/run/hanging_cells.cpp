@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "octree/sort_and_unite.h"
-#include "refine/closest_point.h"
+#include "refine/domain/closest_point.h"
 
 namespace locvol {
 namespace {

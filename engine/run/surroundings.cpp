@@ -26,8 +26,8 @@ std::vector<Triangle> Surroundings::triangles_meeting(const Box& region) const {
   return triangles;
 }
 
-SurfacePiece Surroundings::surface(MortonKey leaf, double distance, std::vector<Triangle> triangles,
-                                   GridFineness fineness) const {
+DomainPiece Surroundings::domain(MortonKey leaf, double distance, std::vector<Triangle> triangles,
+                                 GridFineness fineness) const {
   const Box box = run_.box(leaf);
   return {.triangles = std::move(triangles),
           .region = box.expanded(distance),

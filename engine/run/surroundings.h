@@ -7,7 +7,7 @@
 #include "engine/run/run_view.h"
 #include "octree/size_field.h"
 #include "octree/stop.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -17,8 +17,8 @@ class Surroundings {
 
   // Each once, in order of id; and some more, that only come close. Throws Stopped.
   std::vector<Triangle> triangles_meeting(const Box& region) const;
-  SurfacePiece surface(MortonKey leaf, double distance, std::vector<Triangle> triangles,
-                       GridFineness fineness) const;
+  DomainPiece domain(MortonKey leaf, double distance, std::vector<Triangle> triangles,
+                     GridFineness fineness) const;
   // What triangles a visit looks up lies this far from where h(p) is, at points that the surface
   // may matter to.
   double surface_reach(MortonKey leaf) const;

@@ -20,12 +20,12 @@ HeldModel::HeldModel(const RunView& run, MemoryBudget& budget, const StopToken* 
   budget_.keep(
       VisitSize{.volume = volume_over_size(root, run.size()), .num_triangles = triangles.size()}
           .bytes_to_refine());
-  surface_ = std::make_unique<SurfacePatch>(SurfacePiece{.triangles = std::move(triangles),
-                                                         .region = root,
-                                                         .reference = root.min,
-                                                         .is_reference_inside = false,
-                                                         .fineness = {run.size()}},
-                                            stop);
+  domain_ = std::make_unique<LeafDomain>(DomainPiece{.triangles = std::move(triangles),
+                                                     .region = root,
+                                                     .reference = root.min,
+                                                     .is_reference_inside = false,
+                                                     .fineness = {run.size()}},
+                                         stop);
   points_.emplace(run.size());
   for (const MortonKey leaf : run.octree().leaves()) {
     throw_if_stopped(stop);

@@ -9,8 +9,8 @@
 #include "engine/run/run_view.h"
 #include "engine/shared/memory_budget.h"
 #include "octree/stop.h"
+#include "refine/domain/leaf_domain.h"
 #include "refine/refine_leaf.h"
-#include "refine/surface_patch.h"
 
 namespace locvol {
 
@@ -19,7 +19,7 @@ class HeldModel {
   // In cover mode holds nothing. Throws OverBudget, Stopped.
   HeldModel(const RunView& run, MemoryBudget& budget, const StopToken* stop = nullptr);
 
-  WholeModel whole() const { return {surface_.get(), points_ ? &*points_ : nullptr}; }
+  WholeModel whole() const { return {domain_.get(), points_ ? &*points_ : nullptr}; }
   // Keeps up with P.
   void note_inserted(const MeshPoint& point);
   void note_deleted(const MeshPoint& point);
@@ -29,7 +29,7 @@ class HeldModel {
 
  private:
   MemoryBudget& budget_;
-  std::unique_ptr<const SurfacePatch> surface_;
+  std::unique_ptr<const LeafDomain> domain_;
   std::uint64_t num_points_reserved_ = 0, num_points_ = 0;
   std::optional<PointGrid> points_;
 };

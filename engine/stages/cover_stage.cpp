@@ -96,8 +96,8 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
                     .seed = state_.parameters().seed,
                     .lattice = state_.lattice(),
                     .box = box,
-                    .surface = around_.surface(leaf, patch_distance, std::move(triangles),
-                                               fineness(kFinenessOfCover, state_.least_size(leaf))),
+                    .domain = around_.domain(leaf, patch_distance, std::move(triangles),
+                                             fineness(kFinenessOfCover, state_.least_size(leaf))),
                     .nearby_samples = {},
                     .sizes = std::move(sizes)};
     for (const MeshPoint& point : around)

@@ -45,8 +45,8 @@ class FillStage : public VisitingStage<FillInput, FillPoints> {
                       .box = state_.box(leaf),
                       .points = std::move(points),
                       .core = std::move(core),
-                      .surface = around_.surface(leaf, patch_distance, std::move(triangles),
-                                                 fineness(kFineness, state_.least_size(leaf))),
+                      .domain = around_.domain(leaf, patch_distance, std::move(triangles),
+                                               fineness(kFineness, state_.least_size(leaf))),
                       .sizes = around_.sizes(leaf, kFillReach)}};
   }
 

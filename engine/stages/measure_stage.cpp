@@ -35,7 +35,7 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
         .size = p.size,
         .frame = state_.frame(),
         .leaf = leaf,
-        .surface = {}};
+        .domain = {}};
     if (state_.leaves().info(leaf).num_triangles == 0) return loaded;
     const double distance = measure_reach(loaded.input.rules, p.size);
     const Box region = state_.box(leaf).expanded(distance);
@@ -44,8 +44,8 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
                           .num_points = triangles.size(),  // with what is measured of them
                           .num_triangles = triangles.size()};
     loaded.bytes = visit.bytes_to_cover() + kBytesPerPiece * most_pieces(p);
-    loaded.input.surface =
-        around_.surface(leaf, distance, std::move(triangles), fineness(kFinenessOfCover, p.size));
+    loaded.input.domain =
+        around_.domain(leaf, distance, std::move(triangles), fineness(kFinenessOfCover, p.size));
     return loaded;
   }
 

@@ -147,14 +147,14 @@ Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, He
                   .box = run.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .surface = {},
+                  .domain = {},
                   .core = {},
                   .max_own_points = max_own_points(run, leaf),
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(run.parameters().leaf_capacity)};
   if (!run.is_cover()) return loaded;
   loaded.input.waiting = waiting_around(run, leaf);
-  loaded.input.surface = around.surface(leaf, patch_distance, std::move(triangles), fineness);
+  loaded.input.domain = around.domain(leaf, patch_distance, std::move(triangles), fineness);
   loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.parameters()));
   loaded.input.sizes = around.sizes(leaf, kReach);
   return loaded;

@@ -14,7 +14,7 @@ class ScatterStage : public LeafStage {
   Phase end() override {
     RunState& state = tools_.state;
     const RunParameters& p = state.parameters();
-    for (const Point& point : scatter_on_surface(tools_.model.whole().surface->triangles(), p.seed))
+    for (const Point& point : scatter_on_surface(tools_.model.whole().domain->triangles(), p.seed))
       tools_.model.note_inserted(state.points().add(point, PointKind::kSurface));
     begin_refinement(state, nullptr);
     return next_phase(p, Phase::kScatter);

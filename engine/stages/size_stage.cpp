@@ -15,7 +15,7 @@
 #include "engine/stages/split_leaves.h"
 #include "engine/stages/visiting_stage.h"
 #include "octree/size_shapes.h"
-#include "refine/far_surface.h"
+#include "refine/domain/far_surface.h"
 #include "refine/size_leaf.h"
 
 namespace locvol {
@@ -148,8 +148,8 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
                       .exact_distance = distance,
                       .frame = state_.frame(),
                       .leaf = leaf,
-                      .surface = around_.surface(leaf, distance, std::move(triangles),
-                                                 fineness(kFinenessOfCover, most)),
+                      .domain = around_.domain(leaf, distance, std::move(triangles),
+                                               fineness(kFinenessOfCover, most)),
                       .shapes = {shapes.begin(), shapes.end()},
                       .nodes = std::move(nodes)}};
   }

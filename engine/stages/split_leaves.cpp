@@ -14,8 +14,8 @@
 #include "engine/run/core_around.h"
 #include "engine/run/leaf_sides.h"
 #include "engine/shared/input_error.h"
+#include "refine/domain/leaf_domain.h"
 #include "refine/size_leaf.h"
-#include "refine/surface_patch.h"
 
 namespace locvol {
 namespace {

@@ -215,9 +215,9 @@ TEST(Conditions, AskTheSameOfAChangeAndOfWhatItMakes) {
   };
   for (const Point& p : shapes::random_points_on(surface, 200, random)) add(p, PointKind::kSurface);
   for (int n = 0; n < 50; ++n) add(uniform_in(random, shapes::kCube), PointKind::kVolume);
-  const SurfacePatch patch({surface, input.box, input.box.min, false});
+  const LeafDomain domain({surface, input.box, input.box.min, false});
   const SizeField sizes(0.5), smaller(0.2);
-  const Surroundings around{patch, sizes, nullptr, nullptr, nullptr};
+  const Surroundings around{domain, sizes, nullptr, nullptr, nullptr};
   LeafMesh mesh(input, around, LeafMesh::OwnPoints::kInBox);
 
   VertexMove move(mesh.delaunay());

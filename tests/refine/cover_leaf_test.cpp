@@ -213,7 +213,7 @@ struct World {
     return {corner(i, j, k), corner(i + 1, j + 1, k + 1)};
   }
 
-  SurfacePiece surface(const Box& box, bool is_whole = false) const {
+  DomainPiece domain(const Box& box, bool is_whole = false) const {
     const Box region = box.expanded(kCoreDepth * size);
     Mesh near = mesh;
     if (!is_whole) std::erase_if(near, [&](const Triangle& t) { return !meets(t, region); });
@@ -221,7 +221,7 @@ struct World {
   }
 
   CoverPoints cover(const Box& box, const std::vector<Point>& nearby, bool is_whole = false) const {
-    return cover_leaf({size, seed, lattice(), box, surface(box, is_whole), nearby});
+    return cover_leaf({size, seed, lattice(), box, domain(box, is_whole), nearby});
   }
 };
 
@@ -351,7 +351,7 @@ const Model kModels[] = {
     {"FarFromTheOriginOfSpace", far_world},
 };
 
-// One run over a model; the tests share it, for most of the time goes into patches.
+// One run over a model; the tests share it, for most of the time goes into domains.
 struct CoverRun {
   explicit CoverRun(const World& w) : world(w), leaves(covered(w)), samples(all_samples(leaves)) {
     for (const Triangle& t : world.mesh)
@@ -512,7 +512,7 @@ struct FillRun {
   }
 
   void fill(const Box& box) {
-    FillInput input{world.size, box, {}, core_rows(lattice, core), world.surface(box)};
+    FillInput input{world.size, box, {}, core_rows(lattice, core), world.domain(box)};
     const double reach = kFillReach * world.size;
     std::ranges::copy_if(points, std::back_inserter(input.points), [&](const MeshPoint& p) {
       return box.squared_distance(p.position) <= reach * reach;
@@ -618,9 +618,9 @@ TEST_F(OneLeaf, DoesNotDependOnWhatElseWasLoaded) {
 }
 
 TEST_F(OneLeaf, DoesNotDependOnTheOrderOfTriangles) {
-  SurfacePiece surface = world_.surface(box_);
-  std::ranges::reverse(surface.triangles);
-  expect_same(cover_leaf({world_.size, world_.seed, world_.lattice(), box_, surface, nearby_}));
+  DomainPiece domain = world_.domain(box_);
+  std::ranges::reverse(domain.triangles);
+  expect_same(cover_leaf({world_.size, world_.seed, world_.lattice(), box_, domain, nearby_}));
 }
 
 TEST_F(OneLeaf, DoesNotDependOnOrderOrNumberOfFarSamples) {
@@ -662,7 +662,7 @@ TEST(LeafWithoutSurface, IsCoreAllOverInsideAndHasNothingOutside) {
   const Lattice lattice(frame, 0.1, 1);
   const Box box = frame.root_box();
   for (const bool is_inside : {true, false}) {
-    const SurfacePiece nothing{{}, box.expanded(0.1), box.center(), is_inside};
+    const DomainPiece nothing{{}, box.expanded(0.1), box.center(), is_inside};
     const CoverPoints points = cover_leaf({0.1, 1, lattice, box, nothing, {{1.01, 0.5, 0.5}}});
     EXPECT_TRUE(points.samples.empty());
     EXPECT_TRUE(points.lattice.empty());
@@ -675,10 +675,10 @@ TEST(LeafOfOneCoveredPiece, NeedsNoSample) {
   const double size = 1;
   const Mesh mesh = box_surface({{0.1, 0.1, 0.1}, {0.3, 0.3, 0.3}});
   const Box box{{0, 0, 0}, {1, 1, 1}};
-  const SurfacePiece surface{mesh, box.expanded(size), {0.5, 0.5, 0.5}, false};
+  const DomainPiece domain{mesh, box.expanded(size), {0.5, 0.5, 0.5}, false};
   const Lattice lattice(Frame({0, 0, 0}, 0x1p-21), size, 1);
-  EXPECT_TRUE(cover_leaf({size, 1, lattice, box, surface, {{-0.05, 0.2, 0.2}}}).samples.empty());
-  EXPECT_EQ(cover_leaf({size, 1, lattice, box, surface, {}}).samples.size(), 1u);
+  EXPECT_TRUE(cover_leaf({size, 1, lattice, box, domain, {{-0.05, 0.2, 0.2}}}).samples.empty());
+  EXPECT_EQ(cover_leaf({size, 1, lattice, box, domain, {}}).samples.size(), 1u);
 }
 
 // Where h jumps between two cubes, a piece with its first corner on the face between them lies in
@@ -692,14 +692,14 @@ TEST(CoverLeaf, EndsWhereSizesJumpAtAFace) {
     sizes.cubes.push_back(cube);
   }
   const Box box = frame.root_box();
-  SurfacePiece surface{.triangles = {}, .region = box, .reference = box.min};
-  surface.triangles.push_back({0, {{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}}});
+  DomainPiece domain{.triangles = {}, .region = box, .reference = box.min};
+  domain.triangles.push_back({0, {{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}}});
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     const CoverPoints points = cover_leaf({.size = 0.3,
                                            .seed = seed,
                                            .lattice = Lattice(frame, 0.3, 0.2),
                                            .box = box,
-                                           .surface = surface,
+                                           .domain = domain,
                                            .nearby_samples = {},
                                            .sizes = sizes});
     EXPECT_GE(points.samples.size(), 3U);

@@ -36,14 +36,14 @@ struct World {
   World(Mesh m, double lambda) : mesh(std::move(m)), size(lambda) {}
 
   Box region() const { return shapes::bounding_box(mesh).expanded(0.31); }
-  SurfacePiece surface() const { return {mesh, region(), region().min, false}; }
+  DomainPiece domain() const { return {mesh, region(), region().min, false}; }
 
   LeafInput leaf(std::vector<MeshPoint> own) const {
     LeafInput input;
     input.criteria = Criteria::of_paper(size, 2, 1e-3);
     input.box = region();
     input.own = std::move(own);
-    input.surface = surface();
+    input.domain = domain();
     input.max_insertions = 20000;
     return input;
   }
@@ -71,7 +71,7 @@ std::vector<MeshPoint> random_surface_points(const World& world, std::size_t num
 std::vector<MeshPoint> covering_points(const World& world, bool with_lattice) {
   const Box region = world.region();
   const Lattice lattice = lattice_around(region, world.size);
-  const CoverPoints cover = cover_leaf({world.size, 7, lattice, region, world.surface(), {}});
+  const CoverPoints cover = cover_leaf({world.size, 7, lattice, region, world.domain(), {}});
   std::vector<MeshPoint> points;
   append(points, cover.samples, PointKind::kSurface);
   if (with_lattice)

@@ -99,7 +99,7 @@ class LeafRun {
  private:
   struct Leaf {
     Box box;
-    SurfacePiece surface;
+    DomainPiece domain;
     std::optional<LastVisit> last_visit = std::nullopt;
     bool waits = true;    // its last visit, or another leaf's since then, changed something here
     CellList cells = {};  // of its last visit, with what others have replaced
@@ -125,7 +125,7 @@ class LeafRun {
   const Scene& scene_;
   const Mesh mesh_;
   Visits visits_;
-  SurfacePatch whole_;
+  LeafDomain whole_;
   Lattice lattice_;
   std::set<LatticeSite> core_;
   std::vector<Leaf> leaves_;
@@ -139,7 +139,7 @@ class LeafRun {
   std::size_t num_poor_ = 0, num_partial_ = 0, num_moved_on_surface_ = 0;
 };
 
-SurfacePiece whole_surface(const Mesh& mesh, double margin) {
+DomainPiece whole_surface(const Mesh& mesh, double margin) {
   const Box region = shapes::bounding_box(mesh).expanded(margin);
   return {mesh, region, region.min, false};
 }
@@ -289,7 +289,7 @@ LeafInput LeafRun::load(const Leaf& leaf) const {
   input.criteria = Criteria::of_cover(scene_.size, 2, 1e-3);
   input.criteria.min_dihedral = scene_.min_dihedral;
   input.box = leaf.box;
-  input.surface = leaf.surface;
+  input.domain = leaf.domain;
   input.last_visit = leaf.last_visit;
   input.max_insertions = 20000;
   const double reach = input.criteria.reach;

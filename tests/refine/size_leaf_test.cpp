@@ -8,8 +8,8 @@
 
 #include "octree/octree.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/domain_pieces.h"
 #include "tests/refine/shapes.h"
-#include "tests/refine/surface_pieces.h"
 
 namespace locvol {
 namespace {

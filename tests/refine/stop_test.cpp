@@ -22,27 +22,27 @@ namespace {
 // for each kind of visit.
 class StopTest : public testing::Test {
  protected:
-  SurfacePatch patch(const StopToken* stop = nullptr) const {
-    return SurfacePatch(surface(), stop);
+  LeafDomain leaf_domain(const StopToken* stop = nullptr) const {
+    return LeafDomain(domain(), stop);
   }
-  SurfacePiece surface() const { return {mesh_, region_, region_.min, false}; }
+  DomainPiece domain() const { return {mesh_, region_, region_.min, false}; }
   CoverInput cover() const {
     return {.size = kSize,
             .seed = 7,
             .lattice = lattice_,
             .box = region_,
-            .surface = surface(),
+            .domain = domain(),
             .nearby_samples = {}};
   }
   FillInput fill() const {
-    return {.size = kSize, .box = region_, .points = points_, .core = {}, .surface = surface()};
+    return {.size = kSize, .box = region_, .points = points_, .core = {}, .domain = domain()};
   }
   LeafInput refinement() const {
     LeafInput input;
     input.criteria = Criteria::of_paper(kSize, 2, 1e-3);
     input.box = region_;
     input.own = points_;
-    input.surface = surface();
+    input.domain = domain();
     return input;
   }
 
@@ -81,8 +81,8 @@ class StopTest : public testing::Test {
 };
 
 TEST_F(StopTest, EndsTheBuildingOfAPatch) {
-  expect_stops_anywhere([&](const StopToken* stop) { return patch(stop); },
-                        [](const SurfacePatch& a, const SurfacePatch& b) {
+  expect_stops_anywhere([&](const StopToken* stop) { return leaf_domain(stop); },
+                        [](const LeafDomain& a, const LeafDomain& b) {
                           return a.triangles().size() == b.triangles().size();
                         });
 }

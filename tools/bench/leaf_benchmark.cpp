@@ -51,7 +51,7 @@ struct PolygonList : SurfaceSink {
 struct Leaf {
   Box box;
   SiteBox sites;
-  SurfacePiece surface;
+  DomainPiece domain;
   FillInput fill;                 // as it was when the leaf was filled
   std::vector<LeafInput> visits;  // with last_visit, from the second on
   std::optional<LastVisit> last_visit = std::nullopt;
@@ -71,7 +71,7 @@ class Run {
     const bool is_percent = size.ends_with('%');
     size_ = std::stod(size) * (is_percent ? std::min({d.x, d.y, d.z}) / 100 : 1);
     const Box around = box.expanded(size_);
-    const SurfacePatch whole({triangles_, around, around.min, false});
+    const LeafDomain whole({triangles_, around, around.min, false});
     frame_ = Frame::around(box, 0.5 * size_, kLeafSide * size_);
     lattice_ = Lattice(frame_, size_, kLeafSide * size_);
     cut(box.expanded(0.5 * size_), whole);
@@ -88,11 +88,11 @@ class Run {
   double size() const { return size_; }
   const std::vector<Leaf>& leaves() const { return leaves_; }
   CoverInput cover_input(const Leaf& leaf) const {
-    return {size_, 0, lattice_, leaf.box, leaf.surface, {}};
+    return {size_, 0, lattice_, leaf.box, leaf.domain, {}};
   }
 
  private:
-  void cut(const Box& box, const SurfacePatch& whole) {
+  void cut(const Box& box, const LeafDomain& whole) {
     const int level = frame_.level_of_side(kLeafSide * size_);
     const LinearOctree octree = LinearOctree::uniform(level);
     for (const MortonKey key : octree.leaves()) {
@@ -101,15 +101,14 @@ class Run {
       if (!leaf.box.overlaps(box) || leaves_.size() == kMaxLeaves) continue;
       leaf.sites = lattice_.sites_in(leaf.box);
       const Point center = leaf.box.center();
-      leaf.surface = {.triangles = {},
-                      .region = leaf.box.expanded(1.01 * kCoreDepth * size_),
-                      .reference = center,
-                      .is_reference_inside = whole.is_inside(center),
-                      .fineness = {size_}};
-      std::ranges::copy_if(
-          triangles_, std::back_inserter(leaf.surface.triangles),
-          [&](const Triangle& t) { return t.box().overlaps(leaf.surface.region); });
-      if (!leaf.surface.triangles.empty()) leaves_.push_back(std::move(leaf));
+      leaf.domain = {.triangles = {},
+                     .region = leaf.box.expanded(1.01 * kCoreDepth * size_),
+                     .reference = center,
+                     .is_reference_inside = whole.is_inside(center),
+                     .fineness = {size_}};
+      std::ranges::copy_if(triangles_, std::back_inserter(leaf.domain.triangles),
+                           [&](const Triangle& t) { return t.box().overlaps(leaf.domain.region); });
+      if (!leaf.domain.triangles.empty()) leaves_.push_back(std::move(leaf));
     }
   }
 
@@ -136,7 +135,7 @@ class Run {
   }
 
   FillInput fill_input(const Leaf& leaf) const {
-    FillInput input{size_, leaf.box, {}, core_around(leaf), leaf.surface};
+    FillInput input{size_, leaf.box, {}, core_around(leaf), leaf.domain};
     const double reach = kFillReach * size_;
     std::ranges::copy_if(points_, std::back_inserter(input.points), [&](const MeshPoint& p) {
       return leaf.box.squared_distance(p.position) <= reach * reach;
@@ -164,7 +163,7 @@ class Run {
     LeafInput input;
     input.criteria = Criteria::of_cover(size_, 2, 0.02);
     input.box = leaf.box;
-    input.surface = leaf.surface;
+    input.domain = leaf.domain;
     input.core = core_around(leaf);
     input.last_visit = leaf.last_visit;
     const double reach = input.criteria.reach;
@@ -231,8 +230,8 @@ void patches(benchmark::State& state, const Run& run) {
   std::size_t num = 0;
   for (auto _ : state)
     for (const Leaf& leaf : run.leaves()) {
-      benchmark::DoNotOptimize(SurfacePatch(leaf.surface).triangles().size());
-      num += leaf.surface.triangles.size();
+      benchmark::DoNotOptimize(LeafDomain(leaf.domain).triangles().size());
+      num += leaf.domain.triangles.size();
     }
   state.counters["triangles/s"] = benchmark::Counter(double(num), benchmark::Counter::kIsRate);
 }

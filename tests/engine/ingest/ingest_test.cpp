@@ -18,7 +18,7 @@
 #include "engine/ingest/vertex_spill.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/run_setup.h"
-#include "refine/triangle_box.h"
+#include "refine/domain/triangle_box.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"

@@ -10,8 +10,8 @@
 #include <random>
 #include <vector>
 
-#include "refine/exact_predicates.h"
-#include "refine/self_intersection.h"
+#include "refine/domain/exact_predicates.h"
+#include "refine/domain/self_intersection.h"
 #include "tests/integer_vector.h"
 
 namespace locvol {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <random>
 
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 #include "tests/engine/closed_shapes.h"
 
 namespace locvol {

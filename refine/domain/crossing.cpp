@@ -1,4 +1,4 @@
-#include "refine/crossing.h"
+#include "refine/domain/crossing.h"
 
 #include <CGAL/Exact_rational.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {

@@ -1,4 +1,4 @@
-#include "refine/box_tree.h"
+#include "refine/domain/box_tree.h"
 
 #include <gtest/gtest.h>
 

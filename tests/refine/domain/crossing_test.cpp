@@ -1,4 +1,4 @@
-#include "refine/crossing.h"
+#include "refine/domain/crossing.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include "octree/frame.h"
 #include "octree/geometry.h"
 #include "octree/morton_key.h"
-#include "refine/box_tree.h"
+#include "refine/domain/box_tree.h"
 
 namespace locvol {
 

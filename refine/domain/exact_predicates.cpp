@@ -1,4 +1,4 @@
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 

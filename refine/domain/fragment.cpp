@@ -1,4 +1,4 @@
-#include "refine/fragment.h"
+#include "refine/domain/fragment.h"
 
 #include "octree/mix.h"
 

@@ -1,4 +1,4 @@
-#include "refine/far_surface.h"
+#include "refine/domain/far_surface.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <tuple>
 #include <utility>
 
-#include "refine/closest_point.h"
+#include "refine/domain/closest_point.h"
 
 namespace locvol {
 namespace {

@@ -1,4 +1,4 @@
-#include "refine/triangle_box.h"
+#include "refine/domain/triangle_box.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 
 #include "octree/geometry.h"
 #include "octree/stop.h"
-#include "refine/triangle_tree.h"
+#include "refine/domain/triangle_tree.h"
 
 namespace locvol {
 

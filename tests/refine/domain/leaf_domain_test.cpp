@@ -1,4 +1,4 @@
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 #include <gtest/gtest.h>
 
@@ -28,13 +28,13 @@ Mesh part_meeting(const Mesh& mesh, const Box& region) {
   return part;
 }
 
-SurfacePatch whole_patch(const Mesh& mesh, double margin = 0.37) {
+LeafDomain whole_patch(const Mesh& mesh, double margin = 0.37) {
   const Box region = shapes::bounding_box(mesh).expanded(margin);
-  return SurfacePatch({mesh, region, region.min, false});
+  return LeafDomain({mesh, region, region.min, false});
 }
 
-SurfacePatch patch_over(const Mesh& mesh, const Box& region, const SurfacePatch& whole) {
-  return SurfacePatch(
+LeafDomain domain_over(const Mesh& mesh, const Box& region, const LeafDomain& whole) {
+  return LeafDomain(
       {part_meeting(mesh, region), region, region.center(), whole.is_inside(region.center())});
 }
 
@@ -83,49 +83,49 @@ const std::vector<NamedMesh> kMeshes{
     {"Voxels", [] { return shapes::voxels(kVoxels, is_full_voxel); }},
 };
 
-class SurfacePatchOf : public testing::TestWithParam<NamedMesh> {
+class LeafDomainOf : public testing::TestWithParam<NamedMesh> {
  protected:
   const Mesh mesh_ = GetParam().make();
-  const SurfacePatch patch_ = whole_patch(mesh_);
+  const LeafDomain domain_ = whole_patch(mesh_);
 
   // Points in general position, on vertices, edges and faces, of an axis-parallel lattice that
-  // shares coordinates with the mesh, and of the patch's own boundary.
+  // shares coordinates with the mesh, and of the domain's own boundary.
   std::vector<Point> probes(Random& random, std::size_t num_of_each) const {
     std::uniform_int_distribution<std::size_t> triangle(0, mesh_.size() - 1), corner(0, 2);
     const auto vertex = [&] { return mesh_[triangle(random)].corners[corner(random)]; };
     std::vector<Point> points = shapes::random_points_on(mesh_, num_of_each, random);
     for (std::size_t n = 0; n < num_of_each; ++n) {
-      points.push_back(uniform_in(random, patch_.region()));
+      points.push_back(uniform_in(random, domain_.region()));
       points.push_back(vertex());
       const auto& [a, b, c] = mesh_[triangle(random)].corners;
       points.push_back(0.5 * (a + b));
       points.push_back(0.25 * (a + b + 2.0 * c));
       const double x = vertex().x, y = vertex().y;
       points.push_back({x, y, vertex().z});
-      const Point inner = uniform_in(random, patch_.region());
-      points.push_back({patch_.region().min.x, inner.y, patch_.region().max.z});
+      const Point inner = uniform_in(random, domain_.region());
+      points.push_back({domain_.region().min.x, inner.y, domain_.region().max.z});
       points.push_back({inner.x, vertex().y, inner.z});
     }
     return points;
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(Shapes, SurfacePatchOf, testing::ValuesIn(kMeshes),
+INSTANTIATE_TEST_SUITE_P(Shapes, LeafDomainOf, testing::ValuesIn(kMeshes),
                          [](const auto& instance) { return instance.param.name; });
 
-TEST_P(SurfacePatchOf, SideIsThatOfBruteForce) {
+TEST_P(LeafDomainOf, SideIsThatOfBruteForce) {
   constexpr unsigned kSeed = 21;
   Random random(kSeed);
   int num_inside = 0;
   for (const Point& p : probes(random, 300)) {
-    ASSERT_EQ(patch_.is_inside(p), brute_force::is_inside(p, mesh_))
+    ASSERT_EQ(domain_.is_inside(p), brute_force::is_inside(p, mesh_))
         << "seed " << kSeed << ": " << p.x << ' ' << p.y << ' ' << p.z;
-    num_inside += patch_.is_inside(p);
+    num_inside += domain_.is_inside(p);
   }
   EXPECT_GT(num_inside, 50);
 }
 
-TEST_P(SurfacePatchOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
+TEST_P(LeafDomainOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
   constexpr unsigned kSeed = 22;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 60);
@@ -133,8 +133,8 @@ TEST_P(SurfacePatchOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
   std::vector<Crossing> found;
   for (int n = 0; n < 1500; ++n) {
     const Point a = points[pick(random)], b = points[pick(random)];
-    patch_.crossings(a, b, found);
-    ASSERT_EQ(found.size() % 2 == 1, patch_.is_inside(a) != patch_.is_inside(b))
+    domain_.crossings(a, b, found);
+    ASSERT_EQ(found.size() % 2 == 1, domain_.is_inside(a) != domain_.is_inside(b))
         << "seed " << kSeed << ", n " << n;
     std::vector<std::uint64_t> ids;
     for (const Crossing& c : found) ids.push_back(c.triangle);
@@ -143,14 +143,14 @@ TEST_P(SurfacePatchOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
   }
 }
 
-TEST_P(SurfacePatchOf, CrossingsComeInOrderAndLieOnSegmentAndTriangle) {
+TEST_P(LeafDomainOf, CrossingsComeInOrderAndLieOnSegmentAndTriangle) {
   constexpr unsigned kSeed = 23;
   Random random(kSeed);
   std::vector<Crossing> found;
   std::size_t num_crossings = 0;
   for (int n = 0; n < 1000; ++n) {
-    const Point a = uniform_in(random, patch_.region()), b = uniform_in(random, patch_.region());
-    patch_.crossings(a, b, found);
+    const Point a = uniform_in(random, domain_.region()), b = uniform_in(random, domain_.region());
+    domain_.crossings(a, b, found);
     num_crossings += found.size();
     EXPECT_TRUE(std::ranges::is_sorted(found, {}, &Crossing::t));
     for (const Crossing& c : found) {
@@ -163,18 +163,18 @@ TEST_P(SurfacePatchOf, CrossingsComeInOrderAndLieOnSegmentAndTriangle) {
 }
 
 // A ray of a paper-mode dual edge may begin and end far outside.
-TEST_P(SurfacePatchOf, SegmentsFromOutsideTheRegionAreCrossedLikeAnyOther) {
+TEST_P(LeafDomainOf, SegmentsFromOutsideTheRegionAreCrossedLikeAnyOther) {
   constexpr unsigned kSeed = 24;
   Random random(kSeed);
-  const Box far = patch_.region().expanded(20);
+  const Box far = domain_.region().expanded(20);
   std::vector<Crossing> found;
   for (int n = 0; n < 1000; ++n) {
     const Point a = uniform_in(random, far);
     const Point b = n % 2 == 0
                         ? uniform_in(random, far)
-                        : uniform_in(random, patch_.region()) +
-                              uniform(random, 0, 5) * (uniform_in(random, patch_.region()) - a);
-    patch_.crossings(a, b, found);
+                        : uniform_in(random, domain_.region()) +
+                              uniform(random, 0, 5) * (uniform_in(random, domain_.region()) - a);
+    domain_.crossings(a, b, found);
     std::vector<std::uint64_t> ids;
     for (const Crossing& c : found) ids.push_back(c.triangle);
     std::ranges::sort(ids);
@@ -182,23 +182,24 @@ TEST_P(SurfacePatchOf, SegmentsFromOutsideTheRegionAreCrossedLikeAnyOther) {
   }
 }
 
-TEST_P(SurfacePatchOf, AnswersDoNotDependOnThePieceLoaded) {
+TEST_P(LeafDomainOf, AnswersDoNotDependOnThePieceLoaded) {
   constexpr unsigned kSeed = 25;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 80);
   std::vector<Crossing> found, expected;
   for (int round = 0; round < 6; ++round) {
-    const Box region = random_part(random, patch_.region(), 0.2);
-    const SurfacePatch piece = patch_over(mesh_, region, patch_);
+    const Box region = random_part(random, domain_.region(), 0.2);
+    const LeafDomain piece = domain_over(mesh_, region, domain_);
     std::vector<Point> within;
     for (const Point& p : points)
       if (region.contains(p)) within.push_back(p);
     for (int k = 0; k < 8; ++k) within.push_back(shapes::corner_of(region, k));
     for (std::size_t n = 0; n < within.size(); ++n) {
       const Point a = within[n], b = within[(n * 7 + 3) % within.size()];
-      ASSERT_EQ(piece.is_inside(a), patch_.is_inside(a)) << "seed " << kSeed << ", round " << round;
+      ASSERT_EQ(piece.is_inside(a), domain_.is_inside(a))
+          << "seed " << kSeed << ", round " << round;
       piece.crossings(a, b, found);
-      patch_.crossings(a, b, expected);
+      domain_.crossings(a, b, expected);
       ASSERT_EQ(found.size(), expected.size()) << "seed " << kSeed << ", round " << round;
       for (std::size_t i = 0; i < found.size(); ++i) {
         ASSERT_EQ(found[i].triangle, expected[i].triangle);
@@ -208,16 +209,16 @@ TEST_P(SurfacePatchOf, AnswersDoNotDependOnThePieceLoaded) {
   }
 }
 
-TEST_P(SurfacePatchOf, OrderAndOthersDoNotMatter) {
+TEST_P(LeafDomainOf, OrderAndOthersDoNotMatter) {
   constexpr unsigned kSeed = 26;
   Random random(kSeed);
-  const Box region = random_part(random, patch_.region(), 0.5);
+  const Box region = random_part(random, domain_.region(), 0.5);
   Mesh part = part_meeting(mesh_, region), shuffled = mesh_;
   std::ranges::shuffle(shuffled, random);
   for (Triangle& t : shuffled) std::ranges::shuffle(t.corners, random);
-  const bool is_center_inside = patch_.is_inside(region.center());
-  const SurfacePatch tight({part, region, region.center(), is_center_inside});
-  const SurfacePatch loose({shuffled, region, region.center(), is_center_inside});
+  const bool is_center_inside = domain_.is_inside(region.center());
+  const LeafDomain tight({part, region, region.center(), is_center_inside});
+  const LeafDomain loose({shuffled, region, region.center(), is_center_inside});
   std::vector<Crossing> found, expected;
   for (int n = 0; n < 1000; ++n) {
     const Point a = uniform_in(random, region), b = uniform_in(random, region);
@@ -230,46 +231,46 @@ TEST_P(SurfacePatchOf, OrderAndOthersDoNotMatter) {
   }
 }
 
-TEST_P(SurfacePatchOf, ReferenceMayLieAnywhereWithinTheRegion) {
+TEST_P(LeafDomainOf, ReferenceMayLieAnywhereWithinTheRegion) {
   constexpr unsigned kSeed = 27;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
   for (std::size_t n = 0; n < points.size(); n += 57) {
-    const SurfacePatch other({mesh_, patch_.region(), points[n], patch_.is_inside(points[n])});
+    const LeafDomain other({mesh_, domain_.region(), points[n], domain_.is_inside(points[n])});
     for (const Point& p : points)
-      ASSERT_EQ(other.is_inside(p), patch_.is_inside(p)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(other.is_inside(p), domain_.is_inside(p)) << "seed " << kSeed << ", n " << n;
   }
 }
 
-TEST_P(SurfacePatchOf, FinenessDecidesNoAnswer) {
+TEST_P(LeafDomainOf, FinenessDecidesNoAnswer) {
   constexpr unsigned kSeed = 29;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
   std::vector<Crossing> found, expected;
   for (const GridFineness& fineness :
        {GridFineness{0.02, 1}, GridFineness{0.3, 12}, GridFineness{2, 200}}) {
-    const SurfacePatch other({mesh_, patch_.region(), patch_.region().min, false, fineness});
+    const LeafDomain other({mesh_, domain_.region(), domain_.region().min, false, fineness});
     for (std::size_t n = 0; n < points.size(); ++n) {
       const Point a = points[n], b = points[(n * 7 + 3) % points.size()];
-      ASSERT_EQ(other.is_inside(a), patch_.is_inside(a)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(other.is_inside(a), domain_.is_inside(a)) << "seed " << kSeed << ", n " << n;
       ASSERT_EQ(other.locate(a).distance_bound, other.distance_bound(a));
       ASSERT_LE(other.distance_bound(a), brute_force::distance(a, mesh_));
-      ASSERT_EQ(other.is_near(a, 0.1), patch_.is_near(a, 0.1)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(other.is_near(a, 0.1), domain_.is_near(a, 0.1)) << "seed " << kSeed << ", n " << n;
       other.crossings(a, b, found);
-      patch_.crossings(a, b, expected);
+      domain_.crossings(a, b, expected);
       ASSERT_TRUE(std::ranges::equal(found, expected, {}, &Crossing::triangle, &Crossing::triangle))
           << "seed " << kSeed << ", n " << n;
     }
   }
 }
 
-TEST_P(SurfacePatchOf, DistanceBoundIsALowerBound) {
+TEST_P(LeafDomainOf, DistanceBoundIsALowerBound) {
   constexpr unsigned kSeed = 28;
   Random random(kSeed);
   int num_positive = 0;
   for (int n = 0; n < 1500; ++n) {
-    const Point p = uniform_in(random, patch_.region().expanded(n % 3 == 0 ? 2 : 0));
-    const double bound = patch_.distance_bound(p);
+    const Point p = uniform_in(random, domain_.region().expanded(n % 3 == 0 ? 2 : 0));
+    const double bound = domain_.distance_bound(p);
     ASSERT_LE(bound, brute_force::distance(p, mesh_)) << "seed " << kSeed << ", n " << n;
     ASSERT_GE(bound, 0);
     num_positive += bound > 0;
@@ -277,16 +278,16 @@ TEST_P(SurfacePatchOf, DistanceBoundIsALowerBound) {
   EXPECT_GT(num_positive, 100);
 }
 
-TEST_P(SurfacePatchOf, IsNearIsThatOfBruteForce) {
+TEST_P(LeafDomainOf, IsNearIsThatOfBruteForce) {
   constexpr unsigned kSeed = 29;
   Random random(kSeed);
   std::array<int, 2> count{};
   for (int n = 0; n < 1500; ++n) {
-    const Point p = uniform_in(random, patch_.region());
+    const Point p = uniform_in(random, domain_.region());
     const double truth = brute_force::distance(p, mesh_);
     for (const double factor : {1e-3, 0.5, 1 - 1e-9, 1 + 1e-9, 1.5, 100.0}) {
       if (truth < 1e-6) continue;  // too close for a factor to tell
-      const bool is_near = patch_.is_near(p, factor * truth);
+      const bool is_near = domain_.is_near(p, factor * truth);
       ASSERT_EQ(is_near, factor > 1) << "seed " << kSeed << ", n " << n << ", factor " << factor;
       ++count[is_near];
     }
@@ -295,16 +296,16 @@ TEST_P(SurfacePatchOf, IsNearIsThatOfBruteForce) {
 }
 
 // At the distance, and on the surface.
-TEST_P(SurfacePatchOf, ClosestPointIsThatOfBruteForce) {
+TEST_P(LeafDomainOf, ClosestPointIsThatOfBruteForce) {
   constexpr unsigned kSeed = 36;
   Random random(kSeed);
   for (int n = 0; n < 1500; ++n) {
-    const Point p = uniform_in(random, patch_.region());
+    const Point p = uniform_in(random, domain_.region());
     const double truth = brute_force::distance(p, mesh_);
-    ASSERT_FALSE(patch_.closest_to(p, (1 - 1e-9) * truth)) << "seed " << kSeed << ", n " << n;
+    ASSERT_FALSE(domain_.closest_to(p, (1 - 1e-9) * truth)) << "seed " << kSeed << ", n " << n;
     for (const double factor : {1 + 1e-9, 1.5, 100.0}) {
       if (truth < 1e-6) continue;  // too close for a factor to tell
-      const auto closest = patch_.closest_to(p, factor * truth);
+      const auto closest = domain_.closest_to(p, factor * truth);
       ASSERT_TRUE(closest) << "seed " << kSeed << ", n " << n << ", factor " << factor;
       EXPECT_NEAR(norm(*closest - p), truth, 1e-12);
       EXPECT_LT(brute_force::distance(*closest, mesh_), 1e-12);
@@ -312,20 +313,20 @@ TEST_P(SurfacePatchOf, ClosestPointIsThatOfBruteForce) {
   }
 }
 
-TEST_P(SurfacePatchOf, TrianglesNearAreAllThatAreCloserEachOnce) {
+TEST_P(LeafDomainOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   constexpr unsigned kSeed = 31;
   Random random(kSeed);
   std::uniform_real_distribution<double> fraction(0, 0.3);
-  const Box& region = patch_.region();
+  const Box& region = domain_.region();
   const double length = norm(region.max - region.min);
-  const SurfacePatch fine({mesh_, region, region.min, false, {length / 300, 4}});
+  const LeafDomain fine({mesh_, region, region.min, false, {length / 300, 4}});
   std::vector<Triangle> near;
   int num_near = 0;
   for (int n = 0; n < 200; ++n) {
     const double distance = fraction(random) * length;
     const Point p = uniform_in(random, region);
-    for (const SurfacePatch* patch : {&patch_, &fine}) {
-      patch->triangles_near(p, distance, near);
+    for (const LeafDomain* domain : {&domain_, &fine}) {
+      domain->triangles_near(p, distance, near);
       ASSERT_EQ(std::ranges::adjacent_find(near, std::greater_equal(), &Triangle::id), near.end());
       for (const Triangle& t : near) ASSERT_LT(t.box().squared_distance(p), distance * distance);
       for (const Triangle& t : mesh_) {
@@ -339,19 +340,19 @@ TEST_P(SurfacePatchOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   EXPECT_GT(num_near, 1000);
 }
 
-TEST_P(SurfacePatchOf, CenterToCornerParitiesAreDifferencesOfSides) {
+TEST_P(LeafDomainOf, CenterToCornerParitiesAreDifferencesOfSides) {
   constexpr unsigned kSeed = 30;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
   std::uniform_int_distribution<std::size_t> pick(0, points.size() - 1);
   int num_odd = 0;
   for (int n = 0; n < 400; ++n) {  // corners in general position and on the surface's features
-    const Box box = n % 4 == 0 ? random_part(random, patch_.region(), 0.1)
+    const Box box = n % 4 == 0 ? random_part(random, domain_.region(), 0.1)
                                : Box::around(points[pick(random)]).joined(points[pick(random)]);
     const auto parities = center_to_corner_parities(part_meeting(mesh_, box), box);
     for (int k = 0; k < 8; ++k) {
       const bool is_odd =
-          patch_.is_inside(box.center()) != patch_.is_inside(shapes::corner_of(box, k));
+          domain_.is_inside(box.center()) != domain_.is_inside(shapes::corner_of(box, k));
       ASSERT_EQ((parities >> k & 1) == 1, is_odd) << "seed " << kSeed << ", n " << n << ", k " << k;
       num_odd += is_odd;
     }
@@ -361,54 +362,54 @@ TEST_P(SurfacePatchOf, CenterToCornerParitiesAreDifferencesOfSides) {
 
 // ---- Closed forms
 
-TEST(SurfacePatch, SphereHasTheClosedFormsSides) {
+TEST(LeafDomain, SphereHasTheClosedFormsSides) {
   const Point center{0.5, -0.25, 2};
   const Mesh mesh = shapes::icosphere(center, 1, 4);  // its chords are less than 0.003 deep
-  const SurfacePatch patch = whole_patch(mesh);
+  const LeafDomain domain = whole_patch(mesh);
   Random random(31);
   for (int n = 0; n < 20000; ++n) {
-    const Point p = uniform_in(random, patch.region());
+    const Point p = uniform_in(random, domain.region());
     const double r = norm(p - center);
     if (0.995 < r && r < 1.001) continue;
-    ASSERT_EQ(patch.is_inside(p), r < 1);
+    ASSERT_EQ(domain.is_inside(p), r < 1);
   }
 }
 
-TEST(SurfacePatch, TorusHasTheClosedFormsSides) {
-  const SurfacePatch patch = whole_patch(shapes::torus(2, 0.7, 120, 60));
+TEST(LeafDomain, TorusHasTheClosedFormsSides) {
+  const LeafDomain domain = whole_patch(shapes::torus(2, 0.7, 120, 60));
   Random random(32);
   for (int n = 0; n < 20000; ++n) {
-    const Point p = uniform_in(random, patch.region());
+    const Point p = uniform_in(random, domain.region());
     const double r = std::hypot(std::hypot(p.x, p.y) - 2, p.z);
     if (0.69 < r && r < 0.71) continue;
-    ASSERT_EQ(patch.is_inside(p), r < 0.7);
+    ASSERT_EQ(domain.is_inside(p), r < 0.7);
   }
 }
 
 // On its boundary too: the move makes the box half-open.
-TEST(SurfacePatch, BoxIsHalfOpen) {
-  const SurfacePatch patch = whole_patch(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
+TEST(LeafDomain, BoxIsHalfOpen) {
+  const LeafDomain domain = whole_patch(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
   for (int x = -1; x <= 5; ++x)
     for (int y = -1; y <= 5; ++y)
       for (int z = -1; z <= 5; ++z)
-        EXPECT_EQ(patch.is_inside({double(x), double(y), double(z)}),
+        EXPECT_EQ(domain.is_inside({double(x), double(y), double(z)}),
                   std::min({x, y, z}) >= 0 && std::max({x, y, z}) < 4)
             << x << ' ' << y << ' ' << z;
 }
 
-TEST(SurfacePatch, VoxelsAreHalfOpen) {
-  const SurfacePatch patch = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+TEST(LeafDomain, VoxelsAreHalfOpen) {
+  const LeafDomain domain = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
   for (int x = -1; x <= 2 * kVoxels + 1; ++x)
     for (int y = -1; y <= 2 * kVoxels + 1; ++y)
       for (int z = -1; z <= 2 * kVoxels + 1; ++z) {
         const Point p{0.5 * x, 0.5 * y, 0.5 * z};
-        ASSERT_EQ(patch.is_inside(p), is_in_voxels(p)) << p.x << ' ' << p.y << ' ' << p.z;
+        ASSERT_EQ(domain.is_inside(p), is_in_voxels(p)) << p.x << ' ' << p.y << ' ' << p.z;
       }
 }
 
 // Along lattice lines, planes and diagonals.
-TEST(SurfacePatch, LatticeSegmentsCrossVoxelsByParity) {
-  const SurfacePatch patch = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+TEST(LeafDomain, LatticeSegmentsCrossVoxelsByParity) {
+  const LeafDomain domain = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
   constexpr unsigned kSeed = 33;
   Random random(kSeed);
   std::uniform_int_distribution<int> pick(-1, kVoxels);
@@ -416,29 +417,29 @@ TEST(SurfacePatch, LatticeSegmentsCrossVoxelsByParity) {
   for (int n = 0; n < 4000; ++n) {
     Point a{double(pick(random)), double(pick(random)), double(pick(random))}, b = a;
     for (int axis = n % 3; axis >= 0; --axis) b[(axis + n) % 3] = pick(random);
-    patch.crossings(a, b, found);
+    domain.crossings(a, b, found);
     ASSERT_EQ(found.size() % 2 == 1, is_in_voxels(a) != is_in_voxels(b))
         << "seed " << kSeed << ", n " << n;
   }
 }
 
-TEST(SurfacePatch, WithoutTrianglesIsAllOnOneSide) {
+TEST(LeafDomain, WithoutTrianglesIsAllOnOneSide) {
   for (const bool is_inside : {false, true}) {
-    const SurfacePatch patch({{}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside});
-    EXPECT_EQ(patch.is_inside({0.9, 0.1, 2.9}), is_inside);
-    EXPECT_FALSE(patch.is_inside({0.9, 0.1, 3.1})) << "outside the region";
-    EXPECT_FALSE(patch.is_near({0.5, 0.5, 0.5}, 100));
-    EXPECT_FALSE(patch.closest_to({0.5, 0.5, 0.5}, 100));
+    const LeafDomain domain({{}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside});
+    EXPECT_EQ(domain.is_inside({0.9, 0.1, 2.9}), is_inside);
+    EXPECT_FALSE(domain.is_inside({0.9, 0.1, 3.1})) << "outside the region";
+    EXPECT_FALSE(domain.is_near({0.5, 0.5, 0.5}, 100));
+    EXPECT_FALSE(domain.closest_to({0.5, 0.5, 0.5}, 100));
     std::vector<Crossing> found{{}};
-    patch.crossings({0, 0, 0}, {1, 1, 1}, found);
+    domain.crossings({0, 0, 0}, {1, 1, 1}, found);
     EXPECT_TRUE(found.empty());
   }
 }
 
-// A tiny region that a huge triangle's plane cuts through the corners of the patch's grid, and
+// A tiny region that a huge triangle's plane cuts through the corners of the domain's grid, and
 // points at those corners: the rounding errors of the plane go with the triangle's size, not the
 // region's.
-TEST(SurfacePatch, SmallRegionOfAHugeTriangle) {
+TEST(LeafDomain, SmallRegionOfAHugeTriangle) {
   constexpr unsigned kSeed = 34;
   Random random(kSeed);
   const Box region{{-1, -1, -1}, {1, 1, 1}};
@@ -449,7 +450,7 @@ TEST(SurfacePatch, SmallRegionOfAHugeTriangle) {
       const Point b = uniform(random, 0.5, 1) * Point{-0.3 * scale, -0.7 * scale, scale};
       const Point c = -1.0 * (a + b), d{-scale, -scale, -scale};
       const Mesh mesh = shapes::numbered({{a, b, c}, {a, d, b}, {b, d, c}, {c, d, a}});
-      const SurfacePatch patch(
+      const LeafDomain domain(
           {part_meeting(mesh, region), region, reference, brute_force::is_inside(reference, mesh)});
       std::uniform_int_distribution<int> pick(-24, 24);
       for (int n = 0; n < 30; ++n) {
@@ -457,7 +458,7 @@ TEST(SurfacePatch, SmallRegionOfAHugeTriangle) {
         for (const double off : {0.0, 1e-13, 1e-10, 1e-7, -1e-13, -1e-10, -1e-7}) {
           const Point p = Point{x, y, -(x + y)} + Point{off, off, off};
           if (!region.contains(p)) continue;
-          ASSERT_EQ(patch.is_inside(p), brute_force::is_inside(p, mesh))
+          ASSERT_EQ(domain.is_inside(p), brute_force::is_inside(p, mesh))
               << "seed " << kSeed << ", scale " << scale << ", round " << round << ", off " << off;
         }
       }

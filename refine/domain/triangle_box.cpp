@@ -1,9 +1,9 @@
-#include "refine/triangle_box.h"
+#include "refine/domain/triangle_box.h"
 
 #include <cmath>
 #include <limits>
 
-#include "refine/exact_predicates.h"
+#include "refine/domain/exact_predicates.h"
 
 // Two convex sets are apart if and only if they are along some axis (separating axis theorem):
 // here the box's normals, the triangle's normal, and the products of the box's edges with the

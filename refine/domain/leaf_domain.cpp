@@ -1,4 +1,4 @@
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 #include <bit>
 #include <cassert>
@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "octree/sort_and_unite.h"
-#include "refine/closest_point.h"
-#include "refine/crossing.h"
+#include "refine/domain/closest_point.h"
+#include "refine/domain/crossing.h"
 
 namespace locvol {
 namespace {
@@ -71,7 +71,7 @@ std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, cons
   return parities;
 }
 
-struct SurfacePatch::Impl {
+struct LeafDomain::Impl {
   using Index = std::uint32_t;
   static constexpr int kWord = 64;  // bits
 
@@ -156,7 +156,7 @@ struct SurfacePatch::Impl {
 
 // Cells of half the resolution, or smaller, where those that the surface passes through would hold
 // more than kTrianglesPerCell triangles; but never more than a visit can use.
-void SurfacePatch::Impl::choose_grid(const GridFineness& fineness) {
+void LeafDomain::Impl::choose_grid(const GridFineness& fineness) {
   double area = 0;
   const double volume_side =
       std::cbrt((region.max.x - region.min.x) * (region.max.y - region.min.y) *
@@ -182,7 +182,7 @@ void SurfacePatch::Impl::choose_grid(const GridFineness& fineness) {
 }
 
 template <class Visit>
-void SurfacePatch::Impl::for_each_cell_met(Index triangle, Visit visit) const {
+void LeafDomain::Impl::for_each_cell_met(Index triangle, Visit visit) const {
   const Box& tb = boxes[triangle];
   if (!tb.overlaps(region.expanded(slack))) return;
   const auto low = cell_of({tb.min.x - slack, tb.min.y - slack, tb.min.z - slack});
@@ -195,7 +195,7 @@ void SurfacePatch::Impl::for_each_cell_met(Index triangle, Visit visit) const {
           visit(index(i, j, k));
 }
 
-void SurfacePatch::Impl::fill_grid(const StopToken* stop) {
+void LeafDomain::Impl::fill_grid(const StopToken* stop) {
   StopPoll poll(stop);
   std::vector<std::pair<std::uint32_t, Index>> met;  // grid cell, triangle; in order of triangle
   first.assign(num_cells() + 1, 0);
@@ -220,7 +220,7 @@ void SurfacePatch::Impl::fill_grid(const StopToken* stop) {
 
 // Twice over the grid, forth and back: a cell is one ring farther than the nearest of its neighbors
 // that come before it (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968).
-void SurfacePatch::Impl::measure_rings() {
+void LeafDomain::Impl::measure_rings() {
   const std::size_t line = std::size_t(num[0]);
   rings.resize(num_cells());
   for (std::size_t cell = 0; cell < num_cells(); ++cell)
@@ -256,8 +256,8 @@ void SurfacePatch::Impl::measure_rings() {
   }
 }
 
-bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
-                                          std::span<const Index> some) const {
+bool LeafDomain::Impl::is_crossed_oddly(const Point& a, const Point& b,
+                                        std::span<const Index> some) const {
   const Box segment = Box::around(a).joined(b);
   bool is_odd = false;
   for (const Index t : some)
@@ -267,8 +267,7 @@ bool SurfacePatch::Impl::is_crossed_oddly(const Point& a, const Point& b,
 
 // From center to center of neighboring cells: along x, then from row to row, then from plane to
 // plane. The segment between two centers crosses only triangles that one of the two cells holds.
-void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside,
-                                      const StopToken* stop) {
+void LeafDomain::Impl::spread_sides(const Point& reference, bool is_inside, const StopToken* stop) {
   is_center_inside.resize(num_cells());
   const auto [i0, j0, k0] = cell_of(reference);
   const std::size_t start = index(i0, j0, k0);
@@ -283,13 +282,13 @@ void SurfacePatch::Impl::spread_sides(const Point& reference, bool is_inside,
 }
 
 // `from`: the way to the plane that is done already, or 0 in the first.
-void SurfacePatch::Impl::spread_over_plane(int i0, int j0, int k, int from) {
+void LeafDomain::Impl::spread_over_plane(int i0, int j0, int k, int from) {
   if (from != 0) spread({i0, j0, k + from}, {i0, j0, k});
   for (int j = j0; j < num[1]; ++j) spread_over_row(i0, j, k, j == j0 ? 0 : -1);
   for (int j = j0; j-- > 0;) spread_over_row(i0, j, k, 1);
 }
 
-void SurfacePatch::Impl::spread_over_row(int i0, int j, int k, int from) {
+void LeafDomain::Impl::spread_over_row(int i0, int j, int k, int from) {
   if (from != 0) spread({i0, j + from, k}, {i0, j, k});
   const std::size_t row = index(0, j, k);
   const auto step_to = [&](int i, int before) {
@@ -303,7 +302,7 @@ void SurfacePatch::Impl::spread_over_row(int i0, int j, int k, int from) {
   for (int i = i0; i-- > 0;) step_to(i, i + 1);
 }
 
-void SurfacePatch::Impl::spread(const std::array<int, 3>& a, const std::array<int, 3>& b) {
+void LeafDomain::Impl::spread(const std::array<int, 3>& a, const std::array<int, 3>& b) {
   const std::size_t here = index(a[0], a[1], a[2]), there = index(b[0], b[1], b[2]);
   bool side = is_center_inside[here];
   if (rings[here] == 0 || rings[there] == 0) {
@@ -316,7 +315,7 @@ void SurfacePatch::Impl::spread(const std::array<int, 3>& a, const std::array<in
 
 // The part of the segment from a to b inside the region, a rounding error longer; as points, and
 // false if there is none.
-bool SurfacePatch::Impl::clip(Point& a, Point& b) const {
+bool LeafDomain::Impl::clip(Point& a, Point& b) const {
   double t0 = 0, t1 = 1;
   const Point d = b - a;
   for (int axis = 0; axis < 3; ++axis) {
@@ -339,7 +338,7 @@ bool SurfacePatch::Impl::clip(Point& a, Point& b) const {
 // The cells with triangles that the box meets, if it meets few cells: to find out which of them a
 // short segment touches would take longer. False if not.
 template <class Visit>
-bool SurfacePatch::Impl::for_few_cells_in(const Box& box, Visit visit) const {
+bool LeafDomain::Impl::for_few_cells_in(const Box& box, Visit visit) const {
   constexpr int kFew = 4;
   const auto low = cell_of(box.min), high = cell_of(box.max);
   if ((high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1) > kFew) return false;
@@ -354,7 +353,7 @@ bool SurfacePatch::Impl::for_few_cells_in(const Box& box, Visit visit) const {
 // axis on which it spans most cells, generous by a rounding error, leaping where no triangle is
 // near.
 template <class Visit>
-void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) const {
+void LeafDomain::Impl::for_each_cell_along(Point a, Point b, Visit visit) const {
   if (!clip(a, b)) return;
   if (for_few_cells_in(Box::around(a).joined(b).expanded(slack), visit)) return;
   const auto from = cell_of(a), to = cell_of(b);
@@ -398,8 +397,7 @@ void SurfacePatch::Impl::for_each_cell_along(Point a, Point b, Visit visit) cons
   }
 }
 
-SurfacePatch::SurfacePatch(SurfacePiece piece, const StopToken* stop)
-    : impl_(std::make_unique<Impl>()) {
+LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop) : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(piece.triangles);
   impl_->region = piece.region;
   impl_->boxes.reserve(impl_->triangles.size());
@@ -415,14 +413,14 @@ SurfacePatch::SurfacePatch(SurfacePiece piece, const StopToken* stop)
   impl_->spread_sides(piece.reference, piece.is_reference_inside, stop);
 }
 
-SurfacePatch::SurfacePatch(SurfacePatch&&) noexcept = default;
-SurfacePatch& SurfacePatch::operator=(SurfacePatch&&) noexcept = default;
-SurfacePatch::~SurfacePatch() = default;
+LeafDomain::LeafDomain(LeafDomain&&) noexcept = default;
+LeafDomain& LeafDomain::operator=(LeafDomain&&) noexcept = default;
+LeafDomain::~LeafDomain() = default;
 
-const Box& SurfacePatch::region() const { return impl_->region; }
-std::span<const Triangle> SurfacePatch::triangles() const { return impl_->triangles; }
+const Box& LeafDomain::region() const { return impl_->region; }
+std::span<const Triangle> LeafDomain::triangles() const { return impl_->triangles; }
 
-SurfacePatch::Location SurfacePatch::locate(const Point& p) const {
+LeafDomain::Location LeafDomain::locate(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   const std::size_t cell = impl_->index(i, j, k);
   const double bound = impl_->distance_bound(impl_->rings[cell]);
@@ -432,7 +430,7 @@ SurfacePatch::Location SurfacePatch::locate(const Point& p) const {
   return {side != impl_->is_crossed_oddly(p, impl_->center(i, j, k), impl_->held_by(cell)), bound};
 }
 
-void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const {
+void LeafDomain::crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const {
   out.clear();
   const Box segment = Box::around(a).joined(b);
   if (!segment.overlaps(impl_->region)) return;
@@ -453,7 +451,7 @@ void SurfacePatch::crossings(const Point& a, const Point& b, std::vector<Crossin
   });
 }
 
-double SurfacePatch::distance_bound(const Point& p) const {
+double LeafDomain::distance_bound(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   return impl_->distance_bound(impl_->rings[impl_->index(i, j, k)]);
 }
@@ -461,7 +459,7 @@ double SurfacePatch::distance_bound(const Point& p) const {
 // Calls visit(triangle) for what the grid cells closer to p than `distance` hold, until it says
 // false; the same triangle often.
 template <class Visit>
-bool SurfacePatch::Impl::for_each_held_near(const Point& p, double distance, Visit visit) const {
+bool LeafDomain::Impl::for_each_held_near(const Point& p, double distance, Visit visit) const {
   const Point d{distance, distance, distance};
   const auto low = cell_of(p - d), high = cell_of(p + d);
   const auto squared_gap = [&](int axis, int c) {  // between p and the cells
@@ -486,7 +484,7 @@ bool SurfacePatch::Impl::for_each_held_near(const Point& p, double distance, Vis
 }
 
 // Down the rings from a grid cell to one that holds triangles, which is about the nearest.
-std::array<int, 3> SurfacePatch::Impl::cell_with_triangles(std::array<int, 3> at) const {
+std::array<int, 3> LeafDomain::Impl::cell_with_triangles(std::array<int, 3> at) const {
   for (int ring = rings[index(at[0], at[1], at[2])]; ring > 0; --ring) {
     const auto next = [&] {
       for (int k = std::max(at[2] - 1, 0); k <= std::min(at[2] + 1, num[2] - 1); ++k)
@@ -502,7 +500,7 @@ std::array<int, 3> SurfacePatch::Impl::cell_with_triangles(std::array<int, 3> at
 }
 
 // First where the nearest triangle seems to be: most points that are near are so by far.
-bool SurfacePatch::is_near(const Point& p, double distance) const {
+bool LeafDomain::is_near(const Point& p, double distance) const {
   if (impl_->triangles.empty() || distance_bound(p) >= distance) return false;
   const double bound = distance * distance;
   Impl::Recent far;
@@ -518,7 +516,7 @@ bool SurfacePatch::is_near(const Point& p, double distance) const {
 }
 
 // A first guess bounds where to look.
-std::optional<Point> SurfacePatch::closest_to(const Point& p, double distance) const {
+std::optional<Point> LeafDomain::closest_to(const Point& p, double distance) const {
   std::optional<Point> closest;
   double least = distance * distance;
   Impl::Index of = 0;
@@ -537,8 +535,7 @@ std::optional<Point> SurfacePatch::closest_to(const Point& p, double distance) c
   return closest;
 }
 
-void SurfacePatch::triangles_near(const Point& p, double distance,
-                                  std::vector<Triangle>& out) const {
+void LeafDomain::triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const {
   std::vector<Impl::Index> near;
   impl_->for_each_held_near(p, distance, [&](Impl::Index t) {
     if (impl_->boxes[t].squared_distance(p) < distance * distance) near.push_back(t);
@@ -549,7 +546,7 @@ void SurfacePatch::triangles_near(const Point& p, double distance,
   for (const Impl::Index t : near) out.push_back(impl_->triangles[t]);
 }
 
-void SurfacePatch::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
+void LeafDomain::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
   out.clear();
   std::vector<Triangle> near;
   triangles_near(p, distance, near);

@@ -1,4 +1,4 @@
-// SurfacePatch answers exact questions about a piece of the input surface.
+// LeafDomain answers exact questions about a piece of the input surface.
 //
 // Consistency (refine/ALGORITHM.md): is_inside(p) and the parity of crossings(a, b) are functions
 // of the points and of the whole surface alone, whatever piece was loaded. Degenerate positions (a
@@ -39,21 +39,21 @@ struct GridFineness {
 };
 
 // What a patch is built from: a value, which can be stored and sent.
-struct SurfacePiece {
+struct DomainPiece {
   std::vector<Triangle> triangles;  // all that meet `region`, each once, and others; in order of id
   Box region;
   Point reference;  // of known side, in `region`
   bool is_reference_inside = false;
   GridFineness fineness = {};
-  friend bool operator==(const SurfacePiece&, const SurfacePiece&) = default;
+  friend bool operator==(const DomainPiece&, const DomainPiece&) = default;
 };
 
-class SurfacePatch {
+class LeafDomain {
  public:
-  explicit SurfacePatch(SurfacePiece piece, const StopToken* stop = nullptr);  // throws Stopped
-  SurfacePatch(SurfacePatch&&) noexcept;
-  SurfacePatch& operator=(SurfacePatch&&) noexcept;
-  ~SurfacePatch();
+  explicit LeafDomain(DomainPiece piece, const StopToken* stop = nullptr);  // throws Stopped
+  LeafDomain(LeafDomain&&) noexcept;
+  LeafDomain& operator=(LeafDomain&&) noexcept;
+  ~LeafDomain();
 
   const Box& region() const;
   std::span<const Triangle> triangles() const;

@@ -1,4 +1,4 @@
-#include "refine/triangle_tree.h"
+#include "refine/domain/triangle_tree.h"
 
 #include <utility>
 

@@ -1,4 +1,4 @@
-#include "refine/closest_point.h"
+#include "refine/domain/closest_point.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Does a segment cross a triangle? Exact, and consistent over all triangles of a closed surface
-// (see surface_patch.h). Internal to refine/.
+// (see leaf_domain.h). Internal to refine/.
 #pragma once
 
 #include "octree/geometry.h"

@@ -1,4 +1,4 @@
-#include "refine/self_intersection.h"
+#include "refine/domain/self_intersection.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Intersections_3/Segment_3_Triangle_3.h>

@@ -4,18 +4,18 @@
 #include <algorithm>
 #include <iterator>
 
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"
 
 namespace locvol {
 
 // What of the closed mesh may matter in the region.
-inline SurfacePiece piece_around(const Box& region, const shapes::Mesh& mesh) {
-  SurfacePiece piece{.triangles = {},
-                     .region = region,
-                     .reference = region.center(),
-                     .is_reference_inside = brute_force::is_inside(region.center(), mesh)};
+inline DomainPiece piece_around(const Box& region, const shapes::Mesh& mesh) {
+  DomainPiece piece{.triangles = {},
+                    .region = region,
+                    .reference = region.center(),
+                    .is_reference_inside = brute_force::is_inside(region.center(), mesh)};
   std::ranges::copy_if(mesh, std::back_inserter(piece.triangles),
                        [&](const Triangle& t) { return t.box().overlaps(region); });
   return piece;

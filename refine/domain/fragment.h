@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
-#include "refine/surface_patch.h"
+#include "refine/domain/leaf_domain.h"
 
 namespace locvol {
 
@@ -62,11 +62,11 @@ bool is_made_of(const Fragment& f, double length, const IsKnown& is_known) {
 
 // Tells whether is_known(piece) holds for pieces that cover the surface within `radius` of p.
 template <class IsKnown>
-bool is_known_around(const SurfacePatch& surface, const Point& p, double radius,
+bool is_known_around(const LeafDomain& domain, const Point& p, double radius,
                      const IsKnown& is_known) {
   constexpr double kLeastLength = 0.09;  // over the radius
   std::vector<Triangle> near;
-  surface.triangles_near(p, radius, near);
+  domain.triangles_near(p, radius, near);
   return std::ranges::all_of(near, [&](const Triangle& triangle) {
     return is_made_of({triangle.corners}, kLeastLength * radius, is_known);
   });
@@ -76,9 +76,9 @@ bool is_known_around(const SurfacePatch& surface, const Point& p, double radius,
 // by little. All of the surface has a sample within `radius`; is_nearer(fragment): is one sample
 // closer to all of it than p? It may overlook samples for fragments that are not near p.
 template <class IsNearer>
-bool is_hidden_from(const SurfacePatch& surface, const Point& p, double radius,
+bool is_hidden_from(const LeafDomain& domain, const Point& p, double radius,
                     const IsNearer& is_nearer) {
-  return is_known_around(surface, p, radius, [&](const Fragment& f) {
+  return is_known_around(domain, p, radius, [&](const Fragment& f) {
     return f.box().squared_distance(p) >= radius * radius || is_nearer(f);
   });
 }
@@ -91,11 +91,11 @@ struct CoverRadius {
 // gone? `samples`: others within twice the largest radius of it; `hidden`: of the hidden points,
 // all that are as close to it and may be closer to the surface than that radius. May say no where
 // it is so by little.
-inline bool is_covered_without(const SurfacePatch& surface, const Point& before,
+inline bool is_covered_without(const LeafDomain& domain, const Point& before,
                                const CoverRadius& radius, std::span<const Point> samples,
                                std::span<const Point> hidden) {
   const double radius2 = radius.most * radius.most, covered2 = radius.least * radius.least;
-  return is_known_around(surface, before, radius.most, [&](const Fragment& f) {
+  return is_known_around(domain, before, radius.most, [&](const Fragment& f) {
     const Box box = f.box();
     if (box.squared_distance(before) > radius2) return true;  // others are closer
     const auto covers = [&](const Point& sample) {
