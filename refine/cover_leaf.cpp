@@ -17,14 +17,6 @@
 namespace locvol {
 namespace {
 
-// The closed box that holds the same points as a half-open one.
-Box closed(const Box& box) {
-  const auto before = [](double v) {
-    return std::nextafter(v, -std::numeric_limits<double>::infinity());
-  };
-  return {box.min, {before(box.max.x), before(box.max.y), before(box.max.z)}};
-}
-
 // ---- Fragments, halved until each lies within one sample's ball
 
 // Where the weights sum to 1. Clamped, so that rounding cannot push it out of a leaf that the
@@ -44,30 +36,6 @@ Point random_point(const Fragment& f) {
     v = 1 - v;
   }
   return combination(f, u, v);
-}
-
-// Pieces on a face of the box stay, though they may belong to the next leaf as well: after rounding
-// nobody can tell.
-std::vector<Fragment> fragments_in(const Box& box, std::span<const Triangle> triangles,
-                                   std::uint64_t seed, const StopToken* stop) {
-  StopPoll poll(stop);
-  const Box owned = closed(box);
-  std::vector<Fragment> fragments;
-  for (const Triangle& triangle : triangles) {
-    poll();
-    const Box bounds = triangle.box();
-    if (!bounds.overlaps(owned)) continue;
-    const std::uint64_t key = mix(mix(seed) ^ triangle.id);
-    if (owned.contains(bounds.min) && owned.contains(bounds.max)) {
-      fragments.push_back({triangle.corners, key});
-      continue;
-    }
-    const std::vector<Point> polygon = clipped(triangle, box);
-    for (std::size_t i = 2; i < polygon.size(); ++i) {
-      fragments.push_back({{polygon[0], polygon[i - 1], polygon[i]}, mix(key + i)});
-    }
-  }
-  return fragments;
 }
 
 // A box in cubes of about `side`, or larger ones where it is very wide, numbered.
@@ -452,7 +420,7 @@ void cover_with_cubes(const CoverInput& input, const SizeField& sizes, const Lea
   std::erase_if(sites, [&](const LatticeSite& site) {
     poll();
     const Point p = input.lattice.position(site);
-    return !domain.is_inside(p) || !is_deep_enough(input, sizes, domain, sampler, p);
+    return !is_in_body(domain.label(p)) || !is_deep_enough(input, sizes, domain, sampler, p);
   });
 }
 
@@ -473,7 +441,7 @@ void cover_inside(const CoverInput& input, const SizeField& sizes, const LeafDom
     if (room < kLatticeMargin * of_one) return;
     if (room >= kCoreMargin * of_one)
       add_row({site, 1}, points.core);
-    else if (domain.is_inside(p) && is_deep_enough(input, sizes, domain, sampler, p))
+    else if (is_in_body(domain.label(p)) && is_deep_enough(input, sizes, domain, sampler, p))
       points.lattice.push_back(site);
   });
 }
@@ -490,8 +458,9 @@ void cover_with_lattice(const CoverInput& input, const SizeField& sizes, const L
     poll();
     const LatticeSite& site = row.first;
     const Point p = input.lattice.position(site);
-    const auto [is_inside, distance] = domain.locate(p);
-    if (!is_inside) return num_within(distance, row);
+    const LeafDomain::Location location = domain.locate(p);
+    const double distance = location.distance_bound;
+    if (!is_in_body(location.label())) return num_within(distance, row);
     if (!domain.is_near(p, kCoreDepth * input.size)) {
       const std::uint32_t num_as_deep = num_within(distance - kCoreDepth * input.size, row);
       add_row({site, num_as_deep}, points.core);
@@ -508,13 +477,13 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   assert(input.size > 0 && "λ is a length");
   const LeafDomain domain(std::move(input.domain), stop);
   CoverPoints points;
-  if (domain.triangles().empty() && is_uniform(input)) {
-    points.core.is_whole = domain.is_inside(input.box.center());
+  if (!domain.has_surface() && is_uniform(input)) {
+    points.core.is_whole = is_in_body(domain.label(input.box.center()));
     return points;
   }
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
   SurfaceSampler sampler(input, sizes, stop);
-  points.samples = sampler.sample(fragments_in(input.box, domain.triangles(), input.seed, stop));
+  points.samples = sampler.sample(fragments_in(input.box, domain, input.seed, stop));
   const auto cover = is_uniform(input)            ? cover_with_lattice
                      : input.sizes.law.has_core() ? cover_inside
                                                   : cover_with_cubes;

@@ -262,8 +262,9 @@ class HoleSearch {
     for_each_piece(is_there_.box(), [&](const LatticeRow& row) {
       poll();
       const Point p = place(row.first);
-      const auto [is_inside, distance] = domain_.locate(p);
-      const bool outside = !is_inside && domain_.region().contains(p);
+      const LeafDomain::Location location = domain_.locate(p);
+      const double distance = location.distance_bound;
+      const bool outside = location.label() == kNoBody;
       const bool is_far = distance > kFarthest * size_;
       const std::uint32_t num = is_far ? num_within(distance - kFarthest * size_, row) : 1;
       if (outside)
@@ -336,7 +337,7 @@ class HoleSearch {
   // and none will be.
   double search_from(const Point& start) {
     const double size = sizes_.at(start), radius = kWorthClimbing * size;
-    if (points_->has_in_cube(start, radius) || !domain_.is_inside(start) ||
+    if (points_->has_in_cube(start, radius) || !is_in_body(domain_.label(start)) ||
         !points_->is_free(start, radius))
       return 0;
     const Point center = climber_.climb(start, size, *points_);
@@ -344,7 +345,7 @@ class HoleSearch {
     if (!is_in_leaf(input_.box, center) ||
         !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
         (!sizes_.is_uniform() && core_.has_within(center, sizes_.at(center))) ||
-        !domain_.is_inside(center) || !is_deep_enough(center))
+        !is_in_body(domain_.label(center)) || !is_deep_enough(center))
       return hole;
     found_.centers.push_back(center);
     points_->add(center);

@@ -15,7 +15,7 @@
 namespace locvol {
 namespace {
 
-constexpr double kSlack = 1e-6;  // relative, of what is not known to the last bit
+constexpr double kAngleSlack = 1e-6;  // relative, of what is not known to the last bit
 // Rounds, with other places each time, go on as long as one leaves no more than this share of the
 // cells; from kFirstForFew on for a few cells, too, until so many have been tried in vain.
 constexpr double kWorthwhile = 0.8;
@@ -25,8 +25,7 @@ constexpr std::size_t kFew = 16, kTriesOfFew = 384;
 // only moves are tried, which cost far less than insertions.
 constexpr std::size_t kPatience = 50;
 // Likewise of what is tried on the surface: where that helps at all, it helps three cells of four;
-// in folds it helps none, and each trial asks for the sides of many cells, in a thicket of
-// triangles.
+// in folds it helps none, and each trial asks for the sides of many cells, where much surface is.
 constexpr std::size_t kPatienceOnSurface = 4, kFewOnSurface = 3;
 // Places tried: steps along a direction, over the scale (λ, but less where cells are small); within
 // a ball, over its radius; numbers of others.
@@ -91,7 +90,7 @@ ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
       move_(mesh.delaunay()) {
   constexpr double kRadians = std::numbers::pi / 180;
   for (std::size_t k = 0; k < kFractions.size(); ++k)
-    cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kSlack));
+    cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kAngleSlack));
   bound_ = cosines_.back();
   const double size = around.sizes.largest();
   limits_ = {.cosine = cosines_[kMuchBelow],
@@ -347,7 +346,7 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
 bool ImproveAngles::put_on_surface(Point& q) const {
   const auto closest = surroundings_.domain.closest_to(
       q, kToSurface * mesh_.scaled(input_.criteria.size, surroundings_.sizes.on_surface_at(q)));
-  if (closest) q = *closest;
+  if (closest) q = closest->position;
   return closest.has_value();
 }
 
@@ -466,7 +465,7 @@ bool ImproveAngles::do_samples_hide_as_before() const {
 // Nobody would look at them again.
 bool ImproveAngles::leaves_poor_to_others() const {
   for (std::size_t n = 0; n < prospects_.size(); ++n)
-    if (prospects_[n].state.own == 0 && prospects_[n].state.side == Side::kInside &&
+    if (prospects_[n].state.own == 0 && prospects_[n].state.is_member() &&
         move_.cosines()[n] > bound_)
       return true;
   return false;
@@ -489,8 +488,7 @@ std::optional<ImproveAngles::Counts> ImproveAngles::counts_of_made() {
   if (makes_outside && !are_cells_good()) return std::nullopt;
   Counts counts{};
   for (std::size_t n = 0; n < change_.made.size(); ++n)
-    if (!makes_outside || prospects_[n].state.side == Side::kInside)
-      count(move_.cosines()[n], counts);
+    if (!makes_outside || prospects_[n].state.is_member()) count(move_.cosines()[n], counts);
   return counts;
 }
 
@@ -528,21 +526,20 @@ bool ImproveAngles::are_cells_good() {
   mesh_.appraise(change_, kind_, prospects_);
   for (std::size_t n = 0; n < prospects_.size(); ++n) {
     const CellState& state = prospects_[n].state;
-    if (state.side == Side::kBeyond || state.is_hollow) return false;
-    if (state.side == Side::kInside ? judge(mesh_.view(change_, prospects_, n), bounds_).has_value()
-                                    : must_be_inside(state.on_surface))
+    if (state.side == Side::kNotLoaded || state.is_hollow) return false;
+    if (state.is_member() ? judge(mesh_.view(change_, prospects_, n), bounds_).has_value()
+                          : must_be_inside(state.on_surface))
       return false;
   }
   return true;
 }
 
-// C1 to C4; and dual edges cross the surface where sides differ, and nowhere else. Where the
+// C1 to C4; and dual edges cross the surface where bodies differ, and nowhere else. Where the
 // boundary changes, its facets are disks as before.
 bool ImproveAngles::are_facets_good() {
   constexpr std::uint32_t kNew = Delaunay::kNewCell;
-  const auto is_inside = [&](std::uint32_t cell) {
-    return cell & kNew ? prospects_[cell & ~kNew].state.side == Side::kInside
-                       : mesh_.is_member(cell);
+  const auto body = [&](std::uint32_t cell) {
+    return cell & kNew ? prospects_[cell & ~kNew].state.body() : mesh_.body(cell);
   };
   facets_made_.clear();
   for (std::uint32_t n = 0; n < change_.made.size(); ++n) {
@@ -551,8 +548,8 @@ bool ImproveAngles::are_facets_good() {
     for (int i = 0; i < 4; ++i) {
       const std::uint32_t beyond = cell.neighbor[std::size_t(i)];
       if ((beyond & kNew) && (beyond & ~kNew) < n) continue;  // seen from there
-      if ((beyond & kNew) == 0 && mesh_.side(beyond) == Side::kBeyond) return false;
-      const bool is_on_boundary = is_inside(kNew | n) != is_inside(beyond);
+      if ((beyond & kNew) == 0 && mesh_.side(beyond) == Side::kNotLoaded) return false;
+      const bool is_on_boundary = body(kNew | n) != body(beyond);
       if (((state.own & state.hidden) & ~(1 << i)) != 0) {
         if ((is_on_boundary || ((beyond & kNew) == 0 && mesh_.is_hollow(beyond))) && changes_core())
           return false;
@@ -570,7 +567,7 @@ bool ImproveAngles::are_facets_good() {
     const unsigned hidden = mesh_.state(c).own & mesh_.state(c).hidden;
     for (int i = 0; i < 4; ++i)
       if ((hidden & ~(1u << i)) == 0 &&
-          mesh_.is_member(c) != mesh_.is_member(mesh_.delaunay().neighbor(c, i)))
+          mesh_.body(c) != mesh_.body(mesh_.delaunay().neighbor(c, i)))
         facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
   }
   std::ranges::sort(facets_made_);
@@ -663,12 +660,12 @@ bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) {
     return std::ranges::find(delaunay.vertices(c), w) == delaunay.vertices(c).end();
   });
   if (around_.empty()) return true;
-  const bool is_inside = mesh_.is_member(around_.front());
+  const BodyId body = mesh_.body(around_.front());
   return std::ranges::all_of(around_, [&](Cell c) {
     const Side side = mesh_.side(c);
-    const bool is_known = mesh_.is_own(w) || ((side == Side::kInside || side == Side::kOutside) &&
-                                              mesh_.is_loaded(mesh_.ball(c)));
-    return is_known && (side == Side::kInside) == is_inside;
+    const bool is_known =
+        mesh_.is_own(w) || (side < Side::kNotLoaded && mesh_.is_loaded(mesh_.ball(c)));
+    return is_known && body_at(side) == body;
   });
 }
 
@@ -738,13 +735,13 @@ void ImproveAngles::note_others_facets(Cell c, OfOthers& changed) const {
   for (int i = 0; i < 4; ++i) {
     const LeafMesh::Facet facet{c, i};
     if (!mesh_.may_be_of_boundary(facet)) continue;
-    const auto vertices = mesh_.boundary_facet(facet);
-    if (!vertices) continue;
-    const LocalIndex smallest =
-        std::ranges::min(*vertices, {}, [&](LocalIndex v) { return mesh_.delaunay().point(v); });
+    const auto found = mesh_.boundary_facet(facet);
+    if (!found) continue;
+    const auto place = [&](LocalIndex v) { return mesh_.delaunay().point(v); };
+    const LocalIndex smallest = std::ranges::min(found->vertices, {}, place);
     if (mesh_.is_own(smallest)) continue;
-    NamedFacet name;
-    std::ranges::transform(*vertices, name.vertices.begin(),
+    NamedFacet name{.vertices = {}, .labels = found->labels};
+    std::ranges::transform(found->vertices, name.vertices.begin(),
                            [&](LocalIndex v) { return mesh_.local(v).ref; });
     name.vertices = smallest_first(name.vertices);
     changed.facets.emplace(name, mesh_.delaunay().point(smallest));

@@ -61,11 +61,17 @@ auto fields(Maybe<GridFineness> auto& fineness) {
   return std::tuple(Field("resolution", resolution),
                     Field("triangles_per_cell", triangles_per_cell));
 }
+auto fields(Maybe<DomainState> auto& state) {
+  return std::tuple(Field("is_inside", DomainState::member(state)));
+}
+auto fields(Maybe<CornerStates> auto& corners) {
+  return std::tuple(Field("bits", CornerStates::member(corners)));
+}
 auto fields(Maybe<DomainPiece> auto& piece) {
-  auto& [triangles, region, reference, is_reference_inside, fineness] = piece;
+  auto& [triangles, region, reference, reference_state, fineness, is_whole] = piece;
   return std::tuple(Field("triangles", triangles), Field("region", region),
-                    Field("reference", reference),
-                    Field("is_reference_inside", is_reference_inside), Field("fineness", fineness));
+                    Field("reference", reference), Field("reference_state", reference_state),
+                    Field("fineness", fineness), Field("is_whole", is_whole));
 }
 auto fields(Maybe<CoreRows> auto& core) {
   auto& [lattice, rows] = core;

@@ -209,8 +209,8 @@ CellState LeafMesh::fresh_state(const std::array<Marks, 4>& marks) {
   std::uint32_t bits = 0;
   for (std::size_t i = 0; i < 4; ++i) bits |= std::bit_cast<std::uint32_t>(marks[i]) << i;
   const auto marked = std::bit_cast<std::array<std::uint8_t, 4>>(bits);
-  state.own = marked[0], state.hidden = marked[1];
-  state.on_surface = marked[2], state.at_core = marked[3];
+  state.own = marked[0] & 0b1111u, state.hidden = marked[1] & 0b1111u;
+  state.on_surface = marked[2] & 0b1111u, state.at_core = marked[3] & 0b1111u;
   return state;
 }
 
@@ -276,18 +276,17 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
       !surroundings_.sizes.is_below(ball.squared_radius, 0.5 * kReach, ball.center))
     return state.side;
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
-  if (state.own != 0 && state.hidden != 0) return state.side = Side::kInside;
-  const bool is_whole = !std::isfinite(input_.criteria.reach);
-  if (!is_whole && !surroundings_.domain.region().contains(ball.center))
-    return state.side = is_deep(state, ball) ? Side::kInside : Side::kBeyond;
+  if (state.own != 0 && state.hidden != 0) return state.side = side_in(kOnlyBody);
   const LeafDomain::Location location = surroundings_.domain.locate(ball.center);
+  if (!location.state)
+    return state.side = is_deep(state, ball) ? side_in(kOnlyBody) : Side::kNotLoaded;
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
-  return state.side = location.is_inside ? Side::kInside : Side::kOutside;
+  return state.side = side_in(location.state->body());
 }
 
-// Out of the patch, where cells are larger than on the surface: are all its corners so deep that no
-// dual edge of the cell meets the surface?
+// Out of what is loaded, where cells are larger than on the surface: are all its corners so deep
+// that no dual edge of the cell meets the surface?
 bool LeafMesh::is_deep(CellState& state, CellBall& ball) const {
   if (surroundings_.sizes.is_uniform()) return false;
   ball.clearance = surroundings_.sizes.least_depth(ball.center);
@@ -298,8 +297,8 @@ bool LeafMesh::is_deep(CellState& state, CellBall& ball) const {
 
 // Of a near cell's center.
 double LeafMesh::clearance(CellState& state, CellBall& ball) const {
-  if (!std::exchange(state.has_clearance, true))
-    ball.clearance = surroundings_.domain.distance_bound(ball.center);
+  if (!state.has_clearance) ball.clearance = surroundings_.domain.distance_bound(ball.center);
+  state.has_clearance = true;
   return ball.clearance;
 }
 
@@ -325,9 +324,9 @@ Point LeafMesh::far_end(const Point& axis_center, const Point& direction,
 // Whether the dual edge from `from` to `to` cannot meet the surface: around each of its points
 // there is an empty ball that touches `corner`, and none around a point of the surface is that
 // large. Where a part of the domain may end, or the mesh, the surface is asked all the same.
-bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Point& to,
+bool LeafMesh::is_off_surface(BodyId here, BodyId there, const Point& from, const Point& to,
                               const Point& corner) const {
-  if ((here == Side::kInside) != (there == Side::kInside)) return false;
+  if (here != there) return false;
   const Point edge = to - from, offset = corner - from;
   const double length = dot(edge, edge);
   const double t = length > 0 ? std::clamp(dot(offset, edge) / length, 0.0, 1.0) : 0.0;
@@ -335,14 +334,29 @@ bool LeafMesh::is_off_surface(Side here, Side there, const Point& from, const Po
   return squared_distance(corner, from + t * edge) > radius * radius;
 }
 
-std::optional<std::array<LocalIndex, 3>> LeafMesh::boundary_facet(Facet f) const {
+std::optional<LeafMesh::BoundaryFacet> LeafMesh::boundary_facet(Facet f) const {
   const Cell beyond = delaunay_.neighbor(f.cell, f.index);
-  const bool is_here = is_member(f.cell);
-  if (is_here == is_member(beyond)) return std::nullopt;
-  if (!is_here) f = {beyond, delaunay_.index_of_neighbor(beyond, f.cell)};
+  BodyId behind = body(f.cell), before = body(beyond);
+  if (behind == before) return std::nullopt;
+  if (behind == kNoBody) {
+    f = {beyond, delaunay_.index_of_neighbor(beyond, f.cell)};
+    std::swap(behind, before);
+  }
   const auto& [a, b, c] = kFacetCorners[std::size_t(f.index)];
-  return std::array{delaunay_.vertex(f.cell, a), delaunay_.vertex(f.cell, c),
-                    delaunay_.vertex(f.cell, b)};
+  return BoundaryFacet{
+      {delaunay_.vertex(f.cell, a), delaunay_.vertex(f.cell, c), delaunay_.vertex(f.cell, b)},
+      {behind, before, sheet_of(f)}};
+}
+
+// Of a facet of the boundary. Most leaves have one sheet, and need no crossings.
+SheetId LeafMesh::sheet_of(Facet f) const {
+  const auto only = surroundings_.domain.only_sheet();
+  return only ? *only : dual_crossings(f).sheet;
+}
+
+// What is not loaded counts as outside.
+DomainState LeafMesh::state_at(const Point& p) const {
+  return surroundings_.domain.state(p).value_or(DomainState());
 }
 
 // The dual edge runs between the circumcenters of the facet's two cells. Where one of them is far,
@@ -389,25 +403,27 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
     if (!is_there_near && !is_past_surface) clear += surroundings_.domain.distance_bound(to);
   }
   if (is_past_surface || is_clear_between(from, to, clear) ||
-      is_off_surface(side_here, side_there, from, to, corners[0]))
+      is_off_surface(body_at(side_here), body_at(side_there), from, to, corners[0]))
     crossings_.clear();
   else  // always in one direction, so that both cells see the same bits
     surroundings_.domain.crossings(std::min(from, to), std::max(from, to), crossings_);
 
+  // The state is that of the cell here, where that is near, and changes on the way.
+  const DomainState at_from = is_here_near ? DomainState::in(body_at(side_here)) : state_at(from);
+  const DomainState at_to = follow(at_from, crossings_);
   const Point& corner = *std::ranges::min_element(corners);
-  for (const Crossing& c : crossings_) {
-    const double squared_radius = squared_distance(c.position, corner);
-    if (result.count++ > 0 && squared_radius <= result.squared_radius) continue;
-    result.ball_center = c.position;
-    result.squared_radius = squared_radius;
-  }
-  if (is_here_near && is_there_near) return result;
-  const bool is_odd = crossings_.size() % 2 == 1;
-  const bool is_from_inside =
-      is_here_near ? side_here == Side::kInside : surroundings_.domain.is_inside(from);
-  if (!is_there_near && is_from_inside != is_odd)
+  follow(to < from ? at_to : at_from, crossings_,
+         [&](const Crossing& c, BodyId before, BodyId after) {
+           if (before == after) return;
+           const double squared_radius = squared_distance(c.position, corner);
+           if (result.count++ > 0 && squared_radius <= result.squared_radius) return;
+           result.ball_center = c.position;
+           result.squared_radius = squared_radius;
+           result.sheet = c.sheet;
+         });
+  if (!is_there_near && at_to.body() != kNoBody)
     result.open_end = to;
-  else if (!is_here_near && is_from_inside)
+  else if (!is_here_near && at_from.body() != kNoBody)
     result.open_end = from;
   if (!result.open_end) return result;
   result.open_radius = far_radius_at(*result.open_end);
@@ -423,7 +439,7 @@ void LeafMesh::boundary_at(LocalIndex v, std::vector<Facet>& out) const {
     if (!is_member(c)) continue;
     const int at = delaunay_.index_of(c, v);
     for (int i = 0; i < 4; ++i)
-      if (i != at && !is_member(delaunay_.neighbor(c, i))) out.push_back({c, i});
+      if (i != at && body(delaunay_.neighbor(c, i)) != body(c)) out.push_back({c, i});
   }
 }
 

@@ -25,23 +25,34 @@ using LocalIndex = Delaunay::Vertex;  // of a local point; not stored anywhere
 
 inline constexpr LocalIndex kInfiniteVertex = Delaunay::kInfinite;
 
-enum class Side : std::uint8_t {
-  kUnknown,  // not asked yet
-  kOutside,
-  kInside,
+// Where a cell lies, by its circumcenter: in a body, outside of all, or one of the rest, of which
+// no body is known. One number, for it is asked for over and over.
+enum class Side : BodyId {
+  kOutside = kNoBody,                                   // and upwards: the bodies
+  kNotLoaded = std::numeric_limits<BodyId>::max() - 2,  // near, but out of what is loaded of the
+                                                        // domain and not deep: of cells without own
+                                                        // vertex only
   kFar,     // the circumradius is infinite, or beyond what is known to be empty (Criteria::reach)
-  kBeyond,  // near, but out of the surface patch and not deep: of cells without own vertex only
+  kUnknown  // not asked yet
 };
+constexpr Side side_in(BodyId body) { return static_cast<Side>(body); }
+// Of the mesh's cells. No other cell is in a body.
+constexpr BodyId body_at(Side side) {
+  return side < Side::kNotLoaded ? static_cast<BodyId>(side) : kNoBody;
+}
 
 // What the checks ask of a cell and its neighbors over and over, in few bytes.
 struct CellState {
   std::uint32_t stamp = 0;  // one per cell ever made; 0: dead
   Side side = Side::kUnknown;
-  bool has_clearance = false;
-  std::uint8_t facets_seen = 0;  // bit i: facet i has been looked at since the cell was made
-  std::uint8_t own = 0, hidden = 0, on_surface = 0;  // bit i: vertex i is
-  std::uint8_t at_core = 0;                          // likewise; see Local
-  bool is_hollow = false;  // a point of the lattice core is in its ball: no cell of Del P
+  std::uint8_t facets_seen : 4 = 0;  // bit i: facet i has been looked at since the cell was made
+  std::uint8_t own : 4 = 0, hidden : 4 = 0, on_surface : 4 = 0;  // bit i: vertex i is
+  std::uint8_t at_core : 4 = 0;                                  // likewise; see Local
+  bool has_clearance : 1 = false;
+  bool is_hollow : 1 = false;  // a point of the lattice core is in its ball: no cell of Del P
+
+  BodyId body() const { return body_at(side); }  // REQUIRES: the side is known
+  bool is_member() const { return body() != kNoBody; }
 };
 
 struct CellBall {  // once the side is known, if that is not kFar
@@ -126,9 +137,10 @@ class LeafMesh {
   Side side(Cell c) const {
     return states_[c].side != Side::kUnknown ? states_[c].side : find_side(c);
   }
-  bool is_member(Cell c) const { return side(c) == Side::kInside; }
+  BodyId body(Cell c) const { return body_at(side(c)); }
+  bool is_member(Cell c) const { return body(c) != kNoBody; }
   // In place of cells of the lattice at core points that are not loaded.
-  bool is_hollow(Cell c) const { return side(c) == Side::kInside && states_[c].is_hollow; }
+  bool is_hollow(Cell c) const { return is_member(c) && states_[c].is_hollow; }
   // Is its dual edge, between two near cells, known not to meet the surface? Of facets with an own
   // vertex, where that is the nearest point to all of it as in find_side(): far cheaper than to ask
   // for crossings.
@@ -142,10 +154,13 @@ class LeafMesh {
     const CellState& state = states_[f.cell];
     return !has_vertex(state.own & state.hidden, f);
   }
-  // Does the facet part the mesh from what is outside? Then its vertices, counterclockwise from
-  // outside.
-  std::optional<std::array<LocalIndex, 3>> boundary_facet(Facet f) const;
-  // REQUIRES: neither cell of the facet is kBeyond
+  // Does the facet part the mesh from what is outside?
+  struct BoundaryFacet {
+    std::array<LocalIndex, 3> vertices{};  // counterclockwise from outside
+    FacetLabels labels;
+  };
+  std::optional<BoundaryFacet> boundary_facet(Facet f) const;
+  // REQUIRES: neither cell of the facet is kNotLoaded
   DualCrossings dual_crossings(Facet f) const;
   // The facets of the mesh's boundary at the vertex, each of its cell in the mesh.
   void boundary_at(LocalIndex v, std::vector<Facet>& out) const;
@@ -170,7 +185,8 @@ class LeafMesh {
   }
 
   void note_facet_seen(Facet f) {
-    states_[f.cell].facets_seen |= static_cast<std::uint8_t>(1u << f.index);
+    CellState& state = states_[f.cell];
+    state.facets_seen = (state.facets_seen | 1u << f.index) & 0b1111u;
   }
 
   // ---- Change. Every cell with an own vertex that comes up is put on fresh_cells().
@@ -239,6 +255,8 @@ class LeafMesh {
   void make_fresh(Cell c);
   void make_all_fresh();
   Side find_side(Cell c) const;
+  DomainState state_at(const Point& p) const;
+  SheetId sheet_of(Facet f) const;
   Side find_side(const std::array<Point, 4>& corners, CellState& state, CellBall& ball) const;
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;
@@ -266,7 +284,7 @@ class LeafMesh {
   std::array<Point, 4> corners(const Delaunay::Change& change, const Delaunay::NewCell& cell) const;
   double clearance(CellState& state, CellBall& ball) const;
   bool is_deep(CellState& state, CellBall& ball) const;
-  bool is_off_surface(Side here, Side there, const Point& from, const Point& to,
+  bool is_off_surface(BodyId here, BodyId there, const Point& from, const Point& to,
                       const Point& corner) const;
   bool is_axis_near(const Axis& axis) const;
   double least_reach_in(const Point& center, double radius) const;

@@ -647,7 +647,7 @@ double measure_reach(const SizeRules& rules, double size) {
 }
 
 std::vector<SizedNode> measure_leaf(MeasureInput input, const StopToken* stop) {
-  if (input.domain.triangles.empty()) return {};
+  if (!input.domain.has_surface()) return {};
   if (input.rules.layers == 0)
     return LeafMeasure(input, input.domain.triangles, nullptr, stop).run();
   const LeafDomain domain(std::move(input.domain), stop);

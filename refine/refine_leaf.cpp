@@ -165,8 +165,8 @@ class Refinement {
     const double least = surroundings_.sizes.has_shapes() ? 1 - surroundings_.sizes.growth() : 1;
     return least * mesh_.scaled(input_.criteria.reach, size);
   }
-  bool is_in_fold(const Point& q);
-  bool is_in_fold(Facet f);  // all of its vertices are
+  bool is_in_fold(const Point& q) const;
+  bool is_in_fold(Facet f) const;  // all of its vertices are
   bool is_overfull() const {
     return input_.max_own_points > 0 && mesh_.num_own() > input_.max_own_points;
   }
@@ -217,9 +217,7 @@ class Refinement {
   std::optional<PointCubes> corner_cubes_;  // once they are asked for
   std::vector<MeshPoint> near_;             // taken in before an insertion
   std::vector<LocalIndex> leaving_;         // deleted by the insertion at hand
-  std::vector<Triangle> near_triangles_;
-  std::vector<Point> sheets_;             // normals of triangles nearby
-  StopPoll poll_{surroundings_.stop, 8};  // of restore_next()
+  StopPoll poll_{surroundings_.stop, 8};    // of restore_next()
 };
 
 template <class Ref>
@@ -440,22 +438,19 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   return outcome;
 }
 
-// Of all triangles of the patch.
+// Of all of the surface that is loaded.
 const PointCubes& Refinement::corners() {
   if (corner_cubes_) return *corner_cubes_;
   constexpr double kMostCubes = 64;  // in a row
-  std::vector<Point> all;
-  for (const Triangle& t : surroundings_.domain.triangles())
-    all.insert(all.end(), t.corners.begin(), t.corners.end());
-  sort_and_unite(all);
+  const std::vector<Point> all = surroundings_.domain.corners();
   const Box& region = surroundings_.domain.region();
   const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
   return corner_cubes_.emplace(region, side, all);
 }
 
-// Too few points for a cell, but some on the surface: corners of its triangles within λ, each the
-// farthest from all points so far, until there is one. Around a corner farther away, on a long
-// triangle, points of P might be unknown, and it one of them.
+// Too few points for a cell, but some on the surface: corners of it within λ, each the farthest
+// from all points so far, until there is one. Around a corner farther away points of P might be
+// unknown, and it one of them.
 void Refinement::start_from_corners() {
   std::set<Point> corners;
   for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
@@ -569,9 +564,9 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
     for (int i = 0; i < 4; ++i) {
       if (mesh_.delaunay().is_infinite(Facet{c, i})) continue;
       const Side here = mesh_.side(c), there = mesh_.side(mesh_.delaunay().neighbor(c, i));
-      if (here == Side::kBeyond || there == Side::kBeyond) continue;
+      if (here == Side::kNotLoaded || there == Side::kNotLoaded) continue;
       // A dual edge that crosses the surface twice is C4's: there is none left here.
-      if ((here == Side::kInside) == (there == Side::kInside)) continue;
+      if (body_at(here) == body_at(there)) continue;
       const auto dual = mesh_.dual_crossings({c, i});
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
           squared_distance(dual.ball_center, q) >= dual.squared_radius)
@@ -596,30 +591,11 @@ bool Refinement::is_blocked(const Point& q) const {
 // Whether two sheets of the surface face each other at q, closer than the spacing floor. To tell
 // them apart takes samples about as close as they are (measured on parallel sheets: 1.07 of their
 // distance), so what is inserted there for C3 or C4 comes down to the floor, and is of no use.
-bool Refinement::is_in_fold(const Point& q) {
-  constexpr double kCosineOfFold = -0.5;  // of normals; sheets at less than 60° face each other
-  const double floor = floor_at(q);
-  surroundings_.domain.triangles_near(q, floor, near_triangles_);
-  sheets_.clear();
-  double nearest = floor * floor;
-  Point normal;
-  for (const Triangle& t : near_triangles_) {
-    const double squared = squared_distance(t, q);
-    const auto& [a, b, c] = t.corners;
-    const Point area = cross(b - a, c - a);
-    const double length = norm(area);
-    if (!(squared < floor * floor && length > 0)) continue;
-    sheets_.push_back((1 / length) * area);
-    if (squared < nearest) {
-      nearest = squared;
-      normal = sheets_.back();
-    }
-  }
-  return std::ranges::any_of(
-      sheets_, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
+bool Refinement::is_in_fold(const Point& q) const {
+  return surroundings_.domain.is_fold(q, floor_at(q));
 }
 
-bool Refinement::is_in_fold(Facet f) {
+bool Refinement::is_in_fold(Facet f) const {
   for (int i = 0; i < 4; ++i)
     if (i != f.index && !is_in_fold(mesh_.point(f.cell, i))) return false;
   return true;
@@ -733,11 +709,11 @@ void Refinement::list_facets() {
     for (int i = 0; i < 4; ++i) {
       const Facet facet{c, i};
       if (!mesh_.has_own_vertex(facet) || !mesh_.may_be_of_boundary(facet)) continue;
-      const auto vertices = mesh_.boundary_facet(facet);
-      if (!vertices) continue;
+      const auto found = mesh_.boundary_facet(facet);
+      if (!found) continue;
       const LocalIndex smallest =
-          std::ranges::min(*vertices, {}, [&](LocalIndex v) { return delaunay.point(v); });
-      if (mesh_.is_own(smallest)) facets.push_back({*vertices, {}});
+          std::ranges::min(found->vertices, {}, [&](LocalIndex v) { return delaunay.point(v); });
+      if (mesh_.is_own(smallest)) facets.push_back({found->vertices, found->labels});
     }
   }
   delta_.facets.vertices = names_in_use(

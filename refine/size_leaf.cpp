@@ -11,8 +11,7 @@
 #include <utility>
 
 #include "octree/table_hash.h"
-#include "refine/domain/box_tree.h"
-#include "refine/domain/closest_point.h"
+#include "refine/domain/nearest_surface.h"
 
 namespace locvol {
 namespace {
@@ -26,14 +25,11 @@ class SizeTree {
            const StopToken* stop)
       : input_(input),
         domain_(domain),
+        surface_(domain),
         far_(far.around(input.frame.box(input.leaf))),
         poll_(stop),
         step_(std::exp2(std::floor(std::log2(input.law.least)) - kStepBits)),
-        nodes_(input.nodes, input.law.growth, input.frame) {
-    std::vector<Box> boxes;
-    for (const Triangle& t : domain.triangles()) boxes.push_back(t.box());
-    triangles_ = BoxTree(std::move(boxes));
-  }
+        nodes_(input.nodes, input.law.growth, input.frame) {}
 
   std::vector<SizeCube> run() {
     descend(input_.leaf, {}, input_.shapes, nodes_.all());
@@ -41,16 +37,9 @@ class SizeTree {
   }
 
  private:
-  // What is known of a place: a triangle near it, if any, and a bound of the distance.
-  struct Nearest {
-    std::uint32_t triangle = kNone;
-    double bound = std::numeric_limits<double>::infinity();
-  };
-  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-
-  // `near`: of the node's center; its nearest triangle is close to that of the parent's center.
+  // `near`: of the node's center; what is nearest to it is close to what is to the parent's center.
   // `shapes`, `branches`: all that matter in the node.
-  void descend(MortonKey node, Nearest near, std::span<const SizeShape> shapes,
+  void descend(MortonKey node, NearestSurface::Known near, std::span<const SizeShape> shapes,
                const SizeNodes::Branches& branches) {
     poll_();
     const Box box = input_.frame.box(node);
@@ -139,24 +128,15 @@ class SizeTree {
     return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
 
-  double signed_distance(const Point& p, Nearest& near) const {
-    const auto squared_distance_of = [&](std::uint32_t n) {
-      return squared_distance(p, closest_on_triangle(domain_.triangles()[n].corners, p));
-    };
-    double squared = near.bound * near.bound * (1 + 1e-9);
-    if (near.triangle != kNone) squared = std::min(squared, squared_distance_of(near.triangle));
-    triangles_.for_each_within(p, squared, [&](std::uint32_t n) {
-      const double d = squared_distance_of(n);
-      if (d < squared) squared = d, near.triangle = n;
-    });
-    double distance = std::sqrt(squared);
+  double signed_distance(const Point& p, NearestSurface::Known& near) const {
+    double distance = surface_.distance(p, near);
     if (distance > input_.exact_distance) distance = far_.distance(p, distance);
-    return domain_.is_inside(p) ? distance : -distance;
+    return is_in_body(domain_.label(p)) ? distance : -distance;
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
   // Corners are shared by eight cubes; other leaves get the same.
-  std::pair<float, float> at_corner(const GridPoint& g, Nearest near,
+  std::pair<float, float> at_corner(const GridPoint& g, NearestSurface::Known near,
                                     std::span<const SizeShape> shapes,
                                     const SizeNodes::Branches& branches, double most) {
     const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z});
@@ -175,8 +155,8 @@ class SizeTree {
 
   const SizeInput& input_;
   const LeafDomain& domain_;
+  const NearestSurface surface_;
   const FarPoints far_;
-  BoxTree triangles_;
   StopPoll poll_;
   // Distances are multiples of it, a little less than they are: so they take half as many bytes.
   static constexpr int kStepBits = 9;

@@ -18,8 +18,8 @@ namespace locvol {
 // Cubes are no smaller than this: their corners and centers have coordinates on the grid of level
 // 20, below 2^20.
 inline constexpr int kMaxCubeLevel = 19;
-// Over the largest size at the surface in the leaf. The nearest triangle is looked up this far from
-// the leaf; what is farther, FarSurface stands for.
+// Over the largest size at the surface in the leaf. So far from the leaf the surface is looked up;
+// FarSurface stands for what is farther.
 inline constexpr double kExactDistance = 6;
 
 struct SizeInput {

@@ -526,7 +526,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
-  each(archive, info.is_center_inside, info.num_visits, info.num_points, info.num_cells,
+  each(archive, DomainState::member(info.center), info.num_visits, info.num_points, info.num_cells,
        info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
        info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
        info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,

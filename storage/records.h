@@ -8,9 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "octree/domain_state.h"
 #include "octree/frame.h"
 #include "octree/geometry.h"
 #include "octree/lattice.h"
+#include "octree/leaf_surface.h"
 #include "octree/mesh_facet.h"
 #include "octree/morton_key.h"
 #include "octree/size_field.h"
@@ -37,7 +39,7 @@ enum class Holding : std::uint8_t {
 };
 
 struct LeafInfo {
-  bool is_center_inside = false;  // side of the center of the leaf's box, the reference point
+  DomainState center;  // of the center of the leaf's box, the reference point
   std::uint32_t num_visits = 0;
   std::uint64_t num_points = 0;
   std::uint64_t num_cells = 0;
@@ -62,6 +64,9 @@ struct LeafInfo {
   Holding holding = Holding::kOwn;
   // That have the leaf, or a copy of it, ascending; empty: one alone has it.
   std::vector<std::uint32_t> ranks = {};
+
+  bool has_surface() const { return num_triangles > 0; }
+  bool meets_domain() const { return has_surface() || center.body() != kNoBody; }
   friend bool operator==(const LeafInfo&, const LeafInfo&) = default;
 };
 
@@ -87,11 +92,6 @@ struct LeafFacets {
   std::vector<std::uint64_t> vertices;  // ids, ascending
   std::vector<MeshFacet> facets;        // ascending
   friend bool operator==(const LeafFacets&, const LeafFacets&) = default;
-};
-
-struct LeafSurface {
-  std::vector<Triangle> triangles;  // all that meet the leaf's box, in order of id
-  friend bool operator==(const LeafSurface&, const LeafSurface&) = default;
 };
 
 // A place where a condition could not be met (refine/ALGORITHM.md, "It ends").

@@ -157,11 +157,11 @@ std::string head_text(const LeafReport& leaf, double size) {
             line_text("moves", fmt::to_string(leaf.info->num_moves));
   text += line_text("points", kinds_text(counts_by_kind(leaf.points.points))) +
           line_text("ghost points", kinds_text(leaf.ghosts));
-  text += line_text("triangles",
-                    fmt::format("{}{}", leaf.num_triangles,
-                                !leaf.info                    ? ""
-                                : leaf.info->is_center_inside ? "; the box's center is inside"
-                                                              : "; the box's center is outside")) +
+  text += line_text("triangles", fmt::format("{}{}", leaf.num_triangles,
+                                             !leaf.info ? ""
+                                             : leaf.info->center.body() != kNoBody
+                                                 ? "; the box's center is inside"
+                                                 : "; the box's center is outside")) +
           line_text("cells", cells_text(leaf, size));
   if (leaf.info && leaf.info->num_core_points > 0)
     text += line_text("lattice core", fmt::format("{} points, {} cells", leaf.info->num_core_points,

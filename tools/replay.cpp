@@ -102,7 +102,7 @@ Json to_json(const StoredVisit& visit, const Replay& replay, std::optional<std::
                 {{"num_own", visit.input.own.size()},
                  {"num_ghosts", visit.input.ghosts.size()},
                  {"num_core", num_core_points(visit.input)},
-                 {"num_triangles", visit.input.domain.triangles.size()}}},
+                 {"num_triangles", visit.input.domain.surface_size()}}},
                {"num_inserted", inserted},
                {"num_deleted", deleted},
                {"num_moved", moved},
@@ -155,7 +155,7 @@ void print(const StoredVisit& visit, const Replay& replay, std::optional<std::ui
              line_text("box", box_text(visit.input.box)),
              line_text("input", fmt::format("{} points, {} ghost points, {} triangles",
                                             visit.input.own.size(), visit.input.ghosts.size(),
-                                            visit.input.domain.triangles.size())));
+                                            visit.input.domain.surface_size())));
   print_steps(replay, size, limit);
   const auto [inserted, deleted, taken_in, blocked, moved] = num_steps(replay);
   fmt::print("{}{}",

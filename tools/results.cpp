@@ -535,7 +535,7 @@ Json to_json(const LeafInfo& info) {
                {"num_deletions", info.num_deletions},
                {"num_moves", info.num_moves},
                {"num_unresolved", info.num_unresolved},
-               {"is_center_inside", info.is_center_inside}};
+               {"is_center_inside", info.center.body() != kNoBody}};
   if (info.queued) json["queued"] = to_json(*info.queued);
   return json;
 }

@@ -18,9 +18,9 @@
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/phases.h"
 #include "engine/run/leaf_queue.h"
-#include "engine/run/leaf_sides.h"
+#include "engine/run/leaf_states.h"
 #include "octree/sort_and_unite.h"
-#include "refine/domain/leaf_domain.h"
+#include "refine/domain/surface_part.h"
 #include "refine/domain/triangle_box.h"
 
 namespace locvol {
@@ -174,14 +174,15 @@ class SurfaceCutter {
 
   void store(MortonKey leaf, std::vector<Triangle> triangles) {
     throw_if_stopped(watch_.stop());
+    const LeafSurface surface{std::move(triangles)};
     leaves_.keys.push_back(leaf);
-    leaves_.parities.push_back(center_to_corner_parities(triangles, frame_.box(leaf)));
-    if (triangles.empty()) return;
+    leaves_.corners.push_back(center_to_corners(frame_.box(leaf), surface));
+    if (surface.is_empty()) return;
     LeafInfo info;
-    info.num_triangles = triangles.size();
+    info.num_triangles = surface.size();
     Batch& batch = batches_.next();
     batch.put_leaf(leaf, info);
-    batch.put_surface(leaf, {std::move(triangles)});
+    batch.put_surface(leaf, surface);
   }
 
   const CheckedSurface& surface_;
@@ -194,14 +195,14 @@ class SurfaceCutter {
   CutLeaves leaves_;
 };
 
-// Leaves of the start, in Morton order, and on which sides their centers lie.
+// Leaves of the start, in Morton order, and the states of their centers.
 struct StartLeaves {
   std::vector<MortonKey> keys;
-  std::vector<bool> is_center_inside;
+  std::vector<DomainState> centers;
 
-  void add(MortonKey key, bool is_inside) {
+  void add(MortonKey key, DomainState center) {
     keys.push_back(key);
-    is_center_inside.push_back(is_inside);
+    centers.push_back(center);
   }
   // Those that begin in the range, of all.
   void keep(const KeyRange& range) {
@@ -212,36 +213,36 @@ struct StartLeaves {
       list.erase(list.begin(), list.begin() + first);
     };
     keep_these(keys);
-    keep_these(is_center_inside);
+    keep_these(centers);
   }
 };
 
-void add_parts(MortonKey node, int level, StartLeaves& leaves) {
-  if (node.level() == level) return leaves.add(node, true);
-  for (int octant = 0; octant < 8; ++octant) add_parts(node.child(octant), level, leaves);
+// `state`: of all of the node
+void add_parts(MortonKey node, int level, DomainState state, StartLeaves& leaves) {
+  if (node.level() == level) return leaves.add(node, state);
+  for (int octant = 0; octant < 8; ++octant) add_parts(node.child(octant), level, state, leaves);
 }
 
-// On which sides the centers of its leaves lie. `octree`: the coarsest with the leaves `near`
-std::vector<bool> sides_of(const LinearOctree& octree, const CutLeaves& near) {
-  std::vector<std::uint8_t> parities(octree.size());
+// Of the centers of its leaves. `octree`: the coarsest with the leaves `near`
+std::vector<DomainState> states_of(const LinearOctree& octree, const CutLeaves& near) {
+  std::vector<CornerStates> corners(octree.size());
   for (std::size_t i = 0, n = 0; i < octree.size() && n < near.keys.size(); ++i)
-    if (octree.leaves()[i] == near.keys[n]) parities[i] = near.parities[n++];
-  return center_sides(octree, parities);
+    if (octree.leaves()[i] == near.keys[n]) corners[i] = near.corners[n++];
+  return center_states(octree, corners);
 }
 
 // Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
 // points are to come.
 StartLeaves completed(const CutLeaves& near, int level) {
   const LinearOctree octree = LinearOctree::coarsest_with(near.keys);
-  const std::vector<bool> sides = sides_of(octree, near);
+  const std::vector<DomainState> states = states_of(octree, near);
   StartLeaves leaves;
   for (std::size_t i = 0; i < octree.size(); ++i) {
     const MortonKey leaf = octree.leaves()[i];
-    if (!sides[i] || leaf.level() >= level) {
-      leaves.add(leaf, sides[i]);
-      continue;
-    }
-    add_parts(leaf, level, leaves);
+    if (states[i].body() == kNoBody || leaf.level() >= level)
+      leaves.add(leaf, states[i]);
+    else
+      add_parts(leaf, level, states[i], leaves);
   }
   return leaves;
 }
@@ -250,21 +251,22 @@ StartLeaves completed(const CutLeaves& near, int level) {
 // the ones beside them, and as narrow as shapes and the largest size ask for.
 StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSides& sides_wanted) {
   LinearOctree octree = LinearOctree::coarsest_with(near.keys);
-  const std::vector<bool> sides = sides_of(octree, near);
-  std::map<MortonKey, bool> is_inside;  // of leaves to begin with
-  for (std::size_t i = 0; i < octree.size(); ++i) is_inside.emplace(octree.leaves()[i], sides[i]);
+  const std::vector<DomainState> states = states_of(octree, near);
+  std::map<MortonKey, DomainState> at_first;  // of leaves to begin with
+  for (std::size_t i = 0; i < octree.size(); ++i) at_first.emplace(octree.leaves()[i], states[i]);
   const auto is_near_surface = [&](MortonKey leaf) {
     return std::ranges::binary_search(near.keys, leaf);
   };
-  const auto side_of = [&](MortonKey leaf) {  // of it, or of the one that it is a part of
-    while (!is_inside.contains(leaf)) leaf = leaf.parent();
-    return is_inside.at(leaf);
+  const auto state_of = [&](MortonKey leaf) {  // of it, or of the one that it is a part of
+    while (!at_first.contains(leaf)) leaf = leaf.parent();
+    return at_first.at(leaf);
   };
+  const auto is_outside = [&](MortonKey leaf) { return state_of(leaf).body() == kNoBody; };
   std::vector<MortonKey> wide(octree.leaves().begin(), octree.leaves().end());
   while (!wide.empty()) {
     const MortonKey leaf = wide.back();
     wide.pop_back();
-    if (!side_of(leaf) || is_near_surface(leaf) || sides_wanted.is_narrow_inside(leaf)) continue;
+    if (is_outside(leaf) || is_near_surface(leaf) || sides_wanted.is_narrow_inside(leaf)) continue;
     octree.split(leaf);
     for (int octant = 0; octant < 8; ++octant) wide.push_back(leaf.child(octant));
   }
@@ -274,7 +276,7 @@ StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSi
     const MortonKey leaf = small[n];
     if (!octree.is_leaf(leaf)) continue;
     for (const MortonKey beside : octree.leaves_within(frame, frame.box(leaf), 0)) {
-      if (beside.level() + 1 >= leaf.level() || !side_of(beside) || is_near_surface(beside))
+      if (beside.level() + 1 >= leaf.level() || is_outside(beside) || is_near_surface(beside))
         continue;
       octree.split(beside);
       for (int octant = 0; octant < 8; ++octant) small.push_back(beside.child(octant));
@@ -282,7 +284,7 @@ StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSi
     }
   }
   StartLeaves leaves;
-  for (const MortonKey leaf : octree.leaves()) leaves.add(leaf, side_of(leaf));
+  for (const MortonKey leaf : octree.leaves()) leaves.add(leaf, state_of(leaf));
   return leaves;
 }
 
@@ -294,8 +296,8 @@ void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatche
     const MortonKey leaf = leaves.keys[i];
     Batch& batch = batches.next();
     LeafInfo info = batch.leaf(leaf).value_or(LeafInfo{});
-    info.is_center_inside = leaves.is_center_inside[i];
-    if (is_cover && (info.num_triangles > 0 || info.is_center_inside)) {
+    info.center = leaves.centers[i];
+    if (is_cover && info.meets_domain()) {
       info.queued = waiting;
       batch.put_queue_entry({waiting, leaf});
     }

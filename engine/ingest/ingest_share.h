@@ -8,6 +8,7 @@
 
 #include "engine/ingest/surface_check.h"
 #include "engine/shared/input_error.h"
+#include "octree/domain_state.h"
 #include "octree/key_range.h"
 #include "octree/morton_key.h"
 
@@ -16,7 +17,7 @@ namespace locvol {
 // Leaves near the surface, in Morton order.
 struct CutLeaves {
   std::vector<MortonKey> keys;
-  std::vector<std::uint8_t> parities;  // their center_to_corner_parities()
+  std::vector<CornerStates> corners;  // their center_to_corners()
 };
 
 // A process judges the cells of a range of keys, and stores the leaves that begin in it. What it

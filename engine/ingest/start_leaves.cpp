@@ -11,7 +11,7 @@
 #include "engine/ingest/surface_check.h"
 #include "engine/plan/octree_plan.h"
 #include "octree/sort_and_unite.h"
-#include "refine/domain/leaf_domain.h"
+#include "refine/domain/triangle_box.h"
 
 namespace locvol {
 namespace {

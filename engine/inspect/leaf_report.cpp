@@ -54,7 +54,7 @@ class Reporter {
     const MortonKey key = report_.key;
     report_.points = value_of([&] { return reader_.points(key); });
     report_.cells = value_of([&] { return reader_.cells(key); });
-    report_.num_triangles = value_of([&] { return reader_.surface(key); }).triangles.size();
+    report_.num_triangles = value_of([&] { return reader_.surface(key); }).size();
     report_.unresolved = value_of([&] { return reader_.unresolved(key); });
     if (report_.info && report_.info->queued)
       value_of([&] { return reader_.has_queue_entry({*report_.info->queued, key}); });

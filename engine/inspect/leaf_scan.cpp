@@ -43,7 +43,7 @@ void read_all(const Reader& reader, const std::optional<RunRecord>& run, LeafRow
   if (points) expect_count(row, "points", points->points.size(), info.num_points);
   if (points && run) check_core_points(points->core, *run, row);
   if (cells) expect_count(row, "cells", cells->cells.size(), info.num_cells);
-  if (surface) expect_count(row, "triangles", surface->triangles.size(), info.num_triangles);
+  if (surface) expect_count(row, "triangles", surface->size(), info.num_triangles);
 }
 
 LeafRow read_row(const Reader& reader, const std::optional<RunRecord>& run, MortonKey key,

@@ -174,13 +174,9 @@ StoredVisit stored_visit(const Store& store, MortonKey leaf) {
   visit.num_left_out = state.leaves().info(leaf).num_left_out;
   visit.num_visits = state.leaves().info(leaf).num_visits;
   visit.input = std::move(loaded.input);
-  if (const LeafDomain* const domain = model.whole().domain) {
+  if (model.whole().domain != nullptr) {
     visit.all_points = all_points(state);
-    visit.input.domain = {.triangles = {domain->triangles().begin(), domain->triangles().end()},
-                          .region = domain->region(),
-                          .reference = domain->region().min,
-                          .is_reference_inside = false,
-                          .fineness = {state.size()}};
+    visit.input.domain = Surroundings(state).whole_domain({state.size()});
   }
   visit.cells = stored_cells(now, leaf);
   return visit;

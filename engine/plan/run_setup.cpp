@@ -77,7 +77,7 @@ double volume_growth(double side, double distance) { return std::pow(1 + 2 * dis
 
 // What the visit of a leaf that wide will take, with some points more near the surface.
 std::uint64_t expected_visit(const RunParameters& parameters, double side, double num_points,
-                             double num_triangles) {
+                             double surface_size) {
   const double reach = kReach * parameters.size;
   // Where sizes vary, leaves far from the surface are large, and their grids coarse.
   if (!parameters.sizes().is_uniform()) side = std::min(side, 2 * start_leaf_side(parameters));
@@ -86,7 +86,7 @@ std::uint64_t expected_visit(const RunParameters& parameters, double side, doubl
   const VisitSize visit{
       .volume = std::pow((side + reach) / parameters.size, 3),
       .num_points = static_cast<std::uint64_t>(1.2 * num_points * volume_growth(side, reach)),
-      .num_triangles = static_cast<std::uint64_t>(num_triangles * volume_growth(side, reach / 2))};
+      .surface_size = static_cast<std::uint64_t>(surface_size * volume_growth(side, reach / 2))};
   return visit.bytes_to_refine();
 }
 
@@ -281,7 +281,7 @@ MemoryPlan planned_memory(const Reader& reader, std::uint64_t cap) {
   reader.for_each_leaf([&](MortonKey key, const LeafInfo& info) {
     const double side = run.frame.side(key.level());
     ++num_leaves;
-    if (info.num_triangles > 0 || info.num_points > 0)
+    if (info.has_surface() || info.num_points > 0)
       largest_visit = std::max(
           largest_visit, expected_visit(run.parameters, side, static_cast<double>(info.num_points),
                                         static_cast<double>(info.num_triangles)));

@@ -15,6 +15,7 @@
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/run/leaf_distances.h"
 #include "octree/octree.h"
+#include "refine/domain/surface_part.h"
 #include "storage/codec.h"
 
 namespace locvol {
@@ -69,24 +70,6 @@ namespace {
 
 std::size_t at(int rank) { return static_cast<std::size_t>(rank); }
 
-// About how much of the triangles is in the box.
-double area_in(const Box& box, std::span<const Triangle> triangles) {
-  double area = 0;
-  for (const Triangle& triangle : triangles) {
-    const Box around = triangle.box();
-    double share = 1;
-    for (int axis = 0; axis < 3; ++axis) {
-      const double width = around.max[axis] - around.min[axis];
-      const double common =
-          std::min(around.max[axis], box.max[axis]) - std::max(around.min[axis], box.min[axis]);
-      if (width > 0) share *= std::max(0.0, common) / width;
-    }
-    const auto& [a, b, c] = triangle.corners;
-    area += share * 0.5 * norm(cross(b - a, c - a));
-  }
-  return area;
-}
-
 // Of what is to be done in a leaf from the run's phase on. At one size nearly all of it is at the
 // surface.
 double predicted_cost(const Reader& reader, MortonKey leaf, const LeafInfo& info,
@@ -101,9 +84,9 @@ double predicted_cost(const Reader& reader, MortonKey leaf, const LeafInfo& info
     return totals.of_volume - totals.of_core + totals.of_area;
   }
   const double side = run.frame.side(leaf.level()) / run.parameters.size;
-  const double least = (info.is_center_inside ? kInside : kOutside) * side * side;
-  if (info.num_triangles == 0) return least;
-  return least + area_in(run.frame.box(leaf), reader.surface(leaf).triangles) /
+  const double least = (info.center.body() != kNoBody ? kInside : kOutside) * side * side;
+  if (!info.has_surface()) return least;
+  return least + area_in(run.frame.box(leaf), reader.surface(leaf)) /
                      (run.parameters.size * run.parameters.size);
 }
 

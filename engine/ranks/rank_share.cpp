@@ -170,7 +170,7 @@ void RankShare::join_cells(std::optional<std::vector<MortonKey>>& cells) const {
 
 void RankShare::join_leaves(CutLeaves& leaves) const {
   stop_.meet();
-  leaves = {gather_all(exchange_, leaves.keys), gather_all(exchange_, leaves.parities)};
+  leaves = {gather_all(exchange_, leaves.keys), gather_all(exchange_, leaves.corners)};
 }
 
 void RankShare::let_first_speak() const {

@@ -9,11 +9,10 @@
 #include <map>
 #include <numeric>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "octree/sort_and_unite.h"
-#include "refine/domain/closest_point.h"
+#include "refine/domain/surface_part.h"
 
 namespace locvol {
 namespace {
@@ -180,29 +179,9 @@ class HangingCells {
   bool is_part_of_surface(const Part& part) {
     const Point& p = *place_of(part.vertices.front());
     const double far = 2 * most_;
-    const auto is_far = [&](const Point& q) { return squared_distance(p, q) > far * far; };
-    std::map<std::uint64_t, Triangle> near;
-    std::multimap<Point, std::uint64_t> at;
-    for (const MortonKey leaf : around_)
-      for (const Triangle& t : state_.leaves().surface(leaf).triangles)
-        if (squared_distance(t, p) <= far * far && near.emplace(t.id, t).second)
-          for (const Point& corner : t.corners) at.emplace(corner, t.id);
-    const auto nearest = std::ranges::min_element(
-        near, {}, [&](const auto& t) { return squared_distance(t.second, p); });
-    if (nearest == near.end()) return false;
-    std::set<std::uint64_t> met{nearest->first};
-    std::vector<std::uint64_t> next{nearest->first};
-    while (!next.empty()) {
-      const Triangle t = near.at(next.back());
-      next.pop_back();
-      for (const Point& corner : t.corners) {
-        if (is_far(corner)) return true;
-        const auto [first, end] = at.equal_range(corner);
-        for (auto other = first; other != end; ++other)
-          if (met.insert(other->second).second) next.push_back(other->second);
-      }
-    }
-    return false;
+    LeafSurface near;
+    for (const MortonKey leaf : around_) append_near(p, far, state_.leaves().surface(leaf), near);
+    return leads_on(p, far, near);
   }
 
   std::uint32_t root(std::uint32_t c) {

@@ -18,7 +18,7 @@ std::size_t vector_bytes(const std::vector<T>& v) {
 std::size_t LeafCache::Entry::bytes() const {
   std::size_t bytes = kEntryBytes;
   if (points.record) bytes += vector_bytes(points.record->points);
-  if (surface.record) bytes += vector_bytes(surface.record->triangles);
+  if (surface.record) bytes += surface.record->bytes();
   if (sizes.record) bytes += vector_bytes(sizes.record->cubes);
   if (cells.record)
     bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);

@@ -47,7 +47,7 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
   const double of_moved = (0.5 * kReach + 1 + reach * (1 + p.growth)) * reached;
   return std::max({graded_conflict(p, info, reached), kConflictSlack * of_moved,
                    kConflictSlack * 2 * reach * info.largest_size + p.size,   // merge_sites()
-                   kConflictSlack * 0.5 * reach * (1 + p.growth) * p.size});  // triangles
+                   kConflictSlack * 0.5 * reach * (1 + p.growth) * p.size});  // surface
 }
 
 double conflict_of_cover(const RunView& run, MortonKey leaf) {

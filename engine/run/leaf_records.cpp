@@ -117,15 +117,15 @@ void LeafRecords::split(MortonKey leaf, std::array<Child, 8> children) {
   data_.octree.split(leaf);
   if (parent.holding == Holding::kOwn) num_own_leaves_ += 7;
   for (int octant = 0; octant < 8; ++octant) {
-    auto& [is_center_inside, points, surface, sizes] = children[static_cast<std::size_t>(octant)];
+    auto& [center, points, surface, sizes] = children[static_cast<std::size_t>(octant)];
     const MortonKey key = leaf.child(octant);
     LeafInfo info;
     info.holding = parent.holding;
     info.ranks = parent.ranks;
-    info.is_center_inside = is_center_inside;
+    info.center = center;
     info.num_points = points.points.size();
     info.num_core_points = num_points(points.core, this->sites(key));
-    info.num_triangles = surface.triangles.size();
+    info.num_triangles = surface.size();
     data_.leaves.add_leaf(key, info, std::move(points), std::move(surface));
     if (!is_uniform()) put_sizes(key, std::move(sizes));
     put_reached_size(key, parent.reached_size);

@@ -43,7 +43,7 @@ class LeafRecords : RunView {
 
   // What the children of a leaf have of it.
   struct Child {
-    bool is_center_inside = false;
+    DomainState center;
     LeafPoints points;
     LeafSurface surface;
     LeafSizes sizes;

@@ -4,8 +4,6 @@
 #include <iterator>
 #include <utility>
 
-#include "octree/sort_and_unite.h"
-
 namespace locvol {
 
 double volume_over_size(const Box& box, double size) {
@@ -13,27 +11,34 @@ double volume_over_size(const Box& box, double size) {
   return sides.x * sides.y * sides.z;
 }
 
-std::vector<Triangle> Surroundings::triangles_meeting(const Box& region) const {
-  std::vector<Triangle> triangles;
+DomainPiece Surroundings::piece_in(const Box& region, GridFineness fineness) const {
+  DomainPiece piece;
+  piece.region = region;
+  piece.fineness = fineness;
   for (const MortonKey leaf : run_.octree().leaves_within(run_.frame(), region, 0)) {
     throw_if_stopped(stop_);
-    if (run_.leaves().info(leaf).num_triangles == 0) continue;
-    std::ranges::copy_if(run_.leaves().surface(leaf).triangles, std::back_inserter(triangles),
-                         [&](const Triangle& t) { return t.box().overlaps(region); });
+    if (!run_.leaves().info(leaf).has_surface()) continue;
+    piece.add(run_.leaves().surface(leaf));
     run_.leaves().trim();
   }
-  sort_and_unite(triangles, &Triangle::id);
-  return triangles;
+  piece.unite();
+  return piece;
 }
 
-DomainPiece Surroundings::domain(MortonKey leaf, double distance, std::vector<Triangle> triangles,
-                                 GridFineness fineness) const {
+DomainPiece Surroundings::domain(MortonKey leaf, double distance, GridFineness fineness) const {
   const Box box = run_.box(leaf);
-  return {.triangles = std::move(triangles),
-          .region = box.expanded(distance),
-          .reference = box.center(),
-          .is_reference_inside = run_.leaves().info(leaf).is_center_inside,
-          .fineness = fineness};
+  DomainPiece piece = piece_in(box.expanded(distance), fineness);
+  piece.reference = box.center();
+  piece.reference_state = run_.leaves().info(leaf).center;
+  return piece;
+}
+
+// The root's corners are outside.
+DomainPiece Surroundings::whole_domain(GridFineness fineness) const {
+  DomainPiece piece = piece_in(run_.frame().root_box(), fineness);
+  piece.reference = piece.region.min;
+  piece.is_whole = true;
+  return piece;
 }
 
 // Only points that samples may not hide ask for the surface: those on it, and volume points at most

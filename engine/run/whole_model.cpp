@@ -15,17 +15,11 @@ constexpr std::uint64_t kPointsOfReservation = 100000, kGridBytesPerPoint = 130;
 HeldModel::HeldModel(const RunView& run, MemoryBudget& budget, const StopToken* stop)
     : budget_(budget) {
   if (run.is_cover()) return;
-  const Box root = run.frame().root_box();
-  std::vector<Triangle> triangles = Surroundings(run, stop).triangles_meeting(root);
-  budget_.keep(
-      VisitSize{.volume = volume_over_size(root, run.size()), .num_triangles = triangles.size()}
-          .bytes_to_refine());
-  domain_ = std::make_unique<LeafDomain>(DomainPiece{.triangles = std::move(triangles),
-                                                     .region = root,
-                                                     .reference = root.min,
-                                                     .is_reference_inside = false,
-                                                     .fineness = {run.size()}},
-                                         stop);
+  DomainPiece whole = Surroundings(run, stop).whole_domain({run.size()});
+  budget_.keep(VisitSize{.volume = volume_over_size(whole.region, run.size()),
+                         .surface_size = whole.surface_size()}
+                   .bytes_to_refine());
+  domain_ = std::make_unique<LeafDomain>(std::move(whole), stop);
   points_.emplace(run.size());
   for (const MortonKey leaf : run.octree().leaves()) {
     throw_if_stopped(stop);

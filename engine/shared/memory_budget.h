@@ -49,15 +49,15 @@ inline constexpr std::uint64_t kLeastCacheBytes = std::uint64_t{24} << 20;
 // input, triangulation, tables and result. Calibrated on whole runs with counted allocations
 // (tests/engine/run/visit_memory_test.cpp).
 struct VisitSize {
-  double volume = 0;                // of its piece of space, over λ³
-  std::uint64_t num_points = 0;     // local ones, with those that it may insert
-  std::uint64_t num_triangles = 0;  // of its piece of the surface
+  double volume = 0;               // of its piece of space, over λ³
+  std::uint64_t num_points = 0;    // local ones, with those that it may insert
+  std::uint64_t surface_size = 0;  // DomainPiece::surface_size()
 
   std::uint64_t bytes_to_refine() const {
-    return kLeast + grid_bytes() + 1900 * num_points + 420 * num_triangles;
+    return kLeast + grid_bytes() + 1900 * num_points + 420 * surface_size;
   }
   std::uint64_t bytes_to_cover() const {
-    return kLeast + grid_bytes() + 250 * num_points + 500 * num_triangles;
+    return kLeast + grid_bytes() + 250 * num_points + 500 * surface_size;
   }
 
  private:

@@ -14,15 +14,13 @@
 namespace locvol {
 namespace {
 
-// In a leaf's box, and on its triangles at the density of a maximal sample (at most one in each
+// In a leaf's box, and on its surface at the density of a maximal sample (at most one in each
 // disk of radius r_s / 2, which is some 1.8 times what it gets to).
 std::uint64_t most_lattice_points(const Box& box, double size) {
   const Point sides = (1 / (kLatticeSpacing * size)) * (box.max - box.min);
   return static_cast<std::uint64_t>(2 * (sides.x + 1) * (sides.y + 1) * (sides.z + 1));
 }
-std::uint64_t most_samples(std::span<const Triangle> triangles, double size) {
-  double area = 0;
-  for (const auto& [id, c] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+std::uint64_t most_samples(double area, double size) {
   return static_cast<std::uint64_t>(2 * area / (size * size));
 }
 
@@ -76,28 +74,28 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     const double size = state_.surface_size(leaf);
     const Box box = state_.box(leaf);
     std::vector<MeshPoint> around;
-    if (state_.leaves().info(leaf).num_triangles > 0)
+    if (state_.leaves().info(leaf).has_surface())
       around = around_.points(leaf, sample_radius(state_.is_uniform()));
-    const double patch_distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
-    const Box region = box.expanded(patch_distance);
-    std::vector<Triangle> triangles = around_.triangles_meeting(region);
+    const double distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+    const double least = state_.least_size(leaf);
+    DomainPiece domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, least));
     const bool has_shapes = state_.parameters().sizes().has_shapes();
     SizeCubes sizes = around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
     const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
                                       : sizes.law.has_core()
                                           ? most_lattice_points(box, sizes.law.most)
                                           : 9 * sizes.cubes.size();
-    const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
-                          .num_points = around.size() + num_lattice + most_samples(triangles, size),
-                          .num_triangles = triangles.size()};
+    const VisitSize visit{
+        .volume = volume_over_size(domain.region, least),
+        .num_points = around.size() + num_lattice + most_samples(domain.area(), size),
+        .surface_size = domain.surface_size()};
     Loaded<CoverInput> loaded;
     loaded.bytes = visit.bytes_to_cover();
     loaded.input = {.size = size,
                     .seed = state_.parameters().seed,
                     .lattice = state_.lattice(),
                     .box = box,
-                    .domain = around_.domain(leaf, patch_distance, std::move(triangles),
-                                             fineness(kFinenessOfCover, state_.least_size(leaf))),
+                    .domain = std::move(domain),
                     .nearby_samples = {},
                     .sizes = std::move(sizes)};
     for (const MeshPoint& point : around)

@@ -28,25 +28,24 @@ class FillStage : public VisitingStage<FillInput, FillPoints> {
   Loaded<FillInput> load_input(MortonKey leaf) override {
     constexpr GridFineness kFineness{3, 48};
     const double size = state_.surface_size(leaf);
-    const double patch_distance =
+    const double distance =
         state_.is_uniform() ? kDistanceSlack * size : around_.surface_reach(leaf);
     std::vector<MeshPoint> points = around_.points(leaf, kFillReach);
     const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
     points.insert(points.end(), own.begin(), own.end());
     std::ranges::sort(points, {}, &MeshPoint::id);
     CoreRows core = core_around(state_, leaf, kCoreReach * core_size(state_.parameters()));
-    const Box region = state_.box(leaf).expanded(patch_distance);
-    std::vector<Triangle> triangles = around_.triangles_meeting(region);
-    const VisitSize visit{.volume = volume_over_size(region, state_.least_size(leaf)),
+    const double least = state_.least_size(leaf);
+    DomainPiece domain = around_.domain(leaf, distance, fineness(kFineness, least));
+    const VisitSize visit{.volume = volume_over_size(domain.region, least),
                           .num_points = points.size(),
-                          .num_triangles = triangles.size()};
+                          .surface_size = domain.surface_size()};
     return {.bytes = visit.bytes_to_cover(),
             .input = {.size = size,
                       .box = state_.box(leaf),
                       .points = std::move(points),
                       .core = std::move(core),
-                      .domain = around_.domain(leaf, patch_distance, std::move(triangles),
-                                               fineness(kFineness, state_.least_size(leaf))),
+                      .domain = std::move(domain),
                       .sizes = around_.sizes(leaf, kFillReach)}};
   }
 

@@ -36,16 +36,14 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
         .frame = state_.frame(),
         .leaf = leaf,
         .domain = {}};
-    if (state_.leaves().info(leaf).num_triangles == 0) return loaded;
+    if (!state_.leaves().info(leaf).has_surface()) return loaded;
     const double distance = measure_reach(loaded.input.rules, p.size);
-    const Box region = state_.box(leaf).expanded(distance);
-    std::vector<Triangle> triangles = around_.triangles_meeting(region);
-    const VisitSize visit{.volume = volume_over_size(region, p.size),
-                          .num_points = triangles.size(),  // with what is measured of them
-                          .num_triangles = triangles.size()};
+    DomainPiece& domain = loaded.input.domain;
+    domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, p.size));
+    const VisitSize visit{.volume = volume_over_size(domain.region, p.size),
+                          .num_points = domain.surface_size(),  // what is measured
+                          .surface_size = domain.surface_size()};
     loaded.bytes = visit.bytes_to_cover() + kBytesPerPiece * most_pieces(p);
-    loaded.input.domain =
-        around_.domain(leaf, distance, std::move(triangles), fineness(kFinenessOfCover, p.size));
     return loaded;
   }
 
@@ -67,7 +65,7 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
   // What measuring the leaf takes, and what its nodes do, over what a visit should.
   double share_of_pieces(MortonKey leaf) {
     const double of_nodes = share_of_nodes(state_, leaf);
-    if (state_.leaves().info(leaf).num_triangles == 0) return of_nodes;
+    if (!state_.leaves().info(leaf).has_surface()) return of_nodes;
     const Loaded<MeasureInput> loaded = load_input(leaf);
     const auto memory = tools_.budget.reserve(loaded.bytes);
     return std::max(of_nodes, num_pieces_to_measure(loaded.input, &tools_.stop) /

@@ -127,34 +127,32 @@ class RefineStage : public VisitingStage<LeafInput, LeafDelta> {
 Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, HeldModel& model,
                               MortonKey leaf) {
   const double size = run.surface_size(leaf);
-  const double patch_distance =
+  const double distance =
       run.is_uniform() ? kDistanceSlack * kReach / 2 * size : around.surface_reach(leaf);
   model.keep_memory_of_points();
   std::vector<MeshPoint> own = run.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = around.points(leaf, run.is_cover() ? kReach : kNeighborhood);
-  const Box region = run.box(leaf).expanded(patch_distance);
-  std::vector<Triangle> triangles;
-  if (run.is_cover()) triangles = around.triangles_meeting(region);
-  const VisitSize visit{
-      .volume = run.is_cover() ? volume_over_size(region, run.least_size(leaf)) : 0,
-      .num_points = most_points_of_visit(run, own.size(), ghosts.size()),
-      .num_triangles = triangles.size()};
   std::optional<LastVisit> last = last_visit(run, leaf);
-  const GridFineness fineness = locvol::fineness(last ? kCoarse : kFine, run.least_size(leaf));
+  const double least = run.least_size(leaf);
+  DomainPiece domain;  // in paper mode the model has it
+  if (run.is_cover())
+    domain = around.domain(leaf, distance, fineness(last ? kCoarse : kFine, least));
+  const VisitSize visit{.volume = run.is_cover() ? volume_over_size(domain.region, least) : 0,
+                        .num_points = most_points_of_visit(run, own.size(), ghosts.size()),
+                        .surface_size = domain.surface_size()};
   Loaded<LeafInput> loaded;
   loaded.bytes = visit.bytes_to_refine();
   loaded.input = {.criteria = criteria(run, leaf),
                   .box = run.box(leaf),
                   .own = std::move(own),
                   .ghosts = std::move(ghosts),
-                  .domain = {},
+                  .domain = std::move(domain),
                   .core = {},
                   .max_own_points = max_own_points(run, leaf),
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(run.parameters().leaf_capacity)};
   if (!run.is_cover()) return loaded;
   loaded.input.waiting = waiting_around(run, leaf);
-  loaded.input.domain = around.domain(leaf, patch_distance, std::move(triangles), fineness);
   loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.parameters()));
   loaded.input.sizes = around.sizes(leaf, kReach);
   return loaded;

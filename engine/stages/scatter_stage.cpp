@@ -1,8 +1,8 @@
 // Paper mode's first points, all or nothing: a second time, the same ones would come again.
 #include "engine/plan/phases.h"
-#include "engine/run/first_points.h"
 #include "engine/stages/apply_visit.h"
 #include "engine/stages/stages.h"
+#include "refine/scatter_surface.h"
 
 namespace locvol {
 namespace {
@@ -14,7 +14,7 @@ class ScatterStage : public LeafStage {
   Phase end() override {
     RunState& state = tools_.state;
     const RunParameters& p = state.parameters();
-    for (const Point& point : scatter_on_surface(tools_.model.whole().domain->triangles(), p.seed))
+    for (const Point& point : scatter_on_surface(*tools_.model.whole().domain, p.seed))
       tools_.model.note_inserted(state.points().add(point, PointKind::kSurface));
     begin_refinement(state, nullptr);
     return next_phase(p, Phase::kScatter);

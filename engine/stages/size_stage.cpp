@@ -127,7 +127,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
     if (parameters.has_nodes()) {
       const double diagonal = norm(box.max - box.min);
       const double deepest =
-          state_.leaves().info(leaf).num_triangles > 0
+          state_.leaves().info(leaf).has_surface()
               ? diagonal
               : far_->around(box).distance(box.center(), std::numeric_limits<double>::max()) +
                     0.5 * diagonal;
@@ -137,19 +137,18 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
             most, node.size + parameters.growth * state_.frame().box(node.key).most_distance(box));
     }
     const double distance = kExactDistance * most;
-    const Box region = box.expanded(distance);
-    std::vector<Triangle> triangles = around_.triangles_meeting(region);
-    const VisitSize visit{.volume = triangles.empty() ? 0 : volume_over_size(region, most),
-                          .num_points = 0,
-                          .num_triangles = triangles.size()};
+    DomainPiece domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, most));
+    const VisitSize visit{
+        .volume = domain.has_surface() ? volume_over_size(domain.region, most) : 0,
+        .num_points = 0,
+        .surface_size = domain.surface_size()};
     return {.bytes = visit.bytes_to_cover() + shapes.size() * sizeof(SizeShape) +
                      kBytesPerNode * nodes.size(),
             .input = {.law = parameters.sizes(),
                       .exact_distance = distance,
                       .frame = state_.frame(),
                       .leaf = leaf,
-                      .domain = around_.domain(leaf, distance, std::move(triangles),
-                                               fineness(kFinenessOfCover, most)),
+                      .domain = std::move(domain),
                       .shapes = {shapes.begin(), shapes.end()},
                       .nodes = std::move(nodes)}};
   }
@@ -171,8 +170,8 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
     for (const MortonKey leaf : state_.octree().leaves()) {
       throw_if_stopped(&tools_.stop);
       state_.leaves().trim();
-      if (state_.leaves().info(leaf).num_triangles > 0 && state_.is_own(leaf))
-        far.add(leaf, state_.leaves().surface(leaf).triangles);
+      if (state_.leaves().info(leaf).has_surface() && state_.is_own(leaf))
+        far.add(leaf, state_.leaves().surface(leaf));
     }
     far.finish();
     return far;
@@ -232,7 +231,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
     for (const MortonKey other : state_.octree().leaves_within(frame, box, kWidest * farthest)) {
       throw_if_stopped(&tools_.stop);
       if (!state_.is_own(other)) continue;
-      if (state_.leaves().info(other).num_triangles == 0 && !p.has_image()) continue;
+      if (!state_.leaves().info(other).has_surface() && !p.has_image()) continue;
       for (const SizedNode& node : state_.leaves().sizes(other).nodes) take(node);
       state_.leaves().trim();
     }

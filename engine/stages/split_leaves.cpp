@@ -12,9 +12,9 @@
 #include "engine/exchange/pack.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/run/core_around.h"
-#include "engine/run/leaf_sides.h"
+#include "engine/run/leaf_states.h"
 #include "engine/shared/input_error.h"
-#include "refine/domain/leaf_domain.h"
+#include "refine/domain/surface_part.h"
 #include "refine/size_leaf.h"
 
 namespace locvol {
@@ -26,8 +26,7 @@ void split_empty_leaf(RunState& state, MortonKey leaf) {
   split_leaf(state, leaf);
   if (!queued) return;
   for (int octant = 0; octant < 8; ++octant) {
-    const LeafInfo& info = state.leaves().info(leaf.child(octant));
-    if (info.num_triangles > 0 || info.is_center_inside)
+    if (state.leaves().info(leaf.child(octant)).meets_domain())
       state.queue().enqueue(leaf.child(octant), queued->epoch);
   }
 }
@@ -90,8 +89,8 @@ void split_leaf(RunState& state, MortonKey leaf) {
     const MortonKey owner = state.frame().key_of(point.position, leaf.level() + 1);
     children[static_cast<std::size_t>(owner.octant())].points.points.push_back(point);
   }
-  std::array<std::uint8_t, 8> parities{};
-  const std::vector<Triangle>& triangles = state.leaves().surface(leaf).triangles;
+  std::array<CornerStates, 8> corners;
+  const LeafSurface& surface = state.leaves().surface(leaf);
   LeafSizes sizes;
   if (!state.is_uniform()) sizes = state.leaves().sizes(leaf);
   for (int octant = 0; octant < 8; ++octant) {
@@ -105,15 +104,12 @@ void split_leaf(RunState& state, MortonKey leaf) {
                          &SizeCube::key);
     std::ranges::copy_if(sizes.nodes, std::back_inserter(children[i].sizes.nodes), is_in_child,
                          &SizedNode::key);
-    auto& met = children[i].surface.triangles;
-    std::ranges::copy_if(triangles, std::back_inserter(met),
-                         [&](const Triangle& t) { return meets(t, box); });
-    parities[i] = center_to_corner_parities(met, box);
+    children[i].surface = part_in(box, surface);
+    corners[i] = center_to_corners(box, children[i].surface);
     children[i].points.core = clipped(own.core, state.sites(leaf.child(octant)));
   }
-  const std::vector<bool> sides =
-      center_sides_of_children(state.leaves().info(leaf).is_center_inside, parities);
-  for (std::size_t i = 0; i < children.size(); ++i) children[i].is_center_inside = sides[i];
+  const auto states = center_states_of_children(state.leaves().info(leaf).center, corners);
+  for (std::size_t i = 0; i < children.size(); ++i) children[i].center = states[i];
   state.records().split(leaf, std::move(children));
   for (int octant = 0; octant < 8; ++octant)
     if (const MortonKey child = leaf.child(octant); state.is_own(child))

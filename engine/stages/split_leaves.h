@@ -10,7 +10,7 @@
 
 namespace locvol {
 
-// The leaf's points, triangles, sizes and known side go to its children.
+// The leaf's points, surface, sizes and the state of its center go to its children.
 void split_leaf(RunState& state, MortonKey leaf);
 
 // The step that splits those of the leaves that `find` gives, and their parts, that are the rank's

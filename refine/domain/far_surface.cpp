@@ -58,7 +58,7 @@ auto order_of(const FarPoint& p) { return std::pair(p.node.range_min(), p.node.l
 
 }  // namespace
 
-void FarSurface::add(MortonKey leaf, std::span<const Triangle> triangles) {
+void FarSurface::add(MortonKey leaf, const LeafSurface& surface) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   struct Nearest {
     Point point;
@@ -80,7 +80,7 @@ void FarSurface::add(MortonKey leaf, std::span<const Triangle> triangles) {
     return (static_cast<std::size_t>(k) * num + static_cast<std::size_t>(j)) * num +
            static_cast<std::size_t>(i);
   };
-  for (const Triangle& triangle : triangles) {
+  for (const Triangle& triangle : surface.triangles) {
     const Box around = triangle.box();
     if (!around.overlaps(box)) continue;
     std::array<int, 3> low{}, high{};

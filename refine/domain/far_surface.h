@@ -9,6 +9,7 @@
 
 #include "octree/frame.h"
 #include "octree/geometry.h"
+#include "octree/leaf_surface.h"
 #include "octree/morton_key.h"
 #include "refine/domain/box_tree.h"
 
@@ -58,8 +59,8 @@ class FarSurface {
  public:
   explicit FarSurface(const Frame& frame) : frame_(frame) {}
 
-  // `triangles`: that meet the leaf's box.
-  void add(MortonKey leaf, std::span<const Triangle> triangles);
+  // `surface`: that meets the leaf's box.
+  void add(MortonKey leaf, const LeafSurface& surface);
   void finish();  // once all leaves are there
   // What another process has to know of a part of the surface, as far as it is enough for places in
   // these boxes. It gets the points by add_told(). REQUIRES: finish() was called

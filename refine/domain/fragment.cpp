@@ -1,5 +1,8 @@
 #include "refine/domain/fragment.h"
 
+#include <cmath>
+#include <limits>
+
 #include "octree/mix.h"
 
 namespace locvol {
@@ -36,6 +39,34 @@ std::array<Fragment, 2> halves(const Fragment& f, std::size_t edge) {
   const Point& apex = f.corners[(edge + 2) % 3];
   const Point middle = 0.5 * (a + b);
   return {Fragment{{a, middle, apex}, mix(f.key)}, Fragment{{middle, b, apex}, mix(f.key ^ 1)}};
+}
+
+Box closed(const Box& box) {
+  const auto before = [](double v) {
+    return std::nextafter(v, -std::numeric_limits<double>::infinity());
+  };
+  return {box.min, {before(box.max.x), before(box.max.y), before(box.max.z)}};
+}
+
+std::vector<Fragment> fragments_in(const Box& box, const LeafDomain& domain, std::uint64_t seed,
+                                   const StopToken* stop) {
+  StopPoll poll(stop);
+  const Box owned = closed(box);
+  std::vector<Fragment> fragments;
+  for (const Triangle& triangle : domain.triangles()) {
+    poll();
+    const Box bounds = triangle.box();
+    if (!bounds.overlaps(owned)) continue;
+    const std::uint64_t key = mix(mix(seed) ^ triangle.id);
+    if (owned.contains(bounds.min) && owned.contains(bounds.max)) {
+      fragments.push_back({triangle.corners, key});
+      continue;
+    }
+    const std::vector<Point> polygon = clipped(triangle, box);
+    for (std::size_t i = 2; i < polygon.size(); ++i)
+      fragments.push_back({{polygon[0], polygon[i - 1], polygon[i]}, mix(key + i)});
+  }
+  return fragments;
 }
 
 std::vector<Point> clipped(const Triangle& triangle, const Box& box) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "octree/stop.h"
 #include "refine/domain/leaf_domain.h"
 
 namespace locvol {
@@ -38,6 +39,13 @@ inline std::pair<std::size_t, double> longest_edge(const Fragment& f) {
 std::array<Fragment, 2> halves(const Fragment& f, std::size_t edge);
 
 Point clamped(const Point& p, const Box& box);
+// The closed box that holds the same points as a half-open one.
+Box closed(const Box& box);
+
+// Of all the surface in a half-open box. Pieces on a face of it stay, though they may belong to the
+// next leaf as well: after rounding nobody can tell. Throws Stopped.
+std::vector<Fragment> fragments_in(const Box& box, const LeafDomain& domain, std::uint64_t seed,
+                                   const StopToken* stop);
 
 // The piece of a triangle in a closed box: a convex polygon, or nothing.
 std::vector<Point> clipped(const Triangle& triangle, const Box& box);

@@ -8,6 +8,7 @@
 #include "octree/sort_and_unite.h"
 #include "refine/domain/closest_point.h"
 #include "refine/domain/crossing.h"
+#include "refine/domain/triangle_box.h"
 
 namespace locvol {
 namespace {
@@ -16,60 +17,17 @@ constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
 constexpr std::uint8_t kMaxRings = 254;  // distances beyond it are not told apart
-constexpr double kMeetSlack = 1e-13;     // over the largest coordinate; far above rounding errors
-
-double largest_coordinate(const Box& b) { return std::max(max_norm(b.min), max_norm(b.max)); }
-
-// The plane test: the box's center is farther from the triangle's plane than its corners reach.
-bool plane_misses(const Triangle& t, const Box& box, double slack) {
-  const auto& [a, b, c] = t.corners;
-  const Point n = cross(b - a, c - a);
-  const Point half = 0.5 * (box.max - box.min);
-  const double size = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
-  const double reach = std::abs(n.x) * half.x + std::abs(n.y) * half.y + std::abs(n.z) * half.z;
-  // The normal of a needle has large relative errors, bounded by the edges' rounding.
-  const Point e = b - a, f = c - a;
-  const double edge =
-      std::abs(e.x) + std::abs(e.y) + std::abs(e.z) + std::abs(f.x) + std::abs(f.y) + std::abs(f.z);
-  const double error = slack * (size + edge * norm(half) * 4);
-  return std::abs(dot(n, box.center() - a)) > reach + error;
-}
-
-bool meets_with_slack(const Triangle& t, const Box& triangle_box, const Box& box, double slack) {
-  return triangle_box.overlaps(box.expanded(slack)) && !plane_misses(t, box, slack);
-}
 
 Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
   const auto& [u, v, w] = triangle.corners;
   const Point n = cross(v - u, w - u);
   const double from = dot(a - u, n), to = dot(b - u, n);
   const double t = from == to ? 0.5 : std::clamp(from / (from - to), 0.0, 1.0);
-  return {t < 0.5 ? a + t * (b - a) : b + (1 - t) * (a - b), t, triangle.id};
+  return {t < 0.5 ? a + t * (b - a) : b + (1 - t) * (a - b), t, triangle.id, sheet_of(triangle),
+          change_across(triangle)};
 }
 
 }  // namespace
-
-bool meets(const Triangle& triangle, const Box& box) {
-  const Box tb = triangle.box();
-  const double slack = kMeetSlack * std::max(largest_coordinate(tb), largest_coordinate(box));
-  return meets_with_slack(triangle, tb, box, slack);
-}
-
-std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, const Box& box) {
-  const Point center = box.center();
-  std::uint8_t parities = 0;
-  for (const Triangle& triangle : triangles) {
-    const Box tb = triangle.box();
-    for (int k = 0; k < 8; ++k) {
-      const Point corner{(k & 1 ? box.max : box.min).x, (k & 2 ? box.max : box.min).y,
-                         (k & 4 ? box.max : box.min).z};
-      if (tb.overlaps(Box::around(center).joined(corner)) &&
-          segment_crosses(center, corner, triangle))
-        parities = static_cast<std::uint8_t>(parities ^ (1 << k));
-    }
-  }
-  return parities;
-}
 
 struct LeafDomain::Impl {
   using Index = std::uint32_t;
@@ -90,12 +48,14 @@ struct LeafDomain::Impl {
   std::vector<Triangle> triangles;
   std::vector<Box> boxes;  // of the triangles
   Box region;
+  bool is_whole = false;
+  std::optional<SheetId> only_sheet;
   double slack = 0;
   std::array<int, 3> num{};  // grid cells on each axis
   Point step, inverse_step;
   std::vector<Index> first;  // of a grid cell's triangles in `held`; one more at the end
   std::vector<Index> held;
-  std::vector<std::uint8_t> is_center_inside;
+  std::vector<DomainState> of_center;   // of a grid cell
   std::vector<std::uint64_t> occupied;  // bit i of a row's words: its cell i holds triangles
   std::vector<std::uint8_t> rings;      // Chebyshev distance to a cell with triangles
   std::vector<Index> both;              // of spread()
@@ -139,11 +99,12 @@ struct LeafDomain::Impl {
   void for_each_cell_met(Index triangle, Visit visit) const;
   void fill_grid(const StopToken* stop);
   void measure_rings();
-  void spread_sides(const Point& reference, bool is_inside, const StopToken* stop);
+  void note_sheets();
+  void spread_states(const Point& reference, DomainState state, const StopToken* stop);
   void spread_over_plane(int i0, int j0, int k, int from);
   void spread_over_row(int i0, int j, int k, int from);
   void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
-  bool is_crossed_oddly(const Point& a, const Point& b, std::span<const Index> some) const;
+  DomainState change_between(const Point& a, const Point& b, std::span<const Index> some) const;
   template <class Visit>
   bool for_each_held_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
@@ -256,23 +217,31 @@ void LeafDomain::Impl::measure_rings() {
   }
 }
 
-bool LeafDomain::Impl::is_crossed_oddly(const Point& a, const Point& b,
-                                        std::span<const Index> some) const {
+DomainState LeafDomain::Impl::change_between(const Point& a, const Point& b,
+                                             std::span<const Index> some) const {
   const Box segment = Box::around(a).joined(b);
-  bool is_odd = false;
+  DomainState change;
   for (const Index t : some)
-    if (boxes[t].overlaps(segment) && segment_crosses(a, b, triangles[t])) is_odd = !is_odd;
-  return is_odd;
+    if (boxes[t].overlaps(segment) && segment_crosses(a, b, triangles[t]))
+      change = change.crossed(change_across(triangles[t]));
+  return change;
+}
+
+void LeafDomain::Impl::note_sheets() {
+  if (triangles.empty()) return;
+  const SheetId first_sheet = sheet_of(triangles.front());
+  if (std::ranges::all_of(triangles, [&](const Triangle& t) { return sheet_of(t) == first_sheet; }))
+    only_sheet = first_sheet;
 }
 
 // From center to center of neighboring cells: along x, then from row to row, then from plane to
 // plane. The segment between two centers crosses only triangles that one of the two cells holds.
-void LeafDomain::Impl::spread_sides(const Point& reference, bool is_inside, const StopToken* stop) {
-  is_center_inside.resize(num_cells());
+void LeafDomain::Impl::spread_states(const Point& reference, DomainState state,
+                                     const StopToken* stop) {
+  of_center.resize(num_cells());
   const auto [i0, j0, k0] = cell_of(reference);
   const std::size_t start = index(i0, j0, k0);
-  is_center_inside[start] = static_cast<std::uint8_t>(
-      is_inside != is_crossed_oddly(reference, center(i0, j0, k0), held_by(start)));
+  of_center[start] = state.crossed(change_between(reference, center(i0, j0, k0), held_by(start)));
   const auto spread_over = [&](int k, int from) {
     throw_if_stopped(stop);
     spread_over_plane(i0, j0, k, from);
@@ -296,7 +265,7 @@ void LeafDomain::Impl::spread_over_row(int i0, int j, int k, int from) {
     if (rings[here] == 0 || rings[there] == 0)
       spread({before, j, k}, {i, j, k});
     else
-      is_center_inside[there] = is_center_inside[here];
+      of_center[there] = of_center[here];
   };
   for (int i = i0 + 1; i < num[0]; ++i) step_to(i, i - 1);
   for (int i = i0; i-- > 0;) step_to(i, i + 1);
@@ -304,13 +273,12 @@ void LeafDomain::Impl::spread_over_row(int i0, int j, int k, int from) {
 
 void LeafDomain::Impl::spread(const std::array<int, 3>& a, const std::array<int, 3>& b) {
   const std::size_t here = index(a[0], a[1], a[2]), there = index(b[0], b[1], b[2]);
-  bool side = is_center_inside[here];
-  if (rings[here] == 0 || rings[there] == 0) {
-    both.clear();
-    std::ranges::set_union(held_by(here), held_by(there), std::back_inserter(both));
-    if (is_crossed_oddly(center(a[0], a[1], a[2]), center(b[0], b[1], b[2]), both)) side = !side;
-  }
-  is_center_inside[there] = side;
+  of_center[there] = of_center[here];
+  if (rings[here] > 0 && rings[there] > 0) return;
+  both.clear();
+  std::ranges::set_union(held_by(here), held_by(there), std::back_inserter(both));
+  of_center[there] = of_center[here].crossed(
+      change_between(center(a[0], a[1], a[2]), center(b[0], b[1], b[2]), both));
 }
 
 // The part of the segment from a to b inside the region, a rounding error longer; as points, and
@@ -400,17 +368,19 @@ void LeafDomain::Impl::for_each_cell_along(Point a, Point b, Visit visit) const 
 LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop) : impl_(std::make_unique<Impl>()) {
   impl_->triangles = std::move(piece.triangles);
   impl_->region = piece.region;
+  impl_->is_whole = piece.is_whole;
   impl_->boxes.reserve(impl_->triangles.size());
   Box all = piece.region;  // a plane's rounding errors go with the triangle's size
   for (const Triangle& t : impl_->triangles) {
     impl_->boxes.push_back(t.box());
     all = all.joined(impl_->boxes.back());
   }
-  impl_->slack = kMeetSlack * largest_coordinate(all);
+  impl_->slack = slack_at(largest_coordinate(all));
   impl_->choose_grid(piece.fineness);
   impl_->fill_grid(stop);
   impl_->measure_rings();
-  impl_->spread_sides(piece.reference, piece.is_reference_inside, stop);
+  impl_->spread_states(piece.reference, piece.reference_state, stop);
+  impl_->note_sheets();
 }
 
 LeafDomain::LeafDomain(LeafDomain&&) noexcept = default;
@@ -419,15 +389,18 @@ LeafDomain::~LeafDomain() = default;
 
 const Box& LeafDomain::region() const { return impl_->region; }
 std::span<const Triangle> LeafDomain::triangles() const { return impl_->triangles; }
+std::optional<SheetId> LeafDomain::only_sheet() const { return impl_->only_sheet; }
 
 LeafDomain::Location LeafDomain::locate(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   const std::size_t cell = impl_->index(i, j, k);
   const double bound = impl_->distance_bound(impl_->rings[cell]);
-  if (!impl_->region.contains(p)) return {false, bound};
-  const bool side = impl_->is_center_inside[cell];
-  if (impl_->rings[cell] > 0) return {side, bound};
-  return {side != impl_->is_crossed_oddly(p, impl_->center(i, j, k), impl_->held_by(cell)), bound};
+  if (!impl_->region.contains(p))
+    return {impl_->is_whole ? std::optional(DomainState()) : std::nullopt, bound};
+  const DomainState state = impl_->of_center[cell];
+  if (impl_->rings[cell] > 0) return {state, bound};
+  return {state.crossed(impl_->change_between(p, impl_->center(i, j, k), impl_->held_by(cell))),
+          bound};
 }
 
 void LeafDomain::crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const {
@@ -516,15 +489,16 @@ bool LeafDomain::is_near(const Point& p, double distance) const {
 }
 
 // A first guess bounds where to look.
-std::optional<Point> LeafDomain::closest_to(const Point& p, double distance) const {
-  std::optional<Point> closest;
+std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distance) const {
+  std::optional<SurfacePoint> closest;
   double least = distance * distance;
   Impl::Index of = 0;
   const auto look_at = [&](Impl::Index t) {
     if (impl_->boxes[t].squared_distance(p) > least) return true;
     const Point q = closest_on_triangle(impl_->triangles[t].corners, p);
     const double d = squared_distance(p, q);
-    if (d < least || (d == least && closest && t < of)) closest = q, least = d, of = t;
+    if (d < least || (d == least && closest && t < of))
+      closest = {q, sheet_of(impl_->triangles[t])}, least = d, of = t;
     return true;
   };
   if (impl_->triangles.empty()) return closest;
@@ -552,6 +526,38 @@ void LeafDomain::corners_near(const Point& p, double distance, std::vector<Point
   triangles_near(p, distance, near);
   for (const Triangle& t : near) out.insert(out.end(), t.corners.begin(), t.corners.end());
   sort_and_unite(out);
+}
+
+std::vector<Point> LeafDomain::corners() const {
+  std::vector<Point> all;
+  for (const Triangle& t : impl_->triangles)
+    all.insert(all.end(), t.corners.begin(), t.corners.end());
+  sort_and_unite(all);
+  return all;
+}
+
+// By the normals of what is near, against that of what is nearest.
+bool LeafDomain::is_fold(const Point& p, double distance) const {
+  constexpr double kCosineOfFold = -0.5;  // parts at less than 60° face each other
+  std::vector<Triangle> near;
+  triangles_near(p, distance, near);
+  std::vector<Point> normals;
+  double nearest = distance * distance;
+  Point normal;
+  for (const Triangle& t : near) {
+    const double squared = squared_distance(t, p);
+    const auto& [a, b, c] = t.corners;
+    const Point area = cross(b - a, c - a);
+    const double length = norm(area);
+    if (!(squared < distance * distance && length > 0)) continue;
+    normals.push_back((1 / length) * area);
+    if (squared < nearest) {
+      nearest = squared;
+      normal = normals.back();
+    }
+  }
+  return std::ranges::any_of(
+      normals, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
 }
 
 }  // namespace locvol

@@ -1,15 +1,13 @@
-// LeafDomain answers exact questions about a piece of the input surface.
+// LeafDomain answers exact questions about a piece of the domain: which body has a place, and where
+// a segment crosses the surface. README.md beside it says how.
 //
-// Consistency (refine/ALGORITHM.md): is_inside(p) and the parity of crossings(a, b) are functions
-// of the points and of the whole surface alone, whatever piece was loaded. Degenerate positions (a
-// segment through an edge or a vertex, a point on a triangle) are decided by moving all query
-// points by the same infinitesimal vector (ε, ε², ε³): the number of crossings of (a, b) is odd
-// exactly if is_inside(a) != is_inside(b). A triangle without area is never crossed.
+// Consistency (refine/ALGORITHM.md): state(p) and what crossings(a, b) change are functions of the
+// points and of the whole domain alone, whatever piece was loaded. Degenerate positions (a segment
+// through an edge or a vertex, a point on a triangle) are decided by moving all query points by the
+// same infinitesimal vector (ε, ε², ε³): what is crossed from a to b leads from the state of a to
+// that of b. A triangle without area is never crossed.
 //
-// How: a uniform grid over the region. Each grid cell knows the triangles that meet it, the side of
-// its center, and how far away the nearest cell with triangles is. A point's side needs only the
-// triangles of its own cell: the segment to the center stays in the cell.
-// Cost: about 30 bytes per grid cell and triangle reference; side of a point 10 ns away from the
+// Cost: about 30 bytes per grid cell and triangle reference; label of a point 10 ns away from the
 // surface and 0.2 µs beside it.
 // Threads: const functions are safe from many threads.
 #pragma once
@@ -20,32 +18,43 @@
 #include <span>
 #include <vector>
 
+#include "octree/domain_state.h"
 #include "octree/geometry.h"
 #include "octree/stop.h"
+#include "refine/domain/domain_piece.h"
 
 namespace locvol {
 
+// Where a segment from a to b crosses the surface.
 struct Crossing {
   Point position;  // rounded
   double t = 0;    // 0 at a, 1 at b
   std::uint64_t triangle = 0;
+  SheetId sheet = kOnlySheet;
+  DomainState change;  // of the state, there
 };
 
-// How fine a patch's grid is. Decides no answer but distance_bound's.
-struct GridFineness {
-  double resolution = 0;          // distances to the surface of about this size matter; 0: unknown
-  double triangles_per_cell = 4;  // at most, on average over cells that the surface passes through
-  friend bool operator==(const GridFineness&, const GridFineness&) = default;
-};
+// Walks along crossings in order, from a place of this state: visit(crossing, before, after) is
+// told the bodies on its sides. Returns the state at the end.
+template <class Visit>
+DomainState follow(DomainState state, std::span<const Crossing> crossings, const Visit& visit) {
+  for (const Crossing& crossing : crossings) {
+    const BodyId before = state.body();
+    state = state.crossed(crossing.change);
+    visit(crossing, before, state.body());
+  }
+  return state;
+}
+inline DomainState follow(DomainState state, std::span<const Crossing> crossings) {
+  return follow(state, crossings, [](const Crossing&, BodyId, BodyId) {});
+}
 
-// What a patch is built from: a value, which can be stored and sent.
-struct DomainPiece {
-  std::vector<Triangle> triangles;  // all that meet `region`, each once, and others; in order of id
-  Box region;
-  Point reference;  // of known side, in `region`
-  bool is_reference_inside = false;
-  GridFineness fineness = {};
-  friend bool operator==(const DomainPiece&, const DomainPiece&) = default;
+// Of a label. What is not loaded is in none.
+inline bool is_in_body(std::optional<BodyId> label) { return label.value_or(kNoBody) != kNoBody; }
+
+struct SurfacePoint {
+  Point position;
+  SheetId sheet = kOnlySheet;
 };
 
 class LeafDomain {
@@ -56,45 +65,50 @@ class LeafDomain {
   ~LeafDomain();
 
   const Box& region() const;
+  bool has_surface() const { return !triangles().empty(); }
   std::span<const Triangle> triangles() const;
+  // The sheet of all of the surface that is loaded; null if there are several, or none.
+  std::optional<SheetId> only_sheet() const;
 
-  // A point outside region() counts as outside: right only for a patch with the whole surface.
-  bool is_inside(const Point& p) const { return locate(p).is_inside; }
+  // ---- Of a place. Null: it lies out of the region, and the piece is not the whole domain.
+  std::optional<DomainState> state(const Point& p) const { return locate(p).state; }
+  std::optional<BodyId> label(const Point& p) const { return locate(p).label(); }
   struct Location {
-    bool is_inside = false;
+    std::optional<DomainState> state;
     double distance_bound = 0;
+    std::optional<BodyId> label() const {
+      return state ? std::optional(state->body()) : std::nullopt;
+    }
   };
   Location locate(const Point& p) const;  // both at the price of one
-  // Finds all crossings of the segment with the surface, by t, each triangle at most once. The part
-  // of the segment outside region() is ignored.
+
+  // ---- Of a segment
+  // Finds all crossings with the surface, by t, each triangle at most once. The part of the segment
+  // outside region() is ignored.
   void crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const;
+
+  // ---- Of the surface near a place
   // A lower bound of the distance from p to the surface within region(), 0 if nothing better is
   // known cheaply.
   double distance_bound(const Point& p) const;
-  // The corners of triangles closer to p than `distance` (and, of those, some farther away), in
-  // lexicographic order, each once.
-  void corners_near(const Point& p, double distance, std::vector<Point>& out) const;
+  // Tells whether some of it is closer to p than `distance`. REQUIRES: the region holds all that is
+  bool is_near(const Point& p, double distance) const;
+  // The point of it that is closest to p, of several that on the first triangle; null if none is
+  // closer than `distance`. REQUIRES: the region holds all that is
+  std::optional<SurfacePoint> closest_to(const Point& p, double distance) const;
   // Triangles closer to p than `distance`, and some that only come close; in order of id, each
   // once.
   void triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const;
-  // The point of the surface that is closest to p, of several that on the first triangle; null if
-  // none is closer than `distance`. REQUIRES: the region holds all that is
-  std::optional<Point> closest_to(const Point& p, double distance) const;
-  // Tells whether some triangle is closer to p than `distance`. REQUIRES: the region holds all that
-  // is
-  bool is_near(const Point& p, double distance) const;
+  // Their corners, in lexicographic order, each once.
+  void corners_near(const Point& p, double distance, std::vector<Point>& out) const;
+  // Likewise of all triangles.
+  std::vector<Point> corners() const;
+  // Tells whether two parts of it face each other, both closer to p than `distance`.
+  bool is_fold(const Point& p, double distance) const;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// Bit k: the segment from the center of `box` to its corner k (1 = upper x, 2 = y, 4 = z) crosses
-// the surface an odd number of times. Needs only the triangles that meet the box.
-std::uint8_t center_to_corner_parities(std::span<const Triangle> triangles, const Box& box);
-
-// Tells whether the triangle meets the box. It may say true for one that misses the box by little,
-// never false for one that meets it.
-bool meets(const Triangle& triangle, const Box& box);
 
 }  // namespace locvol

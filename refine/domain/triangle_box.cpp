@@ -98,4 +98,24 @@ bool touches(const Triangle& triangle, const Box& box) {
   return true;
 }
 
+bool plane_misses(const Triangle& t, const Box& box, double slack) {
+  const auto& [a, b, c] = t.corners;
+  const Point n = cross(b - a, c - a);
+  const Point half = 0.5 * (box.max - box.min);
+  const double size = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
+  const double reach = std::abs(n.x) * half.x + std::abs(n.y) * half.y + std::abs(n.z) * half.z;
+  // The normal of a needle has large relative errors, bounded by the edges' rounding.
+  const Point e = b - a, f = c - a;
+  const double edge =
+      std::abs(e.x) + std::abs(e.y) + std::abs(e.z) + std::abs(f.x) + std::abs(f.y) + std::abs(f.z);
+  const double error = slack * (size + edge * norm(half) * 4);
+  return std::abs(dot(n, box.center() - a)) > reach + error;
+}
+
+bool meets(const Triangle& triangle, const Box& box) {
+  const Box around = triangle.box();
+  const double slack = slack_at(std::max(largest_coordinate(around), largest_coordinate(box)));
+  return around.overlaps(box.expanded(slack)) && !plane_misses(triangle, box, slack);
+}
+
 }  // namespace locvol

@@ -215,7 +215,7 @@ TEST(Conditions, AskTheSameOfAChangeAndOfWhatItMakes) {
   };
   for (const Point& p : shapes::random_points_on(surface, 200, random)) add(p, PointKind::kSurface);
   for (int n = 0; n < 50; ++n) add(uniform_in(random, shapes::kCube), PointKind::kVolume);
-  const LeafDomain domain({surface, input.box, input.box.min, false});
+  const LeafDomain domain({surface, input.box, input.box.min, {}});
   const SizeField sizes(0.5), smaller(0.2);
   const Surroundings around{domain, sizes, nullptr, nullptr, nullptr};
   LeafMesh mesh(input, around, LeafMesh::OwnPoints::kInBox);
@@ -241,8 +241,7 @@ TEST(Conditions, AskTheSameOfAChangeAndOfWhatItMakes) {
     std::map<std::array<LocalIndex, 3>, FacetView> facets;
     for (std::size_t n = 0; n < prospects.size(); ++n) {
       const auto& vertices = change.made[n].vertex;
-      if (prospects[n].state.side == Side::kInside)
-        cells[sorted(vertices)] = mesh.view(change, prospects, n);
+      if (prospects[n].state.is_member()) cells[sorted(vertices)] = mesh.view(change, prospects, n);
       for (int i = 0; i < 4; ++i)
         facets[sorted(facet_of(vertices, i))] = mesh.view(change, prospects, n, i);
     }

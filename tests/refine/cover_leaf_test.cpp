@@ -15,7 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "refine/domain/triangle_box.h"
 #include "refine/fill_leaf.h"
+#include "tests/refine/domain_pieces.h"
 #include "tests/refine/lattice_points.h"
 
 namespace locvol {
@@ -217,7 +219,8 @@ struct World {
     const Box region = box.expanded(kCoreDepth * size);
     Mesh near = mesh;
     if (!is_whole) std::erase_if(near, [&](const Triangle& t) { return !meets(t, region); });
-    return {near, region, box.center(), is_inside(box.center(), mesh), GridFineness{size}};
+    return {near, region, box.center(), state_if(is_inside(box.center(), mesh)),
+            GridFineness{size}};
   }
 
   CoverPoints cover(const Box& box, const std::vector<Point>& nearby, bool is_whole = false) const {
@@ -662,7 +665,7 @@ TEST(LeafWithoutSurface, IsCoreAllOverInsideAndHasNothingOutside) {
   const Lattice lattice(frame, 0.1, 1);
   const Box box = frame.root_box();
   for (const bool is_inside : {true, false}) {
-    const DomainPiece nothing{{}, box.expanded(0.1), box.center(), is_inside};
+    const DomainPiece nothing{{}, box.expanded(0.1), box.center(), state_if(is_inside)};
     const CoverPoints points = cover_leaf({0.1, 1, lattice, box, nothing, {{1.01, 0.5, 0.5}}});
     EXPECT_TRUE(points.samples.empty());
     EXPECT_TRUE(points.lattice.empty());
@@ -675,7 +678,7 @@ TEST(LeafOfOneCoveredPiece, NeedsNoSample) {
   const double size = 1;
   const Mesh mesh = box_surface({{0.1, 0.1, 0.1}, {0.3, 0.3, 0.3}});
   const Box box{{0, 0, 0}, {1, 1, 1}};
-  const DomainPiece domain{mesh, box.expanded(size), {0.5, 0.5, 0.5}, false};
+  const DomainPiece domain{mesh, box.expanded(size), {0.5, 0.5, 0.5}, {}};
   const Lattice lattice(Frame({0, 0, 0}, 0x1p-21), size, 1);
   EXPECT_TRUE(cover_leaf({size, 1, lattice, box, domain, {{-0.05, 0.2, 0.2}}}).samples.empty());
   EXPECT_EQ(cover_leaf({size, 1, lattice, box, domain, {}}).samples.size(), 1u);
@@ -692,7 +695,7 @@ TEST(CoverLeaf, EndsWhereSizesJumpAtAFace) {
     sizes.cubes.push_back(cube);
   }
   const Box box = frame.root_box();
-  DomainPiece domain{.triangles = {}, .region = box, .reference = box.min};
+  DomainPiece domain{.triangles = {}, .region = box, .reference = box.min, .reference_state = {}};
   domain.triangles.push_back({0, {{{0, 0, 0.3}, {-0.9, 0.1, 0.3}, {-0.9, -0.8, 0.3}}}});
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     const CoverPoints points = cover_leaf({.size = 0.3,

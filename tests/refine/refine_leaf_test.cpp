@@ -18,6 +18,7 @@
 
 #include "refine/cover_leaf.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/domain_pieces.h"
 #include "tests/refine/lattice_points.h"
 #include "tests/refine/mesh_checker.h"
 #include "tests/refine/shapes.h"
@@ -36,7 +37,7 @@ struct World {
   World(Mesh m, double lambda) : mesh(std::move(m)), size(lambda) {}
 
   Box region() const { return shapes::bounding_box(mesh).expanded(0.31); }
-  DomainPiece domain() const { return {mesh, region(), region().min, false}; }
+  DomainPiece domain() const { return whole_piece(region(), mesh); }
 
   LeafInput leaf(std::vector<MeshPoint> own) const {
     LeafInput input;

@@ -19,9 +19,11 @@
 #include "refine/cell_shape.h"
 #include "refine/circumcenter.h"
 #include "refine/cover_leaf.h"
+#include "refine/domain/triangle_box.h"
 #include "refine/point_cubes.h"
 #include "refine/refine_leaf.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/domain_pieces.h"
 #include "tests/refine/lattice_points.h"
 #include "tests/refine/mesh_checker.h"
 #include "tests/refine/shapes.h"
@@ -140,8 +142,7 @@ class LeafRun {
 };
 
 DomainPiece whole_surface(const Mesh& mesh, double margin) {
-  const Box region = shapes::bounding_box(mesh).expanded(margin);
-  return {mesh, region, region.min, false};
+  return whole_piece(shapes::bounding_box(mesh).expanded(margin), mesh);
 }
 
 LeafRun::LeafRun(const Scene& scene, Visits visits, Core core)
@@ -235,11 +236,11 @@ void LeafRun::disturb() {
   const auto some = static_cast<std::size_t>(scene_.num_disturbances);
   for (const Point& p : shapes::random_points_on(mesh_, some, random)) {
     const Point beneath = p - 0.15 * scene_.size * ((1 / norm(p)) * p);
-    if (whole_.is_inside(beneath)) points_.push_back({next_id_++, beneath, PointKind::kVolume});
+    if (is_inside(whole_, beneath)) points_.push_back({next_id_++, beneath, PointKind::kVolume});
   }
   for (std::size_t n = 0; n < some;) {
     const Point p = shapes::uniform_in(random, whole_.region());
-    if (!whole_.is_inside(p) || whole_.is_near(p, 1.1 * scene_.size)) continue;
+    if (!is_inside(whole_, p) || whole_.is_near(p, 1.1 * scene_.size)) continue;
     points_.push_back({next_id_++, p, PointKind::kLattice});
     points_.push_back({next_id_++, p + Point{0.05 * scene_.size, 0, 0}, PointKind::kLattice});
     ++n;
@@ -264,7 +265,7 @@ LeafRun::Leaf LeafRun::leaf_of(const Box& box) const {
   Mesh part;
   for (const Triangle& t : mesh_)
     if (meets(t, region)) part.push_back(t);
-  return {box, {part, region, region.center(), whole_.is_inside(region.center()), {scene_.size}}};
+  return {box, {part, region, region.center(), *whole_.state(region.center()), {scene_.size}}};
 }
 
 LeafDelta LeafRun::visit_of(const Box& box, double min_dihedral) const {

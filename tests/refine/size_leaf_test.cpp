@@ -7,6 +7,7 @@
 #include <map>
 
 #include "octree/octree.h"
+#include "refine/domain/surface_part.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/domain_pieces.h"
 #include "tests/refine/shapes.h"
@@ -31,7 +32,7 @@ class World {
         far_(frame_) {
     for (const SizeShape& shape : shapes) law_.least = std::min(law_.least, shape.size);
     for (const MortonKey leaf : octree_.leaves()) {
-      if (const Mesh met = triangles_in(leaf); !met.empty()) far_.add(leaf, met);
+      if (const LeafSurface met = surface_in(leaf); !met.is_empty()) far_.add(leaf, met);
     }
     far_.finish();
   }
@@ -50,12 +51,7 @@ class World {
     }
     return sizes;
   }
-  Mesh triangles_in(MortonKey leaf) const {
-    Mesh met;
-    std::ranges::copy_if(mesh_, std::back_inserter(met),
-                         [&](const Triangle& t) { return meets(t, frame_.box(leaf)); });
-    return met;
-  }
+  LeafSurface surface_in(MortonKey leaf) const { return part_in(frame_.box(leaf), {mesh_}); }
   const Mesh& mesh() const { return mesh_; }
   const LinearOctree& octree() const { return octree_; }
   const Frame& frame() const { return frame_; }
@@ -268,7 +264,7 @@ TEST(FarSurface, OfPartsIsThatOfTheWhole) {
     for (std::size_t i = 0; i < leaves.size(); ++i) {
       const std::size_t part = i * kNumParts / leaves.size();
       places[part].push_back(world.frame().box(leaves[i]));
-      if (const Mesh met = world.triangles_in(leaves[i]); !met.empty())
+      if (const LeafSurface met = world.surface_in(leaves[i]); !met.is_empty())
         parts[part].add(leaves[i], met);
     }
     for (FarSurface& part : parts) part.finish();

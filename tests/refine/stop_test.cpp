@@ -25,7 +25,7 @@ class StopTest : public testing::Test {
   LeafDomain leaf_domain(const StopToken* stop = nullptr) const {
     return LeafDomain(domain(), stop);
   }
-  DomainPiece domain() const { return {mesh_, region_, region_.min, false}; }
+  DomainPiece domain() const { return {mesh_, region_, region_.min, {}}; }
   CoverInput cover() const {
     return {.size = kSize,
             .seed = 7,

@@ -48,7 +48,7 @@ inline RunRecord sample_run() {
 
 inline LeafInfo sample_info() {
   LeafInfo info;
-  info.is_center_inside = true;
+  info.center = DomainState::in(kOnlyBody);
   info.num_visits = 2;
   info.num_points = 1000;
   info.num_cells = 4000;
@@ -178,7 +178,7 @@ class Generator {
 
   LeafInfo info() {
     LeafInfo info;
-    info.is_center_inside = integer(2) != 0;
+    info.center = DomainState::in(integer(2) != 0 ? kOnlyBody : kNoBody);
     info.num_visits = static_cast<std::uint32_t>(bits());
     info.num_points = bits();
     info.num_cells = bits();

@@ -5,7 +5,7 @@
 // SIZE (λ) is a length, or a percentage of the smallest side of the bounding box. The run is one of
 // cover mode over cubes as wide as the engine's, one after another, until all are clean; the visits
 // of the first and of the second round are then timed again and again, with the building of their
-// patches. Of a large surface, only the first leaves (in lexicographic order) with points are
+// domains. Of a large surface, only the first leaves (in lexicographic order) with points are
 // visited.
 #include <benchmark/benchmark.h>
 
@@ -71,7 +71,7 @@ class Run {
     const bool is_percent = size.ends_with('%');
     size_ = std::stod(size) * (is_percent ? std::min({d.x, d.y, d.z}) / 100 : 1);
     const Box around = box.expanded(size_);
-    const LeafDomain whole({triangles_, around, around.min, false});
+    const LeafDomain whole({triangles_, around, around.min, {}});
     frame_ = Frame::around(box, 0.5 * size_, kLeafSide * size_);
     lattice_ = Lattice(frame_, size_, kLeafSide * size_);
     cut(box.expanded(0.5 * size_), whole);
@@ -104,7 +104,7 @@ class Run {
       leaf.domain = {.triangles = {},
                      .region = leaf.box.expanded(1.01 * kCoreDepth * size_),
                      .reference = center,
-                     .is_reference_inside = whole.is_inside(center),
+                     .reference_state = *whole.state(center),
                      .fineness = {size_}};
       std::ranges::copy_if(triangles_, std::back_inserter(leaf.domain.triangles),
                            [&](const Triangle& t) { return t.box().overlaps(leaf.domain.region); });
@@ -226,7 +226,7 @@ class Run {
   std::size_t num_cells_ = 0, num_holes_ = 0, num_c5_ = 0, num_insertions_ = 0, num_met_ = 0;
 };
 
-void patches(benchmark::State& state, const Run& run) {
+void domains(benchmark::State& state, const Run& run) {
   std::size_t num = 0;
   for (auto _ : state)
     for (const Leaf& leaf : run.leaves()) {
@@ -298,7 +298,7 @@ int main(int argc, char** argv) {
       function(state, run, arguments...);
     })->Unit(benchmark::kMillisecond);
   };
-  add("patches", patches);
+  add("domains", domains);
   add("covers", covers);
   add("fills", fills);
   add("triangulations", triangulations);

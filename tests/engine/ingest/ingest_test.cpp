@@ -252,11 +252,10 @@ TEST_F(IngestTest, LeavesAreSmallNearTheSurfaceAndInsideOnly) {
     if (is_near) {
       EXPECT_EQ(key.level(), deepest);
     }
-    EXPECT_EQ(leaf.info.is_center_inside,
-              parts[0].contains(box.center()) || parts[1].contains(box.center()));
-    EXPECT_EQ(leaf.info.queued.has_value(),
-              leaf.info.num_triangles > 0 || leaf.info.is_center_inside);
-    if (leaf.info.is_center_inside) volume_inside += std::pow(frame.side(key.level()), 3);
+    const bool is_inside = leaf.info.center.body() != kNoBody;
+    EXPECT_EQ(is_inside, parts[0].contains(box.center()) || parts[1].contains(box.center()));
+    EXPECT_EQ(leaf.info.queued.has_value(), leaf.info.num_triangles > 0 || is_inside);
+    if (is_inside) volume_inside += std::pow(frame.side(key.level()), 3);
   }
   EXPECT_NEAR(volume_inside, 2, 0.6);
   EXPECT_GE(frame.side(deepest), kMinLeafSide * kSize);

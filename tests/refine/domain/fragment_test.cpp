@@ -26,7 +26,7 @@ TEST(IsCoveredWithout, AgreesWithPointsOfTheSurface) {
   constexpr double kSize = 0.25, kRadius = kSampleRadius * kSize;
   const shapes::Mesh torus = shapes::torus(1, 0.4, 48, 20);
   const Box region = shapes::bounding_box(torus).expanded(4 * kSize);
-  const DomainPiece piece{torus, region, region.min, false};
+  const DomainPiece piece{torus, region, region.min, {}};
   const Lattice lattice = lattice_around(region, kSize);
   const CoverPoints cover = cover_leaf({kSize, 1, lattice, region, piece, {}});
   const LeafDomain domain(piece);
@@ -43,7 +43,7 @@ TEST(IsCoveredWithout, AgreesWithPointsOfTheSurface) {
     const Point before = samples[n];
     const double step = (n % 4 == 0 ? 0.1 : n % 4 == 1 ? 0.4 : n % 4 == 2 ? 0.7 : 3) * kSize;
     const Point away = shapes::uniform_in(random, {{-1, -1, -1}, {1, 1, 1}});
-    samples[n] = domain.closest_to(before + (step / norm(away)) * away, 4).value();
+    samples[n] = domain.closest_to(before + (step / norm(away)) * away, 4).value().position;
     const bool is_covered = is_covered_without(domain, before, {kRadius, kRadius}, samples, hidden);
     bool is_bare = false;
     for (const Point& p : on_surface) {

@@ -10,7 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "refine/domain/surface_part.h"
+#include "refine/domain/triangle_box.h"
 #include "tests/refine/brute_force.h"
+#include "tests/refine/domain_pieces.h"
 #include "tests/refine/shapes.h"
 
 namespace locvol {
@@ -28,14 +31,14 @@ Mesh part_meeting(const Mesh& mesh, const Box& region) {
   return part;
 }
 
-LeafDomain whole_patch(const Mesh& mesh, double margin = 0.37) {
+LeafDomain whole_domain(const Mesh& mesh, double margin = 0.37) {
   const Box region = shapes::bounding_box(mesh).expanded(margin);
-  return LeafDomain({mesh, region, region.min, false});
+  return LeafDomain(whole_piece(region, mesh));
 }
 
 LeafDomain domain_over(const Mesh& mesh, const Box& region, const LeafDomain& whole) {
   return LeafDomain(
-      {part_meeting(mesh, region), region, region.center(), whole.is_inside(region.center())});
+      {part_meeting(mesh, region), region, region.center(), *whole.state(region.center())});
 }
 
 // A random piece of the box, at least `least` of its extent on each axis.
@@ -86,7 +89,7 @@ const std::vector<NamedMesh> kMeshes{
 class LeafDomainOf : public testing::TestWithParam<NamedMesh> {
  protected:
   const Mesh mesh_ = GetParam().make();
-  const LeafDomain domain_ = whole_patch(mesh_);
+  const LeafDomain domain_ = whole_domain(mesh_);
 
   // Points in general position, on vertices, edges and faces, of an axis-parallel lattice that
   // shares coordinates with the mesh, and of the domain's own boundary.
@@ -118,9 +121,9 @@ TEST_P(LeafDomainOf, SideIsThatOfBruteForce) {
   Random random(kSeed);
   int num_inside = 0;
   for (const Point& p : probes(random, 300)) {
-    ASSERT_EQ(domain_.is_inside(p), brute_force::is_inside(p, mesh_))
+    ASSERT_EQ(is_inside(domain_, p), brute_force::is_inside(p, mesh_))
         << "seed " << kSeed << ": " << p.x << ' ' << p.y << ' ' << p.z;
-    num_inside += domain_.is_inside(p);
+    num_inside += is_inside(domain_, p);
   }
   EXPECT_GT(num_inside, 50);
 }
@@ -134,13 +137,47 @@ TEST_P(LeafDomainOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
   for (int n = 0; n < 1500; ++n) {
     const Point a = points[pick(random)], b = points[pick(random)];
     domain_.crossings(a, b, found);
-    ASSERT_EQ(found.size() % 2 == 1, domain_.is_inside(a) != domain_.is_inside(b))
+    ASSERT_EQ(found.size() % 2 == 1, is_inside(domain_, a) != is_inside(domain_, b))
         << "seed " << kSeed << ", n " << n;
     std::vector<std::uint64_t> ids;
     for (const Crossing& c : found) ids.push_back(c.triangle);
     std::ranges::sort(ids);
     ASSERT_EQ(ids, brute_force::crossings(a, b, mesh_)) << "seed " << kSeed << ", n " << n;
   }
+}
+
+// From one state all others follow, and with them what is on both sides of each crossing.
+TEST_P(LeafDomainOf, BodiesBeforeAndAfterACrossingAreThoseOfPlacesBesideIt) {
+  constexpr unsigned kSeed = 36;
+  Random random(kSeed);
+  std::vector<Crossing> found;
+  int num_passed = 0;
+  for (int n = 0; n < 2000; ++n) {
+    const Point a = uniform_in(random, domain_.region()), b = uniform_in(random, domain_.region());
+    domain_.crossings(a, b, found);
+    double t = 0;
+    std::size_t num = 0;
+    const auto label_between = [&](double from, double to) {
+      return domain_.label(a + 0.5 * (from + to) * (b - a));
+    };
+    const DomainState end =
+        follow(*domain_.state(a), found, [&](const Crossing& c, BodyId before, BodyId after) {
+          EXPECT_NE(before, after);
+          EXPECT_EQ(c.sheet, kOnlySheet);
+          const double next = ++num < found.size() ? found[num].t : 1;
+          if (c.t - t > 1e-9 && next - c.t > 1e-9) {
+            EXPECT_EQ(before, label_between(t, c.t)) << "seed " << kSeed << ", n " << n;
+            EXPECT_EQ(after, label_between(c.t, next)) << "seed " << kSeed << ", n " << n;
+            ++num_passed;
+          }
+          t = c.t;
+        });
+    ASSERT_EQ(num, found.size());
+    ASSERT_EQ(end, domain_.state(b)) << "seed " << kSeed << ", n " << n;
+    std::ranges::reverse(found);
+    ASSERT_EQ(follow(end, found), domain_.state(a)) << "the way back, n " << n;
+  }
+  EXPECT_GT(num_passed, 300);
 }
 
 TEST_P(LeafDomainOf, CrossingsComeInOrderAndLieOnSegmentAndTriangle) {
@@ -196,7 +233,7 @@ TEST_P(LeafDomainOf, AnswersDoNotDependOnThePieceLoaded) {
     for (int k = 0; k < 8; ++k) within.push_back(shapes::corner_of(region, k));
     for (std::size_t n = 0; n < within.size(); ++n) {
       const Point a = within[n], b = within[(n * 7 + 3) % within.size()];
-      ASSERT_EQ(piece.is_inside(a), domain_.is_inside(a))
+      ASSERT_EQ(is_inside(piece, a), is_inside(domain_, a))
           << "seed " << kSeed << ", round " << round;
       piece.crossings(a, b, found);
       domain_.crossings(a, b, expected);
@@ -216,13 +253,13 @@ TEST_P(LeafDomainOf, OrderAndOthersDoNotMatter) {
   Mesh part = part_meeting(mesh_, region), shuffled = mesh_;
   std::ranges::shuffle(shuffled, random);
   for (Triangle& t : shuffled) std::ranges::shuffle(t.corners, random);
-  const bool is_center_inside = domain_.is_inside(region.center());
-  const LeafDomain tight({part, region, region.center(), is_center_inside});
-  const LeafDomain loose({shuffled, region, region.center(), is_center_inside});
+  const DomainState center = *domain_.state(region.center());
+  const LeafDomain tight({part, region, region.center(), center});
+  const LeafDomain loose({shuffled, region, region.center(), center});
   std::vector<Crossing> found, expected;
   for (int n = 0; n < 1000; ++n) {
     const Point a = uniform_in(random, region), b = uniform_in(random, region);
-    ASSERT_EQ(loose.is_inside(a), tight.is_inside(a)) << "seed " << kSeed << ", n " << n;
+    ASSERT_EQ(is_inside(loose, a), is_inside(tight, a)) << "seed " << kSeed << ", n " << n;
     tight.crossings(a, b, expected);
     loose.crossings(a, b, found);
     ASSERT_EQ(found.size(), expected.size()) << "seed " << kSeed << ", n " << n;
@@ -236,9 +273,9 @@ TEST_P(LeafDomainOf, ReferenceMayLieAnywhereWithinTheRegion) {
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
   for (std::size_t n = 0; n < points.size(); n += 57) {
-    const LeafDomain other({mesh_, domain_.region(), points[n], domain_.is_inside(points[n])});
+    const LeafDomain other({mesh_, domain_.region(), points[n], *domain_.state(points[n])});
     for (const Point& p : points)
-      ASSERT_EQ(other.is_inside(p), domain_.is_inside(p)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(is_inside(other, p), is_inside(domain_, p)) << "seed " << kSeed << ", n " << n;
   }
 }
 
@@ -249,10 +286,10 @@ TEST_P(LeafDomainOf, FinenessDecidesNoAnswer) {
   std::vector<Crossing> found, expected;
   for (const GridFineness& fineness :
        {GridFineness{0.02, 1}, GridFineness{0.3, 12}, GridFineness{2, 200}}) {
-    const LeafDomain other({mesh_, domain_.region(), domain_.region().min, false, fineness});
+    const LeafDomain other({mesh_, domain_.region(), domain_.region().min, {}, fineness});
     for (std::size_t n = 0; n < points.size(); ++n) {
       const Point a = points[n], b = points[(n * 7 + 3) % points.size()];
-      ASSERT_EQ(other.is_inside(a), domain_.is_inside(a)) << "seed " << kSeed << ", n " << n;
+      ASSERT_EQ(is_inside(other, a), is_inside(domain_, a)) << "seed " << kSeed << ", n " << n;
       ASSERT_EQ(other.locate(a).distance_bound, other.distance_bound(a));
       ASSERT_LE(other.distance_bound(a), brute_force::distance(a, mesh_));
       ASSERT_EQ(other.is_near(a, 0.1), domain_.is_near(a, 0.1)) << "seed " << kSeed << ", n " << n;
@@ -307,8 +344,8 @@ TEST_P(LeafDomainOf, ClosestPointIsThatOfBruteForce) {
       if (truth < 1e-6) continue;  // too close for a factor to tell
       const auto closest = domain_.closest_to(p, factor * truth);
       ASSERT_TRUE(closest) << "seed " << kSeed << ", n " << n << ", factor " << factor;
-      EXPECT_NEAR(norm(*closest - p), truth, 1e-12);
-      EXPECT_LT(brute_force::distance(*closest, mesh_), 1e-12);
+      EXPECT_NEAR(norm(closest->position - p), truth, 1e-12);
+      EXPECT_LT(brute_force::distance(closest->position, mesh_), 1e-12);
     }
   }
 }
@@ -319,7 +356,7 @@ TEST_P(LeafDomainOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   std::uniform_real_distribution<double> fraction(0, 0.3);
   const Box& region = domain_.region();
   const double length = norm(region.max - region.min);
-  const LeafDomain fine({mesh_, region, region.min, false, {length / 300, 4}});
+  const LeafDomain fine({mesh_, region, region.min, {}, {length / 300, 4}});
   std::vector<Triangle> near;
   int num_near = 0;
   for (int n = 0; n < 200; ++n) {
@@ -340,7 +377,7 @@ TEST_P(LeafDomainOf, TrianglesNearAreAllThatAreCloserEachOnce) {
   EXPECT_GT(num_near, 1000);
 }
 
-TEST_P(LeafDomainOf, CenterToCornerParitiesAreDifferencesOfSides) {
+TEST_P(LeafDomainOf, CentersToCornersAreDifferencesOfStates) {
   constexpr unsigned kSeed = 30;
   Random random(kSeed);
   const std::vector<Point> points = probes(random, 40);
@@ -349,12 +386,13 @@ TEST_P(LeafDomainOf, CenterToCornerParitiesAreDifferencesOfSides) {
   for (int n = 0; n < 400; ++n) {  // corners in general position and on the surface's features
     const Box box = n % 4 == 0 ? random_part(random, domain_.region(), 0.1)
                                : Box::around(points[pick(random)]).joined(points[pick(random)]);
-    const auto parities = center_to_corner_parities(part_meeting(mesh_, box), box);
+    const CornerStates corners = center_to_corners(box, {part_meeting(mesh_, box)});
+    const auto center = domain_.state(box.center());
     for (int k = 0; k < 8; ++k) {
-      const bool is_odd =
-          domain_.is_inside(box.center()) != domain_.is_inside(shapes::corner_of(box, k));
-      ASSERT_EQ((parities >> k & 1) == 1, is_odd) << "seed " << kSeed << ", n " << n << ", k " << k;
-      num_odd += is_odd;
+      const auto corner = domain_.state(shapes::corner_of(box, k));
+      ASSERT_EQ(center->crossed(corners[k]), corner)
+          << "seed " << kSeed << ", n " << n << ", k " << k;
+      num_odd += corner != center;
     }
   }
   EXPECT_GT(num_odd, 100);
@@ -365,51 +403,51 @@ TEST_P(LeafDomainOf, CenterToCornerParitiesAreDifferencesOfSides) {
 TEST(LeafDomain, SphereHasTheClosedFormsSides) {
   const Point center{0.5, -0.25, 2};
   const Mesh mesh = shapes::icosphere(center, 1, 4);  // its chords are less than 0.003 deep
-  const LeafDomain domain = whole_patch(mesh);
+  const LeafDomain domain = whole_domain(mesh);
   Random random(31);
   for (int n = 0; n < 20000; ++n) {
     const Point p = uniform_in(random, domain.region());
     const double r = norm(p - center);
     if (0.995 < r && r < 1.001) continue;
-    ASSERT_EQ(domain.is_inside(p), r < 1);
+    ASSERT_EQ(is_inside(domain, p), r < 1);
   }
 }
 
 TEST(LeafDomain, TorusHasTheClosedFormsSides) {
-  const LeafDomain domain = whole_patch(shapes::torus(2, 0.7, 120, 60));
+  const LeafDomain domain = whole_domain(shapes::torus(2, 0.7, 120, 60));
   Random random(32);
   for (int n = 0; n < 20000; ++n) {
     const Point p = uniform_in(random, domain.region());
     const double r = std::hypot(std::hypot(p.x, p.y) - 2, p.z);
     if (0.69 < r && r < 0.71) continue;
-    ASSERT_EQ(domain.is_inside(p), r < 0.7);
+    ASSERT_EQ(is_inside(domain, p), r < 0.7);
   }
 }
 
 // On its boundary too: the move makes the box half-open.
 TEST(LeafDomain, BoxIsHalfOpen) {
-  const LeafDomain domain = whole_patch(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
+  const LeafDomain domain = whole_domain(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
   for (int x = -1; x <= 5; ++x)
     for (int y = -1; y <= 5; ++y)
       for (int z = -1; z <= 5; ++z)
-        EXPECT_EQ(domain.is_inside({double(x), double(y), double(z)}),
+        EXPECT_EQ(is_inside(domain, {double(x), double(y), double(z)}),
                   std::min({x, y, z}) >= 0 && std::max({x, y, z}) < 4)
             << x << ' ' << y << ' ' << z;
 }
 
 TEST(LeafDomain, VoxelsAreHalfOpen) {
-  const LeafDomain domain = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+  const LeafDomain domain = whole_domain(shapes::voxels(kVoxels, is_full_voxel), 1);
   for (int x = -1; x <= 2 * kVoxels + 1; ++x)
     for (int y = -1; y <= 2 * kVoxels + 1; ++y)
       for (int z = -1; z <= 2 * kVoxels + 1; ++z) {
         const Point p{0.5 * x, 0.5 * y, 0.5 * z};
-        ASSERT_EQ(domain.is_inside(p), is_in_voxels(p)) << p.x << ' ' << p.y << ' ' << p.z;
+        ASSERT_EQ(is_inside(domain, p), is_in_voxels(p)) << p.x << ' ' << p.y << ' ' << p.z;
       }
 }
 
 // Along lattice lines, planes and diagonals.
 TEST(LeafDomain, LatticeSegmentsCrossVoxelsByParity) {
-  const LeafDomain domain = whole_patch(shapes::voxels(kVoxels, is_full_voxel), 1);
+  const LeafDomain domain = whole_domain(shapes::voxels(kVoxels, is_full_voxel), 1);
   constexpr unsigned kSeed = 33;
   Random random(kSeed);
   std::uniform_int_distribution<int> pick(-1, kVoxels);
@@ -424,16 +462,55 @@ TEST(LeafDomain, LatticeSegmentsCrossVoxelsByParity) {
 }
 
 TEST(LeafDomain, WithoutTrianglesIsAllOnOneSide) {
-  for (const bool is_inside : {false, true}) {
-    const LeafDomain domain({{}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, is_inside});
-    EXPECT_EQ(domain.is_inside({0.9, 0.1, 2.9}), is_inside);
-    EXPECT_FALSE(domain.is_inside({0.9, 0.1, 3.1})) << "outside the region";
+  for (const BodyId body : {kNoBody, kOnlyBody}) {
+    const LeafDomain domain({{}, {{0, 0, 0}, {1, 2, 3}}, {0.5, 0.5, 0.5}, DomainState::in(body)});
+    EXPECT_EQ(domain.label({0.9, 0.1, 2.9}), body);
+    EXPECT_FALSE(domain.has_surface());
+    EXPECT_FALSE(domain.only_sheet());
     EXPECT_FALSE(domain.is_near({0.5, 0.5, 0.5}, 100));
     EXPECT_FALSE(domain.closest_to({0.5, 0.5, 0.5}, 100));
     std::vector<Crossing> found{{}};
     domain.crossings({0, 0, 0}, {1, 1, 1}, found);
     EXPECT_TRUE(found.empty());
   }
+}
+
+// A part of the domain knows nothing beyond its region; all of it knows that nothing is there.
+TEST(LeafDomain, WhatIsNotLoadedIsNotOutside) {
+  const Mesh mesh = shapes::box({{0, 0, 0}, {4, 4, 4}});
+  const Box region{{-1, -1, -1}, {2, 2, 2}}, all{{-1, -1, -1}, {5, 5, 5}};
+  const LeafDomain part(piece_around(region, mesh)), whole(whole_piece(all, mesh));
+  const Point inside{1, 1, 1}, outside{-0.5, 1, 1}, inside_beyond{3, 3, 3}, beyond{9, 9, 9};
+  EXPECT_EQ(part.label(inside), kOnlyBody);
+  EXPECT_EQ(part.label(outside), kNoBody);
+  for (const Point& p : {inside_beyond, beyond}) {
+    EXPECT_EQ(part.label(p), std::nullopt);
+    EXPECT_EQ(part.state(p), std::nullopt);
+    EXPECT_FALSE(is_in_body(part.label(p))) << "but who asks for bodies alone finds none";
+  }
+  EXPECT_EQ(whole.label(inside_beyond), kOnlyBody);
+  EXPECT_EQ(whole.label(beyond), kNoBody);
+  EXPECT_EQ(whole.state(beyond), DomainState());
+}
+
+TEST(LeafDomain, TellsTheSheetOfWhatIsClosest) {
+  const LeafDomain domain = whole_domain(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
+  EXPECT_EQ(domain.only_sheet(), kOnlySheet);
+  const auto closest = domain.closest_to({2, 1, 0.25}, 1);
+  ASSERT_TRUE(closest);
+  EXPECT_EQ(closest->position, (Point{2, 1, 0}));
+  EXPECT_EQ(closest->sheet, kOnlySheet);
+}
+
+// Two sides of a plate face each other, two sides of an edge of 90 degrees do not.
+TEST(LeafDomain, FoldsFaceEachOther) {
+  const LeafDomain plate = whole_domain(shapes::thin_plate(4, 0.1), 1);
+  const Box box = plate.region();
+  const Point on_face{box.center().x, box.center().y, box.max.z - 1};
+  EXPECT_TRUE(plate.is_fold(on_face, 0.2));
+  EXPECT_FALSE(plate.is_fold(on_face, 0.05));
+  const LeafDomain cube = whole_domain(shapes::box({{0, 0, 0}, {4, 4, 4}}), 1);
+  EXPECT_FALSE(cube.is_fold({0, 0, 2}, 0.5));
 }
 
 // A tiny region that a huge triangle's plane cuts through the corners of the domain's grid, and
@@ -450,15 +527,15 @@ TEST(LeafDomain, SmallRegionOfAHugeTriangle) {
       const Point b = uniform(random, 0.5, 1) * Point{-0.3 * scale, -0.7 * scale, scale};
       const Point c = -1.0 * (a + b), d{-scale, -scale, -scale};
       const Mesh mesh = shapes::numbered({{a, b, c}, {a, d, b}, {b, d, c}, {c, d, a}});
-      const LeafDomain domain(
-          {part_meeting(mesh, region), region, reference, brute_force::is_inside(reference, mesh)});
+      const LeafDomain domain({part_meeting(mesh, region), region, reference,
+                               state_if(brute_force::is_inside(reference, mesh))});
       std::uniform_int_distribution<int> pick(-24, 24);
       for (int n = 0; n < 30; ++n) {
         const double x = pick(random) / 24.0, y = pick(random) / 24.0;
         for (const double off : {0.0, 1e-13, 1e-10, 1e-7, -1e-13, -1e-10, -1e-7}) {
           const Point p = Point{x, y, -(x + y)} + Point{off, off, off};
           if (!region.contains(p)) continue;
-          ASSERT_EQ(domain.is_inside(p), brute_force::is_inside(p, mesh))
+          ASSERT_EQ(is_inside(domain, p), brute_force::is_inside(p, mesh))
               << "seed " << kSeed << ", scale " << scale << ", round " << round << ", off " << off;
         }
       }

@@ -1,4 +1,4 @@
-#include "engine/run/first_points.h"
+#include "refine/scatter_surface.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,6 +6,7 @@
 #include <numeric>
 #include <random>
 #include <set>
+#include <span>
 #include <utility>
 
 namespace locvol {
@@ -73,7 +74,8 @@ Point random_point(const Triangle& t, Random& random) {
 
 }  // namespace
 
-std::vector<Point> scatter_on_surface(std::span<const Triangle> triangles, std::uint64_t seed) {
+std::vector<Point> scatter_on_surface(const LeafDomain& domain, std::uint64_t seed) {
+  const std::span<const Triangle> triangles = domain.triangles();
   const std::vector<Indices> parts = components(triangles);
   std::vector<Point> points;
   std::set<Point> taken;

@@ -1,0 +1,51 @@
+// DomainPiece: of the domain what matters around a leaf, as a value, which can be stored, sent and
+// replayed. A LeafDomain is built from it.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <iterator>
+#include <vector>
+
+#include "octree/domain_state.h"
+#include "octree/geometry.h"
+#include "octree/leaf_surface.h"
+#include "octree/sort_and_unite.h"
+
+namespace locvol {
+
+// How fine a LeafDomain's grid is. Decides no answer but distance_bound's.
+struct GridFineness {
+  double resolution = 0;          // distances to the surface of about this size matter; 0: unknown
+  double triangles_per_cell = 4;  // at most, on average over cells that the surface passes through
+  friend bool operator==(const GridFineness&, const GridFineness&) = default;
+};
+
+struct DomainPiece {
+  std::vector<Triangle> triangles;  // all that meet `region`, each once, and others; in order of id
+  Box region;
+  Point reference;                   // in `region`
+  DomainState reference_state = {};  // of that place
+  GridFineness fineness = {};
+  bool is_whole = false;  // nothing of the domain lies beyond `region`; else it is not loaded there
+
+  // Adds what comes close to the region. Once all is there, each triangle is to be there once.
+  void add(const LeafSurface& surface) {
+    std::ranges::copy_if(surface.triangles, std::back_inserter(triangles),
+                         [&](const Triangle& t) { return t.box().overlaps(region); });
+  }
+  void unite() { sort_and_unite(triangles, &Triangle::id); }
+
+  bool has_surface() const { return !triangles.empty(); }
+  // What it weighs, in estimates.
+  std::size_t surface_size() const { return triangles.size(); }
+  // Of all of its surface.
+  double area() const {
+    double area = 0;
+    for (const auto& [id, c] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+    return area;
+  }
+  friend bool operator==(const DomainPiece&, const DomainPiece&) = default;
+};
+
+}  // namespace locvol
