@@ -108,7 +108,7 @@ class Run {
                      .fineness = {size_}};
       std::ranges::copy_if(triangles_, std::back_inserter(leaf.domain.triangles),
                            [&](const Triangle& t) { return t.box().overlaps(leaf.domain.region); });
-      if (!leaf.domain.triangles.empty()) leaves_.push_back(std::move(leaf));
+      if (leaf.domain.has_surface()) leaves_.push_back(std::move(leaf));
     }
   }
 
