@@ -25,14 +25,14 @@ using LocalIndex = Delaunay::Vertex;  // of a local point; not stored anywhere
 
 inline constexpr LocalIndex kInfiniteVertex = Delaunay::kInfinite;
 
-// Where a cell lies, by its circumcenter: in a body, outside of all, or one of the rest, of which
-// no body is known. One number, for it is asked for over and over.
+// Where a cell lies, by its circumcenter: outside of all bodies, in one of them (its id), or where
+// none is known. One number, for it is asked for over and over.
 enum class Side : BodyId {
-  kOutside = kNoBody,                                   // and upwards: the bodies
-  kNotLoaded = std::numeric_limits<BodyId>::max() - 2,  // near, but out of what is loaded of the
-                                                        // domain and not deep: of cells without own
-                                                        // vertex only
-  kFar,     // the circumradius is infinite, or beyond what is known to be empty (Criteria::reach)
+  kOutside = kNoBody,
+  // Near, but out of what is loaded of the domain and not deep: of cells without own vertex only.
+  kNotLoaded = std::numeric_limits<BodyId>::max() - 2,
+  // The circumradius is infinite, or beyond what is known to be empty (Criteria::reach).
+  kFar,
   kUnknown  // not asked yet
 };
 constexpr Side side_in(BodyId body) { return static_cast<Side>(body); }
@@ -54,6 +54,7 @@ struct CellState {
   BodyId body() const { return body_at(side); }  // REQUIRES: the side is known
   bool is_member() const { return body() != kNoBody; }
 };
+static_assert(sizeof(CellState) == 12);
 
 struct CellBall {  // once the side is known, if that is not kFar
   Point center;
