@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "octree/mesh_facet.h"
+
 namespace locvol {
 
 struct Point {
@@ -103,6 +105,7 @@ inline bool is_in_leaf(const Box& box, const Point& p) {
 struct Triangle {
   std::uint64_t id = 0;
   std::array<Point, 3> corners;
+  SheetId sheet = 1;  // while a surface is taken in, and sheets are not known: its named group
 
   Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
   friend bool operator==(const Triangle&, const Triangle&) = default;

@@ -32,8 +32,8 @@ auto fields(Maybe<Box> auto& box) {
   return std::tuple(Field("min", min), Field("max", max));
 }
 auto fields(Maybe<Triangle> auto& triangle) {
-  auto& [id, corners] = triangle;
-  return std::tuple(Field("id", id), Field("corners", corners));
+  auto& [id, corners, sheet] = triangle;
+  return std::tuple(Field("id", id), Field("corners", corners), Field("sheet", sheet));
 }
 auto fields(Maybe<MeshPoint> auto& point) {
   auto& [id, position, kind] = point;

@@ -54,7 +54,7 @@
 // clang-format off
 //   0 format      version u32
 //   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress; weld:
-//                 present u8 and, if so, a number
+//                 present u8 and, if so, a number; sharp angle
 //   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32
 //   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
 //                 [steps u32 of a row's first i | j | k | number of sites u32]
@@ -63,7 +63,7 @@
 //                 [x | y | z changed bits u64, of what `asked` has]
 //   5 surface     [id steps u64] [x | y | z changed bits u64, of each distinct corner, in order of
 //                 appearance] [references u32, three to a triangle: distinct corners so far -
-//                 index; 0 is the next new one]
+//                 index; 0 is the next new one] [sheet u32]
 //   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
 //   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord
@@ -78,6 +78,8 @@
 //  15 facets      [vertex steps u64]
 //                 [first corner's steps u32 | second - first u32 | third - first | labels: behind |
 //                 before | sheet u32]
+//  16 sheets      [first triangle u64 | number of triangles u64 | area | centroid's and box' x, y, z
+//                 changed bits u64], and two texts for each: its name, and its group's
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -92,7 +94,7 @@ static_assert(std::numeric_limits<double>::is_iec559);
 using Kinds =
     boost::mp11::mp_list<StoreFormat, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafSurface,
                          LeafUnresolved, QueueEntry, MemoryRecord, KeySums, TimelineRecord,
-                         LeafSizes, RankRecord, RankResult, RankWords, LeafFacets>;
+                         LeafSizes, RankRecord, RankResult, RankWords, LeafFacets, SurfaceSheets>;
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
@@ -523,6 +525,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
     serialize_facing(archive, run.surface.facing);
     serialize_optional(archive, run.parameters.weld);
   }
+  if (version >= 3) each(archive, run.parameters.sharp_angle);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
@@ -572,7 +575,7 @@ void serialize(auto& archive, LeafFacets& record, unsigned) {
 }
 
 template <class Archive>
-void serialize(Archive& archive, LeafSurface& record, unsigned) {
+void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   DistinctCorners distinct;
   if constexpr (!is_loading<Archive>) distinct = distinct_corners(record.triangles);
   each(archive, columns(record.triangles, Steps(field<&Triangle::id>)),
@@ -580,6 +583,27 @@ void serialize(Archive& archive, LeafSurface& record, unsigned) {
                ChangedBits(field<&Point::z>)),
        columns(distinct.references, Plain(field<>)));
   if constexpr (is_loading<Archive>) set_corners(record.triangles, distinct);
+  if (version < 1) return;
+  const std::size_t num_triangles = record.triangles.size();
+  each(archive, columns(record.triangles, Plain(field<&Triangle::sheet>)));
+  if (record.triangles.size() != num_triangles) throw DecodeError("triangles without a sheet");
+}
+
+void serialize(auto& archive, SurfaceSheets& record, unsigned) {
+  constexpr auto kCentroid = &SheetFacts::centroid;
+  constexpr auto kBox = &SheetFacts::box;
+  each(archive,
+       columns(record.sheets, Plain(field<&SheetFacts::first_triangle>),
+               Plain(field<&SheetFacts::num_triangles>), ChangedBits(field<&SheetFacts::area>),
+               ChangedBits(field<kCentroid, &Point::x>), ChangedBits(field<kCentroid, &Point::y>),
+               ChangedBits(field<kCentroid, &Point::z>),
+               ChangedBits(field<kBox, &Box::min, &Point::x>),
+               ChangedBits(field<kBox, &Box::min, &Point::y>),
+               ChangedBits(field<kBox, &Box::min, &Point::z>),
+               ChangedBits(field<kBox, &Box::max, &Point::x>),
+               ChangedBits(field<kBox, &Box::max, &Point::y>),
+               ChangedBits(field<kBox, &Box::max, &Point::z>)));
+  for (SheetFacts& sheet : record.sheets) each(archive, sheet.name, sheet.group);
 }
 
 void serialize(auto& archive, LeafUnresolved& record, unsigned) {
@@ -673,8 +697,9 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 2)
+BOOST_CLASS_VERSION(locvol::RunRecord, 3)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
+BOOST_CLASS_VERSION(locvol::LeafSurface, 1)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)
@@ -875,6 +900,7 @@ template std::string encode(const LeafSizes&, MortonKey);
 template std::string encode(const RankRecord&, MortonKey);
 template std::string encode(const RankResult&, MortonKey);
 template std::string encode(const RankWords&, MortonKey);
+template std::string encode(const SurfaceSheets&, MortonKey);
 template StoreFormat decode(std::string_view, MortonKey);
 template RunRecord decode(std::string_view, MortonKey);
 template LeafInfo decode(std::string_view, MortonKey);
@@ -891,5 +917,6 @@ template LeafSizes decode(std::string_view, MortonKey);
 template RankRecord decode(std::string_view, MortonKey);
 template RankResult decode(std::string_view, MortonKey);
 template RankWords decode(std::string_view, MortonKey);
+template SurfaceSheets decode(std::string_view, MortonKey);
 
 }  // namespace locvol

@@ -16,7 +16,7 @@ namespace locvol {
 // The first record of every store: what reads it must know how all others are laid out, which is
 // drawn in store.cpp.
 struct StoreFormat {
-  static constexpr std::uint32_t kCurrent = 4;
+  static constexpr std::uint32_t kCurrent = 5;
   std::uint32_t version = kCurrent;
   friend bool operator==(const StoreFormat&, const StoreFormat&) = default;
 };
@@ -39,9 +39,9 @@ class DecodeError : public std::runtime_error {
 // another leaf's place is noticed; records that belong to no leaf take MortonKey().
 // For StoreFormat, KeySums, RunRecord, LeafInfo, LeafPoints, LeafCells, LeafFacets,
 // LeafSurface, LeafUnresolved, LeafSizes, QueueEntry, MemoryRecord, RankRecord, RankWords,
-// RankResult and TimelineRecord. Safe from many threads; as many zstd contexts are kept as were in
-// use at once. REQUIRES: enumerators and conditions in range, indices into lists of vertices are
-// below their lengths
+// RankResult, TimelineRecord and SurfaceSheets. Safe from many threads; as many zstd contexts are
+// kept as were in use at once. REQUIRES: enumerators and conditions in range, indices into lists of
+// vertices are below their lengths
 template <class Record>
 std::string encode(const Record& record, MortonKey leaf);
 

@@ -162,6 +162,8 @@ struct RunParameters {
   // Points of the surface that lie closer to each other than this become one; 0: none. Absent:
   // those that close a surface which is not closed otherwise (engine/ingest/weld_trials.h).
   std::optional<double> weld = {};
+  // Sheets end at edges where the surface turns by more degrees than this; 0: at none.
+  double sharp_angle = 0;
   bool is_measured() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool has_image() const { return !size_image.empty(); }
   bool has_nodes() const { return is_measured() || has_image(); }  // LeafSizes::nodes
@@ -207,6 +209,25 @@ struct SurfaceFacts {
   std::vector<std::string> notes;  // repairs that were made
   FacingFacts facing = {};         // no places: nothing is known
   friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
+};
+
+// A sheet of the input surface. Its name is that of its group, which ends in _1, _2, ... if the
+// group is several sheets; without a name in the file, it is "sheet 7".
+struct SheetFacts {
+  std::string name;
+  std::string group;                 // as the file calls it; empty: it has no name there
+  std::uint64_t first_triangle = 0;  // the least id
+  std::uint64_t num_triangles = 0;
+  double area = 0;
+  Point centroid;
+  Box box;
+  friend bool operator==(const SheetFacts&, const SheetFacts&) = default;
+};
+
+// Element i is of the sheet with id i + 1. Empty: the surface is one sheet, and has no name.
+struct SurfaceSheets {
+  std::vector<SheetFacts> sheets;
+  friend bool operator==(const SurfaceSheets&, const SurfaceSheets&) = default;
 };
 
 // Totals of a run so far, with the core's; they outlive the leaves that were split.

@@ -19,7 +19,7 @@
 //
 //   meta                             "format" | "keys" | "run" |
 //                                    "memory" | "timeline" | "rank"
-//                                    | "words"                    -> record;
+//                                    | "words" | "sheets"         -> record;
 //                                    "result", leaf u64           -> record
 //   leaves                           leaf u64                       -> record
 //   queue                            epoch u32 | color u32 | leaf u64 -> record
@@ -39,7 +39,8 @@ namespace locvol {
 namespace {
 
 constexpr std::string_view kRunKey = "run", kMemoryKey = "memory", kTimelineKey = "timeline",
-                           kRankKey = "rank", kResultKey = "result", kWordsKey = "words";
+                           kRankKey = "rank", kResultKey = "result", kWordsKey = "words",
+                           kSheetsKey = "sheets";
 constexpr std::size_t kChunkBytes = 4080;
 constexpr std::size_t kLengthBytes = 8;
 constexpr std::array kBlobs = {Database::kPoints,     Database::kCells, Database::kSurface,
@@ -349,6 +350,13 @@ RankWords Reader::words() const {
                               MortonKey());
 }
 
+SurfaceSheets Reader::sheets() const {
+  const auto bytes = impl_->find(Database::kMeta, std::string(kSheetsKey));
+  if (!bytes) return {};
+  return decode_in<SurfaceSheets>(impl_->environment->directory(), Database::kMeta, *bytes,
+                                  MortonKey());
+}
+
 std::vector<MortonKey> Reader::result_keys() const {
   std::vector<MortonKey> keys;
   const auto take = [&](const std::string& key, const std::string&) {
@@ -491,6 +499,10 @@ void Batch::put_memory(const MemoryRecord& memory) {
 
 void Batch::put_rank(const RankRecord& rank) {
   impl_->put(Database::kMeta, std::string(kRankKey), encode(rank, MortonKey()));
+}
+
+void Batch::put_sheets(const SurfaceSheets& sheets) {
+  impl_->put(Database::kMeta, std::string(kSheetsKey), encode(sheets, MortonKey()));
 }
 
 void Batch::put_words(const RankWords& words) {

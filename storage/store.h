@@ -38,6 +38,7 @@ class Reader {
   std::optional<MemoryRecord> memory() const;
   TimelineRecord timeline() const;
   std::optional<RankRecord> rank() const;  // absent: one process has all of the run
+  SurfaceSheets sheets() const;            // of the run's surface
   RankWords words() const;                 // of the rank's last superstep
   std::optional<LeafInfo> leaf(MortonKey key) const;
   LeafPoints points(MortonKey key) const;
@@ -89,6 +90,7 @@ class Batch : public Reader {
   void put_run(const RunRecord& run);
   void put_memory(const MemoryRecord& memory);
   void put_timeline(const TimelineRecord& timeline);
+  void put_sheets(const SurfaceSheets& sheets);
   void put_rank(const RankRecord& rank);
   void put_words(const RankWords& words);
   void put_result(MortonKey key, const RankResult& result);

@@ -15,6 +15,7 @@
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
+#include "engine/ingest/surface_sheets.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/phases.h"
 #include "engine/run/leaf_queue.h"
@@ -332,9 +333,10 @@ void store_image_nodes(const std::vector<MortonKey>& leaves, const RunRecord& ru
 }
 
 // Of a run that begins.
-void put_run(Store& store, const RunRecord& run) {
+void put_run(Store& store, const RunRecord& run, const SurfaceSheets& sheets) {
   Batch batch = store.begin();
   batch.put_run(run);
+  batch.put_sheets(sheets);
   batch.put_timeline({});
   batch.commit();
 }
@@ -348,8 +350,14 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
   run.phase = Phase::kIngest;
   std::optional<Store> store;
   try {
-    const CheckedSurface surface = check_surface(std::move(raw), plan.frame, watch, workers,
-                                                 bucket_capacity, share, run.parameters.weld);
+    CheckedSurface surface =
+        check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
+                      run.parameters.weld, run.parameters.sharp_angle);
+    const double size = run.parameters.size;
+    const SurfaceSheets sheets = number_sheets(
+        surface,
+        {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
+        watch, workers, share);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     calls.check(run, surface.spill.bytes());
@@ -357,7 +365,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     calls.begin(run);
 
     store.emplace(calls.open_store());
-    put_run(*store, run);
+    put_run(*store, run, sheets);
     erase_all(*store, watch.stop());
     BoundedBatches batches(*store, watch.stop());
     const KeyRange range = share.range();
@@ -375,7 +383,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     batches.commit();
   } catch (const Stopped&) {
     if (!store) store.emplace(calls.open_store());
-    put_run(*store, run);
+    put_run(*store, run, {});
   }
   return std::move(*store);
 }

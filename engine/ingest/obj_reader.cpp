@@ -14,7 +14,7 @@ namespace locvol {
 namespace {
 
 // Lines that say nothing about the shape; those that hold names end with the line, though it may
-// end with a backslash.
+// end with a backslash. Of the names, those of groups, objects and materials are told.
 constexpr std::array<std::string_view, 9> kIgnored = {"vn", "vt",    "vp",       "s",       "l",
                                                       "p",  "bevel", "c_interp", "d_interp"};
 constexpr std::array<std::string_view, 12> kNames = {"g",          "o",         "mtllib", "usemtl",
@@ -59,7 +59,10 @@ class ObjParser {
 
   // Also words that programs have added, such as those of materials: in lines by themselves.
   bool take_other(std::string_view word) {
-    if (is_among(word, kNames)) return false;
+    if (is_among(word, kNames)) {
+      take_name(word);
+      return false;
+    }
     if (is_among(word, kFreeForm))
       file_.refuse_line("has free-form curves or surfaces; export it as polygons");
     const auto is_letter = [](char c) {
@@ -70,6 +73,22 @@ class ObjParser {
     if (num_unknown_++ == 0)
       first_unknown_ = fmt::format("\"{}\" in line {}", shown(word), file_.line_number());
     return false;
+  }
+
+  // A face is of the group that it stands in (g); of its object (o), if that has no groups; and
+  // else of its material (usemtl). A group ends where the next object begins. "default" is what
+  // programs call the group of what is in none.
+  void take_name(std::string_view word) {
+    const std::string_view name = trimmed(scanner_.rest());
+    if (word == "g") {
+      group_ = name == "default" ? "" : name;
+    } else if (word == "o") {
+      object_ = name;
+      group_.clear();
+    } else if (word == "usemtl") {
+      material_ = name;
+    }
+    sink_.group(!group_.empty() ? group_ : !object_.empty() ? object_ : material_);
   }
 
   void skip_continued_line() {
@@ -124,6 +143,7 @@ class ObjParser {
   SurfaceSink& sink_;
   TextScanner scanner_;
   std::uint64_t num_vertices_ = 0;
+  std::string group_, object_, material_;
   bool is_continued_ = false;  // the line ended in a backslash
   std::uint64_t num_unknown_ = 0;
   std::string first_unknown_;

@@ -301,16 +301,38 @@ std::size_t list_of_corners(const InputFile& file, const Element& element,
   return *list;
 }
 
+// The property whose values tell faces' groups apart: an integer of one of these names, of which
+// the first has it. A group is called after its property and value: "region 3".
+constexpr std::array<std::string_view, 7> kGroupNames = {
+    "sheet", "group", "region", "patch", "label", "segment", "material_index"};
+
+std::optional<std::size_t> property_of_groups(const Element& element) {
+  for (const std::string_view name : kGroupNames)
+    for (std::size_t i = 0; i < element.properties.size(); ++i) {
+      const Property& p = element.properties[i];
+      if (p.name == name && !p.count_type && is_integer(p.type)) return i;
+    }
+  return std::nullopt;
+}
+
 constexpr std::uint64_t kAnyCorners = ~std::uint64_t{0};
 
 // Throws InputError for faces of more than `most_corners`.
 void read_faces(const InputFile& file, const Element& element, NumberRange numbers,
                 ValueReader& values, SurfaceSink& sink, std::uint64_t most_corners = kAnyCorners) {
   const std::size_t list = list_of_corners(file, element);
+  const std::optional<std::size_t> group_property = property_of_groups(element);
+  std::optional<std::int64_t> group;
   std::vector<std::uint64_t> corners;
   for (std::uint64_t f = numbers.first; f < numbers.end; ++f) {
     for (std::size_t i = 0; i < element.properties.size(); ++i) {
       const Property& p = element.properties[i];
+      if (i == group_property) {
+        const std::int64_t value = values.integer(p.type, "number of a group");
+        if (group != value) sink.group(fmt::format("{} {}", p.name, value));
+        group = value;
+        continue;
+      }
       if (i != list) {
         values.skip(p);
         continue;
@@ -414,6 +436,7 @@ class FacetsOfFaces : public SurfaceSink {
         axes_(axes_of(file, vertices_.element)),
         sink_(sink) {}
 
+  void group(std::string_view name) override { sink_.group(name); }
   void vertex(const Point&) override {}
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override {
     if (corners.size() != 3) file_.refuse(to_string(place) + " is no triangle");

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/ingest/polygon_triangulation.h"
+#include "engine/ingest/surface_groups.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_reader.h"
 #include "engine/ingest/surface_repair.h"
@@ -42,9 +43,10 @@ class DeferredPolygons {
  public:
   explicit DeferredPolygons(std::filesystem::path directory) : directory_(std::move(directory)) {}
 
-  void append(std::span<const std::uint64_t> corners, const FilePlace& place) {
+  void append(std::span<const std::uint64_t> corners, const FilePlace& place, std::uint32_t group) {
     waiting_.push_back(static_cast<std::uint64_t>(place.unit));
     waiting_.push_back(place.number);
+    waiting_.push_back(group);
     waiting_.push_back(corners.size());
     waiting_.insert(waiting_.end(), corners.begin(), corners.end());
     if (waiting_.size() >= kBufferWords) flush();
@@ -59,9 +61,10 @@ class DeferredPolygons {
       FilePlace place;
       place.unit = static_cast<FilePlace::Unit>(cursor.next());
       place.number = cursor.next();
+      const auto group = static_cast<std::uint32_t>(cursor.next());
       corners.resize(cursor.next());
       for (std::uint64_t& c : corners) c = cursor.next();
-      visit(corners, place);
+      visit(corners, place, group);
     }
   }
 
@@ -116,20 +119,24 @@ class RawSurfaceBuilder : public SurfaceSink {
   }
 
   void note(const std::string& text) override { surface_.notes.push_back(text); }
+  void group(std::string_view name) override { groups_.begin(name); }
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override;
   void facet(const std::array<Point, 3>& corners) override {
     add_triangle(without_negative_zero(corners[0]), without_negative_zero(corners[1]),
-                 without_negative_zero(corners[2]));
+                 without_negative_zero(corners[2]), current_group());
   }
 
   RawSurface finish(std::string digest);
   RawSurface finish_part(std::uint64_t num_numbered_vertices);
 
  private:
-  void add(std::span<const std::uint64_t> corners, const FilePlace& place);
-  void add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place);
-  void add_triangle(const Point& a, const Point& b, const Point& c);
+  // `group`: of SurfaceGroups::current()
+  void add(std::span<const std::uint64_t> corners, const FilePlace& place, std::uint32_t group);
+  void add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place,
+                   std::uint32_t group);
+  void add_triangle(const Point& a, const Point& b, const Point& c, std::uint32_t group);
+  std::uint32_t current_group();
 
   [[noreturn]] void refuse(const FilePlace& place, const std::string& what) const {
     refuse(to_string(place) + ": " + what);
@@ -144,6 +151,7 @@ class RawSurfaceBuilder : public SurfaceSink {
   RawSurface surface_;
   VertexSpill vertices_;
   DeferredPolygons deferred_;
+  SurfaceGroups groups_;
   ProbePicker probes_;
   TriangleWriter writer_{surface_.spill, surface_.triangles.emplace_back()};
   std::uint64_t next_id_ = 0;
@@ -160,20 +168,21 @@ void RawSurfaceBuilder::polygon(std::span<const std::uint64_t> corners, const Fi
     refuse(place, fmt::format("a face has {} corners, more than {}; cut it into triangles",
                               corners.size(), kMaxPolygonCorners));
   if (std::ranges::all_of(corners, [&](std::uint64_t c) { return c < vertices_.size(); }))
-    add(corners, place);
+    add(corners, place, current_group());
   else
-    deferred_.append(corners, place);
+    deferred_.append(corners, place, current_group());
 }
 
 RawSurface RawSurfaceBuilder::finish(std::string digest) {
-  deferred_.for_each([&](std::span<const std::uint64_t> corners, const FilePlace& place) {
-    for (const std::uint64_t c : corners)
-      if (c >= vertices_.size())
-        refuse(place, fmt::format("a face names vertex {} (counted from 0), but there are only "
-                                  "{}; the file is damaged",
-                                  c, vertices_.size()));
-    add(corners, place);
-  });
+  deferred_.for_each(
+      [&](std::span<const std::uint64_t> corners, const FilePlace& place, std::uint32_t group) {
+        for (const std::uint64_t c : corners)
+          if (c >= vertices_.size())
+            refuse(place, fmt::format("a face names vertex {} (counted from 0), but there are only "
+                                      "{}; the file is damaged",
+                                      c, vertices_.size()));
+        add(corners, place, group);
+      });
   RawSurface surface = finish_part(vertices_.size());
   require_triangles(surface);
   require_extent(surface);
@@ -188,18 +197,32 @@ RawSurface RawSurfaceBuilder::finish_part(std::uint64_t num_numbered_vertices) {
   writer_.flush();
   surface_.num_numbered_vertices = num_numbered_vertices;
   surface_.probes = probes_.take();
+  surface_.groups = groups_.take_names();
+  if (groups_.has_cut_names())
+    surface_.notes.push_back(
+        fmt::format("cut names of groups to {} bytes", SurfaceGroups::kMaxNameBytes));
   return std::move(surface_);
 }
 
-void RawSurfaceBuilder::add(std::span<const std::uint64_t> corners, const FilePlace& place) {
-  if (corners.size() == 3)
-    add_triangle(vertices_.at(corners[0]), vertices_.at(corners[1]), vertices_.at(corners[2]));
-  else
-    add_polygon(corners, place);
+std::uint32_t RawSurfaceBuilder::current_group() {
+  const std::uint32_t group = groups_.current();
+  if (groups_.has_too_many())
+    refuse(fmt::format("has more than {} groups with names; unite some, or export it without names",
+                       SurfaceGroups::kMaxGroups));
+  return group;
 }
 
-void RawSurfaceBuilder::add_polygon(std::span<const std::uint64_t> corners,
-                                    const FilePlace& place) {
+void RawSurfaceBuilder::add(std::span<const std::uint64_t> corners, const FilePlace& place,
+                            std::uint32_t group) {
+  if (corners.size() == 3)
+    add_triangle(vertices_.at(corners[0]), vertices_.at(corners[1]), vertices_.at(corners[2]),
+                 group);
+  else
+    add_polygon(corners, place, group);
+}
+
+void RawSurfaceBuilder::add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place,
+                                    std::uint32_t group) {
   ring_.clear();
   for (const std::uint64_t c : corners) {
     const Point p = vertices_.at(c);
@@ -215,15 +238,16 @@ void RawSurfaceBuilder::add_polygon(std::span<const std::uint64_t> corners,
            fmt::format("a face with {} corners crosses itself, seen along its normal; cut it "
                        "into triangles",
                        corners.size()));
-  for (const auto& [a, b, c] : ring_triangles_) add_triangle(ring_[a], ring_[b], ring_[c]);
+  for (const auto& [a, b, c] : ring_triangles_) add_triangle(ring_[a], ring_[b], ring_[c], group);
 }
 
-void RawSurfaceBuilder::add_triangle(const Point& a, const Point& b, const Point& c) {
+void RawSurfaceBuilder::add_triangle(const Point& a, const Point& b, const Point& c,
+                                     std::uint32_t group) {
   if (a == b || b == c || c == a) {
     ++surface_.num_collapsed;
     return;
   }
-  const Triangle triangle{next_id_++, {a, b, c}};
+  const Triangle triangle{next_id_++, {a, b, c}, groups_.number_of(group)};
   surface_.box = triangle.id == 0 ? triangle.box() : surface_.box.joined(triangle.box());
   if (are_collinear(a, b, c)) {
     if (surface_.collinear.size() == kMaxCollinear)

@@ -56,8 +56,8 @@ bool starts_comment(std::string_view word) {
 
 // solid NAME / facet normal x y z / outer loop / vertex x y z (three times) / endloop / endfacet /
 // endsolid NAME: with keywords in any case, those of an end also as two words, and a facet on as
-// many lines as one likes. Only facets matter: whatever stands between them is let be, and so are
-// normals, and what follows a vertex.
+// many lines as one likes. Only facets and names matter: whatever else stands between facets is let
+// be, and so are normals, and what follows a vertex. A solid is a group of its name.
 class AsciiStlParser {
  public:
   AsciiStlParser(InputFile& file, SurfaceSink& sink) : file_(file), sink_(sink), scanner_(file) {}
@@ -86,6 +86,7 @@ class AsciiStlParser {
     if (is_word(word, "solid")) {
       require(!num_corners_, "a solid begins inside a facet");
       has_begun_ = is_in_solid_ = true;
+      sink_.group(scanner_.rest());
     } else if (num_corners_ && is_first) {
       require(starts_comment(word), "is no line of a facet");
     }

@@ -46,12 +46,14 @@ class SurfaceCellCheck {
  public:
   // `stop` may be null.
   SurfaceCellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-                   const WallProbes& probes, double middle_z, const StopToken* stop)
+                   const WallProbes& probes, const SharpAngle& angle, double middle_z,
+                   const StopToken* stop)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
         probes_(probes),
+        angle_(angle),
         middle_z_(middle_z),
         stop_(stop),
         soup_(soup_of(triangles_)),
@@ -67,6 +69,9 @@ class SurfaceCellCheck {
     find_components();
     if (scope == CheckScope::kAll) {
       check_fans();
+      if (angle_.is_given())
+        report_.findings.sharp = sharp_edges_of(triangles_, soup_.triangles, mates_, angle_,
+                                                [&](std::uint32_t h) { return owner_of_edge(h); });
       look_at_pairs();
     }
     return std::move(report_);
@@ -175,23 +180,15 @@ class SurfaceCellCheck {
       if (is_copy_[t]) continue;
       ComponentPart& part = report_.parts[components.of_triangle[t]];
       add_to(part.sum, t, components.is_turned[t]);
-      if (!reaches_out(t)) continue;
+      if (!TriangleBuckets::reaches_out(box_, triangles_[t])) continue;
       part.is_whole = false;
       report_.shared.push_back({.id = triangles_[t].id,
                                 .from = triangles_[t].corners[0],
                                 .to = triangles_[t].corners[1],
                                 .part = components.of_triangle[t],
                                 .is_turned = components.is_turned[t],
-                                .is_last = !buckets_.reaches_beyond_range(triangles_[t]) &&
-                                           buckets_.last_met_by(triangles_[t]) == cell_});
+                                .is_last = buckets_.is_last_with(cell_, triangles_[t])});
     }
-  }
-
-  // Lies the triangle on the cell's boundary, or beyond?
-  bool reaches_out(std::uint32_t t) const {
-    const Box b = triangles_[t].box();
-    return b.min.x <= box_.min.x || b.min.y <= box_.min.y || b.min.z <= box_.min.z ||
-           b.max.x >= box_.max.x || b.max.y >= box_.max.y || b.max.z >= box_.max.z;
   }
 
   // The volume between a triangle and the plane z = middle_z_; only its difference from the other
@@ -255,6 +252,7 @@ class SurfaceCellCheck {
   Box box_;
   const TriangleBuckets& buckets_;
   const WallProbes& probes_;
+  const SharpAngle& angle_;
   double middle_z_;
   const StopToken* stop_;
   TriangleSoup soup_;
@@ -304,6 +302,7 @@ void SurfaceFindings::add(const SurfaceFindings& others) {
   num_vertices += others.num_vertices;
   num_triangles += others.num_triangles;
   area.add(others.area);
+  sharp.add(others.sharp);
   locvol::add(sights, others.sights);
 }
 
@@ -340,16 +339,16 @@ struct SurfaceSummary {
 }  // namespace
 
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, const WallProbes& probes, CheckScope scope,
-                            IngestWatch& watch, Workers& workers) {
+                            const Box& box, const WallProbes& probes, const SharpAngle& angle,
+                            CheckScope scope, IngestWatch& watch, Workers& workers) {
   SurfaceSummary surface;
   surface.findings.sights.resize(probes.num_lines());
   for_each_in_order(
       workers, buckets.all(),
       [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
       [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
-        return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, probes, box.center().z,
-                                watch.stop())
+        return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, probes, angle,
+                                box.center().z, watch.stop())
             .run(scope);
       },
       [&](const TriangleBucket& bucket, const CellReport& report) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/sharp_edges.h"
 #include "engine/ingest/surface_components.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
@@ -54,6 +55,7 @@ struct SurfaceFindings {
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
   JoinedComponents joined;  // none that is complete, where edges are in one triangle
+  SharpEdges sharp;         // in CheckScope::kAll
   LineSights sights;        // of the lines of all probes, in CheckScope::kAll
 
   void add(const SurfaceFindings& others);  // but for their components
@@ -76,8 +78,8 @@ enum class CheckScope {
 // Checks the cells of the buckets' range. `box` is around the surface. Each thread is at a cell of
 // its own. Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
-                            const Box& box, const WallProbes& probes, CheckScope scope,
-                            IngestWatch& watch, Workers& workers);
+                            const Box& box, const WallProbes& probes, const SharpAngle& angle,
+                            CheckScope scope, IngestWatch& watch, Workers& workers);
 
 // Drops all but the first of triangles with the same vertices. REQUIRES: they are in order of id
 void drop_copies(std::vector<Triangle>& triangles);

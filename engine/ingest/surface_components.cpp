@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "refine/domain/exact_predicates.h"
 
@@ -39,66 +38,6 @@ void SurfaceComponent::add(const SurfaceComponent& other, bool is_turned) {
   six_volume_error += other.six_volume_error;
   num_triangles += other.num_triangles;
   num_turned += is_turned ? other.num_triangles - other.num_turned : other.num_turned;
-}
-
-std::uint32_t ComponentJoiner::add_part(const SurfaceComponent& part) {
-  const auto number = static_cast<std::uint32_t>(parts_.size());
-  parts_.push_back(part);
-  parents_.push_back({number, false});
-  return number;
-}
-
-bool ComponentJoiner::join(std::uint64_t triangle, std::uint32_t part, bool is_turned,
-                           bool is_last) {
-  const auto known = open_.find(triangle);
-  if (known == open_.end()) {
-    if (!is_last) open_.emplace(triangle, Place{part, is_turned});
-    return true;
-  }
-  const Place other = known->second;
-  if (is_last) open_.erase(known);
-  Place a = root_of(part), b = root_of(other.part);
-  const bool differ = (a.is_turned != is_turned) != (b.is_turned != other.is_turned);
-  if (a.part == b.part) return !differ;
-  if (a.part < b.part) std::swap(a, b);
-  parents_[a.part] = {b.part, differ};  // the first part stands for all
-  return true;
-}
-
-ComponentJoiner::Place ComponentJoiner::root_of(std::uint32_t part) {
-  Place root{part, false};
-  while (parents_[root.part].part != root.part) {
-    const Place parent = parents_[root.part];
-    root = {parent.part, root.is_turned != parent.is_turned};
-  }
-  bool is_turned = root.is_turned;
-  while (parents_[part].part != root.part && part != root.part) {  // shorten the path
-    const Place parent = parents_[part];
-    parents_[part] = {root.part, is_turned};
-    is_turned = is_turned != parent.is_turned;
-    part = parent.part;
-  }
-  return root;
-}
-
-JoinedComponents ComponentJoiner::take() {
-  for (std::uint32_t part = 0; part < parts_.size(); ++part) {
-    const Place root = root_of(part);
-    if (root.part != part) parts_[root.part].add(parts_[part], root.is_turned);
-  }
-  JoinedComponents joined{std::move(components_), {}};
-  std::vector<std::uint32_t> numbers(parts_.size());  // of roots
-  for (std::uint32_t part = 0; part < parts_.size(); ++part) {
-    if (parents_[part].part != part) continue;
-    numbers[part] = static_cast<std::uint32_t>(joined.components.size());
-    joined.components.push_back(parts_[part]);
-  }
-  for (const auto& [triangle, place] : open_) {
-    const Place root = root_of(place.part);
-    joined.open.push_back({triangle, numbers[root.part], place.is_turned != root.is_turned});
-  }
-  std::ranges::sort(joined.open);
-  return joined;
 }
 
 Nesting::Nesting(std::span<const SurfaceComponent> components) {

@@ -3,13 +3,12 @@
 #pragma once
 
 #include <cmath>
-#include <compare>
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
+#include "engine/ingest/part_joiner.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "engine/ingest/triangle_spill.h"
 #include "engine/shared/compensated_sum.h"
@@ -35,44 +34,8 @@ struct SurfaceComponent {
 // Is p higher than q?
 inline bool is_above(const Point& p, const Point& q) { return p.z != q.z ? p.z > q.z : p < q; }
 
-// A triangle that also lies beyond the cells that have come.
-struct OpenTriangle {
-  std::uint64_t id = 0;
-  std::uint32_t component = 0;  // its place among these
-  bool is_turned = false;       // against the component's orientation
-  friend auto operator<=>(const OpenTriangle&, const OpenTriangle&) = default;
-};
-
-struct JoinedComponents {
-  std::vector<SurfaceComponent> components;
-  std::vector<OpenTriangle> open;  // in order of id
-};
-
-// Cells come in Morton order; a triangle that meets several cells is in a part of each, and so
-// joins those parts. Memory: 8 bytes a part, and about 50 for each triangle of which a cell has
-// come and another has not: those across a section of the model.
-class ComponentJoiner {
- public:
-  // Numbers the parts that other cells may have parts of.
-  std::uint32_t add_part(const SurfaceComponent& part);
-  // A part that no other cell has part of.
-  void add_whole(const SurfaceComponent& component) { components_.push_back(component); }
-  // The triangle is in the part, `is_turned` against its orientation. `is_last`: no later cell has
-  // it. Returns false if the orientations of its parts contradict each other.
-  bool join(std::uint64_t triangle, std::uint32_t part, bool is_turned, bool is_last);
-  JoinedComponents take();
-
- private:
-  struct Place {
-    std::uint32_t part = 0;
-    bool is_turned = false;
-  };
-  Place root_of(std::uint32_t part);
-
-  std::vector<SurfaceComponent> components_, parts_;
-  std::vector<Place> parents_;  // union-find, with the orientation relative to the parent's
-  std::unordered_map<std::uint64_t, Place> open_;
-};
+using JoinedComponents = JoinedParts<SurfaceComponent>;
+using ComponentJoiner = PartJoiner<SurfaceComponent>;
 
 // Element i: do an odd number of the other components lie around component i, so that it bounds a
 // cavity? Triangles are given one by one. Decided exactly.

@@ -32,12 +32,13 @@ class SurfacePreparation {
  public:
   SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
                      std::uint64_t bucket_capacity, const IngestShare& share,
-                     const std::optional<double>& weld)
+                     const std::optional<double>& weld, double sharp_angle)
       : raw_(std::move(raw)),
         watch_(watch),
         workers_(workers),
         share_(share),
         weld_(weld),
+        angle_(sharp_angle),
         buckets_(frame, bucket_capacity, share.range()) {}
 
   CheckedSurface run() {
@@ -74,7 +75,8 @@ class SurfacePreparation {
 
   void check(CheckScope scope) {
     const WallProbes probes(raw_.probes, raw_.box);
-    findings_ = check_cells(raw_.spill, buckets_, raw_.box, probes, scope, watch_, workers_);
+    findings_ =
+        check_cells(raw_.spill, buckets_, raw_.box, probes, angle_, scope, watch_, workers_);
     share_.join_findings(findings_);
     drops_copies_ = findings_.drops_copies();
   }
@@ -163,7 +165,9 @@ class SurfacePreparation {
       if (!flips.beyond.empty()) continue;
       const auto triangle = [&](std::uint32_t t) -> Triangle {
         const auto& [a, b, c] = soup.triangles[t];
-        return {piece[t].id, {soup.vertices[a], soup.vertices[b], soup.vertices[c]}};
+        return {piece[t].id,
+                {soup.vertices[a], soup.vertices[b], soup.vertices[c]},
+                piece[flips.taken_from[t]].sheet};
       };
       if (flips.remaining)
         refuse(
@@ -313,6 +317,8 @@ class SurfacePreparation {
   CheckedSurface result() {
     CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
     surface.has_copies = drops_copies_;
+    surface.groups = std::move(raw_.groups);
+    surface.sharp = std::move(findings_.sharp);
     surface.facts = {.file = raw_.file,
                      .num_vertices = findings_.num_vertices,
                      .num_triangles = findings_.num_triangles,
@@ -354,6 +360,7 @@ class SurfacePreparation {
   Workers& workers_;
   const IngestShare& share_;
   std::optional<double> weld_;
+  SharpAngle angle_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;
@@ -368,13 +375,17 @@ class SurfacePreparation {
 std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
   std::vector<Triangle> triangles = spill.load(bucket.triangles);
   if (has_copies) drop_copies(triangles);
+  if (!sheets.empty())
+    for (Triangle& triangle : triangles) triangle.sheet = sheets[triangle.sheet];
   return triangles;
 }
 
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity,
-                             const IngestShare& share, const std::optional<double>& weld) {
-  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share, weld)
+                             const IngestShare& share, const std::optional<double>& weld,
+                             double sharp_angle) {
+  return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share, weld,
+                            sharp_angle)
       .run();
 }
 

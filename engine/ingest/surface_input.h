@@ -15,6 +15,7 @@
 
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/sharp_edges.h"
 #include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
@@ -50,7 +51,10 @@ struct RawSurface {
   std::uint64_t num_collapsed = 0;          // triangles left out
   std::vector<Triangle> collinear;          // those without area, in order of id
   std::vector<std::string> notes;           // of what is odd in the file
-  std::vector<WallProbe> probes;            // of all triangles
+  // Names of groups of triangles, in the order of their first ones: the first is that of triangles
+  // with Triangle::sheet 1. Triangles of no name are a group with an empty one.
+  std::vector<std::string> groups;
+  std::vector<WallProbe> probes;  // of all triangles
 };
 
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
@@ -82,8 +86,12 @@ struct CheckedSurface {
   std::vector<Triangle> load(const TriangleBucket& bucket) const;
 
   SurfaceFacts facts;
+  std::vector<std::string> groups;  // see RawSurface
+  SharpEdges sharp;
   TriangleSpill spill;
   TriangleBuckets buckets;
+  // By what the buckets' triangles carry, the sheets that load() gives them. Empty: their groups.
+  std::vector<SheetId> sheets;
   bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
 };
 
@@ -97,11 +105,12 @@ inline constexpr std::uint64_t kBucketCapacity = 50'000;
 // Of several processes each gives the triangles that meet its share's cells, and gets these in
 // buckets; all that is known of the surface is known to each. REQUIRES: then nothing is to be
 // repaired
-// `weld`: see RunParameters::weld.
+// `weld`, `sharp_angle`: see RunParameters. At an angle of 0, CheckedSurface::sharp has none.
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
                              const IngestShare& share = IngestShare(),
-                             const std::optional<double>& weld = std::nullopt);
+                             const std::optional<double>& weld = std::nullopt,
+                             double sharp_angle = 0);
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <utility>
 
 #include "octree/sort_and_unite.h"
@@ -16,6 +17,8 @@ class CollinearFlipper {
       : soup_(soup),
         is_whole_(is_whole),
         mates_(paired_edges(soup.vertices.size(), soup.triangles)) {
+    result_.taken_from.resize(soup.triangles.size());
+    std::iota(result_.taken_from.begin(), result_.taken_from.end(), std::uint32_t{0});
     turn_triangles(find_components(soup_.triangles, mates_).is_turned, soup_.triangles, mates_);
   }
 
@@ -94,6 +97,7 @@ class CollinearFlipper {
     pair(3 * n + 1, outer[3]);
     pair(3 * t + 2, 3 * n + 2);
     ++num_flips_;
+    result_.taken_from[t] = result_.taken_from[n];  // t had no area
     last_flip_ = {t, n};
     result_.changed.insert(result_.changed.end(), {t, n});
     return true;

@@ -17,7 +17,9 @@ namespace locvol {
 inline constexpr std::size_t kMaxCollinear = 200'000;
 
 struct FlipResult {
-  std::vector<std::uint32_t> changed;      // triangles, ascending
+  std::vector<std::uint32_t> changed;  // triangles, ascending
+  // By triangle, the one whose place it has taken a part of; itself, where nothing changed.
+  std::vector<std::uint32_t> taken_from;
   std::optional<std::uint32_t> remaining;  // a triangle that could not be repaired
   // Vertices with triangles beyond the piece that the repair must see: unless there are none, the
   // result is void.

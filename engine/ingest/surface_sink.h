@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "octree/geometry.h"
 
@@ -27,6 +28,9 @@ class SurfaceSink {
   virtual void announce(std::uint64_t /*num_faces*/) {}
   // What the user is to know of a file that is odd, and is read all the same.
   virtual void note(const std::string& /*text*/) {}
+  // Polygons and facets belong to the group of this name, as the file has it, until the next call.
+  // Those before the first call have no name, and an empty one is none.
+  virtual void group(std::string_view /*name*/) {}
   // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
   virtual void vertex(const Point& position) = 0;
   // Any number of corners, with any numbers: they may name a vertex that comes later, or never.

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "engine/ingest/near_points.h"
-#include "engine/ingest/sorted_spill.h"
+#include "engine/shared/sorted_spill.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_topology.h"

@@ -22,6 +22,12 @@ std::string_view without_plus(std::string_view word) {
 
 }  // namespace
 
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
 std::string shown(std::string_view word) {
   std::string text(word.substr(0, 40));
   for (char& c : text)

@@ -12,6 +12,8 @@ namespace locvol {
 
 // A word as a message may show it: short, and without control characters.
 std::string shown(std::string_view word);
+// Without blanks around it.
+std::string_view trimmed(std::string_view text);
 // A number with a decimal point; infinity, or about 0, for one out of a double's range. None: it is
 // no number.
 std::optional<double> parse_number(std::string_view word);

@@ -250,6 +250,14 @@ void TriangleBuckets::release(TriangleSpill& spill) {
   buckets_.clear();
 }
 
+void TriangleBuckets::replace(TriangleSpill& spill, std::size_t i,
+                              std::span<const Triangle> triangles) {
+  spill.release(std::exchange(buckets_[i].triangles, {}));
+  TriangleWriter writer(spill, buckets_[i].triangles);
+  for (const Triangle& triangle : triangles) writer.append(triangle);
+  writer.flush();
+}
+
 std::span<const TriangleBucket> TriangleBuckets::under(MortonKey node) const {
   const auto first = std::ranges::lower_bound(
       buckets_, node.range_min(), {}, [](const TriangleBucket& b) { return b.cell.range_max(); });

@@ -44,6 +44,8 @@ class TriangleBuckets {
 
   TriangleBuckets empty_ones() const { return {frame_, capacity_, range_}; }  // for other triangles
   void release(TriangleSpill& spill);  // then there are no cells
+  // Gives the i-th bucket these triangles instead of its own.
+  void replace(TriangleSpill& spill, std::size_t i, std::span<const Triangle> triangles);
 
   const Frame& frame() const { return frame_; }
   std::span<const TriangleBucket> all() const { return buckets_; }  // in Morton order
@@ -56,8 +58,18 @@ class TriangleBuckets {
   }
   // The last cell, in Morton order, that the triangle meets. REQUIRES: it is in a bucket
   MortonKey last_met_by(const Triangle& triangle) const;
+  // Tells whether no later cell has the triangle, nor one beyond the range. REQUIRES: the cell does
+  bool is_last_with(MortonKey cell, const Triangle& triangle) const {
+    return !reaches_beyond_range(triangle) && last_met_by(triangle) == cell;
+  }
   // Tells whether the triangle may meet cells that are not in the range.
   bool reaches_beyond_range(const Triangle& triangle) const;
+  // Tells whether the triangle lies on the cell's boundary, or beyond.
+  static bool reaches_out(const Box& cell, const Triangle& triangle) {
+    const Box b = triangle.box();
+    return b.min.x <= cell.min.x || b.min.y <= cell.min.y || b.min.z <= cell.min.z ||
+           b.max.x >= cell.max.x || b.max.y >= cell.max.y || b.max.z >= cell.max.z;
+  }
 
  private:
   Frame frame_;

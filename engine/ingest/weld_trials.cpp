@@ -112,7 +112,7 @@ std::string WeldTrials::flaw_of(WeldedSurface& surface, CheckScope scope) {
   buckets.distribute(spill_, all, box_, {}, true, watch_);
   surface.triangles = std::move(all.front());
   const SurfaceFindings findings =
-      check_cells(spill_, buckets, box_, {},
+      check_cells(spill_, buckets, box_, {}, SharpAngle(0),
                   surface.collinear.empty() ? scope : CheckScope::kNeighbors, watch_, workers_);
   buckets.release(spill_);
   const auto& [open, overused] = findings.edges_that_count();

@@ -39,7 +39,7 @@ void require_format(const RunRecord& run, const std::filesystem::path& output,
                     const OutputOptions& options);
 
 // What the ingest of a surface takes at most of temporary files, in the store's directory.
-inline constexpr double kIngestBytesPerTriangle = 165;
+inline constexpr double kIngestBytesPerTriangle = 181;
 
 // Throws InputError unless there is room for the temporary files of the ingest, of which some are
 // written already. `surface`: its name

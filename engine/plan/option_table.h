@@ -147,7 +147,16 @@ inline constexpr std::tuple kOptions{
          .help = {"LENGTH",
                   "Join points of the surface that lie closer to each other than this, a length or "
                   "a percentage as --size; 0: none (default: auto, those that close a surface "
-                  "which is not closed otherwise)"}}}};
+                  "which is not closed otherwise)"}}},
+    Option<&MeshOptions::sharp_angle, &RunParameters::sharp_angle>{
+        {.name = {"--sharp-angle", "sharp_angle"},
+         .help = {"DEG",
+                  "Sheets, the faces of the surface, end at edges where it turns by more degrees; "
+                  "0: only where names do that the file gives them (default: {standard})"},
+         .noun = "sharp angle",
+         .range = {.most = 179},
+         .cure = "give degrees from {least}, at which nothing is sharp, to {most}",
+         .standard = 40}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

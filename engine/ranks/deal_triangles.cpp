@@ -32,9 +32,10 @@ std::vector<MortonKey> sampled_places(const RawSurface& part, std::uint64_t firs
 
 class Dealer {
  public:
-  Dealer(TriangleSpill& spill, std::uint64_t first_id, const Frame& frame, const Shares& shares,
-         Exchange& exchange)
+  Dealer(TriangleSpill& spill, std::uint64_t first_id, std::span<const SheetId> groups,
+         const Frame& frame, const Shares& shares, Exchange& exchange)
       : first_id_(first_id),
+        groups_(groups),
         frame_(frame),
         shares_(shares),
         exchange_(exchange),
@@ -50,6 +51,7 @@ class Dealer {
   // To all whose share it may meet.
   void send(Triangle triangle) {
     triangle.id += first_id_;
+    triangle.sheet = groups_[triangle.sheet - 1];
     const Box reach = triangle.box().expanded(frame_.unit());  // cells are closed
     const int first = shares_.owner_of(frame_.key_of(reach.min));
     if (first == shares_.owner_of(frame_.key_of(reach.max))) return send_to(first, triangle);
@@ -89,6 +91,7 @@ class Dealer {
   }
 
   std::uint64_t first_id_;
+  std::span<const SheetId> groups_;
   const Frame& frame_;
   const Shares& shares_;
   Exchange& exchange_;
@@ -120,11 +123,11 @@ Shares shares_of_triangles(const RawSurface& part, std::uint64_t first_id,
   return Shares(std::move(first));
 }
 
-void deal_triangles(RawSurface& surface, std::uint64_t first_id, const Frame& frame,
-                    const Shares& shares, Exchange& exchange, CommonStop& stop,
+void deal_triangles(RawSurface& surface, std::uint64_t first_id, std::span<const SheetId> groups,
+                    const Frame& frame, const Shares& shares, Exchange& exchange, CommonStop& stop,
                     IngestWatch& watch) {
   TriangleList& part = surface.triangles.front();
-  Dealer dealer(surface.spill, first_id, frame, shares, exchange);
+  Dealer dealer(surface.spill, first_id, groups, frame, shares, exchange);
   std::vector<Triangle> extent;
   std::size_t num_sent = 0;
   const auto has_more = [&] { return num_sent < part.extents.size(); };

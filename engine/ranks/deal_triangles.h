@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "engine/exchange/exchange.h"
 #include "engine/ingest/ingest_watch.h"
@@ -23,8 +24,10 @@ Shares shares_of_triangles(const RawSurface& part, std::uint64_t first_id,
                            Exchange& exchange);
 
 // Then the rank has all triangles that may meet its share, and none else, as a list from each rank.
+// `groups`: by those of the rank's part, the numbers of groups in the whole surface.
 // Memory: a message to each rank, and 32 KB for each. Throws std::system_error, Stopped.
-void deal_triangles(RawSurface& surface, std::uint64_t first_id, const Frame& frame,
-                    const Shares& shares, Exchange& exchange, CommonStop& stop, IngestWatch& watch);
+void deal_triangles(RawSurface& surface, std::uint64_t first_id, std::span<const SheetId> groups,
+                    const Frame& frame, const Shares& shares, Exchange& exchange, CommonStop& stop,
+                    IngestWatch& watch);
 
 }  // namespace locvol

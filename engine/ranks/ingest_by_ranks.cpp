@@ -3,13 +3,16 @@
 #include <algorithm>
 #include <cstdint>
 #include <iterator>
+#include <map>
 #include <memory>
+#include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include "engine/exchange/pack.h"
 #include "engine/ingest/sha256.h"
+#include "engine/ingest/surface_groups.h"
 #include "engine/ingest/surface_reader.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/ranks/common_stop.h"
@@ -82,7 +85,7 @@ class IngestByRanks {
     const OctreePlan plan = plan_octree(run.parameters, surface.box);
     const Shares shares =
         shares_of_triangles(surface, first_id_, num_triangles_, plan.frame, plan.level, exchange_);
-    deal_triangles(surface, first_id_, plan.frame, shares, exchange_, stop_, watch_);
+    deal_triangles(surface, first_id_, groups_, plan.frame, shares, exchange_, stop_, watch_);
     calls.check = [this, check = calls.check](const RunRecord& known, std::uint64_t spilled) {
       stop_.meet();
       check_on_all(exchange_, [&] { check(known, spilled); });
@@ -128,8 +131,20 @@ class IngestByRanks {
     }
     if (num_triangles_ == 0 || !is_sound([&] { require_extent(*part); })) throw NeedsOneProcess();
     part->probes = probes_of_all(part->probes);
+    part->groups = groups_of_all(part->groups);
     part->digest = digest();
     return std::move(*part);
+  }
+
+  // In the order of their first triangles, which lower ranks have before others.
+  std::vector<std::string> groups_of_all(const std::vector<std::string>& own) {
+    std::map<std::string, SheetId> numbers;
+    std::vector<std::string> all;
+    for (const std::string& name : gather_all(exchange_, own))
+      if (numbers.emplace(name, static_cast<SheetId>(all.size() + 1)).second) all.push_back(name);
+    if (all.size() > SurfaceGroups::kMaxGroups) throw NeedsOneProcess();
+    for (const std::string& name : own) groups_.push_back(numbers.at(name));
+    return all;
   }
 
   // Those that come first, of all ranks' triangles.
@@ -181,6 +196,7 @@ class IngestByRanks {
   CommonStop stop_;
   std::unique_ptr<SurfaceRanges> ranges_;
   std::uint64_t first_id_ = 0, num_triangles_ = 0;  // of all ranks, the latter
+  std::vector<SheetId> groups_;                     // of the whole surface, by those of the part
 };
 
 }  // namespace

@@ -323,6 +323,12 @@ RunRecord run_in(std::span<const Store> from, Exchange& exchange) {
   return run;
 }
 
+SurfaceSheets sheets_in(std::span<const Store> from, Exchange& exchange) {
+  std::string first;
+  if (exchange.rank() == 0) first = encode(from.front().snapshot().sheets(), MortonKey());
+  return decode<SurfaceSheets>(exchange.gather(first).front(), MortonKey());
+}
+
 // Visits of leaves that were split since are the first rank's.
 RunCounts own_counts(const Store& own, const RunCounts& all, Exchange& exchange) {
   RunCounts counts;
@@ -363,7 +369,9 @@ void move_leaves(std::span<const Store> from, const Shares& shares, Store& own,
   held = CopyDealer(own, run, shares, std::move(held), exchange).run();
 
   run.counts = own_counts(own, run.counts, exchange);
+  const SurfaceSheets sheets = sheets_in(from, exchange);
   Batch batch = own.begin();
+  batch.put_sheets(sheets);
   const LinearOctree octree = LinearOctree::coarsest_with(held);
   for (const MortonKey leaf : octree.leaves()) {
     if (std::ranges::binary_search(held, leaf)) continue;
@@ -403,8 +411,10 @@ void join_leaves(std::span<const Store> from, Store* whole, Exchange& exchange) 
   const RunRecord run = run_in(from, exchange);
   move_own(
       from, [](MortonKey) { return 0; }, whole, exchange);
+  const SurfaceSheets sheets = sheets_in(from, exchange);
   if (whole == nullptr) return;
   Batch batch = whole->begin();
+  batch.put_sheets(sheets);
   batch.put_run(run);
   put_timeline(batch, from);
   batch.commit();

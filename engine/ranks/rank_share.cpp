@@ -44,6 +44,30 @@ auto fields(Maybe<OpenTriangle> auto& triangle) {
   auto& [id, component, is_turned] = triangle;
   return std::tuple(Field("id", id), Field("component", component), Field("is_turned", is_turned));
 }
+auto fields(Maybe<Needle> auto& needle) {
+  auto& [id, across, normal, is_turned, is_next_to_needle] = needle;
+  return std::tuple(Field("id", id), Field("across", across), Field("normal", normal),
+                    Field("is_turned", is_turned), Field("is_next_to_needle", is_next_to_needle));
+}
+auto fields(Maybe<SharpEdges> auto& sharp) {
+  auto& [num_edges, num_needles, needles] = sharp;
+  return std::tuple(Field("num_edges", num_edges), Field("num_needles", num_needles),
+                    Field("needles", needles));
+}
+auto fields(Maybe<SheetPart> auto& part) {
+  auto& [first_triangle, group, area] = part;
+  return std::tuple(Field("first_triangle", first_triangle), Field("group", group),
+                    Field("area", area));
+}
+auto fields(Maybe<SheetBorder> auto& border) {
+  auto& [a, b, length] = border;
+  return std::tuple(Field("a", a), Field("b", b), Field("length", length));
+}
+auto fields(Maybe<SheetSums> auto& sums) {
+  auto& [first_triangle, num_triangles, area, moment, box] = sums;
+  return std::tuple(Field("first_triangle", first_triangle), Field("num_triangles", num_triangles),
+                    Field("area", area), Field("moment", moment), Field("box", box));
+}
 auto fields(Maybe<JoinedComponents> auto& joined) {
   auto& [components, open] = joined;
   return std::tuple(Field("components", components), Field("open", open));
@@ -56,7 +80,7 @@ auto fields(Maybe<LineSight> auto& sight) {
 }
 auto fields(Maybe<SurfaceFindings> auto& findings) {
   auto& [edges, edges_without_copies, num_copies, first_copy, is_copy_needed, conflicts,
-         num_pinched, first_pinched, intersection, num_vertices, num_triangles, area, joined,
+         num_pinched, first_pinched, intersection, num_vertices, num_triangles, area, joined, sharp,
          sights] = findings;
   return std::tuple(Field("edges", edges), Field("edges_without_copies", edges_without_copies),
                     Field("num_copies", num_copies), Field("first_copy", first_copy),
@@ -64,7 +88,7 @@ auto fields(Maybe<SurfaceFindings> auto& findings) {
                     Field("num_pinched", num_pinched), Field("first_pinched", first_pinched),
                     Field("intersection", intersection), Field("num_vertices", num_vertices),
                     Field("num_triangles", num_triangles), Field("area", area),
-                    Field("joined", joined), Field("sights", sights));
+                    Field("joined", joined), Field("sharp", sharp), Field("sights", sights));
 }
 auto fields(Maybe<RankComponent> auto& of_rank) {
   auto& [rank, component] = of_rank;
@@ -105,26 +129,45 @@ std::vector<ComponentLink> links_found(const std::vector<OpenTriangle>& open, Ex
   return links;
 }
 
+// Adds the parts of all ranks. Gives by rank, the number of its first one.
+template <class Part>
+std::vector<std::uint32_t> add_parts(const std::vector<std::vector<Part>>& by_rank,
+                                     PartJoiner<Part>& joiner) {
+  std::vector<std::uint32_t> first;
+  std::uint32_t num_parts = 0;
+  for (const std::vector<Part>& of_rank : by_rank) {
+    first.push_back(num_parts);
+    for (const Part& part : of_rank) num_parts = joiner.add_part(part) + 1;
+  }
+  return first;
+}
+
+// `first`: of add_parts(). Gives how many links contradict others.
+template <class Part>
+std::uint64_t join_linked(const std::vector<ComponentLink>& links,
+                          const std::vector<std::uint32_t>& first, PartJoiner<Part>& joiner) {
+  const auto number_of = [&](const RankComponent& c) { return first[c.rank] + c.component; };
+  std::uint64_t num_links = 0, num_conflicts = 0;
+  for (const auto& [a, b, is_turned] : links) {
+    joiner.join(num_links, number_of(a), false, false);
+    if (!joiner.join(num_links++, number_of(b), is_turned, true)) ++num_conflicts;
+  }
+  return num_conflicts;
+}
+
 // Of all ranks. `by_rank`: of each one's cells, as a message
 SurfaceFindings joined_findings(std::vector<std::string> by_rank,
                                 const std::vector<ComponentLink>& links) {
   SurfaceFindings all;
-  ComponentJoiner joiner;
-  std::vector<std::uint32_t> first;  // by rank, its first component's number
-  std::uint32_t num_components = 0;
+  std::vector<std::vector<SurfaceComponent>> components;
   for (std::string& message : by_rank) {
-    const auto of_rank = unpack<SurfaceFindings>(std::exchange(message, {}));
+    auto of_rank = unpack<SurfaceFindings>(std::exchange(message, {}));
     all.add(of_rank);
-    first.push_back(num_components);
-    for (const SurfaceComponent& component : of_rank.joined.components)
-      num_components = joiner.add_part(component) + 1;
+    components.push_back(std::move(of_rank.joined.components));
   }
-  const auto number_of = [&](const RankComponent& c) { return first[c.rank] + c.component; };
-  std::uint64_t num_links = 0;
-  for (const auto& [a, b, is_turned] : links) {
-    joiner.join(num_links, number_of(a), false, false);
-    if (!joiner.join(num_links++, number_of(b), is_turned, true)) ++all.conflicts.count;
-  }
+  ComponentJoiner joiner;
+  const auto first = add_parts(components, joiner);
+  all.conflicts.count += join_linked(links, first, joiner);
   all.joined = joiner.take();
   return all;
 }
@@ -143,6 +186,37 @@ void RankShare::join_findings(SurfaceFindings& findings) const {
       gather_all(exchange_, links_found(std::exchange(findings.joined.open, {}), exchange_));
   findings = joined_findings(exchange_.gather(pack(findings)), links);
   if (needs_one_process(findings)) throw NeedsOneProcess();
+}
+
+void RankShare::join_sheets(SheetPieces& pieces) const {
+  stop_.meet();
+  const std::vector<ComponentLink> links =
+      gather_all(exchange_, links_found(pieces.joined.open, exchange_));
+  PartJoiner<SheetPart> joiner;
+  const auto first = add_parts(gather_values(exchange_, pieces.joined.components), joiner);
+  join_linked(links, first, joiner);
+  const std::uint32_t first_own = first[static_cast<std::size_t>(exchange_.rank())];
+  for (SheetBorder& border : pieces.borders) {
+    border.a += first_own;
+    border.b += first_own;
+  }
+  for (std::uint32_t& place : pieces.places) place += first_own;
+  pieces.borders = gather_all(exchange_, pieces.borders);
+  std::vector<std::uint32_t> numbers;
+  pieces.joined = joiner.take(numbers);
+  for (SheetBorder& border : pieces.borders) {
+    border.a = numbers[border.a];
+    border.b = numbers[border.b];
+  }
+  for (std::uint32_t& place : pieces.places) place = numbers[place];
+}
+
+void RankShare::join_sums(std::vector<SheetSums>& sums) const {
+  stop_.meet();
+  const auto by_rank = gather_values(exchange_, sums);
+  sums.assign(sums.size(), {});
+  for (const std::vector<SheetSums>& of_rank : by_rank)
+    for (std::size_t s = 0; s < sums.size(); ++s) sums[s].add(of_rank[s]);
 }
 
 void RankShare::join_parities(std::vector<bool>& parities) const {

@@ -12,6 +12,6 @@ bool segment_crosses(const Point& a, const Point& b, const Triangle& triangle);
 
 // Of all triangles of the surface.
 inline DomainState change_across(const Triangle&) { return DomainState::in(kOnlyBody); }
-inline SheetId sheet_of(const Triangle&) { return kOnlySheet; }
+inline SheetId sheet_of(const Triangle& triangle) { return triangle.sheet; }
 
 }  // namespace locvol

@@ -23,6 +23,7 @@ struct LeafContents {
 };
 struct Contents {
   RunRecord run;
+  SurfaceSheets sheets;
   std::map<MortonKey, LeafContents> leaves;
   std::vector<QueueEntry> queue;
   friend bool operator==(const Contents&, const Contents&) = default;
@@ -31,7 +32,7 @@ struct Contents {
 inline Contents contents_of(const std::filesystem::path& directory) {
   const Store store = Store::open(directory, {.read_only = true});
   const Snapshot snapshot = store.snapshot();
-  Contents contents{.run = *snapshot.run(), .leaves = {}, .queue = {}};
+  Contents contents{.run = *snapshot.run(), .sheets = snapshot.sheets(), .leaves = {}, .queue = {}};
   for (const MortonKey key : snapshot.leaf_keys())
     contents.leaves[key] = {*snapshot.leaf(key),  snapshot.points(key),  snapshot.cells(key),
                             snapshot.facets(key), snapshot.surface(key), snapshot.unresolved(key),
@@ -46,6 +47,7 @@ inline Contents contents_of(const std::filesystem::path& directory) {
 // Says which record differs first, where EXPECT_EQ could only print bytes.
 inline testing::AssertionResult are_equal(const Contents& a, const Contents& b) {
   if (a.run != b.run) return testing::AssertionFailure() << "the run records differ";
+  if (a.sheets != b.sheets) return testing::AssertionFailure() << "the sheets differ";
   if (a.leaves.size() != b.leaves.size())
     return testing::AssertionFailure()
            << a.leaves.size() << " and " << b.leaves.size() << " leaves";

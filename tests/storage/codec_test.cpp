@@ -212,7 +212,8 @@ TEST(Codec, RefusesValuesOutOfRange) {
   unknown.facets.back().vertices[2] = 5;
   EXPECT_THROW(encode(unknown, sample_leaf()), DecodeError);
   std::string surface = content_of(encode(sample_surface(), sample_leaf()));
-  surface.back() = 1;
+  const std::size_t bytes_of_sheets = 8 + 4 * sample_surface().triangles.size();
+  surface[surface.size() - bytes_of_sheets - 1] = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
   std::string unresolved = content_of(encode(sample_unresolved(), sample_leaf()));
   for (const char condition : {char{0}, char{7}}) {
@@ -267,10 +268,14 @@ TEST(Codec, GoldenBytesOpen) {
   RunRecord of_before = sample_run();
   of_before.surface.facing = {};
   of_before.parameters.weld.reset();
+  of_before.parameters.sharp_angle = 0;
   expect_golden("run.v1", of_before, MortonKey());
   of_before.sizes.of_lattice = of_before.sizes.of_core = 0;
   expect_golden("run.v0", of_before, MortonKey());
-  expect_golden("run.v2", sample_run(), MortonKey());
+  of_before = sample_run();
+  of_before.parameters.sharp_angle = 0;
+  expect_golden("run.v2", of_before, MortonKey());
+  expect_golden("run.v3", sample_run(), MortonKey());
   LeafInfo of_one_rank = sample_info();
   of_one_rank.ranks.clear();
   expect_golden("leaf.v1", of_one_rank, sample_leaf());
@@ -280,7 +285,11 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("points.v0", sample_points(), sample_leaf());
   expect_golden("cells.v0", sample_cells(), sample_leaf());
   expect_golden("facets.v0", sample_facets(), sample_leaf());
-  expect_golden("surface.v0", sample_surface(), sample_leaf());
+  expect_golden("surface.v1", sample_surface(), sample_leaf());
+  LeafSurface of_one_sheet = sample_surface();
+  for (Triangle& triangle : of_one_sheet.triangles) triangle.sheet = 1;
+  expect_golden("surface.v0", of_one_sheet, sample_leaf());
+  expect_golden("sheets.v0", sample_sheets(), MortonKey());
   expect_golden("unresolved.v0", sample_unresolved(), sample_leaf());
   expect_golden("sizes.v0", sample_sizes(), sample_leaf());
   expect_golden("queue.v0", sample_queue_entry(), sample_leaf());

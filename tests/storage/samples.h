@@ -26,6 +26,7 @@ inline RunRecord sample_run() {
   run.parameters.min_size = 0.003;
   run.parameters.size_image = "00ff", run.parameters.image_least = 0.05;
   run.parameters.weld = 1e-6;
+  run.parameters.sharp_angle = 40;
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;
@@ -92,7 +93,12 @@ inline LeafFacets sample_facets() {
 
 inline LeafSurface sample_surface() {
   const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
-  return {{{2, {a, b, c}}, {3, {b, d, c}}, {90, {a, a, d}}}};
+  return {{{2, {a, b, c}}, {3, {b, d, c}, 7}, {90, {a, a, d}, 1u << 31}}};
+}
+
+inline SurfaceSheets sample_sheets() {
+  return {{{"Einlaß", "Einlaß", 0, 12, 1.0 / 3, {1, 2, 3}, {{0, 0, -1}, {1, 1, 9}}},
+           {"sheet 2", "", 7, 1, 1e-9, {0, -0.0, 3}, {{}, {}}}}};
 }
 
 inline LeafUnresolved sample_unresolved() {

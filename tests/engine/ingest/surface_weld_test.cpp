@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "engine/ingest/near_points.h"
-#include "engine/ingest/sorted_spill.h"
+#include "engine/shared/sorted_spill.h"
 #include "tests/directories.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"

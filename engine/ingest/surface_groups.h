@@ -1,0 +1,52 @@
+// SurfaceGroups numbers the groups of a surface's triangles that have names, in the order of their
+// first triangles. What has no name is one group, with an empty one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "octree/mesh_facet.h"
+
+namespace locvol {
+
+// A name as files and messages can show it: UTF-8 without blanks around it, of 255 bytes at most.
+// What is no character that can be seen becomes an underscore.
+std::string shown_name(std::string_view text);
+
+// Memory: that of the names, 4 MB at most.
+class SurfaceGroups {
+ public:
+  static constexpr std::size_t kMaxGroups = 10'000, kMaxNameBytes = 255;
+
+  void begin(std::string_view name);  // of what comes from here on
+  bool has_too_many() const { return groups_.size() > kMaxGroups; }
+  // Stands for the group until its number is known.
+  std::uint32_t current();
+  // From 1 on, given when it is first asked for. `group`: of current()
+  SheetId number_of(std::uint32_t group) {
+    if (numbers_[group] == 0) give_number(group);
+    return numbers_[group];
+  }
+  bool has_cut_names() const { return has_cut_names_; }
+  std::vector<std::string> take_names() { return std::move(names_); }  // by number
+
+ private:
+  void give_number(std::uint32_t group);
+
+  std::map<std::string, std::uint32_t, std::less<>> groups_;
+  std::vector<const std::string*> named_;  // by group
+  std::vector<SheetId> numbers_;           // of groups; 0: none of its triangles has come
+  std::vector<std::string> names_;
+  std::string name_;
+  std::uint32_t current_ = kUnknown;
+  bool has_cut_names_ = false;
+  static constexpr std::uint32_t kUnknown = 0xffffffff;
+};
+
+}  // namespace locvol
