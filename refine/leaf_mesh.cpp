@@ -348,10 +348,12 @@ std::optional<LeafMesh::BoundaryFacet> LeafMesh::boundary_facet(Facet f) const {
       {behind, before, sheet_of(f)}};
 }
 
-// Of a facet of the boundary. Most leaves have one sheet, and need no crossings.
+// Of a facet of the boundary.
 SheetId LeafMesh::sheet_of(Facet f) const {
-  const auto only = surroundings_.domain.only_sheet();
-  return only ? *only : dual_crossings(f).sheet;
+  std::array<Point, 3> corners;
+  for (std::size_t k = 0; k < 3; ++k)
+    corners[k] = point(f.cell, kFacetCorners[std::size_t(f.index)][k]);
+  return surroundings_.domain.sheet_of_facet(corners);
 }
 
 // What is not loaded counts as outside.

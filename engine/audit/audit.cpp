@@ -22,14 +22,15 @@ constexpr double kOpenAround = 3, kSiteReach = 2.25;
 // How many units in the last place of the largest coordinate a constructed point may be off.
 constexpr double kRoundingErrors = 16;
 
-AuditBounds bounds_of(const RunRecord& run) {
+AuditBounds bounds_of(const RunRecord& run, const SurfaceSheets& sheets) {
   const Box root = run.frame.root_box();
   double largest = 0;
   for (int axis = 0; axis < 3; ++axis) {
     largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
   }
   return {run.parameters.size, run.parameters.radius_edge_bound, run.parameters.min_dihedral,
-          kRoundingErrors * std::numeric_limits<double>::epsilon() * largest};
+          kRoundingErrors * std::numeric_limits<double>::epsilon() * largest,
+          sheets.sheets.size() > 1};
 }
 
 std::uint64_t num_used_own_points(const AuditLeaf& leaf) {
@@ -89,7 +90,7 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
                                 const AuditLeaves& leaves, const RunRecord& run,
                                 AuditFindings& findings, const StepProgress& on_step,
                                 std::uint64_t one_in) {
-  const AuditBounds bounds = bounds_of(run);
+  const AuditBounds bounds = bounds_of(run, records.own().sheets());
   AuditReport& report = findings.report();
   report.min_dihedral_bound = bounds.min_dihedral;
   AuditLoader loader(store, records, leaves, run);
@@ -108,6 +109,7 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
     check_cells(*leaf, bounds, findings);
     const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
     check_listed_facets(*leaf, boundary, findings);
+    check_sheets(*leaf, leaves, records, bounds, findings);
     check_boundary_links(*leaf, boundary, findings);
     check_boundary_on_surface(*leaf, boundary, leaves, records, bounds, findings);
     components.add(*leaf, boundary, leaves);

@@ -262,6 +262,56 @@ void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boun
   }
 }
 
+void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditRecords& records,
+                  const AuditBounds& bounds, AuditFindings& findings) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  struct Sheet {
+    SheetId listed = 0;
+    double nearest = kInfinity, of_listed = kInfinity;  // of all triangles, of that sheet's
+  };
+  std::vector<Sheet> sheets;
+  std::vector<Point> centroids;
+  double reach = 0;  // vertices lie on the surface
+  const std::vector<LocalIndex> vertex = leaf.points.find(leaf.facets.vertices);
+  for (const auto& [vertices, labels] : leaf.facets.facets) {
+    const std::array<LocalIndex, 3> v{vertex[vertices[0]], vertex[vertices[1]],
+                                      vertex[vertices[2]]};
+    if (std::ranges::find(v, kUnknownPoint) != v.end()) continue;  // wrong, which is told
+    const Point &a = leaf.points.position(v[0]), &b = leaf.points.position(v[1]),
+                &c = leaf.points.position(v[2]);
+    centroids.push_back(1.0 / 3 * (a + b + c));
+    sheets.push_back({labels.sheet});
+    reach = std::max(reach, norm(centroids.back() - a));
+  }
+  const auto tell_of = [&](std::size_t i) {
+    findings.add(&AuditReport::num_wrong_facets,
+                 "a facet here is not of the sheet that its centroid is closest to", leaf.key,
+                 centroids[i]);
+  };
+  if (!bounds.has_sheets) {
+    for (std::size_t i = 0; i < sheets.size(); ++i)
+      if (sheets[i].listed != 1) tell_of(i);
+    return;
+  }
+  if (sheets.empty()) return;
+  const AuditGrid grid(centroids, bounds.size);
+  for (const std::size_t near : leaves.within(leaves.box(leaf.leaf), 2 * reach)) {
+    const MortonKey key = leaves.key(near);
+    for (const Triangle& triangle : records.of(key).surface(key).triangles) {
+      const Box box = triangle.box().expanded(reach);
+      grid.for_each_near(box, [&](std::uint32_t i, const Point& p) {
+        if (!box.contains(p)) return;
+        const double distance = distance_to_triangle(p, triangle);
+        sheets[i].nearest = std::min(sheets[i].nearest, distance);
+        if (triangle.sheet == sheets[i].listed)
+          sheets[i].of_listed = std::min(sheets[i].of_listed, distance);
+      });
+    }
+  }
+  for (std::size_t i = 0; i < sheets.size(); ++i)
+    if (sheets[i].of_listed > sheets[i].nearest + kFastDistanceError * bounds.size) tell_of(i);
+}
+
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
                           AuditFindings& findings) {
   const std::vector<LinkEdge> edges = link_edges(leaf, boundary);

@@ -201,6 +201,7 @@ struct AuditBounds {
   double radius_edge = 0;
   double min_dihedral = 0;  // in degrees; 0: any
   double rounding = 0;      // a few units in the last place of the largest coordinate
+  bool has_sheets = false;  // else all is of sheet 1
 };
 
 // Each cell by itself: orientation, circumball, shape, place.
@@ -219,6 +220,10 @@ std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& fi
 // Are the facets that the leaf lists those whose smallest vertex is own?
 void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
                          AuditFindings& findings);
+
+// Is each that it lists of the sheet of a triangle closest to its centroid?
+void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditRecords& records,
+                  const AuditBounds& bounds, AuditFindings& findings);
 
 // Edges and links of the boundary at own points.
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,

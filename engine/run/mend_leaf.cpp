@@ -9,6 +9,7 @@
 #include <span>
 #include <utility>
 
+#include "engine/run/surroundings.h"
 #include "engine/run/unresolved_sites.h"
 #include "engine/shared/leaf_facets.h"
 #include "octree/sort_and_unite.h"
@@ -19,6 +20,7 @@ namespace locvol {
 namespace {
 
 constexpr std::uint64_t kBytesPerCell = 120;  // with lists of the cells at each vertex
+constexpr std::uint64_t kBytesPerTriangle = 2 * sizeof(Triangle) + 60;  // with a grid of them
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Point kUnknownPlace{kInfinity, kInfinity, kInfinity};
 constexpr std::uint32_t kNotOwn = std::numeric_limits<std::uint32_t>::max();
@@ -137,6 +139,13 @@ LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& place
 // The facets that the leaf lists, of its cells as they were loaded: those that one cell has. A core
 // point has all of its cells in the mesh.
 LeafFacets boundary_facets(const LoadedMend& loaded) {
+  const auto place_of = [&](std::uint64_t id) {
+    const auto end_own = loaded.ids.begin() + loaded.input.num_own;
+    const auto own = std::lower_bound(loaded.ids.begin(), end_own, id);
+    const auto found =
+        own != end_own && *own == id ? own : std::lower_bound(end_own, loaded.ids.end(), id);
+    return loaded.positions[static_cast<std::size_t>(found - loaded.ids.begin())];
+  };
   const auto& cells = loaded.input.cells;
   std::vector<ListedFacet> facets;
   for (std::uint32_t c = 0; c < cells.size(); ++c)
@@ -155,6 +164,7 @@ LeafFacets boundary_facets(const LoadedMend& loaded) {
     auto& name = names.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) name[k] = loaded.ids[cells[cell][kFacets[across][k]]];
   });
+  const LeafDomain domain(loaded.domain);
   LeafFacets result;
   result.vertices = distinct_vertices(names);
   for (const auto& name : names) {
@@ -164,9 +174,23 @@ LeafFacets boundary_facets(const LoadedMend& loaded) {
                                         result.vertices.begin());
     });
     facet.vertices = smallest_first(facet.vertices);
+    facet.labels.sheet =
+        domain.sheet_of_facet({place_of(name[0]), place_of(name[1]), place_of(name[2])});
   }
   std::ranges::sort(result.facets);
   return result;
+}
+
+// What the leaf's facets are near to.
+DomainPiece domain_around(const RunView& state, MortonKey leaf) {
+  const Surroundings around(state);
+  DomainPiece piece = state.is_cover() ? around.domain(leaf, around.surface_reach(leaf), {})
+                                       : around.whole_domain({});
+  std::vector<Triangle>& triangles = piece.triangles;
+  const bool has_several = std::ranges::adjacent_find(triangles, std::ranges::not_equal_to(),
+                                                      &Triangle::sheet) != triangles.end();
+  if (!has_several && !triangles.empty()) triangles.resize(1);
+  return piece;
 }
 
 // Without the facets of cells that hung on nothing.
@@ -194,6 +218,8 @@ Loaded<LoadedMend> load_mend(const RunView& state, MortonKey leaf) {
         loaded.input.hanging_ids.push_back(held.vertices[v]);
   }
   sort_and_unite(loaded.input.hanging_ids);
+  loaded.input.domain = domain_around(state, leaf);
+  loaded.bytes += kBytesPerTriangle * loaded.input.domain.triangles.size();
   return loaded;
 }
 

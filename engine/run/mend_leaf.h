@@ -9,6 +9,7 @@
 #include "engine/run/hanging_cells.h"
 #include "engine/run/leaf_stage.h"
 #include "engine/run/run_state.h"
+#include "refine/domain/leaf_domain.h"
 #include "refine/leaf_fields.h"
 #include "refine/mend_boundary.h"
 
@@ -29,6 +30,7 @@ struct LoadedMend {
   std::vector<CellPlaces> hanging;
   std::vector<std::uint64_t> hanging_ids;  // of their vertices, ascending
   std::vector<Point> positions;            // of the vertices in `ids`; of core points, infinite
+  DomainPiece domain = {};                 // tells the sheets of facets; of one sheet, one triangle
 };
 
 // What a visit leaves out of the mesh.

@@ -509,6 +509,15 @@ std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distan
   return closest;
 }
 
+SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners) const {
+  if (impl_->only_sheet) return *impl_->only_sheet;
+  std::array<Point, 3> sorted = corners;  // the same centroid in whatever order they come
+  std::ranges::sort(sorted);
+  const Point centroid = 1.0 / 3 * (sorted[0] + sorted[1] + sorted[2]);
+  const auto closest = closest_to(centroid, std::numeric_limits<double>::infinity());
+  return closest ? closest->sheet : kOnlySheet;
+}
+
 void LeafDomain::triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const {
   std::vector<Impl::Index> near;
   impl_->for_each_held_near(p, distance, [&](Impl::Index t) {

@@ -12,6 +12,7 @@
 // Threads: const functions are safe from many threads.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -96,6 +97,10 @@ class LeafDomain {
   // The point of it that is closest to p, of several that on the first triangle; null if none is
   // closer than `distance`. REQUIRES: the region holds all that is
   std::optional<SurfacePoint> closest_to(const Point& p, double distance) const;
+  // The sheet of a boundary facet with these corners: that of the triangle which is closest to
+  // their centroid, of several the first. So it is a function of the corners and the surface alone,
+  // whoever lists, changes or mends the facet. REQUIRES: the region holds that triangle
+  SheetId sheet_of_facet(const std::array<Point, 3>& corners) const;
   // Triangles closer to p than `distance`, and some that only come close; in order of id, each
   // once.
   void triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const;
