@@ -3,6 +3,7 @@
 
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
+#include "engine/formats/sheet_names.h"
 
 namespace locvol {
 namespace {
@@ -68,6 +69,26 @@ Text node_set_of(const BoundarySurface::Vertices& some, std::uint64_t num_all) {
   return text;
 }
 
+// A set of nodes and a surface of each sheet, for CalculiX derives none from the other.
+void append_sheets(MeshSource& mesh, AppendedFile& out) {
+  BoundarySurface& boundary = mesh.boundary();
+  boundary.sort_facets();
+  const auto names = names_of_sheets(
+      mesh.sheets(), {.most_bytes = 80, .is_identifier = true, .taken = {"boundary", "volume"}});
+  for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
+    const std::string& name = names[sheet - 1];
+    if (boundary.num_facets_of(sheet) == 0) continue;  // a set that is empty is refused
+    out.append("*NSET, NSET=" + name + '\n');
+    append_boundary(
+        out, mesh, boundary.vertices_of(sheet),
+        [&, num_all = boundary.num_vertices_of(sheet)](const BoundarySurface::Vertices& some) {
+          return node_set_of(some, num_all);
+        });
+    out.append("*SURFACE, NAME=" + name + ", TYPE=ELEMENT\n");
+    append_boundary(out, mesh, boundary.facets_of(sheet, {}), faces_of);
+  }
+}
+
 }  // namespace
 
 std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
@@ -84,6 +105,7 @@ std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
   });
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
   append_boundary(out, mesh, boundary.facets({}), faces_of);
+  if (!mesh.sheets().sheets.empty()) append_sheets(mesh, out);
   return out.size();
 }
 

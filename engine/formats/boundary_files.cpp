@@ -5,6 +5,7 @@
 #include "engine/formats/formats.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/outputs.h"
+#include "engine/formats/sheet_names.h"
 
 namespace locvol {
 namespace {
@@ -51,11 +52,42 @@ Point unit_normal(const std::array<Point, 3>& corners) {
 
 constexpr std::uint64_t kStlTriangleBytes = 50, kPlyVertexBytes = 24, kPlyTriangleBytes = 13;
 
+bool has_sheets(const MeshSource& mesh) { return !mesh.sheets().sheets.empty(); }
+
+void add_point(std::string_view before, const Point& p, Text& text) {
+  text.add(before).add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
+}
+
+// ASCII, a solid for each sheet; coordinates are doubles.
+std::uint64_t write_solids(MeshSource& mesh, PartialFile& file) {
+  BoundarySurface& boundary = mesh.boundary();
+  boundary.sort_facets();
+  AppendedFile out(file, mesh.exchange());
+  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+    Text text;
+    for (const auto& corners : some.corners) {
+      add_point("facet normal ", unit_normal(corners), text);
+      text.add("outer loop\n");
+      for (const Point& corner : corners) add_point("vertex ", corner, text);
+      text.add("endloop\nendfacet\n");
+    }
+    return text;
+  };
+  const auto names = names_of_sheets(mesh.sheets(), {});
+  for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
+    out.append("solid " + names[sheet - 1] + '\n');
+    append_boundary(out, mesh, boundary.facets_of(sheet, {.has_corners = true}), triangles_of);
+    out.append("endsolid " + names[sheet - 1] + '\n');
+  }
+  return out.size();
+}
+
 }  // namespace
 
 // 80 bytes of text, the number of triangles (32 bits), then 50 bytes for each: the normal and three
 // corners in float32, and 16 bits unused.
 std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
+  if (has_sheets(mesh)) return write_solids(mesh, file);
   check_resolution(mesh, file.name());
   BoundarySurface& boundary = mesh.boundary();
   std::string text = "binary STL by locvol";  // must not begin with "solid"
@@ -81,13 +113,15 @@ std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
 std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   AppendedFile out(file, mesh.exchange());
-  out.append(Text()
-                 .add("ply\nformat binary_little_endian 1.0\ncomment by locvol\nelement vertex ")
-                 .add(boundary.num_vertices())
-                 .add("\nproperty double x\nproperty double y\nproperty double z\nelement face ")
-                 .add(boundary.num_facets())
-                 .add("\nproperty list uchar int vertex_indices\nend_header\n")
-                 .text());
+  Text head;
+  head.add("ply\nformat binary_little_endian 1.0\ncomment by locvol\n");
+  std::uint64_t sheet = 0;
+  for (const SheetFacts& facts : mesh.sheets().sheets)
+    head.add("comment sheet ").add(++sheet).add(": ").add(facts.name).add('\n');
+  head.add("element vertex ").add(boundary.num_vertices());
+  head.add("\nproperty double x\nproperty double y\nproperty double z\nelement face ");
+  head.add(boundary.num_facets()).add("\nproperty list uchar int vertex_indices\n");
+  out.append(head.add(has_sheets(mesh) ? "property int sheet\n" : "").add("end_header\n").text());
   const auto vertices_of = [](const BoundarySurface::Vertices& some) {
     Bytes vertices;
     for (const Point& p : some.positions) vertices.add(p.x).add(p.y).add(p.z);
@@ -95,16 +129,19 @@ std::uint64_t write_ply(MeshSource& mesh, PartialFile& file) {
   };
   append_boundary(out, mesh, boundary.vertices(), vertices_of,
                   kPlyVertexBytes * boundary.num_own_vertices());
-  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+  const bool has_property = has_sheets(mesh);
+  const auto triangles_of = [&](const BoundarySurface::Facets& some) {
     Bytes triangles;
-    for (const auto& places : some.places) {
+    for (std::size_t f = 0; f < some.places.size(); ++f) {
       triangles.add(std::uint8_t{3});
-      for (const std::uint64_t place : places) triangles.add(static_cast<std::int32_t>(place));
+      for (const std::uint64_t place : some.places[f])
+        triangles.add(static_cast<std::int32_t>(place));
+      if (has_property) triangles.add(static_cast<std::int32_t>(some.facets[f].labels.sheet));
     }
     return triangles;
   };
   append_boundary(out, mesh, boundary.facets({.has_places = true}), triangles_of,
-                  kPlyTriangleBytes * boundary.num_own_facets());
+                  (kPlyTriangleBytes + (has_property ? 4 : 0)) * boundary.num_own_facets());
   return out.size();
 }
 
@@ -115,8 +152,7 @@ std::uint64_t write_obj(MeshSource& mesh, PartialFile& file) {
   out.append("# boundary by locvol\n");
   const auto vertices_of = [](const BoundarySurface::Vertices& some) {
     Text text;
-    for (const Point& p : some.positions)
-      text.add("v ").add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
+    for (const Point& p : some.positions) add_point("v ", p, text);
     return text;
   };
   append_boundary(out, mesh, boundary.vertices(), vertices_of);
@@ -126,7 +162,12 @@ std::uint64_t write_obj(MeshSource& mesh, PartialFile& file) {
       text.add("f ").add(a + 1).add(' ').add(b + 1).add(' ').add(c + 1).add('\n');
     return text;
   };
-  append_boundary(out, mesh, boundary.facets({.has_places = true}), triangles_of);
+  boundary.sort_facets();
+  const auto names = names_of_sheets(mesh.sheets(), {.forbidden = " \t#\\"});
+  for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
+    if (has_sheets(mesh)) out.append("g " + names[sheet - 1] + '\n');
+    append_boundary(out, mesh, boundary.facets_of(sheet, {.has_places = true}), triangles_of);
+  }
   return out.size();
 }
 

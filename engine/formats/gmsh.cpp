@@ -7,6 +7,7 @@
 
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
+#include "engine/formats/sheet_names.h"
 
 namespace locvol {
 namespace {
@@ -14,16 +15,29 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
 constexpr std::int32_t kTriangle = 2, kTetrahedron = 4;  // Gmsh's types of elements
-constexpr std::int32_t kSurface = 1, kVolume = 1;        // entities
-constexpr std::int32_t kBoundaryGroup = 1, kVolumeGroup = 2;
+constexpr std::int32_t kVolume = 1;                      // entity; each sheet is one
 
-constexpr std::string_view kGroups =
-    "$PhysicalNames\n2\n2 1 \"boundary\"\n3 2 \"volume\"\n$EndPhysicalNames\n";
+// Sheets have their ids as surfaces and as physical groups, whose numbers are all different.
+std::int32_t surface_of(SheetId sheet) { return static_cast<std::int32_t>(sheet); }
+std::int32_t volume_group(SheetId num_sheets) { return static_cast<std::int32_t>(num_sheets) + 1; }
+
+void add_groups(const MeshSource& mesh, SheetId num_sheets, Bytes& bytes) {
+  Text text;
+  text.add("$PhysicalNames\n").add(std::uint64_t{num_sheets} + 1).add('\n');
+  std::uint64_t group = 0;
+  for (const std::string& name : names_of_sheets(
+           mesh.sheets(), {.most_bytes = 127, .forbidden = "\"\\", .taken = {"volume"}}))
+    text.add("2 ").add(++group).add(" \"").add(name).add("\"\n");
+  text.add("3 ").add(++group).add(" \"volume\"\n$EndPhysicalNames\n");
+  bytes.add_text(text.text());
+}
 
 // "4.1 1 8": binary, and the size of a double; 1 as an integer tells the order of bytes.
-void add_format(std::string_view version, Bytes& bytes) {
+void add_format(std::string_view version, const MeshSource& mesh, SheetId num_sheets,
+                Bytes& bytes) {
   bytes.add_text("$MeshFormat\n").add_text(version).add_text(" 1 8\n");
-  bytes.add(std::int32_t{1}).add_text("\n$EndMeshFormat\n").add_text(kGroups);
+  bytes.add(std::int32_t{1}).add_text("\n$EndMeshFormat\n");
+  add_groups(mesh, num_sheets, bytes);
 }
 
 // ---- 4.1: tags and counts of 64 bits, nodes and elements by entity ------------------------------
@@ -35,15 +49,13 @@ struct Msh4Layout {
 
 // Numbers from 1 on, in the mesh of all ranks.
 struct Msh4Tags {
-  std::uint64_t first_cell = 1, first_facet = 1;
+  std::uint64_t first_cell = 1;
   std::uint64_t least_vertex = 0, most_vertex = 0;  // 0: there are none
 };
 
 Msh4Tags tags_of(MeshSource& mesh) {
   Msh4Tags tags;
   tags.first_cell += mesh.first_of_all_cells();
-  tags.first_facet += mesh.num_all_cells();
-  if (mesh.part()) tags.first_facet += mesh.boundary().num_facets_of_lower_ranks();
   if (mesh.num_vertices() == 0) return tags;
   const auto [least, most] = mesh.range_of_numbers();
   tags.least_vertex = least + 1;
@@ -51,12 +63,17 @@ Msh4Tags tags_of(MeshSource& mesh) {
   return tags;
 }
 
-// Of a part, its own: 1 are those of the whole.
-std::int32_t entity_of(const std::optional<MeshPart>& part) { return part ? part->rank + 2 : 1; }
+// Of a part, its own, after those of the whole.
+std::int32_t volume_of(const std::optional<MeshPart>& part) { return part ? part->rank + 2 : 1; }
+std::int32_t surface_of(SheetId sheet, SheetId num_sheets, const std::optional<MeshPart>& part) {
+  const std::int32_t whole = surface_of(sheet);
+  return part ? (part->rank + 1) * static_cast<std::int32_t>(num_sheets) + whole : whole;
+}
 
-// No points, no curves, one surface, and one volume.
-void add_entity_counts(Bytes& bytes) {
-  for (const std::uint64_t count : {0, 0, 1, 1}) bytes.add(count);
+// No points, no curves, the sheets, and one volume.
+void add_entity_counts(SheetId num_sheets, Bytes& bytes) {
+  for (const std::uint64_t count : {SheetId{0}, SheetId{0}, num_sheets, SheetId{1}})
+    bytes.add(count);
 }
 
 void add_box_and_group(const Box& box, std::int32_t group, Bytes& bytes) {
@@ -64,30 +81,43 @@ void add_box_and_group(const Box& box, std::int32_t group, Bytes& bytes) {
   bytes.add(std::uint64_t{1}).add(group);
 }
 
-// The surface bounds the volume.
-void add_entities(const Box& box, Bytes& bytes) {
+Box box_of(const MeshSource& mesh, SheetId sheet) {
+  const auto& sheets = mesh.sheets().sheets;
+  return sheets.empty() ? mesh.run().surface.box : sheets[sheet - 1].box;
+}
+
+// The surfaces bound the volume.
+void add_entities(const MeshSource& mesh, SheetId num_sheets, Bytes& bytes) {
   bytes.add_text("$Entities\n");
-  add_entity_counts(bytes);
-  bytes.add(kSurface);
-  add_box_and_group(box, kBoundaryGroup, bytes);
-  bytes.add(std::uint64_t{0}).add(kVolume);
-  add_box_and_group(box, kVolumeGroup, bytes);
-  bytes.add(std::uint64_t{1}).add(kSurface);
+  add_entity_counts(num_sheets, bytes);
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) {
+    bytes.add(surface_of(sheet));
+    add_box_and_group(box_of(mesh, sheet), surface_of(sheet), bytes);
+    bytes.add(std::uint64_t{0});
+  }
+  bytes.add(kVolume);
+  add_box_and_group(mesh.run().surface.box, volume_group(num_sheets), bytes);
+  bytes.add(std::uint64_t{num_sheets});
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) bytes.add(surface_of(sheet));
   bytes.add_text("\n$EndEntities\n");
 }
 
 // What a part has of them: no ghosts, and no entities between partitions.
-void add_partitioned_entities(const Box& box, const MeshPart& part, Bytes& bytes) {
-  const auto add_part_of = [&](std::int32_t dimension, std::int32_t entity, std::int32_t group) {
-    bytes.add(entity_of(part)).add(dimension).add(entity).add(std::uint64_t{1}).add(part.rank + 1);
+void add_partitioned_entities(const MeshSource& mesh, SheetId num_sheets, const MeshPart& part,
+                              Bytes& bytes) {
+  const auto add_part_of = [&](std::int32_t dimension, std::int32_t entity, std::int32_t whole,
+                               const Box& box, std::int32_t group) {
+    bytes.add(entity).add(dimension).add(whole).add(std::uint64_t{1}).add(part.rank + 1);
     add_box_and_group(box, group, bytes);
     bytes.add(std::uint64_t{0});
   };
   bytes.add_text("$PartitionedEntities\n");
   bytes.add(static_cast<std::uint64_t>(part.num_ranks)).add(std::uint64_t{0});
-  add_entity_counts(bytes);
-  add_part_of(2, kSurface, kBoundaryGroup);
-  add_part_of(3, kVolume, kVolumeGroup);
+  add_entity_counts(num_sheets, bytes);
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
+    add_part_of(2, surface_of(sheet, num_sheets, part), surface_of(sheet), box_of(mesh, sheet),
+                surface_of(sheet));
+  add_part_of(3, volume_of(part), kVolume, mesh.run().surface.box, volume_group(num_sheets));
   bytes.add_text("\n$EndPartitionedEntities\n");
 }
 
@@ -103,44 +133,61 @@ void add_block_head(std::int32_t dimension, std::int32_t entity, std::int32_t ty
   if (count > 0) bytes.add(dimension).add(entity).add(type).add(count);
 }
 
-// The three runs of bytes around the arrays: before the nodes, before and after the elements.
+// Of the triangles of a sheet; none if there are none.
+Bytes sheet_head(MeshSource& mesh, SheetId sheet, SheetId num_sheets) {
+  Bytes head;
+  add_block_head(2, surface_of(sheet, num_sheets, mesh.part()), kTriangle,
+                 mesh.num_boundary_facets_of(sheet), head);
+  return head;
+}
+
+// The bytes before the nodes, and before the elements. Before the triangles of each sheet come
+// those of sheet_head(), and after all, kAfter.
 struct Msh4Frame {
-  Bytes before_nodes, before_cells, before_facets;
+  Bytes before_nodes, before_cells;
   static constexpr std::string_view kAfter = "\n$EndElements\n";
 };
 
-Msh4Frame frame_of(const MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) {
-  const Box& box = mesh.run().surface.box;
-  const std::int32_t entity = entity_of(mesh.part());
-  const std::uint64_t num_volumes = n.num_cells > 0 ? 1 : 0,
-                      num_surfaces = n.num_facets > 0 ? 1 : 0;
+Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) {
+  BoundarySurface& boundary = mesh.boundary();
+  const SheetId num_sheets = boundary.num_sheets();
+  const std::uint64_t num_volumes = n.num_cells > 0 ? 1 : 0;
+  std::uint64_t num_surfaces = 0, last_tag = tags.first_cell + n.num_cells - 1;
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) {
+    const std::uint64_t num_facets = mesh.num_boundary_facets_of(sheet);
+    if (num_facets == 0) continue;
+    ++num_surfaces;
+    const std::uint64_t first = mesh.part() ? boundary.first_own_facet_of(sheet)
+                                            : n.num_facets - num_facets;  // of the last one
+    last_tag = mesh.num_all_cells() + first + num_facets;
+  }
   Msh4Frame frame;
   Bytes& head = frame.before_nodes;
-  add_format("4.1", head);
-  add_entities(box, head);
-  if (const auto part = mesh.part()) add_partitioned_entities(box, *part, head);
+  add_format("4.1", mesh, num_sheets, head);
+  add_entities(mesh, num_sheets, head);
+  if (const auto part = mesh.part()) add_partitioned_entities(mesh, num_sheets, *part, head);
   head.add_text("$Nodes\n");
   add_section_head(num_volumes, n.num_vertices, tags.least_vertex, tags.most_vertex, head);
-  add_block_head(3, entity, 0, n.num_vertices, head);
+  add_block_head(3, volume_of(mesh.part()), 0, n.num_vertices, head);
   Bytes& middle = frame.before_cells;
   middle.add_text("\n$EndNodes\n$Elements\n");
-  const std::uint64_t end_tag =
-      num_surfaces > 0 ? tags.first_facet + n.num_facets : tags.first_cell + n.num_cells;
   add_section_head(num_volumes + num_surfaces, n.num_cells + n.num_facets, tags.first_cell,
-                   end_tag - 1, middle);
-  add_block_head(3, entity, kTetrahedron, n.num_cells, middle);
-  add_block_head(2, entity, kTriangle, n.num_facets, frame.before_facets);
+                   last_tag, middle);
+  add_block_head(3, volume_of(mesh.part()), kTetrahedron, n.num_cells, middle);
   return frame;
 }
 
 constexpr std::uint64_t kCellBytes4 = 5 * 8, kFacetBytes4 = 4 * 8;
 
-void place_arrays(const Msh4Frame& frame, Msh4Layout& layout) {
+void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) {
   layout.tags = frame.before_nodes.size();
   layout.coordinates = layout.tags + 8 * layout.num_vertices;
   layout.cells = layout.coordinates + 24 * layout.num_vertices + frame.before_cells.size();
-  layout.facets = layout.cells + kCellBytes4 * layout.num_cells + frame.before_facets.size();
+  layout.facets = layout.cells + kCellBytes4 * layout.num_cells;
   layout.end = layout.facets + kFacetBytes4 * layout.num_facets;
+  const SheetId num_sheets = mesh.boundary().num_sheets();
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
+    layout.end += sheet_head(mesh, sheet, num_sheets).size();
 }
 
 void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layout& layout,
@@ -189,11 +236,12 @@ void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
 
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
+  boundary.sort_facets();
   Msh4Layout layout{
       mesh.num_vertices(), mesh.num_cells(), mesh.num_boundary_facets(), 0, 0, 0, 0, 0};
   const Msh4Tags tags = tags_of(mesh);
   const Msh4Frame frame = frame_of(mesh, layout, tags);
-  place_arrays(frame, layout);
+  place_arrays(mesh, frame, layout);
   const std::uint64_t bytes = layout.end + Msh4Frame::kAfter.size();
   PlacedFile out(file);
   do_on_all(mesh.exchange(), [&] {
@@ -201,7 +249,6 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
       file.reserve(bytes);
       file.write_at(0, frame.before_nodes.bytes());
       file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
-      file.write_at(layout.facets - frame.before_facets.size(), frame.before_facets.bytes());
     }
     mesh.for_each_piece(
         {.has_points = true, .has_cells = true},
@@ -219,8 +266,11 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
     return list;
   };
   AppendedFile facets(file, mesh.exchange(), layout.facets);
-  append_boundary(facets, mesh, boundary.facets({}), facet_lines,
-                  kFacetBytes4 * boundary.num_own_facets());
+  for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
+    facets.append(sheet_head(mesh, sheet, boundary.num_sheets()).bytes());
+    append_boundary(facets, mesh, boundary.facets_of(sheet, {}), facet_lines,
+                    kFacetBytes4 * boundary.num_own_facets_of(sheet));
+  }
   facets.append(Msh4Frame::kAfter);
   return bytes;
 }
@@ -230,7 +280,7 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets();
   AppendedFile out(file, mesh.exchange());
   Bytes head;
-  add_format("2.2", head);
+  add_format("2.2", mesh, boundary.num_sheets(), head);
   out.append(head.bytes());
   out.append(Text().add("$Nodes\n").add(mesh.num_vertices()).add('\n').text());
   const auto node_lines = [](const MeshPiece& piece) {
@@ -247,11 +297,12 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   Bytes cell_head, facet_head;
   add_element_head2(kTetrahedron, num_cells, cell_head);
   out.append(cell_head.bytes());
-  const auto cell_lines = [](const MeshPiece& piece) {
+  const std::int32_t cell_group = volume_group(boundary.num_sheets());
+  const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes cells;
     cells.reserve(sizeof(Element2<4>) * piece.cells.size());
     std::uint64_t tag = piece.first_cell;
-    for (const auto& cell : piece.cells) cells.add(element2<4>(++tag, kVolumeGroup, kVolume, cell));
+    for (const auto& cell : piece.cells) cells.add(element2<4>(++tag, cell_group, kVolume, cell));
     return cells;
   };
   append_pieces(out, mesh, {.has_cells = true}, cell_lines,
@@ -261,8 +312,10 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
     std::uint64_t tag = num_cells + some.first;
-    for (const BoundaryFacet& facet : some.facets)
-      list.add(element2<3>(++tag, kBoundaryGroup, kSurface, facet.vertices));
+    for (const BoundaryFacet& facet : some.facets) {
+      const std::int32_t surface = surface_of(facet.labels.sheet);
+      list.add(element2<3>(++tag, surface, surface, facet.vertices));
+    }
     return list;
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,

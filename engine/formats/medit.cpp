@@ -10,7 +10,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
-constexpr std::uint64_t kReference = 1;
+constexpr std::uint64_t kReference = 1;  // of vertices and cells; that of a facet is its sheet
 
 bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uint64_t num_facets) {
   return num_vertices > kMaxInt32 || num_cells > kMaxInt32 || num_facets > kMaxInt32;
@@ -26,21 +26,22 @@ Text vertices_of(const MeshPiece& piece) {
   return text;
 }
 
-void add_element(const auto& vertices, Text& text) {
+void add_element(const auto& vertices, std::uint64_t reference, Text& text) {
   for (const auto v : vertices) text.add(static_cast<std::uint64_t>(v) + 1).add(' ');
-  text.add(kReference).add('\n');
+  text.add(reference).add('\n');
 }
 
 Text cells_of(const MeshPiece& piece) {
   Text text;
   text.reserve(40 * piece.cells.size());
-  for (const auto& cell : piece.cells) add_element(cell, text);
+  for (const auto& cell : piece.cells) add_element(cell, kReference, text);
   return text;
 }
 
 Text facets_of(const BoundarySurface::Facets& some) {
   Text text;
-  for (const BoundaryFacet& facet : some.facets) add_element(facet.vertices, text);
+  for (const BoundaryFacet& facet : some.facets)
+    add_element(facet.vertices, facet.labels.sheet, text);
   return text;
 }
 
@@ -76,9 +77,9 @@ struct Widths {
   void add_integer(std::uint64_t value, Bytes& bytes) const {
     version >= 4 ? bytes.add(value) : bytes.add(static_cast<std::int32_t>(value));
   }
-  void add_element(const auto& vertices, Bytes& bytes) const {
+  void add_element(const auto& vertices, std::uint64_t reference, Bytes& bytes) const {
     for (const auto v : vertices) add_integer(static_cast<std::uint64_t>(v) + 1, bytes);
-    add_integer(kReference, bytes);
+    add_integer(reference, bytes);
   }
 };
 
@@ -149,7 +150,7 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes some;
     some.reserve(widths.element(4) * piece.cells.size());
-    for (const auto& cell : piece.cells) widths.add_element(cell, some);
+    for (const auto& cell : piece.cells) widths.add_element(cell, kReference, some);
     return some;
   };
   append_pieces(out, mesh, {.has_cells = true}, cell_lines,
@@ -157,7 +158,8 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
   begin_section(kTriangles, n.num_facets, widths.element(3));
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
-    for (const BoundaryFacet& facet : some.facets) widths.add_element(facet.vertices, list);
+    for (const BoundaryFacet& facet : some.facets)
+      widths.add_element(facet.vertices, facet.labels.sheet, list);
     return list;
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,

@@ -30,6 +30,15 @@ class MarkedNumbers {
   std::vector<bool> marks_;
 };
 
+// A vertex on a sheet as one number, in order of vertices first. A mesh has fewer vertices than
+// 2^48, and fewer sheets than 2^16.
+constexpr int kSheetBits = 16;
+std::uint64_t on_sheet(std::uint64_t vertex, SheetId sheet) { return vertex << kSheetBits | sheet; }
+std::uint64_t vertex_in(std::uint64_t on_sheet) { return on_sheet >> kSheetBits; }
+SheetId sheet_in(std::uint64_t on_sheet) {
+  return static_cast<SheetId>(on_sheet & ((std::uint64_t{1} << kSheetBits) - 1));
+}
+
 }  // namespace
 
 BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& numbering,
@@ -43,6 +52,7 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       pages_(&pages),
       stop_(stop),
       exchange_(exchange),
+      num_sheets_(static_cast<SheetId>(std::max<std::size_t>(1, reader.sheets().sheets.size()))),
       facets_(output) {
   find_facets(workers);
 }
@@ -177,11 +187,11 @@ std::optional<std::size_t> BoundarySurface::place_of_list(
   return found == beside.end() ? std::nullopt : std::optional(found->second);
 }
 
-// Those of all facets of its cells.
 std::vector<std::uint64_t> BoundarySurface::vertices_of_facets(std::size_t leaf) const {
   std::vector<std::uint64_t> vertices;
   for (const BoundaryFacet& facet : facets_.list(leaf - numbering_->first_own()).values)
-    vertices.insert(vertices.end(), facet.vertices.begin(), facet.vertices.end());
+    for (const std::uint64_t vertex : facet.vertices)
+      vertices.push_back(on_sheet(vertex, facet.labels.sheet));
   sort_and_unite(vertices);
   return vertices;
 }
@@ -203,6 +213,7 @@ void BoundarySurface::find_vertices() {
                                 });
 
   vertices_.emplace(output_);
+  if (num_sheets_ > 1) vertices_by_sheet_.emplace(output_, num_sheets_);
   LeafWindow<LeafList<std::uint64_t>> lists(kOpenFacetBytes,
                                             [&](std::size_t list) { return named.list(list); });
   for (std::size_t leaf = first_own; leaf < end_own; ++leaf) {
@@ -215,13 +226,20 @@ void BoundarySurface::find_vertices() {
         const auto list = place_of_list(other, beside);
         if (!list || named.length(*list) == 0) continue;
         const auto theirs = lists.get(*list);
-        const auto begin = std::ranges::lower_bound(theirs->values, first);
-        vertices.insert(vertices.end(), begin, std::ranges::lower_bound(theirs->values, end));
+        const auto begin = std::ranges::lower_bound(theirs->values, on_sheet(first, 0));
+        vertices.insert(vertices.end(), begin,
+                        std::ranges::lower_bound(theirs->values, on_sheet(end, 0)));
       }
     }
     sort_and_unite(vertices);
+    for (std::uint64_t& vertex : vertices) {
+      if (vertices_by_sheet_) vertices_by_sheet_->append(sheet_in(vertex), vertex_in(vertex));
+      vertex = vertex_in(vertex);
+    }
+    vertices.erase(std::ranges::unique(vertices).begin(), vertices.end());
     vertices_->append(vertices);
   }
+  if (vertices_by_sheet_) vertices_by_sheet_->finish(exchange_);
   end_own_vertex_ = vertices_->size();
   num_vertices_ = sum(exchange_, end_own_vertex_);
   numbering_->tell_ranks_beside(
@@ -265,14 +283,65 @@ std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
   return [this, parts, first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
     const std::uint64_t count = std::min(kItemsAtOnce, facets_.size() - first);
     if (count == 0) return std::nullopt;
-    Facets some{num_facets_.before + first, {}, {}, {}};
-    some.facets = facets_.read(first, count);
-    for (const BoundaryFacet& facet : some.facets) {
-      const auto& [a, b, c] = facet.vertices;
-      if (parts.has_corners)
-        some.corners.push_back({positions_->of(a), positions_->of(b), positions_->of(c)});
-      if (parts.has_places) some.places.push_back({place_of(a), place_of(b), place_of(c)});
-    }
+    Facets some{num_facets_.before + first, facets_.read(first, count), {}, {}};
+    complete(parts, some);
+    first += count;
+    return some;
+  };
+}
+
+void BoundarySurface::complete(const FacetParts& parts, Facets& some) {
+  for (const BoundaryFacet& facet : some.facets) {
+    const auto& [a, b, c] = facet.vertices;
+    if (parts.has_corners)
+      some.corners.push_back({positions_->of(a), positions_->of(b), positions_->of(c)});
+    if (parts.has_places) some.places.push_back({place_of(a), place_of(b), place_of(c)});
+  }
+}
+
+void BoundarySurface::sort_facets() {
+  if (facets_by_sheet_ || num_sheets_ == 1) return;
+  facets_by_sheet_.emplace(output_, num_sheets_);
+  for (std::size_t leaf = 0; leaf < facets_.num_leaves(); ++leaf) {
+    throw_if_stopped(stop_);
+    for (const BoundaryFacet& facet : facets_.list(leaf).values)
+      facets_by_sheet_->append(facet.labels.sheet, facet);
+  }
+  facets_by_sheet_->finish(exchange_);
+}
+
+std::uint64_t BoundarySurface::first_own_facet_of(SheetId sheet) const {
+  if (!facets_by_sheet_) return num_facets_.before;
+  std::uint64_t place = facets_by_sheet_->of_ranks(sheet).before;
+  for (SheetId before = 1; before < sheet; ++before) place += num_facets_of(before);
+  return place;
+}
+
+std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets_of(
+    SheetId sheet, const FacetParts& parts) {
+  assert(num_sheets_ == 1 || facets_by_sheet_);
+  if (!facets_by_sheet_) return facets(parts);
+  assert(!parts.has_places || vertices_);
+  return [this, sheet, parts, place = first_own_facet_of(sheet),
+          first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
+    const std::uint64_t count = std::min(kItemsAtOnce, num_own_facets_of(sheet) - first);
+    if (count == 0) return std::nullopt;
+    Facets some{place + first, facets_by_sheet_->read(sheet, first, count), {}, {}};
+    complete(parts, some);
+    first += count;
+    return some;
+  };
+}
+
+std::function<std::optional<BoundarySurface::Vertices>()> BoundarySurface::vertices_of(
+    SheetId sheet) {
+  if (!vertices_by_sheet_) return vertices();
+  return [this, sheet, first = std::uint64_t{0}]() mutable -> std::optional<Vertices> {
+    const std::uint64_t count = std::min(kItemsAtOnce, vertices_by_sheet_->num_own(sheet) - first);
+    if (count == 0) return std::nullopt;
+    Vertices some{vertices_by_sheet_->of_ranks(sheet).before + first,
+                  vertices_by_sheet_->read(sheet, first, count),
+                  {}};
     first += count;
     return some;
   };

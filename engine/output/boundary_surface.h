@@ -13,6 +13,7 @@
 
 #include "engine/exchange/exchange.h"
 #include "engine/exchange/one_rank.h"
+#include "engine/output/by_sheet.h"
 #include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/vertex_numbering.h"
@@ -36,6 +37,9 @@ struct BoundaryFacet {
 // within 2λ. Leaf by leaf, facets go to a nameless file beside the output; from there, those of the
 // leaves around one are looked up among its cells. Of several ranks, each tells those beside it of
 // its own, and has the facets of its cells and the vertices of its leaves.
+//
+// Where there are several sheets, facets and vertices can also be had sheet by sheet, each in the
+// same order; a vertex is of each sheet that has a facet with it.
 // Memory: 24 bytes a leaf, 64 a leaf of another rank beside, 12 MB for lists of leaves near the
 // current one, and for each thread a leaf's cells and facets; 20 MB while facets are found.
 // Threads: used by one at a time. Errors: StoreError, also if a facet is of no cell;
@@ -77,6 +81,26 @@ class BoundarySurface {
   std::function<std::optional<Facets>()> facets(const FacetParts& parts);
   std::function<std::optional<Vertices>()> vertices();  // REQUIRES: num_vertices() was called
 
+  // At least 1.
+  SheetId num_sheets() const { return num_sheets_; }
+  // Sorts them by sheet, if there are several. All ranks call it, before any of the next is called.
+  void sort_facets();
+  std::uint64_t num_facets_of(SheetId sheet) const {
+    return facets_by_sheet_ ? facets_by_sheet_->of_ranks(sheet).all : num_facets();
+  }
+  std::uint64_t num_own_facets_of(SheetId sheet) const {
+    return facets_by_sheet_ ? facets_by_sheet_->num_own(sheet) : num_own_facets();
+  }
+  // Places count on from sheet to sheet.
+  std::uint64_t first_own_facet_of(SheetId sheet) const;
+  std::function<std::optional<Facets>()> facets_of(SheetId sheet, const FacetParts& parts);
+  // REQUIRES: num_vertices() was called. Vertices come without positions, and `first` is among
+  // those of the sheet.
+  std::uint64_t num_vertices_of(SheetId sheet) const {
+    return vertices_by_sheet_ ? vertices_by_sheet_->of_ranks(sheet).all : num_vertices_.all;
+  }
+  std::function<std::optional<Vertices>()> vertices_of(SheetId sheet);
+
  private:
   // As a leaf lists it.
   struct ListedFacet {
@@ -106,7 +130,9 @@ class BoundarySurface {
   // Of a leaf's list among those of own leaves, one after another, and then of those in `beside`.
   std::optional<std::size_t> place_of_list(std::size_t leaf,
                                            const std::map<std::size_t, std::size_t>& beside) const;
+  // That the facets of a leaf's cells name, each with their sheets: see on_sheet().
   std::vector<std::uint64_t> vertices_of_facets(std::size_t leaf) const;
+  void complete(const FacetParts& parts, Facets& some);
   std::uint64_t place_of(std::uint64_t vertex);
 
   const Reader* reader_;
@@ -116,7 +142,10 @@ class BoundarySurface {
   PageRelease* pages_;
   const StopToken* stop_;
   Exchange& exchange_;
+  SheetId num_sheets_;
   LeafLists<BoundaryFacet> facets_;  // of own leaves
+  std::optional<BySheet<BoundaryFacet>> facets_by_sheet_;
+  std::optional<BySheet<std::uint64_t>> vertices_by_sheet_;
   SumOfRanks num_facets_, num_vertices_;
   // Of own leaves, and then of those beside them that have some.
   std::optional<LeafLists<std::uint64_t>> vertices_;

@@ -83,6 +83,7 @@ class MeshSource {
              Exchange& exchange = alone(), bool is_part = false);
 
   const RunRecord& run() const { return run_; }
+  const SurfaceSheets& sheets() const { return sheets_; }
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
   // Of those that have this mesh together: of a rank's part, that is the rank alone.
@@ -111,6 +112,10 @@ class MeshSource {
   BoundarySurface& boundary();
   std::uint64_t num_boundary_facets() {
     return part_ ? boundary().num_own_facets() : boundary().num_facets();
+  }
+  // REQUIRES: they are sorted by sheet
+  std::uint64_t num_boundary_facets_of(SheetId sheet) {
+    return part_ ? boundary().num_own_facets_of(sheet) : boundary().num_facets_of(sheet);
   }
 
   // Calls take(encode(piece)) for each piece, encode on any thread, take in order.
@@ -150,6 +155,7 @@ class MeshSource {
   const Store& store_;
   Snapshot snapshot_;
   RunRecord run_;
+  SurfaceSheets sheets_;
   std::filesystem::path output_;
   StepProgress on_step_;
   const StopToken* stop_;

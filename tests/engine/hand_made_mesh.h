@@ -328,6 +328,9 @@ class HandMadeStore {
           facet.vertices[k] = static_cast<std::uint32_t>(
               std::ranges::lower_bound(list.vertices, used.facet[k]) - list.vertices.begin());
         facet.vertices = smallest_first(facet.vertices);
+        facet.labels.sheet =
+            sheet_of({points[used.facet[0]].position, points[used.facet[1]].position,
+                      points[used.facet[2]].position});
       }
     for (auto& [key, list] : result) std::ranges::sort(list.facets);
     return result;
@@ -350,6 +353,7 @@ class HandMadeStore {
     run.surface.euler_characteristic = 2;
     run.surface.num_components = 1;
     batch.put_run(run);
+    batch.put_sheets(sheets);
     for (const auto& [key, leaf] : leaves) {
       LeafInfo info;
       info.num_points = leaf.points.points.size();
@@ -378,6 +382,10 @@ class HandMadeStore {
   std::vector<QueueEntry> queue;
   Phase phase = Phase::kDone;
   double min_dihedral = 0;
+  SurfaceSheets sheets;
+  std::function<SheetId(const std::array<Point, 3>&)> sheet_of = [](const auto&) {
+    return SheetId{1};
+  };
 
  private:
   double size_, radius_edge_bound_;

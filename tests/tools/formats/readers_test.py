@@ -270,6 +270,81 @@ class Readers(unittest.TestCase):
             self.assertEqual(facts["euler_characteristic"], self.audit["euler_characteristic"])
 
 
+class Sheets(unittest.TestCase):
+    """A box whose sides have names."""
+
+    NAMES = ["below", 'above "top" ß', "front", "back", "inlet", "outlet"]
+    SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+
+    def setUp(self):
+        self.directory = tempfile.TemporaryDirectory()
+        self.addCleanup(self.directory.cleanup)
+        surface, mesh = self.path("box.obj"), self.path("box.vtu")
+        with open(surface, "w", encoding="utf-8") as text:
+            for v in range(8):
+                text.write(f"v {3 * (v & 1)} {v & 2} {v >> 2}\n")
+            for name, side in zip(self.NAMES, self.SIDES):
+                text.write(f"g {name}\nf {' '.join(str(v + 1) for v in side)}\n")
+        self.store = self.path("store")
+        summary = json.loads(locvol("mesh", surface, "-o", mesh, "--size", "15%", "--store",
+                                    self.store, "--quiet", "--json"))
+        self.assertEqual([sheet["name"] for sheet in summary["sheets"]], self.NAMES)
+        self.points = read_vtu(mesh).points
+
+    def path(self, name):
+        return os.path.join(self.directory.name, name)
+
+    def export(self, name, *arguments):
+        locvol("export", self.store, "-o", self.path(name), *arguments)
+        return self.path(name)
+
+    def expect_sides(self, facets, sheets):
+        """Facets whose corners all lie in one side are of its sheet; so are most."""
+        corners = self.points[facets]
+        inside = 0
+        for sheet in range(1, 7):
+            axis, end = [(2, 0), (2, 1), (1, 0), (1, 2), (0, 0), (0, 3)][sheet - 1]
+            lies_in = (corners[:, :, axis] == end).all(axis=1)
+            self.assertTrue((sheets[lies_in] == sheet).all())
+            inside += lies_in.sum()
+        self.assertGreater(inside, 0.7 * len(facets))
+
+    def test_gmsh(self):
+        for options in ([], ["--format", "msh2"]):
+            gmsh.initialize()
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.open(self.export("box.msh", *options))
+            groups = {gmsh.model.getPhysicalName(*group): group
+                      for group in gmsh.model.getPhysicalGroups()}
+            expected = {name.replace('"', "_"): (2, sheet + 1)
+                        for sheet, name in enumerate(self.NAMES)}
+            self.assertEqual(groups, {**expected, "volume": (3, 7)})
+            facets, sheets = [], []
+            for sheet in range(1, 7):
+                for entity in gmsh.model.getEntitiesForPhysicalGroup(2, sheet):
+                    _, tags, nodes = gmsh.model.mesh.getElements(2, entity)
+                    facets.append(nodes[0].astype(np.int64).reshape(-1, 3) - 1)
+                    sheets.append(np.full(len(tags[0]), sheet))
+            gmsh.finalize()
+            self.expect_sides(np.concatenate(facets), np.concatenate(sheets))
+
+    def test_medit(self):
+        for name in ("box.mesh", "box.meshb"):
+            mesh = meshio.read(self.export(name))
+            self.expect_sides(mesh.cells_dict["triangle"],
+                              mesh.cell_data_dict["medit:ref"]["triangle"])
+
+    def test_abaqus(self):
+        mesh = meshio.read(self.export("box.inp"))
+        names = ["below", "above__top___", "front", "back", "inlet", "outlet"]
+        self.assertEqual(set(mesh.point_sets), {"boundary", *names})
+        medit = meshio.read(self.export("box.mesh"))
+        sheets = medit.cell_data_dict["medit:ref"]["triangle"]
+        for sheet, name in enumerate(names):
+            facets = medit.cells_dict["triangle"][sheets == sheet + 1]
+            np.testing.assert_array_equal(np.sort(mesh.point_sets[name]), np.unique(facets))
+
+
 class GmshFiles:
     """What Gmsh makes of files that it merges: of nodes, cells and facets the tags, in order."""
 

@@ -1,0 +1,25 @@
+// What formats call the sheets of a mesh.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "storage/records.h"
+
+namespace locvol {
+
+struct NameRule {
+  std::size_t most_bytes = 255;
+  std::string_view forbidden = {};  // characters that become underscores
+  // Letters of ASCII, digits and underscores alone, a letter first; case does not tell names apart.
+  bool is_identifier = false;
+  std::vector<std::string> taken = {};  // by others
+};
+
+// By sheet, all different: a name that is taken ends in _2, _3, ... A mesh that is one sheet
+// without a name has "boundary".
+std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const NameRule& rule);
+
+}  // namespace locvol
