@@ -17,7 +17,8 @@ RunSummary summarize(const Reader& reader) {
   if (!run) throw StoreError("the store holds no run");
   RunSummary summary{
       .outcome = run->counts.num_unresolved > 0 ? RunOutcome::kUnresolved : RunOutcome::kDone,
-      .run = *run};
+      .run = *run,
+      .sheets = reader.sheets()};
   if (run->phase != Phase::kDone) summary.outcome = RunOutcome::kInterrupted;
   reader.for_each_leaf([&](MortonKey, const LeafInfo& info) {
     ++summary.num_leaves;

@@ -23,6 +23,7 @@ enum class RunOutcome { kDone, kUnresolved, kInterrupted };
 struct RunSummary {
   RunOutcome outcome = RunOutcome::kDone;
   RunRecord run;
+  SurfaceSheets sheets;
   std::uint64_t num_leaves = 0, max_visits_of_a_leaf = 0;
   double cpu_of_visits = 0;  // of several ranks: this one's, in seconds, since it started
 };

@@ -50,7 +50,8 @@ struct RanksSummary {
 
 // Of what one rank has, or of all.
 struct InspectSummary {
-  std::optional<RunRecord> run;        // absent if its record is damaged
+  std::optional<RunRecord> run;  // absent if its record is damaged
+  SurfaceSheets sheets;
   std::optional<MemoryRecord> memory;  // of the process that works on it, or of the last one
   std::optional<std::string> writer;   // that process
   RanksSummary ranks;
@@ -78,8 +79,10 @@ struct InspectSummary {
     return static_cast<double>(bytes()) / static_cast<double>(run->counts.num_cells);
   }
   RunSummary totals() const {
-    return {
-        .run = *run, .num_leaves = all.num_leaves, .max_visits_of_a_leaf = max_visits_of_a_leaf};
+    return {.run = *run,
+            .sheets = sheets,
+            .num_leaves = all.num_leaves,
+            .max_visits_of_a_leaf = max_visits_of_a_leaf};
   }
 };
 
@@ -182,6 +185,8 @@ InspectSummary own_summary(const RunPart& part, bool reads_all) {
   const auto run = read_around(summary.faults, [&] { return run_of(store); });
   const auto memory = read_around(summary.faults, [&] { return store.snapshot().memory(); });
   if (memory) summary.memory = *memory;
+  const auto sheets = read_around(summary.faults, [&] { return store.snapshot().sheets(); });
+  if (sheets) summary.sheets = *sheets;
   const auto count = [&](const LeafRow& row) {
     count_leaf(row, summary);
     return true;
@@ -238,6 +243,7 @@ void add(const InspectSummary& more, InspectSummary& all) {
   if (more.run) add(*more.run, all.run);
   if (more.memory) add(*more.memory, all.memory);
   if (!all.writer) all.writer = more.writer;
+  if (all.sheets.sheets.empty()) all.sheets = more.sheets;
   add(more.ranks, all.ranks);
   all.has_gone_on = all.has_gone_on || more.has_gone_on;
   for (const auto& [level, counts] : more.levels) all.levels[level].add(counts);
@@ -261,11 +267,13 @@ InspectSummary together(const RunPart& part, InspectSummary own) {
   const std::vector<std::string> runs = part.exchange.gather(own.run ? encode(*own.run, MortonKey())
                                                                      : std::string()),
                                  memories = part.exchange.gather(
-                                     own.memory ? encode(*own.memory, MortonKey()) : std::string());
+                                     own.memory ? encode(*own.memory, MortonKey()) : std::string()),
+                                 sheets = part.exchange.gather(encode(own.sheets, MortonKey()));
   InspectSummary all;
   for (std::size_t rank = 0; rank < of_ranks.size(); ++rank) {
     InspectSummary& summary = of_ranks[rank];
     if (!runs[rank].empty()) summary.run = decode<RunRecord>(runs[rank], MortonKey());
+    summary.sheets = decode<SurfaceSheets>(sheets[rank], MortonKey());
     if (!memories[rank].empty()) summary.memory = decode<MemoryRecord>(memories[rank], MortonKey());
     add(summary, all);
   }

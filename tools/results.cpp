@@ -343,6 +343,19 @@ std::string parameters_text(const RunParameters& parameters) {
          row("bounds", "{}", bounds_text(parameters));
 }
 
+// The first ones, and how many there are.
+std::string sheets_text(const SurfaceSheets& sheets) {
+  constexpr std::size_t kMostShown = 20;
+  if (sheets.sheets.empty()) return {};
+  std::string text = row("sheets", "{}", sheets.sheets.size());
+  for (std::size_t s = 0; s < std::min(sheets.sheets.size(), kMostShown); ++s)
+    text += fmt::format("  {}  {}, area {:.6g}, centroid {}\n", s + 1, sheets.sheets[s].name,
+                        sheets.sheets[s].area, point_text(sheets.sheets[s].centroid));
+  if (sheets.sheets.size() > kMostShown)
+    text += fmt::format("  and {} more: --json lists all\n", sheets.sheets.size() - kMostShown);
+  return text;
+}
+
 std::string summary_text(const RunSummary& summary) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
          row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
@@ -352,7 +365,8 @@ std::string summary_text(const RunSummary& summary) {
          row("insertions", "{}", insertions_text(summary.run.counts.num_insertions)) +
          row("deletions", "{}", summary.run.counts.num_deletions) +
          row("moves", "{}", summary.run.counts.num_moves) +
-         row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site"));
+         row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site")) +
+         sheets_text(summary.sheets);
 }
 
 // Of all of a mesh.
@@ -517,6 +531,20 @@ Json to_json(const SurfaceFacts& facts) {
           {"notes", facts.notes}};
 }
 
+Json to_json(const SurfaceSheets& sheets) {
+  Json all = Json::array();
+  for (const SheetFacts& sheet : sheets.sheets)
+    all.push_back({{"id", all.size() + 1},
+                   {"name", sheet.name},
+                   {"group", sheet.group},
+                   {"first_triangle", sheet.first_triangle},
+                   {"num_triangles", sheet.num_triangles},
+                   {"area", sheet.area},
+                   {"centroid", to_json(sheet.centroid)},
+                   {"box", to_json(sheet.box)}});
+  return all;
+}
+
 Json to_json(const RunParameters& parameters) {
   Json json = {{"input_digest", parameters.input_digest}};
   for_each_option(
@@ -596,7 +624,8 @@ Json to_json(const RunSummary& summary) {
           {"num_moves", summary.run.counts.num_moves},
           {"num_unresolved", summary.run.counts.num_unresolved},
           {"parameters", to_json(summary.run.parameters)},
-          {"surface", to_json(summary.run.surface)}};
+          {"surface", to_json(summary.run.surface)},
+          {"sheets", to_json(summary.sheets)}};
 }
 
 Json to_json(const WriteSummary& summary) {

@@ -31,6 +31,7 @@ struct LeafSite {
 Json to_json(const Point& point);
 Json to_json(const Box& box);
 Json to_json(const SurfaceFacts& facts);
+Json to_json(const SurfaceSheets& sheets);  // an array
 Json to_json(const RunParameters& parameters);
 Json to_json(const LeafInfo& info);
 Json to_json(const QueuePosition& position);  // color: null until the epoch opens
