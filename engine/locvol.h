@@ -337,8 +337,8 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
 Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads = 0);
 
 /// Sets malloc's options for the whole process, as the command does, so that what a run takes stays
-/// within Control::memory_bytes: glibc keeps a heap for each thread otherwise, with what its largest
-/// visit took (twice the bound with eight threads). To be called before there are threads.
+/// within Control::memory_bytes: glibc keeps a heap for each thread otherwise, with what its
+/// largest visit took (twice the bound with eight threads). To be called before there are threads.
 void share_one_heap();
 
 /// "0.1.0".

@@ -9,11 +9,11 @@
 #include <span>
 
 #include "engine/ingest/near_points.h"
-#include "engine/shared/sorted_spill.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
+#include "engine/shared/sorted_spill.h"
 #include "octree/sort_and_unite.h"
 #include "refine/domain/exact_predicates.h"
 

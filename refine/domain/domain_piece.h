@@ -42,7 +42,8 @@ struct DomainPiece {
   // Of all of its surface.
   double area() const {
     double area = 0;
-    for (const auto& [id, c, sheet] : triangles) area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+    for (const auto& [id, c, sheet] : triangles)
+      area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
     return area;
   }
   friend bool operator==(const DomainPiece&, const DomainPiece&) = default;
