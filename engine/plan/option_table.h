@@ -156,7 +156,8 @@ inline constexpr std::tuple kOptions{
          .noun = "sharp angle",
          .range = {.most = 179},
          .cure = "give degrees from {least}, at which nothing is sharp, to {most}",
-         .standard = 40}}};
+         .standard = 40,
+         .phrase = "; sheets end where it turns by more than {}°"}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>
