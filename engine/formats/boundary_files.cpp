@@ -58,8 +58,34 @@ void add_point(std::string_view before, const Point& p, Text& text) {
   text.add(before).add(p.x).add(' ').add(p.y).add(' ').add(p.z).add('\n');
 }
 
-// ASCII, a solid for each sheet; coordinates are doubles.
-std::uint64_t write_solids(MeshSource& mesh, PartialFile& file) {
+}  // namespace
+
+// 80 bytes of text, the number of triangles (32 bits), then 50 bytes for each: the normal and three
+// corners in float32, and 16 bits unused.
+std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
+  check_resolution(mesh, file.name());
+  BoundarySurface& boundary = mesh.boundary();
+  std::string text = "binary STL by locvol";  // must not begin with "solid"
+  text.resize(80, ' ');
+  AppendedFile out(file, mesh.exchange());
+  Bytes head;
+  out.append(head.add_text(text).add(static_cast<std::uint32_t>(boundary.num_facets())).bytes());
+  const auto triangles_of = [](const BoundarySurface::Facets& some) {
+    Bytes triangles;
+    for (const auto& corners : some.corners) {
+      triangles.add(in_floats(unit_normal(corners)));
+      for (const Point& corner : corners) triangles.add(in_floats(corner));
+      triangles.add(std::uint16_t{0});
+    }
+    return triangles;
+  };
+  append_boundary(out, mesh, boundary.facets({.has_corners = true}), triangles_of,
+                  kStlTriangleBytes * boundary.num_own_facets());
+  return out.size();
+}
+
+// A solid for each sheet; coordinates are doubles.
+std::uint64_t write_stl_text(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   boundary.sort_facets();
   AppendedFile out(file, mesh.exchange());
@@ -79,33 +105,6 @@ std::uint64_t write_solids(MeshSource& mesh, PartialFile& file) {
     append_boundary(out, mesh, boundary.facets_of(sheet, {.has_corners = true}), triangles_of);
     out.append("endsolid " + names[sheet - 1] + '\n');
   }
-  return out.size();
-}
-
-}  // namespace
-
-// 80 bytes of text, the number of triangles (32 bits), then 50 bytes for each: the normal and three
-// corners in float32, and 16 bits unused.
-std::uint64_t write_stl(MeshSource& mesh, PartialFile& file) {
-  if (has_sheets(mesh)) return write_solids(mesh, file);
-  check_resolution(mesh, file.name());
-  BoundarySurface& boundary = mesh.boundary();
-  std::string text = "binary STL by locvol";  // must not begin with "solid"
-  text.resize(80, ' ');
-  AppendedFile out(file, mesh.exchange());
-  Bytes head;
-  out.append(head.add_text(text).add(static_cast<std::uint32_t>(boundary.num_facets())).bytes());
-  const auto triangles_of = [](const BoundarySurface::Facets& some) {
-    Bytes triangles;
-    for (const auto& corners : some.corners) {
-      triangles.add(in_floats(unit_normal(corners)));
-      for (const Point& corner : corners) triangles.add(in_floats(corner));
-      triangles.add(std::uint16_t{0});
-    }
-    return triangles;
-  };
-  append_boundary(out, mesh, boundary.facets({.has_corners = true}), triangles_of,
-                  kStlTriangleBytes * boundary.num_own_facets());
   return out.size();
 }
 

@@ -60,6 +60,7 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
 
 // The boundary, outward.
 std::uint64_t write_stl(MeshSource& mesh, PartialFile& file);
+std::uint64_t write_stl_text(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_ply(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_obj(MeshSource& mesh, PartialFile& file);
 

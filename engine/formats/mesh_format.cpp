@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cctype>
 
+#include "engine/formats/formats.h"
 #include "engine/formats/limits.h"
+#include "engine/formats/output_bytes.h"
 
 namespace locvol {
 namespace {
@@ -13,56 +15,195 @@ namespace {
 constexpr std::uint64_t kMaxUint32 = 0xffffffff;
 constexpr std::uint64_t kMaxAbaqusLabel = 999'999'999;
 
-struct Limit {
-  std::string_view what;
-  std::uint64_t count, most;
-};
+// For rows of the table.
+template <auto kWrite>
+std::uint64_t written(MeshSource& mesh, bool, PartialFile& file, PartialFile*) {
+  return kWrite(mesh, file);
+}
 
-std::vector<Limit> limits_of(MeshFormat format, const MeshCounts& n) {
-  switch (format) {
-    case MeshFormat::kVtu:
-    case MeshFormat::kVtuZlib:
-    case MeshFormat::kVtkHdf:
-    case MeshFormat::kMsh4:
-    case MeshFormat::kMedit:
-    case MeshFormat::kMeditBinary:
-    case MeshFormat::kObj:
-      return {};
-    case MeshFormat::kMsh2:
-      return {
-          {"vertices", n.num_vertices, kMaxInt32},
-          {"tetrahedra and boundary triangles", n.num_cells + n.num_boundary_facets, kMaxInt32}};
-    case MeshFormat::kAbaqus:
-      return {{"nodes", n.num_vertices, kMaxAbaqusLabel},
-              {"elements", n.num_cells, kMaxAbaqusLabel}};
-    case MeshFormat::kTetgen:
-      return {{"points", n.num_vertices, kMaxInt32}, {"tetrahedra", n.num_cells, kMaxInt32}};
-    case MeshFormat::kStl:
-      return {{"triangles", n.num_boundary_facets, kMaxUint32}};
-    case MeshFormat::kPly:
-      return {{"vertices", n.num_boundary_vertices, kMaxInt32},
-              {"triangles", n.num_boundary_facets, kMaxUint32}};
-  }
-  return {};
+std::vector<FormatInfo> table_of_formats() {
+  using Limits = std::vector<FormatInfo::Limit>;
+  // A function for each: bytes of values or, of text, of what stands between numbers.
+  return {
+      {.format = MeshFormat::kVtu,
+       .name = "vtu",
+       .extensions = {".vtu"},
+       .description = "VTK, raw binary",
+       .has_cell_data = true,
+       .bytes =
+           [](const MeshSizes& n, bool has_quality) {
+             const double v = n.num_vertices, c = n.num_cells;
+             return 24 * v + (4 * index_bytes(v) + index_bytes(4 * c) + (has_quality ? 13 : 5)) * c;
+           },
+       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
+                   PartialFile*) { return write_vtu(mesh, has_quality, file); }},
+      {.format = MeshFormat::kVtuZlib,
+       .name = "vtu-zlib",
+       .extensions = {},
+       .description = "VTK, compressed",
+       .has_cell_data = true,
+       .waits_for_its_place = true,
+       .bytes = [](const MeshSizes& n, bool has_quality) { return kZlib.bytes(n, has_quality); },
+       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
+                   PartialFile*) { return write_compressed_vtu(mesh, has_quality, file); }},
+      {.format = MeshFormat::kVtkHdf,
+       .name = "vtkhdf",
+       .extensions = {".vtkhdf", ".hdf"},
+       .description = "VTK in HDF5, compressed",
+       .has_cell_data = true,
+       .waits_for_its_place = true,
+       .bytes = [](const MeshSizes& n,
+                   bool has_quality) { return kShuffled.bytes(n, has_quality); },
+       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
+                   PartialFile*) { return write_vtkhdf(mesh, has_quality, file); }},
+      {.format = MeshFormat::kMsh4,
+       .name = "msh",
+       .extensions = {".msh"},
+       .description = "Gmsh 4.1, binary",
+       .has_boundary = true,
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             return 32 * n.num_vertices + 40 * n.num_cells + 32 * n.num_boundary_facets;
+           },
+       .write = written<write_msh4>},
+      {.format = MeshFormat::kMsh2,
+       .name = "msh2",
+       .extensions = {},
+       .description = "Gmsh 2.2, binary",
+       .has_boundary = true,
+       .limits =
+           [](const MeshCounts& n) {
+             return Limits{{"vertices", n.num_vertices, kMaxInt32},
+                           {"tetrahedra and boundary triangles",
+                            n.num_cells + n.num_boundary_facets, kMaxInt32}};
+           },
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             return 28 * n.num_vertices + 28 * n.num_cells + 24 * n.num_boundary_facets;
+           },
+       .write = written<write_msh2>},
+      {.format = MeshFormat::kMedit,
+       .name = "medit",
+       .extensions = {".mesh"},
+       .description = "Medit, text",
+       .has_boundary = true,
+       .waits_for_its_place = true,
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             const double label = label_bytes(n.num_vertices);
+             return (position_bytes(n.box, 1) + 2) * n.num_vertices +
+                    (4 * (label + 1) + 2) * n.num_cells +
+                    (3 * (label + 1) + 2) * n.num_boundary_facets;
+           },
+       .write = written<write_medit>},
+      {.format = MeshFormat::kMeditBinary,
+       .name = "meditb",
+       .extensions = {".meshb"},
+       .description = "Medit, binary",
+       .has_boundary = true,
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             const double v = n.num_vertices, c = n.num_cells, f = n.num_boundary_facets;
+             return c > kMaxInt32 ? 32 * v + 40 * c + 32 * f : 28 * v + 20 * c + 16 * f;
+           },
+       .write = [](MeshSource& mesh, bool, PartialFile& file,
+                   PartialFile*) { return write_binary_medit(mesh, file); }},
+      {.format = MeshFormat::kAbaqus,
+       .name = "abaqus",
+       .extensions = {".inp"},
+       .description = "Abaqus and CalculiX, text",
+       .has_boundary = true,
+       .waits_for_its_place = true,
+       .limits =
+           [](const MeshCounts& n) {
+             return Limits{{"nodes", n.num_vertices, kMaxAbaqusLabel},
+                           {"elements", n.num_cells, kMaxAbaqusLabel}};
+           },
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             const double node = label_bytes(n.num_vertices), element = label_bytes(n.num_cells);
+             return (node + position_bytes(n.box, 2, 20) + 1) * n.num_vertices +
+                    (element + 4 * (node + 2) + 1) * n.num_cells +
+                    (node + 2) * num_boundary_vertices(n) + (element + 5) * n.num_boundary_facets;
+           },
+       .write = written<write_abaqus>},
+      {.format = MeshFormat::kTetgen,
+       .name = "tetgen",
+       .extensions = {".node", ".ele"},
+       .description = "TetGen, both files, text",
+       .waits_for_its_place = true,
+       .limits =
+           [](const MeshCounts& n) {
+             return Limits{{"points", n.num_vertices, kMaxInt32},
+                           {"tetrahedra", n.num_cells, kMaxInt32}};
+           },
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             const double point = label_bytes(n.num_vertices);
+             return (point + position_bytes(n.box, 1) + 1) * n.num_vertices +
+                    (label_bytes(n.num_cells) + 4 * (point + 1) + 1) * n.num_cells;
+           },
+       .write = [](MeshSource& mesh, bool, PartialFile& file,
+                   PartialFile* second) { return write_tetgen(mesh, file, *second); }},
+      {.format = MeshFormat::kStl,
+       .name = "stl",
+       .extensions = {".stl"},
+       .description = "the boundary, binary",
+       .is_surface = true,
+       .has_boundary = true,
+       .limits =
+           [](const MeshCounts& n) {
+             return Limits{{"triangles", n.num_boundary_facets, kMaxUint32}};
+           },
+       .bytes = [](const MeshSizes& n, bool) { return 50 * n.num_boundary_facets; },
+       .write = written<write_stl>},
+      {.format = MeshFormat::kStlText,
+       .name = "stl-text",
+       .extensions = {},
+       .description = "the boundary, text",
+       .is_surface = true,
+       .has_boundary = true,
+       .waits_for_its_place = true,
+       .bytes =
+           [](const MeshSizes& n, bool) {  // 62 of them are the normal's
+             return (3 * position_bytes(n.box, 1) + 124) * n.num_boundary_facets;
+           },
+       .write = written<write_stl_text>},
+      {.format = MeshFormat::kPly,
+       .name = "ply",
+       .extensions = {".ply"},
+       .description = "the boundary, binary",
+       .is_surface = true,
+       .has_boundary = true,
+       .limits =
+           [](const MeshCounts& n) {
+             return Limits{{"vertices", n.num_boundary_vertices, kMaxInt32},
+                           {"triangles", n.num_boundary_facets, kMaxUint32}};
+           },
+       .bytes = [](const MeshSizes& n,
+                   bool) { return 24 * num_boundary_vertices(n) + 13 * n.num_boundary_facets; },
+       .write = written<write_ply>},
+      {.format = MeshFormat::kObj,
+       .name = "obj",
+       .extensions = {".obj"},
+       .description = "the boundary, text",
+       .is_surface = true,
+       .has_boundary = true,
+       .waits_for_its_place = true,
+       .bytes =
+           [](const MeshSizes& n, bool) {
+             const double v = num_boundary_vertices(n);
+             return (2 + position_bytes(n.box, 1)) * v +
+                    (2 + 3 * (label_bytes(v) + 1)) * n.num_boundary_facets;
+           },
+       .write = written<write_obj>},
+  };
 }
 
 }  // namespace
 
 std::span<const FormatInfo> mesh_formats() {
-  static const std::vector<FormatInfo> formats = {
-      {MeshFormat::kVtu, "vtu", {".vtu"}, "VTK, raw binary", true},
-      {MeshFormat::kVtuZlib, "vtu-zlib", {}, "VTK, compressed", true},
-      {MeshFormat::kVtkHdf, "vtkhdf", {".vtkhdf", ".hdf"}, "VTK in HDF5, compressed", true},
-      {MeshFormat::kMsh4, "msh", {".msh"}, "Gmsh 4.1, binary"},
-      {MeshFormat::kMsh2, "msh2", {}, "Gmsh 2.2, binary"},
-      {MeshFormat::kMedit, "medit", {".mesh"}, "Medit, text"},
-      {MeshFormat::kMeditBinary, "meditb", {".meshb"}, "Medit, binary"},
-      {MeshFormat::kAbaqus, "abaqus", {".inp"}, "Abaqus and CalculiX, text"},
-      {MeshFormat::kTetgen, "tetgen", {".node", ".ele"}, "TetGen, both files, text"},
-      {MeshFormat::kStl, "stl", {".stl"}, "the boundary, binary", false, true},
-      {MeshFormat::kPly, "ply", {".ply"}, "the boundary, binary", false, true},
-      {MeshFormat::kObj, "obj", {".obj"}, "the boundary, text", false, true},
-  };
+  static const std::vector<FormatInfo> formats = table_of_formats();
   return formats;
 }
 
@@ -94,26 +235,15 @@ MeshFormat format_meant_by(const std::filesystem::path& file) {
                                fmt::join(extensions, ", ")));
 }
 
-bool has_boundary(MeshFormat format) {
-  switch (format) {
-    case MeshFormat::kVtu:
-    case MeshFormat::kVtuZlib:
-    case MeshFormat::kVtkHdf:
-    case MeshFormat::kTetgen:
-      return false;
-    default:
-      return true;
-  }
-}
-
 void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file,
                   std::string_view counted) {
-  for (const auto& [what, count, most] : limits_of(format, counts)) {
+  const FormatInfo& info = info_of(format);
+  if (info.limits == nullptr) return;
+  for (const auto& [what, count, most] : info.limits(counts)) {
     if (count <= most) continue;
-    throw FormatLimit(
-        fmt::format("cannot write {}: the format {} numbers at most {} {}, and {} {}; write {}",
-                    file.string(), info_of(format).name, most, what, counted, count,
-                    info_of(format).is_surface ? "obj" : "vtu, vtkhdf or msh"));
+    throw FormatLimit(fmt::format(
+        "cannot write {}: the format {} numbers at most {} {}, and {} {}; write {}", file.string(),
+        info.name, most, what, counted, count, info.is_surface ? "obj" : "vtu, vtkhdf or msh"));
   }
 }
 

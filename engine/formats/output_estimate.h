@@ -2,7 +2,7 @@
 #pragma once
 
 #include "engine/formats/mesh_format.h"
-#include "octree/geometry.h"
+#include "engine/formats/mesh_sizes.h"
 #include "octree/lattice.h"
 
 namespace locvol {
@@ -10,14 +10,6 @@ namespace locvol {
 // How many cells the BCC lattice has, over λ³: 12 to its cubic cell.
 inline constexpr double kLatticeCellsPerVolume =
     12 / (kLatticeSpacing * kLatticeSpacing * kLatticeSpacing);
-
-// How large a mesh is, known or estimated.
-struct MeshSizes {
-  double num_vertices = 0, num_cells = 0;
-  double num_listed_cells = 0;  // not of the lattice core
-  double num_boundary_facets = 0;
-  Box box;  // how long coordinates are as text
-};
 
 struct OutputEstimate {
   double file_bytes = 0;  // of all files of the output

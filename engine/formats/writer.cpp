@@ -21,40 +21,9 @@ namespace {
 
 MeshCounts mesh_counts(MeshSource& mesh, MeshFormat format) {
   MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
-  if (has_boundary(format)) counts.num_boundary_facets = mesh.num_boundary_facets();
+  if (info_of(format).has_boundary) counts.num_boundary_facets = mesh.num_boundary_facets();
   if (format == MeshFormat::kPly) counts.num_boundary_vertices = mesh.boundary().num_vertices();
   return counts;
-}
-
-std::uint64_t write(MeshSource& mesh, const OutputOptions& options, PartialFile& file,
-                    PartialFile* second) {
-  switch (options.format) {
-    case MeshFormat::kVtu:
-      return write_vtu(mesh, options.has_quality, file);
-    case MeshFormat::kVtuZlib:
-      return write_compressed_vtu(mesh, options.has_quality, file);
-    case MeshFormat::kVtkHdf:
-      return write_vtkhdf(mesh, options.has_quality, file);
-    case MeshFormat::kMsh4:
-      return write_msh4(mesh, file);
-    case MeshFormat::kMsh2:
-      return write_msh2(mesh, file);
-    case MeshFormat::kMedit:
-      return write_medit(mesh, file);
-    case MeshFormat::kMeditBinary:
-      return write_binary_medit(mesh, file);
-    case MeshFormat::kAbaqus:
-      return write_abaqus(mesh, file);
-    case MeshFormat::kTetgen:
-      return write_tetgen(mesh, file, *second);
-    case MeshFormat::kStl:
-      return write_stl(mesh, file);
-    case MeshFormat::kPly:
-      return write_ply(mesh, file);
-    case MeshFormat::kObj:
-      return write_obj(mesh, file);
-  }
-  return 0;
 }
 
 std::filesystem::path with_end(const std::filesystem::path& file, const std::string& end) {
@@ -131,7 +100,8 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
     if (mesh.is_of_first_rank()) return;
     for (const auto& name : names) files.push_back(begun_by_first(name, stop));
   });
-  const std::uint64_t own_bytes = write(mesh, options, *files.front(), files.back().get());
+  const std::uint64_t own_bytes =
+      info_of(options.format).write(mesh, options.has_quality, *files.front(), files.back().get());
   do_on_all(exchange, [&] {
     if (mesh.is_of_first_rank()) return;
     for (const auto& part : files) part->finish_part();
@@ -174,7 +144,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
   std::optional<PartialFile> piece, index;
   std::uint64_t bytes = 0;
   do_on_all(exchange, [&] {
-    bytes = write(mesh, options, piece.emplace(name), nullptr);
+    bytes = info_of(options.format).write(mesh, options.has_quality, piece.emplace(name), nullptr);
     piece->finish();
     if (!of_all || exchange.rank() != 0) return;
     write_index(pieces, options, index.emplace(*of_all));

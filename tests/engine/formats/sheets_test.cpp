@@ -117,8 +117,8 @@ TEST_F(SheetsOfABox, FacetsAndVerticesComeSheetBySheet) {
   }
 }
 
-TEST_F(SheetsOfABox, StlHasASolidEach) {
-  written(MeshFormat::kStl, "box.stl");
+TEST_F(SheetsOfABox, TextOfStlHasASolidEach) {
+  written(MeshFormat::kStlText, "box.stl");
   std::map<std::string, int> expected;
   for (const std::string& name : kNames) expected[name] = 18;
   EXPECT_EQ(read_back("box.stl"), expected);

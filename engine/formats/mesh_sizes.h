@@ -1,0 +1,15 @@
+#pragma once
+
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// How large a mesh is, known or estimated.
+struct MeshSizes {
+  double num_vertices = 0, num_cells = 0;
+  double num_listed_cells = 0;  // not of the lattice core
+  double num_boundary_facets = 0;
+  Box box;  // how long coordinates are as text
+};
+
+}  // namespace locvol

@@ -1,0 +1,69 @@
+// What numbers take in a file, on average, as text or compressed: for estimates.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/formats/limits.h"
+#include "engine/formats/mesh_sizes.h"
+
+namespace locvol {
+
+inline constexpr double kCellsPerCoreVertex = 6;  // of the BCC lattice
+
+// A number from 1 to n as text, on average: all have a last digit, those from 10 on another one.
+inline double label_bytes(double n) {
+  double all = 0;
+  for (double least = 1; least <= n; least *= 10) all += n - least + 1;
+  return n >= 1 ? all / n : 1;
+}
+
+// The part of the numbers from low to high that lies from `from` to `to`.
+inline double part_between(double low, double high, double from, double to) {
+  if (!(high > low)) return low >= from && low <= to ? 1 : 0;
+  return std::max(0.0, std::min(high, to) - std::max(low, from)) / (high - low);
+}
+
+// A number from low to high as the shortest text that reads back the same, on average: digits and a
+// point, a sign, and zeros after the point; below 0.0001 an exponent is as long.
+inline double coordinate_bytes(double low, double high) {
+  constexpr double kDigits = 17.4;
+  double bytes = kDigits + part_between(low, high, -HUGE_VAL, 0);
+  for (const double t : {1.0, 0.1, 0.01, 0.001}) bytes += part_between(low, high, -t, t);
+  return bytes;
+}
+
+// A vertex as three of them, each after a separator. `most`: bytes of one
+inline double position_bytes(const Box& box, double separator, double most = HUGE_VAL) {
+  double bytes = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    bytes += separator + std::min(coordinate_bytes(box.min[axis], box.max[axis]), most);
+  return bytes;
+}
+
+// Of one of VTK's whole numbers up to `largest`.
+inline double index_bytes(double largest) { return largest > kMaxInt32 ? 8 : 4; }
+
+inline double num_core_cells(const MeshSizes& n) { return n.num_cells - n.num_listed_cells; }
+inline double num_listed_vertices(const MeshSizes& n) {
+  return std::max(0.0, n.num_vertices - num_core_cells(n) / kCellsPerCoreVertex);
+}
+
+// Of files compressed at level 1: bytes of vertices and cells that are listed, and of a cell of the
+// core with its share of the vertices, which all follow a pattern.
+struct Compressed {
+  double head, vertex, cell, core_cell;
+  double quality_of_cell;  // that of the core's cells is the same for all
+
+  double bytes(const MeshSizes& n, bool has_quality) const {
+    const double of_cell = cell + (has_quality ? quality_of_cell : 0);
+    return head + vertex * num_listed_vertices(n) + of_cell * n.num_listed_cells +
+           core_cell * num_core_cells(n);
+  }
+};
+inline constexpr Compressed kZlib = {0, 38, 2.7, 8.4, 6.1}, kShuffled = {14e3, 14.3, 6.8, 6.6, 5.4};
+
+// A boundary that closes has half as many vertices as facets.
+inline double num_boundary_vertices(const MeshSizes& n) { return 0.5 * n.num_boundary_facets; }
+
+}  // namespace locvol
