@@ -35,7 +35,9 @@ TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
   Random random(seed);
   const SurfaceFiles files;
   int num_refused = 0, num_accepted = 0;
-  for (int round = 0; round < 2; ++round)
+  // Chance decides how many are good: two rounds most often have ten of either kind.
+  const auto are_few = [&] { return num_accepted < 10 || num_refused < 10; };
+  for (int round = 0; round < 2 || (round < 10 && are_few()); ++round)
     for (const auto& [name, surface] : random_samples(random, files)) {
       SCOPED_TRACE(name);
       const auto file = files.write("surface.off", to_off(surface));
@@ -50,8 +52,7 @@ TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
         EXPECT_TRUE(pieces == whole) << capacity;
       }
     }
-  EXPECT_GT(num_accepted, 9);
-  EXPECT_GT(num_refused, 9);
+  EXPECT_FALSE(are_few()) << num_accepted << " accepted, " << num_refused << " refused";
 }
 
 // With these seeds all voxels touched themselves once: no surface was repaired and accepted.
