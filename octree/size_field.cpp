@@ -219,7 +219,7 @@ double SizeField::Cube::depth(const Place& at) const {
 
 double SizeField::graded_at(const Point& p) const {
   const Cube* cube = cube_at(p);
-  if (cube == nullptr) return law_.least;
+  if (cube == nullptr) return law_.surface;
   const Cube::Place at = cube->place(p);
   return law_.at_distance(cube->depth(at),
                           cube->is_less ? interpolated(cube->less, at[0], at[1], at[2]) : 0);

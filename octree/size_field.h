@@ -153,8 +153,9 @@ class SizeField {
   bool has_shapes() const { return law_.has_shapes(); }
   double growth() const { return law_.growth; }
 
-  // h(p). Where no cube is known, the least of all: a ball around there must not count, for not all
-  // that it may hold is loaded.
+  // Is h known there?
+  bool has(const Point& p) const { return is_uniform() || cube_at(p) != nullptr; }
+  // h(p). Where no cube is known: λ.
   double at(const Point& p) const { return is_uniform() ? on_surface() : graded_at(p); }
   // The least depth at which p lies inside; less than 0: it is not known. Distances at a cube's
   // corners have a sign and change by no more than the way. From the mean of them that h is made

@@ -571,7 +571,9 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
       if (dual.count == 0 || dual.squared_radius <= squared_radius ||
           squared_distance(dual.ball_center, q) >= dual.squared_radius)
         continue;
-      const double size = surroundings_.sizes.on_surface_at(dual.ball_center);
+      const SizeField& sizes = surroundings_.sizes;
+      if (sizes.has_shapes() && !sizes.has(dual.ball_center)) continue;  // so far away is it
+      const double size = sizes.on_surface_at(dual.ball_center);
       const double margin = loaded_around(size) - size;
       if (!has_small_balls(dual, size) ||
           input_.box.squared_distance(dual.ball_center) > margin * margin)

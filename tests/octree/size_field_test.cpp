@@ -129,9 +129,10 @@ TEST(SizeField, IsSmallestWhereNothingIsKnown) {
   const Point unknown = kPlaneFrame.box(LinearOctree::uniform(2).leaves()[20]).center();
   EXPECT_EQ(SizeField(sizes).at(unknown), 0.5);
   EXPECT_EQ(SizeField(sizes).at({-100, 0, 0}), 0.5);
-  sizes.law.least = 0.125;  // shapes may be there
-  EXPECT_EQ(SizeField(sizes).at(unknown), 0.125);
-  EXPECT_EQ(SizeField(sizes).on_surface_at({-100, 0, 0}), 0.125);
+  EXPECT_FALSE(SizeField(sizes).has(unknown));
+  EXPECT_FALSE(SizeField(sizes).has({-100, 0, 0}));
+  EXPECT_TRUE(SizeField(sizes).has(kPlaneFrame.box(sizes.cubes.back().key).center()));
+  EXPECT_TRUE(SizeField(0.25).has(unknown));
 }
 
 TEST(SizeField, ExcessIsTakenOff) {
