@@ -241,7 +241,8 @@ void Environment::open_databases(MDB_txn* transaction, const KeySumByName& found
     if (format.version != StoreFormat::kCurrent)
       throw StoreError(place() + "has format " + std::to_string(format.version) +
                        ", written by another locvol; this one reads format " +
-                       std::to_string(StoreFormat::kCurrent));
+                       std::to_string(StoreFormat::kCurrent) +
+                       "; go on with that one, or remove the store and begin anew");
   }
   check_key_sums(transaction, found);
 }

@@ -326,7 +326,9 @@ class ForeignFile : public testing::Test {
 TEST_F(ForeignFile, AnotherFormatIsRefused) {
   put("meta", "format", encode(StoreFormat{StoreFormat::kCurrent + 1}, MortonKey()));
   close();
-  expect_error([&] { Store::open(dir_.path()); }, "format 5, written by another locvol");
+  expect_error(
+      [&] { Store::open(dir_.path()); },
+      "format " + std::to_string(StoreFormat::kCurrent + 1) + ", written by another locvol");
 }
 
 TEST_F(ForeignFile, DamagedFormatIsRefused) {
