@@ -1,6 +1,7 @@
 // What does not depend on how a surface is cut into buckets: facts, refusals, the leaves' records.
 #include "engine/ingest/ingest.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -488,7 +489,9 @@ TEST(RawSurface, TooMuchForTheDiskIsRefused) {
       message = error.what();
     }
     EXPECT_NE(message.find("has 12 triangles"), std::string::npos) << message;
-    EXPECT_NE(message.find(directory.string() + " would take about 1.98e-06 GB"), std::string::npos)
+    EXPECT_NE(message.find(
+                  fmt::format("{} would take about {:.3g} GB", directory.string(), 1e-9 * kNeed)),
+              std::string::npos)
         << message;
     EXPECT_NE(message.find(" GB are free"), std::string::npos) << message;
     EXPECT_NO_THROW(read_surface(file, files.directory(), watch, disk_with(kNeed)));
