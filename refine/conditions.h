@@ -71,7 +71,6 @@ struct DualCrossings {
   int count = 0;
   Point ball_center;              // of the largest surface ball
   double squared_radius = 0;      // of that ball
-  SheetId sheet = kOnlySheet;     // that it is centered on
   std::optional<Point> open_end;  // an end that was cut at the reach and lies inside the domain
   double open_radius = 0;
 };

@@ -736,15 +736,12 @@ void ImproveAngles::note_others_facets(Cell c, OfOthers& changed) const {
     const LeafMesh::Facet facet{c, i};
     if (!mesh_.may_be_of_boundary(facet)) continue;
     const auto found = mesh_.boundary_facet(facet);
-    if (!found) continue;
-    const auto place = [&](LocalIndex v) { return mesh_.delaunay().point(v); };
-    const LocalIndex smallest = std::ranges::min(found->vertices, {}, place);
-    if (mesh_.is_own(smallest)) continue;
-    NamedFacet name{.vertices = {}, .labels = found->labels};
+    if (!found || mesh_.is_own(found->smallest)) continue;
+    NamedFacet name{.vertices = {}, .labels = mesh_.labels(*found)};
     std::ranges::transform(found->vertices, name.vertices.begin(),
                            [&](LocalIndex v) { return mesh_.local(v).ref; });
     name.vertices = smallest_first(name.vertices);
-    changed.facets.emplace(name, mesh_.delaunay().point(smallest));
+    changed.facets.emplace(name, mesh_.delaunay().point(found->smallest));
   }
 }
 

@@ -343,17 +343,18 @@ std::optional<LeafMesh::BoundaryFacet> LeafMesh::boundary_facet(Facet f) const {
     std::swap(behind, before);
   }
   const auto& [a, b, c] = kFacetCorners[std::size_t(f.index)];
-  return BoundaryFacet{
-      {delaunay_.vertex(f.cell, a), delaunay_.vertex(f.cell, c), delaunay_.vertex(f.cell, b)},
-      {behind, before, sheet_of(f)}};
+  const std::array vertices = {delaunay_.vertex(f.cell, a), delaunay_.vertex(f.cell, c),
+                               delaunay_.vertex(f.cell, b)};
+  const LocalIndex smallest =
+      std::ranges::min(vertices, {}, [&](LocalIndex v) { return delaunay_.point(v); });
+  return BoundaryFacet{vertices, smallest, behind, before};
 }
 
-// Of a facet of the boundary.
-SheetId LeafMesh::sheet_of(Facet f) const {
-  std::array<Point, 3> corners;
-  for (std::size_t k = 0; k < 3; ++k)
-    corners[k] = point(f.cell, kFacetCorners[std::size_t(f.index)][k]);
-  return surroundings_.domain.sheet_of_facet(corners);
+FacetLabels LeafMesh::labels(const BoundaryFacet& facet) const {
+  const auto& [a, b, c] = facet.vertices;
+  return {facet.behind, facet.before,
+          surroundings_.domain.sheet_of_facet(
+              {delaunay_.point(a), delaunay_.point(b), delaunay_.point(c)})};
 }
 
 // What is not loaded counts as outside.
@@ -421,7 +422,6 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
            if (result.count++ > 0 && squared_radius <= result.squared_radius) return;
            result.ball_center = c.position;
            result.squared_radius = squared_radius;
-           result.sheet = c.sheet;
          });
   if (!is_there_near && at_to.body() != kNoBody)
     result.open_end = to;

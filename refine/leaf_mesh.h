@@ -158,9 +158,11 @@ class LeafMesh {
   // Does the facet part the mesh from what is outside?
   struct BoundaryFacet {
     std::array<LocalIndex, 3> vertices{};  // counterclockwise from outside
-    FacetLabels labels;
+    LocalIndex smallest = 0;               // of these, in lexicographic order
+    BodyId behind = kNoBody, before = kNoBody;
   };
   std::optional<BoundaryFacet> boundary_facet(Facet f) const;
+  FacetLabels labels(const BoundaryFacet& facet) const;
   // REQUIRES: neither cell of the facet is kNotLoaded
   DualCrossings dual_crossings(Facet f) const;
   // The facets of the mesh's boundary at the vertex, each of its cell in the mesh.
@@ -257,7 +259,6 @@ class LeafMesh {
   void make_all_fresh();
   Side find_side(Cell c) const;
   DomainState state_at(const Point& p) const;
-  SheetId sheet_of(Facet f) const;
   Side find_side(const std::array<Point, 4>& corners, CellState& state, CellBall& ball) const;
   void note_gone(Cell c);
   bool is_hidden(const MeshPoint& p) const;

@@ -572,7 +572,8 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
           squared_distance(dual.ball_center, q) >= dual.squared_radius)
         continue;
       const SizeField& sizes = surroundings_.sizes;
-      if (sizes.has_shapes() && !sizes.has(dual.ball_center)) continue;  // so far away is it
+      // Where h is not known, the ball is too far away to be this leaf's.
+      if (sizes.has_shapes() && !sizes.has(dual.ball_center)) continue;
       const double size = sizes.on_surface_at(dual.ball_center);
       const double margin = loaded_around(size) - size;
       if (!has_small_balls(dual, size) ||
@@ -712,10 +713,8 @@ void Refinement::list_facets() {
       const Facet facet{c, i};
       if (!mesh_.has_own_vertex(facet) || !mesh_.may_be_of_boundary(facet)) continue;
       const auto found = mesh_.boundary_facet(facet);
-      if (!found) continue;
-      const LocalIndex smallest =
-          std::ranges::min(found->vertices, {}, [&](LocalIndex v) { return delaunay.point(v); });
-      if (mesh_.is_own(smallest)) facets.push_back({found->vertices, found->labels});
+      if (found && mesh_.is_own(found->smallest))
+        facets.push_back({found->vertices, mesh_.labels(*found)});
     }
   }
   delta_.facets.vertices = names_in_use(

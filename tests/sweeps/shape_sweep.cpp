@@ -194,7 +194,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   if (is_brief) {
     options.seed = 1;
-    options.share = 0.3;
+    options.share = 0.2;
     options.num_cases = 7 * families().size();
     options.others.assign(kFoundCases.begin(), kFoundCases.end());
     for (std::uint64_t number = 0; number < families().size(); ++number)

@@ -102,7 +102,8 @@ TEST_P(PageOfRanks, HasCellsAtPlanesAndAThinnedSurface) {
 TEST_P(PageOfRanks, HasFewerPlanesWhereThoseChosenMeetTooManyCells) {
   mesh([](MeshOptions& options) { options.size = {0.1, false}; }, torus(1, 0.15, 96, 16));
   const std::uint64_t num_cells = expect_same({}).num_cells;
-  for (std::uint64_t part = 8; part < 40; ++part) {
+  // Each number of ranks has others of these.
+  for (auto part = static_cast<std::uint64_t>(8 + GetParam() % 4); part < 40; part += 4) {
     const ViewLimits limits{.max_cells = num_cells * part / 40};
     EXPECT_LE(expect_same(limits).num_cells, limits.max_cells);
   }
