@@ -308,13 +308,14 @@ void BoundarySurface::sort_facets() {
       facets_by_sheet_->append(facet.labels.sheet, facet);
   }
   facets_by_sheet_->finish(exchange_);
+  facets_before_.assign(num_sheets_, 0);
+  for (SheetId sheet = 1; sheet < num_sheets_; ++sheet)
+    facets_before_[sheet] = facets_before_[sheet - 1] + num_facets_of(sheet);
 }
 
 std::uint64_t BoundarySurface::first_own_facet_of(SheetId sheet) const {
   if (!facets_by_sheet_) return num_facets_.before;
-  std::uint64_t place = facets_by_sheet_->of_ranks(sheet).before;
-  for (SheetId before = 1; before < sheet; ++before) place += num_facets_of(before);
-  return place;
+  return facets_before_[sheet - 1] + facets_by_sheet_->of_ranks(sheet).before;
 }
 
 std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets_of(

@@ -145,6 +145,7 @@ class BoundarySurface {
   SheetId num_sheets_;
   LeafLists<BoundaryFacet> facets_;  // of own leaves
   std::optional<BySheet<BoundaryFacet>> facets_by_sheet_;
+  std::vector<std::uint64_t> facets_before_;  // of each sheet, those of lower ones, of all ranks
   std::optional<BySheet<std::uint64_t>> vertices_by_sheet_;
   SumOfRanks num_facets_, num_vertices_;
   // Of own leaves, and then of those beside them that have some.
