@@ -131,10 +131,17 @@ void check_cell_data(const OutputOptions& options) {
                                            info_of(options.format).name));
 }
 
+CLI::Option* add_boundary(CLI::App& app, OutputOptions& options) {
+  return app.add_flag("--boundary", options.has_boundary,
+                      "Write the boundary's triangles with the cells, and of which sheet each is "
+                      "(vtu, vtu-zlib, vtkhdf, tetgen; the other formats always do)");
+}
+
 CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
   CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
   CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
   add_cell_data(app, options)->needs(file);
+  add_boundary(app, options)->needs(file);
   app.final_callback([&output, &options, file, format] {
     if (file->count() == 0) return;
     if (output.empty()) throw CLI::ValidationError("-o", "is empty: give the name of a file");

@@ -44,7 +44,8 @@ CLI::Option* add_output(CLI::App& app, std::filesystem::path& output,
 CLI::Option* add_format(CLI::App& app, OutputOptions& options, const std::string& otherwise);
 CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options);
 void check_cell_data(const OutputOptions& options);
-// The mesh's file; its format, by name or by extension; its cell data.
+CLI::Option* add_boundary(CLI::App& app, OutputOptions& options);
+// The mesh's file; its format, by name or by extension; what is written besides.
 CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options);
 std::string format_list();
 void add_store(CLI::App& app, std::filesystem::path& store);

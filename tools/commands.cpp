@@ -108,9 +108,9 @@ int tell_read_in_vain(const RunPlace& place, bool is_json) {
 }
 
 // Throws std::runtime_error unless the output can be made without overwriting the surface.
-void require_output(const std::filesystem::path& output, MeshFormat format,
+void require_output(const std::filesystem::path& output, const OutputOptions& options,
                     const std::filesystem::path& surface) {
-  for (const auto& file : files_of(format, output)) {
+  for (const auto& file : files_of(options, output)) {
     require_writable(file);
     std::error_code absent;  // then they are two
     if (std::filesystem::equivalent(file, surface, absent))
@@ -152,7 +152,7 @@ void require_output(const RunPlace& place, const RunControl& control,
                     const std::function<std::filesystem::path()>& surface) {
   if (control.output.empty()) return;
   do_on_all(place.exchange, [&] {
-    if (place.is_first()) require_output(control.output, control.output_options.format, surface());
+    if (place.is_first()) require_output(control.output, control.output_options, surface());
   });
   if (place.is_of_ranks && !control.is_in_pieces)
     require_seen_by_all(control.output, place.exchange);
@@ -287,11 +287,10 @@ int run_join(const JoinCommand& command, Exchange& exchange) {
 }
 
 int run_export(const ExportCommand& command) {
-  const MeshFormat format = command.output_options.format;
   const Store store = open_whole(command.store);
   require_done(store);
   const RunRecord run = run_of(store);
-  require_output(command.output, format, run.surface.file);
+  require_output(command.output, command.output_options, run.surface.file);
   require_format(run, command.output, command.output_options);
   require_room(run, command.store, command.output, command.output_options);
   ProgressLine line(progress_style(command), 0);
@@ -302,9 +301,9 @@ int run_export(const ExportCommand& command) {
   });
   line.clear();
   if (command.is_json) {
-    print_json(written_json(command.output, format, written));
+    print_json(written_json(command.output, command.output_options, written));
   } else {
-    fmt::print("{}", written_text(command.output, format, written));
+    fmt::print("{}", written_text(command.output, command.output_options, written));
   }
   return kExitDone;
 }

@@ -113,6 +113,7 @@ void tell_how_to_resume(const RunPlace& place, const RunCommand& command, Progre
     if (format_of(output) != options.format)
       arguments += fmt::format(" --format {}", info_of(options.format).name);
     if (options.has_quality) arguments += " --cell-data quality";
+    if (options.has_boundary) arguments += " --boundary";
     if (command.control.is_in_pieces) arguments += " --pieces";
   }
   line.clear();
@@ -159,9 +160,10 @@ void tell_poor_cells(const std::vector<LeafPoorCell>& cells, const MeshStatistic
   line.tell("poor_cells", json, text);
 }
 
-std::vector<std::string> names_of(const std::filesystem::path& output, MeshFormat format) {
+std::vector<std::string> names_of(const std::filesystem::path& output,
+                                  const OutputOptions& options) {
   std::vector<std::string> names;
-  for (const auto& file : files_of(format, output)) names.push_back(file.string());
+  for (const auto& file : files_of(options, output)) names.push_back(file.string());
   return names;
 }
 
@@ -218,7 +220,7 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
 void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh& mesh,
                   const Seconds& seconds, const RunCommand& command) {
   const auto& [memory, statistics, written] = mesh;
-  const MeshFormat format = command.control.output_options.format;
+  const OutputOptions& options = command.control.output_options;
   const std::filesystem::path output = name_of_output(command.control);
   if (command.is_json) {
     Json json = {{"outcome", outcome_name(outcome)},
@@ -228,12 +230,12 @@ void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh&
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
     if (statistics) json["statistics"] = to_json(*statistics, run.run);
-    if (written) json["written"] = written_json(output, format, *written);
+    if (written) json["written"] = written_json(output, options, *written);
     print_json(json);
   } else {
     fmt::print("{}{}", summary_text(run), line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
-    if (written) fmt::print("{}", written_text(output, format, *written));
+    if (written) fmt::print("{}", written_text(output, options, *written));
     if (statistics) fmt::print("{}", statistics_text(*statistics, run.run));
   }
 }
@@ -316,21 +318,21 @@ int exit_code(RunOutcome outcome) {
   return kExitError;
 }
 
-std::string written_text(const std::filesystem::path& output, MeshFormat format,
+std::string written_text(const std::filesystem::path& output, const OutputOptions& options,
                          const WriteSummary& written) {
-  const std::string names = fmt::format("{}", fmt::join(names_of(output, format), ", "));
-  if (info_of(format).is_surface)
+  const std::string names = fmt::format("{}", fmt::join(names_of(output, options), ", "));
+  if (info_of(options.format).is_surface)
     return fmt::format("{:<16} {}: {} boundary triangles, {}\n", "written", names,
                        written.num_boundary_facets, bytes_text(written.bytes));
   return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", names, written.num_cells,
                      written.num_vertices, bytes_text(written.bytes));
 }
 
-Json written_json(const std::filesystem::path& output, MeshFormat format,
+Json written_json(const std::filesystem::path& output, const OutputOptions& options,
                   const WriteSummary& written) {
   Json json = to_json(written);
-  json["file"] = names_of(output, format).front();
-  json["format"] = info_of(format).name;
+  json["file"] = names_of(output, options).front();
+  json["format"] = info_of(options.format).name;
   return json;
 }
 

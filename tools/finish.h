@@ -59,9 +59,9 @@ int finish(const TimedRun& run, const RunPlace& place, const RunCommand& command
 
 std::string_view outcome_name(RunOutcome outcome);
 int exit_code(RunOutcome outcome);
-std::string written_text(const std::filesystem::path& output, MeshFormat format,
+std::string written_text(const std::filesystem::path& output, const OutputOptions& options,
                          const WriteSummary& written);
-Json written_json(const std::filesystem::path& output, MeshFormat format,
+Json written_json(const std::filesystem::path& output, const OutputOptions& options,
                   const WriteSummary& written);
 
 }  // namespace locvol

@@ -66,6 +66,7 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   add_sizes(*info, command.options);
   add_format(*info, command.output_options, "vtu");
   add_cell_data(*info, command.output_options);
+  add_boundary(*info, command.output_options);
   info->final_callback([&command] { check_cell_data(command.output_options); });
   add_vtu(*info, command.vtu, "Find the sizes, and write their octree to this file, to look at");
   add_json(*info, command.is_json);

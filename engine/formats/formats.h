@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 
+#include "engine/formats/output_options.h"
 #include "engine/output/mesh_source.h"
 #include "engine/shared/partial_file.h"
 
@@ -19,27 +20,29 @@ struct IndexWidths {
 };
 
 // Cell data: `leaf` (its place in Morton order) and, with the quality, `radius_edge_ratio` and
-// `min_dihedral_degrees`, in Float32. A part has `GlobalPointIds`, too, as point data: the numbers
+// `min_dihedral_degrees`, in Float32. With the boundary, its triangles come after all tetrahedra,
+// with the leaves of their cells, and there is `sheet`: 0 of tetrahedra; the quality of a triangle
+// is no number (NaN). A part has `GlobalPointIds`, too, as point data: the numbers
 // of its vertices in the mesh of all ranks. VTU: XML with raw appended data, UInt64 headers. Of
 // `connectivity` and `offsets` each is as wide as `least` says, and Int64 if Int32 does not hold
 // its numbers.
-std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+std::uint64_t write_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
                         const IndexWidths& least = {});
-std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+std::uint64_t write_compressed_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
                                    const IndexWidths& least = {8, 8});
 // VTKHDF 1.0, one partition, 64-bit ids; HDF5 opens the file by its name. Of several ranks, which
 // compress, the first one puts all chunks into it, and alone gets its size.
-std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file);
+std::uint64_t write_vtkhdf(MeshSource& mesh, const OutputOptions& output, PartialFile& file);
 
 // A part of a mesh in a file beside others, for one that makes a whole of them.
 struct PieceFile {
   std::string name;
-  std::uint64_t num_vertices = 0, num_cells = 0;
+  MeshCounts counts;
 };
 // Writes the file that names the VTU files of all ranks.
-void write_pvtu(std::span<const PieceFile> pieces, bool has_quality, PartialFile& file);
+void write_pvtu(std::span<const PieceFile> pieces, const OutputOptions& output, PartialFile& file);
 // A partition for each VTKHDF file, of virtual datasets: a reader gets values from where they are.
-void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, bool has_quality,
+void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOptions& output,
                               PartialFile& file);
 
 // Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1
@@ -55,8 +58,10 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
 // surface `boundary`. No number is longer than 20 characters, as Abaqus wants it: coordinates have
 // 13 digits at least.
 std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file);
-// Indices from 1.
-std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements);
+// Indices from 1. `faces`: unless it is null, the boundary's triangles, whose markers are the
+// sheets.
+std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements,
+                           PartialFile* faces);
 
 // The boundary, outward.
 std::uint64_t write_stl(MeshSource& mesh, PartialFile& file);

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <ranges>
 #include <string>
 #include <utility>
 
@@ -22,10 +23,11 @@ std::vector<std::byte> bytes_of(const std::vector<T>& values) {
 std::string_view vtk_int(std::uint64_t value_bytes) { return value_bytes == 4 ? "Int32" : "Int64"; }
 
 template <class Int>
-std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count) {
+std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count,
+                                    std::uint64_t num_tetrahedra) {
   std::vector<std::byte> bytes(count * sizeof(Int));
   for (std::uint64_t i = 0; i < count; ++i) {
-    const auto offset = static_cast<Int>(4 * (first + i));
+    const auto offset = static_cast<Int>(corners_before(first + i, num_tetrahedra));
     std::memcpy(&bytes[i * sizeof(Int)], &offset, sizeof(Int));
   }
   return bytes;
@@ -36,65 +38,56 @@ std::uint64_t num_blocks(std::uint64_t item, std::uint64_t block_items) {
   return block_items == 0 ? 0 : (item + block_items - 1) / block_items;
 }
 
-// Takes items off pieces, in runs of any length.
-class ItemReader {
- public:
-  ItemReader(std::function<std::optional<MeshPiece>()> pieces, const ArrayInfo& info)
-      : pieces_(std::move(pieces)), info_(info) {}
-
-  // REQUIRES: whole items
-  void read(std::span<std::byte> out) {
+// Takes bytes off pieces, in runs of any length: encode(piece) gives those of a piece.
+template <class Piece, class Encode>
+auto bytes_of_pieces(std::function<std::optional<Piece>()> pieces, Encode encode) {
+  struct State {
+    std::function<std::optional<Piece>()> pieces;
+    Encode encode;
+    std::vector<std::byte> bytes = {};
+    std::size_t taken = 0;
+  };
+  return [state = std::make_shared<State>(State{std::move(pieces), std::move(encode)})](
+             std::uint64_t, std::span<std::byte> out) {
     while (!out.empty()) {
-      if (taken_ == num_items()) {
-        piece_ = pieces_();
-        assert(piece_.has_value());
-        taken_ = 0;
+      if (state->taken == state->bytes.size()) {
+        const std::optional<Piece> piece = state->pieces();
+        assert(piece.has_value());
+        const auto bytes = state->encode(*piece);
+        state->bytes.assign(bytes.begin(), bytes.end());
+        state->taken = 0;
         continue;
       }
-      const auto bytes = take(std::min(num_items() - taken_, out.size() / info_.item_bytes()));
-      std::memcpy(out.data(), bytes.data(), bytes.size());
-      out = out.subspan(bytes.size());
+      const std::size_t count = std::min(state->bytes.size() - state->taken, out.size());
+      std::memcpy(out.data(), state->bytes.data() + state->taken, count);
+      state->taken += count;
+      out = out.subspan(count);
     }
-  }
-
- private:
-  bool is_points() const { return info_.array == ArrayName::kPoints; }
-  std::size_t num_items() const {
-    if (!piece_) return 0;
-    return is_points() ? piece_->points.size() : piece_->cells.size();
-  }
-  std::span<const std::byte> take(std::size_t count) {
-    const std::size_t first = std::exchange(taken_, taken_ + count);
-    if (is_points()) return std::as_bytes(std::span(piece_->points).subspan(first, count));
-    return connectivity_bytes(std::span(piece_->cells).subspan(first, count), info_.value_bytes,
-                              narrow_);
-  }
-
-  std::function<std::optional<MeshPiece>()> pieces_;
-  ArrayInfo info_;
-  std::optional<MeshPiece> piece_;
-  std::size_t taken_ = 0;  // items
-  std::vector<NarrowCell> narrow_;
-};
+  };
+}
 
 }  // namespace
 
-IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells) {
-  return {num_vertices <= kMaxInt32 ? 4u : 8u, num_cells <= kMaxInt32 / 4 ? 4u : 8u};
+IndexWidths index_widths(const MeshCounts& n) {
+  const std::uint64_t num_corners = 4 * n.num_cells + 3 * n.num_boundary_facets;
+  return {n.num_vertices <= kMaxInt32 ? 4u : 8u, num_corners <= kMaxInt32 ? 4u : 8u};
 }
 
-std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
-                                   bool has_quality, const IndexWidths& widths, bool is_part) {
+std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,
+                                   const IndexWidths& widths, bool is_part) {
+  const std::uint64_t num_cells = n.num_cells + n.num_boundary_facets;
   std::vector<ArrayInfo> arrays = {
-      {ArrayName::kPoints, "Points", "Float64", 3, 8, num_vertices},
-      {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 4,
-       widths.connectivity, num_cells},
+      {ArrayName::kPoints, "Points", "Float64", 3, 8, n.num_vertices},
+      {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 1,
+       widths.connectivity, corners_before(num_cells, n.num_cells)},
       {ArrayName::kEnds, "offsets", vtk_int(widths.offsets), 1, widths.offsets, num_cells},
       {ArrayName::kLeaf, "leaf", "UInt32", 1, 4, num_cells, true},
   };
   if (is_part)
-    arrays.push_back({ArrayName::kPointIds, kGlobalPointIds, "Int64", 1, 8, num_vertices});
-  if (has_quality) {
+    arrays.push_back({ArrayName::kPointIds, kGlobalPointIds, "Int64", 1, 8, n.num_vertices});
+  if (output.has_boundary)
+    arrays.push_back({ArrayName::kSheet, "sheet", "UInt32", 1, 4, num_cells, true});
+  if (output.has_quality) {
     arrays.push_back(
         {ArrayName::kRadiusEdge, "radius_edge_ratio", "Float32", 1, 4, num_cells, true});
     arrays.push_back(
@@ -105,25 +98,16 @@ std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num
   return arrays;
 }
 
-std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> cells,
-                                              std::uint64_t value_bytes,
-                                              std::vector<NarrowCell>& narrow) {
-  if (value_bytes == sizeof(std::int64_t)) return std::as_bytes(cells);
-  narrow.resize(cells.size());
-  for (std::size_t i = 0; i < cells.size(); ++i)
-    for (std::size_t k = 0; k < 4; ++k) narrow[i][k] = static_cast<std::int32_t>(cells[i][k]);
-  return std::as_bytes(std::span(narrow));
-}
-
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes) {
-  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count)
-                          : offsets_from<std::int64_t>(first, count);
+                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra) {
+  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count, num_tetrahedra)
+                          : offsets_from<std::int64_t>(first, count, num_tetrahedra);
 }
 
-ArrayBlocks::ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output)
-    : mesh_(mesh) {
-  if (has_quality) do_on_all(mesh.exchange(), [&] { measure(output); });
+ArrayBlocks::ArrayBlocks(MeshSource& mesh, const OutputOptions& options,
+                         const std::filesystem::path& output)
+    : mesh_(mesh), has_triangles_(options.has_boundary) {
+  if (options.has_quality) do_on_all(mesh.exchange(), [&] { measure(output); });
 }
 
 void ArrayBlocks::measure(const std::filesystem::path& output) {
@@ -150,26 +134,43 @@ void ArrayBlocks::measure(const std::filesystem::path& output) {
 }
 
 // Of offsets from 0 on, the last one, which is no cell's, is the last rank's.
-NumberRange ArrayBlocks::own_items(const ArrayInfo& info) const {
-  if (info.array == ArrayName::kPoints || info.array == ArrayName::kPointIds)
-    return mesh_.own_vertices();
-  NumberRange own = mesh_.own_cells();
+std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
+  if (info.array == ArrayName::kPointIds) return {{mesh_.own_vertices(), nullptr}};
+  if (info.array == ArrayName::kPoints) {
+    const auto bytes = [](const MeshPiece& piece) {
+      return std::as_bytes(std::span(piece.points));
+    };
+    return {{mesh_.own_vertices(),
+             bytes_of_pieces<MeshPiece>(mesh_.pieces({.has_points = true}), bytes)}};
+  }
+  const std::uint64_t num_cells = mesh_.num_cells();
+  std::vector<Run> runs = {{mesh_.own_cells(), cell_reader(info)}};
+  if (has_triangles_) {
+    const NumberRange own = mesh_.own_triangles();
+    runs.push_back({{num_cells + own.first, num_cells + own.end}, triangle_reader(info)});
+  }
+  if (info.array == ArrayName::kConnectivity)
+    for (auto& [first, end] : std::views::transform(runs, &Run::own)) {
+      first = corners_before(first, num_cells);
+      end = corners_before(end, num_cells);
+    }
   const Exchange& exchange = mesh_.exchange();
-  const bool is_last = exchange.rank() + 1 == exchange.num_ranks();
-  if (info.array != ArrayName::kStarts || !is_last) return own;
-  return {own.size() > 0 ? own.first : mesh_.num_cells(), mesh_.num_cells() + 1};
+  if (info.array == ArrayName::kStarts && exchange.rank() + 1 == exchange.num_ranks()) {
+    NumberRange& last = runs.back().own;
+    last = {last.size() > 0 ? last.first : info.num_items - 1, info.num_items};
+  }
+  return runs;
 }
 
-// Null: all are known by formula, wherever they are.
-ArrayBlocks::ReadItems ArrayBlocks::reader_of(const ArrayInfo& info) {
+ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
   switch (info.array) {
-    case ArrayName::kPoints:
-    case ArrayName::kConnectivity: {
-      const bool has_points = info.array == ArrayName::kPoints;
-      const PieceParts parts = {.has_points = has_points, .has_cells = !has_points};
-      return [items = std::make_shared<ItemReader>(mesh_.pieces(parts), info)](
-                 std::uint64_t, std::span<std::byte> out) { items->read(out); };
-    }
+    case ArrayName::kConnectivity:
+      return bytes_of_pieces<MeshPiece>(
+          mesh_.pieces({.has_cells = true}),
+          [width = info.value_bytes,
+           narrow = std::vector<std::int32_t>()](const MeshPiece& piece) mutable {
+            return connectivity_bytes(piece.cells, width, narrow);
+          });
     case ArrayName::kRadiusEdge:
     case ArrayName::kDihedral:
       return [&file = info.array == ArrayName::kDihedral ? *angles_ : *ratios_](
@@ -181,72 +182,121 @@ ArrayBlocks::ReadItems ArrayBlocks::reader_of(const ArrayInfo& info) {
         const auto leaves = mesh_.leaves_of_cells(first, out.size() / sizeof(std::uint32_t));
         if (!out.empty()) std::memcpy(out.data(), leaves.data(), out.size());
       };
+    case ArrayName::kSheet:
+      return [](std::uint64_t, std::span<std::byte> out) { std::ranges::fill(out, std::byte{0}); };
     default:
       return nullptr;
   }
 }
 
-// All ranks call it: each tells its items before its first block to the rank whose block has them.
-// Gives those of the rank's last block that others have.
-std::vector<std::byte> ArrayBlocks::items_after(const ArrayInfo& info, std::uint64_t block_items,
-                                                const ReadItems& read) {
-  Exchange& exchange = mesh_.exchange();
-  const NumberRange own = own_items(info);
-  const std::vector<std::uint64_t> firsts = gather_numbers(exchange, own.first),
-                                   ends = gather_numbers(exchange, own.end);
-  const std::uint64_t first_block = block_items * num_blocks(own.first, block_items);
-  std::vector<std::string> told(firsts.size());
-  do_on_all(exchange, [&] {
-    if (own.size() == 0 || own.first == first_block) return;
-    const std::uint64_t start = first_block - block_items;
-    std::size_t rank = 0;
-    while (!(firsts[rank] <= start && start < ends[rank])) ++rank;
-    told[rank].resize((std::min(first_block, own.end) - own.first) * info.item_bytes());
-    read(own.first, std::as_writable_bytes(std::span(told[rank])));
-  });
-  std::vector<std::byte> after;
-  for (const std::string& items : exchange.swap(std::move(told))) {
-    const auto bytes = std::as_bytes(std::span(items));
-    after.insert(after.end(), bytes.begin(), bytes.end());
+ArrayBlocks::ReadItems ArrayBlocks::triangle_reader(const ArrayInfo& info) {
+  switch (info.array) {
+    case ArrayName::kConnectivity:
+      return bytes_of_pieces<TrianglePiece>(
+          mesh_.triangles(), [width = info.value_bytes, narrow = std::vector<std::int32_t>()](
+                                 const TrianglePiece& piece) mutable {
+            return connectivity_bytes(piece.triangles, width, narrow);
+          });
+    case ArrayName::kLeaf:
+      return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
+        return std::as_bytes(std::span(piece.leaves));
+      });
+    case ArrayName::kSheet:
+      return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
+        return std::as_bytes(std::span(piece.sheets));
+      });
+    case ArrayName::kRadiusEdge:
+    case ArrayName::kDihedral:
+      return [](std::uint64_t, std::span<std::byte> out) {
+        const std::vector<float> values(out.size() / sizeof(float), kNoQuality);
+        if (!out.empty()) std::memcpy(out.data(), values.data(), out.size());
+      };
+    default:
+      return nullptr;
   }
-  return after;
 }
 
-ArrayBlocks::Blocks ArrayBlocks::blocks(const ArrayInfo& info, std::uint64_t block_items) {
-  if (info.num_items == 0) return {info, [] { return std::nullopt; }};
-  const NumberRange own = own_items(info);
-  const ReadItems read = reader_of(info);
-  std::vector<std::byte> after;
-  if (read) after = items_after(info, block_items, read);
-  const std::uint64_t first = block_items * num_blocks(own.first, block_items),
-                      end =
-                          std::min(info.num_items, block_items * num_blocks(own.end, block_items));
-  const auto next_block = [=, next = first]() mutable -> std::optional<Block> {
+// All ranks call it: the items of each run before its first block are told to the run whose block
+// has them. Such a block may end in another run of the same rank, or of any higher one.
+void ArrayBlocks::tell_items(const ArrayInfo& info, std::uint64_t block_items,
+                             std::vector<Run>& runs) {
+  Exchange& exchange = mesh_.exchange();
+  std::vector<std::vector<std::uint64_t>> firsts, ends;  // by run, then by rank
+  for (const Run& run : runs) {
+    firsts.push_back(gather_numbers(exchange, run.own.first));
+    ends.push_back(gather_numbers(exchange, run.own.end));
+  }
+  for (std::size_t from = 0; from < runs.size(); ++from)
+    for (std::size_t to = 0; to <= from; ++to) {
+      std::vector<std::string> told(firsts.front().size());
+      do_on_all(exchange, [&] {
+        const NumberRange own = runs[from].own;
+        const std::uint64_t first_block = block_items * num_blocks(own.first, block_items);
+        if (own.size() == 0 || own.first == first_block) return;
+        const std::uint64_t start = first_block - block_items;
+        for (std::size_t rank = 0; rank < told.size(); ++rank) {
+          if (!(firsts[to][rank] <= start && start < ends[to][rank])) continue;
+          told[rank].resize((std::min(first_block, own.end) - own.first) * info.item_bytes());
+          runs[from].read(own.first, std::as_writable_bytes(std::span(told[rank])));
+        }
+      });
+      for (const std::string& items : exchange.swap(std::move(told))) {
+        const auto bytes = std::as_bytes(std::span(items));
+        runs[to].after.insert(runs[to].after.end(), bytes.begin(), bytes.end());
+      }
+    }
+}
+
+std::function<std::optional<ArrayBlocks::Block>()> ArrayBlocks::blocks_of(const ArrayInfo& info,
+                                                                          std::uint64_t block_items,
+                                                                          Run run) const {
+  const std::uint64_t first = block_items * num_blocks(run.own.first, block_items),
+                      end = std::min(info.num_items,
+                                     block_items * num_blocks(run.own.end, block_items));
+  // Of tetrahedra alone, threads find the leaves.
+  const bool is_formula =
+      info.array == ArrayName::kLeaf && (!has_triangles_ || run.own.end <= mesh_.num_cells());
+  return [=, run = std::move(run), next = first]() mutable -> std::optional<Block> {
     if (next >= end) return std::nullopt;
     Block block{next, std::min(block_items, end - next), {}};
     next += block.count;
-    const std::uint64_t num_own = std::min(next, own.end) - block.first;
-    if (!read || (info.array == ArrayName::kLeaf && num_own == block.count)) return block;
+    const std::uint64_t num_own = std::min(next, run.own.end) - block.first;
+    if (!run.read || (is_formula && num_own == block.count)) return block;
     block.bytes.resize(block.count * info.item_bytes());
     const auto of_own = std::span(block.bytes).first(num_own * info.item_bytes());
-    read(block.first, of_own);
+    run.read(block.first, of_own);
     if (num_own == block.count) return block;
-    if (after.size() != block.bytes.size() - of_own.size())
+    if (run.after.size() != block.bytes.size() - of_own.size())
       throw ExchangeError("ranks disagree on who has which items: this is a bug of locvol");
-    std::ranges::copy(after, block.bytes.begin() + static_cast<std::ptrdiff_t>(of_own.size()));
+    std::ranges::copy(run.after, block.bytes.begin() + static_cast<std::ptrdiff_t>(of_own.size()));
     return block;
   };
-  return {info, next_block};
+}
+
+std::vector<ArrayBlocks::Blocks> ArrayBlocks::blocks(const ArrayInfo& info,
+                                                     std::uint64_t block_items) {
+  if (info.num_items == 0) return {};
+  std::vector<Run> runs = runs_of(info);
+  if (runs.front().read) tell_items(info, block_items, runs);
+  std::vector<Blocks> all;
+  for (Run& run : runs) all.push_back({info, blocks_of(info, block_items, std::move(run))});
+  return all;
 }
 
 std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block& block) const {
+  const std::uint64_t num_cells = mesh_.num_cells();
   if (info.array == ArrayName::kLeaf)
     return bytes_of(mesh_.leaves_of_cells(block.first, block.count));
   if (info.array == ArrayName::kPointIds)
     return bytes_of(mesh_.numbers_of(block.first, block.count));
-  if (info.array == ArrayName::kTypes) return std::vector(block.count, std::byte{kVtkTetra});
+  if (info.array == ArrayName::kTypes) {
+    std::vector<std::byte> types(block.count, std::byte{kVtkTetra});
+    for (std::uint64_t i = num_cells - std::min(num_cells, block.first); i < block.count; ++i)
+      types[i] = std::byte{kVtkTriangle};
+    return types;
+  }
   const std::uint64_t first = block.first + (info.array == ArrayName::kEnds ? 1 : 0);
-  return offset_bytes(first, block.count, info.value_bytes);
+  return offset_bytes(first, block.count, info.value_bytes, num_cells);
 }
 
 }  // namespace locvol

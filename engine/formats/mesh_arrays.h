@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -26,62 +27,78 @@ enum class ArrayName {
   kRadiusEdge,
   kDihedral,
   kLeaf,
+  kSheet,
   kTypes,
 };
 
-inline constexpr std::uint8_t kVtkTetra = 10;
+inline constexpr std::uint8_t kVtkTriangle = 5, kVtkTetra = 10;
+// Of a triangle, which is no cell that is measured.
+inline constexpr float kNoQuality = std::numeric_limits<float>::quiet_NaN();
 inline constexpr std::string_view kGlobalPointIds = "GlobalPointIds";
 
 struct ArrayInfo {
   ArrayName array;
   std::string_view name, vtk_type;
   std::uint64_t num_components, value_bytes;
-  std::uint64_t num_items;  // of vertices or cells: rows of num_components values
+  std::uint64_t num_items;  // rows of num_components values
   bool is_cell_data = false;
 
   std::uint64_t item_bytes() const { return num_components * value_bytes; }
   std::uint64_t bytes() const { return num_items * item_bytes(); }
 };
 
-// The least that hold the numbers of a mesh.
-IndexWidths index_widths(std::uint64_t num_vertices, std::uint64_t num_cells);
+// The least that hold the numbers of a mesh. Here and below, boundary facets that are written are
+// cells after the tetrahedra.
+IndexWidths index_widths(const MeshCounts& n);
+// How many vertices the cells before this one have. REQUIRES: `cell` is at most the number of all
+inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrahedra) {
+  return cell <= num_tetrahedra ? 4 * cell : 4 * num_tetrahedra + 3 * (cell - num_tetrahedra);
+}
 
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
 // size if the first one does, even with heads of eight bytes between them. `is_part`: with the
 // vertices' numbers in the mesh of all ranks.
-std::vector<ArrayInfo> mesh_arrays(std::uint64_t num_vertices, std::uint64_t num_cells,
-                                   bool has_quality, const IndexWidths& widths,
-                                   bool is_part = false);
+std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,
+                                   const IndexWidths& widths, bool is_part = false);
 
-using NarrowCell = std::array<std::int32_t, 4>;
 // The vertices of cells in values of so many bytes: the cells' own, or those of `narrow`, which it
 // fills. REQUIRES: they fit
-std::span<const std::byte> connectivity_bytes(std::span<const MeshPiece::Cell> cells,
-                                              std::uint64_t value_bytes,
-                                              std::vector<NarrowCell>& narrow);
+template <std::size_t num_corners>
+std::span<const std::byte> connectivity_bytes(
+    const std::vector<std::array<std::int64_t, num_corners>>& cells, std::uint64_t value_bytes,
+    std::vector<std::int32_t>& narrow) {
+  if (value_bytes == sizeof(std::int64_t)) return std::as_bytes(std::span(cells));
+  narrow.resize(num_corners * cells.size());
+  auto out = narrow.begin();
+  for (const auto& cell : cells)
+    for (const std::int64_t vertex : cell) *out++ = static_cast<std::int32_t>(vertex);
+  return std::as_bytes(std::span(narrow));
+}
 // The places where `count` cells, from `first` on, begin among the vertices of all cells.
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes);
+                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra);
 
-// Blocks of a mesh's arrays. A block is that rank's which has its first item: others tell it the
-// rest.
+// Blocks of a mesh's arrays. A rank's items come in one run, or in two: of its tetrahedra and,
+// after those of all ranks, of its triangles. A block is of that run which has its first item:
+// others tell its rank the rest.
 class ArrayBlocks {
  public:
-  // `has_quality`: all cells are measured first, which takes 8 bytes each, in nameless files beside
-  // the output.
-  ArrayBlocks(MeshSource& mesh, bool has_quality, const std::filesystem::path& output);
+  // With the quality, all cells are measured first, which takes 8 bytes each, in nameless files
+  // beside the output.
+  ArrayBlocks(MeshSource& mesh, const OutputOptions& options, const std::filesystem::path& output);
 
   struct Block {
     std::uint64_t first = 0, count = 0;  // items
     std::vector<std::byte> bytes;        // empty: known by formula
   };
-  // The rank's blocks, one after another: each has `block_items` items of the array, the last one
-  // of all may have fewer. All ranks call it.
+  // Those of a run of the rank's, one after another: each has `block_items` items of the array, the
+  // last one of all may have fewer.
   struct Blocks {
     ArrayInfo info;
     std::function<std::optional<Block>()> next;
   };
-  Blocks blocks(const ArrayInfo& info, std::uint64_t block_items);
+  // Of each run. As many on all ranks, which all call it.
+  std::vector<Blocks> blocks(const ArrayInfo& info, std::uint64_t block_items);
 
   // Calls take(encode(bytes)) for each of them. encode on any thread, take in order.
   template <class Encode, class Take>
@@ -99,15 +116,23 @@ class ArrayBlocks {
  private:
   // Reads items from `first` on into what is given; those of pieces front to back alone.
   using ReadItems = std::function<void(std::uint64_t first, std::span<std::byte> out)>;
+  struct Run {
+    NumberRange own;                    // items
+    ReadItems read;                     // null: all are known by formula, wherever they are
+    std::vector<std::byte> after = {};  // items of its last block that others have
+  };
 
-  NumberRange own_items(const ArrayInfo& info) const;
-  ReadItems reader_of(const ArrayInfo& info);
-  std::vector<std::byte> items_after(const ArrayInfo& info, std::uint64_t block_items,
-                                     const ReadItems& read);
+  std::vector<Run> runs_of(const ArrayInfo& info);
+  ReadItems cell_reader(const ArrayInfo& info);
+  ReadItems triangle_reader(const ArrayInfo& info);
+  void tell_items(const ArrayInfo& info, std::uint64_t block_items, std::vector<Run>& runs);
+  std::function<std::optional<Block>()> blocks_of(const ArrayInfo& info, std::uint64_t block_items,
+                                                  Run run) const;
   std::vector<std::byte> computed(const ArrayInfo& info, const Block& block) const;
   void measure(const std::filesystem::path& output);
 
   MeshSource& mesh_;
+  bool has_triangles_;
   std::optional<OpenFile> ratios_, angles_;
 };
 

@@ -17,8 +17,13 @@ constexpr std::uint64_t kMaxAbaqusLabel = 999'999'999;
 
 // For rows of the table.
 template <auto kWrite>
-std::uint64_t written(MeshSource& mesh, bool, PartialFile& file, PartialFile*) {
-  return kWrite(mesh, file);
+std::uint64_t written(MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
+  return kWrite(mesh, *files.front());
+}
+template <auto kWrite>
+std::uint64_t written_as_asked(MeshSource& mesh, const OutputOptions& output,
+                               std::span<PartialFile* const> files) {
+  return kWrite(mesh, output, *files.front(), {});
 }
 
 std::vector<FormatInfo> table_of_formats() {
@@ -31,21 +36,26 @@ std::vector<FormatInfo> table_of_formats() {
        .description = "VTK, raw binary",
        .has_cell_data = true,
        .bytes =
-           [](const MeshSizes& n, bool has_quality) {
-             const double v = n.num_vertices, c = n.num_cells;
-             return 24 * v + (4 * index_bytes(v) + index_bytes(4 * c) + (has_quality ? 13 : 5)) * c;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             const double v = n.num_vertices, c = n.num_cells,
+                          f = output.has_boundary ? n.num_boundary_facets : 0;
+             const double data = (output.has_quality ? 13 : 5) + (output.has_boundary ? 4 : 0);
+             return 24 * v + index_bytes(v) * (4 * c + 3 * f) +
+                    (index_bytes(4 * c + 3 * f) + data) * (c + f);
            },
-       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
-                   PartialFile*) { return write_vtu(mesh, has_quality, file); }},
+       .write = written_as_asked<write_vtu>},
       {.format = MeshFormat::kVtuZlib,
        .name = "vtu-zlib",
        .extensions = {},
        .description = "VTK, compressed",
        .has_cell_data = true,
        .waits_for_its_place = true,
-       .bytes = [](const MeshSizes& n, bool has_quality) { return kZlib.bytes(n, has_quality); },
-       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
-                   PartialFile*) { return write_compressed_vtu(mesh, has_quality, file); }},
+       .bytes = [](const MeshSizes& n,
+                   const OutputOptions& output) { return kZlib.bytes(n, output); },
+       .write =
+           [](MeshSource& mesh, const OutputOptions& output, std::span<PartialFile* const> files) {
+             return write_compressed_vtu(mesh, output, *files.front());
+           }},
       {.format = MeshFormat::kVtkHdf,
        .name = "vtkhdf",
        .extensions = {".vtkhdf", ".hdf"},
@@ -53,16 +63,18 @@ std::vector<FormatInfo> table_of_formats() {
        .has_cell_data = true,
        .waits_for_its_place = true,
        .bytes = [](const MeshSizes& n,
-                   bool has_quality) { return kShuffled.bytes(n, has_quality); },
-       .write = [](MeshSource& mesh, bool has_quality, PartialFile& file,
-                   PartialFile*) { return write_vtkhdf(mesh, has_quality, file); }},
+                   const OutputOptions& output) { return kShuffled.bytes(n, output); },
+       .write =
+           [](MeshSource& mesh, const OutputOptions& output, std::span<PartialFile* const> files) {
+             return write_vtkhdf(mesh, output, *files.front());
+           }},
       {.format = MeshFormat::kMsh4,
        .name = "msh",
        .extensions = {".msh"},
        .description = "Gmsh 4.1, binary",
        .has_boundary = true,
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              return 32 * n.num_vertices + 40 * n.num_cells + 32 * n.num_boundary_facets;
            },
        .write = written<write_msh4>},
@@ -78,7 +90,7 @@ std::vector<FormatInfo> table_of_formats() {
                             n.num_cells + n.num_boundary_facets, kMaxInt32}};
            },
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              return 28 * n.num_vertices + 28 * n.num_cells + 24 * n.num_boundary_facets;
            },
        .write = written<write_msh2>},
@@ -89,7 +101,7 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .waits_for_its_place = true,
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              const double label = label_bytes(n.num_vertices);
              return (position_bytes(n.box, 1) + 2) * n.num_vertices +
                     (4 * (label + 1) + 2) * n.num_cells +
@@ -102,12 +114,14 @@ std::vector<FormatInfo> table_of_formats() {
        .description = "Medit, binary",
        .has_boundary = true,
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              const double v = n.num_vertices, c = n.num_cells, f = n.num_boundary_facets;
              return c > kMaxInt32 ? 32 * v + 40 * c + 32 * f : 28 * v + 20 * c + 16 * f;
            },
-       .write = [](MeshSource& mesh, bool, PartialFile& file,
-                   PartialFile*) { return write_binary_medit(mesh, file); }},
+       .write =
+           [](MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
+             return write_binary_medit(mesh, *files.front());
+           }},
       {.format = MeshFormat::kAbaqus,
        .name = "abaqus",
        .extensions = {".inp"},
@@ -120,7 +134,7 @@ std::vector<FormatInfo> table_of_formats() {
                            {"elements", n.num_cells, kMaxAbaqusLabel}};
            },
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              const double node = label_bytes(n.num_vertices), element = label_bytes(n.num_cells);
              return (node + position_bytes(n.box, 2, 20) + 1) * n.num_vertices +
                     (element + 4 * (node + 2) + 1) * n.num_cells +
@@ -130,7 +144,7 @@ std::vector<FormatInfo> table_of_formats() {
       {.format = MeshFormat::kTetgen,
        .name = "tetgen",
        .extensions = {".node", ".ele"},
-       .description = "TetGen, both files, text",
+       .description = "TetGen, text, a file each",
        .waits_for_its_place = true,
        .limits =
            [](const MeshCounts& n) {
@@ -138,13 +152,17 @@ std::vector<FormatInfo> table_of_formats() {
                            {"tetrahedra", n.num_cells, kMaxInt32}};
            },
        .bytes =
-           [](const MeshSizes& n, bool) {
-             const double point = label_bytes(n.num_vertices);
+           [](const MeshSizes& n, const OutputOptions& output) {
+             const double point = label_bytes(n.num_vertices),
+                          f = output.has_boundary ? n.num_boundary_facets : 0;
              return (point + position_bytes(n.box, 1) + 1) * n.num_vertices +
-                    (label_bytes(n.num_cells) + 4 * (point + 1) + 1) * n.num_cells;
+                    (label_bytes(n.num_cells) + 4 * (point + 1) + 1) * n.num_cells +
+                    (label_bytes(f) + 3 * (point + 1) + 3) * f;
            },
-       .write = [](MeshSource& mesh, bool, PartialFile& file,
-                   PartialFile* second) { return write_tetgen(mesh, file, *second); }},
+       .write =
+           [](MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
+             return write_tetgen(mesh, *files[0], *files[1], files.size() > 2 ? files[2] : nullptr);
+           }},
       {.format = MeshFormat::kStl,
        .name = "stl",
        .extensions = {".stl"},
@@ -155,7 +173,7 @@ std::vector<FormatInfo> table_of_formats() {
            [](const MeshCounts& n) {
              return Limits{{"triangles", n.num_boundary_facets, kMaxUint32}};
            },
-       .bytes = [](const MeshSizes& n, bool) { return 50 * n.num_boundary_facets; },
+       .bytes = [](const MeshSizes& n, const OutputOptions&) { return 50 * n.num_boundary_facets; },
        .write = written<write_stl>},
       {.format = MeshFormat::kStlText,
        .name = "stl-text",
@@ -165,7 +183,7 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .waits_for_its_place = true,
        .bytes =
-           [](const MeshSizes& n, bool) {  // 62 of them are the normal's
+           [](const MeshSizes& n, const OutputOptions&) {  // 62 of them are the normal's
              return (3 * position_bytes(n.box, 1) + 124) * n.num_boundary_facets;
            },
        .write = written<write_stl_text>},
@@ -180,8 +198,10 @@ std::vector<FormatInfo> table_of_formats() {
              return Limits{{"vertices", n.num_boundary_vertices, kMaxInt32},
                            {"triangles", n.num_boundary_facets, kMaxUint32}};
            },
-       .bytes = [](const MeshSizes& n,
-                   bool) { return 24 * num_boundary_vertices(n) + 13 * n.num_boundary_facets; },
+       .bytes =
+           [](const MeshSizes& n, const OutputOptions&) {
+             return 24 * num_boundary_vertices(n) + 13 * n.num_boundary_facets;
+           },
        .write = written<write_ply>},
       {.format = MeshFormat::kObj,
        .name = "obj",
@@ -191,7 +211,7 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .waits_for_its_place = true,
        .bytes =
-           [](const MeshSizes& n, bool) {
+           [](const MeshSizes& n, const OutputOptions&) {
              const double v = num_boundary_vertices(n);
              return (2 + position_bytes(n.box, 1)) * v +
                     (2 + 3 * (label_bytes(v) + 1)) * n.num_boundary_facets;
@@ -247,14 +267,20 @@ void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesy
   }
 }
 
-std::vector<std::filesystem::path> files_of(MeshFormat format,
+bool holds_boundary(const OutputOptions& output) {
+  return output.has_boundary || info_of(output.format).has_boundary;
+}
+
+std::vector<std::filesystem::path> files_of(const OutputOptions& options,
                                             const std::filesystem::path& output) {
-  if (format != MeshFormat::kTetgen) return {output};
+  if (options.format != MeshFormat::kTetgen) return {output};
   const auto extension = output.extension();
   const bool is_named = extension == ".node" || extension == ".ele";
   const std::string stem =
       is_named ? std::filesystem::path(output).replace_extension().string() : output.string();
-  return {stem + ".node", stem + ".ele"};
+  std::vector<std::filesystem::path> files = {stem + ".node", stem + ".ele"};
+  if (options.has_boundary) files.emplace_back(stem + ".face");
+  return files;
 }
 
 }  // namespace locvol

@@ -6,6 +6,7 @@
 
 #include "engine/formats/limits.h"
 #include "engine/formats/mesh_sizes.h"
+#include "engine/formats/output_options.h"
 
 namespace locvol {
 
@@ -54,14 +55,17 @@ inline double num_listed_vertices(const MeshSizes& n) {
 struct Compressed {
   double head, vertex, cell, core_cell;
   double quality_of_cell;  // that of the core's cells is the same for all
+  double facet;
 
-  double bytes(const MeshSizes& n, bool has_quality) const {
-    const double of_cell = cell + (has_quality ? quality_of_cell : 0);
+  double bytes(const MeshSizes& n, const OutputOptions& output) const {
+    const double of_cell = cell + (output.has_quality ? quality_of_cell : 0);
     return head + vertex * num_listed_vertices(n) + of_cell * n.num_listed_cells +
-           core_cell * num_core_cells(n);
+           core_cell * num_core_cells(n) +
+           (output.has_boundary ? facet : 0) * n.num_boundary_facets;
   }
 };
-inline constexpr Compressed kZlib = {0, 38, 2.7, 8.4, 6.1}, kShuffled = {14e3, 14.3, 6.8, 6.6, 5.4};
+inline constexpr Compressed kZlib = {0, 38, 2.7, 8.4, 6.1, 6.5},
+                            kShuffled = {14e3, 14.3, 6.8, 6.6, 5.4, 4.2};
 
 // A boundary that closes has half as many vertices as facets.
 inline double num_boundary_vertices(const MeshSizes& n) { return 0.5 * n.num_boundary_facets; }

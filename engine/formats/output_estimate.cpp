@@ -21,9 +21,9 @@ OutputEstimate estimate_output(const OutputOptions& output, const MeshSizes& n) 
   if (!std::isfinite(n.num_cells)) return {HUGE_VAL, HUGE_VAL, HUGE_VAL};
   OutputEstimate estimate;
   const FormatInfo& format = info_of(output.format);
-  estimate.file_bytes = kHeadBytes + format.bytes(n, output.has_quality);
+  estimate.file_bytes = kHeadBytes + format.bytes(n, output);
   estimate.bytes_beside = kId * num_listed_vertices(n);
-  if (format.has_boundary) {
+  if (holds_boundary(output)) {
     const double facets = kFacet * n.num_boundary_facets;
     estimate.bytes_before = estimate.bytes_beside + kListedFacet * n.num_boundary_facets + facets;
     estimate.bytes_beside += facets + kId * num_boundary_vertices(n);

@@ -17,9 +17,9 @@ std::string entry(const ArrayInfo& array) {
 
 }  // namespace
 
-void write_pvtu(std::span<const PieceFile> pieces, bool has_quality, PartialFile& file) {
+void write_pvtu(std::span<const PieceFile> pieces, const OutputOptions& output, PartialFile& file) {
   std::string points, point_data, cell_data, sources;
-  for (const ArrayInfo& array : mesh_arrays(0, 0, has_quality, {}, true)) {
+  for (const ArrayInfo& array : mesh_arrays({}, output, {}, true)) {
     if (array.array == ArrayName::kPoints) points += entry(array);
     if (array.array == ArrayName::kPointIds) point_data += entry(array);
     if (array.is_cell_data) cell_data += entry(array);

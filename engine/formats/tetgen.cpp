@@ -25,9 +25,29 @@ Text element_lines(const MeshPiece& piece) {
   return text;
 }
 
+Text face_lines(const BoundarySurface::Facets& some) {
+  Text text;
+  std::uint64_t index = some.first;
+  for (const BoundaryFacet& facet : some.facets) {
+    text.add(++index);
+    for (const std::uint64_t v : facet.vertices) text.add(' ').add(v + 1);
+    text.add(' ').add(std::uint64_t{facet.labels.sheet}).add('\n');
+  }
+  return text;
+}
+
+// Returns the bytes. First, how many there are, and that each has a marker.
+std::uint64_t write_faces(MeshSource& mesh, PartialFile& file) {
+  AppendedFile out(file, mesh.exchange());
+  out.append(Text().add(mesh.boundary().num_facets()).add(" 1\n").text());
+  append_boundary(out, mesh, mesh.boundary().facets({}), face_lines);
+  return out.size();
+}
+
 }  // namespace
 
-std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements) {
+std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements,
+                           PartialFile* faces) {
   AppendedFile node_file(nodes, mesh.exchange()), element_file(elements, mesh.exchange());
   // Number of points, dimension, attributes, boundary markers.
   node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
@@ -35,7 +55,8 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
   // Number of tetrahedra, points of each, attributes.
   element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
   append_pieces(element_file, mesh, {.has_cells = true}, element_lines);
-  return node_file.size() + element_file.size();
+  const std::uint64_t bytes = node_file.size() + element_file.size();
+  return faces == nullptr ? bytes : bytes + write_faces(mesh, *faces);
 }
 
 }  // namespace locvol

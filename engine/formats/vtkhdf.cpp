@@ -154,14 +154,11 @@ std::string path_of(const ArrayInfo& info) {
   return path.append(hdf_name(info));
 }
 
-// Of rank 2 if items are rows of values and stay so; the connectivity is a list.
+// Of rank 2 if items are rows of several values.
 struct Extent {
   explicit Extent(const ArrayInfo& info)
-      : rank(info.array == ArrayName::kPoints ? 2 : 1),
-        values_per_item(rank == 2 ? 1 : info.num_components),
-        size{info.num_items * values_per_item, info.num_components} {}
+      : rank(info.num_components > 1 ? 2 : 1), size{info.num_items, info.num_components} {}
   int rank;
-  std::uint64_t values_per_item;
   std::array<hsize_t, 2> size;
 };
 
@@ -182,41 +179,43 @@ std::vector<std::byte> compressed_chunk(const ArrayInfo& info, std::span<const s
   return deflated(shuffled(whole, info.value_bytes));
 }
 
-// The rank's chunks of an array, in order, compressed by the threads; then, on the first rank,
-// those of the others, which wait in nameless files beside the output until it has its own.
+// The rank's chunks of each run of an array, in order, compressed by the threads; then, on the
+// first rank, those of the others, which wait in nameless files beside the output until it has its
+// own.
 void for_each_chunk(const ArrayInfo& info, ArrayBlocks& arrays, Exchange& exchange,
                     const std::filesystem::path& output,
                     const std::function<void(std::span<const std::byte>)>& take) {
   const bool is_first = exchange.rank() == 0;
-  std::optional<OpenFile> waiting;
-  std::vector<std::uint64_t> ends = {0};
-  const auto blocks = arrays.blocks(info, items_of_chunk(info));
-  do_on_all(exchange, [&] {
-    if (!is_first) waiting.emplace(OpenFile::temporary(output));
-    arrays.for_each(
-        blocks, [&](std::span<const std::byte> bytes) { return compressed_chunk(info, bytes); },
-        [&](const std::vector<std::byte>& chunk) {
-          if (is_first) return take(chunk);
-          waiting->write_at(ends.back(), chunk);
-          ends.push_back(ends.back() + chunk.size());
-        });
-  });
-  std::size_t i = 0;
-  const auto next_waiting = [&]() -> std::optional<std::string> {
-    if (i + 1 == ends.size()) return std::nullopt;
-    std::string chunk(ends[i + 1] - ends[i], '\0');
-    waiting->read_at(ends[i++], std::as_writable_bytes(std::span(chunk)));
-    return chunk;
-  };
-  tell_first_rank(exchange, next_waiting,
-                  [&](const std::string& chunk) { take(std::as_bytes(std::span(chunk))); });
+  for (const auto& blocks : arrays.blocks(info, items_of_chunk(info))) {
+    std::optional<OpenFile> waiting;
+    std::vector<std::uint64_t> ends = {0};
+    do_on_all(exchange, [&] {
+      if (!is_first) waiting.emplace(OpenFile::temporary(output));
+      arrays.for_each(
+          blocks, [&](std::span<const std::byte> bytes) { return compressed_chunk(info, bytes); },
+          [&](const std::vector<std::byte>& chunk) {
+            if (is_first) return take(chunk);
+            waiting->write_at(ends.back(), chunk);
+            ends.push_back(ends.back() + chunk.size());
+          });
+    });
+    std::size_t i = 0;
+    const auto next_waiting = [&]() -> std::optional<std::string> {
+      if (i + 1 == ends.size()) return std::nullopt;
+      std::string chunk(ends[i + 1] - ends[i], '\0');
+      waiting->read_at(ends[i++], std::as_writable_bytes(std::span(chunk)));
+      return chunk;
+    };
+    tell_first_rank(exchange, next_waiting,
+                    [&](const std::string& chunk) { take(std::as_bytes(std::span(chunk))); });
+  }
 }
 
 void write_array(const HdfFile& hdf, const ArrayInfo& info, ArrayBlocks& blocks, Exchange& exchange,
                  const std::filesystem::path& output) {
   const std::uint64_t chunk_items = items_of_chunk(info);
   const Extent extent(info);
-  const std::array<hsize_t, 2> chunk = {chunk_items * extent.values_per_item, info.num_components};
+  const std::array<hsize_t, 2> chunk = {chunk_items, info.num_components};
   const auto space = space_of(hdf, extent);
   const auto properties = hdf.properties();
   if (chunk_items > 0) {
@@ -251,9 +250,10 @@ void add_version_and_type(const HdfFile& hdf, hid_t group) {
 void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool is_part) {
   std::vector<std::uint64_t> num_vertices, num_cells, num_corners;
   for (const PieceFile& partition : partitions) {
-    num_vertices.push_back(partition.num_vertices);
-    num_cells.push_back(partition.num_cells);
-    num_corners.push_back(4 * partition.num_cells);
+    const MeshCounts& n = partition.counts;
+    num_vertices.push_back(n.num_vertices);
+    num_cells.push_back(n.num_cells + n.num_boundary_facets);
+    num_corners.push_back(corners_before(num_cells.back(), n.num_cells));
   }
   add_version_and_type(hdf, hdf.group("VTKHDF").get());
   hdf.numbers("VTKHDF/NumberOfPoints", num_vertices);
@@ -263,9 +263,9 @@ void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool 
   if (is_part) hdf.group("VTKHDF/PointData");
 }
 
-std::vector<ArrayInfo> hdf_arrays(const PieceFile& partition, bool has_quality, bool is_part) {
-  std::vector<ArrayInfo> arrays =
-      mesh_arrays(partition.num_vertices, partition.num_cells, has_quality, {8, 8}, is_part);
+std::vector<ArrayInfo> hdf_arrays(const PieceFile& partition, const OutputOptions& output,
+                                  bool is_part) {
+  std::vector<ArrayInfo> arrays = mesh_arrays(partition.counts, output, {8, 8}, is_part);
   const auto ends = std::ranges::find(arrays, ArrayName::kEnds, &ArrayInfo::array);
   ends->array = ArrayName::kStarts;
   ++ends->num_items;
@@ -294,12 +294,14 @@ void write_virtual_array(const HdfFile& hdf, std::span<const PieceFile> pieces,
 
 }  // namespace
 
-std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file) {
-  const PieceFile whole{file.name().string(), mesh.num_vertices(), mesh.num_cells()};
+std::uint64_t write_vtkhdf(MeshSource& mesh, const OutputOptions& output, PartialFile& file) {
+  const PieceFile whole{file.name().string(),
+                        {mesh.num_vertices(), mesh.num_cells(),
+                         output.has_boundary ? mesh.num_boundary_facets() : 0, 0}};
   const bool is_part = mesh.part().has_value();
-  const std::vector<ArrayInfo> arrays = hdf_arrays(whole, has_quality, is_part);
+  const std::vector<ArrayInfo> arrays = hdf_arrays(whole, output, is_part);
   Exchange& exchange = mesh.exchange();
-  ArrayBlocks blocks(mesh, has_quality, file.name());
+  ArrayBlocks blocks(mesh, output, file.name());
   if (!mesh.is_of_first_rank()) {
     for (const ArrayInfo& info : arrays) for_each_chunk(info, blocks, exchange, file.name(), {});
     return 0;
@@ -313,17 +315,16 @@ std::uint64_t write_vtkhdf(MeshSource& mesh, bool has_quality, PartialFile& file
   return std::filesystem::file_size(file.partial_name());
 }
 
-void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, bool has_quality,
+void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOptions& output,
                               PartialFile& file) {
   const HdfTurn turn;
   errno = 0;
   HdfFile hdf(file.partial_name());
   write_head(hdf, pieces, true);
-  const std::size_t num_arrays = hdf_arrays(pieces.front(), has_quality, true).size();
+  const std::size_t num_arrays = hdf_arrays(pieces.front(), output, true).size();
   for (std::size_t i = 0; i < num_arrays; ++i)
-    write_virtual_array(hdf, pieces, [&](const PieceFile& piece) {
-      return hdf_arrays(piece, has_quality, true)[i];
-    });
+    write_virtual_array(hdf, pieces,
+                        [&](const PieceFile& piece) { return hdf_arrays(piece, output, true)[i]; });
   hdf.close();
 }
 

@@ -20,7 +20,7 @@ VtuSection section_of(const ArrayInfo& info) {
 
 // `offsets`: of the arrays, after the mark
 std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::uint64_t>& offsets,
-                   const MeshSource& mesh, bool is_compressed) {
+                   const MeshCounts& counts, bool is_compressed) {
   std::vector<VtuArrayEntry> entries;
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     const ArrayInfo& info = arrays[i];
@@ -29,14 +29,20 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
                        is_points ? info.num_components : 1, offsets[i],
                        info.array == ArrayName::kPointIds});
   }
-  return vtu_header(mesh.num_vertices(), mesh.num_cells(), entries, is_compressed);
+  return vtu_header(counts.num_vertices, counts.num_cells + counts.num_boundary_facets, entries,
+                    is_compressed);
 }
 
-std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, bool has_quality,
-                                  const IndexWidths& least) {
-  const std::uint64_t num_vertices = mesh.num_vertices(), num_cells = mesh.num_cells();
-  const auto [connectivity, offsets] = index_widths(num_vertices, num_cells);
-  return mesh_arrays(num_vertices, num_cells, has_quality,
+// All ranks call it.
+MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
+  return {mesh.num_vertices(), mesh.num_cells(),
+          output.has_boundary ? mesh.num_boundary_facets() : 0, 0};
+}
+
+std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, const MeshCounts& counts,
+                                  const OutputOptions& output, const IndexWidths& least) {
+  const auto [connectivity, offsets] = index_widths(counts);
+  return mesh_arrays(counts, output,
                      {std::max(connectivity, least.connectivity), std::max(offsets, least.offsets)},
                      mesh.part().has_value());
 }
@@ -47,8 +53,14 @@ constexpr std::uint64_t kCountBytes = 8;
 
 class RawArrays {
  public:
-  RawArrays(MeshSource& mesh, bool has_quality, PartialFile& file, const IndexWidths& least)
-      : mesh_(mesh), arrays_(vtu_arrays(mesh, has_quality, least)), file_(file), out_(file) {}
+  RawArrays(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
+            const IndexWidths& least)
+      : mesh_(mesh),
+        output_(output),
+        counts_(counts_of(mesh, output)),
+        arrays_(vtu_arrays(mesh, counts_, output, least)),
+        file_(file),
+        out_(file) {}
 
   std::uint64_t write() {
     std::uint64_t end = 0;
@@ -56,19 +68,26 @@ class RawArrays {
       offsets_.push_back(end);
       end += kCountBytes + array.bytes();
     }
-    const std::string head = header(arrays_, offsets_, mesh_, false);
+    const std::string head = header(arrays_, offsets_, counts_, false);
     data_ = head.size();
     const std::uint64_t bytes = data_ + end + kVtuFooter.size();
-    const bool has_quality = place(ArrayName::kRadiusEdge) < arrays_.size();
     do_on_all(mesh_.exchange(), [&] {
       if (mesh_.is_of_first_rank()) write_frame(head, bytes);
       mesh_.for_each_piece(
-          {.has_points = true, .has_cells = true, .has_corners = has_quality},
+          {.has_points = true, .has_cells = true, .has_corners = output_.has_quality},
           [&](const MeshPiece& piece) {
-            write_piece(piece, has_quality);
+            write_piece(piece);
             return true;
           },
           [](bool) {});
+      if (output_.has_boundary)
+        encode_in_order(
+            mesh_.workers(), mesh_.triangles(),
+            [&](const TrianglePiece& piece) {
+              write_triangles(piece);
+              return true;
+            },
+            [](bool) {});
     });
     return bytes;
   }
@@ -98,38 +117,80 @@ class RawArrays {
     return part(name, first, std::as_bytes(std::span(items)));
   }
 
-  void write_piece(const MeshPiece& piece, bool has_quality) {
-    const std::uint64_t num_cells = piece.cells.size(), first_cell = piece.first_cell;
-    std::vector<NarrowCell> narrow;
-    const auto connectivity =
-        connectivity_bytes(piece.cells, info(ArrayName::kConnectivity).value_bytes, narrow);
-    const std::vector<std::byte> ends =
-        offset_bytes(first_cell + 1, num_cells, info(ArrayName::kEnds).value_bytes);
-    const std::vector<std::uint8_t> types(num_cells, kVtkTetra);
-    const std::vector<std::uint32_t> leaves = leaves_of(piece);
-    std::vector<std::int64_t> numbers;
+  // Tetrahedra or triangles.
+  struct CellColumns {
+    std::uint64_t first = 0;
+    std::span<const std::byte> connectivity;
+    std::vector<std::byte> ends;
+    std::vector<std::uint8_t> types;
+    std::vector<std::uint32_t> leaves;
+    std::vector<SheetId> sheets;
     std::vector<float> ratios, angles;
+  };
+  template <class Cells>
+  CellColumns columns_of(std::uint64_t first, const Cells& cells, std::uint8_t type,
+                         std::vector<std::int32_t>& narrow) const {
+    CellColumns columns;
+    columns.first = first;
+    columns.connectivity =
+        connectivity_bytes(cells, info(ArrayName::kConnectivity).value_bytes, narrow);
+    columns.ends = offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes,
+                                counts_.num_cells);
+    columns.types.assign(cells.size(), type);
+    return columns;
+  }
+  void add_parts(const CellColumns& columns, std::vector<PlacedFile::Part>& parts) const {
+    parts.insert(parts.end(),
+                 {part(ArrayName::kConnectivity, corners_before(columns.first, counts_.num_cells),
+                       columns.connectivity),
+                  part(ArrayName::kEnds, columns.first, columns.ends),
+                  part(ArrayName::kLeaf, columns.first, columns.leaves),
+                  part(ArrayName::kTypes, columns.first, columns.types)});
+    if (output_.has_boundary)
+      parts.push_back(part(ArrayName::kSheet, columns.first, columns.sheets));
+    if (output_.has_quality) {
+      parts.push_back(part(ArrayName::kRadiusEdge, columns.first, columns.ratios));
+      parts.push_back(part(ArrayName::kDihedral, columns.first, columns.angles));
+    }
+  }
+
+  void write_piece(const MeshPiece& piece) {
+    std::vector<std::int32_t> narrow;
+    CellColumns columns = columns_of(piece.first_cell, piece.cells, kVtkTetra, narrow);
+    columns.leaves = leaves_of(piece);
+    if (output_.has_boundary) columns.sheets.resize(piece.cells.size());
+    std::vector<std::int64_t> numbers;
     std::vector<PlacedFile::Part> parts = {
-        part(ArrayName::kPoints, piece.first_vertex, piece.points),
-        part(ArrayName::kConnectivity, first_cell, connectivity),
-        part(ArrayName::kEnds, first_cell, ends), part(ArrayName::kLeaf, first_cell, leaves),
-        part(ArrayName::kTypes, first_cell, types)};
+        part(ArrayName::kPoints, piece.first_vertex, piece.points)};
     if (mesh_.part()) {
       numbers = mesh_.numbers_of(piece.first_vertex, piece.points.size());
       parts.push_back(part(ArrayName::kPointIds, piece.first_vertex, numbers));
     }
-    if (has_quality) {
+    if (output_.has_quality)
       for (const auto& [ratio, angle] : quality_of(piece)) {
-        ratios.push_back(ratio);
-        angles.push_back(angle);
+        columns.ratios.push_back(ratio);
+        columns.angles.push_back(angle);
       }
-      parts.push_back(part(ArrayName::kRadiusEdge, first_cell, ratios));
-      parts.push_back(part(ArrayName::kDihedral, first_cell, angles));
-    }
+    add_parts(columns, parts);
+    out_.write(parts);
+  }
+
+  void write_triangles(const TrianglePiece& piece) {
+    std::vector<std::int32_t> narrow;
+    CellColumns columns =
+        columns_of(counts_.num_cells + piece.first, piece.triangles, kVtkTriangle, narrow);
+    columns.leaves = piece.leaves;
+    columns.sheets = piece.sheets;
+    columns.ratios.assign(piece.triangles.size(), kNoQuality);
+    columns.angles = columns.ratios;
+    std::vector<PlacedFile::Part> parts;
+    add_parts(columns, parts);
     out_.write(parts);
   }
 
   MeshSource& mesh_;
+  OutputOptions output_;
+  MeshCounts counts_;
   std::vector<ArrayInfo> arrays_;
   std::vector<std::uint64_t> offsets_;
   std::uint64_t data_ = 0;  // where the arrays begin
@@ -152,38 +213,40 @@ void write_compressed(const ArrayInfo& array, ArrayBlocks& arrays, Exchange& exc
   AppendedFile before(file, exchange, offset);
   before.append(std::as_bytes(std::span(head)));
   AppendedFile out(file, exchange, before.size() + 8 * num_blocks);
-  const auto blocks = arrays.blocks(array, block_items);
-  std::vector<std::uint64_t> sizes;
-  out.append_run([&](const auto& append) {
-    arrays.for_each(blocks, deflated, [&](const std::vector<std::byte>& block) {
-      sizes.push_back(block.size());
-      append.put(block);
+  for (const auto& blocks : arrays.blocks(array, block_items)) {
+    std::vector<std::uint64_t> sizes;
+    out.append_run([&](const auto& append) {
+      arrays.for_each(blocks, deflated, [&](const std::vector<std::byte>& block) {
+        sizes.push_back(block.size());
+        append.put(block);
+      });
     });
-  });
-  const auto bytes = std::as_bytes(std::span(sizes));
-  before.append_run([&](const auto& append) { append.put(bytes); }, bytes.size());
+    const auto bytes = std::as_bytes(std::span(sizes));
+    before.append_run([&](const auto& append) { append.put(bytes); }, bytes.size());
+  }
   offset = out.size();
 }
 
 }  // namespace
 
-std::uint64_t write_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+std::uint64_t write_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
                         const IndexWidths& least) {
-  return RawArrays(mesh, has_quality, file, least).write();
+  return RawArrays(mesh, output, file, least).write();
 }
 
-std::uint64_t write_compressed_vtu(MeshSource& mesh, bool has_quality, PartialFile& file,
+std::uint64_t write_compressed_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
                                    const IndexWidths& least) {
-  const std::vector<ArrayInfo> arrays = vtu_arrays(mesh, has_quality, least);
+  const MeshCounts counts = counts_of(mesh, output);
+  const std::vector<ArrayInfo> arrays = vtu_arrays(mesh, counts, output, least);
   std::vector<std::uint64_t> offsets(arrays.size());
-  const std::uint64_t data = header(arrays, offsets, mesh, true).size();
-  ArrayBlocks blocks(mesh, has_quality, file.name());
+  const std::uint64_t data = header(arrays, offsets, counts, true).size();
+  ArrayBlocks blocks(mesh, output, file.name());
   std::uint64_t end = data;
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     offsets[i] = end - data;
     write_compressed(arrays[i], blocks, mesh.exchange(), file, end);
   }
-  AppendedFile(file, mesh.exchange()).append(header(arrays, offsets, mesh, true));
+  AppendedFile(file, mesh.exchange()).append(header(arrays, offsets, counts, true));
   AppendedFile foot(file, mesh.exchange(), end);
   foot.append(kVtuFooter);
   return foot.size();

@@ -19,10 +19,11 @@
 namespace locvol {
 namespace {
 
-MeshCounts mesh_counts(MeshSource& mesh, MeshFormat format) {
+MeshCounts mesh_counts(MeshSource& mesh, const OutputOptions& options) {
   MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
-  if (info_of(format).has_boundary) counts.num_boundary_facets = mesh.num_boundary_facets();
-  if (format == MeshFormat::kPly) counts.num_boundary_vertices = mesh.boundary().num_vertices();
+  if (holds_boundary(options)) counts.num_boundary_facets = mesh.num_boundary_facets();
+  if (options.format == MeshFormat::kPly)
+    counts.num_boundary_vertices = mesh.boundary().num_vertices();
   return counts;
 }
 
@@ -32,22 +33,23 @@ std::filesystem::path with_end(const std::filesystem::path& file, const std::str
 
 // In order of rank.
 std::vector<PieceFile> piece_files(const std::filesystem::path& file, MeshFormat format,
-                                   const MeshSource& mesh, Exchange& exchange) {
-  const auto num_vertices = gather_numbers(exchange, mesh.num_vertices());
-  const auto num_cells = gather_numbers(exchange, mesh.num_cells());
+                                   const MeshCounts& own, Exchange& exchange) {
+  const auto num_vertices = gather_numbers(exchange, own.num_vertices);
+  const auto num_cells = gather_numbers(exchange, own.num_cells);
+  const auto num_facets = gather_numbers(exchange, own.num_boundary_facets);
   std::vector<PieceFile> pieces;
   for (std::size_t rank = 0; rank < num_cells.size(); ++rank)
     pieces.push_back({piece_of(file, format, static_cast<int>(rank)).filename().string(),
-                      num_vertices[rank], num_cells[rank]});
+                      {num_vertices[rank], num_cells[rank], num_facets[rank], 0}});
   return pieces;
 }
 
 void write_index(std::span<const PieceFile> pieces, const OutputOptions& options,
                  PartialFile& file) {
   if (options.format == MeshFormat::kVtkHdf)
-    write_partitioned_vtkhdf(pieces, options.has_quality, file);
+    write_partitioned_vtkhdf(pieces, options, file);
   else
-    write_pvtu(pieces, options.has_quality, file);
+    write_pvtu(pieces, options, file);
 }
 
 // The first rank's file, for another.
@@ -88,9 +90,9 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
                         const StopToken* stop, Exchange& exchange) {
   MeshSource mesh(store, file, num_threads, on_step, stop, exchange);
-  const MeshCounts counts = mesh_counts(mesh, options.format);
+  const MeshCounts counts = mesh_counts(mesh, options);
   check_on_all(exchange, [&] { check_limits(options.format, counts, file); });
-  const auto names = files_of(options.format, file);
+  const auto names = files_of(options, file);
   std::vector<std::unique_ptr<PartialFile>> files;
   do_on_all(exchange, [&] {
     if (!mesh.is_of_first_rank()) return;
@@ -100,18 +102,16 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
     if (mesh.is_of_first_rank()) return;
     for (const auto& name : names) files.push_back(begun_by_first(name, stop));
   });
-  const std::uint64_t own_bytes =
-      info_of(options.format).write(mesh, options.has_quality, *files.front(), files.back().get());
+  std::vector<PartialFile*> all;
+  for (const auto& partial : files) all.push_back(partial.get());
+  const std::uint64_t own_bytes = info_of(options.format).write(mesh, options, all);
   do_on_all(exchange, [&] {
     if (mesh.is_of_first_rank()) return;
     for (const auto& part : files) part->finish_part();
   });
   const std::uint64_t bytes = gather_numbers(exchange, own_bytes).front();
   do_on_all(exchange, [&] {
-    if (!mesh.is_of_first_rank()) return;
-    std::vector<PartialFile*> all;
-    for (const auto& partial : files) all.push_back(partial.get());
-    PartialFile::publish_all(all);
+    if (mesh.is_of_first_rank()) PartialFile::publish_all(all);
   });
   return {counts.num_vertices, counts.num_cells, bytes, counts.num_boundary_facets};
 }
@@ -138,13 +138,14 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
                                  int num_threads) {
   const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
   MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true);
-  const MeshCounts counts = mesh_counts(mesh, options.format);
-  const std::vector<PieceFile> pieces = piece_files(file, options.format, mesh, exchange);
+  const MeshCounts counts = mesh_counts(mesh, options);
+  const std::vector<PieceFile> pieces = piece_files(file, options.format, counts, exchange);
   const auto of_all = index_of_pieces(file, options.format);
   std::optional<PartialFile> piece, index;
   std::uint64_t bytes = 0;
   do_on_all(exchange, [&] {
-    bytes = info_of(options.format).write(mesh, options.has_quality, piece.emplace(name), nullptr);
+    PartialFile* const own = &piece.emplace(name);
+    bytes = info_of(options.format).write(mesh, options, {&own, 1});
     piece->finish();
     if (!of_all || exchange.rank() != 0) return;
     write_index(pieces, options, index.emplace(*of_all));

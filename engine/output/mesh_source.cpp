@@ -86,6 +86,31 @@ BoundarySurface& MeshSource::boundary() {
   return *boundary_;
 }
 
+NumberRange MeshSource::own_triangles() {
+  const std::uint64_t first = part_ ? 0 : boundary().num_facets_of_lower_ranks();
+  return {first, first + boundary().num_own_facets()};
+}
+
+std::function<std::optional<TrianglePiece>()> MeshSource::triangles() {
+  return [this, next = boundary().facets({}),
+          first = own_triangles().first]() mutable -> std::optional<TrianglePiece> {
+    const auto some = next();
+    if (!some) return std::nullopt;
+    TrianglePiece piece{first, {}, {}, {}};
+    for (const BoundaryFacet& facet : some->facets) {
+      TrianglePiece::Triangle& triangle = piece.triangles.emplace_back();
+      std::ranges::transform(facet.vertices, triangle.begin(), [&](std::uint64_t vertex) {
+        return static_cast<std::int64_t>(vertices_ ? vertices_->place_of(vertex) : vertex);
+      });
+      piece.leaves.push_back(
+          static_cast<std::uint32_t>(numbering_.place(numbering_.leaf_of_cell(facet.cell))));
+      piece.sheets.push_back(facet.labels.sheet);
+    }
+    first += piece.triangles.size();
+    return piece;
+  };
+}
+
 MeshSource::Window::Window(const Store& store, const VertexNumbering& numbering, int num_shares)
     : snapshot(store.snapshot()),
       numbers(snapshot, numbering, num_shares),

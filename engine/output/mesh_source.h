@@ -43,6 +43,16 @@ struct MeshPiece {
   std::vector<std::array<Point, 4>> corners;  // of the listed cells
 };
 
+// Some triangles of the boundary, which come after the cells where both are written as cells.
+struct TrianglePiece {
+  using Triangle = std::array<std::int64_t, 3>;  // outward
+
+  std::uint64_t first = 0;  // among the triangles
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> leaves;  // those of their cells
+  std::vector<SheetId> sheets;
+};
+
 struct PieceParts {
   bool has_points = false, has_cells = false;
   bool has_corners = false;  // with the cells
@@ -113,6 +123,9 @@ class MeshSource {
   std::uint64_t num_boundary_facets() {
     return part_ ? boundary().num_own_facets() : boundary().num_facets();
   }
+  // The triangles of the boundary, in the order of their cells, by the mesh's own numbers.
+  std::function<std::optional<TrianglePiece>()> triangles();
+  NumberRange own_triangles();
   // REQUIRES: they are sorted by sheet
   std::uint64_t num_boundary_facets_of(SheetId sheet) {
     return part_ ? boundary().num_own_facets_of(sheet) : boundary().num_facets_of(sheet);

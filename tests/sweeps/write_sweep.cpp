@@ -27,7 +27,7 @@ class Export {
     undisturbed_ = run(Disturbance::fault("write:1000000000:5"));
     require(undisturbed_.exit_code == 0, name() + " undisturbed: " + undisturbed_.text());
     whole_ = files();
-    require(whole_.size() == files_of(format.format, output()).size(), name() + ": other files");
+    require(whole_.size() == files_of({format.format}, output()).size(), name() + ": other files");
   }
 
   std::string name() const { return std::string(format_.name); }

@@ -24,7 +24,7 @@ void write(benchmark::State& state, const Store& store, const std::filesystem::p
            const OutputOptions& options) {
   WriteSummary written;
   for (auto _ : state) written = write_mesh(store, file, options, static_cast<int>(state.range(0)));
-  for (const auto& part : files_of(options.format, file)) {
+  for (const auto& part : files_of(options, file)) {
     std::error_code ignored;
     std::filesystem::remove(part, ignored);
   }

@@ -89,6 +89,11 @@ TEST(BoundarySurface, IsTheFacetsInOneCellOutwardUnderAnyOctree) {
   }
 }
 
+// All that it can hold.
+OutputOptions all_of(const FormatInfo& format) {
+  return {format.format, format.has_cell_data, false, true};
+}
+
 class EveryFormat : public testing::TestWithParam<FormatInfo> {
  protected:
   static void SetUpTestSuite() {
@@ -98,7 +103,7 @@ class EveryFormat : public testing::TestWithParam<FormatInfo> {
   static void TearDownTestSuite() { dir_.reset(); }
 
   static Store store() { return Store::open(*dir_ / "store", {.read_only = true}); }
-  OutputOptions options() const { return {GetParam().format, GetParam().has_cell_data}; }
+  static OutputOptions options() { return all_of(GetParam()); }
   std::string bytes_written(int num_threads) const {
     const TempDir dir;
     const WriteSummary written = write_mesh(store(), dir / "mesh", options(), num_threads);
@@ -160,8 +165,7 @@ TEST_P(EveryFormat, TakesWhatItsEstimateSays) {
     return true;
   });
   const RunRecord run = store.snapshot().run().value();
-  for (const bool has_quality : {false, GetParam().has_cell_data}) {
-    const OutputOptions output = {GetParam().format, has_quality};
+  for (const OutputOptions& output : {OutputOptions{GetParam().format}, options()}) {
     const std::uint64_t before = temporary_bytes();
     std::uint64_t beside = 0;
     const WriteSummary written =
@@ -196,18 +200,17 @@ TEST_P(FormatWithoutRoom, LeavesNothingBehind) {
   const Store small =
       HandMadeStore(lattice_ball({2, 2, 2}, 2.6), mixed_octree()).write(dir / "store");
   Names expected = {"store"};
-  for (const auto& file : files_of(GetParam().format, dir / "mesh")) {
+  for (const auto& file : files_of(all_of(GetParam()), dir / "mesh")) {
     std::ofstream(file) << "old";
     expected.push_back(file.filename().string());
   }
   std::ranges::sort(expected);
   {
     const FileSizeLimit limit(1024);
-    EXPECT_THROW(write_mesh(small, dir / "mesh", {GetParam().format, GetParam().has_cell_data}),
-                 std::runtime_error);
+    EXPECT_THROW(write_mesh(small, dir / "mesh", all_of(GetParam())), std::runtime_error);
   }
   EXPECT_EQ(names_in(dir), expected);
-  for (const auto& file : files_of(GetParam().format, dir / "mesh"))
+  for (const auto& file : files_of(all_of(GetParam()), dir / "mesh"))
     EXPECT_EQ(bytes_of(file), "old");
 }
 
@@ -226,7 +229,7 @@ using Widths = std::pair<std::uint64_t, std::uint64_t>;  // of connectivity and 
 constexpr std::array<Widths, 4> kAllWidths = {Widths{4, 4}, {4, 8}, {8, 4}, {8, 8}};
 
 Widths widths_of(std::uint64_t num_vertices, std::uint64_t num_cells) {
-  const IndexWidths widths = index_widths(num_vertices, num_cells);
+  const IndexWidths widths = index_widths({num_vertices, num_cells});
   return {widths.connectivity, widths.offsets};
 }
 
@@ -243,10 +246,11 @@ TEST(IndexWidths, AreTheLeastThatHoldTheNumbersOfEachArray) {
 TEST(MeshArrays, LieAtMultiplesOfTheirValuesSizes) {
   for (const auto& [connectivity, offsets] : kAllWidths)
     for (const bool has_quality : {false, true})
-      for (const std::uint64_t num_cells : {0, 1, 2, 3, 5}) {
+      for (const std::uint64_t num_cells : {0U, 1U, 2U, 3U, 5U}) {
         std::uint64_t place = 0;
         for (const ArrayInfo& array :
-             mesh_arrays(num_cells + 3, num_cells, has_quality, {connectivity, offsets})) {
+             mesh_arrays({num_cells + 3, num_cells, num_cells / 2 + 4},
+                         {MeshFormat::kVtu, has_quality, false, true}, {connectivity, offsets})) {
           place += 8;
           EXPECT_EQ(place % array.value_bytes, 0U) << array.name;
           place += array.bytes();
@@ -257,15 +261,17 @@ TEST(MeshArrays, LieAtMultiplesOfTheirValuesSizes) {
 TEST(MeshArrays, TakeWhatTheEstimateOfTheirFileSays) {
   for (const std::uint64_t num_vertices : {kMaxInt32, kMaxInt32 + 1})
     for (const std::uint64_t num_cells : {kMaxNarrowCells, kMaxNarrowCells + 1})
-      for (const bool has_quality : {false, true}) {
+      for (const std::uint64_t num_facets : {std::uint64_t{0}, num_cells / 3}) {
+        const OutputOptions output = {MeshFormat::kVtu, num_facets > 0, false, num_facets > 0};
+        const MeshCounts counts = {num_vertices, num_cells, num_facets};
         std::uint64_t bytes = 0;
-        for (const ArrayInfo& array : mesh_arrays(num_vertices, num_cells, has_quality,
-                                                  index_widths(num_vertices, num_cells)))
+        for (const ArrayInfo& array : mesh_arrays(counts, output, index_widths(counts)))
           bytes += array.bytes();
-        const OutputEstimate estimate = estimate_output(
-            {MeshFormat::kVtu, has_quality}, {.num_vertices = static_cast<double>(num_vertices),
-                                              .num_cells = static_cast<double>(num_cells),
-                                              .box = {}});
+        const OutputEstimate estimate =
+            estimate_output(output, {.num_vertices = static_cast<double>(num_vertices),
+                                     .num_cells = static_cast<double>(num_cells),
+                                     .num_boundary_facets = static_cast<double>(num_facets),
+                                     .box = {}});
         EXPECT_NEAR(estimate.file_bytes, static_cast<double>(bytes), 2000);
       }
 }
@@ -290,13 +296,16 @@ TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
     const auto width = static_cast<std::uint64_t>(value_bytes);
     const std::vector<MeshPiece::Cell> cells = {{0, 1, 2, 3},
                                                 {largest - 3, largest - 2, largest - 1, largest}};
-    std::vector<NarrowCell> narrow;
+    std::vector<std::int32_t> narrow;
     EXPECT_EQ(
         integers_in(connectivity_bytes(cells, width, narrow), width),
         (std::vector<std::int64_t>{0, 1, 2, 3, largest - 3, largest - 2, largest - 1, largest}));
     const std::int64_t last = largest / 4;
-    EXPECT_EQ(integers_in(offset_bytes(static_cast<std::uint64_t>(last) - 1, 2, width), width),
+    const auto num_tetrahedra = static_cast<std::uint64_t>(last);
+    EXPECT_EQ(integers_in(offset_bytes(num_tetrahedra - 1, 2, width, num_tetrahedra), width),
               (std::vector<std::int64_t>{4 * last - 4, 4 * last}));
+    EXPECT_EQ(integers_in(offset_bytes(num_tetrahedra - 2, 4, width, num_tetrahedra - 2), width),
+              (std::vector<std::int64_t>{4 * last - 8, 4 * last - 5, 4 * last - 2, 4 * last + 1}));
   }
 }
 
@@ -306,27 +315,30 @@ TEST(Vtu, HasTheSameMeshInEveryWidthRawAndInBlocks) {
   ASSERT_GT(mesh_sphere(dir, 0.06).run.counts.num_cells, 40'000U);
   const Store store = Store::open(dir / "store", {.read_only = true});
   MeshSource source(store, dir / "mesh.vtu", 2);
-  const std::uint64_t num_vertices = source.num_vertices(), num_cells = source.num_cells();
-  std::vector<std::int64_t> ends(num_cells), vertices;
-  for (std::size_t i = 0; i < ends.size(); ++i) ends[i] = static_cast<std::int64_t>(4 * (i + 1));
+  const OutputOptions options = {MeshFormat::kVtu, false, false, true};
+  const MeshCounts counts = {source.num_vertices(), source.num_cells(),
+                             source.num_boundary_facets()};
+  std::vector<std::int64_t> ends(counts.num_cells + counts.num_boundary_facets), vertices;
+  for (std::size_t i = 0; i < ends.size(); ++i)
+    ends[i] = (i == 0 ? 0 : ends[i - 1]) + (i < counts.num_cells ? 4 : 3);
   for (const auto& [connectivity, offsets] : kAllWidths) {
     const IndexWidths widths = {connectivity, offsets};
     PartialFile file(dir / "mesh.vtu");
-    const std::uint64_t bytes = write_vtu(source, false, file, widths);
+    const std::uint64_t bytes = write_vtu(source, options, file, widths);
     file.publish();
     EXPECT_EQ(bytes, std::filesystem::file_size(dir / "mesh.vtu"));
     const VtuArrays vtu(dir / "mesh.vtu");
-    ArrayBlocks blocks(source, false, dir / "mesh.vtu");
-    for (const ArrayInfo& array : mesh_arrays(num_vertices, num_cells, false, widths)) {
+    ArrayBlocks blocks(source, options, dir / "mesh.vtu");
+    for (const ArrayInfo& array : mesh_arrays(counts, options, widths)) {
       const auto raw = vtu.array<std::byte>(std::string(array.vtk_type), std::string(array.name));
       EXPECT_EQ(raw.size(), array.bytes());
       std::vector<std::byte> in_blocks;
-      blocks.for_each(
-          blocks.blocks(array, 1000),
-          [](std::span<const std::byte> some) { return values_in<std::byte>(some); },
-          [&](const std::vector<std::byte>& some) {
-            in_blocks.insert(in_blocks.end(), some.begin(), some.end());
-          });
+      for (const auto& run : blocks.blocks(array, 1000))
+        blocks.for_each(
+            run, [](std::span<const std::byte> some) { return values_in<std::byte>(some); },
+            [&](const std::vector<std::byte>& some) {
+              in_blocks.insert(in_blocks.end(), some.begin(), some.end());
+            });
       EXPECT_TRUE(in_blocks == raw) << array.name;
       if (array.array == ArrayName::kEnds) {
         EXPECT_TRUE(integers_in(raw, offsets) == ends);
@@ -504,11 +516,11 @@ TEST(FormatOf, IsTheExtensionsWhateverItsCase) {
   for (const char* file : {"b", "b.", "b.vtk", "vtu", ""}) EXPECT_EQ(format_of(file), std::nullopt);
   EXPECT_EQ(format_named("msh2"), MeshFormat::kMsh2);
   EXPECT_EQ(format_named("Msh2"), std::nullopt);
-  EXPECT_EQ(files_of(MeshFormat::kTetgen, "a/b.ele"),
+  EXPECT_EQ(files_of({MeshFormat::kTetgen}, "a/b.ele"),
             (std::vector<std::filesystem::path>{"a/b.node", "a/b.ele"}));
-  EXPECT_EQ(files_of(MeshFormat::kTetgen, "a/b.v2"),
-            (std::vector<std::filesystem::path>{"a/b.v2.node", "a/b.v2.ele"}));
-  EXPECT_EQ(files_of(MeshFormat::kStl, "a.stl"), (std::vector<std::filesystem::path>{"a.stl"}));
+  EXPECT_EQ(files_of({MeshFormat::kTetgen, false, false, true}, "a/b.v2"),
+            (std::vector<std::filesystem::path>{"a/b.v2.node", "a/b.v2.ele", "a/b.v2.face"}));
+  EXPECT_EQ(files_of({MeshFormat::kStl}, "a.stl"), (std::vector<std::filesystem::path>{"a.stl"}));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <set>
@@ -17,6 +18,7 @@
 #include "tests/engine/hand_made_mesh.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
+#include "tests/vtu_arrays.h"
 
 namespace locvol {
 namespace {
@@ -157,6 +159,55 @@ TEST_F(SheetsOfABox, MeditHasReferences) {
     SheetId reference = 0;
     text >> a >> b >> c >> reference;
     EXPECT_EQ(reference, side_of({points.at(a - 1), points.at(b - 1), points.at(c - 1)}));
+  }
+}
+
+TEST_F(SheetsOfABox, VtuHasTrianglesAsCells) {
+  const OutputOptions options = {MeshFormat::kVtu, true, false, true};
+  const WriteSummary summary = write_mesh(*store_, dir_ / "box.vtu", options, 2);
+  EXPECT_EQ(summary.num_boundary_facets, 108U);
+  const VtuArrays vtu(dir_ / "box.vtu");
+  const auto points = vtu.array<double>("Float64", "Points");
+  const auto corners = vtu.array<std::int32_t>("Int32", "connectivity");
+  const auto sheets = vtu.array<SheetId>("UInt32", "sheet");
+  const auto angles = vtu.array<float>("Float32", "min_dihedral_degrees");
+  const auto types = vtu.array<std::uint8_t>("UInt8", "types");
+  ASSERT_EQ(sheets.size(), summary.num_cells + 108);
+  for (std::size_t i = 0; i < sheets.size(); ++i) {
+    const bool is_triangle = i >= summary.num_cells;
+    EXPECT_EQ(types.at(i), is_triangle ? 5 : 10);
+    EXPECT_EQ(std::isnan(angles.at(i)), is_triangle);
+    if (!is_triangle) {
+      EXPECT_EQ(sheets[i], 0U);
+      continue;
+    }
+    Triangle3 triangle;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto corner = static_cast<std::size_t>(
+          corners.at(4 * summary.num_cells + 3 * (i - summary.num_cells) + k));
+      triangle[k] = {points.at(3 * corner), points.at(3 * corner + 1), points.at(3 * corner + 2)};
+    }
+    EXPECT_EQ(sheets[i], side_of(triangle));
+  }
+}
+
+TEST_F(SheetsOfABox, TetgenHasMarkers) {
+  write_mesh(*store_, dir_ / "box.node", {MeshFormat::kTetgen, false, false, true}, 2);
+  std::istringstream nodes(bytes_of(dir_ / "box.node")), faces(bytes_of(dir_ / "box.face"));
+  std::size_t count = 0, index = 0;
+  std::string word;
+  nodes >> count >> word >> word >> word;
+  std::vector<Point> points(count);
+  for (Point& p : points) nodes >> index >> p.x >> p.y >> p.z;
+  faces >> count >> word;
+  EXPECT_EQ(count, 108U);
+  EXPECT_EQ(word, "1");
+  for (std::size_t i = 1; i <= count; ++i) {
+    std::size_t a = 0, b = 0, c = 0;
+    SheetId marker = 0;
+    faces >> index >> a >> b >> c >> marker;
+    EXPECT_EQ(index, i);
+    EXPECT_EQ(marker, side_of({points.at(a - 1), points.at(b - 1), points.at(c - 1)}));
   }
 }
 

@@ -212,23 +212,24 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
       EXPECT_NEAR(all.volume, expected.volume, 1e-12 * expected.volume);
     });
     for (const FormatInfo& format : mesh_formats())
-      for (const bool has_quality : {false, true}) {
-        if (has_quality && !format.has_cell_data) continue;
-        SCOPED_TRACE(format.name);
-        const OutputOptions output{format.format, has_quality};
-        const TempDir of_one, of_many;
-        const WriteSummary one = write_mesh(store, of_one / "mesh", output);
-        run_as_ranks(num_ranks, [&](Exchange& exchange) {
-          const Store part =
-              Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
-          EXPECT_EQ(
-              write_mesh(part, of_many / "mesh", output, 1 + num_ranks % 2, {}, nullptr, exchange),
-              one);
-        });
-        EXPECT_EQ(names_in(of_many), names_in(of_one));
-        for (const auto& file : files_of(format.format, of_one / "mesh"))
-          EXPECT_TRUE(bytes_of(of_many / file.filename()) == bytes_of(file)) << file;
-      }
+      for (const bool has_quality : {false, true})
+        for (const bool has_boundary : {false, true}) {
+          if (has_quality && !format.has_cell_data) continue;
+          SCOPED_TRACE(format.name);
+          const OutputOptions output{format.format, has_quality, false, has_boundary};
+          const TempDir of_one, of_many;
+          const WriteSummary one = write_mesh(store, of_one / "mesh", output);
+          run_as_ranks(num_ranks, [&](Exchange& exchange) {
+            const Store part =
+                Store::open(store_of_rank(many.store, exchange.rank()), {.read_only = true});
+            EXPECT_EQ(write_mesh(part, of_many / "mesh", output, 1 + num_ranks % 2, {}, nullptr,
+                                 exchange),
+                      one);
+          });
+          EXPECT_EQ(names_in(of_many), names_in(of_one));
+          for (const auto& file : files_of(output, of_one / "mesh"))
+            EXPECT_TRUE(bytes_of(of_many / file.filename()) == bytes_of(file)) << file;
+        }
   }
 }
 
@@ -272,36 +273,48 @@ class FileOfRanks : public MeshOfRanks {
 
 TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
   using Blocks = std::vector<std::vector<std::byte>>;
+  const OutputOptions kAll{MeshFormat::kVtuZlib, true, false, true};
   const auto blocks_of = [&](MeshSource& source, const ArrayInfo& info, std::uint64_t items) {
-    Blocks all;
-    ArrayBlocks arrays(source, true, scratch_ / "mesh");
-    arrays.for_each(
-        arrays.blocks(info, items),
-        [](std::span<const std::byte> bytes) {
-          return std::vector<std::byte>(bytes.begin(), bytes.end());
-        },
-        [&](std::vector<std::byte> block) { all.push_back(std::move(block)); });
+    std::vector<Blocks> all;  // by run: of tetrahedra, and of triangles
+    ArrayBlocks arrays(source, kAll, scratch_ / "mesh");
+    for (const auto& blocks : arrays.blocks(info, items)) {
+      all.emplace_back();
+      arrays.for_each(
+          blocks,
+          [](std::span<const std::byte> bytes) {
+            return std::vector<std::byte>(bytes.begin(), bytes.end());
+          },
+          [&](std::vector<std::byte> block) { all.back().push_back(std::move(block)); });
+    }
     return all;
   };
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
   MeshSource one(whole, scratch_ / "mesh", 1);
-  std::vector<ArrayInfo> infos = mesh_arrays(one.num_vertices(), one.num_cells(), true, {8, 4});
+  std::vector<ArrayInfo> infos = mesh_arrays(
+      {one.num_vertices(), one.num_cells(), one.num_boundary_facets(), 0}, kAll, {8, 4});
   infos.push_back(*std::ranges::find(infos, ArrayName::kEnds, &ArrayInfo::array));
   infos.back().array = ArrayName::kStarts;
   ++infos.back().num_items;
   for (const ArrayInfo& info : infos)
     for (const std::uint64_t items : {std::uint64_t{17}, std::uint64_t{1000}, one.num_cells()}) {
       SCOPED_TRACE(info.name);
-      std::array<Blocks, 3> of_ranks;
+      std::array<std::vector<Blocks>, 3> of_ranks;
       run_as_ranks(3, [&](Exchange& exchange) {
         const Store store = part(exchange);
         MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange);
         of_ranks[static_cast<std::size_t>(exchange.rank())] = blocks_of(source, info, items);
       });
-      Blocks all;
-      for (const Blocks& of_rank : of_ranks) all.insert(all.end(), of_rank.begin(), of_rank.end());
+      const auto in_order = [](std::span<const std::vector<Blocks>> parts) {
+        Blocks all;
+        for (std::size_t run = 0; run < parts.front().size(); ++run)
+          for (const auto& of_rank : parts)
+            all.insert(all.end(), of_rank[run].begin(), of_rank[run].end());
+        return all;
+      };
+      const Blocks all = in_order(of_ranks);
+      const std::array of_one = {blocks_of(one, info, items)};
       EXPECT_EQ(all.size(), (info.num_items + items - 1) / items);
-      EXPECT_TRUE(all == blocks_of(one, info, items)) << items;
+      EXPECT_TRUE(all == in_order(of_one)) << items;
     }
 }
 
@@ -344,7 +357,8 @@ class PiecesOfRanks : public MeshOfRanks {
   static std::vector<OutputOptions> outputs() {
     std::vector<OutputOptions> outputs;
     for (const FormatInfo& info : mesh_formats())
-      if (can_be_written_in_pieces(info.format)) outputs.push_back({info.format, true});
+      if (can_be_written_in_pieces(info.format))
+        outputs.push_back({info.format, true, false, true});
     return outputs;
   }
 

@@ -328,6 +328,29 @@ class Sheets(unittest.TestCase):
             gmsh.finalize()
             self.expect_sides(np.concatenate(facets), np.concatenate(sheets))
 
+    def test_vtk(self):
+        for name, reader, options in (("box.vtu", vtk.vtkXMLUnstructuredGridReader(), []),
+                                      ("zlib.vtu", vtk.vtkXMLUnstructuredGridReader(),
+                                       ["--format", "vtu-zlib"]),
+                                      ("box.vtkhdf", vtk.vtkHDFReader(), [])):
+            reader.SetFileName(self.export(name, "--boundary", *options))
+            reader.Update()
+            grid = reader.GetOutput()
+            is_facet = vtk_to_numpy(grid.GetCellTypesArray()) == vtk.VTK_TRIANGLE
+            num_tetrahedra = np.argmax(is_facet)
+            self.assertTrue(is_facet[num_tetrahedra:].all())
+            facets = vtk_to_numpy(grid.GetCells().GetConnectivityArray())[4 * num_tetrahedra:]
+            sheets = arrays_of(grid.GetCellData())["sheet"]
+            self.assertTrue((sheets[:num_tetrahedra] == 0).all())
+            self.expect_sides(facets.reshape(-1, 3), sheets[num_tetrahedra:])
+
+    def test_meshio_and_tetgen(self):
+        mesh = meshio.read(self.export("box.vtu", "--boundary"))
+        self.expect_sides(mesh.cells_dict["triangle"], mesh.cell_data_dict["sheet"]["triangle"])
+        faces = np.loadtxt(self.export("box.node", "--boundary").replace(".node", ".face"),
+                           dtype=np.int64, skiprows=1)
+        self.expect_sides(faces[:, 1:4] - 1, faces[:, 4])
+
     def test_medit(self):
         for name in ("box.mesh", "box.meshb"):
             mesh = meshio.read(self.export(name))

@@ -1,0 +1,38 @@
+// What is asked of a file that a mesh is written to, and what there is of a mesh to be written.
+#pragma once
+
+#include <cstdint>
+
+namespace locvol {
+
+enum class MeshFormat {
+  kVtu,
+  kVtuZlib,
+  kVtkHdf,
+  kMsh4,
+  kMsh2,
+  kMedit,
+  kMeditBinary,
+  kAbaqus,
+  kTetgen,
+  kStl,
+  kStlText,
+  kPly,
+  kObj,
+};
+
+// What is written of a mesh.
+struct OutputOptions {
+  MeshFormat format = MeshFormat::kVtu;
+  bool has_quality = false;   // as cell data, where the format has any
+  bool is_by_ranks = false;   // several processes write one file
+  bool has_boundary = false;  // with the cells, in formats that do not have it always
+};
+
+// What a mesh has of all that a format numbers.
+struct MeshCounts {
+  std::uint64_t num_vertices = 0, num_cells = 0;
+  std::uint64_t num_boundary_facets = 0, num_boundary_vertices = 0;
+};
+
+}  // namespace locvol
