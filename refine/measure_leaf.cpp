@@ -301,7 +301,8 @@ class LeafMeasure {
         poll_(stop),
         triangles_(triangles),
         origin_(input.frame.box(input.leaf).center()),
-        finest_(std::max(input.leaf.level(), input.frame.level_no_wider(rules_.least))),
+        finest_(std::max(input.leaf.level(),
+                         input.frame.level_no_wider(rules_.least > 0 ? rules_.least : input.size))),
         coarsest_(std::clamp(input.frame.level_no_wider(input.size), input.leaf.level(), finest_)),
         around_(input.frame.box(input.leaf).expanded(1.001 * input.frame.side(coarsest_))),
         curvatures_(triangles_, StopPoll(stop)) {}
@@ -317,6 +318,8 @@ class LeafMeasure {
       for (std::size_t i = 2; i < polygon.size(); ++i)
         area += norm(area_vector({polygon[0], polygon[i - 1], polygon[i]}));
       num += 1 + kPieces * area / (length * length);
+      const double of_sheet = kSheetStep * size_of_sheet(triangles_[n].sheet);
+      if (of_sheet < input_.size) num += kPieces * area / (of_sheet * of_sheet);
     }
     return num;
   }
@@ -325,6 +328,7 @@ class LeafMeasure {
     if (rules_.per_circle > 0 || rules_.deviation > 0) measure_curvature();
     if (rules_.deviation > 0) measure_creases();
     if (rules_.layers > 0) measure_thickness();
+    if (!rules_.sheet_sizes.empty()) measure_sheets();
     unite(found_);
     return std::move(found_);
   }
@@ -334,11 +338,13 @@ class LeafMeasure {
     if (size < input_.size && input_.leaf.is_ancestor_or_self_of(node))
       found_.push_back({node, static_cast<float>(std::max(size, rules_.least))});
   }
-  void note(const Point& p, double size) {
-    size = std::max(size, rules_.least);
-    if (size < input_.size && input_.frame.contains(p))
-      note(input_.frame.key_of(p, std::max(input_.frame.level_no_wider(size), input_.leaf.level())),
-           size);
+  void note(const Point& p, double size) { note_as_it_is(p, std::max(size, rules_.least)); }
+  void note_as_it_is(const Point& p, double size) {
+    if (!(size < input_.size) || !input_.frame.contains(p)) return;
+    const int level = std::max(input_.frame.level_no_wider(size), input_.leaf.level());
+    const MortonKey node = input_.frame.key_of(p, level);
+    if (input_.leaf.is_ancestor_or_self_of(node))
+      found_.push_back({node, static_cast<float>(size)});
   }
 
   // -- Curvature and deviation
@@ -590,6 +596,28 @@ class LeafMeasure {
     return std::numeric_limits<double>::infinity();
   }
 
+  // -- Sheets that sizes are given for
+
+  double size_of_sheet(SheetId sheet) const {
+    return sheet <= rules_.sheet_sizes.size() ? rules_.sheet_sizes[sheet - 1]
+                                              : std::numeric_limits<double>::infinity();
+  }
+
+  void measure_sheets() {
+    std::size_t num_united = 0;
+    for (const Triangle& triangle : triangles_) {
+      const double size = size_of_sheet(triangle.sheet);
+      if (!(size < input_.size)) continue;
+      for_each_piece({triangle.corners}, kSheetStep * size, [&](const Fragment& piece) {
+        poll_();
+        note_as_it_is(center_of(piece), size);
+      });
+      if (found_.size() < 2 * num_united + 100000) continue;
+      unite(found_);
+      num_united = found_.size();
+    }
+  }
+
   static Point center_of(const Fragment& f) {
     return 1.0 / 3 * (f.corners[0] + f.corners[1] + f.corners[2]);
   }
@@ -607,6 +635,8 @@ class LeafMeasure {
     for (const Fragment& half : halves(f, edge)) for_each_piece(half, length, visit);
   }
 
+  // No place of a sheet is farther than this from a node that it asks for, over the size.
+  static constexpr double kSheetStep = 0.5;
   static constexpr double kSafe = 0.8;
   // Of a size that is asked for, what cells get may be a little more.
   static constexpr double kSafeSize = 0.97;

@@ -1,4 +1,5 @@
-// What sizes the surface asks for by itself: where it is curved, and where a part of it is thin.
+// What sizes the surface asks for by itself: where it is curved, where a part of it is thin, and on
+// sheets that sizes are given for.
 #pragma once
 
 #include <vector>
@@ -15,9 +16,11 @@ struct SizeRules {              // each 0: none
   double per_circle = 0;        // edges of the boundary around a circle of the surface's curvature
   double deviation = 0;         // how far the boundary may be from the surface: a length
   double layers = 0;            // of cells across thin parts
-  double least = 0;             // no smaller size is asked for. Above 0 if any is given
+  double least = 0;             // no smaller size is asked for. Above 0 if any of these is given
   double spacing_floor = 0.02;  // over the size: how close to each other points may come
   double growth = 0;            // of sizes around what asks for them, over the way
+  // What each sheet asks for, from id 1 on, infinite for none. `least` is not for these.
+  std::vector<double> sheet_sizes = {};
 };
 
 // How far from a leaf the surface matters to what is measured in it. `size`: λ

@@ -54,7 +54,8 @@
 // clang-format off
 //   0 format      version u32
 //   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress; weld:
-//                 present u8 and, if so, a number; sharp angle
+//                 present u8 and, if so, a number; sharp angle; [size changed bits u64, of sheets]
+//                 and the name of each
 //   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32
 //   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
 //                 [steps u32 of a row's first i | j | k | number of sites u32]
@@ -486,6 +487,11 @@ void serialize_shapes(auto& archive, std::vector<SizeShape>& shapes) {
     if (!(shape.size > 0)) throw DecodeError("a shape without a size");
 }
 
+void serialize_sheet_sizes(auto& archive, std::vector<SheetSize>& sizes) {
+  each(archive, columns(sizes, ChangedBits(field<&SheetSize::size>)));
+  for (SheetSize& sheet : sizes) each(archive, sheet.name);
+}
+
 void serialize(auto& archive, RunParameters& p, unsigned) {
   each(archive, p.input_digest, p.size, p.radius_edge_bound, p.min_dihedral, p.spacing_floor,
        p.leaf_capacity, p.init, p.seed, p.growth, p.max_size);
@@ -526,6 +532,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
     serialize_optional(archive, run.parameters.weld);
   }
   if (version >= 3) each(archive, run.parameters.sharp_angle);
+  if (version >= 4) serialize_sheet_sizes(archive, run.parameters.sheet_sizes);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
@@ -697,7 +704,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 3)
+BOOST_CLASS_VERSION(locvol::RunRecord, 4)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
 BOOST_CLASS_VERSION(locvol::LeafSurface, 1)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)

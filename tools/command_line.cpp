@@ -3,43 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numeric>
+#include <iterator>
 #include <utility>
 
 #include "engine/ingest/size_file.h"
 #include "engine/plan/option_table.h"
+#include "engine/shared/closest_word.h"
 #include "tools/arguments.h"
 #include "tools/tell_user.h"
 
 namespace locvol {
 namespace {
-
-// How many letters it takes to make one of the other: put in, left out, changed, or two swapped.
-std::size_t distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
-  std::iota(last.begin(), last.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    now[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      now[j] =
-          std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1)});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        now[j] = std::min(now[j], before[j - 2] + 1);
-    }
-    std::swap(before, last);
-    std::swap(last, now);
-  }
-  return last[b.size()];
-}
-
-// The first of those that are meant most likely by who typed `word`; empty if none is.
-std::string meant_by(std::string_view word, const std::vector<std::string>& known) {
-  std::string found;
-  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
-  for (const std::string& name : known)
-    if (const std::size_t d = distance(word, name); d < least) least = d, found = name;
-  return found;
-}
 
 // What is said of the first word that is neither a command nor an option of the one that was typed.
 // Empty: it is not that.
@@ -60,7 +34,7 @@ std::string unknown_word_text(const CLI::App& app) {
   } else {
     return {};
   }
-  const std::string meant = meant_by(words.front().substr(0, words.front().find('=')), known);
+  const std::string meant = closest_word(words.front().substr(0, words.front().find('=')), known);
   return meant.empty() ? what : fmt::format("{}; is '{}' meant?", what, meant);
 }
 
@@ -80,6 +54,7 @@ void parse(Text text, const OptionText& option, std::optional<double>& value) {
 
 // See add_sizes().
 void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
+void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
 
 // Those of the table that have help.
@@ -194,7 +169,9 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   const auto take_sizes = [&options](const std::vector<std::string>& files) {
     for (const std::filesystem::path file : files) {
       if (file.extension() != ".vti") {
-        for (SizedShape& shape : read_size_file(file)) options.shapes.push_back(std::move(shape));
+        GivenSizes read = read_size_file(file);
+        std::ranges::move(read.shapes, std::back_inserter(options.shapes));
+        std::ranges::move(read.sheets, std::back_inserter(options.sheets));
       } else if (!std::exchange(options.size_image, file).empty()) {
         throw CLI::ValidationError("--sizes: one image of sizes at most");
       }
@@ -203,7 +180,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   };
   app.add_option(
          "--sizes", take_sizes,
-         fmt::format("Points, balls, boxes and lines with sizes, or a VTK image of sizes "
+         fmt::format("Points, balls, boxes, lines and sheets with sizes, or a VTK image of sizes "
                      "(.vti), where cells are to be smaller; around them they grow by {} of "
                      "the way, to --size, unless --growth is given. May be repeated",
                      kDefaultGrowth))

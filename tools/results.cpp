@@ -161,6 +161,11 @@ Json option_json(Initialization init) { return init_name(init); }
 Json option_json(const std::optional<double>& weld) { return weld ? Json(*weld) : Json("auto"); }
 Json option_json(const std::string& image) { return image.empty() ? Json() : Json(image); }
 Json option_json(const std::vector<SizeShape>& shapes) { return shapes.size(); }
+Json option_json(const std::vector<SheetSize>& sheets) {
+  Json json = Json::object();
+  for (const auto& [name, size] : sheets) json[name] = size;
+  return json;
+}
 
 // A file name need not be UTF-8; JSON must be.
 std::string dump(const Json& json, int indent) {
@@ -293,6 +298,8 @@ std::string bounds_text(const RunParameters& parameters) {
   if (!parameters.shapes.empty())
     text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
                         parameters.sizes().least);
+  for (const auto& [name, size] : parameters.sheet_sizes)
+    text += fmt::format("; {} at {}", size, name);
   return text;
 }
 

@@ -18,6 +18,7 @@
 #include "engine/ingest/surface_sheets.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/phases.h"
+#include "engine/plan/sheet_sizes.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_states.h"
 #include "octree/sort_and_unite.h"
@@ -358,6 +359,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, share);
+    require_sized_sheets(run.parameters, sheets);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     calls.check(run, surface.spill.bytes());

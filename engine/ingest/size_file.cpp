@@ -27,7 +27,10 @@ struct Written {
   Size size;
   std::vector<Coordinates> points;
   std::optional<double> radius;
+  std::string name;  // of a sheet
 };
+
+constexpr std::string_view kSheet = "sheet";
 
 struct Kind {
   std::string_view name;
@@ -47,10 +50,17 @@ const Kind* kind_of(std::string_view name) {
 // What is wrong with it; empty: nothing.
 std::string fault_of(const Written& shape) {
   const Kind* kind = kind_of(shape.kind);
-  if (kind == nullptr)
-    return fmt::format("'{}' is no shape: give point, ball, box or line", shape.kind.substr(0, 40));
+  const bool is_sheet = shape.kind == kSheet;
+  if (kind == nullptr && !is_sheet)
+    return fmt::format("'{}' is no shape: give point, ball, box, line or sheet",
+                       shape.kind.substr(0, 40));
   if (!(shape.size.value > 0) || !std::isfinite(shape.size.value))
     return fmt::format("size {}: give a finite number above 0", shape.size.value);
+  if (is_sheet)
+    return shape.name.empty()                      ? "a sheet without a name"
+           : !shape.points.empty() || shape.radius ? "a sheet with points or a radius"
+                                                   : "";
+  if (!shape.name.empty()) return fmt::format("a {} with a name", shape.kind);
   const std::size_t num = shape.points.size();
   if (num < kind->least_points || num > kind->most_points)
     return fmt::format("a {} of {} points: give {}{}", shape.kind, num, kind->least_points,
@@ -63,7 +73,12 @@ std::string fault_of(const Written& shape) {
   return {};
 }
 
-void append(const Written& shape, const std::string& place, std::vector<SizedShape>& shapes) {
+void append(const Written& shape, const std::string& place, GivenSizes& all) {
+  if (shape.kind == kSheet) {
+    all.sheets.push_back({shape.name, shape.size, place});
+    return;
+  }
+  std::vector<SizedShape>& shapes = all.shapes;
   const std::vector<Coordinates>& points = shape.points;
   SizedShape made{.kind = kind_of(shape.kind)->shape,
                   .size = shape.size,
@@ -80,10 +95,18 @@ void append(const Written& shape, const std::string& place, std::vector<SizedSha
 
 // ---- Text
 
+// A name may have blanks within.
+std::string rest_of_line(TextScanner& scanner) {
+  std::string rest;
+  for (std::string_view word = scanner.word(); !word.empty(); word = scanner.word())
+    rest.append(rest.empty() ? "" : " ").append(word);
+  return rest;
+}
+
 Written read_line(TextScanner& scanner, InputFile& file) {
   Written shape;
   shape.kind = scanner.word();
-  if (kind_of(shape.kind) == nullptr) file.refuse_line(fault_of(shape));
+  if (kind_of(shape.kind) == nullptr && shape.kind != kSheet) file.refuse_line(fault_of(shape));
   const auto number = [&](const char* what) {
     const std::string_view word = scanner.word();
     if (word.empty()) file.refuse_line(fmt::format("the {} is missing", what));
@@ -94,6 +117,11 @@ Written read_line(TextScanner& scanner, InputFile& file) {
   shape.size.is_percent = size.ends_with('%');
   if (shape.size.is_percent) size.remove_suffix(1);
   shape.size.value = scanner.coordinate(size);
+  if (shape.kind == kSheet) {
+    shape.name = rest_of_line(scanner);
+    if (const std::string fault = fault_of(shape); !fault.empty()) file.refuse_line(fault);
+    return shape;
+  }
   const std::size_t most = kind_of(shape.kind)->most_points;
   while (!scanner.at_line_end()) {
     if (shape.points.size() == most && shape.kind == "ball" && !shape.radius) {
@@ -109,16 +137,16 @@ Written read_line(TextScanner& scanner, InputFile& file) {
   return shape;
 }
 
-std::vector<SizedShape> read_text(InputFile& file) {
-  std::vector<SizedShape> shapes;
+GivenSizes read_text(InputFile& file) {
+  GivenSizes all;
   TextScanner scanner(file, '#');
   while (scanner.next_line()) {
     const Written shape = read_line(scanner, file);
-    append(shape, fmt::format("{}, line {}", file.path().string(), file.line_number()), shapes);
-    if (shapes.size() > kMostShapes)
+    append(shape, fmt::format("{}, line {}", file.path().string(), file.line_number()), all);
+    if (all.shapes.size() > kMostShapes)
       file.refuse_line(fmt::format("more than {} shapes: leave some out", kMostShapes));
   }
-  return shapes;
+  return all;
 }
 
 // ---- JSON
@@ -133,13 +161,20 @@ double number_in(const Json& value, const char* what) {
 Written shape_in(const Json& value) {
   if (!value.is_object()) throw InputError("it is no object");
   for (const auto& [name, ignored] : value.items())
-    if (name != "kind" && name != "size" && name != "points" && name != "radius")
-      throw InputError(fmt::format("'{}' is unknown: give kind, size, points, radius", name));
-  const auto has_all = value.contains("kind") && value.contains("size") && value.contains("points");
-  if (!has_all || !value["kind"].is_string() || !value["points"].is_array())
+    if (name != "kind" && name != "size" && name != "points" && name != "radius" && name != "name")
+      throw InputError(fmt::format("'{}' is unknown: give kind, size, points, radius, name", name));
+  const bool has_kind = value.contains("kind") && value["kind"].is_string();
+  const bool is_sheet = has_kind && value["kind"].get<std::string>() == kSheet;
+  if (is_sheet &&
+      (!value.contains("size") || !value.contains("name") || !value["name"].is_string()))
+    throw InputError("give its size, and its name");
+  if (!is_sheet && (!has_kind || !value.contains("size") || !value.contains("points") ||
+                    !value["points"].is_array()))
     throw InputError("give its kind, its size, and its points as a list");
   Written shape;
   shape.kind = value["kind"].get<std::string>();
+  if (value.contains("name") && value["name"].is_string())
+    shape.name = value["name"].get<std::string>();
   const Json& size = value["size"];
   if (size.is_string()) {
     const std::string text = size.get<std::string>();
@@ -153,7 +188,7 @@ Written shape_in(const Json& value) {
   } else {
     shape.size.value = number_in(size, "size");
   }
-  for (const Json& point : value["points"]) {
+  for (const Json& point : value.value("points", Json::array())) {
     if (!point.is_array() || point.size() != 3) throw InputError("a point has three coordinates");
     shape.points.push_back(
         {number_in(point[0], "x"), number_in(point[1], "y"), number_in(point[2], "z")});
@@ -163,7 +198,7 @@ Written shape_in(const Json& value) {
   return shape;
 }
 
-std::vector<SizedShape> read_json(InputFile& file) {
+GivenSizes read_json(InputFile& file) {
   if (file.size() > kMostJsonBytes)
     file.refuse("more than 256 MiB of JSON: leave some shapes out, or give them as text");
   const auto size = static_cast<std::size_t>(file.remaining());
@@ -176,33 +211,33 @@ std::vector<SizedShape> read_json(InputFile& file) {
   }
   if (!json.is_object() || !json.contains("shapes") || !json["shapes"].is_array())
     file.refuse("no list \"shapes\" in it");
-  std::vector<SizedShape> shapes;
+  GivenSizes all;
   std::size_t number = 0;
   for (const Json& value : json["shapes"]) {
     const std::string place = fmt::format("{}, shape {}", file.path().string(), ++number);
     try {
-      append(shape_in(value), place, shapes);
+      append(shape_in(value), place, all);
     } catch (const InputError& e) {
       throw InputError(place + ": " + e.what());
     }
-    if (shapes.size() > kMostShapes)
+    if (all.shapes.size() > kMostShapes)
       throw InputError(fmt::format("{}: more than {} shapes: leave some out", place, kMostShapes));
   }
-  return shapes;
+  return all;
 }
 
 }  // namespace
 
-std::vector<SizedShape> read_size_file(const std::filesystem::path& path) {
+GivenSizes read_size_file(const std::filesystem::path& path) {
   InputFile file(path);
   const std::string_view start = file.peek(256);
   const std::size_t first = start.find_first_not_of(" \t\r\n");
   const bool is_json = first != start.npos && start[first] == '{';
-  std::vector<SizedShape> shapes = is_json ? read_json(file) : read_text(file);
-  if (shapes.empty())
+  GivenSizes all = is_json ? read_json(file) : read_text(file);
+  if (all.shapes.empty() && all.sheets.empty())
     file.refuse(
         "no shape in it: give one a line, such as 'ball 0.1 0 0 0 2' (size, center, radius)");
-  return shapes;
+  return all;
 }
 
 }  // namespace locvol

@@ -55,6 +55,14 @@ struct SizedShape {
   }
 };
 
+/// How large cells are on a sheet of the surface: the bound on circumradii is `size` there, and
+/// larger by Options::growth of the distance from it.
+struct SizedSheet {
+  std::string name = {};   ///< Of the sheet, or of the surface's group that it is of.
+  Size size = {};          ///< Of cells on it.
+  std::string place = {};  ///< What messages call it; empty: by its name.
+};
+
 /// What the mesh depends on, besides the surface; and where its run is kept.
 struct Options {
   Size size = {};  ///< Must be given; SurfaceInfo::default_size is one.
@@ -78,6 +86,8 @@ struct Options {
   Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
   /// With any, a growth of 0 stands for 0.2, with `size` as what the bound does not grow beyond.
   std::vector<SizedShape> shapes = {};
+  /// Likewise. A name that no sheet of the surface has is an error.
+  std::vector<SizedSheet> sheets = {};
   /// Likewise, a VTK image (.vti) of sizes. Empty: none.
   std::filesystem::path size_image = {};
   // Likewise with one of the next three, each 0 or of value 0 for none.

@@ -109,8 +109,9 @@ inline constexpr std::tuple kOptions{
          .help = {"SIZE", "What cells do not grow beyond, as --size"},
          .noun = "largest size",
          .phrase = ", to {}"}},
-    // These two are one option, which the commands declare: a file of either kind.
+    // These three are one option, which the commands declare: files.
     Option<&MeshOptions::shapes, &RunParameters::shapes>{{.name = {"--sizes", "num_shapes"}}},
+    Option<&MeshOptions::sheets, &RunParameters::sheet_sizes>{{.name = {"--sizes", "sheet_sizes"}}},
     Option<&MeshOptions::size_image, &RunParameters::size_image>{
         {.name = {"--sizes", "size_image"}}},
     Option<&MeshOptions::per_circle, &RunParameters::per_circle>{

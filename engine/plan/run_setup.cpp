@@ -68,6 +68,15 @@ void keep(const OptionText&, std::uint64_t given, const Box&, std::uint64_t& kep
 void keep(const OptionText&, Initialization given, const Box&, Initialization& kept) {
   kept = given;
 }
+void keep(const OptionText&, const std::vector<SizedSheet>& given, const Box& surface,
+          std::vector<SheetSize>& kept) {
+  for (const SizedSheet& sheet : given) try {
+      kept.push_back({sheet.name, absolute_size(sheet.size, surface)});
+    } catch (const InputError& e) {
+      const std::string place = sheet.place.empty() ? "sheet " + sheet.name : sheet.place;
+      throw InputError(place + ": " + e.what());
+    }
+}
 // See add_shapes() and ImageFacts.
 void keep(const OptionText&, const std::vector<SizedShape>&, const Box&, std::vector<SizeShape>&) {}
 void keep(const OptionText&, const std::filesystem::path&, const Box&, std::string&) {}
@@ -162,7 +171,7 @@ void add_defaults(const MeshOptions& options, RunParameters& parameters) {
   if (options.leaf_capacity == 0) parameters.leaf_capacity = kDefaultLeafCapacity;
   if (!options.min_dihedral && options.init == Initialization::kCover)
     parameters.min_dihedral = kDefaultMinDihedral;
-  if (options.min_size.value == 0 && parameters.is_measured())
+  if (options.min_size.value == 0 && parameters.follows_shape())
     parameters.min_size = kDefaultLeast * parameters.size;
   if ((options.shapes.empty() && !parameters.has_nodes()) || parameters.growth > 0) return;
   parameters.growth = kDefaultGrowth;
@@ -175,7 +184,7 @@ void check_sizes(const RunParameters& p) {
     throw InputError("sizes vary in cover mode only: leave the growth out, or give --init cover");
   if (std::isfinite(p.max_size) && p.growth == 0)
     throw InputError("a largest size bounds what grows: give a growth, too");
-  if (p.min_size > 0 && !p.is_measured())
+  if (p.min_size > 0 && !p.follows_shape())
     throw InputError(
         "a smallest size bounds what curvature, deviation or layers ask for: give one");
   if (p.min_size > p.size)

@@ -39,6 +39,14 @@ std::string text_of(const std::vector<SizeShape>& shapes) {
                      hash);
 }
 
+std::string text_of(const std::vector<SheetSize>& sheets) {
+  if (sheets.empty()) return "for no sheet";
+  std::vector<std::string> all;
+  for (const auto& [name, size] : sheets)
+    all.push_back(fmt::format("{} at {}", decimal(size), name));
+  return fmt::format("{}", fmt::join(all, ", "));
+}
+
 // In the user's own time.
 std::string time_text(std::time_t seconds) {
   std::tm time{};

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "engine/plan/phases.h"
+#include "engine/plan/sheet_sizes.h"
 #include "engine/run/leaf_distances.h"
 #include "engine/stages/split_leaves.h"
 #include "engine/stages/visiting_stage.h"
@@ -17,7 +18,9 @@ constexpr std::uint64_t kBytesPerPiece = 350;  // of a surface that is measured
 
 class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> {
  public:
-  using VisitingStage::VisitingStage;
+  explicit MeasureStage(const StageTools& tools)
+      : VisitingStage(tools),
+        sheet_sizes_(sizes_by_sheet(state_.parameters(), state_.store().snapshot().sheets())) {}
 
   std::vector<Step> steps_before() override {
     return {splitting_rich(tools_, [this](MortonKey leaf) { return share_of_pieces(leaf); })};
@@ -30,12 +33,12 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
   Loaded<MeasureInput> load_input(MortonKey leaf) override {
     const RunParameters& p = state_.parameters();
     Loaded<MeasureInput> loaded;
-    loaded.input = {
-        .rules = {p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor, p.growth},
-        .size = p.size,
-        .frame = state_.frame(),
-        .leaf = leaf,
-        .domain = {}};
+    loaded.input = {.rules = {p.per_circle, p.deviation, p.layers, p.min_size, p.spacing_floor,
+                              p.growth, sheet_sizes_},
+                    .size = p.size,
+                    .frame = state_.frame(),
+                    .leaf = leaf,
+                    .domain = {}};
     if (!state_.leaves().info(leaf).has_surface()) return loaded;
     const double distance = measure_reach(loaded.input.rules, p.size);
     DomainPiece& domain = loaded.input.domain;
@@ -62,6 +65,8 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
   }
 
  private:
+  const std::vector<double> sheet_sizes_;
+
   // What measuring the leaf takes, and what its nodes do, over what a visit should.
   double share_of_pieces(MortonKey leaf) {
     const double of_nodes = share_of_nodes(state_, leaf);

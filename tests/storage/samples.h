@@ -27,6 +27,7 @@ inline RunRecord sample_run() {
   run.parameters.size_image = "00ff", run.parameters.image_least = 0.05;
   run.parameters.weld = 1e-6;
   run.parameters.sharp_angle = 40;
+  run.parameters.sheet_sizes = {{"inlet", 0.01}, {"Wand 2", 0.25}};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;

@@ -13,7 +13,7 @@ namespace {
 
 class SizeFile : public testing::Test {
  protected:
-  std::vector<SizedShape> read(const std::string& text) const {
+  GivenSizes read(const std::string& text) const {
     std::ofstream(file()) << text;
     return read_size_file(file());
   }
@@ -31,7 +31,8 @@ class SizeFile : public testing::Test {
   const TempDir dir_;
 };
 
-void expect_all_kinds(const std::vector<SizedShape>& shapes) {
+void expect_all_kinds(const GivenSizes& sizes) {
+  const std::vector<SizedShape>& shapes = sizes.shapes;
   const std::vector<SizedShape> all = {SizedShape::ball({0.1}, {1, 2, 3}),
                                        SizedShape::ball(Size::percent(2), {0, 0, 0}, 4.5),
                                        SizedShape::box({0.2}, {1, 0, 0}, {-1, 2, 3}),
@@ -46,28 +47,35 @@ void expect_all_kinds(const std::vector<SizedShape>& shapes) {
     EXPECT_EQ(shapes[i].b, all[i].b) << i;
     EXPECT_EQ(shapes[i].radius, all[i].radius) << i;
   }
+  ASSERT_EQ(sizes.sheets.size(), 1U);
+  EXPECT_EQ(sizes.sheets[0].name, "inlet pipe 2");
+  EXPECT_EQ(sizes.sheets[0].size.value, 0.5);
+  EXPECT_TRUE(sizes.sheets[0].size.is_percent);
 }
 
 TEST_F(SizeFile, ReadsAllKindsAsText) {
-  const auto shapes = read(
+  const GivenSizes sizes = read(
       "# sizes\n"
       "point 0.1  1 2 3\n"
       "ball 2%  0 0 0  4.5   # a comment\r\n"
       "\n"
       "box 0.2  1 0 0  -1 2 3\n"
-      "line 3e-1  0 0 0  1 0 0  1 1 0");
-  expect_all_kinds(shapes);
-  EXPECT_NE(shapes[2].place.find("line 5"), std::string::npos) << shapes[2].place;
+      "line 3e-1  0 0 0  1 0 0  1 1 0\n"
+      "sheet 0.5%  inlet pipe  2  # a name");
+  expect_all_kinds(sizes);
+  EXPECT_NE(sizes.shapes[2].place.find("line 5"), std::string::npos) << sizes.shapes[2].place;
+  EXPECT_NE(sizes.sheets[0].place.find("line 7"), std::string::npos) << sizes.sheets[0].place;
 }
 
 TEST_F(SizeFile, ReadsAllKindsAsJson) {
-  const auto shapes = read(R"( {"shapes": [
+  const GivenSizes sizes = read(R"( {"shapes": [
       {"kind": "point", "size": 0.1, "points": [[1, 2, 3]]},
       {"kind": "ball", "size": "2%", "points": [[0, 0, 0]], "radius": 4.5},
       {"kind": "box", "size": 0.2, "points": [[1, 0, 0], [-1, 2, 3]]},
-      {"kind": "line", "size": 0.3, "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}]})");
-  expect_all_kinds(shapes);
-  EXPECT_NE(shapes[2].place.find("shape 3"), std::string::npos) << shapes[2].place;
+      {"kind": "line", "size": 0.3, "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]},
+      {"kind": "sheet", "size": "0.5%", "name": "inlet pipe 2"}]})");
+  expect_all_kinds(sizes);
+  EXPECT_NE(sizes.shapes[2].place.find("shape 3"), std::string::npos) << sizes.shapes[2].place;
 }
 
 TEST_F(SizeFile, NamesTheLineThatIsBad) {
@@ -86,6 +94,8 @@ TEST_F(SizeFile, NamesTheLineThatIsBad) {
                                     {"box 0.1 1 2 3", "a box of 1 points"},
                                     {"line 0.1 1 2 3", "a line of 1 points"},
                                     {"line 0.1 1 2 3 4 5", "the z is missing"},
+                                    {"sheet 0.1", "without a name"},
+                                    {"sheet inlet 0.1", "inlet"},
                                     {"cone 0.1 1 2 3", "'cone' is no shape"}}) {
     const std::string refusal = refusal_of(good + line + "\n" + good);
     EXPECT_NE(refusal.find("line 2"), std::string::npos) << line << ": " << refusal;
@@ -107,6 +117,10 @@ TEST_F(SizeFile, NamesTheShapeThatIsBad) {
         {R"({"kind": "point", "sise": 1, "points": [[0, 0, 0]]})", "'sise' is unknown"},
         {R"({"kind": "cone", "size": 1, "points": [[0, 0, 0]]})", "no shape"},
         {R"({"size": 1})", "give its kind"},
+        {R"({"kind": "sheet", "size": 1})", "its name"},
+        {R"({"kind": "sheet", "size": 1, "name": ""})", "without a name"},
+        {R"({"kind": "sheet", "size": 1, "name": "a", "points": [[0, 0, 0]]})", "with points"},
+        {R"({"kind": "point", "size": 1, "name": "a", "points": [[0, 0, 0]]})", "with a name"},
         {"7", "no object"}}) {
     const std::string refusal = refusal_of("{\"shapes\": [" + good + ", " + shape + "]}");
     EXPECT_NE(refusal.find("shape 2"), std::string::npos) << shape << ": " << refusal;
