@@ -15,7 +15,7 @@
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
 #include "engine/ingest/image_sizes.h"
-#include "engine/ingest/surface_input.h"
+#include "engine/ingest/surface_survey.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/mesh_chunks.h"
@@ -489,7 +489,7 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
     const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, directory, thrown),
-                                              directory, watch, workers, weld)
+                                              directory, watch, workers, {.weld = weld})
                                    .facts;
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);

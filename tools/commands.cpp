@@ -16,7 +16,7 @@
 #include "engine/exchange/pack.h"
 #include "engine/formats/writer.h"
 #include "engine/ingest/image_sizes.h"
-#include "engine/ingest/surface_input.h"
+#include "engine/ingest/surface_survey.h"
 #include "engine/inspect/replay.h"
 #include "engine/inspect/size_report.h"
 #include "engine/plan/disk_room.h"
@@ -57,12 +57,11 @@ void remove_store(const std::filesystem::path& directory) {
 }
 
 // Throws InputError if it is no surface to be meshed; Stopped, once StopSignal is installed.
-SurveyedSurface surveyed(const SurfaceSource& surface, const std::optional<Size>& weld,
-                         std::uint64_t cap) {
+SurveyedSurface surveyed(const SurfaceSource& surface, const SurveyLaw& law, std::uint64_t cap) {
   const StopSource stop(StopSignal::is_requested);
   IngestWatch watch(&stop, {});
   Workers workers(num_streaming_threads(0, cap));
-  return survey_surface(surface, temporary_directory(), watch, workers, weld);
+  return survey_surface(surface, temporary_directory(), watch, workers, law);
 }
 
 // The run that `mesh` would begin.
@@ -77,7 +76,7 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
 // For a user who gives none.
 Size chosen_size(const SurfaceSource& surface, const std::optional<Size>& weld, std::uint64_t cap,
                  ProgressLine& line) {
-  const SurfaceFacts facts = surveyed(surface, weld, cap).facts;
+  const SurfaceFacts facts = surveyed(surface, {.weld = weld}, cap).facts;
   const double size = default_size(facts);
   if (!(size > 0))
     throw InputError(surface.name +
@@ -369,14 +368,17 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 
 int run_info(const InfoCommand& command) {
   const SurfaceSource surface = surface_at(command.surface, temporary_directory());
-  const SurveyedSurface input = surveyed(surface, command.options.weld, memory_cap(0));
+  const MeshOptions& options = command.options;
+  const SurveyLaw law{options.weld, options.sharp_angle, command.size};
+  const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
-  std::string text = facts_text(facts);
+  json["sheets"] = to_json(input.sheets);
+  std::string text = facts_text(facts) + sheets_text(input.sheets);
   const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
   if (size > 0) {
-    RunRecord run = run_of_size(input, command.surface, size, command.options);
-    for (const std::string& note : notes_on_shapes(command.options, run.parameters, facts.box)) {
+    RunRecord run = run_of_size(input, command.surface, size, options);
+    for (const std::string& note : notes_on_shapes(options, run.parameters, facts.box)) {
       json["notes"].push_back(note);
       text += line_text("note", note);
     }

@@ -268,6 +268,10 @@ std::string box_text(const Box& box) {
   return fmt::format("{} to {}", point_text(box.min), point_text(box.max));
 }
 
+std::string rounded_text(const Point& p) {
+  return fmt::format("({:.6g}, {:.6g}, {:.6g})", p.x, p.y, p.z);
+}
+
 std::string site_text(const LeafSite& site) {
   return fmt::format("C{} at {}, radius {:.6g}, leaf {}", site.site.condition,
                      point_text(site.site.position), site.site.radius, key_text(site.leaf));
@@ -350,14 +354,16 @@ std::string parameters_text(const RunParameters& parameters) {
          row("bounds", "{}", bounds_text(parameters));
 }
 
-// The first ones, and how many there are.
 std::string sheets_text(const SurfaceSheets& sheets) {
   constexpr std::size_t kMostShown = 20;
   if (sheets.sheets.empty()) return {};
   std::string text = row("sheets", "{}", sheets.sheets.size());
-  for (std::size_t s = 0; s < std::min(sheets.sheets.size(), kMostShown); ++s)
-    text += fmt::format("  {}  {}, area {:.6g}, centroid {}\n", s + 1, sheets.sheets[s].name,
-                        sheets.sheets[s].area, point_text(sheets.sheets[s].centroid));
+  for (std::size_t s = 0; s < std::min(sheets.sheets.size(), kMostShown); ++s) {
+    const SheetFacts& sheet = sheets.sheets[s];
+    text += fmt::format("  {}  {}: {}, area {:.6g}, centroid {}\n", s + 1, sheet.name,
+                        plural(sheet.num_triangles, "triangle"), sheet.area,
+                        rounded_text(sheet.centroid));
+  }
   if (sheets.sheets.size() > kMostShown)
     text += fmt::format("  and {} more: --json lists all\n", sheets.sheets.size() - kMostShown);
   return text;

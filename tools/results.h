@@ -57,6 +57,7 @@ std::string bytes_text(std::uint64_t bytes);    // "999 B", "1.2 MB": powers of 
 std::string in_mebibytes(std::uint64_t bytes);  // "1.5 MiB": the unit of --memory
 std::string point_text(const Point& point);     // round-trips
 std::string box_text(const Box& box);
+std::string rounded_text(const Point& point);  // to six digits
 std::string site_text(const LeafSite& site);
 std::string poor_cell_text(const LeafPoorCell& cell);
 std::string bounds_text(const RunParameters& parameters);
@@ -68,6 +69,7 @@ std::string insertions_text(std::span<const std::uint64_t> num_insertions);
 // Each of these texts ends its lines itself.
 std::string line_text(std::string_view name, std::string_view value);  // of a table
 std::string facts_text(const SurfaceFacts& facts);
+std::string sheets_text(const SurfaceSheets& sheets);  // of the first ones
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary);
 std::string audit_text(const AuditReport& report);

@@ -400,17 +400,4 @@ Frame frame_of(const Box& surface) {
   }
 }
 
-SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                               IngestWatch& watch, Workers& workers,
-                               const std::optional<Size>& weld) {
-  RawSurface raw = read_surface(source, directory, watch);
-  const std::string digest = raw.digest;
-  const Frame frame = frame_of(raw.box);
-  const std::optional<double> length = weld_length(weld, raw.box);
-  return {
-      check_surface(std::move(raw), frame, watch, workers, kBucketCapacity, IngestShare(), length)
-          .facts,
-      digest};
-}
-
 }  // namespace locvol

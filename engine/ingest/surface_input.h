@@ -115,14 +115,4 @@ CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& wa
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);
 
-// What can be known of a surface without a run.
-struct SurveyedSurface {
-  SurfaceFacts facts;
-  std::string digest;
-};
-// Reads and checks it; of it, nothing stays. Throws as both.
-SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                               IngestWatch& watch, Workers& workers,
-                               const std::optional<Size>& weld);
-
 }  // namespace locvol

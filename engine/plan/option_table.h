@@ -151,6 +151,7 @@ inline constexpr std::tuple kOptions{
                   "which is not closed otherwise)"}}},
     Option<&MeshOptions::sharp_angle, &RunParameters::sharp_angle>{
         {.name = {"--sharp-angle", "sharp_angle"},
+         .group = OptionGroup::kSurface,
          .help = {"DEG",
                   "Sheets, the faces of the surface, end at edges where it turns by more degrees; "
                   "0: only where names do that the file gives them (default: {standard})"},
