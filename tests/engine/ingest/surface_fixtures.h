@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <optional>
 #include <random>
 #include <string>
@@ -134,6 +136,25 @@ inline Polygons box_of_triangles(const Point& min, const Point& max) {
   return box;
 }
 
+// Of radius 1 and n sides, from z = 0 upwards.
+inline Polygons cylinder(std::uint32_t n, double height = 1) {
+  Polygons shape;
+  for (std::uint32_t i = 0; i < n; ++i)
+    for (const double z : {0.0, height})
+      shape.vertices.push_back(
+          {std::cos(2 * std::numbers::pi * i / n), std::sin(2 * std::numbers::pi * i / n), z});
+  shape.vertices.push_back({0, 0, 0});
+  shape.vertices.push_back({0, 0, height});
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const std::uint32_t a = 2 * i, b = 2 * ((i + 1) % n);
+    shape.faces.push_back({a, b, b + 1});
+    shape.faces.push_back({a, b + 1, a + 1});
+    shape.faces.push_back({b, a, 2 * n});
+    shape.faces.push_back({a + 1, b + 1, 2 * n + 1});
+  }
+  return shape;
+}
+
 inline Polygons cube() { return box_of_triangles({0, 0, 0}, {1, 1, 1}); }
 
 inline std::string to_off(const Polygons& s, std::string_view line_end = "\n") {
@@ -151,6 +172,19 @@ inline std::string to_obj(const Polygons& s) {
   for (const auto& f : s.faces) {
     text += "f";
     for (const auto v : f) text += fmt::format(" {}", v + 1);
+    text += "\n";
+  }
+  return text;
+}
+
+// Without a name, or with one for each face.
+inline std::string to_grouped_obj(const Polygons& s, const std::vector<std::string>& groups = {}) {
+  std::string text;
+  for (const Point& p : s.vertices) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
+  for (std::size_t f = 0; f < s.faces.size(); ++f) {
+    if (!groups.empty()) text += fmt::format("g {}\n", groups[f]);
+    text += "f";
+    for (const std::uint32_t v : s.faces[f]) text += fmt::format(" {}", v + 1);
     text += "\n";
   }
   return text;

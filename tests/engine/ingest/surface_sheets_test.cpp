@@ -107,16 +107,7 @@ std::vector<SheetId> flooded(const std::vector<Triangle>& triangles,
 
 // A box whose side is a group each, or has no name.
 std::string named_box(const std::vector<std::string>& names, const Point& max = {1, 1, 1}) {
-  const Polygons box = box_of_quads({0, 0, 0}, max);
-  std::string text;
-  for (const Point& p : box.vertices) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
-  for (std::size_t f = 0; f < box.faces.size(); ++f) {
-    if (!names.empty()) text += fmt::format("g {}\n", names[f]);
-    text += "f";
-    for (const std::uint32_t v : box.faces[f]) text += fmt::format(" {}", v + 1);
-    text += "\n";
-  }
-  return text;
+  return to_grouped_obj(box_of_quads({0, 0, 0}, max), names);
 }
 
 TEST(SurfaceSheets, ABoxHasSix) {
@@ -160,25 +151,6 @@ TEST(SurfaceSheets, WhatIsSmoothAndHasNoNameIsOne) {
   const Sheeted wide = sheets_in(files.write("box.obj", named_box({})), {.sharp_angle = 100});
   EXPECT_TRUE(wide.sheets.empty());
   EXPECT_EQ(wide.of_triangles, std::vector<SheetId>(12, 1));
-}
-
-// A cylinder of n sides, from z = 0 to 1.
-Polygons cylinder(std::uint32_t n) {
-  Polygons shape;
-  for (std::uint32_t i = 0; i < n; ++i)
-    for (const double z : {0.0, 1.0})
-      shape.vertices.push_back(
-          {std::cos(2 * std::numbers::pi * i / n), std::sin(2 * std::numbers::pi * i / n), z});
-  shape.vertices.push_back({0, 0, 0});
-  shape.vertices.push_back({0, 0, 1});
-  for (std::uint32_t i = 0; i < n; ++i) {
-    const std::uint32_t a = 2 * i, b = 2 * ((i + 1) % n);
-    shape.faces.push_back({a, b, b + 1});
-    shape.faces.push_back({a, b + 1, a + 1});
-    shape.faces.push_back({b, a, 2 * n});
-    shape.faces.push_back({a + 1, b + 1, 2 * n + 1});
-  }
-  return shape;
 }
 
 TEST(SurfaceSheets, ACylinderHasASideAndTwoEnds) {

@@ -1,5 +1,4 @@
 // Facets of finished meshes have the sheets of the triangles closest to them.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,36 +21,6 @@
 
 namespace locvol {
 namespace {
-
-std::string obj_of(const Polygons& shape, const std::vector<std::string>& groups) {
-  std::string text;
-  for (const Point& p : shape.vertices) text += fmt::format("v {} {} {}\n", p.x, p.y, p.z);
-  for (std::size_t f = 0; f < shape.faces.size(); ++f) {
-    if (!groups.empty()) text += fmt::format("g {}\n", groups[f]);
-    text += "f";
-    for (const std::uint32_t v : shape.faces[f]) text += fmt::format(" {}", v + 1);
-    text += "\n";
-  }
-  return text;
-}
-
-Polygons cylinder(std::uint32_t n, double height) {
-  Polygons shape;
-  for (std::uint32_t i = 0; i < n; ++i)
-    for (const double z : {0.0, height})
-      shape.vertices.push_back(
-          {std::cos(2 * std::numbers::pi * i / n), std::sin(2 * std::numbers::pi * i / n), z});
-  std::vector<std::uint32_t> lower, upper;
-  for (std::uint32_t i = 0; i < n; ++i) {
-    const std::uint32_t a = 2 * i, b = 2 * ((i + 1) % n);
-    shape.faces.push_back({a, b, b + 1, a + 1});
-    lower.insert(lower.begin(), a);
-    upper.push_back(a + 1);
-  }
-  shape.faces.push_back(lower);
-  shape.faces.push_back(upper);
-  return shape;
-}
 
 class FacetSheets : public testing::Test {
  protected:
@@ -111,7 +80,7 @@ class FacetSheets : public testing::Test {
 TEST_F(FacetSheets, OfABoxWithSixNames) {
   const Polygons box = box_of_quads({0, 0, 0}, {3, 2, 1});
   const std::vector<std::string> names = {"below", "above", "front", "back", "left", "right"};
-  const MeshOptions options = this->options(obj_of(box, names), 0.15);
+  const MeshOptions options = this->options(to_grouped_obj(box, names), 0.15);
   const Contents contents = meshed(options, "one");
   ASSERT_EQ(contents.sheets.sheets.size(), 6U);
   for (std::size_t s = 0; s < 6; ++s) EXPECT_EQ(contents.sheets.sheets[s].name, names[s]);
@@ -123,7 +92,7 @@ TEST_F(FacetSheets, OfABoxWithSixNames) {
 }
 
 TEST_F(FacetSheets, OfACylinderBySharpEdges) {
-  MeshOptions options = this->options(obj_of(cylinder(64, 2), {}), 0.2);
+  MeshOptions options = this->options(to_grouped_obj(cylinder(64, 2)), 0.2);
   const Contents contents = meshed(options, "cylinder");
   ASSERT_EQ(contents.sheets.sheets.size(), 3U);
   EXPECT_EQ(contents.sheets.sheets[0].name, "sheet 1");
