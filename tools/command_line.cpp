@@ -112,11 +112,19 @@ CLI::Option* add_boundary(CLI::App& app, OutputOptions& options) {
                       "(vtu, vtu-zlib, vtkhdf, tetgen; the other formats always do)");
 }
 
+CLI::Option* add_faces(CLI::App& app, OutputOptions& options) {
+  return app.add_flag(
+      "--faces", options.has_faces,
+      "Write OUTPUT.faces.json, too: name, area, place and shape of each sheet, for "
+      "programs that look for one");
+}
+
 CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
   CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
   CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
   add_cell_data(app, options)->needs(file);
   add_boundary(app, options)->needs(file);
+  add_faces(app, options)->needs(file);
   app.final_callback([&output, &options, file, format] {
     if (file->count() == 0) return;
     if (output.empty()) throw CLI::ValidationError("-o", "is empty: give the name of a file");
@@ -290,6 +298,8 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
   view->add_flag("--queue", command.lists_queue, "List the queue, in its order");
   view->add_flag("--unresolved", command.lists_unresolved, "List the unresolved sites");
   view->add_flag("--sizes", command.lists_sizes, "How many cells of which sizes are asked for");
+  view->add_flag("--faces", command.lists_faces,
+                 "Of a finished run, name, area, place and shape of each sheet");
   add_leaf(*view, command.leaf, "One leaf in full");
   view->require_option(0, 1);
 

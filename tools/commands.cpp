@@ -31,6 +31,7 @@
 #include "engine/shared/stop_source.h"
 #include "engine/shared/workers.h"
 #include "tools/arguments.h"
+#include "tools/faces.h"
 #include "tools/finish.h"
 #include "tools/generate.h"
 #include "tools/progress.h"
@@ -109,7 +110,9 @@ int tell_read_in_vain(const RunPlace& place, bool is_json) {
 // Throws std::runtime_error unless the output can be made without overwriting the surface.
 void require_output(const std::filesystem::path& output, const OutputOptions& options,
                     const std::filesystem::path& surface) {
-  for (const auto& file : files_of(options, output)) {
+  auto files = files_of(options, output);
+  if (options.has_faces) files.push_back(faces_file(output));
+  for (const auto& file : files) {
     require_writable(file);
     std::error_code absent;  // then they are two
     if (std::filesystem::equivalent(file, surface, absent))
@@ -298,6 +301,7 @@ int run_export(const ExportCommand& command) {
                       num_streaming_threads(command.num_threads, memory_cap(command.memory_bytes)),
                       on_step);
   });
+  if (command.output_options.has_faces) write_faces(store, command.output);
   line.clear();
   if (command.is_json) {
     print_json(written_json(command.output, command.output_options, written));

@@ -34,6 +34,7 @@ struct InspectCommand {
   bool lists_queue = false;
   bool lists_unresolved = false;
   bool lists_sizes = false;
+  bool lists_faces = false;
   std::optional<LeafSpec> leaf;
   LeafListing listing;        // of leaves; its limit, of anything that is listed
   bool reads_all = false;     // every record, to find damage

@@ -13,6 +13,7 @@
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/workers.h"
 #include "tools/exit_code.h"
+#include "tools/faces.h"
 #include "tools/leaf_site_fields.h"
 #include "tools/stored_run.h"
 #include "tools/tell_user.h"
@@ -114,6 +115,7 @@ void tell_how_to_resume(const RunPlace& place, const RunCommand& command, Progre
       arguments += fmt::format(" --format {}", info_of(options.format).name);
     if (options.has_quality) arguments += " --cell-data quality";
     if (options.has_boundary) arguments += " --boundary";
+    if (options.has_faces) arguments += " --faces";
     if (command.control.is_in_pieces) arguments += " --pieces";
   }
   line.clear();
@@ -201,7 +203,10 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
   });
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
-      return write(store, command.control, run.num_writers, place, stop, on_step);
+      WriteSummary written = write(store, command.control, run.num_writers, place, stop, on_step);
+      if (command.control.output_options.has_faces)
+        write_faces(store, command.control.output, &stop, exchange);
+      return written;
     });
   if (run.summary.outcome == RunOutcome::kUnresolved) {
     const std::vector<LeafSite> own = unresolved_sites(store.snapshot());

@@ -17,8 +17,11 @@
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/run_part.h"
+#include "engine/inspect/sheet_table.h"
 #include "engine/run/leaf_queue.h"
+#include "engine/shared/scratch_directory.h"
 #include "tools/commands.h"
+#include "tools/faces.h"
 #include "tools/inspect_leaf.h"
 #include "tools/inspect_summary.h"
 #include "tools/results.h"
@@ -328,8 +331,24 @@ std::uint64_t inspect_sizes(const RunPart& part, const InspectCommand& command) 
   return 0;
 }
 
+std::uint64_t inspect_faces(const RunPart& part, const InspectCommand& command) {
+  constexpr std::uint64_t kMostRows = 100;
+  check_on_all(part.exchange, [&] {
+    if (!part.store) throw StoreError(part.name() + "the store cannot be opened");
+  });
+  const SheetTable table = sheet_table(*part.store, temporary_directory() / "faces", nullptr,
+                                       part.is_of_ranks() ? part.exchange : alone());
+  if (!part.is_first()) return 0;
+  if (command.is_json)
+    print_json(to_json(table));
+  else
+    fmt::print("{}", sheet_table_text(table, command.listing.limit.value_or(kMostRows)));
+  return 0;
+}
+
 std::uint64_t inspect(const RunPart& part, const InspectCommand& command) {
   if (command.lists_sizes) return inspect_sizes(part, command);
+  if (command.lists_faces) return inspect_faces(part, command);
   if (!command.vtu.empty())
     return command.leaf ? write_cells(part, command) : write_boxes(part, command);
   if (command.leaf)

@@ -27,6 +27,7 @@ struct OutputOptions {
   bool has_quality = false;   // as cell data, where the format has any
   bool is_by_ranks = false;   // several processes write one file
   bool has_boundary = false;  // with the cells, in formats that do not have it always
+  bool has_faces = false;     // the command puts a file of what is known of the sheets beside it
 };
 
 // What a mesh has of all that a format numbers.

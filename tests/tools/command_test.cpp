@@ -26,6 +26,11 @@
 namespace locvol {
 namespace {
 
+constexpr const char* kNamedBox =
+    "v 0 0 0\nv 3 0 0\nv 0 2 0\nv 3 2 0\nv 0 0 1\nv 3 0 1\nv 0 2 1\nv 3 2 1\n"
+    "g below\nf 1 3 4 2\ng above\nf 5 6 8 7\ng front\nf 1 2 6 5\ng back\nf 3 7 8 4\n"
+    "g inlet\nf 1 5 7 3\ng outlet\nf 2 4 8 6\n";
+
 std::string make_cube(const TempDir& dir) {
   const auto file = dir / "cube.off";
   std::ofstream(file) << kCube;
@@ -757,6 +762,93 @@ TEST(Command, SizesFromAFileMakeMoreCells) {
     EXPECT_NE(refused.err.find("sizes.txt: line 3: a ball without a radius"), std::string::npos)
         << refused.err;
   }
+}
+
+std::string make_named_box(const TempDir& dir) {
+  const auto file = dir / "box.obj";
+  std::ofstream(file) << kNamedBox;
+  return file.string();
+}
+
+TEST(Command, InfoListsTheSheets) {
+  const TempDir dir;
+  const std::string box = make_named_box(dir);
+  const ProcessResult text = run_locvol({"info", box});
+  EXPECT_NE(
+      text.out.find("sheets           6\n  1  below: 2 triangles, area 6, centroid (1.5, 1, 0)"
+                    "\n"),
+      std::string::npos)
+      << text.out;
+  const nlohmann::json info = nlohmann::json::parse(run_locvol({"info", box, "--json"}).out);
+  ASSERT_EQ(info["sheets"].size(), 6U);
+  EXPECT_EQ(info["sheets"][4]["name"], "inlet");
+  EXPECT_EQ(info["sheets"][4]["num_triangles"], 2);
+  EXPECT_EQ(info["sheets"][4]["area"], 2.0);
+  const nlohmann::json cube = nlohmann::json::parse(
+      run_locvol({"info", make_cube(dir), "--sharp-angle", "100", "--json"}).out);
+  EXPECT_TRUE(cube["sheets"].empty());
+}
+
+TEST(Command, FacesAreInAFileBesideTheMesh) {
+  const TempDir dir;
+  const std::string box = make_named_box(dir), output = (dir / "box.vtu").string(),
+                    store = (dir / "store").string();
+  const ProcessResult meshed = run_locvol(
+      {"mesh", box, "-o", output, "-s", "20%", "--store", store, "--faces", "--boundary", "-q"});
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  const std::string text = bytes_of(output + ".faces.json");
+  const nlohmann::json faces = nlohmann::json::parse(text);
+  ASSERT_EQ(faces["faces"].size(), 6U);
+  // As a program would find the face at x = 0.
+  int num_found = 0;
+  for (const nlohmann::json& face : faces["faces"]) {
+    const nlohmann::json& shape = face["shape"];
+    EXPECT_EQ(shape["kind"], "plane");
+    if (shape["normal"][0] != -1.0 || face["surface"]["centroid"][0] != 0.0) continue;
+    ++num_found;
+    EXPECT_EQ(face["name"], "inlet");
+    EXPECT_EQ(face["group"], "inlet");
+    EXPECT_EQ(face["named_by"], "file");
+    EXPECT_EQ(face["bodies"], nlohmann::json::array({1, 0}));
+    EXPECT_GT(face["num_facets"], 10);
+    EXPECT_NEAR(face["area"].get<double>(), 2, 0.4);
+    EXPECT_EQ(face["surface"]["area"], 2.0);
+  }
+  EXPECT_EQ(num_found, 1);
+  EXPECT_EQ(run_locvol({"inspect", store, "--faces", "--json"}).out, text);
+  EXPECT_NE(run_locvol({"inspect", store, "--faces"}).out.find("5  inlet: "), std::string::npos);
+  for (const char* command : {"export", "resume"}) {
+    const std::string again = (dir / command).string() + ".msh";
+    ASSERT_EQ(run_locvol({command, store, "-o", again, "--faces", "-q"}).exit_code, 0);
+    EXPECT_EQ(bytes_of(again + ".faces.json"), text);
+  }
+}
+
+TEST(Command, SizesGoByNames) {
+  const TempDir dir;
+  const std::string box = make_named_box(dir), sizes = (dir / "sizes.txt").string(),
+                    output = (dir / "box.vtu").string(), store = (dir / "store").string();
+  std::ofstream(sizes) << "sheet 4% inlet\n";
+  const std::vector<std::string> mesh = {"mesh", box,       "-o",  output,    "-s",  "20%",
+                                         "-q",   "--sizes", sizes, "--store", store, "--json"};
+  const ProcessResult meshed = run_locvol(mesh);
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  const nlohmann::json json = nlohmann::json::parse(meshed.out);
+  EXPECT_EQ(json.at("parameters").at("sheet_sizes"), (nlohmann::json{{"inlet", 0.04}}));
+  EXPECT_EQ(json.at("parameters").at("growth"), 0.2);
+  EXPECT_EQ(run_locvol({"audit", store}).exit_code, 0);
+  const nlohmann::json faces =
+      nlohmann::json::parse(run_locvol({"inspect", store, "--faces", "--json"}).out)["faces"];
+  EXPECT_GT(faces[4]["num_facets"].get<int>(), 8 * faces[5]["num_facets"].get<int>());
+  // The size is a part of what the run is; and names have to be there.
+  std::ofstream(sizes) << "sheet 5% inlet\n";
+  EXPECT_NE(run_locvol(mesh).err.find("--sizes is 0.04 at inlet in it, and 0.05 at inlet here"),
+            std::string::npos);
+  std::ofstream(sizes) << "sheet 5% inlett\n";
+  const ProcessResult refused =
+      run_locvol({"mesh", box, "-o", output, "-s", "20%", "--sizes", sizes});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("is 'inlet' meant?"), std::string::npos) << refused.err;
 }
 
 TEST(Command, SizesComeFromAnImageAndAFile) {

@@ -18,6 +18,7 @@
 #include "engine/formats/mesh_arrays.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/sheet_table.h"
 #include "engine/plan/same_run.h"
 #include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
@@ -316,6 +317,25 @@ TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
       EXPECT_EQ(all.size(), (info.num_items + items - 1) / items);
       EXPECT_TRUE(all == in_order(of_one)) << items;
     }
+}
+
+TEST_F(FileOfRanks, SheetsAreThoseOfOneProcess) {
+  const SheetTable expected =
+      sheet_table(Store::open(scratch_ / "whole", {.read_only = true}), scratch_ / "table");
+  ASSERT_EQ(expected.rows.size(), 2U);  // it has two components
+  run_as_ranks(3, [&](Exchange& exchange) {
+    const SheetTable table = sheet_table(part(exchange), scratch_ / "table", nullptr, exchange);
+    ASSERT_EQ(table.rows.size(), expected.rows.size());
+    for (std::size_t s = 0; s < table.rows.size(); ++s) {
+      const SheetRow &row = table.rows[s], &one = expected.rows[s];
+      EXPECT_GT(row.num_facets, 100U);
+      EXPECT_EQ(row.num_facets, one.num_facets);
+      EXPECT_DOUBLE_EQ(row.facet_area, one.facet_area);
+      EXPECT_EQ(row.shape.form, one.shape.form);
+      EXPECT_NEAR(row.shape.radius, one.shape.radius, 1e-12);
+      EXPECT_NEAR(row.shape.deviation, one.shape.deviation, 1e-12);
+    }
+  });
 }
 
 TEST_F(FileOfRanks, IsNotThereIfAnyStops) {
