@@ -17,6 +17,7 @@
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/surface_survey.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/sheet_table.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/mesh_chunks.h"
 #include "engine/plan/run_estimate.h"
@@ -96,12 +97,12 @@ Point point(const Coordinates& c) { return {c[0], c[1], c[2]}; }
 
 // The program's source in the engine's terms. The visitor's errors are the engine's, though they
 // pass through the program, which cannot hold them back.
-TriangleSource triangle_source(const Surface::Source& source, Thrown& thrown) {
+TriangleSource triangle_source(const Surface::GroupedSource& source, Thrown& thrown) {
   return [source, &thrown](const TriangleVisitor& visit) {
     std::exception_ptr refused;
-    const auto pass = [&](const std::array<Coordinates, 3>& corners) {
+    const auto pass = [&](const std::array<Coordinates, 3>& corners, std::string_view group) {
       try {
-        visit({point(corners[0]), point(corners[1]), point(corners[2])});
+        visit({point(corners[0]), point(corners[1]), point(corners[2])}, group);
       } catch (...) {
         refused = std::current_exception();
         throw;
@@ -269,18 +270,83 @@ Summary summary_of(const RunSummary& run) {
           .surface_volume = surface.volume};
 }
 
+void require_vertices(std::span<const Coordinates> vertices,
+                      std::span<const TriangleIndices> triangles) {
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (const std::uint32_t v : triangles[t])
+      if (v >= vertices.size())
+        throw Error(ErrorCode::kInput,
+                    fmt::format("{}: triangle {} names vertex {} (both counted from 0), but there "
+                                "are only {}",
+                                kInMemory, t, v, vertices.size()));
+}
+
+void require_groups(std::span<const std::uint32_t> groups, std::size_t num_triangles,
+                    std::size_t num_names) {
+  if (groups.size() != num_triangles)
+    throw Error(ErrorCode::kInput, fmt::format("{}: {} triangles, and the groups of {}", kInMemory,
+                                               num_triangles, groups.size()));
+  for (std::size_t t = 0; t < groups.size(); ++t)
+    if (groups[t] >= num_names)
+      throw Error(ErrorCode::kInput,
+                  fmt::format("{}: triangle {} is of group {} (both counted from 0), but there are "
+                              "only {} names",
+                              kInMemory, t, groups[t], num_names));
+}
+
+Sheet::Form public_form(SheetForm form) {
+  switch (form) {
+    case SheetForm::kPlane:
+      return Sheet::Form::kPlane;
+    case SheetForm::kCylinder:
+      return Sheet::Form::kCylinder;
+    case SheetForm::kSphere:
+      return Sheet::Form::kSphere;
+    case SheetForm::kOther:
+      break;
+  }
+  return Sheet::Form::kOther;
+}
+
+std::vector<Sheet> public_sheets(const SheetTable& table) {
+  std::vector<Sheet> sheets;
+  for (const auto& [surface, behind, before, num_facets, facet_area, shape] : table.rows)
+    sheets.push_back({.id = static_cast<std::uint32_t>(sheets.size() + 1),
+                      .name = surface.name,
+                      .group = surface.group,
+                      .num_facets = num_facets,
+                      .area = facet_area,
+                      .num_triangles = surface.num_triangles,
+                      .surface_area = surface.area,
+                      .centroid = coordinates(surface.centroid),
+                      .box_min = coordinates(surface.box.min),
+                      .box_max = coordinates(surface.box.max),
+                      .form = public_form(shape.form),
+                      .direction = coordinates(shape.direction),
+                      .center = coordinates(shape.place),
+                      .radius = shape.radius,
+                      .is_hollow = shape.is_hollow});
+  return sheets;
+}
+
 void pass_on(const BoundarySurface::Facets& some,
              const std::function<void(const BoundaryChunk&)>& visit) {
   std::vector<std::array<std::uint64_t, 3>> facets;
   std::vector<std::array<Coordinates, 3>> corners;
   std::vector<std::uint64_t> cells;
+  std::vector<std::uint32_t> sheets;
   for (const BoundaryFacet& facet : some.facets) {
     facets.push_back(facet.vertices);
     cells.push_back(facet.cell);
+    sheets.push_back(facet.labels.sheet);
   }
   for (const auto& [a, b, c] : some.corners)
     corners.push_back({coordinates(a), coordinates(b), coordinates(c)});
-  visit({.first_facet = some.first, .facets = facets, .corners = corners, .cells = cells});
+  visit({.first_facet = some.first,
+         .facets = facets,
+         .corners = corners,
+         .cells = cells,
+         .sheets = sheets});
 }
 
 }  // namespace
@@ -291,24 +357,38 @@ Surface Surface::file(std::filesystem::path path) {
   return surface;
 }
 
-Surface Surface::triangles(Source source) {
+Surface Surface::grouped_triangles(GroupedSource source) {
   Surface surface;
   surface.source_ = std::move(source);
   return surface;
 }
 
+Surface Surface::triangles(Source source) {
+  return grouped_triangles([source = std::move(source)](const GroupedVisitor& visit) {
+    source([&](const std::array<Coordinates, 3>& corners) { visit(corners, {}); });
+  });
+}
+
 Surface Surface::arrays(std::span<const Coordinates> vertices,
                         std::span<const TriangleIndices> triangles) {
-  for (std::size_t t = 0; t < triangles.size(); ++t)
-    for (const std::uint32_t v : triangles[t])
-      if (v >= vertices.size())
-        throw Error(ErrorCode::kInput,
-                    fmt::format("{}: triangle {} names vertex {} (both counted from 0), but there "
-                                "are only {}",
-                                kInMemory, t, v, vertices.size()));
+  require_vertices(vertices, triangles);
   return Surface::triangles([vertices, triangles](const Visitor& visit) {
     for (const auto& [a, b, c] : triangles) visit({vertices[a], vertices[b], vertices[c]});
   });
+}
+
+Surface Surface::arrays(std::span<const Coordinates> vertices,
+                        std::span<const TriangleIndices> triangles,
+                        std::span<const std::uint32_t> groups, std::vector<std::string> names) {
+  require_vertices(vertices, triangles);
+  require_groups(groups, triangles.size(), names.size());
+  return grouped_triangles(
+      [vertices, triangles, groups, names = std::move(names)](const GroupedVisitor& visit) {
+        for (std::size_t t = 0; t < triangles.size(); ++t) {
+          const auto& [a, b, c] = triangles[t];
+          visit({vertices[a], vertices[b], vertices[c]}, names[groups[t]]);
+        }
+      });
 }
 
 SurfaceSource SurfaceAccess::source(const Surface& surface, const std::filesystem::path& directory,
@@ -439,6 +519,13 @@ void Mesh::for_each_boundary_chunk(const std::function<void(const BoundaryChunk&
       const auto next = boundary.facets({.has_corners = true});
       for (auto some = next(); some; some = next()) pass_on(*some, pass);
     });
+  });
+}
+
+std::vector<Sheet> Mesh::sheets() const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    return public_sheets(sheet_table(impl_->open(), impl_->store));
   });
 }
 

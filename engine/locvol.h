@@ -28,6 +28,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/plan/library_options.h"
@@ -74,6 +75,11 @@ class Surface {
   /// Calls the visitor for each triangle: the same ones in the same order whenever it is called,
   /// which is once or twice a run.
   using Source = std::function<void(const Visitor& visit)>;
+  /// Takes the corners of one triangle, and the name of its group, which is empty if it has none.
+  using GroupedVisitor =
+      std::function<void(const std::array<Coordinates, 3>& corners, std::string_view group)>;
+  /// As Source.
+  using GroupedSource = std::function<void(const GroupedVisitor& visit)>;
 
   /// STL, OBJ, OFF or PLY, also packed by gzip, or a pipe with a name. What the file holds decides,
   /// not what it is called.
@@ -82,13 +88,20 @@ class Surface {
   /// Error (kInput) for an index that is out of range.
   static Surface arrays(std::span<const Coordinates> vertices,
                         std::span<const TriangleIndices> triangles);
+  /// Likewise, with a group for each triangle: an index into `names`. What has a name keeps it: see
+  /// Mesh::sheets().
+  static Surface arrays(std::span<const Coordinates> vertices,
+                        std::span<const TriangleIndices> triangles,
+                        std::span<const std::uint32_t> groups, std::vector<std::string> names);
   /// Triangles that a function gives one by one.
   static Surface triangles(Source source);
+  /// Likewise, with the names of their groups.
+  static Surface grouped_triangles(GroupedSource source);
 
  private:
   friend struct SurfaceAccess;
   std::filesystem::path file_;
-  Source source_;  // empty: it is in the file
+  GroupedSource source_;  // empty: it is in the file
 };
 
 /// What a run is doing.
@@ -268,6 +281,35 @@ struct BoundaryChunk {
   std::span<const std::array<std::uint64_t, 3>> facets = {};
   std::span<const std::array<Coordinates, 3>> corners = {};  ///< Where these vertices lie.
   std::span<const std::uint64_t> cells = {};                 ///< The number of each facet's cell.
+  std::span<const std::uint32_t> sheets = {};                ///< Of which sheet each is: Sheet::id.
+};
+
+/// A part of the surface, and of the mesh's boundary, that conditions can be given for: what hangs
+/// together of a named group, or of all where there are none, up to edges where the surface turns
+/// by more than Options::sharp_angle.
+struct Sheet {
+  /// What it is exactly, to 10^-5 of the diagonal of the surface's box.
+  enum class Form {
+    kOther,     ///< None of these.
+    kPlane,     ///< With a normal, which points outward.
+    kCylinder,  ///< With an axis and a radius.
+    kSphere     ///< With a center and a radius.
+  };
+  std::uint32_t id = 0;             ///< From 1 on: its place in Mesh::sheets(), plus one.
+  std::string name = {};            ///< That of its group, which ends in _1, _2, ... of several.
+  std::string group = {};           ///< As the surface calls it; empty: it has no name there.
+  std::uint64_t num_facets = 0;     ///< Of the mesh's boundary.
+  double area = 0;                  ///< Of these.
+  std::uint64_t num_triangles = 0;  ///< Of the surface.
+  double surface_area = 0;          ///< Of these.
+  Coordinates centroid = {};        ///< Likewise.
+  Coordinates box_min = {};         ///< Likewise, the smallest coordinates.
+  Coordinates box_max = {};         ///< Likewise, the largest coordinates.
+  Form form = Form::kOther;         ///< Likewise.
+  Coordinates direction = {};       ///< Of a plane its normal, of a cylinder its axis.
+  Coordinates center = {};          ///< Of a sphere; of a cylinder, a point of its axis.
+  double radius = 0;                ///< Of a cylinder or a sphere.
+  bool is_hollow = false;           ///< Likewise: the surface faces the axis or the center.
 };
 
 /// A run's result. It reads from the store, and holds no part of the mesh in memory.
@@ -303,6 +345,10 @@ class Mesh {
   /// order of its cells. Needs 60 MB besides, and temporary files beside the store.
   /// REQUIRES: is_complete()
   void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit) const;
+  /// The sheets of the surface, measured there and on the mesh's boundary. One that is called
+  /// "boundary" if nothing parts it. Reads the surface twice; needs 30 MB besides, and a temporary
+  /// file beside the store. REQUIRES: is_complete()
+  std::vector<Sheet> sheets() const;
   /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
   /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
   /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws

@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -30,9 +32,13 @@ class TriangleDigest {
     hash_.update(kDigestPrefix.data(), kDigestPrefix.size());
     waiting_.reserve(kHashedAtOnce);
   }
-  void add(const std::array<Point, 3>& corners) {
+  // True: another group begins.
+  bool add(const std::array<Point, 3>& corners, std::string_view group) {
+    const bool begins = group != group_;
+    if (begins) begin(group);
     waiting_.push_back(corners);
     if (waiting_.size() == kHashedAtOnce) flush();
+    return begins;
   }
   std::string finish() {
     flush();
@@ -40,6 +46,15 @@ class TriangleDigest {
   }
 
  private:
+  // A mark that no coordinate is, and the name.
+  void begin(std::string_view group) {
+    flush();
+    constexpr std::uint64_t kMark = 0xffffffffffffffff;  // of a double, no number
+    const std::array<std::uint64_t, 2> head = {kMark, group.size()};
+    hash_.update(head.data(), sizeof head);
+    hash_.update(group.data(), group.size());
+    group_ = group;
+  }
   void flush() {
     throw_if_stopped(stop_);
     hash_.update(waiting_.data(), waiting_.size() * sizeof waiting_[0]);
@@ -48,6 +63,7 @@ class TriangleDigest {
 
   const StopToken* stop_;
   Sha256 hash_;
+  std::string group_;
   std::vector<std::array<Point, 3>> waiting_;
 };
 
@@ -64,9 +80,9 @@ std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink,
                             const StopToken* stop) {
   TriangleDigest digest(stop);
   std::uint64_t num_triangles = 0;
-  triangles([&](const std::array<Point, 3>& corners) {
+  triangles([&](const std::array<Point, 3>& corners, std::string_view group) {
     check_finite(corners, num_triangles++);
-    digest.add(corners);
+    if (digest.add(corners, group)) sink.group(group);
     sink.facet(corners);
   });
   return digest.finish();
@@ -74,7 +90,9 @@ std::string parse_triangles(const TriangleSource& triangles, SurfaceSink& sink,
 
 std::string digest_of_triangles(const TriangleSource& triangles, const StopToken* stop) {
   TriangleDigest digest(stop);
-  triangles([&](const std::array<Point, 3>& corners) { digest.add(corners); });
+  triangles([&](const std::array<Point, 3>& corners, std::string_view group) {
+    digest.add(corners, group);
+  });
   return digest.finish();
 }
 

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <string_view>
 
 #include "engine/ingest/surface_reader.h"
 #include "octree/geometry.h"
@@ -35,11 +36,13 @@ SurfaceSource surface_at(const std::filesystem::path& input,
                          const std::filesystem::path& directory);
 
 // Calls the visitor for each triangle: the same ones in the same order whenever it is called.
-using TriangleVisitor = std::function<void(const std::array<Point, 3>& corners)>;
+// `group`: what the triangle's group is called; empty: it has no name.
+using TriangleVisitor =
+    std::function<void(const std::array<Point, 3>& corners, std::string_view group)>;
 using TriangleSource = std::function<void(const TriangleVisitor& visit)>;
 
-// The digest is of the coordinates as they are given. Both functions call `triangles` once, and
-// parse() throws InputError for coordinates that are not finite.
+// The digest is of the coordinates and groups as they are given. Both functions call `triangles`
+// once, and parse() throws InputError for coordinates that are not finite.
 SurfaceSource surface_in_memory(TriangleSource triangles);
 
 }  // namespace locvol

@@ -233,6 +233,7 @@ TEST(Library, HandsOutTheBoundaryInChunks) {
     EXPECT_EQ(chunk.first_facet, num_facets);
     ASSERT_EQ(chunk.corners.size(), chunk.facets.size());
     ASSERT_EQ(chunk.cells.size(), chunk.facets.size());
+    ASSERT_EQ(chunk.sheets.size(), chunk.facets.size());
     num_facets += chunk.facets.size();
     for (std::size_t f = 0; f < chunk.facets.size(); ++f) {
       std::array<Point, 3> corners;
@@ -550,6 +551,53 @@ TEST(Library, ListsPlacesWhereThePromiseIsNotKept) {
     EXPECT_GT(place.radius, 0);
     EXPECT_GT(place.position[0], -0.2);
   }
+}
+
+// Groups of a surface in memory are sheets of the mesh, and what a store knows the surface by.
+TEST(Library, GroupsOfASurfaceAreSheetsOfTheMesh) {
+  const TempDir dir;
+  const std::vector<Coordinates> vertices = {{0, 0, 0}, {3, 0, 0}, {0, 2, 0}, {3, 2, 0},
+                                             {0, 0, 1}, {3, 0, 1}, {0, 2, 1}, {3, 2, 1}};
+  const std::vector<TriangleIndices> triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6},
+                                                  {0, 1, 5}, {0, 5, 4}, {2, 6, 7}, {2, 7, 3},
+                                                  {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  const std::vector<std::uint32_t> groups = {1, 1, 2, 2, 2, 2, 2, 2, 0, 0, 3, 3};
+  const std::vector<std::string> names = {"inlet", "below", "wall", "outlet"};
+  Options options{.size = Size::length(0.3), .store = dir / "store"};
+  options.sheets = {{"inlet", Size::length(0.1), {}}};
+  const Mesh mesh = mesh_surface(Surface::arrays(vertices, triangles, groups, names), options, {});
+  const std::vector<Sheet> sheets = mesh.sheets();
+  std::vector<std::string> found;
+  for (const Sheet& sheet : sheets) {
+    EXPECT_EQ(sheet.id, found.size() + 1);
+    EXPECT_EQ(sheet.form, Sheet::Form::kPlane);
+    found.push_back(sheet.name);
+  }
+  EXPECT_EQ(found,
+            (std::vector<std::string>{"below", "wall_1", "wall_2", "wall_3", "inlet", "outlet"}));
+  EXPECT_EQ(sheets[4].direction, (Coordinates{-1, 0, 0}));
+  EXPECT_EQ(sheets[4].centroid, (Coordinates{0, 1, 0.5}));
+  EXPECT_GT(sheets[4].num_facets, 4 * sheets[5].num_facets);
+  std::vector<std::uint64_t> num_facets(sheets.size());
+  mesh.for_each_boundary_chunk([&](const BoundaryChunk& chunk) {
+    for (const std::uint32_t sheet : chunk.sheets) ++num_facets.at(sheet - 1);
+  });
+  for (std::size_t s = 0; s < sheets.size(); ++s) EXPECT_EQ(num_facets[s], sheets[s].num_facets);
+
+  const auto code_of = [&](const Surface& surface) {
+    try {
+      mesh_surface(surface, options, {});
+    } catch (const Error& error) {
+      return error.code();
+    }
+    return ErrorCode::kInternal;
+  };
+  EXPECT_EQ(code_of(Surface::arrays(vertices, triangles)), ErrorCode::kMismatch);
+  EXPECT_EQ(
+      code_of(Surface::arrays(vertices, triangles, groups, {"inlet", "below", "wall", "other"})),
+      ErrorCode::kMismatch);
+  EXPECT_THROW(Surface::arrays(vertices, triangles, groups, {"a", "b", "c"}), Error);
+  EXPECT_THROW(Surface::arrays(vertices, triangles, std::span(groups).first(3), names), Error);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Meshes a surface and adds up its cells, one chunk at a time; Ctrl-C stops it.
+// Meshes a surface, adds up its cells, one chunk at a time, and lists its sheets; Ctrl-C stops it.
 // Usage: volume SURFACE [PERCENT [STORE]]   of a file (STL, OBJ, OFF, PLY), λ = PERCENT of its box,
 //                                           or the size that locvol chooses
 //        volume                             of an octahedron made here
@@ -6,6 +6,7 @@
 
 #include <array>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <vector>
@@ -59,6 +60,9 @@ int run(const locvol::Surface& surface, locvol::Options options) {
   std::printf("dihedral angles from %.1f to %.1f degrees, radius-edge ratios up to %.2f\n",
               statistics.min_dihedral_degrees, statistics.max_dihedral_degrees,
               statistics.max_radius_edge_ratio);
+  for (const locvol::Sheet& sheet : mesh.sheets())
+    std::printf("sheet %s: area %g, %llu facets\n", sheet.name.c_str(), sheet.area,
+                static_cast<unsigned long long>(sheet.num_facets));
   return 0;
 }
 
@@ -74,7 +78,9 @@ int main(int argc, char** argv) try {
                                              {0, -1, 0}, {0, 0, 1},  {0, 0, -1}};
   const std::vector<locvol::TriangleIndices> triangles = {
       {0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
-  return run(locvol::Surface::arrays(vertices, triangles), {.size = locvol::Size::length(0.1)});
+  const std::vector<std::uint32_t> groups = {0, 0, 0, 0, 1, 1, 1, 1};
+  return run(locvol::Surface::arrays(vertices, triangles, groups, {"upper", "lower"}),
+             {.size = locvol::Size::length(0.1)});
 } catch (const locvol::Error& error) {
   std::fprintf(stderr, "volume: %s\n", error.what());
   return 1;
