@@ -48,8 +48,8 @@ auto fields(Maybe<SurfaceThinner::Vertex> auto& vertex) {
   return std::tuple(Field("cube", cube), Field("sum", sum), Field("count", count));
 }
 auto fields(Maybe<SurfaceThinner::JoinedTriangle> auto& triangle) {
-  auto& [vertices, num] = triangle;
-  return std::tuple(Field("vertices", vertices), Field("num", num));
+  auto& [vertices, num, sheet] = triangle;
+  return std::tuple(Field("vertices", vertices), Field("num", num), Field("sheet", sheet));
 }
 auto fields(Maybe<SurfaceThinner::Part> auto& part) {
   auto& [vertices, triangles] = part;
@@ -161,23 +161,36 @@ std::uint32_t place_of(MortonKey leaf, std::span<const ViewLeaf> leaves) {
 
 // -- Cells ---------------------------------------------------------------------------------------
 
+// A facet of the boundary, by the ids of its vertices, which ascend.
+struct SheetFacet {
+  std::array<std::uint64_t, 3> ids{};
+  SheetId sheet = 0;
+};
+auto fields(Maybe<SheetFacet> auto& facet) {
+  auto& [ids, sheet] = facet;
+  return std::tuple(Field("ids", ids), Field("sheet", sheet));
+}
+
 // Cells of one leaf, the core's after those that the store lists.
 struct LeafMesh {
   std::vector<std::uint64_t> ids;
   std::vector<Point> positions;
   std::vector<bool> is_core;  // of each vertex
   std::vector<std::array<std::uint32_t, 4>> cells;
+  std::vector<SheetFacet> facets;  // that the leaf lists, if they are asked for
 
   std::array<Point, 4> corners(std::size_t cell) const {
     const auto& [a, b, c, d] = cells[cell];
     return {positions[a], positions[b], positions[c], positions[d]};
   }
-  std::size_t bytes() const { return cells.size() * sizeof cells[0] + 40 * ids.size(); }
+  std::size_t bytes() const {
+    return cells.size() * sizeof cells[0] + 40 * ids.size() + facets.size() * sizeof facets[0];
+  }
 };
 auto fields(Maybe<LeafMesh> auto& mesh) {
-  auto& [ids, positions, is_core, cells] = mesh;
+  auto& [ids, positions, is_core, cells, facets] = mesh;
   return std::tuple(Field("ids", ids), Field("positions", positions), Field("is_core", is_core),
-                    Field("cells", cells));
+                    Field("cells", cells), Field("facets", facets));
 }
 
 // For the first rank.
@@ -196,6 +209,7 @@ LeafMesh part_of(const LeafMesh& mesh, const IsShown& is_shown) {
   constexpr std::uint32_t kNew = ~std::uint32_t{0};
   std::vector<std::uint32_t> place(mesh.ids.size(), kNew);
   LeafMesh part;
+  part.facets = mesh.facets;
   for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell) {
     if (!is_shown(cell)) continue;
     part.cells.push_back(mesh.cells[cell]);
@@ -213,8 +227,11 @@ LeafMesh part_of(const LeafMesh& mesh, const IsShown& is_shown) {
 
 class LeafMeshReader {
  public:
-  LeafMeshReader(const Reader& reader, const RunRecord& run, const LinearOctree& octree)
+  // `has_facets`: leaves come with the facets that they list.
+  LeafMeshReader(const Reader& reader, const RunRecord& run, const LinearOctree& octree,
+                 bool has_facets)
       : reader_(reader),
+        has_facets_(has_facets),
         run_(run),
         octree_(octree),
         scale_(reader, run),
@@ -230,7 +247,9 @@ class LeafMeshReader {
     LeafMesh mesh{.ids = std::move(cells.vertices),
                   .positions = {},
                   .is_core = {},
-                  .cells = std::move(cells.cells)};
+                  .cells = std::move(cells.cells),
+                  .facets = {}};
+    if (has_facets_) read_facets(key, mesh);
     find_positions(key, around, mesh);
     add_core_cells(key, mesh);
     return mesh;
@@ -256,6 +275,17 @@ class LeafMeshReader {
       throw CorruptRecord(leaf_name(key) + ": " + e.what(), key);
     }
     return table;
+  }
+
+  void read_facets(MortonKey leaf, LeafMesh& mesh) const {
+    const LeafFacets listed = reader_.facets(leaf);
+    for (const auto& [vertices, labels] : listed.facets) {
+      SheetFacet& facet = mesh.facets.emplace_back();
+      std::ranges::transform(vertices, facet.ids.begin(),
+                             [&](std::uint32_t v) { return listed.vertices[v]; });
+      std::ranges::sort(facet.ids);
+      facet.sheet = labels.sheet;
+    }
   }
 
   SiteBox sites(MortonKey leaf) const { return lattice_.sites_in(run_.frame.box(leaf)); }
@@ -320,6 +350,7 @@ class LeafMeshReader {
   }
 
   const Reader& reader_;
+  bool has_facets_;
   const RunRecord& run_;
   const LinearOctree& octree_;
   LeafScale scale_;
@@ -338,6 +369,7 @@ class CellGatherer {
   template <class IsShown>
   std::uint64_t add(std::uint32_t leaf, const LeafMesh& mesh, const IsShown& is_shown) {
     out_.leaves.push_back({leaf, 0});
+    for (const auto& [ids, sheet] : mesh.facets) sheets_[ids] = sheet;
     for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell)
       if (is_shown(cell)) add(mesh, cell);
     return out_.leaves.back()[1];
@@ -348,10 +380,24 @@ class CellGatherer {
     out_.boundary.assign(out_.cells.size(), 0);
     for (const auto& [facet, place] : open_)  // in any order: each sets a bit of its own
       out_.boundary[place >> 2] |= static_cast<std::uint8_t>(1U << (place & 3));
+    if (!sheets_.empty()) find_sheets();
   }
 
  private:
   using Facet = std::array<std::uint32_t, 3>;
+
+  void find_sheets() {
+    std::vector<std::pair<std::uint32_t, SheetId>> by_place;
+    for (const auto& [facet, place] : open_) {
+      std::array<std::uint64_t, 3> ids{};
+      std::ranges::transform(facet, ids.begin(), [&](std::uint32_t v) { return ids_[v]; });
+      std::ranges::sort(ids);
+      const auto listed = sheets_.find(ids);
+      by_place.emplace_back(place, listed == sheets_.end() ? 0 : listed->second);
+    }
+    std::ranges::sort(by_place);
+    for (const auto& [place, sheet] : by_place) out_.sheets.push_back(sheet);
+  }
 
   void add(const LeafMesh& mesh, std::size_t cell) {
     std::array<std::uint32_t, 4> named{};
@@ -359,7 +405,10 @@ class CellGatherer {
       const std::uint32_t v = mesh.cells[cell][i];
       const auto next = static_cast<std::uint32_t>(out_.vertices.size());
       const auto [place, is_new] = index_.try_emplace(mesh.ids[v], next);
-      if (is_new) out_.vertices.push_back(mesh.positions[v]);
+      if (is_new) {
+        out_.vertices.push_back(mesh.positions[v]);
+        if (finds_boundary_) ids_.push_back(mesh.ids[v]);
+      }
       named[i] = place->second;
     }
     out_.cells.push_back(named);
@@ -394,6 +443,8 @@ class CellGatherer {
   bool finds_boundary_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;    // of vertices, by id; never listed
   std::unordered_map<Facet, std::uint32_t, TableHash> open_;  // 4 * cell + opposite vertex
+  std::vector<std::uint64_t> ids_;                            // of the vertices
+  std::unordered_map<std::array<std::uint64_t, 3>, SheetId, TableHash> sheets_;  // never listed
 };
 
 bool straddles(const LeafMesh& mesh, std::size_t cell, const ViewPlane& plane) {
@@ -465,6 +516,7 @@ class Viewer {
   }
 
   MeshView view() {
+    view_.sheets = reader_.sheets();
     read_leaves();
     read_sites();
     if (run_.phase == Phase::kDone) read_cells();
@@ -553,7 +605,7 @@ class Viewer {
   // All cells, or those that meet one of the planes. False: these are too many.
   bool gather_cells(std::span<const ViewPlane> planes, bool has_all) {
     SetGatherer sets(view_.cells, has_all, exchange_);
-    LeafMeshReader meshes(reader_, run_, octree_);
+    LeafMeshReader meshes(reader_, run_, octree_, has_all && view_.sheets.sheets.size() > 1);
     std::uint64_t num_gathered = 0;
     for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
       if (num_cells_[leaf] == 0) continue;

@@ -56,6 +56,9 @@ struct ViewCells {
   // Bit i: the facet opposite vertex i is on the boundary of the mesh. Empty unless all cells are
   // there.
   std::vector<std::uint8_t> boundary;
+  // Of these facets, in the order of their bits: the sheet of each, where there are several; 0:
+  // that is not known.
+  std::vector<SheetId> sheets;
 };
 
 struct ViewSite {
@@ -69,6 +72,7 @@ struct MeshView {
   std::vector<ViewCells> cells;  // one with all cells; or by axis and position; none: see below
   ViewSurface surface;           // left out if all cells are there
   std::vector<ViewSite> sites;
+  SurfaceSheets sheets;
 
   bool has_all_cells() const { return cells.size() == 1 && cells[0].axis == ViewCells::kAll; }
 };

@@ -23,7 +23,7 @@ std::uint32_t SurfaceThinner::vertex_of(std::uint64_t cube) {
 }
 
 void SurfaceThinner::add(const Triangle& triangle) {
-  JoinedTriangle joined{.num = 1};
+  JoinedTriangle joined{.num = 1, .sheet = triangle.sheet};
   for (std::size_t i = 0; i < 3; ++i) {
     const Point& corner = triangle.corners[i];
     joined.vertices[i] = vertex_of(cube_at(corner));
@@ -37,14 +37,18 @@ void SurfaceThinner::add(const Triangle& triangle) {
 }
 
 void SurfaceThinner::add(JoinedTriangle triangle) {
-  auto& [t, num] = triangle;
+  auto& [t, num, sheet] = triangle;
   std::ranges::rotate(t, std::ranges::min_element(t));
   if (t[1] > t[2]) {
     std::swap(t[1], t[2]);
     num = -num;
   }
-  const auto place = triangles_.try_emplace(t, 0).first;
-  if ((place->second += num) == 0) triangles_.erase(place);
+  const auto [place, is_new] = triangles_.try_emplace(t);
+  Joined& joined = place->second;
+  if (joined.num != 0) --num_triangles_;
+  joined.num += num;
+  joined.sheet = is_new ? sheet : std::min(joined.sheet, sheet);
+  if (joined.num != 0) ++num_triangles_;
 }
 
 void SurfaceThinner::add(const Part& part) {
@@ -63,10 +67,11 @@ void SurfaceThinner::add(const Part& part) {
 
 SurfaceThinner::Part SurfaceThinner::take_part() {
   Part part{.vertices = std::exchange(vertices_, {}), .triangles = {}};
-  for (const auto& [vertices, num] : std::exchange(triangles_, {}))
-    part.triangles.push_back({vertices, num});
+  for (const auto& [vertices, joined] : std::exchange(triangles_, {}))
+    part.triangles.push_back({vertices, joined.num, joined.sheet});
   std::ranges::sort(part.triangles, {}, &JoinedTriangle::vertices);  // no order of a table shows
   index_.clear();
+  num_triangles_ = 0;
   return part;
 }
 
@@ -75,10 +80,16 @@ ViewSurface SurfaceThinner::take() {
   for (const auto& [cube, sum, count] : vertices_)
     surface.vertices.push_back((1 / static_cast<double>(count)) *
                                Point{sum[0].value(), sum[1].value(), sum[2].value()});
-  for (const auto& [t, count] : triangles_)
-    for (int i = 0; i < std::abs(count); ++i)
-      surface.triangles.push_back(count > 0 ? t : std::array{t[0], t[2], t[1]});
-  std::ranges::sort(surface.triangles);  // no order of a hash table shows
+  using OfSheet = std::pair<std::array<std::uint32_t, 3>, SheetId>;
+  std::vector<OfSheet> triangles;
+  for (const auto& [t, joined] : triangles_)
+    for (int i = 0; i < std::abs(joined.num); ++i)
+      triangles.emplace_back(joined.num > 0 ? t : std::array{t[0], t[2], t[1]}, joined.sheet);
+  std::ranges::sort(triangles);  // no order of a hash table shows
+  for (const auto& [t, sheet] : triangles) {
+    surface.triangles.push_back(t);
+    surface.sheets.push_back(sheet);
+  }
   return surface;
 }
 

@@ -19,7 +19,8 @@ namespace locvol {
 struct ViewSurface {
   std::vector<Point> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  double grid = 0;  // side of these cubes; 0: the surface as it is
+  std::vector<SheetId> sheets;  // of the triangles
+  double grid = 0;              // side of these cubes; 0: the surface as it is
 };
 
 // Joins what falls into one cube of the grid, at the mean of its corners. Memory depends on the
@@ -32,10 +33,12 @@ class SurfaceThinner {
     std::array<CompensatedSum, 3> sum;
     std::uint64_t count = 0;
   };
-  // Counts the triangles with these vertices, less those turned around.
+  // Counts the triangles with these vertices, less those turned around. Its sheet is the first one
+  // that any of them is of.
   struct JoinedTriangle {
     std::array<std::uint32_t, 3> vertices{};
     int num = 0;
+    SheetId sheet = 0;
   };
   // What has been added, for a thinner with the same grid.
   struct Part {
@@ -47,7 +50,7 @@ class SurfaceThinner {
   void add(const Triangle& triangle);
   void add(const Part& part);
   std::size_t num_vertices() const { return vertices_.size(); }  // never falls
-  std::size_t num_triangles() const { return triangles_.size(); }
+  std::size_t num_triangles() const { return num_triangles_; }   // that are not cancelled
   double grid() const { return grid_; }
   ViewSurface take();
   Part take_part();  // nothing is left
@@ -61,8 +64,13 @@ class SurfaceThinner {
   double grid_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // of the cubes; asked, never listed
   std::vector<Vertex> vertices_;
-  // JoinedTriangle::num by vertices, which ascend.
-  std::unordered_map<std::array<std::uint32_t, 3>, int, TableHash> triangles_;
+  struct Joined {
+    int num = 0;
+    SheetId sheet = 0;
+  };
+  // JoinedTriangle by vertices, which ascend.
+  std::unordered_map<std::array<std::uint32_t, 3>, Joined, TableHash> triangles_;
+  std::size_t num_triangles_ = 0;
 };
 
 }  // namespace locvol

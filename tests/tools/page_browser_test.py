@@ -14,6 +14,12 @@ LOCVOL = sys.argv.pop(1)
 NO_BROWSER = 77
 
 
+BOX = """v 0 0 0\nv 3 0 0\nv 0 2 0\nv 3 2 0\nv 0 0 1\nv 3 0 1\nv 0 2 1\nv 3 2 1
+g below\nf 1 3 4 2\ng above <b>\nf 5 6 8 7\ng front\nf 1 2 6 5\ng back\nf 3 7 8 4
+g inlet\nf 1 5 7 3\ng outlet\nf 2 4 8 6
+"""
+
+
 def locvol(*arguments):
     subprocess.run([LOCVOL, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
 
@@ -30,6 +36,11 @@ class PageTest(unittest.TestCase):
         locvol("mesh", surface, "-o", cls.dir / "graded.vtu", "--size", "4%", "--growth", "0.3",
                "--store", cls.dir / "graded", "--quiet")
         locvol("report", cls.dir / "graded", "-o", cls.dir / "graded.html")
+        (cls.dir / "box.obj").write_text(BOX, encoding="utf-8")
+        locvol("mesh", cls.dir / "box.obj", "-o", cls.dir / "box.vtu", "--size", "10%",
+               "--store", cls.dir / "box", "--quiet")
+        locvol("report", cls.dir / "box", "-o", cls.dir / "sheets.html")
+        locvol("report", cls.dir / "box", "-o", cls.dir / "sheets-of-planes.html", "--cells", "1500")
         locvol("report", store, "-o", cls.dir / "whole.html")
         locvol("report", store, "-o", cls.dir / "planes.html", "--cells", "15000")
         cls.browser = browser.Browser(1200, 800).__enter__()
@@ -101,6 +112,32 @@ class PageTest(unittest.TestCase):
         self.assertIn("circumradius", self.browser.run(
             "return document.getElementById('legend').innerText"))
         self.check_quiet()
+
+    def test_colors_facets_by_sheet_and_names_them(self):
+        for page in ("sheets.html", "sheets-of-planes.html"):
+            with self.subTest(page):
+                self.open(page)
+                plain = self.picture("locvolReport.set({color: 'plain', isCut: false})")
+                self.assertNotEqual(plain, self.picture("locvolReport.set({color: 'sheet'})"))
+                legend = self.browser.run("return document.getElementById('legend').innerText")
+                for name in ("below", "above <b>", "front", "back", "inlet", "outlet"):
+                    self.assertIn(name, legend)
+                # The pointer alone asks; no click.
+                x, y = map(int, self.browser.run("""
+                    const box = document.getElementById('canvas').getBoundingClientRect();
+                    return [box.x + box.width / 2, box.y + box.height / 2]"""))
+                move = {"type": "pointerMove", "duration": 50, "origin": "viewport"}
+                self.browser.act([{"type": "pointer", "id": "mouse",
+                                   "parameters": {"pointerType": "mouse"},
+                                   "actions": [{**move, "x": x, "y": y},
+                                               {**move, "x": x + 3, "y": y}]}])
+                self.browser.run("locvolReport.picture()")
+                self.assertRegex(
+                    self.browser.run("return document.getElementById('picked').innerText"),
+                    r"^sheet \d, (below|above <b>|front|back|inlet|outlet): area \d")
+                self.assertRegex(self.browser.run("return document.body.innerText"),
+                                 r"5 inlet\s+\d+ facets, area .*plane")
+                self.check_quiet()
 
     def test_shows_planes_of_a_large_mesh(self):
         self.open("planes.html")

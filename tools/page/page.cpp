@@ -16,14 +16,17 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/inspect/sheet_table.h"
 #include "engine/plan/option_table.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/run/run_timeline.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/partial_file.h"
+#include "engine/shared/scratch_directory.h"
 #include "tools/arguments.h"
 #include "tools/commands.h"
+#include "tools/faces.h"
 #include "tools/forecast.h"
 #include "tools/page/page_charts.h"
 #include "tools/page/page_data.h"
@@ -88,6 +91,8 @@ class Page {
     run_.counts = total_counts(exchange, run_.counts);
     if (is_done()) statistics_ = mesh_statistics(store, num_threads, {}, nullptr, exchange);
     view_ = mesh_view(store, limits, exchange);
+    if (is_done() && !view_.sheets.sheets.empty())
+      sheets_ = sheet_table(store, temporary_directory() / "page", nullptr, exchange);
     num_sites_ = view_.sites.size();
     if (num_poor_cells() > 0) {
       poor_cells_ = first_poor_cells(store, limits.max_sites, num_threads, exchange);
@@ -375,8 +380,8 @@ class Page {
       mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
       if (has_sizes()) add_sizes(mesh);
     }
-    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sites() +
-           poor_cells();
+    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sheets() +
+           sites() + poor_cells();
   }
 
   void add_sizes(Rows& mesh) const {
@@ -402,6 +407,19 @@ class Page {
   }
   static std::string mebibytes(std::uint64_t bytes) {
     return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
+  }
+
+  std::string sheets() const {
+    constexpr std::size_t kMaxListed = 50;
+    if (!sheets_) return "";
+    Rows rows;
+    for (const SheetRow& row :
+         std::span(sheets_->rows).first(std::min(sheets_->rows.size(), kMaxListed)))
+      rows.emplace_back(fmt::format("{} {}", rows.size() + 1, row.surface.name), sheet_text(row));
+    if (sheets_->rows.size() > rows.size())
+      rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --faces",
+                                        grouped(sheets_->rows.size() - rows.size())));
+    return table("Sheets", rows);
   }
 
   std::string sites() const {
@@ -474,6 +492,7 @@ class Page {
   TimelineRecord timeline_;
   std::optional<MemoryRecord> memory_;
   std::optional<MeshStatistics> statistics_;
+  std::optional<SheetTable> sheets_;
   MeshView view_;
   std::size_t num_sites_ = 0;             // unresolved ones in view_.sites; poor cells follow
   std::vector<LeafPoorCell> poor_cells_;  // as many as are marked

@@ -23,6 +23,7 @@ ViewSurface in_order_of_naming(const ViewSurface& surface) {
   std::vector<std::uint32_t> place(surface.vertices.size(), kNew);
   ViewSurface ordered;
   ordered.grid = surface.grid;
+  ordered.sheets = surface.sheets;
   for (std::array<std::uint32_t, 3> triangle : surface.triangles) {
     for (std::uint32_t& corner : triangle) {
       std::uint32_t& index = place[corner];
@@ -71,6 +72,8 @@ class ViewWriter {
     json["are_leaves_merged"] =
         std::ranges::any_of(view.leaves, [](const ViewLeaf& leaf) { return leaf.num_leaves > 1; });
     json["sites"] = sites(view.sites);
+    has_sheets_ = view.sheets.sheets.size() > 1;
+    if (has_sheets_) json["sheets"] = sheets(view.sheets);
     json["cells"] = Json::array();
     const bool has_all = view.has_all_cells();
     for (ViewCells& set : view.cells) json["cells"].push_back(cells(std::exchange(set, {})));
@@ -105,6 +108,15 @@ class ViewWriter {
     return json;
   }
 
+  static Json sheets(const SurfaceSheets& sheets) {
+    Json json = {{"name", Json::array()}, {"area", Json::array()}};
+    for (const SheetFacts& sheet : sheets.sheets) {
+      json["name"].push_back(sheet.name);
+      json["area"].push_back(sheet.area);
+    }
+    return json;
+  }
+
   Json sites(std::span<const ViewSite> sites) const {
     Json json = Json::array();
     for (const auto& [site, leaf] : sites) {
@@ -129,6 +141,7 @@ class ViewWriter {
         array(packed_levels(set.radius_edge_ratios, kRatioBounds[0], kRatioBounds[1]));
     if (has_sizes_) json["circumradii"] = array(packed_octaves(set.circumradii));
     if (!set.boundary.empty()) json["boundary"] = array(bytes_of(set.boundary));
+    if (has_sheets_ && !set.sheets.empty()) json["sheets"] = array(bytes_of(set.sheets));
     return json;
   }
 
@@ -156,16 +169,19 @@ class ViewWriter {
   }
 
   Json surface(const ViewSurface& surface) {
-    return {{"num_vertices", surface.vertices.size()},
-            {"num_triangles", surface.triangles.size()},
-            {"vertices", array(packed_positions(surface.vertices, grid_))},
-            {"triangles", array(packed_references(std::span(surface.triangles)))}};
+    Json json = {{"num_vertices", surface.vertices.size()},
+                 {"num_triangles", surface.triangles.size()},
+                 {"vertices", array(packed_positions(surface.vertices, grid_))},
+                 {"triangles", array(packed_references(std::span(surface.triangles)))}};
+    if (has_sheets_) json["sheets"] = array(bytes_of(surface.sheets));
+    return json;
   }
 
   const RunRecord& run_;
   const PutArray& put_array_;
   PageGrid grid_;
   bool has_sizes_ = false;           // cells have colors by size
+  bool has_sheets_ = false;          // there are several
   std::array<double, 2> octaves_{};  // of their circumradii
   int num_arrays_ = 0;
 };

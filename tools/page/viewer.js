@@ -72,9 +72,12 @@
     for (let i = 0, cell = 0; i < runs.length; i += 2)
       for (let n = 0; n < runs[i + 1]; ++n) cells.leaf[cell++] = runs[i];
     if (set.boundary) cells.boundary = await inflate(set.boundary);
+    if (set.sheets) cells.sheets = await sheetsOf(set.sheets);
     cells.blocks = blocksOf(cells);
     return cells;
   }
+
+  async function sheetsOf(id) { return new Uint32Array((await inflate(id)).buffer); }
 
   // Boxes around runs of cells, so that few cells are asked whether a plane meets them.
   const BLOCK = 256;
@@ -145,6 +148,18 @@
       'circumradius of the cell'),
   });
 
+  // By id, from 1 on; 0 is of none.
+  function sheetColor(id) {
+    return id === 0 ? GRAY : hsl((id * 137.508) % 360, 0.45 + 0.2 * (id % 3) / 2,
+                                 0.56 + 0.16 * ((id >> 1) % 3) / 2);
+  }
+  function sheetLegend() {
+    const most = 40, {name} = view.sheets;
+    return swatches(name.slice(0, most).map((text, i) => [escaped(text), sheetColor(i + 1)]),
+                    'sheet: point at one for its area') +
+      (name.length > most ? note(`and ${name.length - most} more`) : '');
+  }
+
   const COLORS = {
     leaf: {title: 'octree leaf', leaf: i => hsl((i * 137.508) % 360, 0.42 + 0.2 * (i % 3) / 2,
              0.6 + 0.14 * ((i >> 1) % 3) / 2),
@@ -161,10 +176,12 @@
     ratio: {title: 'radius-edge ratio',
             ...measured('ratio', 2, 0.612, '', 'radius-edge ratio of the cell')},
     ...(view.radius_octaves ? {radius: {title: 'size', ...sized(view.radius_octaves)}} : {}),
+    ...(view.sheets ? {sheet: {title: 'sheet', sheet: sheetColor, legend: sheetLegend}} : {}),
     plain: {title: 'none', legend: () => ''},
   };
 
   const css = c => `rgb(${c.join(',')})`;
+  const escaped = text => text.replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
   const note = text => `<p>${text}</p>`;
   const swatches = (items, label) => `<p>${label}</p><ul class="swatches">` + items.map(
     ([name, color]) => `<li><i style="background:${css(color)}"></i>${name}</li>`).join('') + '</ul>';
@@ -327,19 +344,21 @@
         owner[at++] = i;
       }
     const mesh = triangles(places, new Uint8Array(12 * count), material({}, {isCut: uniforms.isCut}));
-    mesh.userData = {owner, cells};
+    mesh.userData = {owner, cells, sheet: cells.sheets};
     return mesh;
   }
 
-  function shellOfSurface({positions, corners}) {
+  function shellOfSurface({positions, corners, sheets}) {
     const places = new Uint16Array(4 * corners.length);
     for (let i = 0; i < corners.length; ++i) {
       for (let axis = 0; axis < 3; ++axis) places[4 * i + axis] = positions[3 * corners[i] + axis];
       places[4 * i + 3] = 7;
     }
-    return triangles(places, new Uint8Array(4 * corners.length),
-                     material({}, {isCut: uniforms.isCut, isLookedUp: {value: true},
-                                   hasEdges: {value: false}}));
+    const mesh = triangles(places, new Uint8Array(4 * corners.length),
+                           material({}, {isCut: uniforms.isCut, isLookedUp: {value: true},
+                                         hasEdges: {value: false}}));
+    mesh.userData = {sheet: sheets};
+    return mesh;
   }
 
   function paint(colors, triangle, [r, g, b]) {
@@ -351,10 +370,13 @@
   }
 
   function colorShell() {
-    const {owner, cells} = shell.userData;
-    if (!owner) return;
-    const color = colorer(state.color, cells), attribute = shell.geometry.attributes.color;
-    for (let t = 0; t < owner.length; ++t) paint(attribute.array, t, color(owner[t]));
+    const {owner, cells, sheet} = shell.userData, ofSheet = COLORS[state.color].sheet;
+    if (!owner) shell.material.uniforms.isLookedUp.value = !ofSheet;
+    if (!owner && !ofSheet) return;
+    const attribute = shell.geometry.attributes.color;
+    const ofCell = ofSheet ? null : colorer(state.color, cells);
+    for (let t = 0; 12 * t < attribute.array.length; ++t)
+      paint(attribute.array, t, ofSheet ? ofSheet(sheet ? sheet[t] : 0) : ofCell(owner[t]));
     attribute.needsUpdate = true;
   }
 
@@ -726,7 +748,7 @@
     });
   }
 
-  // The leaf under the pointer, and the cell if it is there: null beside the model.
+  // The leaf under the pointer, and the cell and the sheet if they are there: null beside the model.
   function pick(event) {
     const ray = rayAt(event), at = plane(), sign = state.isFlipped ? -1 : 1;
     const height = p => sign * (dot(at.n, p) - at.d);
@@ -741,22 +763,26 @@
       if (!whole && hits.length % 2 === 1) return {leaf: leafAround(point)};
     }
     if (!hits.length) return null;
-    const {owner} = shell.userData;
+    const {owner, sheet} = shell.userData, {triangle} = hits[0];
+    const found = {sheet: sheet ? sheet[triangle] : 0};
     if (owner) {
-      const cell = owner[hits[0].triangle];
-      return {leaf: whole.leaf[cell], cell, cells: whole};
+      const cell = owner[triangle];
+      return {...found, leaf: whole.leaf[cell], cell, cells: whole};
     }
-    return {leaf: leafAround(ray.from.map((f, i) => f + hits[0].distance * ray.along[i]))};
+    return {...found,
+            leaf: leafAround(ray.from.map((f, i) => f + hits[0].distance * ray.along[i]))};
   }
 
   function tell(event) {
     const found = pick(event), box = $('picked');
     box.hidden = !found || found.leaf < 0;
     if (box.hidden) return;
-    const {leaf, cell, cells} = found;
+    const {leaf, cell, cells, sheet} = found;
     const quality = name => (cells[name][cell] / 255 * (view.quality[name][1] -
       view.quality[name][0]) + view.quality[name][0]);
-    box.textContent = `leaf ${leaves.key[leaf]}, level ${leaves.level[leaf]}: ` +
+    const named = sheet ? `sheet ${sheet}, ${view.sheets.name[sheet - 1]}: area ` +
+      `${view.sheets.area[sheet - 1].toPrecision(6)}\n` : '';
+    box.textContent = `${named}leaf ${leaves.key[leaf]}, level ${leaves.level[leaf]}: ` +
       `${number(leaves.cells[leaf])} cells, ${leaves.visits[leaf]} visits` +
       (cells ? `\ncell: smallest angle ${quality('angle').toFixed(1)}°, ` +
         `radius-edge ratio ${quality('ratio').toFixed(2)}` : '');
@@ -909,7 +935,16 @@
     $('before').addEventListener('click', () => jump(-1));
     $('after').addEventListener('click', () => jump(1));
     document.addEventListener('keydown', press);
-    let down = null;
+    let down = null, isWaiting = false;
+    // Sheets tell their names as the pointer moves over them.
+    renderer.domElement.addEventListener('pointermove', event => {
+      if (!COLORS[state.color].sheet || event.buttons || isWaiting) return;
+      isWaiting = true;
+      requestAnimationFrame(() => {
+        isWaiting = false;
+        tell(event);
+      });
+    });
     renderer.domElement.addEventListener('pointerdown', event => { down = event; });
     renderer.domElement.addEventListener('pointerup', event => {
       if (!down) return;
@@ -947,7 +982,8 @@
       shell = shellOfCells(whole);
     } else {
       surface = {positions: await positionsOf(view.surface),
-                 corners: await indicesOf(view.surface.triangles, view.surface.num_triangles, 3)};
+                 corners: await indicesOf(view.surface.triangles, view.surface.num_triangles, 3),
+                 sheets: view.surface.sheets && await sheetsOf(view.surface.sheets)};
       shell = shellOfSurface(surface);
     }
     place(shell);
