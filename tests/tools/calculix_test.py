@@ -1,8 +1,11 @@
 """The tutorial's way from a surface to a solver's result, on a bar whose answer is known.
 
-Usage: calculix_test.py EXAMPLES LOCVOL   EXAMPLES: tools/examples/calculix; skipped without ccx
+Usage: calculix_test.py EXAMPLES LOCVOL TUTORIAL   EXAMPLES: tools/examples/calculix; skipped
+without ccx
 """
+import json
 import math
+import os
 import pathlib
 import re
 import shutil
@@ -11,7 +14,7 @@ import sys
 import tempfile
 import unittest
 
-EXAMPLES, LOCVOL = (pathlib.Path(argument) for argument in sys.argv[1:3])
+EXAMPLES, LOCVOL, TUTORIAL = (pathlib.Path(argument) for argument in sys.argv[1:4])
 sys.path.insert(0, str(EXAMPLES))
 from result import Result  # noqa: E402
 
@@ -111,6 +114,50 @@ class Bar(unittest.TestCase):
             self.run_in(
                 sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
                 "--hold", "x<0.5", "--load", "x>9", "--force", "1,0,0",
+            )  # fmt: skip
+
+
+class Bracket(unittest.TestCase):
+    """The commands of the tutorial's section, as they stand there."""
+
+    SECTION = "## A part by the names of its faces"
+
+    def test_is_loaded_and_held_by_names(self):
+        with tempfile.TemporaryDirectory() as name:
+            directory = pathlib.Path(name)
+            for script in EXAMPLES.glob("*.py"):
+                shutil.copy(script, directory)
+            section = TUTORIAL.read_text(encoding="utf-8").split(self.SECTION)[1].split("\n## ")[0]
+            commands = re.findall(r"^```\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
+            self.assertEqual(len(commands), 2)
+            path = f"{LOCVOL.resolve().parent}:{os.environ['PATH']}"
+            done = subprocess.run(
+                ["bash", "-e", "-c", "\n".join(commands)], cwd=directory, capture_output=True,
+                text=True, check=False, env={**os.environ, "PATH": path},
+            )  # fmt: skip
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+            self.assertIn("fillet: 24 triangles", done.stdout)
+            forces = (directory / "bracket-case.dat").read_text(encoding="ascii").split()[-3:]
+            self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
+            # Where the fillet begins, the shelf is a beam of 40 by 8 with a moment of 10,500 N mm:
+            # 25 N/mm². Quadratic elements have 30 in the fillet, linear ones less.
+            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", done.stdout)[0])
+            self.assertGreater(stress, 22)
+            self.assertLess(stress, 31)
+            faces = json.loads((directory / "bracket.inp.faces.json").read_text(encoding="utf-8"))
+            shapes = {face["name"]: face["shape"] for face in faces["faces"]}
+            self.assertEqual(shapes["fillet"]["kind"], "cylinder")
+            self.assertTrue(shapes["fillet"]["is_hollow"])
+            self.assertAlmostEqual(shapes["fillet"]["radius"], 10, delta=1e-3)
+            self.assertEqual(shapes["back"]["normal"], [-1, 0, 0])
+
+    def test_unknown_sheet_is_refused_with_those_there_are(self):
+        with self.assertRaisesRegex(AssertionError, "there is no sheet 'top': boundary, sheet_1"):
+            Bar.setUpClass()
+            self.addCleanup(Bar.tearDownClass)
+            Bar.run_in(
+                sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
+                "--hold", "top", "--load", "x>7.5", "--force", "1,0,0",
             )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Writes a linear static analysis for CalculiX around a mesh from `locvol mesh -o PART.inp`.
 
-Boundary nodes in one region are held, and a force is spread over the boundary facets in another,
-as a traction of the same size everywhere. A region is one or several conditions, such as 'x<-0.8'.
+Boundary nodes in one place are held, and a force is spread over the boundary facets in another,
+as a traction of the same size everywhere. A place is a sheet of the mesh by its name, or a region:
+one or several conditions, such as 'x<-0.8'.
 """
 import argparse
 import math
@@ -14,14 +15,17 @@ FACES = {"S1": (0, 1, 2), "S2": (0, 1, 3), "S3": (1, 2, 3), "S4": (0, 2, 3)}  # 
 
 
 class Mesh:
-    """Nodes and elements by their labels; the boundary's facets as three node labels each."""
+    """Nodes and elements by their labels; facets of surfaces, by name, as three node labels each."""
 
     def __init__(self, file):
-        self.nodes, self.elements, self.facets = {}, {}, []
-        section = ""
+        self.nodes, self.elements, self.surfaces = {}, {}, {}
+        section, facets = "", []
         for line in file:
             if line.startswith("*"):
                 section = line.split(",")[0].strip().upper()
+                if section == "*SURFACE":
+                    name = re.search(r"NAME=([^,\s]+)", line).group(1)
+                    facets = self.surfaces.setdefault(name, [])
                 continue
             fields = line.split(",")
             if section == "*NODE":
@@ -30,7 +34,8 @@ class Mesh:
                 self.elements[int(fields[0])] = tuple(map(int, fields[1:5]))
             elif section == "*SURFACE":
                 element = self.elements[int(fields[0])]
-                self.facets.append(tuple(element[i] for i in FACES[fields[1].strip()]))
+                facets.append(tuple(element[i] for i in FACES[fields[1].strip()]))
+        self.facets = self.surfaces.get("boundary", [])
         if not self.elements or not self.facets:
             sys.exit(f"case.py: {file.name} has no elements or no boundary: is it from locvol?")
 
@@ -55,6 +60,31 @@ class Region:
 
     def __contains__(self, point):
         return all(sign * (point[axis] - value) > 0 for axis, sign, value in self.conditions)
+
+    def facets_of(self, mesh):
+        return [facet for facet in mesh.facets if all(mesh.nodes[n] in self for n in facet)]
+
+    def nodes_of(self, mesh, middles):
+        return {n for f in mesh.facets for n in all_nodes_of(f, middles) if mesh.nodes[n] in self}
+
+
+class Sheet:
+    """A surface of the mesh, by its name."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def facets_of(self, mesh):
+        if self.name not in mesh.surfaces:
+            sys.exit(f"case.py: there is no sheet '{self.name}': {', '.join(mesh.surfaces)}")
+        return mesh.surfaces[self.name]
+
+    def nodes_of(self, mesh, middles):
+        return {n for facet in self.facets_of(mesh) for n in all_nodes_of(facet, middles)}
+
+
+def place(text):
+    return Region(text) if "<" in text or ">" in text else Sheet(text)
 
 
 def vector(text):
@@ -85,6 +115,10 @@ def nodes_of(facet, middles):
     if not middles:
         return facet
     return tuple(middles[min(p, q), max(p, q)] for p, q in zip(facet, facet[1:] + facet[:1]))
+
+
+def all_nodes_of(facet, middles):
+    return facet + nodes_of(facet, middles) if middles else facet
 
 
 def spread(mesh, facets, force, middles):
@@ -129,8 +163,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("mesh", type=argparse.FileType(), help="PART.inp")
     parser.add_argument("-o", "--output", required=True, help="the case, NAME.inp")
-    parser.add_argument("--hold", type=Region, required=True, help="region, such as 'x<-0.8'")
-    parser.add_argument("--load", type=Region, required=True, help="region, such as 'x>0.8,z>0'")
+    parser.add_argument("--hold", type=place, required=True, help="sheet or region, such as 'x<-0.8'")
+    parser.add_argument("--load", type=place, required=True, help="likewise, such as 'x>0.8,z>0'")
     parser.add_argument("--force", type=vector, required=True, help="in all: FX,FY,FZ")
     parser.add_argument("--young", type=float, default=210000, help="modulus (210000)")
     parser.add_argument("--poisson", type=float, default=0.3, help="ratio (0.3)")
@@ -139,12 +173,9 @@ def main():
     arguments = parser.parse_args()
 
     mesh = Mesh(arguments.mesh)
-    boundary = {node for facet in mesh.facets for node in facet}
-    loaded = [f for f in mesh.facets if all(mesh.nodes[n] in arguments.load for n in f)]
+    loaded = arguments.load.facets_of(mesh)
     middles = add_middles(mesh) if arguments.quadratic else {}
-    if middles:
-        boundary.update(n for facet in mesh.facets for n in nodes_of(facet, middles))
-    held = sorted(n for n in boundary if mesh.nodes[n] in arguments.hold)
+    held = sorted(arguments.hold.nodes_of(mesh, middles))
     for what, found in (("--hold", held), ("--load", loaded)):
         if not found:
             sys.exit(f"case.py: nothing of the boundary lies in the region of {what}")
