@@ -1,19 +1,26 @@
-// The surface in a part of space, for those who store it and pass it on.
+// The surface in a part of space, for those who store it and pass it on. Where it has no triangles
+// it has no creases or corners.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
+#include "octree/crease.h"
 #include "octree/geometry.h"
 
 namespace locvol {
 
 struct LeafSurface {
-  std::vector<Triangle> triangles;  // all that meet the leaf's box, in order of id
+  std::vector<Triangle> triangles;        // all that meet the leaf's box, in order of id
+  std::vector<CreaseEdge> creases = {};   // all that meet the closed box, in order of their ends
+  std::vector<CornerPoint> corners = {};  // likewise, in order of id
 
   bool is_empty() const { return triangles.empty(); }
   std::size_t size() const { return triangles.size(); }
-  std::size_t bytes() const { return triangles.size() * sizeof(Triangle); }
+  std::size_t bytes() const {
+    return triangles.size() * sizeof(Triangle) + creases.size() * sizeof(CreaseEdge) +
+           corners.size() * sizeof(CornerPoint);
+  }
   friend bool operator==(const LeafSurface&, const LeafSurface&) = default;
 };
 

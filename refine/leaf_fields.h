@@ -6,6 +6,7 @@
 #include <tuple>
 #include <type_traits>
 
+#include "octree/crease.h"
 #include "octree/geometry.h"
 #include "octree/lattice.h"
 #include "octree/size_nodes.h"
@@ -34,6 +35,15 @@ auto fields(Maybe<Box> auto& box) {
 auto fields(Maybe<Triangle> auto& triangle) {
   auto& [id, corners, sheet] = triangle;
   return std::tuple(Field("id", id), Field("corners", corners), Field("sheet", sheet));
+}
+auto fields(Maybe<CreaseEdge> auto& edge) {
+  auto& [ends, is_corner, sheets, crease] = edge;
+  return std::tuple(Field("ends", ends), Field("is_corner", is_corner), Field("sheets", sheets),
+                    Field("crease", crease));
+}
+auto fields(Maybe<CornerPoint> auto& point) {
+  auto& [position, corner] = point;
+  return std::tuple(Field("position", position), Field("corner", corner));
 }
 auto fields(Maybe<MeshPoint> auto& point) {
   auto& [id, position, kind] = point;
@@ -68,10 +78,12 @@ auto fields(Maybe<CornerStates> auto& corners) {
   return std::tuple(Field("bits", CornerStates::member(corners)));
 }
 auto fields(Maybe<DomainPiece> auto& piece) {
-  auto& [triangles, region, reference, reference_state, fineness, is_whole] = piece;
+  auto& [triangles, region, reference, reference_state, fineness, is_whole, creases, corners] =
+      piece;
   return std::tuple(Field("triangles", triangles), Field("region", region),
                     Field("reference", reference), Field("reference_state", reference_state),
-                    Field("fineness", fineness), Field("is_whole", is_whole));
+                    Field("fineness", fineness), Field("is_whole", is_whole),
+                    Field("creases", creases), Field("corners", corners));
 }
 auto fields(Maybe<CoreRows> auto& core) {
   auto& [lattice, rows] = core;

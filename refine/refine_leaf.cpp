@@ -442,7 +442,7 @@ Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
 const PointCubes& Refinement::corners() {
   if (corner_cubes_) return *corner_cubes_;
   constexpr double kMostCubes = 64;  // in a row
-  const std::vector<Point> all = surroundings_.domain.corners();
+  const std::vector<Point> all = surroundings_.domain.vertices();
   const Box& region = surroundings_.domain.region();
   const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
   return corner_cubes_.emplace(region, side, all);
@@ -457,7 +457,7 @@ void Refinement::start_from_corners() {
     if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
     const Point& p = mesh_.local(i).point.position;
     const double size = surroundings_.sizes.on_surface_at(p);
-    surroundings_.domain.corners_near(p, size, corners_);
+    surroundings_.domain.vertices_near(p, size, corners_);
     for (const Point& q : corners_)
       if (squared_distance(p, q) < size * size) corners.insert(q);
   }

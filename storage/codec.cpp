@@ -64,7 +64,9 @@
 //                 [x | y | z changed bits u64, of what `asked` has]
 //   5 surface     [id steps u64] [x | y | z changed bits u64, of each distinct corner, in order of
 //                 appearance] [references u32, three to a triangle: distinct corners so far -
-//                 index; 0 is the next new one] [sheet u32]
+//                 index; 0 is the next new one] [sheet u32]; creases or corners: present u8 and, if
+//                 so, [x | y | z changed bits u64, of each end | is a corner u8, of each | sheet
+//                 u32, of each side | crease u32] [x | y | z changed bits u64 | id u32]
 //   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
 //   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord
@@ -237,6 +239,10 @@ template <std::size_t i, auto... members>
 constexpr auto element = [](auto& item) -> auto& {
   return (item.*....*members)[i];
 };
+template <std::size_t i, auto coordinate>
+constexpr auto of_end = [](auto& edge) -> auto& {
+  return edge.ends[i].*coordinate;
+};
 
 // What is stored of it: to_bits() and from_bits(), called for item after item, undo each other.
 template <class Field>
@@ -252,6 +258,17 @@ struct Plain {
       field(item) = enumerator<Number>(bits);
     else
       field(item) = static_cast<Number>(bits);
+  }
+  Field field;
+};
+
+template <class Field>
+struct Truth {
+  explicit Truth(Field which) : field(which) {}
+  std::uint8_t to_bits(const auto& item) { return field(item); }
+  void from_bits(auto& item, std::uint8_t bits) {
+    if (bits > 1) throw DecodeError("a value that means nothing");
+    field(item) = bits != 0;
   }
   Field field;
 };
@@ -581,6 +598,35 @@ void serialize(auto& archive, LeafFacets& record, unsigned) {
     throw DecodeError("a facet of unknown vertices");
 }
 
+void serialize_creases(auto& archive, LeafSurface& record) {
+  bool has_creases = !record.creases.empty() || !record.corners.empty();
+  each(archive, has_creases);
+  if (!has_creases) return;
+  constexpr auto kIsCorner = &CreaseEdge::is_corner;
+  constexpr auto kSheets = &CreaseEdge::sheets;
+  constexpr auto kPosition = &CornerPoint::position;
+  each(archive,
+       columns(record.creases, ChangedBits(of_end<0, &Point::x>), ChangedBits(of_end<0, &Point::y>),
+               ChangedBits(of_end<0, &Point::z>), ChangedBits(of_end<1, &Point::x>),
+               ChangedBits(of_end<1, &Point::y>), ChangedBits(of_end<1, &Point::z>),
+               Truth(element<0, kIsCorner>), Truth(element<1, kIsCorner>),
+               Plain(element<0, kSheets>), Plain(element<1, kSheets>),
+               Plain(field<&CreaseEdge::crease>)),
+       columns(record.corners, ChangedBits(field<kPosition, &Point::x>),
+               ChangedBits(field<kPosition, &Point::y>), ChangedBits(field<kPosition, &Point::z>),
+               Plain(field<&CornerPoint::corner>)));
+  const auto makes_no_sense = [](const CreaseEdge& edge) {
+    return !(edge.ends[0] < edge.ends[1]) || edge.crease < 1;
+  };
+  if (std::ranges::any_of(record.creases, makes_no_sense))
+    throw DecodeError("an edge of a crease without two ends");
+  if (std::ranges::adjacent_find(record.creases, std::ranges::greater_equal(), &CreaseEdge::ends) !=
+          record.creases.end() ||
+      std::ranges::adjacent_find(record.corners, std::ranges::greater_equal(),
+                                 &CornerPoint::corner) != record.corners.end())
+    throw DecodeError("creases out of order");
+}
+
 template <class Archive>
 void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   DistinctCorners distinct;
@@ -594,6 +640,7 @@ void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   const std::size_t num_triangles = record.triangles.size();
   each(archive, columns(record.triangles, Plain(field<&Triangle::sheet>)));
   if (record.triangles.size() != num_triangles) throw DecodeError("triangles without a sheet");
+  if (version >= 2) serialize_creases(archive, record);
 }
 
 void serialize(auto& archive, SurfaceSheets& record, unsigned) {
@@ -706,7 +753,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 // Parts of records come without a version of their own.
 BOOST_CLASS_VERSION(locvol::RunRecord, 4)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
-BOOST_CLASS_VERSION(locvol::LeafSurface, 1)
+BOOST_CLASS_VERSION(locvol::LeafSurface, 2)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)

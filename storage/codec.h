@@ -16,7 +16,7 @@ namespace locvol {
 // The first record of every store: what reads it must know how all others are laid out, which is
 // drawn in store.cpp.
 struct StoreFormat {
-  static constexpr std::uint32_t kCurrent = 5;
+  static constexpr std::uint32_t kCurrent = 6;
   std::uint32_t version = kCurrent;
   friend bool operator==(const StoreFormat&, const StoreFormat&) = default;
 };

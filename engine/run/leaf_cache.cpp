@@ -13,13 +13,17 @@ std::size_t vector_bytes(const std::vector<T>& v) {
   return v.size() * sizeof(T);
 }
 
+std::size_t bytes_of(const LeafPoints& record) { return vector_bytes(record.points); }
+std::size_t bytes_of(const LeafSurface& record) { return record.bytes(); }
+std::size_t bytes_of(const LeafSizes& record) { return vector_bytes(record.cubes); }
+
 }  // namespace
 
 std::size_t LeafCache::Entry::bytes() const {
   std::size_t bytes = kEntryBytes;
-  if (points.record) bytes += vector_bytes(points.record->points);
-  if (surface.record) bytes += surface.record->bytes();
-  if (sizes.record) bytes += vector_bytes(sizes.record->cubes);
+  if (points.record) bytes += bytes_of(*points.record);
+  if (surface.record) bytes += bytes_of(*surface.record);
+  if (sizes.record) bytes += bytes_of(*sizes.record);
   if (cells.record)
     bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);
   if (facets.record)
@@ -48,28 +52,27 @@ const LeafInfo& LeafCache::info(MortonKey leaf) {
   return *info.record;
 }
 
-template <class Record, class Item>
+template <class Record>
 const Record& LeafCache::kept(MortonKey leaf, Cached<Record> Entry::*which,
-                              Record (Reader::*read)(MortonKey) const,
-                              std::vector<Item> Record::*items) {
+                              Record (Reader::*read)(MortonKey) const) {
   auto& record = (touch(leaf).*which).record;
   if (!record) {
     record = (store_.snapshot().*read)(leaf);
-    most_bytes_ += vector_bytes((*record).*items);
+    most_bytes_ += bytes_of(*record);
   }
   return *record;
 }
 
 const LeafPoints& LeafCache::points(MortonKey leaf) {
-  return kept(leaf, &Entry::points, &Reader::points, &LeafPoints::points);
+  return kept(leaf, &Entry::points, &Reader::points);
 }
 
 const LeafSurface& LeafCache::surface(MortonKey leaf) {
-  return kept(leaf, &Entry::surface, &Reader::surface, &LeafSurface::triangles);
+  return kept(leaf, &Entry::surface, &Reader::surface);
 }
 
 const LeafSizes& LeafCache::sizes(MortonKey leaf) {
-  return kept(leaf, &Entry::sizes, &Reader::sizes, &LeafSizes::cubes);
+  return kept(leaf, &Entry::sizes, &Reader::sizes);
 }
 
 LeafCells LeafCache::cells(MortonKey leaf) {

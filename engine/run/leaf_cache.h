@@ -69,10 +69,10 @@ class LeafCache {
 
   static constexpr std::size_t kEntryBytes = sizeof(Entry) + 64;  // and what the containers add
 
-  // A record that is kept once it was read. `items`: what takes its memory
-  template <class Record, class Item>
+  // A record that is kept once it was read.
+  template <class Record>
   const Record& kept(MortonKey leaf, Cached<Record> Entry::*which,
-                     Record (Reader::*read)(MortonKey) const, std::vector<Item> Record::*items);
+                     Record (Reader::*read)(MortonKey) const);
   Entry& touch(MortonKey leaf);  // the leaf's entry, now the most recently used
   Entry& touch_changed(MortonKey leaf);
   static void write(Batch& batch, MortonKey leaf, Entry& entry);

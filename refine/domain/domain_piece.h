@@ -7,6 +7,7 @@
 #include <iterator>
 #include <vector>
 
+#include "octree/crease.h"
 #include "octree/domain_state.h"
 #include "octree/geometry.h"
 #include "octree/leaf_surface.h"
@@ -28,17 +29,27 @@ struct DomainPiece {
   DomainState reference_state = {};  // of that place
   GridFineness fineness = {};
   bool is_whole = false;  // nothing of the domain lies beyond `region`; else it is not loaded there
+  std::vector<CreaseEdge> creases = {};   // likewise, in order of their ends
+  std::vector<CornerPoint> corners = {};  // all in `region`, in order of id
 
-  // Adds what comes close to the region. Once all is there, each triangle is to be there once.
+  // Adds what comes close to the region. Once all is there, each part of it is to be there once.
   void add(const LeafSurface& surface) {
     std::ranges::copy_if(surface.triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
+    std::ranges::copy_if(surface.creases, std::back_inserter(creases),
+                         [&](const CreaseEdge& e) { return e.box().overlaps(region); });
+    std::ranges::copy_if(surface.corners, std::back_inserter(corners),
+                         [&](const CornerPoint& c) { return region.contains(c.position); });
   }
-  void unite() { sort_and_unite(triangles, &Triangle::id); }
+  void unite() {
+    sort_and_unite(triangles, &Triangle::id);
+    sort_and_unite(creases, &CreaseEdge::ends);
+    sort_and_unite(corners, &CornerPoint::corner);
+  }
 
   bool has_surface() const { return !triangles.empty(); }
   // What it weighs, in estimates.
-  std::size_t surface_size() const { return triangles.size(); }
+  std::size_t surface_size() const { return triangles.size() + creases.size(); }
   // Of all of its surface.
   double area() const {
     double area = 0;

@@ -47,6 +47,9 @@ struct LeafDomain::Impl {
 
   std::vector<Triangle> triangles;
   std::vector<Box> boxes;  // of the triangles
+  std::vector<CreaseEdge> creases;
+  std::vector<CornerPoint> corners;
+  BoxTree crease_tree;
   Box region;
   bool is_whole = false;
   std::optional<SheetId> only_sheet;
@@ -381,6 +384,11 @@ LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop) : impl_(std::ma
   impl_->measure_rings();
   impl_->spread_states(piece.reference, piece.reference_state, stop);
   impl_->note_sheets();
+  impl_->creases = std::move(piece.creases);
+  impl_->corners = std::move(piece.corners);
+  std::vector<Box> of_creases(impl_->creases.size());
+  std::ranges::transform(impl_->creases, of_creases.begin(), &CreaseEdge::box);
+  impl_->crease_tree = BoxTree(std::move(of_creases));
 }
 
 LeafDomain::LeafDomain(LeafDomain&&) noexcept = default;
@@ -389,6 +397,9 @@ LeafDomain::~LeafDomain() = default;
 
 const Box& LeafDomain::region() const { return impl_->region; }
 std::span<const Triangle> LeafDomain::triangles() const { return impl_->triangles; }
+std::span<const CreaseEdge> LeafDomain::creases() const { return impl_->creases; }
+std::span<const CornerPoint> LeafDomain::corners() const { return impl_->corners; }
+const BoxTree& LeafDomain::crease_tree() const { return impl_->crease_tree; }
 std::optional<SheetId> LeafDomain::only_sheet() const { return impl_->only_sheet; }
 
 LeafDomain::Location LeafDomain::locate(const Point& p) const {
@@ -518,6 +529,24 @@ SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners) const {
   return closest ? closest->sheet : kOnlySheet;
 }
 
+// Edges of a crease that meet have their common end equally close: of these the first is taken.
+std::optional<CreasePoint> LeafDomain::closest_on_crease(const Point& p, double distance) const {
+  constexpr double kSlack = 1e-12;
+  std::optional<CreasePoint> closest;
+  double least = distance * distance, bound = least;
+  impl_->crease_tree.for_each_within(p, bound, [&](std::size_t edge) {
+    const auto& [a, b] = impl_->creases[edge].ends;
+    const Point q = closest_on_segment(a, b, p);
+    const double squared = squared_distance(p, q);
+    if (squared < least || (squared == least && closest && edge < closest->edge)) {
+      closest = {q, edge};
+      least = squared;
+      bound = std::min(bound, (1 + kSlack) * least + std::numeric_limits<double>::min());
+    }
+  });
+  return closest;
+}
+
 void LeafDomain::triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const {
   std::vector<Impl::Index> near;
   impl_->for_each_held_near(p, distance, [&](Impl::Index t) {
@@ -529,7 +558,7 @@ void LeafDomain::triangles_near(const Point& p, double distance, std::vector<Tri
   for (const Impl::Index t : near) out.push_back(impl_->triangles[t]);
 }
 
-void LeafDomain::corners_near(const Point& p, double distance, std::vector<Point>& out) const {
+void LeafDomain::vertices_near(const Point& p, double distance, std::vector<Point>& out) const {
   out.clear();
   std::vector<Triangle> near;
   triangles_near(p, distance, near);
@@ -537,7 +566,7 @@ void LeafDomain::corners_near(const Point& p, double distance, std::vector<Point
   sort_and_unite(out);
 }
 
-std::vector<Point> LeafDomain::corners() const {
+std::vector<Point> LeafDomain::vertices() const {
   std::vector<Point> all;
   for (const Triangle& t : impl_->triangles)
     all.insert(all.end(), t.corners.begin(), t.corners.end());

@@ -13,15 +13,18 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "octree/crease.h"
 #include "octree/domain_state.h"
 #include "octree/geometry.h"
 #include "octree/stop.h"
+#include "refine/domain/box_tree.h"
 #include "refine/domain/domain_piece.h"
 
 namespace locvol {
@@ -57,6 +60,10 @@ struct SurfacePoint {
   Point position;
   SheetId sheet = kOnlySheet;
 };
+struct CreasePoint {
+  Point position;
+  std::size_t edge = 0;  // its place in creases()
+};
 
 class LeafDomain {
  public:
@@ -68,6 +75,10 @@ class LeafDomain {
   const Box& region() const;
   bool has_surface() const { return !triangles().empty(); }
   std::span<const Triangle> triangles() const;
+  // All that meet the region, and some that only come close, in order of their ends; all corners in
+  // the region, in order of id.
+  std::span<const CreaseEdge> creases() const;
+  std::span<const CornerPoint> corners() const;
   // The sheet of all of the surface that is loaded; null if there are several, or none.
   std::optional<SheetId> only_sheet() const;
 
@@ -101,17 +112,29 @@ class LeafDomain {
   // their centroid, of several the first. So it is a function of the corners and the surface alone,
   // whoever lists, changes or mends the facet. REQUIRES: the region holds that triangle
   SheetId sheet_of_facet(const std::array<Point, 3>& corners) const;
+  // The point of a crease that is closest to p, of several that on the first edge; null if none is
+  // closer than `distance`. REQUIRES: the region holds all that is
+  std::optional<CreasePoint> closest_on_crease(const Point& p, double distance) const;
+  // Calls visit(place in creases()) for the edges whose boxes are closer to p than `distance`, in
+  // no order that matters.
+  template <class Visit>
+  void for_each_crease_near(const Point& p, double distance, const Visit& visit) const {
+    double squared = distance * distance;
+    crease_tree().for_each_within(p, squared, visit);
+  }
   // Triangles closer to p than `distance`, and some that only come close; in order of id, each
   // once.
   void triangles_near(const Point& p, double distance, std::vector<Triangle>& out) const;
-  // Their corners, in lexicographic order, each once.
-  void corners_near(const Point& p, double distance, std::vector<Point>& out) const;
+  // Their vertices, in lexicographic order, each once.
+  void vertices_near(const Point& p, double distance, std::vector<Point>& out) const;
   // Likewise of all triangles.
-  std::vector<Point> corners() const;
+  std::vector<Point> vertices() const;
   // Tells whether two parts of it face each other, both closer to p than `distance`.
   bool is_fold(const Point& p, double distance) const;
 
  private:
+  const BoxTree& crease_tree() const;
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

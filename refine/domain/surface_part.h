@@ -7,13 +7,13 @@
 
 namespace locvol {
 
-// All that meets the box, and perhaps some that only comes close.
+// All that meets the box, and perhaps some triangles that only come close.
 LeafSurface part_in(const Box& box, const LeafSurface& surface);
 
 // About how much of it is in the box.
 double area_in(const Box& box, const LeafSurface& surface);
 
-// Adds what is no farther from p than the distance; some of it is perhaps there.
+// Adds triangles that are no farther from p than the distance; some of them are perhaps there.
 void append_near(const Point& p, double distance, const LeafSurface& surface, LeafSurface& near);
 // Tells whether what is closest to p leads on, farther away than that. `near`: all that is not
 bool leads_on(const Point& p, double distance, const LeafSurface& near);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "octree/crease.h"
 #include "octree/geometry.h"
 
 namespace locvol {
@@ -10,6 +11,8 @@ namespace locvol {
 // Do the closed triangle, which may be flat, and the closed box have a point in common? So the
 // cells of any subdivision of a box have among them just the triangles that meet the box. Exact.
 bool touches(const Triangle& triangle, const Box& box);
+// Likewise the edge.
+bool touches(const CreaseEdge& edge, const Box& box);
 
 // The same in a hundredth of the time. It may say true for one that misses the box by little, never
 // false for one that meets it.

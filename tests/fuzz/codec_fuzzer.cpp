@@ -89,7 +89,10 @@ void expect_sound(const LeafFacets& record) {
       expect(corner < record.vertices.size(), "facets have vertices that are there");
 }
 
-void expect_sound(const LeafSurface&) {}
+void expect_sound(const LeafSurface& record) {
+  for (const CreaseEdge& edge : record.creases)
+    expect(edge.ends[0] < edge.ends[1] && edge.crease >= 1, "an edge of a crease has two ends");
+}
 
 void expect_sound(const LeafUnresolved& record) {
   for (const UnresolvedSite& site : record.sites)

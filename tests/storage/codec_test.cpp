@@ -211,10 +211,19 @@ TEST(Codec, RefusesValuesOutOfRange) {
   LeafFacets unknown = sample_facets();
   unknown.facets.back().vertices[2] = 5;
   EXPECT_THROW(encode(unknown, sample_leaf()), DecodeError);
-  std::string surface = content_of(encode(sample_surface(), sample_leaf()));
-  const std::size_t bytes_of_sheets = 8 + 4 * sample_surface().triangles.size();
-  surface[surface.size() - bytes_of_sheets - 1] = 1;
+  LeafSurface without_creases = sample_surface();
+  without_creases.creases.clear();
+  without_creases.corners.clear();
+  std::string surface = content_of(encode(without_creases, sample_leaf()));
+  const std::size_t bytes_of_sheets = 8 + 4 * without_creases.triangles.size();
+  surface[surface.size() - 1 - bytes_of_sheets - 1] = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
+  LeafSurface bad_creases = sample_surface();
+  std::swap(bad_creases.creases[0], bad_creases.creases[1]);
+  EXPECT_THROW(encode(bad_creases, sample_leaf()), DecodeError);
+  bad_creases = sample_surface();
+  std::swap(bad_creases.creases[0].ends[0], bad_creases.creases[0].ends[1]);
+  EXPECT_THROW(encode(bad_creases, sample_leaf()), DecodeError);
   std::string unresolved = content_of(encode(sample_unresolved(), sample_leaf()));
   for (const char condition : {char{0}, char{7}}) {
     unresolved[kFieldsAt + sizeof(std::uint64_t)] = condition;
@@ -264,7 +273,7 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 }
 
 TEST(Codec, GoldenBytesOpen) {
-  expect_golden("format.v0", StoreFormat(), MortonKey());
+  expect_golden("format.v0", StoreFormat{5}, MortonKey());
   RunRecord of_before = sample_run();
   expect_golden("run.v4", of_before, MortonKey());
   of_before.parameters.sheet_sizes.clear();
@@ -288,10 +297,13 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("points.v0", sample_points(), sample_leaf());
   expect_golden("cells.v0", sample_cells(), sample_leaf());
   expect_golden("facets.v0", sample_facets(), sample_leaf());
-  expect_golden("surface.v1", sample_surface(), sample_leaf());
-  LeafSurface of_one_sheet = sample_surface();
-  for (Triangle& triangle : of_one_sheet.triangles) triangle.sheet = 1;
-  expect_golden("surface.v0", of_one_sheet, sample_leaf());
+  expect_golden("surface.v2", sample_surface(), sample_leaf());
+  LeafSurface smooth_surface = sample_surface();
+  smooth_surface.creases.clear();
+  smooth_surface.corners.clear();
+  expect_golden("surface.v1", smooth_surface, sample_leaf());
+  for (Triangle& triangle : smooth_surface.triangles) triangle.sheet = 1;
+  expect_golden("surface.v0", smooth_surface, sample_leaf());
   expect_golden("sheets.v0", sample_sheets(), MortonKey());
   expect_golden("unresolved.v0", sample_unresolved(), sample_leaf());
   expect_golden("sizes.v0", sample_sizes(), sample_leaf());

@@ -10,6 +10,7 @@
 
 #include "octree/morton_key.h"
 #include "octree/octree.h"
+#include "octree/sort_and_unite.h"
 #include "storage/codec.h"
 #include "storage/records.h"
 
@@ -94,7 +95,9 @@ inline LeafFacets sample_facets() {
 
 inline LeafSurface sample_surface() {
   const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
-  return {{{2, {a, b, c}}, {3, {b, d, c}, 7}, {90, {a, a, d}, 1u << 31}}};
+  return {{{2, {a, b, c}}, {3, {b, d, c}, 7}, {90, {a, a, d}, 1u << 31}},
+          {{{a, c}, {true, false}, {1, 7}, 3}, {{c, b}, {false, false}, {2, 2}, 1u << 31}},
+          {{a, 4}, {d, 1u << 31}}};
 }
 
 inline SurfaceSheets sample_sheets() {
@@ -299,6 +302,13 @@ class Generator {
     std::uint64_t id = 0;
     for (std::size_t i = 0; i < count; ++i)
       record.triangles.push_back({id += 1 + integer(5), {corner(), corner(), corner()}});
+    for (std::size_t i = 0; i < count / 3; ++i) {
+      const Point a = corner(), b = corner();
+      const std::uint32_t crease = 1 + static_cast<std::uint32_t>(integer(count));
+      if (a != b) record.creases.push_back({{std::min(a, b), std::max(a, b)}, {}, {1, 2}, crease});
+    }
+    sort_and_unite(record.creases, &CreaseEdge::ends);
+    for (std::uint32_t i = 1; i <= count / 20; ++i) record.corners.push_back({corner(), i});
     return record;
   }
 

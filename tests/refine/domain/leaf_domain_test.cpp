@@ -6,10 +6,12 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
 
+#include "refine/domain/closest_point.h"
 #include "refine/domain/surface_part.h"
 #include "refine/domain/triangle_box.h"
 #include "tests/refine/brute_force.h"
@@ -592,6 +594,47 @@ TEST(Meets, IsFalseForATriangleClearlyBesideTheBox) {
   EXPECT_FALSE(meets({0, {Point{2, 0, 0}, {3, 0, 0}, {2, 1, 0}}}, box)) << "beyond a face";
   EXPECT_FALSE(meets({0, {Point{3.1, 0, 0}, {0, 3.1, 0}, {0, 0, 3.1}}}, box)) << "beyond a corner";
   EXPECT_TRUE(meets({0, {Point{2.9, 0, 0}, {0, 2.9, 0}, {0, 0, 2.9}}}, box));
+}
+
+TEST(LeafDomain, FindsTheClosestPlaceOnACrease) {
+  Random random(7);
+  const Box region{{0, 0, 0}, {1, 1, 1}};
+  const auto point = [&] { return uniform_in(random, region); };
+  DomainPiece piece{.triangles = {}, .region = region, .reference = region.min};
+  Point last = point();
+  for (int i = 0; i < 500; ++i) {  // chains, so that edges share their ends
+    const Point next = i % 20 == 0 ? point() : last + 0.1 * (point() - last);
+    piece.creases.push_back({.ends = {std::min(last, next), std::max(last, next)}});
+    last = next;
+  }
+  piece.unite();
+  const LeafDomain domain(piece);
+  ASSERT_TRUE(std::ranges::equal(domain.creases(), piece.creases));
+  for (int i = 0; i < 1000; ++i) {
+    const Point p = i % 4 == 0 ? piece.creases[static_cast<std::size_t>(i) / 4].ends[i % 8 / 4]
+                               : uniform_in(random, region.expanded(0.5));
+    const double distance = uniform(random, 0, 0.3);
+    std::optional<CreasePoint> expected;
+    std::vector<std::size_t> near;
+    for (std::size_t e = 0; e < piece.creases.size(); ++e) {
+      const auto& [a, b] = piece.creases[e].ends;
+      const Point q = closest_on_segment(a, b, p);
+      if (piece.creases[e].box().squared_distance(p) < distance * distance) near.push_back(e);
+      if (squared_distance(p, q) < distance * distance &&
+          (!expected || squared_distance(p, q) < squared_distance(p, expected->position)))
+        expected = {q, e};
+    }
+    const auto found = domain.closest_on_crease(p, distance);
+    ASSERT_EQ(found.has_value(), expected.has_value());
+    if (found) {
+      EXPECT_EQ(found->position, expected->position);
+      EXPECT_EQ(found->edge, expected->edge);
+    }
+    std::vector<std::size_t> met;
+    domain.for_each_crease_near(p, distance, [&](std::size_t edge) { met.push_back(edge); });
+    std::ranges::sort(met);
+    EXPECT_EQ(met, near);
+  }
 }
 
 }  // namespace
