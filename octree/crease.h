@@ -23,6 +23,9 @@ struct CreaseEdge {
   // Does the edge end within a sheet, or run through it?
   bool is_within_sheet() const { return sheets[0] == sheets[1]; }
   Box box() const { return Box::around(ends[0]).joined(ends[1]); }
+  Triangle as_triangle() const {
+    return {.id = 0, .corners = {ends[0], ends[1], ends[1]}};
+  }  // flat
   friend bool operator==(const CreaseEdge&, const CreaseEdge&) = default;
 };
 

@@ -7,6 +7,7 @@
 
 #include "octree/crease.h"
 #include "octree/geometry.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 
@@ -20,6 +21,20 @@ struct LeafSurface {
   std::size_t bytes() const {
     return triangles.size() * sizeof(Triangle) + creases.size() * sizeof(CreaseEdge) +
            corners.size() * sizeof(CornerPoint);
+  }
+  // Adds another part of the same surface. Once all is there, each thing is to be there once.
+  void append(const LeafSurface& other) {
+    const auto append = [](auto& all, const auto& some) {
+      all.insert(all.end(), some.begin(), some.end());
+    };
+    append(triangles, other.triangles);
+    append(creases, other.creases);
+    append(corners, other.corners);
+  }
+  void unite() {
+    sort_and_unite(triangles, &Triangle::id);
+    sort_and_unite(creases, &CreaseEdge::ends);
+    sort_and_unite(corners, &CornerPoint::corner);
   }
   friend bool operator==(const LeafSurface&, const LeafSurface&) = default;
 };

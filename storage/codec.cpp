@@ -82,7 +82,9 @@
 //                 [first corner's steps u32 | second - first u32 | third - first | labels: behind |
 //                 before | sheet u32]
 //  16 sheets      [first triangle u64 | number of triangles u64 | area | centroid's and box' x, y, z
-//                 changed bits u64], and two texts for each: its name, and its group's
+//                 changed bits u64], and two texts for each: its name, and its group's; [a crease's
+//                 number of edges u64 | length changed bits u64 | corner u32, of each end | sheet
+//                 u32, of each side], number of corners u64
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -643,7 +645,7 @@ void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   if (version >= 2) serialize_creases(archive, record);
 }
 
-void serialize(auto& archive, SurfaceSheets& record, unsigned) {
+void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
   constexpr auto kCentroid = &SheetFacts::centroid;
   constexpr auto kBox = &SheetFacts::box;
   each(archive,
@@ -658,6 +660,14 @@ void serialize(auto& archive, SurfaceSheets& record, unsigned) {
                ChangedBits(field<kBox, &Box::max, &Point::y>),
                ChangedBits(field<kBox, &Box::max, &Point::z>)));
   for (SheetFacts& sheet : record.sheets) each(archive, sheet.name, sheet.group);
+  if (version < 1) return;
+  constexpr auto kCorners = &CreaseFacts::corners;
+  constexpr auto kSheets = &CreaseFacts::sheets;
+  each(archive,
+       columns(record.creases, Plain(field<&CreaseFacts::num_edges>),
+               ChangedBits(field<&CreaseFacts::length>), Plain(element<0, kCorners>),
+               Plain(element<1, kCorners>), Plain(element<0, kSheets>), Plain(element<1, kSheets>)),
+       record.num_corners);
 }
 
 void serialize(auto& archive, LeafUnresolved& record, unsigned) {
@@ -754,6 +764,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 BOOST_CLASS_VERSION(locvol::RunRecord, 4)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
 BOOST_CLASS_VERSION(locvol::LeafSurface, 2)
+BOOST_CLASS_VERSION(locvol::SurfaceSheets, 1)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)

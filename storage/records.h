@@ -235,9 +235,22 @@ struct SheetFacts {
   friend bool operator==(const SheetFacts&, const SheetFacts&) = default;
 };
 
-// Element i is of the sheet with id i + 1. Empty: the surface is one sheet, and has no name.
+// A crease of the input surface (octree/crease.h).
+struct CreaseFacts {
+  std::uint64_t num_edges = 0;
+  double length = 0;
+  std::array<std::uint32_t, 2> corners{};  // at its ends, the smaller id first; 0: it has no ends
+  std::array<SheetId, 2> sheets = {1, 1};  // on its sides, the smaller first
+  bool is_closed() const { return corners[0] == 0; }
+  friend bool operator==(const CreaseFacts&, const CreaseFacts&) = default;
+};
+
+// Element i is of the sheet, or the crease, with id i + 1. No sheets: the surface is one, and has
+// no name.
 struct SurfaceSheets {
   std::vector<SheetFacts> sheets;
+  std::vector<CreaseFacts> creases = {};
+  std::uint64_t num_corners = 0;
   friend bool operator==(const SurfaceSheets&, const SurfaceSheets&) = default;
 };
 

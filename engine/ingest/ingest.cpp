@@ -15,6 +15,7 @@
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
+#include "engine/ingest/surface_creases.h"
 #include "engine/ingest/surface_sheets.h"
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/phases.h"
@@ -75,14 +76,16 @@ void erase_all(Store& store, const StopToken* stop) {
 // A leaf with more triangles is cut as far as its children remain wide enough.
 constexpr std::uint64_t kMaxLeafTriangles = 50'000;
 
-// Hands each leaf the triangles that meet its box, in Morton order, by descending to the buckets
-// and from there, or from larger leaves, to the leaves.
+// Hands each leaf the triangles that meet its box, and of creases what does, in Morton order, by
+// descending to the buckets and from there, or from larger leaves, to the leaves.
 class SurfaceCutter {
  public:
   // `cells`: see cells_near_surface(); those whose leaves are wanted.
-  SurfaceCutter(const CheckedSurface& surface, std::span<const MortonKey> cells,
-                const RunRecord& run, BoundedBatches& batches, IngestWatch& watch)
+  SurfaceCutter(const CheckedSurface& surface, const CreasesOfCells& creases,
+                std::span<const MortonKey> cells, const RunRecord& run, BoundedBatches& batches,
+                IngestWatch& watch)
       : surface_(surface),
+        creases_(creases),
         cells_(cells),
         frame_(run.frame),
         sides_(run.parameters, {run.frame, 0}),
@@ -103,7 +106,7 @@ class SurfaceCutter {
     if (cells.empty()) return;
     const auto buckets = surface_.buckets.under(node);
     if (buckets.size() == 1 && buckets.front().cell.is_ancestor_or_self_of(node)) {
-      cut(node, cells, surface_.load(buckets.front()));
+      cut(node, cells, surface_in(buckets.front()));
       watch_.advance(buckets.front().triangles.count);
     } else if (is_leaf(node, cells) && !is_to_be_split(node, buckets)) {
       store(node, gathered(buckets));
@@ -113,15 +116,23 @@ class SurfaceCutter {
     }
   }
 
-  // `candidates`: in order of id, all that meet the node's box, and others.
-  void cut(MortonKey node, Cells cells, const std::vector<Triangle>& candidates) {
+  LeafSurface surface_in(const TriangleBucket& bucket) const {
+    LeafSurface surface{surface_.load(bucket)};
+    creases_.add_to(static_cast<std::size_t>(&bucket - surface_.buckets.all().data()), surface);
+    return surface;
+  }
+
+  // `candidates`: all that meets the node's box, and others.
+  void cut(MortonKey node, Cells cells, const LeafSurface& candidates) {
     if (cells.empty()) return;
     const Box box = frame_.box(node);
-    std::vector<Triangle> met;
-    std::ranges::copy_if(candidates, std::back_inserter(met),
+    LeafSurface met;
+    std::ranges::copy_if(candidates.triangles, std::back_inserter(met.triangles),
                          [&](const Triangle& t) { return touches(t, box); });
-    if (is_leaf(node, cells) && !(may_split(node) && num_owned(met, box) > kMaxLeafTriangles))
-      return store(node, std::move(met));
+    append_creases(box, candidates, met);
+    if (is_leaf(node, cells) &&
+        !(may_split(node) && num_owned(met.triangles, box) > kMaxLeafTriangles))
+      return store(node, met);
     for_each_child(node, cells,
                    [&](MortonKey child, Cells of_child) { cut(child, of_child, met); });
   }
@@ -163,20 +174,19 @@ class SurfaceCutter {
         std::ranges::count_if(triangles, [&](const Triangle& t) { return owns_triangle(box, t); }));
   }
 
-  std::vector<Triangle> gathered(std::span<const TriangleBucket> buckets) const {
-    std::vector<Triangle> triangles;
+  LeafSurface gathered(std::span<const TriangleBucket> buckets) const {
+    LeafSurface surface;
     for (const TriangleBucket& bucket : buckets) {
-      const std::vector<Triangle> held = surface_.load(bucket);
-      triangles.insert(triangles.end(), held.begin(), held.end());
+      const LeafSurface held = surface_in(bucket);
+      surface.append(held);
       watch_.advance(held.size());
     }
-    sort_and_unite(triangles, &Triangle::id);
-    return triangles;
+    surface.unite();
+    return surface;
   }
 
-  void store(MortonKey leaf, std::vector<Triangle> triangles) {
+  void store(MortonKey leaf, const LeafSurface& surface) {
     throw_if_stopped(watch_.stop());
-    const LeafSurface surface{std::move(triangles)};
     leaves_.keys.push_back(leaf);
     leaves_.corners.push_back(center_to_corners(frame_.box(leaf), surface));
     if (surface.is_empty()) return;
@@ -188,6 +198,7 @@ class SurfaceCutter {
   }
 
   const CheckedSurface& surface_;
+  const CreasesOfCells& creases_;
   Cells cells_;
   const Frame& frame_;
   StartSides sides_;
@@ -355,11 +366,15 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
                       run.parameters.weld, run.parameters.sharp_angle);
     const double size = run.parameters.size;
-    const SurfaceSheets sheets = number_sheets(
+    SurfaceSheets sheets = number_sheets(
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, share);
     require_sized_sheets(run.parameters, sheets);
+    const CreasesOfCells creases = find_creases(
+        surface,
+        {.sharp_angle = run.parameters.sharp_angle, .least_extent = kLeastCreaseExtent * size},
+        watch, workers, share, sheets);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
     calls.check(run, surface.spill.bytes());
@@ -371,7 +386,8 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     erase_all(*store, watch.stop());
     BoundedBatches batches(*store, watch.stop());
     const KeyRange range = share.range();
-    CutLeaves cut = SurfaceCutter(surface, range.begun_of(cells), run, batches, watch).cut();
+    CutLeaves cut =
+        SurfaceCutter(surface, creases, range.begun_of(cells), run, batches, watch).cut();
     share.join_leaves(cut);
     const bool is_uniform = run.parameters.sizes().is_uniform();
     StartSides sides(run.parameters, plan);

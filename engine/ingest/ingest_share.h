@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/ingest/crease_parts.h"
 #include "engine/ingest/part_joiner.h"
 #include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_check.h"
@@ -57,6 +58,7 @@ class IngestShare {
   virtual void join_parities(std::vector<bool>&) const {}  // of sums, element by element
   virtual void join_cells(std::optional<std::vector<MortonKey>>&) const {}  // nothing: too many
   virtual void join_sheets(SheetPieces&) const {}
+  virtual void join_creases(CreasePieces&) const {}
   virtual void join_sums(std::vector<SheetSums>&) const {}  // by sheet
   virtual void join_leaves(CutLeaves&) const {}
   // Throws InputError, for what all know.

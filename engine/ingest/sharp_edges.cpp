@@ -16,6 +16,27 @@ const Needle* find_needle(const std::vector<Needle>& needles, std::uint64_t id) 
   return place != needles.end() && place->id == id ? &*place : nullptr;
 }
 
+// Against the first triangle at each vertex.
+std::uint64_t num_pointed(std::span<const TriangleDirection> directions, const TriangleSoup& soup,
+                          const std::vector<bool>& is_turned, const SharpAngle& angle,
+                          const std::vector<std::uint8_t>& is_owned) {
+  constexpr std::uint32_t kNone = 0xffffffff;
+  std::vector<std::uint32_t> first(soup.vertices.size(), kNone);
+  std::vector<bool> is_pointed(soup.vertices.size());
+  for (std::uint32_t t = 0; t < directions.size(); ++t) {
+    for (const std::uint32_t v : soup.triangles[t]) {
+      if (first[v] == kNone)
+        first[v] = t;
+      else if (angle.is_exceeded(directions[first[v]].normal, directions[t].normal,
+                                 is_turned[first[v]] != is_turned[t]))
+        is_pointed[v] = true;
+    }
+  }
+  std::uint64_t num = 0;
+  for (std::size_t v = 0; v < is_pointed.size(); ++v) num += is_pointed[v] && is_owned[v] ? 1 : 0;
+  return num;
+}
+
 }  // namespace
 
 TriangleDirection direction_of(const Triangle& triangle) {
@@ -32,6 +53,7 @@ TriangleDirection direction_of(const Triangle& triangle) {
 
 void SharpEdges::add(const SharpEdges& others) {
   num_edges += others.num_edges;
+  num_pointed += others.num_pointed;
   num_needles += others.num_needles;
   if (num_needles > kMaxNeedles)
     needles = {};
@@ -42,10 +64,11 @@ void SharpEdges::add(const SharpEdges& others) {
 SharpAngle::SharpAngle(double degrees)
     : is_given_(degrees > 0), least_cosine_(std::cos(degrees * std::numbers::pi / 180)) {}
 
-SharpEdges sharp_edges_of(std::span<const Triangle> triangles,
-                          std::span<const TriangleCorners> soup, const Mates& mates,
+SharpEdges sharp_edges_of(std::span<const Triangle> triangles, const TriangleSoup& soup,
+                          const Mates& mates, const std::vector<bool>& is_turned,
                           const SharpAngle& angle,
-                          const std::function<bool(std::uint32_t half_edge)>& is_ours) {
+                          const std::function<bool(std::uint32_t half_edge)>& is_ours,
+                          const std::vector<std::uint8_t>& is_owned) {
   std::vector<TriangleDirection> directions(triangles.size());
   std::ranges::transform(triangles, directions.begin(), direction_of);
   SharpEdges found;
@@ -53,19 +76,19 @@ SharpEdges sharp_edges_of(std::span<const Triangle> triangles,
     const std::uint32_t g = mates[h];
     if (g == kNoHalfEdge) continue;
     const TriangleDirection &one = directions[h / 3], &other = directions[g / 3];
-    const bool is_turned = is_turned_across(soup, g, h);
+    const bool turns = is_turned_across(soup.triangles, g, h);
     if (h < g &&
-        (one.is_needle || other.is_needle ||
-         angle.is_exceeded(one.normal, other.normal, is_turned)) &&
+        (one.is_needle || other.is_needle || angle.is_exceeded(one.normal, other.normal, turns)) &&
         is_ours(h))
       ++found.num_edges;
     if (!one.is_needle || h % 3 != one.longest_edge || !is_ours(h)) continue;
     const Point& across = other.is_needle ? one.normal : other.normal;
     found.needles.push_back({triangles[h / 3].id, triangles[g / 3].id,
-                             is_turned && !other.is_needle ? -1.0 * across : across, is_turned,
+                             turns && !other.is_needle ? -1.0 * across : across, turns,
                              other.is_needle});
   }
   found.num_needles = found.needles.size();
+  found.num_pointed = num_pointed(directions, soup, is_turned, angle, is_owned);
   return found;
 }
 

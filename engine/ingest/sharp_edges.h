@@ -35,6 +35,9 @@ struct SharpEdges {
 
   // Edges whose triangles turn by more than the angle, or of which one is a needle.
   std::uint64_t num_edges = 0;
+  // Vertices with triangles that turn against each other by more than the angle: among them the
+  // tips of cones.
+  std::uint64_t num_pointed = 0;
   std::uint64_t num_needles = 0;
   std::vector<Needle> needles;  // none if there are more than kMaxNeedles
 
@@ -49,8 +52,9 @@ class SharpAngle {
   // `is_turned`: along their edge, the triangles' corners run the same way.
   bool is_exceeded(const Point& normal, const Point& other, bool is_turned) const {
     const double cosine = dot(normal, other);
-    return is_given_ && (is_turned ? -cosine : cosine) < least_cosine_;
+    return is_exceeded(is_turned ? -cosine : cosine);
   }
+  bool is_exceeded(double cosine) const { return is_given_ && cosine < least_cosine_; }
 
  private:
   bool is_given_;
@@ -63,11 +67,13 @@ inline bool is_turned_across(std::span<const TriangleCorners> triangles, std::ui
   return origin(triangles, g) == origin(triangles, h);
 }
 
-// Those of the edges that are judged here. `soup`: of the triangles. `is_ours`: by half-edge
-SharpEdges sharp_edges_of(std::span<const Triangle> triangles,
-                          std::span<const TriangleCorners> soup, const Mates& mates,
+// Those of the edges and vertices that are judged here. `soup`: of the triangles, of which some are
+// turned against others that they hang together with. `is_ours`: the edge; `is_owned`: the vertex
+SharpEdges sharp_edges_of(std::span<const Triangle> triangles, const TriangleSoup& soup,
+                          const Mates& mates, const std::vector<bool>& is_turned,
                           const SharpAngle& angle,
-                          const std::function<bool(std::uint32_t half_edge)>& is_ours);
+                          const std::function<bool(std::uint32_t half_edge)>& is_ours,
+                          const std::vector<std::uint8_t>& is_owned);
 
 // The normals of all needles, from needle to needle until one has a neighbor that is none. Where
 // needles lie across from each other, they keep their own.

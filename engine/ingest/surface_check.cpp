@@ -70,8 +70,9 @@ class SurfaceCellCheck {
     if (scope == CheckScope::kAll) {
       check_fans();
       if (angle_.is_given())
-        report_.findings.sharp = sharp_edges_of(triangles_, soup_.triangles, mates_, angle_,
-                                                [&](std::uint32_t h) { return owner_of_edge(h); });
+        report_.findings.sharp = sharp_edges_of(
+            triangles_, soup_, mates_, is_turned_, angle_,
+            [&](std::uint32_t h) { return owner_of_edge(h); }, is_owned_);
       look_at_pairs();
     }
     return std::move(report_);
@@ -172,7 +173,7 @@ class SurfaceCellCheck {
   // ---- Components ----
 
   void find_components() {
-    const Components components = locvol::find_components(soup_.triangles, mates_);
+    Components components = locvol::find_components(soup_.triangles, mates_);
     if (components.conflict != kNoHalfEdge)
       add_flaw(report_.findings.conflicts, components.conflict);
     report_.parts.resize(components.count);
@@ -189,6 +190,7 @@ class SurfaceCellCheck {
                                 .is_turned = components.is_turned[t],
                                 .is_last = buckets_.is_last_with(cell_, triangles_[t])});
     }
+    is_turned_ = std::move(components.is_turned);
   }
 
   // The volume between a triangle and the plane z = middle_z_; only its difference from the other
@@ -260,6 +262,7 @@ class SurfaceCellCheck {
   std::vector<bool> is_copy_;
   bool has_copies_ = false;
   std::vector<std::uint8_t> is_owned_;  // by vertex
+  std::vector<bool> is_turned_;         // by triangle, see Components
   std::vector<std::uint32_t> distinct_;
   CellReport report_;
 };

@@ -50,9 +50,19 @@ auto fields(Maybe<Needle> auto& needle) {
                     Field("is_turned", is_turned), Field("is_next_to_needle", is_next_to_needle));
 }
 auto fields(Maybe<SharpEdges> auto& sharp) {
-  auto& [num_edges, num_needles, needles] = sharp;
-  return std::tuple(Field("num_edges", num_edges), Field("num_needles", num_needles),
-                    Field("needles", needles));
+  auto& [num_edges, num_pointed, num_needles, needles] = sharp;
+  return std::tuple(Field("num_edges", num_edges), Field("num_pointed", num_pointed),
+                    Field("num_needles", num_needles), Field("needles", needles));
+}
+auto fields(Maybe<CreasePart> auto& part) {
+  auto& [first_edge, num_edges, length, box, sheets, corners] = part;
+  return std::tuple(Field("first_edge", first_edge), Field("num_edges", num_edges),
+                    Field("length", length), Field("box", box), Field("sheets", sheets),
+                    Field("corners", corners));
+}
+auto fields(Maybe<SurfaceCorner> auto& corner) {
+  auto& [name, position] = corner;
+  return std::tuple(Field("name", name), Field("position", position));
 }
 auto fields(Maybe<SheetPart> auto& part) {
   auto& [first_triangle, group, area] = part;
@@ -155,6 +165,20 @@ std::uint64_t join_linked(const std::vector<ComponentLink>& links,
   return num_conflicts;
 }
 
+// Of all ranks. Gives by component of this rank its place among all.
+template <class Part>
+std::vector<std::uint32_t> join_parts(JoinedParts<Part>& joined, Exchange& exchange) {
+  const std::vector<ComponentLink> links = gather_all(exchange, links_found(joined.open, exchange));
+  PartJoiner<Part> joiner;
+  const auto num_own = joined.components.size();
+  const auto first = add_parts(gather_values(exchange, joined.components), joiner);
+  join_linked(links, first, joiner);
+  std::vector<std::uint32_t> numbers;
+  joined = joiner.take(numbers);
+  const auto own = numbers.begin() + first[static_cast<std::size_t>(exchange.rank())];
+  return {own, own + static_cast<std::ptrdiff_t>(num_own)};
+}
+
 // Of all ranks. `by_rank`: of each one's cells, as a message
 SurfaceFindings joined_findings(std::vector<std::string> by_rank,
                                 const std::vector<ComponentLink>& links) {
@@ -190,25 +214,20 @@ void RankShare::join_findings(SurfaceFindings& findings) const {
 
 void RankShare::join_sheets(SheetPieces& pieces) const {
   stop_.meet();
-  const std::vector<ComponentLink> links =
-      gather_all(exchange_, links_found(pieces.joined.open, exchange_));
-  PartJoiner<SheetPart> joiner;
-  const auto first = add_parts(gather_values(exchange_, pieces.joined.components), joiner);
-  join_linked(links, first, joiner);
-  const std::uint32_t first_own = first[static_cast<std::size_t>(exchange_.rank())];
+  pieces.places = join_parts(pieces.joined, exchange_);
   for (SheetBorder& border : pieces.borders) {
-    border.a += first_own;
-    border.b += first_own;
+    border.a = pieces.places[border.a];
+    border.b = pieces.places[border.b];
   }
-  for (std::uint32_t& place : pieces.places) place += first_own;
   pieces.borders = gather_all(exchange_, pieces.borders);
-  std::vector<std::uint32_t> numbers;
-  pieces.joined = joiner.take(numbers);
-  for (SheetBorder& border : pieces.borders) {
-    border.a = numbers[border.a];
-    border.b = numbers[border.b];
-  }
-  for (std::uint32_t& place : pieces.places) place = numbers[place];
+}
+
+void RankShare::join_creases(CreasePieces& pieces) const {
+  stop_.meet();
+  pieces.is_too_many = any(exchange_, pieces.is_too_many);
+  if (pieces.is_too_many) return;
+  pieces.places = join_parts(pieces.joined, exchange_);
+  pieces.corners = gather_all(exchange_, pieces.corners);
 }
 
 void RankShare::join_sums(std::vector<SheetSums>& sums) const {

@@ -28,6 +28,7 @@ class RankShare : public IngestShare {
   void join_parities(std::vector<bool>& parities) const override;
   void join_cells(std::optional<std::vector<MortonKey>>& cells) const override;
   void join_sheets(SheetPieces& pieces) const override;
+  void join_creases(CreasePieces& pieces) const override;
   void join_sums(std::vector<SheetSums>& sums) const override;
   void join_leaves(CutLeaves& leaves) const override;
 

@@ -17,11 +17,15 @@ LeafSurface part_in(const Box& box, const LeafSurface& surface) {
   LeafSurface part;
   std::ranges::copy_if(surface.triangles, std::back_inserter(part.triangles),
                        [&](const Triangle& t) { return meets(t, box); });
+  append_creases(box, surface, part);
+  return part;
+}
+
+void append_creases(const Box& box, const LeafSurface& surface, LeafSurface& part) {
   std::ranges::copy_if(surface.creases, std::back_inserter(part.creases),
                        [&](const CreaseEdge& edge) { return touches(edge, box); });
   std::ranges::copy_if(surface.corners, std::back_inserter(part.corners),
                        [&](const CornerPoint& corner) { return box.contains(corner.position); });
-  return part;
 }
 
 // By how much of a triangle's box is in it.

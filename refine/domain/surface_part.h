@@ -10,6 +10,9 @@ namespace locvol {
 // All that meets the box, and perhaps some triangles that only come close.
 LeafSurface part_in(const Box& box, const LeafSurface& surface);
 
+// Its half: adds creases and corners that meet the box.
+void append_creases(const Box& box, const LeafSurface& surface, LeafSurface& part);
+
 // About how much of it is in the box.
 double area_in(const Box& box, const LeafSurface& surface);
 

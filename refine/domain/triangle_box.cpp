@@ -98,10 +98,7 @@ bool touches(const Triangle& triangle, const Box& box) {
   return true;
 }
 
-bool touches(const CreaseEdge& edge, const Box& box) {
-  const auto& [a, b] = edge.ends;
-  return touches(Triangle{.id = 0, .corners = {a, b, b}}, box);
-}
+bool touches(const CreaseEdge& edge, const Box& box) { return touches(edge.as_triangle(), box); }
 
 bool plane_misses(const Triangle& t, const Box& box, double slack) {
   const auto& [a, b, c] = t.corners;

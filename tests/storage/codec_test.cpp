@@ -304,7 +304,11 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("surface.v1", smooth_surface, sample_leaf());
   for (Triangle& triangle : smooth_surface.triangles) triangle.sheet = 1;
   expect_golden("surface.v0", smooth_surface, sample_leaf());
-  expect_golden("sheets.v0", sample_sheets(), MortonKey());
+  expect_golden("sheets.v1", sample_sheets(), MortonKey());
+  SurfaceSheets without_facts = sample_sheets();
+  without_facts.creases.clear();
+  without_facts.num_corners = 0;
+  expect_golden("sheets.v0", without_facts, MortonKey());
   expect_golden("unresolved.v0", sample_unresolved(), sample_leaf());
   expect_golden("sizes.v0", sample_sizes(), sample_leaf());
   expect_golden("queue.v0", sample_queue_entry(), sample_leaf());

@@ -161,6 +161,7 @@ TEST_F(IngestByRanksTest, NumbersGroupsAndSheetsAsOneProcessDoes) {
     const TakenIn expected = by_one(options);
     ASSERT_EQ(expected.refusal, "");
     EXPECT_GT(expected.contents.sheets.sheets.size(), trial == 0 ? 5U : 1U);
+    EXPECT_EQ(expected.contents.sheets.creases.empty(), trial == 3);
     for (const int num_ranks : {2, 5}) {
       const TakenIn found = by_ranks(num_ranks, options, 200);
       EXPECT_FALSE(found.needs_one_process);

@@ -1,0 +1,217 @@
+#include "engine/ingest/surface_creases.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include "engine/ingest/cell_creases.h"
+#include "engine/ingest/sharp_edges.h"
+
+namespace locvol {
+namespace {
+
+static_assert(std::is_trivially_copyable_v<CellEdge> &&
+              std::is_trivially_copyable_v<SurfaceCorner>);
+
+// Puts what cells have of creases together, cell after cell.
+class CreaseCollector {
+ public:
+  // From here on, edges' parts are numbered over all cells, from 1 on.
+  void add(CellParts& cell) {
+    if (is_too_many()) return;
+    const std::uint32_t first = num_parts_;
+    for (const CreasePart& part : cell.parts) num_parts_ = joiner_.add_part(part) + 1;
+    for (const auto& [name, part, is_last] : cell.shared)
+      joiner_.join(name, first + part - 1, false, is_last);
+    for (CellEdge& edge : cell.creases.edges)
+      if (edge.edge.crease != kNoPart) edge.edge.crease += first;
+    corners_.insert(corners_.end(), cell.owned.begin(), cell.owned.end());
+  }
+
+  // Of all processes.
+  CreasePieces take(const IngestShare& share) && {
+    CreasePieces pieces{
+        .joined = {}, .places = {}, .corners = std::move(corners_), .is_too_many = is_too_many()};
+    std::vector<std::uint32_t> numbers;
+    pieces.joined = joiner_.take(numbers);
+    pieces.places.resize(pieces.joined.components.size());
+    std::iota(pieces.places.begin(), pieces.places.end(), std::uint32_t{0});
+    share.join_creases(pieces);
+    if (pieces.is_too_many) return pieces;
+    for (std::uint32_t& number : numbers) number = pieces.places[number];
+    pieces.places = std::move(numbers);
+    return pieces;
+  }
+
+ private:
+  static constexpr std::size_t kMaxParts = 4 * kMaxCreases;  // most creases lie in few cells
+  bool is_too_many() const { return num_parts_ > kMaxParts || corners_.size() > kMaxCreases; }
+
+  PartJoiner<CreasePart> joiner_;
+  std::uint32_t num_parts_ = 0;
+  std::vector<SurfaceCorner> corners_;
+};
+
+// All edges that may be part of creases go to `cells`. Returns their parts' pieces.
+CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
+                        Workers& workers, const IngestShare& share, CreasesOfCells& cells) {
+  const SharpAngle angle(law.sharp_angle);
+  const NeedleNormals needles(surface.sharp.needles);
+  CreaseCollector collector;
+  std::size_t bucket = 0;
+  for_each_in_order(
+      workers, surface.buckets.all(), [&](const TriangleBucket& b) { return surface.load(b); },
+      [&](const TriangleBucket& b, std::vector<Triangle> triangles) {
+        throw_if_stopped(watch.stop());
+        return edges_of_cell(std::move(triangles), b.cell, surface.buckets, angle, needles,
+                             law.least_extent);
+      },
+      [&](const TriangleBucket& b, CellParts& cell) {
+        collector.add(cell);
+        cells.put(bucket++, cell.creases);
+        watch.advance(b.triangles.count);
+      });
+  return std::move(collector).take(share);
+}
+
+// Of these, all that are no noise become chains.
+CreasePieces find_chains(const CheckedSurface& surface, const CreasePieces& pieces,
+                         const CreaseLaw& law, IngestWatch& watch, Workers& workers,
+                         const IngestShare& share, CreasesOfCells& cells) {
+  const auto is_noise = [&](const CellEdge& edge) {
+    if (edge.edge.crease == kNoPart) return false;
+    const std::uint32_t component = pieces.places[edge.edge.crease - 1];
+    return pieces.joined.components[component].extent() < law.least_extent;
+  };
+  CreaseCollector collector;
+  std::size_t loaded = 0, bucket = 0;
+  for_each_in_order(
+      workers, surface.buckets.all(), [&](const TriangleBucket&) { return cells.load(loaded++); },
+      [&](const TriangleBucket& b, CellCreases creases) {
+        throw_if_stopped(watch.stop());
+        std::erase_if(creases.edges, is_noise);
+        return chains_of_cell(std::move(creases), b.cell, surface.buckets);
+      },
+      [&](const TriangleBucket&, CellParts& cell) {
+        collector.add(cell);
+        cells.put(bucket++, cell.creases);
+      });
+  return std::move(collector).take(share);
+}
+
+CreaseFacts facts_of(const CreasePart& crease, std::span<const SurfaceCorner> corners) {
+  CreaseFacts facts{.num_edges = crease.num_edges,
+                    .length = crease.length.value(),
+                    .corners = {},
+                    .sheets = crease.sheets};
+  if (crease.corners[0] == kNoName) return facts;
+  for (std::size_t end = 0; end < 2; ++end)
+    facts.corners[end] = static_cast<std::uint32_t>(
+        1 + std::ranges::lower_bound(corners, crease.corners[end], {}, &SurfaceCorner::name) -
+        corners.begin());
+  std::ranges::sort(facts.corners);
+  return facts;
+}
+
+// In the order of their first edges, and corners in that of their names.
+void number_creases(CreasePieces pieces, CreasesOfCells& cells, SurfaceSheets& sheets) {
+  std::ranges::sort(pieces.corners, {}, &SurfaceCorner::name);
+  const std::vector<CreasePart>& creases = pieces.joined.components;
+  std::vector<std::uint32_t> order(creases.size());
+  std::iota(order.begin(), order.end(), std::uint32_t{0});
+  std::ranges::sort(order, {}, [&](std::uint32_t c) { return creases[c].first_edge; });
+  std::vector<CreaseId> ids(creases.size());
+  for (const std::uint32_t crease : order) {
+    sheets.creases.push_back(facts_of(creases[crease], pieces.corners));
+    ids[crease] = static_cast<CreaseId>(sheets.creases.size());
+  }
+  sheets.num_corners = pieces.corners.size();
+  std::vector<CreaseId> of_part;
+  for (const std::uint32_t place : pieces.places) of_part.push_back(ids[place]);
+  cells.number(std::move(of_part), sheets.creases, std::move(pieces.corners));
+}
+
+}  // namespace
+
+void CreasesOfCells::put(std::size_t bucket, const CellCreases& creases) {
+  if (bucket >= places_.size()) {
+    places_.resize(bucket + 1);
+    places_[bucket].offset = size_;
+    size_ += std::span(creases.edges).size_bytes() + std::span(creases.corners).size_bytes();
+    // Each end may yet turn out to be a corner.
+    size_ += 2 * creases.edges.size() * sizeof(SurfaceCorner);
+  }
+  Place& place = places_[bucket];
+  place.num_edges = creases.edges.size();
+  place.num_corners = creases.corners.size();
+  if (place.num_edges + place.num_corners == 0) return;
+  if (!file_) file_.emplace(OpenFile::temporary(directory_ / "locvol-creases"));
+  const auto edges = std::as_bytes(std::span(creases.edges));
+  file_->write_at(place.offset, edges);
+  file_->write_at(place.offset + edges.size(), std::as_bytes(std::span(creases.corners)));
+}
+
+CellCreases CreasesOfCells::load(std::size_t bucket) const {
+  CellCreases creases;
+  if (bucket >= places_.size()) return creases;
+  const Place& place = places_[bucket];
+  creases.edges.resize(place.num_edges);
+  creases.corners.resize(place.num_corners);
+  if (place.num_edges + place.num_corners == 0) return creases;
+  const auto edges = std::as_writable_bytes(std::span(creases.edges));
+  file_->read_at(place.offset, edges);
+  file_->read_at(place.offset + edges.size(), std::as_writable_bytes(std::span(creases.corners)));
+  return creases;
+}
+
+void CreasesOfCells::number(std::vector<CreaseId> of_part, std::vector<CreaseFacts> facts,
+                            std::vector<SurfaceCorner> corners) {
+  of_part_ = std::move(of_part);
+  facts_ = std::move(facts);
+  corners_ = std::move(corners);
+}
+
+void CreasesOfCells::add_to(std::size_t bucket, LeafSurface& surface) const {
+  CellCreases creases = load(bucket);
+  for (CellEdge& cell_edge : creases.edges) {
+    CreaseEdge& edge = surface.creases.emplace_back(cell_edge.edge);
+    edge.crease = of_part_[edge.crease - 1];
+    const auto& ends = facts_[edge.crease - 1].corners;
+    for (std::size_t end = 0; end < 2; ++end)
+      edge.is_corner[end] = std::ranges::any_of(ends, [&](std::uint32_t corner) {
+        return corner > 0 && corners_[corner - 1].position == edge.ends[end];
+      });
+  }
+  std::ranges::sort(surface.creases, {}, &CreaseEdge::ends);
+  for (const auto& [name, position] : creases.corners) {
+    const auto place = std::ranges::lower_bound(corners_, name, {}, &SurfaceCorner::name);
+    surface.corners.push_back(
+        {position, static_cast<std::uint32_t>(1 + (place - corners_.begin()))});
+  }
+  std::ranges::sort(surface.corners, {}, &CornerPoint::corner);
+}
+
+CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
+                            Workers& workers, const IngestShare& share, SurfaceSheets& sheets) {
+  CreasesOfCells cells(surface.spill.directory());
+  const bool is_smooth =
+      surface.sharp.num_edges == 0 && surface.sharp.num_pointed == 0 && sheets.sheets.size() < 2;
+  if (!(law.sharp_angle > 0) || is_smooth) return cells;
+  const CreasePieces edges = find_edges(surface, law, watch, workers, share, cells);
+  CreasePieces chains{.joined = {}, .places = {}, .corners = {}, .is_too_many = true};
+  if (!edges.is_too_many) chains = find_chains(surface, edges, law, watch, workers, share, cells);
+  if (chains.is_too_many || chains.joined.components.size() > kMaxCreases ||
+      chains.corners.size() > kMaxCreases) {
+    surface.facts.notes.push_back(
+        fmt::format("took no creases, for there would be more than {}", kMaxCreases));
+    return CreasesOfCells(surface.spill.directory());
+  }
+  number_creases(std::move(chains), cells, sheets);
+  return cells;
+}
+
+}  // namespace locvol
