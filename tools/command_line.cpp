@@ -300,6 +300,8 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
   view->add_flag("--sizes", command.lists_sizes, "How many cells of which sizes are asked for");
   view->add_flag("--faces", command.lists_faces,
                  "Of a finished run, name, area, place and shape of each sheet");
+  view->add_flag("--sharp", command.lists_creases,
+                 "List the surface's creases, where it is sharp or its sheets meet");
   add_leaf(*view, command.leaf, "One leaf in full");
   view->require_option(0, 1);
 
@@ -329,18 +331,20 @@ CLI::App* declare_inspect(CLI::App& app, InspectCommand& command) {
                     "Read every record, to find damage (summary, --leaves)");
   add_vtu(*inspect, command.vtu,
           "Write a file to look at instead: the leaves' boxes, with --leaf its cells, with --sizes "
-          "the octree of sizes");
+          "the octree of sizes, with --sharp creases and corners");
   add_json(*inspect, command.is_json);
   inspect->final_callback([&command, which] {
     const bool is_of_leaves =
-        command.lists_leaves || (!command.vtu.empty() && !command.leaf && !command.lists_sizes);
+        command.lists_leaves ||
+        (!command.vtu.empty() && !command.leaf && !command.lists_sizes && !command.lists_creases);
     if (which->count_all() > 0 && !is_of_leaves) {
       throw CLI::ValidationError(
           "--where, --state, --sort and --reverse go with --leaves, or with "
           "--vtu");
     }
     if (!command.vtu.empty() && (command.lists_queue || command.lists_unresolved))
-      throw CLI::ValidationError("--vtu goes with --leaf, with --leaves, with --sizes or alone");
+      throw CLI::ValidationError(
+          "--vtu goes with --leaf, with --leaves, with --sizes, with --sharp or alone");
   });
   return inspect;
 }

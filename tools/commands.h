@@ -35,6 +35,7 @@ struct InspectCommand {
   bool lists_unresolved = false;
   bool lists_sizes = false;
   bool lists_faces = false;
+  bool lists_creases = false;
   std::optional<LeafSpec> leaf;
   LeafListing listing;        // of leaves; its limit, of anything that is listed
   bool reads_all = false;     // every record, to find damage

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/exchange/merged_rows.h"
+#include "engine/inspect/crease_file.h"
 #include "engine/inspect/leaf_report.h"
 #include "engine/inspect/leaf_row_fields.h"
 #include "engine/inspect/leaf_scan.h"
@@ -346,7 +347,24 @@ std::uint64_t inspect_faces(const RunPart& part, const InspectCommand& command) 
   return 0;
 }
 
+std::uint64_t inspect_creases(const RunPart& part, const InspectCommand& command) {
+  const RunRecord run = run_of(part);
+  if (!command.vtu.empty()) {
+    const auto [num_edges, num_corners, bytes] = write_creases_vtu(part, run, command.vtu);
+    if (part.is_first()) print_written(command, "edges", num_edges, bytes, {});
+    return 0;
+  }
+  if (!part.is_first() || !part.store) return 0;  // each knows all
+  const SurfaceSheets sheets = part.store->snapshot().sheets();
+  if (command.is_json)
+    print_json({{"creases", creases_json(sheets)}, {"num_corners", sheets.num_corners}});
+  else
+    fmt::print("{}", crease_list_text(sheets, command.listing.limit));
+  return 0;
+}
+
 std::uint64_t inspect(const RunPart& part, const InspectCommand& command) {
+  if (command.lists_creases) return inspect_creases(part, command);
   if (command.lists_sizes) return inspect_sizes(part, command);
   if (command.lists_faces) return inspect_faces(part, command);
   if (!command.vtu.empty())

@@ -243,7 +243,7 @@ void add(const InspectSummary& more, InspectSummary& all) {
   if (more.run) add(*more.run, all.run);
   if (more.memory) add(*more.memory, all.memory);
   if (!all.writer) all.writer = more.writer;
-  if (all.sheets.sheets.empty()) all.sheets = more.sheets;
+  if (all.sheets == SurfaceSheets()) all.sheets = more.sheets;
   add(more.ranks, all.ranks);
   all.has_gone_on = all.has_gone_on || more.has_gone_on;
   for (const auto& [level, counts] : more.levels) all.levels[level].add(counts);

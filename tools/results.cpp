@@ -369,6 +369,26 @@ std::string sheets_text(const SurfaceSheets& sheets) {
   return text;
 }
 
+std::string creases_text(const SurfaceSheets& sheets) {
+  if (sheets.creases.empty() && sheets.num_corners == 0) return {};
+  double length = 0;
+  for (const CreaseFacts& crease : sheets.creases) length += crease.length;
+  return row("creases", "{} ({:.6g} long), {}", sheets.creases.size(), length,
+             plural(sheets.num_corners, "corner"));
+}
+
+std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit) {
+  std::string text = "crease      edges       length  corners          sheets\n";
+  for (std::size_t c = 0; c < sheets.creases.size() && c < limit.value_or(c + 1); ++c) {
+    const auto& [num_edges, length, corners, sides] = sheets.creases[c];
+    const std::string ends =
+        sheets.creases[c].is_closed() ? "-" : fmt::format("{} {}", corners[0], corners[1]);
+    text += fmt::format("{:>6} {:>10} {:>12.6g}  {:<15}  {} {}\n", c + 1, num_edges, length, ends,
+                        sides[0], sides[1]);
+  }
+  return text + creases_text(sheets);
+}
+
 std::string summary_text(const RunSummary& summary) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
          row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
@@ -379,7 +399,7 @@ std::string summary_text(const RunSummary& summary) {
          row("deletions", "{}", summary.run.counts.num_deletions) +
          row("moves", "{}", summary.run.counts.num_moves) +
          row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site")) +
-         sheets_text(summary.sheets);
+         sheets_text(summary.sheets) + creases_text(summary.sheets);
 }
 
 // Of all of a mesh.
@@ -558,6 +578,20 @@ Json to_json(const SurfaceSheets& sheets) {
   return all;
 }
 
+Json creases_json(const SurfaceSheets& sheets) {
+  Json all = Json::array();
+  for (const CreaseFacts& crease : sheets.creases) {
+    Json corners = Json::array();
+    if (!crease.is_closed()) corners = crease.corners;
+    all.push_back({{"id", all.size() + 1},
+                   {"num_edges", crease.num_edges},
+                   {"length", crease.length},
+                   {"corners", corners},
+                   {"sheets", crease.sheets}});
+  }
+  return all;
+}
+
 Json to_json(const RunParameters& parameters) {
   Json json = {{"input_digest", parameters.input_digest}};
   for_each_option(
@@ -638,7 +672,9 @@ Json to_json(const RunSummary& summary) {
           {"num_unresolved", summary.run.counts.num_unresolved},
           {"parameters", to_json(summary.run.parameters)},
           {"surface", to_json(summary.run.surface)},
-          {"sheets", to_json(summary.sheets)}};
+          {"sheets", to_json(summary.sheets)},
+          {"creases", creases_json(summary.sheets)},
+          {"num_corners", summary.sheets.num_corners}};
 }
 
 Json to_json(const WriteSummary& summary) {

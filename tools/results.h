@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@ Json to_json(const Point& point);
 Json to_json(const Box& box);
 Json to_json(const SurfaceFacts& facts);
 Json to_json(const SurfaceSheets& sheets);  // an array
+Json creases_json(const SurfaceSheets& sheets);
+// A line for each, `limit` at most.
+std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit);
 Json to_json(const RunParameters& parameters);
 Json to_json(const LeafInfo& info);
 Json to_json(const QueuePosition& position);  // color: null until the epoch opens

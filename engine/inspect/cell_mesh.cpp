@@ -31,10 +31,8 @@ std::uint64_t write_vtu(const CellMesh& mesh, double size, const std::filesystem
   for (std::size_t i = 0; i < num_cells; ++i) qualities[i] = quality_of(mesh.corners(i));
   VtuGrid grid;
   grid.num_points = num_vertices;
-  grid.num_cells = num_cells;
+  grid.cells = {{.type = kVtkTetra, .num_vertices = 4, .num = num_cells}};
   grid.point = [&](std::size_t i) { return mesh.vertices[i].position; };
-  grid.cell_type = kVtkTetra;
-  grid.vertices_per_cell = 4;
   grid.vertex = [&](std::size_t cell, std::size_t i) {
     return static_cast<std::int64_t>(mesh.cells[cell][i]);
   };

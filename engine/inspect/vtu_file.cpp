@@ -39,7 +39,7 @@ class GridWriter {
     add(VtuSection::kCells, types());
     for (const VtuArray& array : grid_.point_data) add(VtuSection::kPointData, array);
     for (const VtuArray& array : grid_.cell_data) add(VtuSection::kCellData, array);
-    return vtu_header(grid_.num_points, grid_.num_cells, entries_);
+    return vtu_header(grid_.num_points, grid_.num_cells(), entries_);
   }
 
   void add(VtuSection section, const VtuArray& array) {
@@ -57,20 +57,40 @@ class GridWriter {
             }};
   }
 
+  // Calls visit(cells, number of the cell) for each, in order.
+  template <class Visit>
+  void for_each_cell(const Visit& visit) const {
+    std::size_t cell = 0;
+    for (const VtuCells& cells : grid_.cells)
+      for (std::uint64_t i = 0; i < cells.num; ++i) visit(cells, cell++);
+  }
+
   VtuArray connectivity() const {
-    const std::size_t k = grid_.vertices_per_cell;
-    return vtu_array("connectivity", grid_.num_cells * k,
-                     [this, k](std::size_t i) { return grid_.vertex(i / k, i % k); });
+    std::uint64_t num = 0;
+    for (const VtuCells& cells : grid_.cells) num += cells.num * cells.num_vertices;
+    return {"connectivity", "Int64", 1, num * sizeof(std::int64_t), [this](FileSection& out) {
+              for_each_cell([&](const VtuCells& cells, std::size_t cell) {
+                for (std::size_t i = 0; i < cells.num_vertices; ++i)
+                  out.append_value(grid_.vertex(cell, i));
+              });
+            }};
   }
 
   VtuArray offsets() const {
-    return vtu_array("offsets", grid_.num_cells, [this](std::size_t i) {
-      return static_cast<std::int64_t>((i + 1) * grid_.vertices_per_cell);
-    });
+    return {"offsets", "Int64", 1, grid_.num_cells() * sizeof(std::int64_t),
+            [this](FileSection& out) {
+              std::int64_t offset = 0;
+              for_each_cell([&](const VtuCells& cells, std::size_t) {
+                out.append_value(offset += static_cast<std::int64_t>(cells.num_vertices));
+              });
+            }};
   }
 
   VtuArray types() const {
-    return vtu_array("types", grid_.num_cells, [this](std::size_t) { return grid_.cell_type; });
+    return {
+        "types", "UInt8", 1, grid_.num_cells(), [this](FileSection& out) {
+          for_each_cell([&](const VtuCells& cells, std::size_t) { out.append_value(cells.type); });
+        }};
   }
 
   const VtuGrid& grid_;
@@ -81,20 +101,23 @@ class GridWriter {
 
 }  // namespace
 
+std::uint64_t VtuGrid::num_cells() const {
+  std::uint64_t num = 0;
+  for (const VtuCells& some : cells) num += some.num;
+  return num;
+}
+
 VtuGrid grid_of_boxes(std::size_t num, const std::function<Box(std::size_t)>& box) {
-  constexpr std::uint8_t kVtkHexahedron = 12;
   constexpr std::array<int, 8> kOctants = {0, 1, 3, 2, 4, 5, 7, 6};  // VTK's order of corners
   VtuGrid grid;
   grid.num_points = 8 * num;
-  grid.num_cells = num;
+  grid.cells = {{.type = kVtkHexahedron, .num_vertices = 8, .num = num}};
   grid.point = [box, kOctants](std::size_t i) {
     const auto [min, max] = box(i / 8);
     const int octant = kOctants[i % 8];
     return Point{octant & 1 ? max.x : min.x, octant & 2 ? max.y : min.y,
                  octant & 4 ? max.z : min.z};
   };
-  grid.cell_type = kVtkHexahedron;
-  grid.vertices_per_cell = 8;
   grid.vertex = [](std::size_t cell, std::size_t i) {
     return static_cast<std::int64_t>(8 * cell + i);
   };

@@ -41,14 +41,24 @@ VtuArray vtu_array(std::string name, std::size_t num, Value value) {
           }};
 }
 
-// Cells of one type, all with the same number of vertices.
+// VTK's numbers of types of cells.
+inline constexpr std::uint8_t kVtkVertex = 1, kVtkLine = 3, kVtkHexahedron = 12;
+
+// Cells of one type.
+struct VtuCells {
+  std::uint8_t type = 0;
+  std::uint64_t num_vertices = 0;  // of each
+  std::uint64_t num = 0;
+};
+
 struct VtuGrid {
-  std::uint64_t num_points = 0, num_cells = 0;
+  std::uint64_t num_points = 0;
   std::function<Point(std::size_t)> point;
-  std::uint8_t cell_type = 0;  // VTK's number: 10 a tetrahedron, 12 a hexahedron
-  std::uint64_t vertices_per_cell = 0;
+  std::vector<VtuCells> cells;  // those of one type after another
   std::function<std::int64_t(std::size_t cell, std::size_t i)> vertex;
   std::vector<VtuArray> point_data, cell_data;
+
+  std::uint64_t num_cells() const;
 };
 
 // A grid of hexahedra, each with corners of its own; without data.

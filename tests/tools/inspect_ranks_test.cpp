@@ -175,6 +175,7 @@ class InspectRanks : public testing::Test {
     };
     const Choose queue = [](InspectCommand& command) { command.lists_queue = true; };
     const Choose unresolved = [](InspectCommand& command) { command.lists_unresolved = true; };
+    const Choose creases = [](InspectCommand& command) { command.lists_creases = true; };
     std::vector<Choose> all = {leaves(nothing),
                                leaves(checked),
                                leaves(some),
@@ -186,6 +187,9 @@ class InspectRanks : public testing::Test {
                                limited(5, queue),
                                unresolved,
                                limited(3, unresolved),
+                               creases,
+                               limited(4, creases),
+                               file(creases),
                                file(nothing),
                                file(limited(9, sorted("visits", false)))};
     // Leaves of each rank.
