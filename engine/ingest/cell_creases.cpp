@@ -29,7 +29,7 @@ class EdgesOfCell {
   }
 
   // Puts each of the edges in a part, with those that have one of the vertices in common where they
-  // are joined: `is_joined(edge, end)`. REQUIRES: all edges at such a vertex are there
+  // are joined: `is_joined(edge, end)`.
   template <class IsJoined>
   std::vector<CreasePart> join(std::span<CellEdge*> edges, const IsJoined& is_joined) const {
     PartJoiner<CreasePart> joiner;
