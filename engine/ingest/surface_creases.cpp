@@ -20,9 +20,14 @@ static_assert(std::is_trivially_copyable_v<CellEdge> &&
 // Puts what cells have of creases together, cell after cell.
 class CreaseCollector {
  public:
+  explicit CreaseCollector(std::size_t most) : most_(most) {}
+
   // From here on, edges' parts are numbered over all cells, from 1 on.
   void add(CellParts& cell) {
     if (is_too_many()) return;
+    std::vector<bool> is_shared(cell.parts.size());
+    for (const SharedEdge& edge : cell.shared) is_shared[edge.part - 1] = true;
+    num_whole_ += static_cast<std::size_t>(std::ranges::count(is_shared, false));
     const std::uint32_t first = num_parts_;
     for (const CreasePart& part : cell.parts) num_parts_ = joiner_.add_part(part) + 1;
     for (const auto& [name, part, is_last] : cell.shared)
@@ -34,8 +39,9 @@ class CreaseCollector {
 
   // Of all processes.
   CreasePieces take(const IngestShare& share) && {
-    CreasePieces pieces{
-        .joined = {}, .places = {}, .corners = std::move(corners_), .is_too_many = is_too_many()};
+    CreasePieces pieces;
+    pieces.is_too_many = is_too_many();
+    pieces.corners = std::move(corners_);
     std::vector<std::uint32_t> numbers;
     pieces.joined = joiner_.take(numbers);
     pieces.places.resize(pieces.joined.components.size());
@@ -48,9 +54,10 @@ class CreaseCollector {
   }
 
  private:
-  static constexpr std::size_t kMaxParts = 4 * kMaxCreases;  // most creases lie in few cells
-  bool is_too_many() const { return num_parts_ > kMaxParts || corners_.size() > kMaxCreases; }
+  // What is counted is in no other cell: so whoever sees too many has a part of too many.
+  bool is_too_many() const { return num_whole_ > most_ || corners_.size() > most_; }
 
+  std::size_t most_, num_whole_ = 0;  // parts that no other cell has
   PartJoiner<CreasePart> joiner_;
   std::uint32_t num_parts_ = 0;
   std::vector<SurfaceCorner> corners_;
@@ -61,7 +68,7 @@ CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, Ing
                         Workers& workers, const IngestShare& share, CreasesOfCells& cells) {
   const SharpAngle angle(law.sharp_angle);
   const NeedleNormals needles(surface.sharp.needles);
-  CreaseCollector collector;
+  CreaseCollector collector(law.most);
   std::size_t bucket = 0;
   for_each_in_order(
       workers, surface.buckets.all(), [&](const TriangleBucket& b) { return surface.load(b); },
@@ -87,7 +94,7 @@ CreasePieces find_chains(const CheckedSurface& surface, const CreasePieces& piec
     const std::uint32_t component = pieces.places[edge.edge.crease - 1];
     return pieces.joined.components[component].extent() < law.least_extent;
   };
-  CreaseCollector collector;
+  CreaseCollector collector(law.most);
   std::size_t loaded = 0, bucket = 0;
   for_each_in_order(
       workers, surface.buckets.all(), [&](const TriangleBucket&) { return cells.load(loaded++); },
@@ -204,10 +211,10 @@ CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, Inges
   const CreasePieces edges = find_edges(surface, law, watch, workers, share, cells);
   CreasePieces chains{.joined = {}, .places = {}, .corners = {}, .is_too_many = true};
   if (!edges.is_too_many) chains = find_chains(surface, edges, law, watch, workers, share, cells);
-  if (chains.is_too_many || chains.joined.components.size() > kMaxCreases ||
-      chains.corners.size() > kMaxCreases) {
+  if (chains.is_too_many || chains.joined.components.size() > law.most ||
+      chains.corners.size() > law.most) {
     surface.facts.notes.push_back(
-        fmt::format("took no creases, for there would be more than {}", kMaxCreases));
+        fmt::format("took no creases, for there would be more than {}", law.most));
     return CreasesOfCells(surface.spill.directory());
   }
   number_creases(std::move(chains), cells, sheets);

@@ -18,18 +18,19 @@
 
 namespace locvol {
 
+inline constexpr std::size_t kMaxCreases = 200'000;
+
 struct CreaseLaw {
   double sharp_angle = 0;  // degrees; 0: there are no creases
   // Edges within a sheet that hang together are noise if the diagonal of their box is less: a
   // scan's are often many, in a small place.
   double least_extent = 0;
+  // More creases, or corners, are noise: then there are none, and a note says so.
+  std::size_t most = kMaxCreases;
 };
 
 // Over λ.
 inline constexpr double kLeastCreaseExtent = 2;
-// More creases, or corners, are noise: then there are none, and a note says so.
-inline constexpr std::size_t kMaxCreases = 200'000;
-
 // What the cells of a surface's buckets have of its creases, in a nameless temporary file.
 // Memory: 24 bytes a cell, 4 a part of a crease in a cell, 80 a crease and 32 a corner.
 // Errors: as TriangleSpill.

@@ -33,6 +33,7 @@ struct Trial {
   double sharp_angle = 40, least_area = 0, least_extent = 0;
   std::uint64_t bucket_capacity = kBucketCapacity;
   int num_threads = 1;
+  std::size_t most = kMaxCreases;
 };
 
 // Each cell has to have just the edges and corners that meet it.
@@ -53,8 +54,9 @@ Creased creases_in(const std::filesystem::path& file, const Trial& trial = {}) {
   Creased found;
   found.sheets =
       number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare());
-  const CreasesOfCells creases = find_creases(surface, {trial.sharp_angle, trial.least_extent},
-                                              watch, workers, IngestShare(), found.sheets);
+  const CreasesOfCells creases =
+      find_creases(surface, {trial.sharp_angle, trial.least_extent, trial.most}, watch, workers,
+                   IngestShare(), found.sheets);
   std::vector<LeafSurface> of_cells;
   const auto buckets = surface.buckets.all();
   for (std::size_t i = 0; i < buckets.size(); ++i) {
@@ -310,6 +312,18 @@ TEST(SurfaceCreases, ABoxHasTwelveAndEightCorners) {
       files.write("box.off", to_off(box_of_triangles({0, 0, 0}, {3, 2, 1}))), {.sharp_angle = 0});
   EXPECT_TRUE(none.sheets.creases.empty());
   EXPECT_TRUE(none.surface.creases.empty() && none.surface.corners.empty());
+}
+
+TEST(SurfaceCreases, TooManyAreNone) {
+  const SurfaceFiles files;
+  const auto file = files.write("box.off", to_off(box_of_triangles({0, 0, 0}, {3, 2, 1})));
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{4}}) {
+    EXPECT_TRUE(creases_in(file, {.bucket_capacity = capacity, .most = 12}).notes.empty());
+    const Creased none = creases_in(file, {.bucket_capacity = capacity, .most = 11});
+    EXPECT_TRUE(none.sheets.creases.empty());
+    EXPECT_TRUE(none.surface.creases.empty() && none.surface.corners.empty());
+    EXPECT_EQ(none.notes.back(), "took no creases, for there would be more than 11");
+  }
 }
 
 // Of n sides, from z = 0 to 1, with these radii there; of a radius of 0, a tip.
