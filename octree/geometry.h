@@ -117,9 +117,14 @@ enum class PointKind : std::uint8_t {
   kVolume = 1,    // inside, there from the start, or where C7 wants it: others know what it changes
   kLattice = 2,   // of the BCC lattice, at least 0.5 λ below the surface; never deleted
   kInserted = 3,  // inside, for C2 to C6: leaves around have to look at what it changes
+  kCrease = 4,    // on a crease of the surface, or a corner
 };
 
-inline constexpr std::size_t kNumPointKinds = 4;
+inline constexpr std::size_t kNumPointKinds = 5;
+
+inline bool is_on_surface(PointKind kind) {
+  return kind == PointKind::kSurface || kind == PointKind::kCrease;
+}
 
 // Tells whether a surface point closer than λ may have the point deleted.
 inline bool is_deletable(PointKind kind) {

@@ -12,7 +12,10 @@
 
 #include "octree/mix.h"
 #include "octree/sort_and_unite.h"
+#include "refine/crease_graph.h"
 #include "refine/domain/fragment.h"
+#include "refine/mirror.h"
+#include "refine/point_cubes.h"
 
 namespace locvol {
 namespace {
@@ -115,25 +118,27 @@ class SampleGrid {
   SampleGrid(const Box& box, double side);
 
   // `listed`: at least the radius of any query that it may answer
-  void add(const Point& sample, double listed);
+  void add(const Point& sample, SheetId sheet, double listed);
 
-  // Is no sample closer to p than `spacing`? REQUIRES: p lies in the closed box
-  bool is_free(const Point& p, double spacing) const {
-    return !any_around(p,
-                       [&](const Point& s) { return squared_distance(p, s) < spacing * spacing; });
+  // Is no sample of the sheet closer to p than `spacing`? REQUIRES: p lies in the closed box
+  bool is_free(const Point& p, SheetId sheet, double spacing) const {
+    return !any_around(p, [&](const Point& s, SheetId its_sheet) {
+      return its_sheet == sheet && squared_distance(p, s) < spacing * spacing;
+    });
   }
   // Is one sample closer to all of the fragment than p? May overlook it where p is farther from its
   // first corner than the radius, or that is not in the closed box.
   bool is_nearer_than(const Point& p, const Fragment& f) const {
     return box_.contains(f.corners[0]) &&
-           any_around(f.corners[0], [&](const Point& s) { return is_nearer(f, s, p); });
+           any_around(f.corners[0], [&](const Point& s, SheetId) { return is_nearer(f, s, p); });
   }
-  // Does the fragment lie in the ball of one sample that was added since num_around() was
-  // `num_before`? REQUIRES: it lies in the closed box
-  bool covers_since(const Fragment& f, double radius, std::uint32_t num_before) const {
+  // Does the fragment lie in the ball of one sample of the sheet that was added since num_around()
+  // was `num_before`? REQUIRES: it lies in the closed box
+  bool covers_since(const Fragment& f, SheetId sheet, double radius,
+                    std::uint32_t num_before) const {
     const double radius2 = radius * radius;
-    const auto covers = [&](const Point& s) {
-      return squared_distance(f.corners[0], s) <= radius2 &&
+    const auto covers = [&](const Point& s, SheetId its_sheet) {
+      return its_sheet == sheet && squared_distance(f.corners[0], s) <= radius2 &&
              squared_distance(f.corners[1], s) <= radius2 &&
              squared_distance(f.corners[2], s) <= radius2;
     };
@@ -152,6 +157,7 @@ class SampleGrid {
     std::uint32_t num = 0, num_before = 0;  // in this block, and in the next ones
     std::uint32_t next = kNone;
     std::array<Point, kSize> samples;
+    std::array<SheetId, kSize> sheets;
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -189,7 +195,7 @@ SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
           static_cast<std::int64_t>(c.z)};
 }
 
-void SampleGrid::add(const Point& sample, double listed) {
+void SampleGrid::add(const Point& sample, SheetId sheet, double listed) {
   const double margin = 1.001 * listed;  // a little for rounding
   const Box ball_box = Box::around(sample).expanded(margin);
   Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
@@ -217,10 +223,11 @@ void SampleGrid::add(const Point& sample, double listed) {
         if (first == kNone || blocks_[first].num == Block::kSize) {
           const std::uint32_t num =
               first == kNone ? 0 : blocks_[first].num_before + blocks_[first].num;
-          blocks_.push_back({0, num, first, {}});
+          blocks_.push_back({0, num, first, {}, {}});
           first = static_cast<std::uint32_t>(blocks_.size() - 1);
         }
         Block& block = blocks_[first];
+        block.sheets[block.num] = sheet;
         block.samples[block.num++] = sample;
       }
     }
@@ -234,7 +241,7 @@ bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before)
     if (block.num_before + block.num <= num_before) return false;
     const std::uint32_t first = num_before > block.num_before ? num_before - block.num_before : 0;
     for (std::uint32_t i = first; i < block.num; ++i)
-      if (test(block.samples[i])) return true;
+      if (test(block.samples[i], block.sheets[i])) return true;
   }
   return false;
 }
@@ -251,25 +258,29 @@ class SampleGrids {
     side_ = least;
   }
 
-  void add(const Point& sample, double listed) {
+  void add(const Point& sample, SheetId sheet, double listed) {
     std::size_t n = 0;
     for (double side = side_; side < listed && n + 1 < grids_.size(); side *= 2) ++n;
-    grids_[n].add(sample, listed);
+    grids_[n].add(sample, sheet, listed);
   }
 
   // As in SampleGrid.
-  bool is_free(const Point& p, double spacing) const {
-    return std::ranges::all_of(grids_,
-                               [&](const SampleGrid& grid) { return grid.is_free(p, spacing); });
+  bool is_free(const Point& p, SheetId sheet, double spacing) const {
+    return std::ranges::all_of(
+        grids_, [&](const SampleGrid& grid) { return grid.is_free(p, sheet, spacing); });
   }
   bool is_nearer_than(const Point& p, const Fragment& f) const {
     return std::ranges::any_of(grids_,
                                [&](const SampleGrid& grid) { return grid.is_nearer_than(p, f); });
   }
-  bool covers(const Fragment& f, double radius) const { return covers_since(f, radius, 0); }
-  bool covers_since(const Fragment& f, double radius, std::uint32_t num_before) const {
-    return std::ranges::any_of(
-        grids_, [&](const SampleGrid& grid) { return grid.covers_since(f, radius, num_before); });
+  bool covers(const Fragment& f, SheetId sheet, double radius) const {
+    return covers_since(f, sheet, radius, 0);
+  }
+  bool covers_since(const Fragment& f, SheetId sheet, double radius,
+                    std::uint32_t num_before) const {
+    return std::ranges::any_of(grids_, [&](const SampleGrid& grid) {
+      return grid.covers_since(f, sheet, radius, num_before);
+    });
   }
   std::uint32_t num_around(const Fragment& f) const {
     return grids_.size() == 1 ? grids_.front().num_around(f) : 0;  // then all are asked again
@@ -288,17 +299,20 @@ bool is_uniform(const CoverInput& input) { return input.sizes.cubes.empty(); }
 // covered once its dart fails, for a sample is that close to the dart.
 class SurfaceSampler {
  public:
-  SurfaceSampler(const CoverInput& input, const SizeField& sizes, const StopToken* stop)
-      : sizes_(sizes),
+  SurfaceSampler(const CoverInput& input, const LeafDomain& domain, const SizeField& sizes,
+                 const StopToken* stop)
+      : domain_(domain),
+        sizes_(sizes),
         owned_(closed(input.box)),
         size_(input.size),
         spacing_((sizes.is_uniform() ? kSampleSpacing : kGradedSampleSpacing) * size_),
         first_spacing_(sizes.is_uniform() ? spacing_ : kGradedFirstSpacing * size_),
         radius_(sample_radius(sizes.is_uniform()) * size_),
-        grid_(input.box.expanded(radius_), std::min(1.0, sizes.least() / size_) * farthest_query(),
-              farthest_query()),
+        grid_(input.box.expanded(input.crease_points.empty() ? radius_ : kMirrorDistance * size_),
+              std::min(1.0, sizes.least() / size_) * farthest_query(), farthest_query()),
         stop_(stop) {
-    for (const Point& sample : input.nearby_samples) add(sample);
+    if (!input.crease_points.empty()) take_in_creases(input.crease_points);
+    for (const Point& sample : input.nearby_samples) add(sample, sheet_at(sample));
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
@@ -319,6 +333,20 @@ class SurfaceSampler {
   }
 
  private:
+  // ---- Where creases are near, sheets are sampled each by itself.
+  bool has_creases() const { return creases_.has_value(); }
+  SheetId sheet_of(const Fragment& f) const { return has_creases() ? f.sheet : kOnlySheet; }
+  SheetId sheet_at(const Point& sample) const {
+    if (!has_creases()) return kOnlySheet;
+    const auto closest = domain_.closest_to(sample, size_);
+    return closest ? closest->sheet : kOnlySheet;
+  }
+  void take_in_creases(std::span<const Point> points);
+  bool is_out_of_balls(const Point& p) const;
+  // Samples of other sheets that a sample of this one comes with: false if there is no room for one
+  // of them.
+  bool find_mirrors(const Point& dart, double spacing);
+
   // The longer the fewer rounds, and the more darts that could have known better.
   static constexpr double kFirstLength = 1;
   static constexpr int kNumFirstRounds = 2;  // with the first spacing
@@ -350,36 +378,92 @@ class SurfaceSampler {
     return radius_ / size_ * std::max(0.0, scale * size_ - change);
   }
   double farthest_query() const { return std::max(radius_, first_spacing_); }
-  void add(const Point& sample) {
+  void add(const Point& sample, SheetId sheet) {
     double listed = farthest_query();
     if (sizes_.has_shapes())
       listed = scaled(listed, sample) / (1 - listed / size_ * sizes_.growth());
-    grid_.add(sample, listed);
+    grid_.add(sample, sheet, listed);
   }
 
+  const LeafDomain& domain_;
   const SizeField& sizes_;
   const Box owned_;
   const double size_;
   const double spacing_, first_spacing_, radius_;
   SampleGrids grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
+  std::optional<CreaseGraph> creases_;  // null: no points are on any
+  struct Ball {
+    Point position;
+    double radius = 0;
+  };
+  std::optional<CubesOf<Ball>> balls_;  // of points on creases
+  double largest_ball_ = 0;
+  std::vector<MirrorPoint> mirrors_;  // of the dart at hand
   const StopToken* stop_;
 };
+
+void SurfaceSampler::take_in_creases(std::span<const Point> points) {
+  creases_.emplace(domain_);
+  const double tolerance = 1e-6 * size_;
+  std::vector<Ball> balls;
+  for (const Point& p : points)
+    if (!creases_->add(p, tolerance)) add(p, sheet_at(p));  // the tip of a cone
+  std::vector<SheetId> sheets;
+  for (CreaseGraph::Index i = 0; i < creases_->num_points(); ++i) {
+    creases_->sheets(i, sheets);
+    for (const SheetId sheet : sheets) add(creases_->point(i), sheet);
+    balls.push_back({creases_->point(i), creases_->ball_radius(i)});
+    largest_ball_ = std::max(largest_ball_, balls.back().radius);
+  }
+  if (largest_ball_ > 0) balls_.emplace(domain_.region(), largest_ball_, balls);
+}
+
+bool SurfaceSampler::is_out_of_balls(const Point& p) const {
+  if (!balls_) return true;
+  return balls_->for_each_around(p, largest_ball_, [&](const Ball& ball) {
+    return squared_distance(p, ball.position) >= ball.radius * ball.radius;
+  });
+}
+
+bool SurfaceSampler::find_mirrors(const Point& dart, double spacing) {
+  const double size = scaled(size_, dart);
+  mirrors_of(domain_, dart, kMirrorReach * size, kMirrorDistance * size, mirrors_);
+  return std::ranges::all_of(mirrors_, [&](const MirrorPoint& mirror) {
+    return grid_.is_free(mirror.position, mirror.sheet, spacing) &&
+           is_out_of_balls(mirror.position);
+  });
+}
 
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
 std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const Fragment> fragments,
                                                                 double spacing) {
   std::vector<Target> targets;
   StopPoll poll(stop_);
+  const double gap2 = (radius_ - spacing_) * (radius_ - spacing_);
   for (const Fragment& fragment : fragments) {
     poll();
     const Point dart = aim(fragment);
     const double scale = scale_at(dart), radius = radius_on(fragment, scale);
-    if (grid_.covers(fragment, radius)) continue;
+    const SheetId sheet = sheet_of(fragment);
+    if (grid_.covers(fragment, sheet, radius)) continue;
+    // What is as small as this is covered by a dart alone, or by what is in its way.
+    const bool is_small = has_creases() && longest_edge(fragment).second <= gap2;
+    const bool is_in_ball = has_creases() && !is_out_of_balls(dart);
+    if (is_in_ball && is_small) continue;
     targets.push_back({&fragment, radius, grid_.num_around(fragment)});
-    if (!grid_.is_free(dart, scale * spacing)) continue;
+    if (is_in_ball || !grid_.is_free(dart, sheet, scale * spacing)) continue;
+    if (has_creases()) {
+      const bool has_room = find_mirrors(dart, scale * spacing);
+      if (!has_room && !is_small) continue;
+      if (has_room)
+        for (const MirrorPoint& mirror : mirrors_) {
+          samples_.push_back(mirror.position);
+          add(mirror.position, mirror.sheet);
+        }
+    }
     samples_.push_back(dart);
-    add(dart);
+    add(dart, sheet);
   }
   return targets;
 }
@@ -387,7 +471,7 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
 std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> targets) const {
   std::vector<Fragment> result;
   for (const auto& [fragment, radius, num_around] : targets) {
-    if (grid_.covers_since(*fragment, radius, num_around)) continue;
+    if (grid_.covers_since(*fragment, sheet_of(*fragment), radius, num_around)) continue;
     const std::array<Fragment, 2> both = halves(*fragment, longest_edge(*fragment).first);
     result.insert(result.end(), both.begin(), both.end());
   }
@@ -482,7 +566,7 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
     return points;
   }
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
-  SurfaceSampler sampler(input, sizes, stop);
+  SurfaceSampler sampler(input, domain, sizes, stop);
   points.samples = sampler.sample(fragments_in(input.box, domain, input.seed, stop));
   const auto cover = is_uniform(input)            ? cover_with_lattice
                      : input.sizes.law.has_core() ? cover_inside

@@ -11,6 +11,7 @@
 #include "octree/size_field.h"
 #include "octree/stop.h"
 #include "refine/domain/leaf_domain.h"
+#include "refine/mirror.h"
 
 namespace locvol {
 
@@ -50,20 +51,26 @@ inline bool has_lattice(const SizeLaw& law, const SizeCube& cube, double side) {
   return !law.has_core() && side >= kLeastCube * base_size(law, cube);
 }
 
+// How far around a leaf that creases are near samples are read, and points on creases with their
+// neighbors, over h: samples are put as far as kMirrorDistance.
+inline constexpr double kCreasedReach = kMirrorDistance + 1.5;
+
 struct CoverInput {
   double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
   std::uint64_t seed = 0;
-  Lattice lattice;                    // of λ; where sizes vary of the largest h, or of cubes
-  Box box;                            // of the leaf, half-open
-  DomainPiece domain;                 // region contains the box expanded by kCoreDepth λ
-  std::vector<Point> nearby_samples;  // surface samples of other leaves within r_s of the box
+  Lattice lattice;                        // of λ; where sizes vary of the largest h, or of cubes
+  Box box;                                // of the leaf, half-open
+  DomainPiece domain;                     // region contains the box expanded by kCoreDepth λ
+  std::vector<Point> nearby_samples;      // surface samples of other leaves within r_s of the box;
+                                          // where creases are, all within kCreasedReach
+  std::vector<Point> crease_points = {};  // of P on creases, the leaf's and around it
   // The cubes of sizes that meet the closed box, and where these samples are; none: λ everywhere.
   // With them r_s and distances between samples are over h.
   SizeCubes sizes = {};
 };
 
 struct CoverPoints {
-  std::vector<Point> samples;        // on the surface, in the half-open box
+  std::vector<Point> samples;        // on the surface, in the half-open box, but for mirrors
   std::vector<LatticeSite> lattice;  // inside, as deep as that, but not of the core; ascending
   LatticeCore core;                  // inside, kCoreDepth λ from the surface or farther; where
                                      // sizes vary, as kCoreMargin says

@@ -124,7 +124,7 @@ class HoleSearch {
     std::vector<Point> all, samples;
     for (const MeshPoint& p : input.points) {
       all.push_back(p.position);
-      if (p.kind == PointKind::kSurface) samples.push_back(p.position);
+      if (is_on_surface(p.kind)) samples.push_back(p.position);
     }
     if (sizes.is_uniform()) {
       find_lattice();

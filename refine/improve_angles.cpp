@@ -81,11 +81,13 @@ void note_change(const ByName& gone, const ByName& made, ByName& all_gone, ByNam
 }  // namespace
 
 ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
-                             const OnStep& on_step, LeafMesh& mesh, LeafDelta& delta)
+                             const OnStep& on_step, LeafMesh& mesh, LeafCreases* creases,
+                             LeafDelta& delta)
     : input_(input),
       surroundings_(around),
       on_step_(on_step),
       mesh_(mesh),
+      creases_(creases),
       delta_(delta),
       move_(mesh.delaunay()) {
   constexpr double kRadians = std::numbers::pi / 180;
@@ -222,7 +224,7 @@ bool ImproveAngles::is_left_to_others(Cell poor) const {
 bool ImproveAngles::is_movable(LocalIndex v) const {
   if (v == kInfiniteVertex) return false;
   const LeafMesh::Local& local = mesh_.local(v);
-  return local.is_own && local.point.kind != PointKind::kSurface &&
+  return local.is_own && !is_on_surface(local.point.kind) &&
          !(local.is_at_core && !may_meet_core());
 }
 
@@ -259,7 +261,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
           ? 0
           : input_.criteria.reach - reach_factor(growth, kNeighborhood) * input_.criteria.size;
   for (const Point& q : places_) {
-    if (!is_in_leaf(input_.box, q)) continue;
+    if (!is_in_leaf(input_.box, q) || !may_stand(q, v)) continue;
     bound_radii_at(q);
     const bool is_far = squared_distance(q, before) > known * known;
     if (((is_far && take_in_ghosts(q)) | take_in_core(q)) && !move_.take_out(v)) return false;
@@ -286,6 +288,7 @@ bool ImproveAngles::try_better() {
   std::ranges::stable_sort(better_, {}, &Better::counts);
   LocalIndex out = kInfiniteVertex;
   for (const auto& [counts, v, q] : better_) {
+    if (!may_stand(q, v)) continue;
     if (std::exchange(out, v) != v && !move_.take_out(v)) return false;
     bound_radii_at(q);
     if (!move_.find(q, limits(), change_) || !are_cells_good() || !is_allowed(Verdict::kBetter))
@@ -350,8 +353,20 @@ bool ImproveAngles::put_on_surface(Point& q) const {
   return closest.has_value();
 }
 
+// No vertex comes into the ball of one on a crease, and on the surface each stays on its sheet.
+bool ImproveAngles::may_stand(const Point& q, LocalIndex v) {
+  if (creases_ == nullptr) return true;
+  if (creases_->is_in_ball(q)) return false;
+  if (kind_ != PointKind::kSurface) return true;
+  const auto closest = surroundings_.domain.closest_to(q, input_.criteria.size);
+  if (!closest) return false;
+  sheet_ = closest->sheet;
+  return v == mesh_.num_locals() || std::ranges::equal(creases_->sheets(v), std::array{sheet_});
+}
+
 bool ImproveAngles::try_insertions(Cell poor) {
   for (const Point& q : places_) {
+    if (!may_stand(q, static_cast<LocalIndex>(mesh_.num_locals()))) continue;
     bound_radii_at(q);
     take_in_ghosts(q);
     take_in_core(q);
@@ -456,7 +471,7 @@ bool ImproveAngles::do_samples_hide_as_before() const {
     if (v == change_.vertex || !is_alive ||
         !(squared_distance(point.position, before) < 4 * radius * radius))
       continue;
-    if (point.kind == PointKind::kSurface) samples.push_back(point.position);
+    if (is_on_surface(point.kind)) samples.push_back(point.position);
     if (point.kind == PointKind::kLattice) hidden.push_back(point.position);
   }
   return is_covered_without(surroundings_.domain, before, {least, radius}, samples, hidden);
@@ -507,7 +522,7 @@ bool ImproveAngles::makes_poor_inside() const {
   for (std::size_t n = 0; n < change_.made.size(); ++n) {
     const auto& vertices = change_.made[n].vertex;
     const bool must_be_inside = std::ranges::any_of(vertices, [&](LocalIndex v) {
-      return v != change_.vertex && mesh_.local(v).point.kind != PointKind::kSurface;
+      return v != change_.vertex && !is_on_surface(mesh_.local(v).point.kind);
     });
     if (must_be_inside && move_.cosines()[n] > limits_.cosine) return true;
   }
@@ -527,8 +542,14 @@ bool ImproveAngles::are_cells_good() {
   for (std::size_t n = 0; n < prospects_.size(); ++n) {
     const CellState& state = prospects_[n].state;
     if (state.side == Side::kNotLoaded || state.is_hollow) return false;
-    if (state.is_member() ? judge(mesh_.view(change_, prospects_, n), bounds_).has_value()
-                          : must_be_inside(state.on_surface))
+    if (!state.is_member()) {
+      if (must_be_inside(state.on_surface)) return false;
+      continue;
+    }
+    const CellView cell = mesh_.view(change_, prospects_, n);
+    if (const auto broken = judge(cell, bounds_);
+        broken && !(broken == kC6 && creases_ != nullptr &&
+                    creases_->is_exempt(change_.made[n].vertex, cell.corners)))
       return false;
   }
   return true;
@@ -575,7 +596,37 @@ bool ImproveAngles::are_facets_good() {
   // Of the same vertices, but one of them moves.
   const bool is_moved = kind_ == PointKind::kSurface;
   return (facets_made_ == facets_gone_ && !is_moved) ||
-         (are_facets_as_round() && is_boundary_kept());
+         (are_facets_as_round() && are_creases_kept() && is_boundary_kept());
+}
+
+// Each new facet lies on one sheet. Of a crease's edges none goes: one between two facets that go
+// is to be between two that come.
+bool ImproveAngles::are_creases_kept() const {
+  if (creases_ == nullptr) return true;
+  const auto is_of_sheet = [&](LocalIndex v, SheetId sheet) {
+    return v == change_.vertex ? sheet == sheet_
+                               : std::ranges::binary_search(creases_->sheets(v), sheet);
+  };
+  const auto is_of_one_sheet = [&](const Facet& f) {
+    if (std::ranges::find(f, change_.vertex) == f.end())
+      return creases_->have_common_sheet(f[0], f[1], f[2]);
+    return std::ranges::all_of(f, [&](LocalIndex v) { return is_of_sheet(v, sheet_); });
+  };
+  if (!std::ranges::all_of(facets_made_, is_of_one_sheet)) return false;
+  const auto num_with = [](const std::vector<Facet>& facets, LocalIndex a, LocalIndex b) {
+    return std::ranges::count_if(facets, [&](const Facet& f) {
+      return std::ranges::find(f, a) != f.end() && std::ranges::find(f, b) != f.end();
+    });
+  };
+  for (const Facet& f : facets_gone_)
+    for (const auto& [i, j] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
+      const LocalIndex a = f[std::size_t(i)], b = f[std::size_t(j)];
+      if (mesh_.local(a).point.kind == PointKind::kCrease &&
+          mesh_.local(b).point.kind == PointKind::kCrease && creases_->is_neighbor(a, b) &&
+          num_with(facets_gone_, a, b) != num_with(facets_made_, a, b))
+        return false;
+    }
+  return true;
 }
 
 // Is one of the facet's corners so far from the vertex that no ball that counts has both? Then all

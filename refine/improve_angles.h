@@ -21,6 +21,7 @@
 
 #include "refine/conditions.h"
 #include "refine/leaf.h"
+#include "refine/leaf_creases.h"
 #include "refine/leaf_mesh.h"
 #include "refine/vertex_move.h"
 
@@ -31,8 +32,9 @@ class ImproveAngles {
   // REQUIRES: C1–C6 hold at own vertices, but where they are unresolved
   // All must outlive it.
   using OnStep = std::function<void(const RefineStep&)>;
+  // `creases`: null where none are near
   ImproveAngles(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
-                LeafMesh& mesh, LeafDelta& delta);
+                LeafMesh& mesh, LeafCreases* creases, LeafDelta& delta);
 
   // Throws Stopped.
   void run();
@@ -81,6 +83,7 @@ class ImproveAngles {
   void list_places_in_ball(Cell poor);
   void list_places_on_surface(Cell poor);
   bool put_on_surface(Point& q) const;
+  bool may_stand(const Point& q, LocalIndex v);
 
   // Of cells at a surface point, those outside may have any shape.
   VertexMove::Limits limits() const {
@@ -98,6 +101,7 @@ class ImproveAngles {
   bool are_facets_good();
   bool changes_core();
   bool is_boundary_kept();
+  bool are_creases_kept() const;
   bool is_out_of_reach(const NewCell& cell, int off) const;
   bool are_facets_as_round() const;
   bool is_disk_after(LocalIndex v);
@@ -129,6 +133,8 @@ class ImproveAngles {
   const Surroundings& surroundings_;
   const OnStep& on_step_;
   LeafMesh& mesh_;
+  LeafCreases* creases_;
+  SheetId sheet_ = kOnlySheet;  // of the vertex that comes, or moves, if that is on the surface
   LeafDelta& delta_;
   const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   VertexMove move_;

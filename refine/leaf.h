@@ -194,6 +194,9 @@ struct LeafInput {
   // Leaves around that have not been visited yet. C7 leaves most of the work on cells whose
   // circumcenters lie there to them.
   std::vector<Box> waiting = {};
+  // Where creases are near: those of P on creases within kReach + kCreaseStep, the leaf's own and
+  // ghosts among them. The balls around ghosts are known with these.
+  std::vector<MeshPoint> crease_points = {};
   friend bool operator==(const LeafInput&, const LeafInput&) = default;
 };
 

@@ -164,7 +164,7 @@ void LeafMesh::add_to_triangulation(std::vector<Local> locals) {
 void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is_core) {
   const bool at_core = is_at_core(p, is_own);
   locals_.push_back({p, ref, is_own, is_core, at_core});
-  marks_.push_back({is_own, is_hidden(p), p.kind == PointKind::kSurface, at_core});
+  marks_.push_back({is_own, is_hidden(p), locvol::is_on_surface(p.kind), at_core});
   num_own_ += is_own;
 }
 
@@ -172,7 +172,7 @@ void LeafMesh::add_local(const MeshPoint& p, VertexRef ref, bool is_own, bool is
 // points all are (cover_leaf). Of a volume point only what is certain: that no surface is as close
 // as samples are to all of it.
 bool LeafMesh::is_hidden(const MeshPoint& p) const {
-  if (p.kind == PointKind::kSurface || !std::isfinite(input_.criteria.cover_radius)) return false;
+  if (locvol::is_on_surface(p.kind) || !std::isfinite(input_.criteria.cover_radius)) return false;
   if (p.kind == PointKind::kLattice) return true;
   const double radius = cover_radius_from(p.position);
   const Box around = Box::around(p.position).expanded(radius);

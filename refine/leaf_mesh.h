@@ -66,9 +66,10 @@ struct CellBall {  // once the side is known, if that is not kFar
 struct Surroundings {
   const LeafDomain& domain;
   const SizeField& sizes;
-  const CoreIndex* core;     // null: none is near
-  const PointIndex* points;  // null: the ghosts are all that can matter
-  const StopToken* stop;     // may be null
+  const CoreIndex* core;                          // null: none is near
+  const PointIndex* points;                       // null: the ghosts are all that can matter
+  const StopToken* stop;                          // may be null
+  std::span<const MeshPoint> crease_points = {};  // LeafInput's
 };
 
 class LeafMesh {

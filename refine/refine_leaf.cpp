@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <deque>
+#include <numbers>
 #include <numeric>
 #include <set>
 #include <span>
@@ -17,7 +18,9 @@
 #include "refine/conditions.h"
 #include "refine/domain/closest_point.h"
 #include "refine/improve_angles.h"
+#include "refine/leaf_creases.h"
 #include "refine/leaf_mesh.h"
+#include "refine/mirror.h"
 #include "refine/revisit.h"
 
 namespace locvol {
@@ -96,7 +99,11 @@ class Refinement {
   // All must outlive it.
   Refinement(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
              LeafMesh::OwnPoints own)
-      : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {}
+      : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {
+    if (around.crease_points.empty()) return;
+    creases_.emplace(around.domain, mesh_, around.crease_points, input.criteria.size);
+    num_told_ = mesh_.num_locals();
+  }
 
   void restore();                                    // C1–C6
   const LeafDelta& delta() const { return delta_; }  // so far
@@ -120,6 +127,14 @@ class Refinement {
   template <class Ref>
   bool restore_next(Waiting<Ref>& waiting, Condition condition, Cure<Ref> cure);
   bool restore_next_disk();
+  bool restore_next_crease();
+  bool insert_next_mirror();
+  void note_mirrors(const Point& q, Condition condition);
+  Outcome restore_segments(LocalIndex v);
+  Outcome halve(const LeafCreases::Segment& segment, const Point& q, Condition condition);
+  Outcome halve_at(LocalIndex v, const Point& q, Condition condition);
+  void tell_creases();
+  bool keeps_sheets(LocalIndex v, std::span<const LinkEdge> link);
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
   void look_at(Facet facet);
@@ -135,7 +150,8 @@ class Refinement {
   Outcome restore_cell(const CellRef& cell, Condition condition);
 
   bool is_disk(LocalIndex v, std::vector<Facet>& star);
-  Outcome insert_on_surface(const Point& q, Condition condition, Cell hint);
+  Outcome insert_on_surface(const Point& q, Condition condition, Cell hint,
+                            PointKind kind = PointKind::kSurface);
   Outcome insert_in_volume(const Point& q, Condition condition, Cell hint);
   bool take_in_missing(const Point& q, Cell hint) {
     return take_in_unloaded(q, hint) || take_in_ghosts(q, hint) || take_in_core(q, hint);
@@ -194,6 +210,8 @@ class Refinement {
   const OnStep& on_step_;
   const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   LeafMesh mesh_;
+  std::optional<LeafCreases> creases_;  // null: none are near
+  std::size_t num_told_ = 0;            // locals that creases_ knows
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
 
@@ -201,6 +219,15 @@ class Refinement {
   Waiting<CellRef> cells_;
   std::vector<LocalIndex> c3_;  // vertices that may break it: the last come first
   std::vector<bool> is_in_c3_;
+  std::vector<LocalIndex> c0_;  // likewise
+  std::vector<bool> is_in_c0_;
+  std::vector<LeafCreases::Segment> segments_;
+  struct Mirror {
+    Point position;
+    Condition condition = kC3;  // for which its point came
+  };
+  std::deque<Mirror> mirrors_;  // of points on sheets that were inserted
+  std::vector<MirrorPoint> found_mirrors_;
 
   // Violations whose cure the spacing floor forbade when it was tried.
   struct Blocked {
@@ -240,8 +267,10 @@ void Refinement::restore() {
 }
 
 LeafDelta Refinement::finish() {
+  tell_creases();
   if (!delta_.is_overfull && mesh_.has_cells() && input_.criteria.min_dihedral > 0)
-    ImproveAngles(input_, surroundings_, on_step_, mesh_, delta_).run();
+    ImproveAngles(input_, surroundings_, on_step_, mesh_, creases_ ? &*creases_ : nullptr, delta_)
+        .run();
   sort_and_unite(delta_.met_core);
   delta_.stats.cells_made = mesh_.num_cells_made();
   if (!delta_.is_overfull) {
@@ -264,7 +293,8 @@ void Refinement::forget_changed() {
 bool Refinement::restore_next() {
   poll_();
   look_at_fresh_cells();
-  return restore_next(facets_, kC1, &Refinement::restore_facet) ||
+  return insert_next_mirror() || restore_next_crease() ||
+         restore_next(facets_, kC1, &Refinement::restore_facet) ||
          restore_next(facets_, kC2, &Refinement::restore_facet) ||
          restore_next(facets_, kC5, &Refinement::restore_open_end) || restore_next_disk() ||
          restore_next(facets_, kC4, &Refinement::restore_facet) ||
@@ -300,9 +330,53 @@ bool Refinement::restore_next_disk() {
   return true;
 }
 
+// Whatever comes on a sheet comes with its mirrors, as far as this visit inserts.
+void Refinement::note_mirrors(const Point& q, Condition condition) {
+  const double size = surroundings_.sizes.on_surface_at(q);
+  mirrors_of(surroundings_.domain, q, kMirrorReach * size, kMirrorDistance * size, found_mirrors_);
+  const double farthest = mesh_.scaled(kInsertion * input_.criteria.size, size);
+  for (const MirrorPoint& mirror : found_mirrors_)
+    if (input_.box.squared_distance(mirror.position) <= farthest * farthest)
+      mirrors_.push_back({mirror.position, condition});
+}
+
+// One that lies in a ball, or close to another point, is not needed.
+bool Refinement::insert_next_mirror() {
+  while (!mirrors_.empty()) {
+    const auto [q, condition] = mirrors_.front();
+    tell_creases();
+    const Cell hint = mesh_.delaunay().newest_cell();
+    if (!creases_->is_in_ball(q) && take_in_missing(q, hint)) return true;
+    mirrors_.pop_front();
+    if (creases_->is_in_ball(q)) continue;
+    mesh_.find_conflict(q, hint, conflict_);
+    attempt_ = {condition, q, 0};
+    mesh_.volume_points_near(q, floor_at(q), leaving_);
+    if (is_blocked(q)) continue;
+    delete_volume_points_near(q);
+    insert(q, PointKind::kSurface, condition);
+    return true;
+  }
+  return false;
+}
+
+// A crease point that stands in no one's ball has all of its segments in the triangulation.
+bool Refinement::restore_next_crease() {
+  if (c0_.empty()) return false;
+  const LocalIndex v = c0_.back();
+  c0_.pop_back();
+  is_in_c0_[v] = false;
+  if (restore_segments(v) == Outcome::kBlocked) {
+    blocked_.push_back({v, attempt_});
+    tell_blocked();
+  }
+  return true;
+}
+
 // ---- Looking for violations ---------------------------------------------------------------------
 
 void Refinement::look_at_fresh_cells() {
+  tell_creases();
   const auto& fresh = mesh_.fresh_cells();
   if (fresh.empty()) return;
   const bool is_boundary_changed = mesh_.is_boundary_changed();
@@ -340,7 +414,7 @@ void Refinement::pass_disks() {
 
   std::erase_if(c3_, [&](LocalIndex v) {
     const std::span link(edges.data() + first[v], edges.data() + first[v + 1]);
-    if (link.empty() || judge(StarView{link})) return false;
+    if (link.empty() || judge(StarView{link}) || !keeps_sheets(v, link)) return false;
     is_in_c3_[v] = false;
     return true;
   });
@@ -349,6 +423,14 @@ void Refinement::pass_disks() {
 void Refinement::look_at(Cell cell, bool is_boundary_changed) {
   for (int i = 0; i < 4; ++i) {
     const CellState& state = mesh_.state(cell);
+    if (creases_ && (state.own & state.on_surface) >> i & 1) {
+      const LocalIndex v = mesh_.delaunay().vertex(cell, i);
+      if (is_in_c0_.size() < mesh_.num_locals()) is_in_c0_.resize(mesh_.num_locals());
+      if (mesh_.local(v).point.kind == PointKind::kCrease && !is_in_c0_[v]) {
+        is_in_c0_[v] = true;
+        c0_.push_back(v);
+      }
+    }
     if (is_boundary_changed && (state.own & state.on_surface) >> i & 1)
       look_at_vertex(mesh_.delaunay().vertex(cell, i));
     if ((state.facets_seen >> i & 1) == 0 && mesh_.has_own_vertex(Facet{cell, i}) &&
@@ -356,7 +438,9 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
       look_at(Facet{cell, i});
   }
   if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
-  if (const auto broken = judge(mesh_.view(cell), bounds_))
+  if (const auto broken = judge(mesh_.view(cell), bounds_);
+      broken && !(broken == kC6 && creases_ &&
+                  creases_->is_exempt(mesh_.delaunay().vertices(cell), mesh_.corners(cell))))
     cells_[*broken].push_back(mesh_.ref(cell));
 }
 
@@ -373,7 +457,7 @@ void Refinement::look_at(Facet facet) {
 }
 
 void Refinement::look_at_vertex(LocalIndex v) {
-  if (mesh_.local(v).point.kind != PointKind::kSurface || !mesh_.local(v).is_own) return;
+  if (!is_on_surface(mesh_.local(v).point.kind) || !mesh_.local(v).is_own) return;
   if (is_in_c3_.size() < mesh_.num_locals()) is_in_c3_.resize(mesh_.num_locals());
   if (is_in_c3_[v]) return;
   is_in_c3_[v] = true;
@@ -386,7 +470,26 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) {
   link_.clear();
   for (const Facet& f : star)
     link_.push_back(link_edge(mesh_.delaunay().vertices(f.cell), f.index, v));
-  return !judge(StarView{link_});
+  return !judge(StarView{link_}) && keeps_sheets(v, link_);
+}
+
+// Do all facets at v lie on one sheet each, and has v its neighbors on creases? `link`: of these
+// facets.
+bool Refinement::keeps_sheets(LocalIndex v, std::span<const LinkEdge> link) {
+  if (!creases_ || link.empty()) return true;
+  for (const auto& [a, b] : link)
+    if (!creases_->have_common_sheet(v, a, b)) return false;
+  creases_->segments(v, segments_);
+  return std::ranges::all_of(segments_, [&](const LeafCreases::Segment& segment) {
+    return std::ranges::any_of(
+        link, [&](const LinkEdge& e) { return e.a == segment.b || e.b == segment.b; });
+  });
+}
+
+void Refinement::tell_creases() {
+  if (!creases_) return;
+  for (; num_told_ < mesh_.num_locals(); ++num_told_)
+    creases_->add(static_cast<LocalIndex>(num_told_));
 }
 
 // ---- Restoring ----------------------------------------------------------------------------------
@@ -397,6 +500,55 @@ Refinement::Outcome Refinement::restore_facet(const FacetRef& ref, Condition con
   if (condition == kC4 && is_in_fold(dual.ball_center) && is_in_fold(ref.facet()))
     return Outcome::kBlocked;
   return insert_on_surface(dual.ball_center, condition, ref.here.cell);
+}
+
+// Gabriel's condition: no vertex lies in the smallest ball around the segment.
+Refinement::Outcome Refinement::restore_segments(LocalIndex v) {
+  tell_creases();
+  creases_->segments(v, segments_);
+  const std::vector<LeafCreases::Segment> segments = segments_;
+  for (const LeafCreases::Segment& segment : segments) {
+    const Point &a = mesh_.local(segment.a).point.position,
+                &b = mesh_.local(segment.b).point.position;
+    const Point middle = 0.5 * (a + b);
+    mesh_.find_conflict(middle, mesh_.delaunay().cell_of(v), conflict_);
+    if (conflict_.nearest == segment.a || conflict_.nearest == segment.b ||
+        4 * conflict_.squared_distance >= squared_distance(a, b))
+      continue;
+    const Point q = mesh_.local(conflict_.nearest).point.position;
+    attempt_ = {kC3, middle, 0.5 * std::sqrt(squared_distance(a, b))};
+    const Outcome outcome = halve(segment, q, kC3);
+    if (outcome == Outcome::kBlocked) return outcome;
+    if (!is_in_c0_[v]) {
+      is_in_c0_[v] = true;
+      c0_.push_back(v);
+    }
+    return outcome;
+  }
+  return Outcome::kChanged;
+}
+
+// Creases more acute than this are not halved: it would go on down to the spacing floor.
+constexpr double kHalvedAngle = 25 * std::numbers::pi / 180;
+
+Refinement::Outcome Refinement::halve(const LeafCreases::Segment& segment, const Point& q,
+                                      Condition condition) {
+  if (creases_->angle(segment) < kHalvedAngle) return Outcome::kBlocked;
+  attempt_.position = creases_->halved(segment, q);
+  return insert_on_surface(attempt_.position, condition, mesh_.delaunay().cell_of(segment.a),
+                           PointKind::kCrease);
+}
+
+// The longer of its segments, to which its ball is due.
+Refinement::Outcome Refinement::halve_at(LocalIndex v, const Point& q, Condition condition) {
+  if (v == kInfiniteVertex) return Outcome::kBlocked;
+  creases_->segments(v, segments_);
+  if (segments_.empty()) return Outcome::kBlocked;
+  const auto longest = std::ranges::max_element(segments_, {}, [&](const auto& segment) {
+    return squared_distance(mesh_.local(segment.a).point.position,
+                            mesh_.local(segment.b).point.position);
+  });
+  return halve(LeafCreases::Segment(*longest), q, condition);
 }
 
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
@@ -454,7 +606,7 @@ const PointCubes& Refinement::corners() {
 void Refinement::start_from_corners() {
   std::set<Point> corners;
   for (LocalIndex i = 0; i < mesh_.num_locals(); ++i) {
-    if (mesh_.local(i).point.kind != PointKind::kSurface || !mesh_.local(i).is_own) continue;
+    if (!is_on_surface(mesh_.local(i).point.kind) || !mesh_.local(i).is_own) continue;
     const Point& p = mesh_.local(i).point.position;
     const double size = surroundings_.sizes.on_surface_at(p);
     surroundings_.domain.vertices_near(p, size, corners_);
@@ -528,13 +680,19 @@ void Refinement::note_taken_in(const MeshPoint& p) {
   tell(RefineStep::Action::kTakeIn, attempt_.condition, p.id, p);
 }
 
-Refinement::Outcome Refinement::insert_on_surface(const Point& q, Condition condition, Cell hint) {
+Refinement::Outcome Refinement::insert_on_surface(const Point& q, Condition condition, Cell hint,
+                                                  PointKind kind) {
+  if (creases_ && kind == PointKind::kSurface) {
+    tell_creases();
+    if (const auto v = creases_->ball_with(q)) return halve_at(*v, q, condition);
+  }
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
   mesh_.volume_points_near(q, std::min(input_.criteria.size, kCleared * attempt_.radius), leaving_);
   if (is_blocked(q)) return Outcome::kBlocked;
   delete_volume_points_near(q);
-  insert(q, PointKind::kSurface, condition);
+  insert(q, kind, condition);
+  if (creases_ && kind == PointKind::kSurface) note_mirrors(q, condition);
   return Outcome::kChanged;
 }
 
@@ -545,6 +703,11 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, Condition condi
     attempt_.position = ball->center;
     attempt_.radius = ball->radius;
     return insert_on_surface(ball->center, condition, ball->cell);
+  }
+  if (creases_) {
+    tell_creases();
+    if (const auto v = creases_->ball_with(q))
+      return condition == kC6 ? Outcome::kBlocked : halve_at(*v, q, condition);
   }
   leaving_.clear();
   if (is_blocked(q)) return Outcome::kBlocked;
@@ -843,7 +1006,8 @@ LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch, const WholeModel
                             .sizes = sizes,
                             .core = core.is_empty() ? nullptr : &core,
                             .points = whole.points,
-                            .stop = watch.stop};
+                            .stop = watch.stop,
+                            .crease_points = input.crease_points};
   try {
     return visited(input, around, watch.on_step);
   } catch (const DelaunayError& e) {

@@ -103,7 +103,7 @@ using Kinds =
 template <class Record>  // of Kinds
 constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
-constexpr PointKind last_of(PointKind) { return PointKind::kInserted; }
+constexpr PointKind last_of(PointKind) { return PointKind::kCrease; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
 constexpr Phase last_of(Phase) { return Phase::kDone; }
 constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }

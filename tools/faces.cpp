@@ -46,7 +46,7 @@ std::string shape_text(const SheetShape& shape) {
     case SheetForm::kPlane:
       return fmt::format(", plane, normal {}", rounded_text(shape.direction));
     case SheetForm::kCylinder:
-      return fmt::format(", {} of radius {:.6g}", shape.is_hollow ? "hole" : "cylinder",
+      return fmt::format(", {} of radius {:.6g}", shape.is_hollow ? "hollow cylinder" : "cylinder",
                          shape.radius);
     case SheetForm::kSphere:
       return fmt::format(", {} of radius {:.6g}", shape.is_hollow ? "hollow sphere" : "sphere",

@@ -33,6 +33,7 @@ std::string_view action_name(Action action) {
 std::string_view place_name(const RefineStep& step) {
   if (step.action == Action::kBlocked) return "";
   if (step.action != Action::kInsert) return kind_name(step.kind);
+  if (step.kind == PointKind::kCrease) return "crease";
   if (step.kind != PointKind::kSurface) return "circumcenter";
   return step.condition >= 5 ? "ball center" : "surface";
 }

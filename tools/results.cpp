@@ -226,6 +226,8 @@ std::string_view kind_name(PointKind kind) {
       return "lattice";
     case PointKind::kInserted:
       return "inserted";
+    case PointKind::kCrease:
+      return "crease";
   }
   return "unknown";
 }

@@ -32,8 +32,8 @@ class HangingCells {
     around_ = state.octree().leaves_within(state.frame(), state.box(leaf), reach);
     for (const MortonKey other : around_)
       for (const MeshPoint& p : state.leaves().points(other).points) {
-        if (p.kind == PointKind::kSurface) places_.emplace_back(p.id, p.position);
-        if (p.kind == PointKind::kSurface && other == leaf) scope_.push_back(p.id);
+        if (is_on_surface(p.kind)) places_.emplace_back(p.id, p.position);
+        if (is_on_surface(p.kind) && other == leaf) scope_.push_back(p.id);
       }
     std::ranges::sort(places_, {}, &Place::first);
     sort_and_unite(scope_);

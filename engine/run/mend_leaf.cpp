@@ -56,7 +56,7 @@ class MendLoader {
     for (const MortonKey other : leaves_around(state, leaf, reach_))
       for (const MeshPoint& p : state.leaves().points(other).points)
         if (const auto v = index_of(p.id)) {
-          is_on_surface_[*v] = p.kind == PointKind::kSurface;
+          is_on_surface_[*v] = is_on_surface(p.kind);
           positions_[*v] = p.position;
         }
   }

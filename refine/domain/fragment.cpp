@@ -38,7 +38,8 @@ std::array<Fragment, 2> halves(const Fragment& f, std::size_t edge) {
   const Point& b = f.corners[(edge + 1) % 3];
   const Point& apex = f.corners[(edge + 2) % 3];
   const Point middle = 0.5 * (a + b);
-  return {Fragment{{a, middle, apex}, mix(f.key)}, Fragment{{middle, b, apex}, mix(f.key ^ 1)}};
+  return {Fragment{{a, middle, apex}, mix(f.key), f.sheet},
+          Fragment{{middle, b, apex}, mix(f.key ^ 1), f.sheet}};
 }
 
 Box closed(const Box& box) {
@@ -59,12 +60,12 @@ std::vector<Fragment> fragments_in(const Box& box, const LeafDomain& domain, std
     if (!bounds.overlaps(owned)) continue;
     const std::uint64_t key = mix(mix(seed) ^ triangle.id);
     if (owned.contains(bounds.min) && owned.contains(bounds.max)) {
-      fragments.push_back({triangle.corners, key});
+      fragments.push_back({triangle.corners, key, triangle.sheet});
       continue;
     }
     const std::vector<Point> polygon = clipped(triangle, box);
     for (std::size_t i = 2; i < polygon.size(); ++i)
-      fragments.push_back({{polygon[0], polygon[i - 1], polygon[i]}, mix(key + i)});
+      fragments.push_back({{polygon[0], polygon[i - 1], polygon[i]}, mix(key + i), triangle.sheet});
   }
   return fragments;
 }

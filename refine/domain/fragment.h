@@ -21,6 +21,7 @@ namespace locvol {
 struct Fragment {
   std::array<Point, 3> corners;
   std::uint64_t key = 0;
+  SheetId sheet = kOnlySheet;
 
   Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
 };

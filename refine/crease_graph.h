@@ -1,0 +1,124 @@
+// The creases around a leaf as a graph, and points of P on them: which follow each other, and the
+// balls around them that no other point may enter. Internal to refine/.
+//
+// A point on a crease has its place from its coordinates and the edges alone, so all leaves that
+// have loaded both find the same neighbors for it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "octree/crease.h"
+#include "octree/geometry.h"
+#include "refine/domain/leaf_domain.h"
+
+namespace locvol {
+
+// Radius of a crease point's ball over the distance to the farther one of its neighbors: a little
+// more than 1/√2, so that the balls of two neighbors hold the ball on the segment between them.
+inline constexpr double kCreaseBall = 0.7072;
+// Between edges of a crease, in degrees: a vertex that turns by more has a point of P.
+inline constexpr double kFixedTurn = 25;
+
+class CreaseGraph {
+ public:
+  using Edge = std::uint32_t;    // place in LeafDomain::creases()
+  using Vertex = std::uint32_t;  // end of an edge
+  using Index = std::uint32_t;   // of a point that was added
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  explicit CreaseGraph(const LeafDomain& domain);
+
+  bool is_empty() const { return edges_.empty(); }
+  std::span<const CreaseEdge> edges() const { return edges_; }
+  std::size_t num_vertices() const { return positions_.size(); }
+  const Point& position(Vertex v) const { return positions_[v]; }
+  const std::array<Vertex, 2>& ends(Edge e) const { return ends_[e]; }
+  double length(Edge e) const { return lengths_[e]; }
+  std::span<const Edge> edges_at(Vertex v) const {
+    return {at_vertex_.data() + first_at_[v], first_at_[v + 1] - first_at_[v]};
+  }
+  // Does a crease end there, or turn so far that the vertex is to be one of the mesh?
+  bool is_fixed(Vertex v) const { return is_fixed_[v]; }
+  bool is_corner(Vertex v) const { return is_corner_[v]; }
+  // By how much the crease turns there, in radians; 0 where it ends.
+  double turn(Vertex v) const { return turns_[v]; }
+  std::optional<Vertex> vertex_at(const Point& p) const;
+
+  // On an edge, so far from its first end.
+  struct Place {
+    Edge edge = 0;
+    double along = 0;
+    friend bool operator==(const Place&, const Place&) = default;
+  };
+  Point position(const Place& place) const;
+  std::optional<Place> place_of(const Point& p, double tolerance) const;
+  // To go along creases: from a place, towards the edge's second end or its first.
+  struct Heading {
+    Place from;
+    bool is_forward = true;
+    double left(const CreaseGraph& graph) const {
+      return is_forward ? graph.length(from.edge) - from.along : from.along;
+    }
+    Vertex next(const CreaseGraph& graph) const { return graph.ends(from.edge)[is_forward]; }
+  };
+  // From an end of the edge into it.
+  Heading into(Edge e, Vertex from) const {
+    return ends_[e][0] == from ? Heading{{e, 0}, true} : Heading{{e, lengths_[e]}, false};
+  }
+  // Past the vertex that a heading comes to: null where the crease is not loaded any farther, or
+  // ends.
+  std::optional<Heading> past(const Heading& heading) const;
+  // All that leave a place: two, or of a vertex one for each of its edges.
+  std::vector<Heading> headings(const Place& place) const;
+
+  // ---- Points of P
+  // Takes in a point of a crease. `tolerance`: how far from it an edge may be, by rounding. Null:
+  // there is none.
+  std::optional<Index> add(const Point& p, double tolerance);
+  std::size_t num_points() const { return points_.size(); }
+  const Point& point(Index i) const { return points_[i].position; }
+  const Place& place(Index i) const { return points_[i].place; }
+  bool has_point_at(Vertex v) const { return point_at_[v] != kNone; }
+  Index point_at(Vertex v) const { return point_at_[v]; }
+  // The first point on an edge beyond a place of it.
+  Index next_on_edge(const Heading& heading) const;
+  struct Neighbor {
+    Index point = kNone;  // none: the crease is not loaded that far
+    double along = 0;     // the way to it
+    Heading heading;      // to it
+  };
+  // Of a point, in the order of headings().
+  void neighbors(Index i, std::vector<Neighbor>& out) const;
+  Neighbor neighbor(const Heading& heading) const;
+  // Of the edges that it lies on: ascending.
+  void sheets(Index i, std::vector<SheetId>& out) const;
+  // Of the point's ball; 0 if no neighbor is known.
+  double ball_radius(Index i) const;
+
+ private:
+  struct Held {
+    Point position;
+    Place place;
+  };
+
+  const LeafDomain& domain_;
+  std::span<const CreaseEdge> edges_;
+  std::vector<Point> positions_;  // ascending
+  std::vector<std::array<Vertex, 2>> ends_;
+  std::vector<double> lengths_;
+  std::vector<std::uint32_t> first_at_;
+  std::vector<Edge> at_vertex_;
+  std::vector<double> turns_;
+  std::vector<bool> is_fixed_, is_corner_;
+  std::vector<Held> points_;
+  std::vector<Index> point_at_;              // of vertices
+  std::vector<std::vector<Index>> on_edge_;  // between its ends, in order
+  mutable std::vector<Neighbor> neighbors_;
+};
+
+}  // namespace locvol

@@ -1,0 +1,268 @@
+#include "refine/crease_leaf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <queue>
+#include <utility>
+
+#include "refine/crease_graph.h"
+
+namespace locvol {
+namespace {
+
+class CreaseSampler {
+ public:
+  CreaseSampler(const CreaseInput& input, const LeafDomain& domain, const SizeField& sizes,
+                const StopToken* stop)
+      : input_(input), domain_(domain), sizes_(sizes), graph_(domain), poll_(stop) {
+    find_steps();
+  }
+
+  std::vector<Point> run() && {
+    for (const Point& p : input_.nearby) graph_.add(p, tolerance());
+    // Of other leaves' fixed vertices, whether they are there yet or not.
+    for (Vertex v = 0; v < graph_.num_vertices(); ++v)
+      if (graph_.is_fixed(v) && !graph_.has_point_at(v)) place(graph_.position(v));
+    for (const CornerPoint& corner : domain_.corners())
+      if (!graph_.vertex_at(corner.position) && is_own(corner.position))
+        points_.push_back(corner.position);
+    for (Index i = 0; i < graph_.num_points(); ++i) fill_from(i);
+    start_where_none_is();
+    return std::move(points_);
+  }
+
+ private:
+  using Edge = CreaseGraph::Edge;
+  using Heading = CreaseGraph::Heading;
+  using Index = CreaseGraph::Index;
+  using Place = CreaseGraph::Place;
+  using Vertex = CreaseGraph::Vertex;
+
+  // Part of a way along creases. `measure`: of the way to its end, in steps
+  struct Part {
+    Edge edge = 0;
+    double from = 0, to = 0;  // along the edge
+    double measure = 0;
+  };
+  struct Way {
+    std::vector<Part> parts;
+    Index end = CreaseGraph::kNone;  // none: it leads out of what is known, or of the leaf's reach
+    double measure() const { return parts.empty() ? 0 : parts.back().measure; }
+  };
+
+  double tolerance() const { return 1e-6 * input_.size; }
+  bool is_own(const Point& p) const { return is_in_leaf(input_.box, p); }
+  double most_step(const Point& p) const { return kCreaseStep * sizes_.on_surface_at(p); }
+
+  // ---- Steps
+
+  // A fixed vertex' first steps: all of its creases that end near it are of whole steps.
+  double first_step(Vertex v) const {
+    double step = most_step(graph_.position(v));
+    for (const Edge e : graph_.edges_at(v)) {
+      double length = 0;
+      std::optional<Heading> heading = graph_.into(e, v);
+      while (heading && length < 2 * step) {
+        length += graph_.length(heading->from.edge);
+        const Vertex next = heading->next(graph_);
+        if (graph_.is_fixed(next)) {
+          if (length < 2 * step) step = std::min(step, length > step ? 0.5 * length : length);
+          break;
+        }
+        heading = graph_.past(*heading);
+      }
+    }
+    return step;
+  }
+
+  // At each vertex, the length that steps may have: they change by kCreaseGrowth.
+  void find_steps() {
+    step_at_.assign(graph_.num_vertices(), std::numeric_limits<double>::infinity());
+    using Entry = std::pair<double, Vertex>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
+    const auto offer = [&](Vertex v, double step) {
+      if (step >= step_at_[v]) return;
+      step_at_[v] = step;
+      queue.emplace(step, v);
+    };
+    for (Vertex v = 0; v < graph_.num_vertices(); ++v)
+      offer(v, graph_.is_fixed(v) ? first_step(v) : most_step(graph_.position(v)));
+    while (!queue.empty()) {
+      const auto [step, v] = queue.top();
+      queue.pop();
+      if (step > step_at_[v]) continue;
+      for (const Edge e : graph_.edges_at(v))
+        offer(graph_.ends(e)[graph_.ends(e)[0] == v], step + kCreaseGrowth * graph_.length(e));
+    }
+    // So that no step turns too far, edges count by how the crease turns at their ends.
+    most_on_.reserve(graph_.edges().size());
+    for (Edge e = 0; e < graph_.edges().size(); ++e) {
+      const auto turn_at = [&](Vertex v) { return graph_.is_fixed(v) ? 0 : graph_.turn(v); };
+      const double turn = 0.5 * (turn_at(graph_.ends(e)[0]) + turn_at(graph_.ends(e)[1]));
+      constexpr double kMost = kMostTurn * std::numbers::pi / 180;
+      most_on_.push_back(turn > 0 ? kMost / turn * graph_.length(e)
+                                  : std::numeric_limits<double>::infinity());
+    }
+  }
+
+  double step_at(const Place& place) const {
+    const auto& [a, b] = graph_.ends(place.edge);
+    const double beyond = graph_.length(place.edge) - place.along;
+    return std::min({most_on_[place.edge], step_at_[a] + kCreaseGrowth * place.along,
+                     step_at_[b] + kCreaseGrowth * beyond, most_step(graph_.position(place))});
+  }
+
+  // ---- Ways
+
+  // From a place up to the next point, but no farther than a step out of the leaf.
+  Way way_along(const Heading& start) {
+    Way way;
+    double measure = 0, outside = 0;
+    std::optional<Heading> heading = start;
+    // A crease has no more edges; one that is closed comes back to its point, or to its start.
+    for (std::size_t n = 0; heading && n <= graph_.edges().size(); ++n) {
+      poll_();
+      const Edge edge = heading->from.edge;
+      const Index next = graph_.next_on_edge(*heading);
+      const double sign = heading->is_forward ? 1 : -1;
+      const double end = next != CreaseGraph::kNone ? graph_.place(next).along
+                         : heading->is_forward      ? graph_.length(edge)
+                                                    : 0;
+      for (double at = heading->from.along; sign * (end - at) > 0;) {
+        constexpr double kPart = 0.125;  // of a step
+        const double step = step_at({edge, at});
+        const double length = std::min(sign * (end - at), kPart * step);
+        const double to = length < sign * (end - at) ? at + sign * length : end;
+        const double middle = step_at({edge, 0.5 * (at + to)});
+        measure += length / middle;
+        way.parts.push_back({edge, at, to, measure});
+        if (is_own(graph_.position({edge, to})))
+          outside = 0;
+        else
+          outside += length / middle;
+        if (outside > 1.5) return way;
+        at = to;
+      }
+      if (next != CreaseGraph::kNone) {
+        way.end = next;
+        return way;
+      }
+      const Vertex v = heading->next(graph_);
+      if (graph_.has_point_at(v)) {
+        way.end = graph_.point_at(v);
+        return way;
+      }
+      heading = graph_.past(*heading);
+    }
+    return way;
+  }
+
+  Place place_at(const Way& way, double measure) const {
+    const auto part = std::ranges::lower_bound(way.parts, measure, {}, &Part::measure);
+    if (part == way.parts.end()) return {way.parts.back().edge, way.parts.back().to};
+    const double before = part == way.parts.begin() ? 0 : (part - 1)->measure;
+    const double share =
+        part->measure > before ? (measure - before) / (part->measure - before) : 0.0;
+    return {part->edge, part->from + share * (part->to - part->from)};
+  }
+
+  // ---- Points
+
+  void place(const Point& p) {
+    if (!graph_.add(p, tolerance())) return;
+    if (is_own(p)) points_.push_back(p);
+  }
+
+  void fill_from(Index i) {
+    for (const Heading& heading : graph_.headings(graph_.place(i))) fill(i, heading);
+  }
+
+  void fill(Index from, const Heading& heading) {
+    constexpr double kSlack = 1e-6;  // rounding does not make one more
+    const Way way = way_along(heading);
+    if (way.parts.empty()) return;
+    if (way.end == CreaseGraph::kNone) {
+      // It goes on unknown: whole steps, of which those count that end in the leaf.
+      for (double measure = 1; measure <= way.measure(); ++measure)
+        place_if_own(place_at(way, measure));
+      return;
+    }
+    const bool is_loop = way.end == from;
+    const double num = std::max(std::ceil(way.measure() - kSlack), is_loop ? 3.0 : 1.0);
+    for (double k = 1; k < num; ++k) place_if_own(own_place_near(way, k * way.measure() / num));
+  }
+  void place_if_own(const Place& there) {
+    if (const Point p = graph_.position(there); is_own(p)) place(p);
+  }
+
+  // What lies in another leaf may have been left to this one, if that has been here before: the
+  // closest place in the leaf, less than half a step away, is as good.
+  Place own_place_near(const Way& way, double measure) const {
+    const Place wanted = place_at(way, measure);
+    if (is_own(graph_.position(wanted))) return wanted;
+    Place best = wanted;
+    double least = 0.5;
+    for (const Part& part : way.parts) {
+      const double off = std::abs(part.measure - measure);
+      if (off >= least || !is_own(graph_.position({part.edge, part.to}))) continue;
+      least = off;
+      best = {part.edge, part.to};
+    }
+    return best;
+  }
+
+  // Creases in the leaf that have no point yet, nor come to one soon: they are closed, or come from
+  // leaves that have not been here.
+  void start_where_none_is() {
+    for (Edge e = 0; e < graph_.edges().size(); ++e) {
+      const CreaseEdge& edge = graph_.edges()[e];
+      if (!edge.box().overlaps(input_.box)) continue;
+      // What of it lies in the box, in the middle.
+      double low = 0, high = 1;
+      const Point way = edge.ends[1] - edge.ends[0];
+      for (const int axis : {0, 1, 2}) {
+        if (way[axis] == 0) continue;
+        double first = (input_.box.min[axis] - edge.ends[0][axis]) / way[axis];
+        double last = (input_.box.max[axis] - edge.ends[0][axis]) / way[axis];
+        if (first > last) std::swap(first, last);
+        low = std::max(low, first), high = std::min(high, last);
+      }
+      if (low > high) continue;
+      const Place middle{e, 0.5 * (low + high) * graph_.length(e)};
+      const Point p = graph_.position(middle);
+      if (!is_own(p)) continue;
+      const auto is_near_point = [&](bool is_forward) {
+        const Way way_to = way_along({middle, is_forward});
+        return way_to.end != CreaseGraph::kNone && way_to.measure() <= 1;
+      };
+      if (is_near_point(true) || is_near_point(false)) continue;
+      const auto index = static_cast<Index>(graph_.num_points());
+      place(p);
+      for (Index i = index; i < graph_.num_points(); ++i) fill_from(i);
+    }
+  }
+
+  const CreaseInput& input_;
+  const LeafDomain& domain_;
+  const SizeField& sizes_;
+  CreaseGraph graph_;
+  std::vector<double> step_at_;  // of vertices
+  std::vector<double> most_on_;  // of edges, for how they turn
+  std::vector<Point> points_;
+  StopPoll poll_;
+};
+
+}  // namespace
+
+CreasePoints crease_leaf(CreaseInput input, const StopToken* stop) {
+  if (input.domain.creases.empty() && input.domain.corners.empty()) return {};
+  const LeafDomain domain(std::move(input.domain), stop);
+  const SizeField sizes =
+      input.sizes.cubes.empty() ? SizeField(input.size) : SizeField(input.sizes);
+  return {CreaseSampler(input, domain, sizes, stop).run()};
+}
+
+}  // namespace locvol

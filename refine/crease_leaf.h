@@ -1,0 +1,42 @@
+// The first points on the creases in a leaf, in cover mode (refine/ALGORITHM.md, "Creases"). They
+// come before all others, which keep out of the balls around them.
+#pragma once
+
+#include <vector>
+
+#include "octree/geometry.h"
+#include "octree/size_field.h"
+#include "octree/stop.h"
+#include "refine/domain/leaf_domain.h"
+
+namespace locvol {
+
+// Along a crease, over h: how far points are apart at most.
+inline constexpr double kCreaseStep = 0.84;
+// Steps change along creases by no more than this times the way, so that next to a short one they
+// grow step by step.
+inline constexpr double kCreaseGrowth = 0.5;
+// In degrees: a step turns by no more, and so a hole has no fewer points.
+inline constexpr double kMostTurn = 45;
+// How far around a leaf, over λ, creases matter to it: a corner makes steps smaller up to 2
+// kCreaseStep away, and is itself given its own by chains as long as that.
+inline constexpr double kCreaseReach = 4 * kCreaseStep;
+
+struct CreaseInput {
+  double size = 0;            // λ; of shapes: the largest h on the surface in the leaf
+  Box box;                    // of the leaf, half-open
+  DomainPiece domain;         // region contains the box expanded by kCreaseReach λ
+  std::vector<Point> nearby;  // points on creases of other leaves, as far as that
+  SizeCubes sizes = {};       // around all of these; no cubes: λ everywhere
+};
+
+struct CreasePoints {
+  std::vector<Point> positions;  // in the half-open box
+};
+
+// Every vertex of the surface in the box where creases end, or turn by more than kFixedTurn, and
+// tips of cones; between them, points along creases, so that with those nearby steps in the box are
+// as long as they may be. A function of what is given alone. Throws Stopped.
+CreasePoints crease_leaf(CreaseInput input, const StopToken* stop = nullptr);
+
+}  // namespace locvol

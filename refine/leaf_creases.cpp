@@ -1,0 +1,198 @@
+#include "refine/leaf_creases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "refine/domain/closest_point.h"
+
+namespace locvol {
+
+LeafCreases::LeafCreases(const LeafDomain& domain, const LeafMesh& mesh,
+                         std::span<const MeshPoint> points, double size)
+    : domain_(domain), mesh_(mesh), points_(points), size_(size), graph_(domain) {
+  std::vector<Ball> balls;
+  for (const MeshPoint& p : points) {
+    const auto index = graph_.add(p.position, tolerance());
+    index_of_points_.push_back(index.value_or(CreaseGraph::kNone));
+    if (index) balls.push_back({p.position, *index});
+  }
+  local_.assign(graph_.num_points(), kInfiniteVertex);
+  radius_.resize(graph_.num_points());
+  for (CreaseGraph::Index i = 0; i < radius_.size(); ++i) {
+    radius_[i] = graph_.ball_radius(i);
+    largest_radius_ = std::max(largest_radius_, radius_[i]);
+  }
+  constexpr double kMostCubes = 64;  // in a row
+  const double side =
+      cube_side(domain.region(), std::max(largest_radius_, 0.1 * size), kMostCubes, balls.size());
+  balls_.emplace(domain.region(), side, balls);
+  for (LocalIndex v = 0; v < mesh.num_locals(); ++v) add(v);
+}
+
+void LeafCreases::match(LocalIndex v, CreaseGraph::Index index) {
+  index_.resize(std::max<std::size_t>(index_.size(), std::size_t{v} + 1), CreaseGraph::kNone);
+  index_[v] = index;
+  local_[index] = v;
+}
+
+void LeafCreases::add(LocalIndex v) {
+  const LeafMesh::Local& local = mesh_.local(v);
+  if (local.point.kind != PointKind::kCrease || !local.is_alive) return;
+  if ((local.ref & kNewPoint) == 0) {
+    const auto known = std::ranges::lower_bound(points_, local.ref, {}, &MeshPoint::id);
+    if (known == points_.end() || known->id != local.ref) return;
+    const auto index = index_of_points_[std::size_t(known - points_.begin())];
+    if (index != CreaseGraph::kNone) match(v, index);
+    return;
+  }
+  const auto index = graph_.add(local.point.position, tolerance());
+  if (!index) return;
+  local_.push_back(kInfiniteVertex);
+  match(v, *index);
+  balls_->add({graph_.point(*index), *index});
+  radius_.push_back(graph_.ball_radius(*index));
+  largest_radius_ = std::max(largest_radius_, radius_.back());
+  std::vector<CreaseGraph::Neighbor> around;
+  graph_.neighbors(*index, around);
+  for (const auto& [point, along, heading] : around)
+    if (point != CreaseGraph::kNone) radius_[point] = graph_.ball_radius(point);
+}
+
+void LeafCreases::segments(LocalIndex v, std::vector<Segment>& out) const {
+  out.clear();
+  const CreaseGraph::Index index = index_of(v);
+  if (index == CreaseGraph::kNone) return;
+  graph_.neighbors(index, neighbors_);
+  for (const CreaseGraph::Neighbor& next : neighbors_)
+    if (next.point != CreaseGraph::kNone && next.point != index &&
+        local_[next.point] != kInfiniteVertex)
+      out.push_back({v, local_[next.point], next});
+}
+
+Point LeafCreases::halved(const Segment& segment, const Point& q) const {
+  constexpr double kLeast = 0.3;  // of the way, from an end
+  // The place on the way that is closest to q.
+  double along = 0, best = 0, least = std::numeric_limits<double>::infinity();
+  std::optional<CreaseGraph::Heading> heading = segment.way.heading;
+  const auto end = graph_.place(index_of(segment.b));
+  while (heading) {
+    const double length = heading->left(graph_);
+    const bool is_last = end.edge == heading->from.edge || along + length >= segment.way.along;
+    const double part = std::min(length, segment.way.along - along);
+    const double sign = heading->is_forward ? 1 : -1;
+    const Point a = graph_.position(heading->from);
+    const Point b =
+        graph_.position(CreaseGraph::Place{heading->from.edge, heading->from.along + sign * part});
+    const Point foot = closest_on_segment(a, b, q);
+    if (const double d = squared_distance(foot, q); d < least) {
+      least = d;
+      best = along + norm(foot - a);
+    }
+    along += part;
+    if (is_last) break;
+    heading = graph_.past(*heading);
+  }
+  if (best < kLeast * segment.way.along || best > (1 - kLeast) * segment.way.along)
+    best = 0.5 * segment.way.along;
+  heading = segment.way.heading;
+  for (along = best; heading; heading = graph_.past(*heading)) {
+    const double length = heading->left(graph_);
+    if (along <= length) {
+      const double sign = heading->is_forward ? 1 : -1;
+      return graph_.position({heading->from.edge, heading->from.along + sign * along});
+    }
+    along -= length;
+  }
+  return 0.5 * (mesh_.local(segment.a).point.position + mesh_.local(segment.b).point.position);
+}
+
+double LeafCreases::angle(const Segment& segment) const {
+  const CreaseEdge& edge = graph_.edges()[segment.way.heading.from.edge];
+  const auto& [a, b] = edge.ends;
+  std::vector<Triangle> near;
+  domain_.triangles_near(0.5 * (a + b), tolerance(), near);
+  std::vector<Point> ways;  // into the triangles with this edge, at right angles to it
+  const Point along = (1 / norm(b - a)) * (b - a);
+  for (const Triangle& t : near) {
+    const auto has = [&](const Point& p) {
+      return std::ranges::find(t.corners, p) != t.corners.end();
+    };
+    if (!has(a) || !has(b)) continue;
+    for (const Point& c : t.corners)
+      if (c != a && c != b) {
+        const Point way = (c - a) - dot(c - a, along) * along;
+        if (const double length = norm(way); length > 0) ways.push_back((1 / length) * way);
+      }
+  }
+  double least = std::numbers::pi;
+  for (std::size_t i = 0; i < ways.size(); ++i)
+    for (std::size_t j = i + 1; j < ways.size(); ++j)
+      least = std::min(least, std::acos(std::clamp(dot(ways[i], ways[j]), -1.0, 1.0)));
+  return least;
+}
+
+std::optional<LocalIndex> LeafCreases::ball_with(const Point& q) const {
+  std::optional<LocalIndex> deepest;
+  double least = 1;  // squared distance over squared radius
+  balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
+    const double radius = radius_[ball.index];
+    const double d2 = squared_distance(q, ball.position);
+    if (d2 < least * radius * radius) {
+      least = d2 / (radius * radius);
+      deepest = local_[ball.index];
+    }
+    return true;
+  });
+  return deepest;
+}
+
+std::span<const SheetId> LeafCreases::sheets(LocalIndex v) const {
+  if (sheets_.size() <= v) sheets_.resize(mesh_.num_locals());
+  std::vector<SheetId>& known = sheets_[v];
+  if (!known.empty()) return known;
+  if (const CreaseGraph::Index index = index_of(v); index != CreaseGraph::kNone)
+    graph_.sheets(index, known);
+  else if (const auto closest = domain_.closest_to(mesh_.local(v).point.position, size_))
+    known = {closest->sheet};
+  return known;
+}
+
+bool LeafCreases::have_common_sheet(LocalIndex a, LocalIndex b) const {
+  sheets(a), sheets(b);
+  const std::vector<SheetId>&one = sheets_[a], &other = sheets_[b];
+  return std::ranges::any_of(one, [&](SheetId s) { return std::ranges::binary_search(other, s); });
+}
+
+bool LeafCreases::have_common_sheet(LocalIndex a, LocalIndex b, LocalIndex c) const {
+  sheets(a), sheets(b), sheets(c);
+  return std::ranges::any_of(sheets_[a], [&](SheetId s) {
+    return std::ranges::binary_search(sheets_[b], s) && std::ranges::binary_search(sheets_[c], s);
+  });
+}
+
+bool LeafCreases::is_exempt(const std::array<LocalIndex, 4>& vertices,
+                            const std::array<Point, 4>& corners) const {
+  std::size_t a = 0, b = 1;
+  double least = squared_distance(corners[0], corners[1]);
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = std::max<std::size_t>(i + 1, 2); j < 4; ++j)
+      if (const double d = squared_distance(corners[i], corners[j]); d < least)
+        least = d, a = i, b = j;
+  const LocalIndex one = vertices[a], other = vertices[b];
+  if (one >= mesh_.num_locals() || other >= mesh_.num_locals()) return false;
+  const PointKind kind = mesh_.local(one).point.kind, kind_of_other = mesh_.local(other).point.kind;
+  if (!is_on_surface(kind) || !is_on_surface(kind_of_other)) return false;
+  if (!have_common_sheet(one, other)) return true;
+  return kind == PointKind::kCrease && kind_of_other == PointKind::kCrease &&
+         !is_neighbor(one, other);
+}
+
+bool LeafCreases::is_neighbor(LocalIndex a, LocalIndex b) const {
+  const CreaseGraph::Index one = index_of(a), other = index_of(b);
+  if (one == CreaseGraph::kNone || other == CreaseGraph::kNone) return false;
+  graph_.neighbors(one, neighbors_);
+  return std::ranges::any_of(neighbors_, [&](const auto& n) { return n.point == other; });
+}
+
+}  // namespace locvol

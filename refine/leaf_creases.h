@@ -1,0 +1,82 @@
+// The creases in a leaf's triangulation: which vertices follow each other on them, which balls no
+// other vertex may enter, and which sheets a vertex lies on. Internal to refine/.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "refine/crease_graph.h"
+#include "refine/leaf_mesh.h"
+#include "refine/point_cubes.h"
+
+namespace locvol {
+
+class LeafCreases {
+ public:
+  // All must outlive it. `points`: LeafInput::crease_points
+  LeafCreases(const LeafDomain& domain, const LeafMesh& mesh, std::span<const MeshPoint> points,
+              double size);
+
+  // ---- Points. To be told of each that the mesh gets.
+  void add(LocalIndex v);
+
+  // ---- Segments, between vertices that follow each other on a crease
+  struct Segment {
+    LocalIndex a = 0, b = 0;
+    CreaseGraph::Neighbor way;  // from a to b
+  };
+  // At a vertex of kind kCrease; without those whose other end is not known.
+  void segments(LocalIndex v, std::vector<Segment>& out) const;
+  // The place on it where q is closest to it; or its middle, where that is close to an end.
+  Point halved(const Segment& segment, const Point& q) const;
+  // Between the sheets that meet along it, outside or inside, in radians.
+  double angle(const Segment& segment) const;
+
+  // ---- Balls
+  // The crease vertex whose ball has q most deeply in it: null if none has; kInfiniteVertex if it
+  // is not in the triangulation.
+  std::optional<LocalIndex> ball_with(const Point& q) const;
+  bool is_in_ball(const Point& q) const { return ball_with(q).has_value(); }
+
+  // ---- Sheets
+  // That a vertex on the surface lies on: of a crease, all that meet there. Ascending.
+  std::span<const SheetId> sheets(LocalIndex v) const;
+  bool have_common_sheet(LocalIndex a, LocalIndex b, LocalIndex c) const;
+  bool have_common_sheet(LocalIndex a, LocalIndex b) const;
+  // Do they follow each other on a crease?
+  bool is_neighbor(LocalIndex a, LocalIndex b) const;
+  // C6 is not asked of a cell whose shortest edge leads from sheet to sheet, or from crease to
+  // crease: there the surface itself comes that close.
+  bool is_exempt(const std::array<LocalIndex, 4>& vertices,
+                 const std::array<Point, 4>& corners) const;
+
+ private:
+  struct Ball {
+    Point position;
+    CreaseGraph::Index index = 0;
+  };
+  double tolerance() const { return 1e-6 * size_; }
+  void match(LocalIndex v, CreaseGraph::Index index);
+  CreaseGraph::Index index_of(LocalIndex v) const {
+    return v < index_.size() ? index_[v] : CreaseGraph::kNone;
+  }
+
+  const LeafDomain& domain_;
+  const LeafMesh& mesh_;
+  std::span<const MeshPoint> points_;  // in order of id
+  std::vector<CreaseGraph::Index> index_of_points_;
+  const double size_;
+  CreaseGraph graph_;
+  std::vector<CreaseGraph::Index> index_;  // of locals
+  std::vector<LocalIndex> local_;          // of the graph's points, or kInfiniteVertex
+  std::vector<double> radius_;             // likewise
+  double largest_radius_ = 0;
+  std::optional<CubesOf<Ball>> balls_;
+  mutable std::vector<std::vector<SheetId>> sheets_;  // of locals, as far as they were asked for
+  mutable std::vector<CreaseGraph::Neighbor> neighbors_;
+};
+
+}  // namespace locvol

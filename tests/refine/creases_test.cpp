@@ -1,0 +1,331 @@
+// Creases: points along them, samples of sheets that keep off them, and meshes that have them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <ostream>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "octree/frame.h"
+#include "octree/lattice.h"
+#include "refine/cell_shape.h"
+#include "refine/cover_leaf.h"
+#include "refine/crease_graph.h"
+#include "refine/crease_leaf.h"
+#include "refine/fill_leaf.h"
+#include "refine/mirror.h"
+#include "refine/refine_leaf.h"
+#include "tests/refine/creased_shapes.h"
+
+namespace locvol {
+namespace {
+
+using namespace creased_shapes;
+using Segment = std::array<Point, 2>;  // the smaller end first
+
+Segment segment(const Point& a, const Point& b) { return {std::min(a, b), std::max(a, b)}; }
+
+std::vector<Point> points_on(const Creased& shape, double size, const Box& box,
+                             const std::vector<Point>& nearby = {}) {
+  CreaseInput input{.size = size, .box = box, .domain = {}, .nearby = nearby};
+  input.domain.region = shape.box().expanded(4 * size);
+  input.domain.creases = shape.creases;
+  return crease_leaf(std::move(input)).positions;
+}
+
+// Of points on the creases, those that follow each other, with the way between them.
+std::map<Segment, double> segments_between(const Creased& shape, const std::vector<Point>& points) {
+  const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+  CreaseGraph graph(domain);
+  for (const Point& p : points) EXPECT_TRUE(graph.add(p, 1e-9));
+  std::map<Segment, double> segments;
+  std::vector<CreaseGraph::Neighbor> neighbors;
+  for (CreaseGraph::Index i = 0; i < graph.num_points(); ++i) {
+    graph.neighbors(i, neighbors);
+    for (const CreaseGraph::Neighbor& n : neighbors) {
+      EXPECT_NE(n.point, CreaseGraph::kNone);
+      segments[segment(graph.point(i), graph.point(n.point))] = n.along;
+    }
+  }
+  return segments;
+}
+
+double sum_of_ways(const std::map<Segment, double>& segments) {
+  double sum = 0;
+  for (const auto& [ends, way] : segments) sum += way;
+  return sum;
+}
+
+// ---- Points along creases
+
+TEST(CreaseGraph, KnowsWhichPointsFollowEachOther) {
+  const Creased shape = cube(2);
+  const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+  CreaseGraph graph(domain);
+  const auto corner = graph.add({-1, -1, 0}, 1e-9), near = graph.add({-0.5, -1, 0}, 1e-9),
+             far = graph.add({0.25, -1, 0}, 1e-9);
+  EXPECT_FALSE(graph.add({0, 0, 0}, 1e-9));
+  std::vector<CreaseGraph::Neighbor> neighbors;
+  graph.neighbors(*near, neighbors);
+  std::set<CreaseGraph::Index> found;
+  for (const auto& n : neighbors) found.insert(n.point);
+  EXPECT_EQ(found, (std::set{*corner, *far}));
+  EXPECT_DOUBLE_EQ(graph.ball_radius(*near), kCreaseBall * 0.75);
+  graph.neighbors(*corner, neighbors);
+  EXPECT_EQ(neighbors.size(), 3U);
+  std::vector<SheetId> sheets;
+  graph.sheets(*corner, sheets);
+  EXPECT_EQ(sheets.size(), 3U);
+  graph.sheets(*near, sheets);
+  EXPECT_EQ(sheets.size(), 2U);
+  // A point between two comes between them.
+  const auto between = graph.add({0, -1, 0}, 1e-9);
+  graph.neighbors(*near, neighbors);
+  EXPECT_TRUE(std::ranges::any_of(neighbors, [&](const auto& n) { return n.point == *between; }));
+  EXPECT_DOUBLE_EQ(graph.ball_radius(*near), kCreaseBall * 0.5);
+}
+
+TEST(CreaseLeaf, StepsAreAsLongAsTheyMayBe) {
+  for (const double size : {0.07, 0.2, 0.55, 0.9, 3.0}) {
+    SCOPED_TRACE(size);
+    const Creased shape = cube(2);
+    const std::vector<Point> points = points_on(shape, size, shape.box().expanded(0.1));
+    for (const Point& corner : {Point{-1, -1, 0}, {1, 1, 2}, {-1, 1, 2}})
+      EXPECT_EQ(std::ranges::count(points, corner), 1);
+    const auto segments = segments_between(shape, points);
+    EXPECT_NEAR(sum_of_ways(segments), 24, 1e-9);
+    const double least = 2 / std::ceil(2 / (kCreaseStep * size) + 1);
+    for (const auto& [ends, way] : segments) {
+      EXPECT_LE(way, 1.021 * kCreaseStep * size);
+      EXPECT_GE(way, 0.99 * least);
+    }
+  }
+}
+
+TEST(CreaseLeaf, LeavesContinueEachOther) {
+  const Creased shape = cube(2);
+  const double size = 0.13;
+  std::vector<Point> points;
+  // Eight leaves, none of whose faces has a crease in it.
+  for (int octant = 0; octant < 8; ++octant) {
+    Box leaf{{-1.5, -1.5, -0.5}, {0.1, 0.2, 0.9}};
+    for (const int axis : {0, 1, 2})
+      if (octant >> axis & 1) {
+        leaf.min[axis] = leaf.max[axis];
+        leaf.max[axis] = 2.5;
+      }
+    const std::vector<Point> more = points_on(shape, size, leaf, points);
+    for (const Point& p : more) EXPECT_TRUE(is_in_leaf(leaf, p));
+    points.insert(points.end(), more.begin(), more.end());
+  }
+  const auto segments = segments_between(shape, points);
+  EXPECT_NEAR(sum_of_ways(segments), 24, 1e-9);
+  for (const auto& [ends, way] : segments) {
+    EXPECT_LE(way, 1.021 * kCreaseStep * size);
+    EXPECT_GE(way, 0.3 * kCreaseStep * size);
+  }
+}
+
+// A hole far below the size has points enough to be round.
+TEST(CreaseLeaf, StepsTurnByNoMoreThanTheyMay) {
+  for (const int num_sides : {12, 48, 300}) {
+    const Creased shape = cylinder(0.01, 1, num_sides);
+    const auto segments = segments_between(shape, points_on(shape, 0.3, shape.box().expanded(0.1)));
+    EXPECT_NEAR(sum_of_ways(segments), shape.length(), 1e-9);
+    for (const auto& [ends, way] : segments) EXPECT_LE(way, 1.03 * 0.01 * kMostTurn * kPi / 180);
+    EXPECT_GE(segments.size(), 2U * 8);
+  }
+}
+
+TEST(CreaseLeaf, StepsGrowFromShortCreases) {
+  // A corner is cut off by a face as narrow as a hundredth of the size.
+  const Creased shape = prism({{1, -1, 0}, {1, 0.99, 0}, {0.99, 1, 0}, {-1, 1, 0}, {-1, -1, 0}}, 2);
+  const auto segments = segments_between(shape, points_on(shape, 1, shape.box().expanded(0.1)));
+  EXPECT_NEAR(sum_of_ways(segments), shape.length(), 1e-9);
+  std::map<Point, std::vector<double>> ways;
+  for (const auto& [ends, way] : segments)
+    for (const Point& p : ends) ways[p].push_back(way);
+  for (const auto& [p, of_point] : ways) {
+    const auto [least, most] = std::ranges::minmax(of_point);
+    EXPECT_LE(most, 2.1 * least);
+  }
+}
+
+// ---- Mirrors
+
+TEST(Mirrors, LieAcrossTheEdge) {
+  for (const double degrees : {20.0, 45.0, 60.0, 85.0}) {
+    const Creased shape = bar(degrees, 3);
+    const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+    const double half = 0.5 * degrees * kPi / 180;
+    const Point tip{-0.5, 0, 1.5};
+    const double along = 0.4;
+    const Point p = tip + along * Point{std::cos(half), -std::sin(half), 0};
+    const auto here = domain.closest_to(p, 1);
+    std::vector<MirrorPoint> mirrors;
+    mirrors_of(domain, p, 0.5, 1, mirrors);
+    ASSERT_EQ(mirrors.size(), 1U);
+    const Point expected = tip + along * Point{std::cos(half), std::sin(half), 0};
+    EXPECT_LT(norm(mirrors.front().position - expected), 1e-12);
+    EXPECT_NE(mirrors.front().sheet, here->sheet);
+  }
+  // Not of a sheet that turns by less, nor of one that is far.
+  const Creased shape = cube(2);
+  const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+  std::vector<MirrorPoint> mirrors;
+  mirrors_of(domain, {0.9, 0, 0}, 0.6, 1, mirrors);
+  EXPECT_TRUE(mirrors.empty());
+}
+
+// ---- Meshes of one leaf
+
+struct Case {
+  std::string name;
+  std::function<Creased()> make;
+  double size;
+  bool is_plane = true;     // all of its faces are
+  double least_angle = 15;  // of cells; less where none can be moved
+  friend std::ostream& operator<<(std::ostream& out, const Case& c) {
+    return out << c.name << " at " << c.size;
+  }
+};
+
+class CreasedMesh : public testing::TestWithParam<Case> {
+ protected:
+  void SetUp() override {
+    shape_ = GetParam().make();
+    const double size = GetParam().size;
+    const Box box = shape_.box();
+    const Point sides = box.max - box.min;
+    const double side = max_norm(sides) + 2 * size;
+    const Frame frame = Frame::around(box, 0.5 * size, side);
+    const Lattice lattice(frame, size, side);
+    leaf_ = frame.box(MortonKey());
+    const DomainPiece piece = shape_.piece(leaf_.expanded(4 * size));
+    const std::vector<Point> on_creases = points_on(shape_, size, leaf_);
+    CoverInput cover;
+    cover.size = size;
+    cover.lattice = lattice;
+    cover.box = leaf_;
+    cover.domain = piece;
+    cover.crease_points = on_creases;
+    const CoverPoints first = cover_leaf(cover);
+    std::vector<MeshPoint>& points = input_.own;
+    for (const LatticeSite& site : first.lattice) points.push_back(lattice.point(site));
+    const SiteBox sites = lattice.sites_in(leaf_);
+    for_each_core_site(first.core, sites, sites, [&](const LatticeSite& site, std::uint64_t) {
+      points.push_back(lattice.point(site));
+    });
+    std::ranges::sort(points, {}, &MeshPoint::id);
+    std::uint64_t id = kFirstOtherId;
+    for (const Point& p : on_creases) points.push_back({id++, p, PointKind::kCrease});
+    for (const Point& p : first.samples) points.push_back({id++, p, PointKind::kSurface});
+    const FillPoints fill = fill_leaf({size, leaf_, points, {}, piece});
+    for (const Point& p : fill.centers) points.push_back({id++, p, PointKind::kVolume});
+    input_.criteria = Criteria::of_cover(size, 2, 0.02, 15);
+    input_.box = leaf_;
+    input_.domain = piece;
+    for (const MeshPoint& p : points)
+      if (p.kind == PointKind::kCrease) input_.crease_points.push_back(p);
+    delta_ = refine_leaf(input_);
+    for (const MeshPoint& p : points) positions_[p.id] = p.position;
+    for (std::size_t i = 0; i < delta_.inserted.size(); ++i)
+      positions_[kNewPoint | i] = delta_.inserted[i].position;
+  }
+
+  std::vector<Point> crease_points() const {
+    std::vector<Point> points;
+    for (const MeshPoint& p : input_.crease_points) points.push_back(p.position);
+    for (const InsertedPoint& p : delta_.inserted)
+      if (p.kind == PointKind::kCrease) points.push_back(p.position);
+    return points;
+  }
+  std::array<Point, 3> corners(const MeshFacet& facet) const {
+    std::array<Point, 3> corners;
+    for (std::size_t k = 0; k < 3; ++k)
+      corners[k] = positions_.at(delta_.facets.vertices[facet.vertices[k]]);
+    return corners;
+  }
+
+  Creased shape_;
+  Box leaf_;
+  LeafInput input_;
+  LeafDelta delta_;
+  std::map<VertexRef, Point> positions_;
+};
+
+TEST_P(CreasedMesh, HasAllCreases) {
+  EXPECT_TRUE(delta_.unresolved.empty());
+  if (GetParam().least_angle == 15) {
+    EXPECT_TRUE(delta_.poor.empty());
+  }
+  // Each edge of the boundary has two facets, and so has each segment of a crease.
+  std::map<Segment, int> num_facets;
+  for (const MeshFacet& facet : delta_.facets.facets) {
+    const auto [a, b, c] = corners(facet);
+    for (const Segment& edge : {segment(a, b), segment(b, c), segment(c, a)}) ++num_facets[edge];
+  }
+  for (const auto& [edge, num] : num_facets) EXPECT_EQ(num, 2);
+  const auto segments = segments_between(shape_, crease_points());
+  EXPECT_NEAR(sum_of_ways(segments), shape_.length(), 1e-9 * shape_.length());
+  for (const auto& [ends, way] : segments) EXPECT_EQ(num_facets.count(ends), 1U);
+  for (const CreaseEdge& edge : shape_.creases)
+    for (const std::size_t k : {0, 1})
+      if (edge.is_corner[k]) {
+        EXPECT_EQ(std::ranges::count(crease_points(), edge.ends[k]), 1);
+      }
+}
+
+TEST_P(CreasedMesh, HasNoFacetAcross) {
+  const LeafDomain domain(shape_.piece(leaf_.expanded(1)));
+  CreaseGraph graph(domain);
+  std::map<Point, std::vector<SheetId>> of_creases;
+  for (const Point& p : crease_points()) graph.sheets(*graph.add(p, 1e-9), of_creases[p]);
+  for (const MeshFacet& facet : delta_.facets.facets) {
+    std::map<SheetId, int> shared;
+    for (const Point& p : corners(facet)) {
+      if (const auto found = of_creases.find(p); found != of_creases.end())
+        for (const SheetId sheet : found->second) ++shared[sheet];
+      else
+        ++shared[domain.closest_to(p, 1)->sheet];
+    }
+    EXPECT_TRUE(std::ranges::any_of(shared, [](const auto& s) { return s.second == 3; }));
+    EXPECT_EQ(shared[facet.labels.sheet], 3);
+  }
+}
+
+TEST_P(CreasedMesh, HasTheVolumeAndAngles) {
+  double volume = 0;
+  for (std::size_t i = 0; i < delta_.cells.size(); ++i) {
+    std::array<Point, 4> c;
+    for (std::size_t k = 0; k < 4; ++k) c[k] = positions_.at(delta_.cells.refs(i)[k]);
+    volume += dot(c[1] - c[0], cross(c[2] - c[0], c[3] - c[0])) / 6;
+    EXPECT_LE(largest_cosine(c), std::cos((GetParam().least_angle - 0.001) * kPi / 180));
+  }
+  EXPECT_NEAR(volume, shape_.volume, (GetParam().is_plane ? 1e-10 : 0.02) * shape_.volume);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Shapes, CreasedMesh,
+    testing::Values(Case{"Cube", [] { return cube(2); }, 0.3},
+                    Case{"Cube", [] { return cube(2); }, 0.81},
+                    Case{"Cross", [] { return cross_bar(2); }, 0.2},
+                    Case{"Bar90", [] { return bar(90, 2); }, 0.15},
+                    Case{"Bar60", [] { return bar(60, 2); }, 0.15},
+                    Case{"Bar45", [] { return bar(45, 2); }, 0.15},
+                    Case{"Bar120", [] { return bar(120, 2); }, 0.15},
+                    Case{"Plate",
+                         [] {
+                           return prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, 0.1);
+                         },
+                         0.3, true, 11},
+                    Case{"Cylinder", [] { return cylinder(0.5, 1, 60); }, 0.15, false}));
+
+}  // namespace
+}  // namespace locvol
