@@ -200,7 +200,8 @@ TEST(Codec, RefusesValuesOutOfRange) {
   without_core.core = {};
   std::string points = content_of(encode(without_core, sample_leaf()));
   constexpr std::size_t kBytesOfEmptyCore = 1 + sizeof(std::uint64_t);
-  points[points.size() - kBytesOfEmptyCore - 1] = 4;  // the kind of the last point
+  // The kind of the last point.
+  points[points.size() - kBytesOfEmptyCore - 1] = static_cast<char>(kNumPointKinds);
   expect_error_about<LeafPoints>(frame_of(points), "means nothing");
   LeafCells not_asked = sample_cells();
   not_asked.asked.clear();
