@@ -206,7 +206,7 @@ class CreasedMesh : public testing::TestWithParam<Case> {
     const double side = max_norm(sides) + 2 * size;
     const Frame frame = Frame::around(box, 0.5 * size, side);
     const Lattice lattice(frame, size, side);
-    leaf_ = frame.box(MortonKey());
+    leaf_ = frame.box(MortonKey::root());
     const DomainPiece piece = shape_.piece(leaf_.expanded(4 * size));
     const std::vector<Point> on_creases = points_on(shape_, size, leaf_);
     CoverInput cover;
