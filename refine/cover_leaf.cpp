@@ -118,29 +118,30 @@ class SampleGrid {
   SampleGrid(const Box& box, double side);
 
   // `listed`: at least the radius of any query that it may answer
-  void add(const Point& sample, SheetId sheet, double listed);
+  void add(const Point& sample, const SurfaceSide& side, double listed);
 
-  // Is no sample of the sheet closer to p than `spacing`? REQUIRES: p lies in the closed box
-  bool is_free(const Point& p, SheetId sheet, double spacing) const {
-    return !any_around(p, [&](const Point& s, SheetId its_sheet) {
-      return its_sheet == sheet && squared_distance(p, s) < spacing * spacing;
+  // Is no sample of the side closer to p than `spacing`? REQUIRES: p lies in the closed box
+  bool is_free(const Point& p, const SurfaceSide& side, double spacing) const {
+    return !any_around(p, [&](const Point& s, std::uint32_t its_side) {
+      return squared_distance(p, s) < spacing * spacing && are_same(sides_[its_side], side);
     });
   }
   // Is one sample closer to all of the fragment than p? May overlook it where p is farther from its
   // first corner than the radius, or that is not in the closed box.
   bool is_nearer_than(const Point& p, const Fragment& f) const {
     return box_.contains(f.corners[0]) &&
-           any_around(f.corners[0], [&](const Point& s, SheetId) { return is_nearer(f, s, p); });
+           any_around(f.corners[0],
+                      [&](const Point& s, std::uint32_t) { return is_nearer(f, s, p); });
   }
-  // Does the fragment lie in the ball of one sample of the sheet that was added since num_around()
+  // Does the fragment lie in the ball of one sample of the side that was added since num_around()
   // was `num_before`? REQUIRES: it lies in the closed box
-  bool covers_since(const Fragment& f, SheetId sheet, double radius,
+  bool covers_since(const Fragment& f, const SurfaceSide& side, double radius,
                     std::uint32_t num_before) const {
     const double radius2 = radius * radius;
-    const auto covers = [&](const Point& s, SheetId its_sheet) {
-      return its_sheet == sheet && squared_distance(f.corners[0], s) <= radius2 &&
+    const auto covers = [&](const Point& s, std::uint32_t its_side) {
+      return squared_distance(f.corners[0], s) <= radius2 &&
              squared_distance(f.corners[1], s) <= radius2 &&
-             squared_distance(f.corners[2], s) <= radius2;
+             squared_distance(f.corners[2], s) <= radius2 && are_same(sides_[its_side], side);
     };
     return any_around(f.corners[0], covers, num_before);
   }
@@ -157,7 +158,7 @@ class SampleGrid {
     std::uint32_t num = 0, num_before = 0;  // in this block, and in the next ones
     std::uint32_t next = kNone;
     std::array<Point, kSize> samples;
-    std::array<SheetId, kSize> sheets;
+    std::array<std::uint32_t, kSize> sides;  // places in sides_
   };
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -175,6 +176,7 @@ class SampleGrid {
   Cell shape_;   // cells on each axis
   std::array<std::vector<double>, 3> gaps_;
   std::vector<Block> blocks_;
+  std::vector<SurfaceSide> sides_;    // of samples; where all are one side, that
   std::vector<std::uint32_t> first_;  // block of a cell, the one that is not full; or kNone
 };
 
@@ -195,8 +197,10 @@ SampleGrid::Cell SampleGrid::cell_of(const Point& p) const {
           static_cast<std::int64_t>(c.z)};
 }
 
-void SampleGrid::add(const Point& sample, SheetId sheet, double listed) {
+void SampleGrid::add(const Point& sample, const SurfaceSide& side, double listed) {
   const double margin = 1.001 * listed;  // a little for rounding
+  if (sides_.empty() || !(sides_.back() == side)) sides_.push_back(side);
+  const auto its_side = static_cast<std::uint32_t>(sides_.size() - 1);
   const Box ball_box = Box::around(sample).expanded(margin);
   Cell low = cell_of(ball_box.min), high = cell_of(ball_box.max);
   // How far the sample is from a cell along each axis, squared.
@@ -227,7 +231,7 @@ void SampleGrid::add(const Point& sample, SheetId sheet, double listed) {
           first = static_cast<std::uint32_t>(blocks_.size() - 1);
         }
         Block& block = blocks_[first];
-        block.sheets[block.num] = sheet;
+        block.sides[block.num] = its_side;
         block.samples[block.num++] = sample;
       }
     }
@@ -241,7 +245,7 @@ bool SampleGrid::any_around(const Point& p, Test test, std::uint32_t num_before)
     if (block.num_before + block.num <= num_before) return false;
     const std::uint32_t first = num_before > block.num_before ? num_before - block.num_before : 0;
     for (std::uint32_t i = first; i < block.num; ++i)
-      if (test(block.samples[i], block.sheets[i])) return true;
+      if (test(block.samples[i], block.sides[i])) return true;
   }
   return false;
 }
@@ -258,28 +262,28 @@ class SampleGrids {
     side_ = least;
   }
 
-  void add(const Point& sample, SheetId sheet, double listed) {
+  void add(const Point& sample, const SurfaceSide& side, double listed) {
     std::size_t n = 0;
-    for (double side = side_; side < listed && n + 1 < grids_.size(); side *= 2) ++n;
-    grids_[n].add(sample, sheet, listed);
+    for (double width = side_; width < listed && n + 1 < grids_.size(); width *= 2) ++n;
+    grids_[n].add(sample, side, listed);
   }
 
   // As in SampleGrid.
-  bool is_free(const Point& p, SheetId sheet, double spacing) const {
+  bool is_free(const Point& p, const SurfaceSide& side, double spacing) const {
     return std::ranges::all_of(
-        grids_, [&](const SampleGrid& grid) { return grid.is_free(p, sheet, spacing); });
+        grids_, [&](const SampleGrid& grid) { return grid.is_free(p, side, spacing); });
   }
   bool is_nearer_than(const Point& p, const Fragment& f) const {
     return std::ranges::any_of(grids_,
                                [&](const SampleGrid& grid) { return grid.is_nearer_than(p, f); });
   }
-  bool covers(const Fragment& f, SheetId sheet, double radius) const {
-    return covers_since(f, sheet, radius, 0);
+  bool covers(const Fragment& f, const SurfaceSide& side, double radius) const {
+    return covers_since(f, side, radius, 0);
   }
-  bool covers_since(const Fragment& f, SheetId sheet, double radius,
+  bool covers_since(const Fragment& f, const SurfaceSide& side, double radius,
                     std::uint32_t num_before) const {
     return std::ranges::any_of(grids_, [&](const SampleGrid& grid) {
-      return grid.covers_since(f, sheet, radius, num_before);
+      return grid.covers_since(f, side, radius, num_before);
     });
   }
   std::uint32_t num_around(const Fragment& f) const {
@@ -312,7 +316,7 @@ class SurfaceSampler {
               std::min(1.0, sizes.least() / size_) * farthest_query(), farthest_query()),
         stop_(stop) {
     if (!input.crease_points.empty()) take_in_creases(input.crease_points);
-    for (const Point& sample : input.nearby_samples) add(sample, sheet_at(sample));
+    for (const Point& sample : input.nearby_samples) add(sample, side_at(sample));
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
@@ -333,17 +337,19 @@ class SurfaceSampler {
   }
 
  private:
-  // ---- Where creases are near, sheets are sampled each by itself.
+  // ---- Where creases are near, sheets are sampled each by itself, and sides that face each other.
   bool has_creases() const { return creases_.has_value(); }
-  SheetId sheet_of(const Fragment& f) const { return has_creases() ? f.sheet : kOnlySheet; }
-  SheetId sheet_at(const Point& sample) const {
-    if (!has_creases()) return kOnlySheet;
+  SurfaceSide side_of(const Fragment& f) const {
+    return has_creases() ? SurfaceSide{f.sheet, normal_of(f.corners)} : SurfaceSide();
+  }
+  SurfaceSide side_at(const Point& sample) const {
+    if (!has_creases()) return {};
     const auto closest = domain_.closest_to(sample, size_);
-    return closest ? closest->sheet : kOnlySheet;
+    return closest ? closest->side : SurfaceSide();
   }
   void take_in_creases(std::span<const Point> points);
   bool is_out_of_balls(const Point& p) const;
-  // Samples of other sheets that a sample of this one comes with: false if there is no room for one
+  // Samples of other sides that a sample of this one comes with: false if there is no room for one
   // of them.
   bool find_mirrors(const Point& dart, double spacing);
 
@@ -378,11 +384,11 @@ class SurfaceSampler {
     return radius_ / size_ * std::max(0.0, scale * size_ - change);
   }
   double farthest_query() const { return std::max(radius_, first_spacing_); }
-  void add(const Point& sample, SheetId sheet) {
+  void add(const Point& sample, const SurfaceSide& side) {
     double listed = farthest_query();
     if (sizes_.has_shapes())
       listed = scaled(listed, sample) / (1 - listed / size_ * sizes_.growth());
-    grid_.add(sample, sheet, listed);
+    grid_.add(sample, side, listed);
   }
 
   const LeafDomain& domain_;
@@ -408,11 +414,11 @@ void SurfaceSampler::take_in_creases(std::span<const Point> points) {
   const double tolerance = 1e-6 * size_;
   std::vector<Ball> balls;
   for (const Point& p : points)
-    if (!creases_->add(p, tolerance)) add(p, sheet_at(p));  // the tip of a cone
+    if (!creases_->add(p, tolerance)) add(p, side_at(p));  // the tip of a cone
   std::vector<SheetId> sheets;
   for (CreaseGraph::Index i = 0; i < creases_->num_points(); ++i) {
     creases_->sheets(i, sheets);
-    for (const SheetId sheet : sheets) add(creases_->point(i), sheet);
+    for (const SheetId sheet : sheets) add(creases_->point(i), {sheet});
     balls.push_back({creases_->point(i), creases_->ball_radius(i)});
     largest_ball_ = std::max(largest_ball_, balls.back().radius);
   }
@@ -430,8 +436,7 @@ bool SurfaceSampler::find_mirrors(const Point& dart, double spacing) {
   const double size = scaled(size_, dart);
   mirrors_of(domain_, dart, kMirrorReach * size, kMirrorDistance * size, mirrors_);
   return std::ranges::all_of(mirrors_, [&](const MirrorPoint& mirror) {
-    return grid_.is_free(mirror.position, mirror.sheet, spacing) &&
-           is_out_of_balls(mirror.position);
+    return grid_.is_free(mirror.position, mirror.side, spacing) && is_out_of_balls(mirror.position);
   });
 }
 
@@ -445,25 +450,25 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
     poll();
     const Point dart = aim(fragment);
     const double scale = scale_at(dart), radius = radius_on(fragment, scale);
-    const SheetId sheet = sheet_of(fragment);
-    if (grid_.covers(fragment, sheet, radius)) continue;
+    const SurfaceSide side = side_of(fragment);
+    if (grid_.covers(fragment, side, radius)) continue;
     // What is as small as this is covered by a dart alone, or by what is in its way.
     const bool is_small = has_creases() && longest_edge(fragment).second <= gap2;
     const bool is_in_ball = has_creases() && !is_out_of_balls(dart);
     if (is_in_ball && is_small) continue;
     targets.push_back({&fragment, radius, grid_.num_around(fragment)});
-    if (is_in_ball || !grid_.is_free(dart, sheet, scale * spacing)) continue;
+    if (is_in_ball || !grid_.is_free(dart, side, scale * spacing)) continue;
     if (has_creases()) {
       const bool has_room = find_mirrors(dart, scale * spacing);
       if (!has_room && !is_small) continue;
       if (has_room)
         for (const MirrorPoint& mirror : mirrors_) {
           samples_.push_back(mirror.position);
-          add(mirror.position, mirror.sheet);
+          add(mirror.position, mirror.side);
         }
     }
     samples_.push_back(dart);
-    add(dart, sheet);
+    add(dart, side);
   }
   return targets;
 }
@@ -471,7 +476,7 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
 std::vector<Fragment> SurfaceSampler::uncovered_halves(std::span<const Target> targets) const {
   std::vector<Fragment> result;
   for (const auto& [fragment, radius, num_around] : targets) {
-    if (grid_.covers_since(*fragment, sheet_of(*fragment), radius, num_around)) continue;
+    if (grid_.covers_since(*fragment, side_of(*fragment), radius, num_around)) continue;
     const std::array<Fragment, 2> both = halves(*fragment, longest_edge(*fragment).first);
     result.insert(result.end(), both.begin(), both.end());
   }

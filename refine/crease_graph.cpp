@@ -4,34 +4,52 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "octree/sort_and_unite.h"
 
 namespace locvol {
 
-CreaseGraph::CreaseGraph(const LeafDomain& domain) : domain_(domain), edges_(domain.creases()) {
+CreaseGraph::CreaseGraph(const LeafDomain& domain)
+    : domain_(domain), edges_(domain.creases()), is_left_out_(edges_.size()) {
   positions_.reserve(2 * edges_.size());
   for (const CreaseEdge& e : edges_)
     positions_.insert(positions_.end(), e.ends.begin(), e.ends.end());
   sort_and_unite(positions_);
-  first_at_.assign(positions_.size() + 1, 0);
+  one_of_.resize(positions_.size());
+  std::iota(one_of_.begin(), one_of_.end(), Vertex{0});
   is_corner_.assign(positions_.size(), false);
   for (const CreaseEdge& e : edges_) {
     std::array<Vertex, 2> ends{};
     for (const std::size_t k : {0, 1}) {
       ends[k] = *vertex_at(e.ends[k]);
-      ++first_at_[ends[k] + 1];
       if (e.is_corner[k]) is_corner_[ends[k]] = true;
     }
     ends_.push_back(ends);
     lengths_.push_back(norm(e.ends[1] - e.ends[0]));
   }
+  list_edges();
+  find_fixed();
+  if (domain.crease_floor() > 0) join_close(domain.crease_floor());
+  point_at_.assign(positions_.size(), kNone);
+  on_edge_.resize(edges_.size());
+}
+
+// By the vertices that they end at.
+void CreaseGraph::list_edges() {
+  first_at_.assign(positions_.size() + 1, 0);
+  for (Edge e = 0; e < edges_.size(); ++e)
+    if (!is_left_out_[e])
+      for (const Vertex v : ends_[e]) ++first_at_[v + 1];
   std::partial_sum(first_at_.begin(), first_at_.end(), first_at_.begin());
-  at_vertex_.resize(2 * edges_.size());
+  at_vertex_.resize(first_at_.back());
   std::vector<std::uint32_t> next = first_at_;
   for (Edge e = 0; e < edges_.size(); ++e)
-    for (const Vertex v : ends_[e]) at_vertex_[next[v]++] = e;
+    if (!is_left_out_[e])
+      for (const Vertex v : ends_[e]) at_vertex_[next[v]++] = e;
+}
 
+void CreaseGraph::find_fixed() {
   turns_.assign(positions_.size(), 0);
   is_fixed_ = is_corner_;
   const double least_cosine = std::cos(kFixedTurn * std::numbers::pi / 180);
@@ -49,14 +67,68 @@ CreaseGraph::CreaseGraph(const LeafDomain& domain) : domain_(domain), edges_(dom
     turns_[v] = std::acos(cosine);
     if (cosine < least_cosine) is_fixed_[v] = true;
   }
-  point_at_.assign(positions_.size(), kNone);
-  on_edge_.resize(edges_.size());
+}
+
+void CreaseGraph::join_close(double floor) {
+  for (const bool is_for_corners : {true, false})
+    for (Vertex v = 0; v < positions_.size(); ++v)
+      if (is_fixed_[v] && one_of_[v] == v && is_corner_[v] == is_for_corners) join_around(v, floor);
+  leave_out_short(3 * floor);
+  for (Vertex v = 0; v < positions_.size(); ++v)
+    if (one_of_[v] != v) is_corner_[v] = is_fixed_[v] = false;
+  for (std::array<Vertex, 2>& ends : ends_)
+    for (Vertex& v : ends) v = one_of_[v];
+  list_edges();
+  for (Vertex v = 0; v < positions_.size(); ++v)
+    if (edges_at(v).empty()) is_corner_[v] = is_fixed_[v] = false;
+}
+
+// What is fixed, closer along creases, and not of another one becomes one with it.
+void CreaseGraph::join_around(Vertex v, double floor) {
+  std::vector<std::pair<double, Vertex>> reached = {{0, v}};
+  for (std::size_t n = 0; n < reached.size(); ++n) {
+    const auto [along, here] = reached[n];
+    for (const Edge e : edges_at(here)) {
+      const Vertex next = ends_[e][ends_[e][0] == here];
+      const double to_next = along + lengths_[e];
+      const auto known = std::ranges::find(reached, next, &std::pair<double, Vertex>::second);
+      if (to_next >= floor || known != reached.end()) continue;
+      reached.emplace_back(to_next, next);
+      if (is_fixed_[next] && one_of_[next] == next && next != v) one_of_[next] = v;
+    }
+  }
+}
+
+// Parts of creases that end where they begin, and closed creases.
+void CreaseGraph::leave_out_short(double most) {
+  for (Edge e = 0; e < edges_.size(); ++e)
+    if (!is_left_out_[e] && lengths_[e] < most) leave_out_if_short(e, most);
+}
+
+// The part of a crease with this edge.
+void CreaseGraph::leave_out_if_short(Edge start, double most) {
+  std::vector<Edge> part = {start};
+  double length = lengths_[start];
+  std::array<Vertex, 2> ends = ends_[start];
+  for (const std::size_t k : {0, 1}) {
+    while (!is_fixed_[ends[k]] && edges_at(ends[k]).size() == 2 && length < most) {
+      const auto edges = edges_at(ends[k]);
+      const Edge last = k == 0 ? part.front() : part.back();
+      const Edge next = edges[edges[0] == last];
+      if (next == (k == 0 ? part.back() : part.front())) break;  // closed
+      length += lengths_[next];
+      part.insert(k == 0 ? part.begin() : part.end(), next);
+      ends[k] = ends_[next][ends_[next][0] == ends[k]];
+    }
+  }
+  if (length >= most || one_of_[ends[0]] != one_of_[ends[1]]) return;
+  for (const Edge e : part) is_left_out_[e] = true;
 }
 
 std::optional<CreaseGraph::Vertex> CreaseGraph::vertex_at(const Point& p) const {
   const auto place = std::ranges::lower_bound(positions_, p);
   if (place == positions_.end() || *place != p) return std::nullopt;
-  return static_cast<Vertex>(place - positions_.begin());
+  return one_of_[static_cast<std::size_t>(place - positions_.begin())];
 }
 
 Point CreaseGraph::position(const Place& place) const {
@@ -66,12 +138,14 @@ Point CreaseGraph::position(const Place& place) const {
 
 std::optional<CreaseGraph::Place> CreaseGraph::place_of(const Point& p, double tolerance) const {
   if (const auto v = vertex_at(p)) {
+    if (edges_at(*v).empty()) return std::nullopt;
     const Edge e = edges_at(*v).front();
     return Place{e, ends_[e][0] == *v ? 0 : lengths_[e]};
   }
   const auto closest = domain_.closest_on_crease(p, tolerance);
   if (!closest) return std::nullopt;
   const auto e = static_cast<Edge>(closest->edge);
+  if (is_left_out_[e]) return std::nullopt;
   const auto& [a, b] = edges_[e].ends;
   return Place{e, std::clamp(dot(p - a, b - a) / lengths_[e], 0.0, lengths_[e])};
 }

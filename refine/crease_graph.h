@@ -3,8 +3,13 @@
 //
 // A point on a crease has its place from its coordinates and the edges alone, so all leaves that
 // have loaded both find the same neighbors for it.
+//
+// Fixed vertices that are closer along creases than the domain's crease_floor() are one: the first
+// of them, corners before others, each in lexicographic order. Edges between such are left out, as
+// are creases that come back to where they began within three floors.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -33,8 +38,8 @@ class CreaseGraph {
 
   explicit CreaseGraph(const LeafDomain& domain);
 
-  bool is_empty() const { return edges_.empty(); }
   std::span<const CreaseEdge> edges() const { return edges_; }
+  bool is_left_out(Edge e) const { return is_left_out_[e]; }
   std::size_t num_vertices() const { return positions_.size(); }
   const Point& position(Vertex v) const { return positions_[v]; }
   const std::array<Vertex, 2>& ends(Edge e) const { return ends_[e]; }
@@ -42,12 +47,12 @@ class CreaseGraph {
   std::span<const Edge> edges_at(Vertex v) const {
     return {at_vertex_.data() + first_at_[v], first_at_[v + 1] - first_at_[v]};
   }
-  // Does a crease end there, or turn so far that the vertex is to be one of the mesh?
+  // Does a crease end there, or turn so far that the vertex is to be one of the mesh? Of several
+  // that are one, the first.
   bool is_fixed(Vertex v) const { return is_fixed_[v]; }
-  bool is_corner(Vertex v) const { return is_corner_[v]; }
   // By how much the crease turns there, in radians; 0 where it ends.
   double turn(Vertex v) const { return turns_[v]; }
-  std::optional<Vertex> vertex_at(const Point& p) const;
+  std::optional<Vertex> vertex_at(const Point& p) const;  // that one
 
   // On an edge, so far from its first end.
   struct Place {
@@ -95,6 +100,19 @@ class CreaseGraph {
   // Of a point, in the order of headings().
   void neighbors(Index i, std::vector<Neighbor>& out) const;
   Neighbor neighbor(const Heading& heading) const;
+  // Of the way from there, which is so long, the straight parts: visit(begin, end, way to it).
+  template <class Visit>
+  void for_each_part(const Heading& start, double length, const Visit& visit) const {
+    double along = 0;
+    for (std::optional<Heading> heading = start; heading && along < length;
+         heading = past(*heading)) {
+      const double part = std::min(heading->left(*this), length - along);
+      const Place& from = heading->from;
+      const Place to{from.edge, from.along + (heading->is_forward ? part : -part)};
+      visit(position(from), position(to), along);
+      along += part;
+    }
+  }
   // Of the edges that it lies on: ascending.
   void sheets(Index i, std::vector<SheetId>& out) const;
   // Of the point's ball; 0 if no neighbor is known.
@@ -106,8 +124,17 @@ class CreaseGraph {
     Place place;
   };
 
+  void list_edges();
+  void find_fixed();
+  void join_close(double floor);
+  void join_around(Vertex v, double floor);
+  void leave_out_short(double most);
+  void leave_out_if_short(Edge start, double most);
+
   const LeafDomain& domain_;
   std::span<const CreaseEdge> edges_;
+  std::vector<bool> is_left_out_;
+  std::vector<Vertex> one_of_;    // of vertices, the one that they are
   std::vector<Point> positions_;  // ascending
   std::vector<std::array<Vertex, 2>> ends_;
   std::vector<double> lengths_;

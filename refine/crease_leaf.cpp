@@ -53,6 +53,9 @@ class CreaseSampler {
     double measure() const { return parts.empty() ? 0 : parts.back().measure; }
   };
 
+  // In steps, of a way that is taken in one.
+  static constexpr double kMostSteps = kLongestStep / kCreaseStep;
+
   double tolerance() const { return 1e-6 * input_.size; }
   bool is_own(const Point& p) const { return is_in_leaf(input_.box, p); }
   double most_step(const Point& p) const { return kCreaseStep * sizes_.on_surface_at(p); }
@@ -69,7 +72,8 @@ class CreaseSampler {
         length += graph_.length(heading->from.edge);
         const Vertex next = heading->next(graph_);
         if (graph_.is_fixed(next)) {
-          if (length < 2 * step) step = std::min(step, length > step ? 0.5 * length : length);
+          if (length < 2 * step)
+            step = std::min(step, length > kMostSteps * step ? 0.5 * length : length);
           break;
         }
         heading = graph_.past(*heading);
@@ -182,6 +186,9 @@ class CreaseSampler {
 
   void fill(Index from, const Heading& heading) {
     constexpr double kSlack = 1e-6;  // rounding does not make one more
+    const auto num_steps = [](double measure) {
+      return measure <= kMostSteps + kSlack ? 1.0 : std::ceil(measure - kSlack);
+    };
     const Way way = way_along(heading);
     if (way.parts.empty()) return;
     if (way.end == CreaseGraph::kNone) {
@@ -191,7 +198,7 @@ class CreaseSampler {
       return;
     }
     const bool is_loop = way.end == from;
-    const double num = std::max(std::ceil(way.measure() - kSlack), is_loop ? 3.0 : 1.0);
+    const double num = std::max(num_steps(way.measure()), is_loop ? 3.0 : 1.0);
     for (double k = 1; k < num; ++k) place_if_own(own_place_near(way, k * way.measure() / num));
   }
   void place_if_own(const Place& there) {
@@ -219,7 +226,7 @@ class CreaseSampler {
   void start_where_none_is() {
     for (Edge e = 0; e < graph_.edges().size(); ++e) {
       const CreaseEdge& edge = graph_.edges()[e];
-      if (!edge.box().overlaps(input_.box)) continue;
+      if (graph_.is_left_out(e) || !edge.box().overlaps(input_.box)) continue;
       // What of it lies in the box, in the middle.
       double low = 0, high = 1;
       const Point way = edge.ends[1] - edge.ends[0];

@@ -13,6 +13,8 @@ namespace locvol {
 
 // Along a crease, over h: how far points are apart at most.
 inline constexpr double kCreaseStep = 0.84;
+// What is no longer than this is one step: in two, the cells beside it would be too slender (C6).
+inline constexpr double kLongestStep = 1.0;
 // Steps change along creases by no more than this times the way, so that next to a short one they
 // grow step by step.
 inline constexpr double kCreaseGrowth = 0.5;

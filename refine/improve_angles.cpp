@@ -360,7 +360,7 @@ bool ImproveAngles::may_stand(const Point& q, LocalIndex v) {
   if (kind_ != PointKind::kSurface) return true;
   const auto closest = surroundings_.domain.closest_to(q, input_.criteria.size);
   if (!closest) return false;
-  sheet_ = closest->sheet;
+  sheet_ = closest->side.sheet;
   return v == mesh_.num_locals() || std::ranges::equal(creases_->sheets(v), std::array{sheet_});
 }
 

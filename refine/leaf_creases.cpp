@@ -70,41 +70,24 @@ void LeafCreases::segments(LocalIndex v, std::vector<Segment>& out) const {
       out.push_back({v, local_[next.point], next});
 }
 
-Point LeafCreases::halved(const Segment& segment, const Point& q) const {
+Point LeafCreases::halved(const Segment& segment, const std::optional<Point>& q) const {
   constexpr double kLeast = 0.3;  // of the way, from an end
-  // The place on the way that is closest to q.
-  double along = 0, best = 0, least = std::numeric_limits<double>::infinity();
-  std::optional<CreaseGraph::Heading> heading = segment.way.heading;
-  const auto end = graph_.place(index_of(segment.b));
-  while (heading) {
-    const double length = heading->left(graph_);
-    const bool is_last = end.edge == heading->from.edge || along + length >= segment.way.along;
-    const double part = std::min(length, segment.way.along - along);
-    const double sign = heading->is_forward ? 1 : -1;
-    const Point a = graph_.position(heading->from);
-    const Point b =
-        graph_.position(CreaseGraph::Place{heading->from.edge, heading->from.along + sign * part});
-    const Point foot = closest_on_segment(a, b, q);
-    if (const double d = squared_distance(foot, q); d < least) {
-      least = d;
-      best = along + norm(foot - a);
-    }
-    along += part;
-    if (is_last) break;
-    heading = graph_.past(*heading);
+  const double length = segment.way.along;
+  double best = 0.5 * length;
+  if (q) {
+    double least = std::numeric_limits<double>::infinity();
+    graph_.for_each_part(segment.way.heading, length,
+                         [&](const Point& a, const Point& b, double along) {
+                           const Point foot = closest_on_segment(a, b, *q);
+                           const double d = squared_distance(foot, *q);
+                           if (d < least) least = d, best = along + norm(foot - a);
+                         });
+    if (best < kLeast * length || best > (1 - kLeast) * length) best = 0.5 * length;
   }
-  if (best < kLeast * segment.way.along || best > (1 - kLeast) * segment.way.along)
-    best = 0.5 * segment.way.along;
-  heading = segment.way.heading;
-  for (along = best; heading; heading = graph_.past(*heading)) {
-    const double length = heading->left(graph_);
-    if (along <= length) {
-      const double sign = heading->is_forward ? 1 : -1;
-      return graph_.position({heading->from.edge, heading->from.along + sign * along});
-    }
-    along -= length;
-  }
-  return 0.5 * (mesh_.local(segment.a).point.position + mesh_.local(segment.b).point.position);
+  Point place = mesh_.local(segment.b).point.position;
+  graph_.for_each_part(segment.way.heading, best,
+                       [&](const Point&, const Point& b, double) { place = b; });
+  return place;
 }
 
 double LeafCreases::angle(const Segment& segment) const {
@@ -132,15 +115,29 @@ double LeafCreases::angle(const Segment& segment) const {
   return least;
 }
 
-std::optional<LocalIndex> LeafCreases::ball_with(const Point& q) const {
-  std::optional<LocalIndex> deepest;
+bool LeafCreases::is_in_ball(const Point& q) const {
+  return !balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
+    const double radius = radius_[ball.index];
+    return squared_distance(q, ball.position) >= radius * radius;
+  });
+}
+
+// Each lies in the balls around the ends.
+std::optional<LeafCreases::Segment> LeafCreases::segment_at(const Point& q) const {
+  std::optional<Segment> deepest;
   double least = 1;  // squared distance over squared radius
   balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
     const double radius = radius_[ball.index];
-    const double d2 = squared_distance(q, ball.position);
-    if (d2 < least * radius * radius) {
-      least = d2 / (radius * radius);
-      deepest = local_[ball.index];
+    if (squared_distance(q, ball.position) >= radius * radius) return true;
+    graph_.neighbors(ball.index, neighbors_);
+    for (const CreaseGraph::Neighbor& next : neighbors_) {
+      if (next.point == CreaseGraph::kNone || next.point == ball.index) continue;
+      const Point& other = graph_.point(next.point);
+      const double depth = 4 * squared_distance(q, 0.5 * (ball.position + other)) /
+                           squared_distance(ball.position, other);
+      if (depth >= least) continue;
+      least = depth;
+      deepest = {local_[ball.index], local_[next.point], next};
     }
     return true;
   });
@@ -154,8 +151,13 @@ std::span<const SheetId> LeafCreases::sheets(LocalIndex v) const {
   if (const CreaseGraph::Index index = index_of(v); index != CreaseGraph::kNone)
     graph_.sheets(index, known);
   else if (const auto closest = domain_.closest_to(mesh_.local(v).point.position, size_))
-    known = {closest->sheet};
+    known = {closest->side.sheet};
   return known;
+}
+
+bool LeafCreases::are_facing(const Point& a, const Point& b) const {
+  const auto one = domain_.closest_to(a, size_), other = domain_.closest_to(b, size_);
+  return one && other && dot(one->side.normal, other->side.normal) < 0;
 }
 
 bool LeafCreases::have_common_sheet(LocalIndex a, LocalIndex b) const {
@@ -184,8 +186,10 @@ bool LeafCreases::is_exempt(const std::array<LocalIndex, 4>& vertices,
   const PointKind kind = mesh_.local(one).point.kind, kind_of_other = mesh_.local(other).point.kind;
   if (!is_on_surface(kind) || !is_on_surface(kind_of_other)) return false;
   if (!have_common_sheet(one, other)) return true;
-  return kind == PointKind::kCrease && kind_of_other == PointKind::kCrease &&
-         !is_neighbor(one, other);
+  const bool is_on_crease = kind == PointKind::kCrease,
+             is_other_on_crease = kind_of_other == PointKind::kCrease;
+  if (is_on_crease && is_other_on_crease) return !is_neighbor(one, other);
+  return !is_on_crease && !is_other_on_crease && are_facing(corners[a], corners[b]);
 }
 
 bool LeafCreases::is_neighbor(LocalIndex a, LocalIndex b) const {

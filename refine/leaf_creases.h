@@ -30,26 +30,30 @@ class LeafCreases {
   };
   // At a vertex of kind kCrease; without those whose other end is not known.
   void segments(LocalIndex v, std::vector<Segment>& out) const;
-  // The place on it where q is closest to it; or its middle, where that is close to an end.
-  Point halved(const Segment& segment, const Point& q) const;
+  // Its middle; or, of a point that it has in its way, the place where that is closest to it, if
+  // this is not close to an end.
+  Point halved(const Segment& segment, const std::optional<Point>& q) const;
   // Between the sheets that meet along it, outside or inside, in radians.
   double angle(const Segment& segment) const;
 
   // ---- Balls
-  // The crease vertex whose ball has q most deeply in it: null if none has; kInfiniteVertex if it
-  // is not in the triangulation.
-  std::optional<LocalIndex> ball_with(const Point& q) const;
-  bool is_in_ball(const Point& q) const { return ball_with(q).has_value(); }
+  // Those around vertices: where first points and mirrors do not come, nor others that move.
+  bool is_in_ball(const Point& q) const;
+  // Of the smallest balls around segments, that which has q most deeply in it. Null: none has.
+  // Ends that are not in the triangulation are kInfiniteVertex.
+  std::optional<Segment> segment_at(const Point& q) const;
 
   // ---- Sheets
   // That a vertex on the surface lies on: of a crease, all that meet there. Ascending.
   std::span<const SheetId> sheets(LocalIndex v) const;
   bool have_common_sheet(LocalIndex a, LocalIndex b, LocalIndex c) const;
   bool have_common_sheet(LocalIndex a, LocalIndex b) const;
+  // Are these places of the surface on sides that face each other?
+  bool are_facing(const Point& a, const Point& b) const;
   // Do they follow each other on a crease?
   bool is_neighbor(LocalIndex a, LocalIndex b) const;
-  // C6 is not asked of a cell whose shortest edge leads from sheet to sheet, or from crease to
-  // crease: there the surface itself comes that close.
+  // C6 is not asked of a cell whose shortest edge leads from sheet to sheet, across a thin part of
+  // one, or from crease to crease: there the surface itself comes that close.
   bool is_exempt(const std::array<LocalIndex, 4>& vertices,
                  const std::array<Point, 4>& corners) const;
 

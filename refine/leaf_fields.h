@@ -11,6 +11,7 @@
 #include "octree/lattice.h"
 #include "octree/size_nodes.h"
 #include "refine/cover_leaf.h"
+#include "refine/crease_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/leaf.h"
 
@@ -78,12 +79,13 @@ auto fields(Maybe<CornerStates> auto& corners) {
   return std::tuple(Field("bits", CornerStates::member(corners)));
 }
 auto fields(Maybe<DomainPiece> auto& piece) {
-  auto& [triangles, region, reference, reference_state, fineness, is_whole, creases, corners] =
-      piece;
+  auto& [triangles, region, reference, reference_state, fineness, is_whole, creases, corners,
+         crease_floor] = piece;
   return std::tuple(Field("triangles", triangles), Field("region", region),
                     Field("reference", reference), Field("reference_state", reference_state),
                     Field("fineness", fineness), Field("is_whole", is_whole),
-                    Field("creases", creases), Field("corners", corners));
+                    Field("creases", creases), Field("corners", corners),
+                    Field("crease_floor", crease_floor));
 }
 auto fields(Maybe<CoreRows> auto& core) {
   auto& [lattice, rows] = core;
@@ -187,6 +189,10 @@ auto fields(Maybe<VisitStats> auto& stats) {
 auto fields(Maybe<CoverPoints> auto& points) {
   auto& [samples, lattice, core] = points;
   return std::tuple(Field("samples", samples), Field("lattice", lattice), Field("core", core));
+}
+auto fields(Maybe<CreasePoints> auto& points) {
+  auto& [positions] = points;
+  return std::tuple(Field("positions", positions));
 }
 auto fields(Maybe<FillPoints> auto& points) {
   auto& [centers, met_core] = points;

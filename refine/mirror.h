@@ -20,14 +20,14 @@ inline constexpr double kMirrorDistance = 1.3;
 
 struct MirrorPoint {
   Point position;
-  SheetId sheet = kOnlySheet;
+  SurfaceSide side;
 };
 
 // Of a point of the surface: for each other sheet closer than `reach` whose normal turns by more
 // than 90 degrees from that here, the point's image in the plane that bisects the tangent planes
 // here and at the sheet's closest place, moved to where the sheet is closest to it, unless that is
-// farther than `farthest` from the point. In order of sheets. REQUIRES: the domain is loaded within
-// the sum of both
+// farther than `farthest` from the point. Likewise of its own sheet, where that faces it. In order
+// of sheets. REQUIRES: the domain is loaded within both
 void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
                 std::vector<MirrorPoint>& out);
 

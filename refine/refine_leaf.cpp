@@ -131,8 +131,8 @@ class Refinement {
   bool insert_next_mirror();
   void note_mirrors(const Point& q, Condition condition);
   Outcome restore_segments(LocalIndex v);
-  Outcome halve(const LeafCreases::Segment& segment, const Point& q, Condition condition);
-  Outcome halve_at(LocalIndex v, const Point& q, Condition condition);
+  Outcome halve(const LeafCreases::Segment& segment, const std::optional<Point>& q,
+                Condition condition);
   void tell_creases();
   bool keeps_sheets(LocalIndex v, std::span<const LinkEdge> link);
   void look_at_fresh_cells();
@@ -150,6 +150,7 @@ class Refinement {
   Outcome restore_cell(const CellRef& cell, Condition condition);
 
   bool is_disk(LocalIndex v, std::vector<Facet>& star);
+  bool is_on_crease(LocalIndex v) const { return mesh_.local(v).point.kind == PointKind::kCrease; }
   Outcome insert_on_surface(const Point& q, Condition condition, Cell hint,
                             PointKind kind = PointKind::kSurface);
   Outcome insert_in_volume(const Point& q, Condition condition, Cell hint);
@@ -340,15 +341,16 @@ void Refinement::note_mirrors(const Point& q, Condition condition) {
       mirrors_.push_back({mirror.position, condition});
 }
 
-// One that lies in a ball, or close to another point, is not needed.
+// One that lies in the ball on a segment, or close to another point, is not needed.
 bool Refinement::insert_next_mirror() {
   while (!mirrors_.empty()) {
     const auto [q, condition] = mirrors_.front();
     tell_creases();
     const Cell hint = mesh_.delaunay().newest_cell();
-    if (!creases_->is_in_ball(q) && take_in_missing(q, hint)) return true;
+    const bool is_kept_out = creases_->segment_at(q).has_value();
+    if (!is_kept_out && take_in_missing(q, hint)) return true;
     mirrors_.pop_front();
-    if (creases_->is_in_ball(q)) continue;
+    if (is_kept_out) continue;
     mesh_.find_conflict(q, hint, conflict_);
     attempt_ = {condition, q, 0};
     mesh_.volume_points_near(q, floor_at(q), leaving_);
@@ -426,7 +428,7 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
     if (creases_ && (state.own & state.on_surface) >> i & 1) {
       const LocalIndex v = mesh_.delaunay().vertex(cell, i);
       if (is_in_c0_.size() < mesh_.num_locals()) is_in_c0_.resize(mesh_.num_locals());
-      if (mesh_.local(v).point.kind == PointKind::kCrease && !is_in_c0_[v]) {
+      if (is_on_crease(v) && !is_in_c0_[v]) {
         is_in_c0_[v] = true;
         c0_.push_back(v);
       }
@@ -531,24 +533,14 @@ Refinement::Outcome Refinement::restore_segments(LocalIndex v) {
 // Creases more acute than this are not halved: it would go on down to the spacing floor.
 constexpr double kHalvedAngle = 25 * std::numbers::pi / 180;
 
-Refinement::Outcome Refinement::halve(const LeafCreases::Segment& segment, const Point& q,
-                                      Condition condition) {
-  if (creases_->angle(segment) < kHalvedAngle) return Outcome::kBlocked;
+Refinement::Outcome Refinement::halve(const LeafCreases::Segment& segment,
+                                      const std::optional<Point>& q, Condition condition) {
+  if (segment.a == kInfiniteVertex || segment.b == kInfiniteVertex ||
+      creases_->angle(segment) < kHalvedAngle)
+    return Outcome::kBlocked;
   attempt_.position = creases_->halved(segment, q);
   return insert_on_surface(attempt_.position, condition, mesh_.delaunay().cell_of(segment.a),
                            PointKind::kCrease);
-}
-
-// The longer of its segments, to which its ball is due.
-Refinement::Outcome Refinement::halve_at(LocalIndex v, const Point& q, Condition condition) {
-  if (v == kInfiniteVertex) return Outcome::kBlocked;
-  creases_->segments(v, segments_);
-  if (segments_.empty()) return Outcome::kBlocked;
-  const auto longest = std::ranges::max_element(segments_, {}, [&](const auto& segment) {
-    return squared_distance(mesh_.local(segment.a).point.position,
-                            mesh_.local(segment.b).point.position);
-  });
-  return halve(LeafCreases::Segment(*longest), q, condition);
 }
 
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
@@ -576,12 +568,14 @@ Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
 
 // No facet at v. Near a sharp edge that is harmless, but a small part of the surface may lie
 // within v's Voronoi cell as a whole, and would be missing from the mesh: then some of its
-// corners do, and the farthest one starts to unfold it.
+// corners do, and the farthest one starts to unfold it. A vertex on a crease, which is to be kept,
+// is missing as a part is.
 Refinement::Outcome Refinement::restore_lost_part(LocalIndex v) {
   const Point p = mesh_.local(v).point.position;
   const double size = surroundings_.sizes.on_surface_at(p), floor = floor_at(p);
   const auto q = mesh_.farthest_in_voronoi_cell(v, corners(), floor, size);
-  if (!q) return Outcome::kChanged;
+  attempt_ = {kC3, p, 0};
+  if (!q) return is_on_crease(v) ? Outcome::kBlocked : Outcome::kChanged;
   attempt_ = {kC3, *q, std::sqrt(squared_distance(p, *q))};
   const Outcome outcome = insert_on_surface(*q, kC3, mesh_.delaunay().cell_of(v));
   if (outcome == Outcome::kBlocked) return outcome;
@@ -684,7 +678,8 @@ Refinement::Outcome Refinement::insert_on_surface(const Point& q, Condition cond
                                                   PointKind kind) {
   if (creases_ && kind == PointKind::kSurface) {
     tell_creases();
-    if (const auto v = creases_->ball_with(q)) return halve_at(*v, q, condition);
+    if (const auto segment = creases_->segment_at(q))
+      return halve(*segment, std::nullopt, condition);
   }
   if (take_in_missing(q, hint)) return Outcome::kChanged;
   mesh_.find_conflict(q, hint, conflict_);
@@ -706,8 +701,8 @@ Refinement::Outcome Refinement::insert_in_volume(const Point& q, Condition condi
   }
   if (creases_) {
     tell_creases();
-    if (const auto v = creases_->ball_with(q))
-      return condition == kC6 ? Outcome::kBlocked : halve_at(*v, q, condition);
+    if (const auto segment = creases_->segment_at(q))
+      return condition == kC6 ? Outcome::kBlocked : halve(*segment, std::nullopt, condition);
   }
   leaving_.clear();
   if (is_blocked(q)) return Outcome::kBlocked;
@@ -838,7 +833,8 @@ void Refinement::list_unresolved() {
   std::set<LocalIndex> disks;
   for (const Blocked& b : blocked_) {
     if (const auto* vertex = std::get_if<LocalIndex>(&b.where)) {
-      if (is_disk(*vertex, star_) || !disks.insert(*vertex).second) continue;
+      const bool is_met = is_disk(*vertex, star_) && !(star_.empty() && is_on_crease(*vertex));
+      if (is_met || !disks.insert(*vertex).second) continue;
     } else if (const auto* facet = std::get_if<FacetRef>(&b.where)) {
       if (!is_alive(*facet)) continue;
     } else if (!is_alive(std::get<CellRef>(b.where))) {

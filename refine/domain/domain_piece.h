@@ -31,11 +31,15 @@ struct DomainPiece {
   bool is_whole = false;  // nothing of the domain lies beyond `region`; else it is not loaded there
   std::vector<CreaseEdge> creases = {};   // likewise, in order of their ends
   std::vector<CornerPoint> corners = {};  // all in `region`, in order of id
+  double crease_floor = 0;                // what of creases is shorter than this is not told apart
 
   // Adds what comes close to the region. Once all is there, each part of it is to be there once.
   void add(const LeafSurface& surface) {
     std::ranges::copy_if(surface.triangles, std::back_inserter(triangles),
                          [&](const Triangle& t) { return t.box().overlaps(region); });
+    add_creases(surface);
+  }
+  void add_creases(const LeafSurface& surface) {
     std::ranges::copy_if(surface.creases, std::back_inserter(creases),
                          [&](const CreaseEdge& e) { return e.box().overlaps(region); });
     std::ranges::copy_if(surface.corners, std::back_inserter(corners),

@@ -48,6 +48,7 @@ struct LeafDomain::Impl {
   std::vector<Triangle> triangles;
   std::vector<Box> boxes;  // of the triangles
   std::vector<CreaseEdge> creases;
+  double crease_floor = 0;
   std::vector<CornerPoint> corners;
   BoxTree crease_tree;
   Box region;
@@ -385,6 +386,7 @@ LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop) : impl_(std::ma
   impl_->spread_states(piece.reference, piece.reference_state, stop);
   impl_->note_sheets();
   impl_->creases = std::move(piece.creases);
+  impl_->crease_floor = piece.crease_floor;
   impl_->corners = std::move(piece.corners);
   std::vector<Box> of_creases(impl_->creases.size());
   std::ranges::transform(impl_->creases, of_creases.begin(), &CreaseEdge::box);
@@ -398,6 +400,7 @@ LeafDomain::~LeafDomain() = default;
 const Box& LeafDomain::region() const { return impl_->region; }
 std::span<const Triangle> LeafDomain::triangles() const { return impl_->triangles; }
 std::span<const CreaseEdge> LeafDomain::creases() const { return impl_->creases; }
+double LeafDomain::crease_floor() const { return impl_->crease_floor; }
 std::span<const CornerPoint> LeafDomain::corners() const { return impl_->corners; }
 const BoxTree& LeafDomain::crease_tree() const { return impl_->crease_tree; }
 std::optional<SheetId> LeafDomain::only_sheet() const { return impl_->only_sheet; }
@@ -509,7 +512,7 @@ std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distan
     const Point q = closest_on_triangle(impl_->triangles[t].corners, p);
     const double d = squared_distance(p, q);
     if (d < least || (d == least && closest && t < of))
-      closest = {q, sheet_of(impl_->triangles[t])}, least = d, of = t;
+      closest = {q, {sheet_of(impl_->triangles[t])}}, least = d, of = t;
     return true;
   };
   if (impl_->triangles.empty()) return closest;
@@ -517,6 +520,7 @@ std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distan
   for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k))) look_at(t);
   constexpr double kSlack = 1e-9;  // of those as close, the first is taken
   impl_->for_each_held_near(p, (1 + kSlack) * std::sqrt(least), look_at);
+  if (closest) closest->side.normal = normal_of(impl_->triangles[of].corners);
   return closest;
 }
 
@@ -526,7 +530,7 @@ SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners) const {
   std::ranges::sort(sorted);
   const Point centroid = 1.0 / 3 * (sorted[0] + sorted[1] + sorted[2]);
   const auto closest = closest_to(centroid, std::numeric_limits<double>::infinity());
-  return closest ? closest->sheet : kOnlySheet;
+  return closest ? closest->side.sheet : kOnlySheet;
 }
 
 // Edges of a crease that meet have their common end equally close: of these the first is taken.

@@ -56,9 +56,22 @@ inline DomainState follow(DomainState state, std::span<const Crossing> crossings
 // Of a label. What is not loaded is in none.
 inline bool is_in_body(std::optional<BodyId> label) { return label.value_or(kNoBody) != kNoBody; }
 
+// Where a sheet faces itself, normals tell its sides apart.
+struct SurfaceSide {
+  SheetId sheet = kOnlySheet;
+  Point normal = {};  // outwards, of any length; 0: both sides
+  friend bool operator==(const SurfaceSide&, const SurfaceSide&) = default;
+};
+inline bool are_same(const SurfaceSide& a, const SurfaceSide& b) {
+  return a.sheet == b.sheet && dot(a.normal, b.normal) >= 0;
+}
+inline Point normal_of(const std::array<Point, 3>& corners) {  // of any length
+  return cross(corners[1] - corners[0], corners[2] - corners[0]);
+}
+
 struct SurfacePoint {
   Point position;
-  SheetId sheet = kOnlySheet;
+  SurfaceSide side;
 };
 struct CreasePoint {
   Point position;
@@ -79,6 +92,7 @@ class LeafDomain {
   // the region, in order of id.
   std::span<const CreaseEdge> creases() const;
   std::span<const CornerPoint> corners() const;
+  double crease_floor() const;  // DomainPiece's
   // The sheet of all of the surface that is loaded; null if there are several, or none.
   std::optional<SheetId> only_sheet() const;
 

@@ -157,6 +157,48 @@ TEST(CreaseLeaf, StepsGrowFromShortCreases) {
   }
 }
 
+// ---- What is close is one
+
+TEST(CreaseGraph, CornersCloserThanTheFloorAreOne) {
+  // A corner of a box is cut off by a face as wide as this.
+  for (const double width : {1e-9, 0.01, 0.03}) {
+    SCOPED_TRACE(width);
+    const Creased shape =
+        prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1 - width, -1, 0}, {1, -1 + width, 0}}, 1);
+    DomainPiece piece = shape.piece(shape.box().expanded(1));
+    piece.crease_floor = 0.02;
+    const LeafDomain domain(std::move(piece));
+    const CreaseGraph graph(domain);
+    std::size_t num_fixed = 0, num_left_out = 0;
+    for (CreaseGraph::Vertex v = 0; v < graph.num_vertices(); ++v) num_fixed += graph.is_fixed(v);
+    for (CreaseGraph::Edge e = 0; e < graph.edges().size(); ++e)
+      num_left_out += graph.is_left_out(e);
+    const bool is_one = width < 0.02 / std::sqrt(2);
+    EXPECT_EQ(num_fixed, is_one ? 8U : 10U);
+    EXPECT_EQ(num_left_out, is_one ? 2U : 0U);
+    // It has the edges of both.
+    const auto one = graph.vertex_at({1 - width, -1, 0}),
+               other = graph.vertex_at({1, -1 + width, 0});
+    ASSERT_TRUE(one && other);
+    EXPECT_EQ(*one == *other, is_one);
+    EXPECT_EQ(graph.edges_at(*one).size(), is_one ? 4U : 3U);
+  }
+}
+
+TEST(CreaseGraph, LeavesOutCreasesThatComeBackAtOnce) {
+  const Creased shape = cylinder(0.001, 1, 12);
+  DomainPiece piece = shape.piece(shape.box().expanded(1));
+  const LeafDomain as_it_is(piece);
+  piece.crease_floor = 0.01;
+  const LeafDomain domain(std::move(piece));
+  const CreaseGraph all(as_it_is), graph(domain);
+  ASSERT_EQ(graph.edges().size(), 24U);
+  for (CreaseGraph::Edge e = 0; e < 24; ++e) {
+    EXPECT_FALSE(all.is_left_out(e));
+    EXPECT_TRUE(graph.is_left_out(e));
+  }
+}
+
 // ---- Mirrors
 
 TEST(Mirrors, LieAcrossTheEdge) {
@@ -173,8 +215,18 @@ TEST(Mirrors, LieAcrossTheEdge) {
     ASSERT_EQ(mirrors.size(), 1U);
     const Point expected = tip + along * Point{std::cos(half), std::sin(half), 0};
     EXPECT_LT(norm(mirrors.front().position - expected), 1e-12);
-    EXPECT_NE(mirrors.front().sheet, here->sheet);
+    EXPECT_NE(mirrors.front().side.sheet, here->side.sheet);
   }
+  // Of the sheet itself, where it faces itself.
+  Creased plate = prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, 0.3);
+  for (Triangle& t : plate.triangles) t.sheet = 1;
+  const LeafDomain of_plate(plate.piece(plate.box().expanded(1)));
+  std::vector<MirrorPoint> across;
+  mirrors_of(of_plate, {0.1, 0.2, 0}, 0.5, 1, across);
+  ASSERT_EQ(across.size(), 1U);
+  EXPECT_LT(norm(across.front().position - Point{0.1, 0.2, 0.3}), 1e-12);
+  mirrors_of(of_plate, {0.1, 0.2, 0}, 0.25, 1, across);
+  EXPECT_TRUE(across.empty());
   // Not of a sheet that turns by less, nor of one that is far.
   const Creased shape = cube(2);
   const LeafDomain domain(shape.piece(shape.box().expanded(1)));
@@ -293,7 +345,7 @@ TEST_P(CreasedMesh, HasNoFacetAcross) {
       if (const auto found = of_creases.find(p); found != of_creases.end())
         for (const SheetId sheet : found->second) ++shared[sheet];
       else
-        ++shared[domain.closest_to(p, 1)->sheet];
+        ++shared[domain.closest_to(p, 1)->side.sheet];
     }
     EXPECT_TRUE(std::ranges::any_of(shared, [](const auto& s) { return s.second == 3; }));
     EXPECT_EQ(shared[facet.labels.sheet], 3);

@@ -501,7 +501,7 @@ TEST(LeafDomain, TellsTheSheetOfWhatIsClosest) {
   const auto closest = domain.closest_to({2, 1, 0.25}, 1);
   ASSERT_TRUE(closest);
   EXPECT_EQ(closest->position, (Point{2, 1, 0}));
-  EXPECT_EQ(closest->sheet, kOnlySheet);
+  EXPECT_EQ(closest->side.sheet, kOnlySheet);
 }
 
 // Two sides of a plate face each other, two sides of an edge of 90 degrees do not.
