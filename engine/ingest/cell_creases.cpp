@@ -40,6 +40,8 @@ class EdgesOfCell {
         part.num_edges = 1;
         part.length.add(length_of(edge->edge));
       }
+      for (std::size_t end = 0; end < 2; ++end)
+        part.num_ends += edge->edge.is_corner[end] && owns(edge->edge.ends[end]);
       const std::uint32_t number = joiner.add_part(part);
       for (std::size_t end = 0; end < 2; ++end)
         if (is_joined(*edge, end)) joiner.join(edge->end_names[end], number, false, false);
@@ -68,10 +70,11 @@ class EdgesOfCell {
 class EdgeFinder {
  public:
   EdgeFinder(std::vector<Triangle> triangles, const Box& box, const SharpAngle& angle,
-             const NeedleNormals& needles)
+             const NeedleNormals& needles, double least_extent)
       : triangles_(std::move(triangles)),
         box_(box),
         angle_(angle),
+        least_at_tip_(0.25 * least_extent),
         soup_(soup_of(triangles_)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)),
         names_(soup_.vertices.size(), kNoName),
@@ -117,7 +120,7 @@ class EdgeFinder {
   void find_tips(CellCreases& found) const {
     struct Lean {
       Point sum;
-      double angle = 0;
+      double angle = 0, length = 0, num_sides = 0;  // of triangles at the vertex
     };
     std::vector<Lean> leans(soup_.vertices.size());
     const Components components = find_components(soup_.triangles, mates_);
@@ -128,17 +131,21 @@ class EdgeFinder {
                   other = position(apex(soup_.triangles, h)) - position(v);
       const double angle = std::atan2(norm(cross(one, other)), dot(one, other));
       leans[v].angle += angle;
+      leans[v].length += norm(one) + norm(other);
+      leans[v].num_sides += 2;
       leans[v].sum =
           leans[v].sum + (components.is_turned[h / 3] ? -angle : angle) * normals_[h / 3];
     }
     for (std::uint32_t v = 0; v < leans.size(); ++v)
-      if (leans[v].angle > 0 && angle_.is_exceeded(norm(leans[v].sum) / leans[v].angle))
+      if (leans[v].angle > 0 && leans[v].length >= least_at_tip_ * leans[v].num_sides &&
+          angle_.is_exceeded(norm(leans[v].sum) / leans[v].angle))
         found.corners.push_back({names_[v], position(v)});
   }
 
   std::vector<Triangle> triangles_;
   const Box& box_;
   const SharpAngle& angle_;
+  const double least_at_tip_;
   TriangleSoup soup_;
   Mates mates_;
   std::vector<SurfaceName> names_;  // of vertices
@@ -185,8 +192,13 @@ CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const NeedleNormals& needles, double least_extent) {
   const EdgesOfCell of_cell(cell, buckets);
   CellParts found;
-  found.creases = EdgeFinder(std::move(triangles), of_cell.box(), angle, needles).run();
+  found.creases =
+      EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, least_extent).run();
   std::vector<CellEdge>& edges = found.creases.edges;
+  // Corners so far tell noise.
+  const std::vector<SurfaceCorner> tips = found.creases.corners;
+  find_corners(of_cell.box(), found.creases);
+  found.creases.corners = tips;
   const auto within_sheets = [&] {
     std::vector<CellEdge*> some;
     for (CellEdge& edge : edges)
@@ -199,11 +211,12 @@ CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
   };
   const std::vector<CreasePart> parts = join();
   std::vector<bool> is_noise(1 + parts.size());
-  for (std::size_t p = 0; p < parts.size(); ++p) is_noise[1 + p] = parts[p].extent() < least_extent;
+  for (std::size_t p = 0; p < parts.size(); ++p) is_noise[1 + p] = parts[p].is_noise(least_extent);
   for (const CellEdge& edge : edges)
     if (of_cell.reaches_out(edge.edge)) is_noise[edge.edge.crease] = false;
   std::erase_if(edges, [&](const CellEdge& edge) { return is_noise[edge.edge.crease]; });
   found.parts = join();
+  for (CellEdge& edge : edges) edge.edge.is_corner = {};
   found.shared = of_cell.shared(edges);
   return found;
 }

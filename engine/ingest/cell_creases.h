@@ -33,8 +33,8 @@ inline constexpr double kCreaseTurn = 45;
 // The edges between sheets, and those where the surface turns by more than the angle; and, as
 // corners, the tips of cones: vertices without such edges, around which the surface leans by more
 // than the angle on average. Edges within a sheet, which may be noise, are in parts that hang
-// together at their vertices; parts shorter than `least_length` that no other cell has are left
-// out. Edges between sheets are in none: kNoPart.
+// together at their vertices; parts that are noise and that no other cell has are left out. Edges
+// between sheets are in none: kNoPart.
 inline constexpr CreaseId kNoPart = 0;
 CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const TriangleBuckets& buckets, const SharpAngle& angle,

@@ -45,17 +45,23 @@ struct CreasePart {
   SurfaceName first_edge = kNoName;
   std::uint64_t num_edges = 0;
   CompensatedSum length = {};
-  Box box;  // of all its edges in the cells
+  std::uint64_t num_ends = 0;  // of its edges, where they are corners
+  Box box;                     // of all its edges in the cells
   std::array<SheetId, 2> sheets = {1, 1};
   std::array<SurfaceName, 2> corners = {kNoName, kNoName};  // where it ends, as far as known
 
-  double extent() const { return norm(box.max - box.min); }
+  // Edges that hang together are noise if they are in a small place, or in short chains.
+  bool is_noise(double least_extent) const {
+    return norm(box.max - box.min) < least_extent ||
+           2 * length.value() < least_extent * static_cast<double>(num_ends);
+  }
 
   void add_corner(SurfaceName corner) { corners[corners[0] == kNoName ? 0 : 1] = corner; }
   void add(const CreasePart& other, bool /*is_turned*/) {
     first_edge = std::min(first_edge, other.first_edge);
     num_edges += other.num_edges;
     length.add(other.length);
+    num_ends += other.num_ends;
     box = box.joined(other.box);
     for (const SurfaceName corner : other.corners)
       if (corner != kNoName) add_corner(corner);

@@ -92,7 +92,7 @@ CreasePieces find_chains(const CheckedSurface& surface, const CreasePieces& piec
   const auto is_noise = [&](const CellEdge& edge) {
     if (edge.edge.crease == kNoPart) return false;
     const std::uint32_t component = pieces.places[edge.edge.crease - 1];
-    return pieces.joined.components[component].extent() < law.least_extent;
+    return pieces.joined.components[component].is_noise(law.least_extent);
   };
   CreaseCollector collector(law.most);
   std::size_t loaded = 0, bucket = 0;

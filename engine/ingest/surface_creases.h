@@ -22,8 +22,9 @@ inline constexpr std::size_t kMaxCreases = 200'000;
 
 struct CreaseLaw {
   double sharp_angle = 0;  // degrees; 0: there are no creases
-  // Edges within a sheet that hang together are noise if the diagonal of their box is less: a
-  // scan's are often many, in a small place.
+  // Edges within a sheet that hang together are noise if the diagonal of their box is less, or
+  // their chains are shorter on average: a scan's are often many, in a small place, and bushy. So
+  // are tips whose edges are shorter than a quarter of it, on average.
   double least_extent = 0;
   // More creases, or corners, are noise: then there are none, and a note says so.
   std::size_t most = kMaxCreases;

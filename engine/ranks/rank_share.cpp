@@ -55,10 +55,10 @@ auto fields(Maybe<SharpEdges> auto& sharp) {
                     Field("num_needles", num_needles), Field("needles", needles));
 }
 auto fields(Maybe<CreasePart> auto& part) {
-  auto& [first_edge, num_edges, length, box, sheets, corners] = part;
+  auto& [first_edge, num_edges, length, num_ends, box, sheets, corners] = part;
   return std::tuple(Field("first_edge", first_edge), Field("num_edges", num_edges),
-                    Field("length", length), Field("box", box), Field("sheets", sheets),
-                    Field("corners", corners));
+                    Field("length", length), Field("num_ends", num_ends), Field("box", box),
+                    Field("sheets", sheets), Field("corners", corners));
 }
 auto fields(Maybe<SurfaceCorner> auto& corner) {
   auto& [name, position] = corner;

@@ -101,7 +101,7 @@ class Walk {
     std::map<std::uint64_t, Point> corners;
     for (const Point& p : tips_) corners[names_[p]] = p;
     for (const auto& [p, edges] : at_)
-      if (!goes_on(p)) corners[names_[p]] = p;
+      if (!goes_on(p, edges)) corners[names_[p]] = p;
     for (const auto& [name, p] : corners) {
       ids_[p] = static_cast<std::uint32_t>(ids_.size() + 1);
       result.surface.corners.push_back({p, ids_[p]});
@@ -170,8 +170,7 @@ class Walk {
     const auto& uses = uses_.at(edge);
     return std::min(3 * uses[0].triangle->id + uses[0].k, 3 * uses[1].triangle->id + uses[1].k);
   }
-  bool goes_on(const Point& p) {
-    const auto& edges = at_[p];
+  static bool goes_on(const Point& p, const std::vector<Edge>& edges) {
     if (edges.size() != 2) return false;
     const auto way = [&](const Edge& edge) { return edge[0] == p ? edge[1] - p : edge[0] - p; };
     return degrees_between(way(edges[0]), -1.0 * way(edges[1])) <= 45;
@@ -201,11 +200,15 @@ class Walk {
   void find_tips() {
     std::map<std::uint64_t, double> way_of = ways();
     std::map<Point, std::pair<Point, double>> sums;
+    std::map<Point, std::pair<double, double>> lengths;  // of sides, and how many
     for (const Triangle& t : triangles_)
       for (std::size_t k = 0; k < 3; ++k) {
         const Point& p = t.corners[k];
         const double angle =
             degrees_between(t.corners[(k + 1) % 3] - p, t.corners[(k + 2) % 3] - p);
+        auto& [length, num_sides] = lengths[p];
+        length += norm(t.corners[(k + 1) % 3] - p) + norm(t.corners[(k + 2) % 3] - p);
+        num_sides += 2;
         auto& [sum, angles] = sums[p];
         sum = sum + way_of[t.id] * angle / norm(normal(t)) * normal(t);
         angles += angle;
@@ -214,26 +217,35 @@ class Walk {
       for (const Point& p : edge) sums.erase(p);
     const double cosine = std::cos(trial_.sharp_angle * std::numbers::pi / 180);
     for (const auto& [p, sum] : sums)
-      if (norm(sum.first) < cosine * sum.second) tips_.push_back(p);
+      if (norm(sum.first) < cosine * sum.second &&
+          lengths[p].first >= 0.25 * trial_.least_extent * lengths[p].second)
+        tips_.push_back(p);
   }
   void drop_noise() {
     std::map<Point, std::vector<Edge>> at;
     for (const Edge& edge : found_)
       if (sheets_of(edge)[0] == sheets_of(edge)[1])
         for (const Point& p : edge) at[p].push_back(edge);
+    std::map<Point, std::vector<Edge>> all_at;
+    for (const Edge& edge : found_)
+      for (const Point& p : edge) all_at[p].push_back(edge);
     std::set<Edge> known;
     for (const auto& [p, edges] : at) {
       std::vector<Edge> waiting = edges, component;
       Box box = Box::around(p);
+      double length = 0, num_ends = 0;
       while (!waiting.empty()) {
         const Edge edge = waiting.back();
         waiting.pop_back();
         if (!known.insert(edge).second) continue;
         component.push_back(edge);
         box = box.joined(edge[0]).joined(edge[1]);
+        length += norm(edge[1] - edge[0]);
+        for (const Point& q : edge) num_ends += !goes_on(q, all_at[q]);
         for (const Point& q : edge) waiting.insert(waiting.end(), at[q].begin(), at[q].end());
       }
-      if (norm(box.max - box.min) < trial_.least_extent)
+      if (norm(box.max - box.min) < trial_.least_extent ||
+          2 * length < trial_.least_extent * num_ends)
         for (const Edge& edge : component) found_.erase(edge);
     }
   }
