@@ -105,7 +105,7 @@ constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
 constexpr PointKind last_of(PointKind) { return PointKind::kCrease; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
-constexpr Phase last_of(Phase) { return Phase::kDone; }
+constexpr Phase last_of(Phase) { return Phase::kCrease; }
 constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }
 constexpr Holding last_of(Holding) { return Holding::kBeyond; }
 
@@ -552,6 +552,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   }
   if (version >= 3) each(archive, run.parameters.sharp_angle);
   if (version >= 4) serialize_sheet_sizes(archive, run.parameters.sheet_sizes);
+  if (version >= 5) each(archive, run.has_creases);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
@@ -761,7 +762,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 4)
+BOOST_CLASS_VERSION(locvol::RunRecord, 5)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
 BOOST_CLASS_VERSION(locvol::LeafSurface, 2)
 BOOST_CLASS_VERSION(locvol::SurfaceSheets, 1)

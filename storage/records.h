@@ -124,9 +124,11 @@ struct QueueEntry {
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
 // One after another. The surface is measured if sizes depend on it, and sizes if they vary. The
-// first points are scattered in paper mode; in cover mode leaves are covered and then, once all of
-// these points are known, the holes between them filled. kMend comes only if sites are unresolved:
-// then cells are left out where the boundary is no 2-manifold.
+// first points are scattered in paper mode; in cover mode they come on creases, if there are any;
+// then leaves are covered, and once all of these points are known, the holes between them filled.
+// kMend comes only if sites are unresolved: then cells are left out where the boundary is no
+// 2-manifold. Stores have these numbers, so what is new comes last; in which order phases come,
+// engine/plan/phases.h says.
 enum class Phase : std::uint8_t {
   kIngest,
   kMeasure,
@@ -136,7 +138,8 @@ enum class Phase : std::uint8_t {
   kFill,
   kRefine,
   kMend,
-  kDone
+  kDone,
+  kCrease
 };
 
 // Of cells on a sheet, which has this name or is of the group with this name.
@@ -274,8 +277,9 @@ struct RunRecord {
   std::uint32_t epoch = 0;  // the open one
   std::uint64_t next_point_id = 0;
   RunCounts counts;
-  SizeTotals sizes;        // where they vary, once they are known
-  std::string image_file;  // of sizes; empty: none
+  SizeTotals sizes;          // where they vary, once they are known
+  std::string image_file;    // of sizes; empty: none
+  bool has_creases = false;  // or corners: points on these come first
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

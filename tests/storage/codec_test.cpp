@@ -243,7 +243,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
     EXPECT_THROW(encode(nodes, sample_leaf()), DecodeError);
   }
   std::string timeline = content_of(encode(sample_timeline(), MortonKey()));
-  timeline.back() = 9;  // the last sample's phase
+  timeline.back() = 10;  // the last sample's phase
   EXPECT_THROW(decode<TimelineRecord>(frame_of(timeline), MortonKey()), DecodeError);
 }
 
@@ -275,7 +275,9 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v0", StoreFormat{5}, MortonKey());
+  expect_golden("run.v5", sample_run(), MortonKey());
   RunRecord of_before = sample_run();
+  of_before.has_creases = false;
   expect_golden("run.v4", of_before, MortonKey());
   of_before.parameters.sheet_sizes.clear();
   expect_golden("run.v3", of_before, MortonKey());
@@ -286,6 +288,7 @@ TEST(Codec, GoldenBytesOpen) {
   of_before.sizes.of_lattice = of_before.sizes.of_core = 0;
   expect_golden("run.v0", of_before, MortonKey());
   of_before = sample_run();
+  of_before.has_creases = false;
   of_before.parameters.sheet_sizes.clear();
   of_before.parameters.sharp_angle = 0;
   expect_golden("run.v2", of_before, MortonKey());

@@ -46,6 +46,7 @@ inline RunRecord sample_run() {
   run.counts.num_visits = 77;
   run.sizes = {1.5e6, 2.5e4, 6e5, 5e5};
   run.image_file = "field.vti";
+  run.has_creases = true;
   return run;
 }
 
