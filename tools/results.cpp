@@ -194,10 +194,16 @@ constexpr std::array kChecks = {
     Check{"large_cells", "cells with a circumradius of λ or more", &AuditReport::num_large_cells},
     Check{"badly_shaped_cells", "cells above the radius-edge bound",
           &AuditReport::num_badly_shaped_cells},
+    Check{"lost_creases", "pieces of creases that are no edges", &AuditReport::num_lost_creases},
+    Check{"lost_corners", "corners that are no vertices", &AuditReport::num_lost_corners},
     Check{"misoriented_cells", "cells flat or inverted", &AuditReport::num_misoriented_cells},
     Check{"repeated_cells", "cells stored twice", &AuditReport::num_repeated_cells},
     Check{"unknown_vertices", "vertices that no leaf owns", &AuditReport::num_unknown_vertices},
 };
+
+double kept_crease_length(const AuditReport& report) {
+  return report.crease_length - report.lost_crease_length;
+}
 
 std::string poor_cells_text(const AuditReport& report) {
   std::string text = fmt::format("poor cells {}, with a dihedral angle below {}°",
@@ -415,6 +421,9 @@ std::string topology_text(const AuditReport& report) {
                          report.surface_euler_characteristic);
   text += mesh_and_input("genus", genus(report.num_components, report.euler_characteristic),
                          genus(report.surface_num_components, report.surface_euler_characteristic));
+  if (report.surface_crease_length > 0)
+    text += mesh_and_input("creases", fmt::format("{:.6g}", kept_crease_length(report)),
+                           fmt::format("{:.6g}", report.surface_crease_length));
   return text;
 }
 
@@ -432,6 +441,9 @@ std::string audit_text(const AuditReport& report) {
       report.num_boundary_vertices, report.max_circumradius, report.max_radius_edge_ratio,
       report.min_dihedral_degrees, report.max_dihedral_degrees, report.max_surface_distance,
       report.num_unresolved);
+  if (report.crease_length > 0)
+    text += fmt::format("creases kept {:.6g}%\n",
+                        100 * kept_crease_length(report) / report.crease_length);
   if (report.min_dihedral_bound > 0) text += poor_cells_text(report);
   for (const Check& check : kChecks) {
     if (report.*check.count > 0)
@@ -746,12 +758,15 @@ Json to_json(const AuditReport& report) {
             {"volume", report.volume},
             {"num_components", report.num_components},
             {"euler_characteristic", report.euler_characteristic},
-            {"genus", genus(report.num_components, report.euler_characteristic)}}},
+            {"genus", genus(report.num_components, report.euler_characteristic)},
+            {"crease_length", kept_crease_length(report)}}},
           {"input",
            {{"volume", report.surface_volume},
             {"num_components", report.surface_num_components},
             {"euler_characteristic", report.surface_euler_characteristic},
-            {"genus", genus(report.surface_num_components, report.surface_euler_characteristic)}}},
+            {"genus", genus(report.surface_num_components, report.surface_euler_characteristic)},
+            {"crease_length", report.surface_crease_length}}},
+          {"lost_crease_length", report.lost_crease_length},
           {"max_circumradius_over_size", report.max_circumradius},
           {"max_radius_edge_ratio", report.max_radius_edge_ratio},
           {"min_dihedral_degrees", report.min_dihedral_degrees},

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "engine/audit/audit_creases.h"
 #include "engine/audit/audit_leaf.h"
 #include "engine/audit/audit_ranks.h"
 #include "engine/ranks/counts_of_ranks.h"
@@ -28,9 +29,13 @@ AuditBounds bounds_of(const RunRecord& run, const SurfaceSheets& sheets) {
   for (int axis = 0; axis < 3; ++axis) {
     largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
   }
-  return {run.parameters.size, run.parameters.radius_edge_bound, run.parameters.min_dihedral,
+  return {run.parameters.size,
+          run.parameters.radius_edge_bound,
+          run.parameters.min_dihedral,
           kRoundingErrors * std::numeric_limits<double>::epsilon() * largest,
-          sheets.sheets.size() > 1};
+          sheets.sheets.size() > 1,
+          keeps_creases(run),
+          run.parameters.spacing_floor * run.parameters.sizes().least};
 }
 
 std::uint64_t num_used_own_points(const AuditLeaf& leaf) {
@@ -64,10 +69,13 @@ bool check_run(const std::optional<RunRecord>& run, const AuditLeaves& leaves, c
   return true;
 }
 
-void copy_surface_facts(const SurfaceFacts& surface, AuditReport& report) {
+void copy_surface_facts(const RunRecord& run, const SurfaceSheets& sheets, AuditReport& report) {
+  const SurfaceFacts& surface = run.surface;
   report.surface_volume = surface.volume;
   report.surface_euler_characteristic = surface.euler_characteristic;
   report.surface_num_components = surface.num_components;
+  if (!keeps_creases(run)) return;
+  for (const CreaseFacts& crease : sheets.creases) report.surface_crease_length += crease.length;
 }
 
 void set_sites_near(std::size_t leaf, const AuditLeaves& leaves, const AuditRecords& records,
@@ -106,7 +114,9 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
     const std::optional<AuditLeaf> leaf = loader.load(i, findings);
     if (!leaf) continue;
     report.num_vertices += num_used_own_points(*leaf);
-    check_cells(*leaf, bounds, findings);
+    const AuditCreases creases(*leaf, leaves, records, bounds);
+    check_cells(*leaf, creases, bounds, findings);
+    check_creases(*leaf, creases, leaves.box(i), bounds, findings);
     const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
     check_listed_facets(*leaf, boundary, findings);
     check_sheets(*leaf, leaves, records, bounds, findings);
@@ -146,7 +156,7 @@ AuditReport audit(const Store& store, const StepProgress& on_step, std::uint64_t
   const std::optional<RunRecord> run = snapshot.run();
   const AuditLeaves leaves(run ? run->frame : Frame(), snapshot.leaf_keys());
   if (!check_run(run, leaves, snapshot, findings)) return report;
-  copy_surface_facts(run->surface, report);
+  copy_surface_facts(*run, snapshot.sheets(), report);
   check_leaves(store, AuditRecords(snapshot), leaves, *run, findings, on_step, one_in);
   return report;
 }
@@ -162,7 +172,7 @@ AuditReport audit_as_rank(const Store& own, Exchange& exchange, const StepProgre
       check_run(run, leaves, snapshot, findings) && check_share(snapshot, findings);
   if (any(exchange, !is_sound)) return together(report, exchange);
   run->counts = total_counts(exchange, run->counts);
-  copy_surface_facts(run->surface, report);
+  copy_surface_facts(*run, snapshot.sheets(), report);
 
   Store beside = nameless_store_beside(own);
   tell_leaves_beside(own, beside, exchange);

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <string>
 
+#include "engine/audit/audit_creases.h"
 #include "engine/audit/audit_leaf.h"
 #include "refine/predicates.h"
 
@@ -29,8 +30,10 @@ std::vector<Point> positions(const LocalPoints& points) {
 
 class CellCheck {
  public:
-  CellCheck(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings)
+  CellCheck(const AuditLeaf& leaf, const AuditCreases& creases, const AuditBounds& bounds,
+            AuditFindings& findings)
       : leaf_(leaf),
+        creases_(creases),
         bounds_(bounds),
         findings_(findings),
         report_(findings.report()),
@@ -49,6 +52,7 @@ class CellCheck {
         add(&AuditReport::num_misplaced_cells, "a cell's smallest vertex is not of this leaf",
             smallest);
     }
+    check_badly_shaped();
     check_repeated(sorted_cells);
     report_.volume += volume_;
     if (min_cosine_ > max_cosine_) return;
@@ -133,9 +137,31 @@ class CellCheck {
       add_unless_open(&AuditReport::num_large_cells,
                       with_ratio("a cell's circumradius", size, " of the size"), v[0]);
     }
-    if (!(ratio <= bounds_.radius_edge * kBoundSlack)) {
+    if (ratio <= bounds_.radius_edge * kBoundSlack) return;
+    if (bounds_.has_creases)
+      for (std::size_t i = 0; i < 4; ++i)
+        for (std::size_t j = i + 1; j < 4; ++j)
+          if (squared_distance(c[i], c[j]) <= shortest2 * kBoundSlack) {
+            short_edges_.push_back({v[i], v[j]});
+            cell_of_short_edge_.push_back(badly_shaped_.size());
+          }
+    badly_shaped_.push_back({v[0], ratio});
+  }
+
+  // Of those whose shortest edge leads from sheet to sheet, or from crease to crease, the bound is
+  // not asked.
+  void check_badly_shaped() {
+    std::vector<bool> is_exempt(badly_shaped_.size());
+    if (!short_edges_.empty()) {
+      const std::vector<bool> leads_across = creases_.lead_across(short_edges_);
+      for (std::size_t i = 0; i < short_edges_.size(); ++i)
+        if (leads_across[i]) is_exempt[cell_of_short_edge_[i]] = true;
+    }
+    for (std::size_t i = 0; i < badly_shaped_.size(); ++i) {
+      const auto& [place, ratio] = badly_shaped_[i];
+      if (is_exempt[i]) continue;
       add_unless_open(&AuditReport::num_badly_shaped_cells,
-                      with_ratio("a cell's radius-edge ratio", ratio, ""), v[0]);
+                      with_ratio("a cell's radius-edge ratio", ratio, ""), place);
     }
   }
 
@@ -188,7 +214,13 @@ class CellCheck {
     }
   }
 
+  struct BadlyShaped {
+    LocalIndex place = 0;
+    double ratio = 0;
+  };
+
   const AuditLeaf& leaf_;
+  const AuditCreases& creases_;
   const AuditBounds& bounds_;
   AuditFindings& findings_;
   AuditReport& report_;
@@ -196,12 +228,16 @@ class CellCheck {
   double volume_ = 0;
   double min_cosine_ = 2, max_cosine_ = -2;
   Point worst_place_;  // of the cell with max_cosine_
+  std::vector<BadlyShaped> badly_shaped_;
+  std::vector<std::array<LocalIndex, 2>> short_edges_;  // of these, as short as the shortest
+  std::vector<std::size_t> cell_of_short_edge_;
 };
 
 }  // namespace
 
-void check_cells(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings) {
-  if (!leaf.cells.cells.empty()) CellCheck(leaf, bounds, findings).run();
+void check_cells(const AuditLeaf& leaf, const AuditCreases& creases, const AuditBounds& bounds,
+                 AuditFindings& findings) {
+  if (!leaf.cells.cells.empty()) CellCheck(leaf, creases, bounds, findings).run();
 }
 
 }  // namespace locvol

@@ -7,6 +7,7 @@
 
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/leaf_name.h"
+#include "octree/sort_and_unite.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -149,6 +150,12 @@ std::vector<LocalIndex> LocalPoints::find(std::span<const std::uint64_t> ids) co
   return found;
 }
 
+LocalIndex LocalPoints::at(const Point& position) const {
+  const auto place = std::ranges::lower_bound(points_, position, {}, &LocalPoint::position);
+  if (place == points_.end() || place->position != position) return kUnknownPoint;
+  return static_cast<LocalIndex>(place - points_.begin());
+}
+
 std::vector<std::array<LocalIndex, 2>> LocalPoints::repetitions() const {
   std::vector<std::array<LocalIndex, 2>> pairs;
   for (std::size_t i = 1; i < points_.size(); ++i) {
@@ -168,6 +175,7 @@ AuditLoader::AuditLoader(const Store& store, const AuditRecords& records, const 
       law_(run.parameters.sizes()),
       frame_(run.frame),
       scale_(records.own(), run),
+      has_creases_(keeps_creases(run)),
       pages_(store),
       pages_beside_(records.store_beside() != nullptr ? *records.store_beside() : store),
       borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
@@ -180,8 +188,13 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   here.cells = reader.cells(here.key);
   here.facets = reader.facets(here.key);
   const LeafPoints own = reader.points(here.key);
+  if (has_creases_) {
+    LeafSurface surface = reader.surface(here.key);
+    here.creases = std::move(surface.creases);
+    here.corners = std::move(surface.corners);
+  }
   if (own.points.empty() && own.core.is_empty() && here.cells.cells.empty() &&
-      here.facets.facets.empty())
+      here.facets.facets.empty() && here.creases.empty() && here.corners.empty())
     return std::nullopt;
   const Box box = leaves_->box(leaf);
   report_misplaced(own, box, here.key, findings);
@@ -193,9 +206,9 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
     findings.add(&AuditReport::num_misplaced_points, e.what(), here.key, box.center());
   }
   for (const MeshPoint& p : own.points) {
-    if (is_finite(p.position)) points.push_back({p.position, p.id, here.leaf});
+    if (is_finite(p.position)) points.push_back({p.position, p.id, here.leaf, false, p.kind});
   }
-  const double reach = this->reach(leaf);
+  const double reach = here.reach = this->reach(leaf);
   std::vector<std::size_t> neighbors = leaves_->within(box, reach);
   std::erase(neighbors, leaf);
   std::vector<std::shared_ptr<const Border>> borders;
@@ -204,7 +217,10 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
     for (const LocalPoint& p : borders.back()->points) {
       if (box.squared_distance(p.position) <= reach * reach) points.push_back(p);
     }
+    const auto& creases = borders.back()->creases;
+    here.creases.insert(here.creases.end(), creases.begin(), creases.end());
   }
+  sort_and_unite(here.creases, &CreaseEdge::ends);
   here.sizes = {law_, frame_};
   if (!law_.is_uniform()) here.sizes.add(reader.sizes(here.key).cubes);
   for (const auto& border : borders) here.sizes.add(border->cubes);
@@ -298,7 +314,7 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   for (const MeshPoint& p : points.points) {
     own.push_back(p.id);
     if (is_finite(p.position) && !inner.contains(p.position)) {
-      border.points.push_back({p.position, p.id, static_cast<std::uint32_t>(leaf)});
+      border.points.push_back({p.position, p.id, static_cast<std::uint32_t>(leaf), false, p.kind});
     }
   }
   std::ranges::sort(own);
@@ -313,6 +329,7 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   }
   border.vertices = std::move(cells.vertices);
   if (!law_.is_uniform()) border.cubes = reader.sizes(key).cubes;
+  if (has_creases_) border.creases = reader.surface(key).creases;
   return border;
 }
 

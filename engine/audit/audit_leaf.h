@@ -111,6 +111,7 @@ struct LocalPoint {
   std::uint64_t id = 0;
   std::uint32_t leaf = 0;
   bool is_core = false;  // known by its place in the lattice alone
+  PointKind kind = PointKind::kLattice;
 };
 
 // The points of a leaf and those within 2λ of its box, in lexicographic order.
@@ -124,6 +125,7 @@ class LocalPoints {
   const Point& position(LocalIndex i) const { return points_[i].position; }
   // The index of each id, or kUnknownPoint.
   std::vector<LocalIndex> find(std::span<const std::uint64_t> ids) const;
+  LocalIndex at(const Point& position) const;  // or kUnknownPoint
   // Pairs that share an id or a position.
   std::vector<std::array<LocalIndex, 2>> repetitions() const;
 
@@ -153,6 +155,10 @@ struct AuditLeaf {
   LeafFacets facets;                    // as stored
   std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
   AuditSizes sizes;                     // around them
+  double reach = 0;                     // so far around the leaf's box points are known
+  // If the run keeps them: the crease edges that come so close, and the leaf's own corners.
+  std::vector<CreaseEdge> creases;
+  std::vector<CornerPoint> corners;
 
   bool is_own(LocalIndex i) const { return points[i].leaf == leaf; }
 };
@@ -164,7 +170,8 @@ class AuditLoader {
               const RunRecord& run);
   AuditLoader(const AuditLoader&) = delete;
   AuditLoader& operator=(const AuditLoader&) = delete;
-  // Reports misplaced and repeated points on the way. Nothing if the leaf has no points nor cells.
+  // Reports misplaced and repeated points on the way. Nothing if the leaf has no points nor cells,
+  // and no creases.
   std::optional<AuditLeaf> load(std::size_t leaf, AuditFindings& findings);
 
  private:
@@ -173,11 +180,13 @@ class AuditLoader {
     std::vector<LocalPoint> points;
     std::vector<std::uint64_t> vertices;
     std::vector<std::array<std::uint32_t, 4>> cells;
-    std::vector<SizeCube> cubes;  // all of the leaf, where sizes vary
+    std::vector<SizeCube> cubes;      // all of the leaf, where sizes vary
+    std::vector<CreaseEdge> creases;  // all of the leaf, if the run keeps them
 
     std::size_t bytes() const {
       return sizeof *this + points.capacity() * sizeof(LocalPoint) + vertices.capacity() * 8 +
-             cells.capacity() * 16 + cubes.capacity() * sizeof(SizeCube);
+             cells.capacity() * 16 + cubes.capacity() * sizeof(SizeCube) +
+             creases.capacity() * sizeof(CreaseEdge);
     }
   };
   Border load_border(std::size_t leaf);
@@ -192,6 +201,7 @@ class AuditLoader {
   SizeLaw law_;
   Frame frame_;
   LeafScale scale_;
+  bool has_creases_;
   PageRelease pages_, pages_beside_;
   LeafWindow<Border> borders_;
 };
@@ -199,13 +209,23 @@ class AuditLoader {
 struct AuditBounds {
   double size = 0;  // λ
   double radius_edge = 0;
-  double min_dihedral = 0;  // in degrees; 0: any
-  double rounding = 0;      // a few units in the last place of the largest coordinate
-  bool has_sheets = false;  // else all is of sheet 1
+  double min_dihedral = 0;   // in degrees; 0: any
+  double rounding = 0;       // a few units in the last place of the largest coordinate
+  bool has_sheets = false;   // else all is of sheet 1
+  bool has_creases = false;  // which are to be kept
+  double crease_floor = 0;   // what of creases is shorter is not told apart
 };
 
+// Does the run keep the creases that its surface has?
+inline bool keeps_creases(const RunRecord& run) {
+  return run.has_creases && run.parameters.init == Initialization::kCover;
+}
+
+class AuditCreases;
+
 // Each cell by itself: orientation, circumball, shape, place.
-void check_cells(const AuditLeaf& leaf, const AuditBounds& bounds, AuditFindings& findings);
+void check_cells(const AuditLeaf& leaf, const AuditCreases& creases, const AuditBounds& bounds,
+                 AuditFindings& findings);
 
 // A facet of the star with some own vertex; vertices ascend.
 struct LocalFacet {

@@ -42,11 +42,13 @@ auto fields(Maybe<AuditReport> auto& report) {
          num_boundary_vertices, volume, surface_volume, max_circumradius, max_radius_edge_ratio,
          min_dihedral_degrees, max_dihedral_degrees, worst_leaf, worst_place, min_dihedral_bound,
          num_poor_cells, max_surface_distance, euler_characteristic, surface_euler_characteristic,
-         num_components, surface_num_components, num_unresolved, num_open, num_nonempty_circumballs,
+         num_components, surface_num_components, crease_length, lost_crease_length,
+         surface_crease_length, num_unresolved, num_open, num_nonempty_circumballs,
          num_overused_facets, num_bad_boundary_edges, num_bad_boundary_vertices, num_wrong_facets,
-         num_off_surface_vertices, num_large_cells, num_badly_shaped_cells, num_misoriented_cells,
-         num_repeated_cells, num_misplaced_cells, num_unknown_vertices, num_misplaced_points,
-         num_repeated_points, num_run_faults, violations] = report;
+         num_off_surface_vertices, num_large_cells, num_badly_shaped_cells, num_lost_creases,
+         num_lost_corners, num_misoriented_cells, num_repeated_cells, num_misplaced_cells,
+         num_unknown_vertices, num_misplaced_points, num_repeated_points, num_run_faults,
+         violations] = report;
   return std::tuple(
       Field("num_leaves", num_leaves), Field("num_checked_leaves", num_checked_leaves),
       Field("num_cells", num_cells), Field("num_vertices", num_vertices),
@@ -62,6 +64,8 @@ auto fields(Maybe<AuditReport> auto& report) {
       Field("surface_euler_characteristic", surface_euler_characteristic),
       Field("num_components", num_components),
       Field("surface_num_components", surface_num_components),
+      Field("crease_length", crease_length), Field("lost_crease_length", lost_crease_length),
+      Field("surface_crease_length", surface_crease_length),
       Field("num_unresolved", num_unresolved), Field("num_open", num_open),
       Field("num_nonempty_circumballs", num_nonempty_circumballs),
       Field("num_overused_facets", num_overused_facets),
@@ -71,6 +75,7 @@ auto fields(Maybe<AuditReport> auto& report) {
       Field("num_off_surface_vertices", num_off_surface_vertices),
       Field("num_large_cells", num_large_cells),
       Field("num_badly_shaped_cells", num_badly_shaped_cells),
+      Field("num_lost_creases", num_lost_creases), Field("num_lost_corners", num_lost_corners),
       Field("num_misoriented_cells", num_misoriented_cells),
       Field("num_repeated_cells", num_repeated_cells),
       Field("num_misplaced_cells", num_misplaced_cells),
@@ -101,6 +106,8 @@ constexpr std::array kSummed = {
     &AuditReport::num_off_surface_vertices,
     &AuditReport::num_large_cells,
     &AuditReport::num_badly_shaped_cells,
+    &AuditReport::num_lost_creases,
+    &AuditReport::num_lost_corners,
     &AuditReport::num_misoriented_cells,
     &AuditReport::num_repeated_cells,
     &AuditReport::num_misplaced_cells,
@@ -117,6 +124,8 @@ void add(const AuditReport& more, AuditReport& all) {
   for (const auto count : kSummed) all.*count += more.*count;
   for (const auto measure : kLargest) all.*measure = std::max(all.*measure, more.*measure);
   all.volume += more.volume;
+  all.crease_length += more.crease_length;
+  all.lost_crease_length += more.lost_crease_length;
   all.euler_characteristic += more.euler_characteristic;
   if (more.min_dihedral_degrees < all.min_dihedral_degrees) {
     all.min_dihedral_degrees = more.min_dihedral_degrees;

@@ -30,9 +30,12 @@ struct AuditReport {
   // the input smaller than λ may be lost.
   std::int64_t euler_characteristic = 0, surface_euler_characteristic = 0;
   std::uint64_t num_components = 0, surface_num_components = 0;
+  // Of creases, if the run keeps them: from point to point along them, and what of it is no edge of
+  // the mesh. Then they are as long as the input's.
+  double crease_length = 0, lost_crease_length = 0, surface_crease_length = 0;
   std::uint64_t num_unresolved = 0;  // as listed in the store
   // Near unresolved sites, and so no violations: cells too large or badly shaped, boundary vertices
-  // off the surface. Boundary and cells fit together there as everywhere.
+  // off the surface, lost creases. Boundary and cells fit together there as everywhere.
   std::uint64_t num_open = 0;
 
   // Violations, counted; the first few of each kind are described in `violations` with leaf and
@@ -44,8 +47,11 @@ struct AuditReport {
   std::uint64_t num_wrong_facets = 0;           // listed as boundary and none, or not listed
   std::uint64_t num_off_surface_vertices = 0;   // boundary vertices not on the surface
   std::uint64_t num_large_cells = 0;            // circumradius >= λ
-  std::uint64_t num_badly_shaped_cells = 0;     // radius-edge ratio above the bound
-  std::uint64_t num_misoriented_cells = 0;      // flat or negative
+  // Radius-edge ratio above the bound, if the shortest edge does not lead from sheet to sheet.
+  std::uint64_t num_badly_shaped_cells = 0;
+  std::uint64_t num_lost_creases = 0;       // between two points, or two leaves: no edge
+  std::uint64_t num_lost_corners = 0;       // of creases: no vertex
+  std::uint64_t num_misoriented_cells = 0;  // flat or negative
   std::uint64_t num_repeated_cells = 0;
   std::uint64_t num_misplaced_cells = 0;   // their smallest vertex is not of their leaf
   std::uint64_t num_unknown_vertices = 0;  // named by a cell, but in no leaf within 2λ
@@ -59,9 +65,9 @@ struct AuditReport {
   std::uint64_t num_violations() const {
     return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
            num_bad_boundary_vertices + num_wrong_facets + num_off_surface_vertices +
-           num_large_cells + num_badly_shaped_cells + num_misoriented_cells + num_repeated_cells +
-           num_misplaced_cells + num_unknown_vertices + num_misplaced_points + num_repeated_points +
-           num_run_faults;
+           num_large_cells + num_badly_shaped_cells + num_lost_creases + num_lost_corners +
+           num_misoriented_cells + num_repeated_cells + num_misplaced_cells + num_unknown_vertices +
+           num_misplaced_points + num_repeated_points + num_run_faults;
   }
   // No violation, and at least one cell, unless it is a sample.
   bool is_valid() const { return num_violations() == 0 && (num_cells > 0 || is_sample()); }

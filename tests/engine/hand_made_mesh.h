@@ -28,6 +28,9 @@ struct HandMadeMesh {
   std::vector<MeshPoint> points;  // id order is none in particular; some are unused
   std::vector<CellIds> cells;
   std::vector<Triangle> surface;
+  std::vector<CreaseEdge>
+      creases;  // in order of their ends; if there are some, they are to be kept
+  std::vector<CornerPoint> crease_corners;
   double size = 1;  // λ
   double radius_edge_bound = 2;
 
@@ -235,7 +238,9 @@ inline std::vector<LinearOctree> octrees() {
 class HandMadeStore {
  public:
   HandMadeStore(const HandMadeMesh& mesh, const LinearOctree& octree)
-      : size_(mesh.size), radius_edge_bound_(mesh.radius_edge_bound) {
+      : size_(mesh.size),
+        radius_edge_bound_(mesh.radius_edge_bound),
+        has_creases_(!mesh.creases.empty() || !mesh.crease_corners.empty()) {
     const Frame frame = hand_made_frame();
     const auto owner = [&](const Point& p) { return octree.leaf_owning(frame, p); };
     for (const MortonKey key : octree.leaves()) {
@@ -245,6 +250,10 @@ class HandMadeStore {
           leaves[key].surface.triangles.push_back(triangle);
         }
       }
+      for (const CreaseEdge& edge : mesh.creases)
+        if (edge.box().overlaps(frame.box(key))) leaves[key].surface.creases.push_back(edge);
+      for (const CornerPoint& corner : mesh.crease_corners)
+        if (frame.box(key).contains(corner.position)) leaves[key].surface.corners.push_back(corner);
     }
     for (const MeshPoint& p : mesh.points) leaves[owner(p.position)].points.points.push_back(p);
     for (auto& [key, leaf] : leaves) {
@@ -352,6 +361,10 @@ class HandMadeStore {
     run.surface.volume = 1.5;
     run.surface.euler_characteristic = 2;
     run.surface.num_components = 1;
+    run.has_creases = has_creases_;
+    run.parameters.init = init;
+    for (const auto& [key, leaf] : leaves)
+      run.counts.num_unresolved += leaf.unresolved.sites.size();
     batch.put_run(run);
     batch.put_sheets(sheets);
     for (const auto& [key, leaf] : leaves) {
@@ -381,6 +394,7 @@ class HandMadeStore {
   std::map<MortonKey, Leaf> leaves;
   std::vector<QueueEntry> queue;
   Phase phase = Phase::kDone;
+  Initialization init = Initialization::kCover;
   double min_dihedral = 0;
   SurfaceSheets sheets;
   std::function<SheetId(const std::array<Point, 3>&)> sheet_of = [](const auto&) {
@@ -389,6 +403,7 @@ class HandMadeStore {
 
  private:
   double size_, radius_edge_bound_;
+  bool has_creases_;
 };
 
 }  // namespace locvol

@@ -76,6 +76,24 @@ TEST(AuditText, SetsMeshBesideInput) {
   EXPECT_TRUE(text.ends_with("\nvalid\n")) << text;
 }
 
+TEST(AuditText, SetsCreasesBesideThoseOfTheInput) {
+  AuditReport report = valid_report();
+  EXPECT_EQ(audit_text(report).find("crease"), std::string::npos);
+  report.crease_length = report.surface_crease_length = 24;
+  report.lost_crease_length = 6;
+  report.num_lost_creases = 3;
+  const std::string text = audit_text(report);
+  for (const char* line : {"\ncreases                                  18             24\n",
+                           "\ncreases kept 75%\n", "BAD: 3 pieces of creases that are no edges\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line << " in\n" << text;
+  const Json json = to_json(report);
+  EXPECT_EQ(json["mesh"]["crease_length"], 18);
+  EXPECT_EQ(json["input"]["crease_length"], 24);
+  EXPECT_EQ(json["lost_crease_length"], 6);
+  EXPECT_EQ(json["violations"]["lost_creases"], 3);
+  EXPECT_EQ(json["violations"]["lost_corners"], 0);
+}
+
 TEST(AuditText, NamesEveryViolation) {
   AuditReport report = valid_report();
   report.num_bad_boundary_edges = 2;

@@ -62,14 +62,17 @@ class AuditOfRanks : public testing::Test {
     return reports;
   }
 
-  // All is the same, but for the last digits of the volume; and each rank describes what it finds.
+  // All is the same, but for the last digits of sums; and each rank describes what it finds.
   void expect_same(Reports reports) {
     AuditReport& of_ranks = reports.of_ranks;
     const AuditReport& of_one = reports.of_one;
-    EXPECT_NEAR(of_ranks.volume, of_one.volume, 1e-12);
+    for (const auto sum :
+         {&AuditReport::volume, &AuditReport::crease_length, &AuditReport::lost_crease_length}) {
+      EXPECT_NEAR(of_ranks.*sum, of_one.*sum, 1e-12);
+      of_ranks.*sum = of_one.*sum;
+    }
     for (const std::string& violation : of_one.violations)
       EXPECT_TRUE(std::ranges::count(of_ranks.violations, violation)) << violation;
-    of_ranks.volume = of_one.volume;
     of_ranks.violations = of_one.violations;
     EXPECT_TRUE(of_ranks == of_one);
     EXPECT_EQ(Names({"input.off", "part-0", "part-1", "part-2", "whole"}), names_in(scratch_));
@@ -161,6 +164,40 @@ TEST_F(AuditOfRanks, FindsLeavesThatAreNotItsShare) {
     EXPECT_EQ(report.num_run_faults, 1U);
     EXPECT_FALSE(report.is_valid());
   });
+}
+
+// All ways along creases count once, whichever ranks their ends are of.
+TEST_F(AuditOfRanks, KnowsCreasesOfOtherRanks) {
+  mesh([&](MeshOptions& options) {
+    write_off(box_shape({{0, 0, 0}, {1, 0.9, 0.8}}), scratch_ / "input.off");
+    options.leaf_capacity = 100;
+  });
+  const Reports kept = audits();
+  EXPECT_TRUE(kept.of_ranks.is_valid());
+  EXPECT_NEAR(kept.of_ranks.surface_crease_length, 10.8, 1e-12);
+  EXPECT_NEAR(kept.of_ranks.crease_length, 10.8, 1e-12);
+  EXPECT_EQ(kept.of_ranks.lost_crease_length, 0);
+  expect_same(kept);
+
+  for (int rank = 0; rank < kNumRanks; ++rank) {
+    Store store = Store::open(part(rank));
+    Batch batch = store.begin();
+    store.snapshot().for_each_leaf([&](MortonKey leaf, const LeafInfo& info) {
+      if (info.holding != Holding::kOwn) return true;
+      LeafPoints points = batch.points(leaf);
+      for (MeshPoint& point : points.points)
+        if (point.kind == PointKind::kCrease && point.id % 4 == 0) point.kind = PointKind::kSurface;
+      batch.put_points(leaf, points);
+      return true;
+    });
+    batch.commit();
+  }
+  const Reports lost = audits();
+  EXPECT_GT(lost.of_ranks.num_lost_creases, 10U);
+  EXPECT_EQ(lost.of_ranks.num_violations(), lost.of_ranks.num_lost_creases);
+  EXPECT_GT(lost.of_ranks.lost_crease_length, 1);
+  EXPECT_NEAR(lost.of_ranks.crease_length, 10.8, 1e-12);
+  expect_same(lost);
 }
 
 // Places where the boundary could not be made to fit are none of its violations.

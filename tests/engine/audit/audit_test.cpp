@@ -8,23 +8,14 @@
 #include <string>
 
 #include "engine/shared/cell_quality.h"
+#include "tests/engine/audit/audit_of.h"
 #include "tests/engine/described.h"
-#include "tests/engine/hand_made_mesh.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {
 namespace {
 
 constexpr Point kCenter = {2, 2, 2};
-
-AuditReport audit_of(const HandMadeStore& store) {
-  const TempDir dir;
-  return audit(store.write(dir / "store"));
-}
-
-AuditReport audit_of(const HandMadeMesh& mesh, const LinearOctree& octree = mixed_octree()) {
-  return audit_of(HandMadeStore(mesh, octree));
-}
 
 HandMadeMesh ball() { return lattice_ball(kCenter, 2.6); }
 
