@@ -182,8 +182,7 @@ Sitting sit(Store& store, const std::optional<HeldRun>& held, const RunControl& 
   };
   const MemoryPlan plan = planned_memory(store.snapshot(), control.memory_bytes);
   // The same on all: a rank that is ahead may know already that leaves stay.
-  const auto until = static_cast<Phase>(
-      smallest(exchange, static_cast<std::uint64_t>(next_move(store.snapshot()))));
+  const Phase until = phase_at(smallest(exchange, place_of(next_move(store.snapshot()))));
   RunPhases phases(store, plan, control.num_threads, control.on_progress, stop, clock, exchange,
                    held && held->is_behind);
   bool is_stopped = false;

@@ -24,14 +24,14 @@ class RunPhases::Impl {
                work_.stop(),  crew_->exchange(), exchange} {}
 
   void share_knowledge() {
-    const RunParameters& p = work_.state().parameters();
-    for (Phase phase = next_phase(p, Phase::kIngest); phase != Phase::kDone;
-         phase = next_phase(p, phase)) {
+    const RunRecord& run = work_.state().run();
+    for (Phase phase = next_phase(run, Phase::kIngest); phase != Phase::kDone;
+         phase = next_phase(run, phase)) {
       auto stage = stage_in(phase, tools_);
       if (!stage->has_shared_knowledge()) continue;
       if (smallest(tools_.outside_supersteps, standing(phase, *stage)) != kAtStage) continue;
       stage->share_knowledge();
-      if (phase == work_.state().run().phase) stage_ = std::move(stage);
+      if (phase == run.phase) stage_ = std::move(stage);
     }
   }
 

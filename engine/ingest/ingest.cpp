@@ -377,6 +377,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         watch, workers, share, sheets);
     const std::string file = std::exchange(run.surface, surface.facts).file;
     run.surface.file = file;
+    run.has_creases = !sheets.creases.empty() || sheets.num_corners > 0;
     calls.check(run, surface.spill.bytes());
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch, share);
     calls.begin(run);
@@ -396,7 +397,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     leaves.keep(range);
     store_leaves(leaves, run, batches);
     if (run.parameters.has_image()) store_image_nodes(leaves.keys, run, batches, watch.stop());
-    run.phase = next_phase(run.parameters, Phase::kIngest);
+    run.phase = next_phase(run, Phase::kIngest);
     batches.next().put_run(run);
     batches.commit();
   } catch (const Stopped&) {

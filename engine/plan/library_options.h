@@ -99,8 +99,8 @@ struct Options {
   /// Absent: those that close a surface which is not closed otherwise, up to a millionth of its
   /// width away; Control::on_note tells of them.
   std::optional<Size> weld = {};
-  /// Faces of the surface, and of the mesh, end at edges where the surface turns by more degrees
-  /// than this; 0: only where names do that the surface gives them.
+  /// Edges where the surface turns by more degrees than this are edges of the mesh, and part its
+  /// faces; 0: none are, and faces end only where names do that the surface gives them.
   double sharp_angle = 40;
 };
 

@@ -152,14 +152,16 @@ inline constexpr std::tuple kOptions{
     Option<&MeshOptions::sharp_angle, &RunParameters::sharp_angle>{
         {.name = {"--sharp-angle", "sharp_angle"},
          .group = OptionGroup::kSurface,
-         .help = {"DEG",
-                  "Sheets, the faces of the surface, end at edges where it turns by more degrees; "
-                  "0: only where names do that the file gives them (default: {standard})"},
+         .help =
+             {"DEG",
+              "Edges where the surface turns by more degrees are kept as edges of the mesh, and "
+              "part its sheets; 0: none are, and sheets end only where names do that the file "
+              "gives them (default: {standard})"},
          .noun = "sharp angle",
          .range = {.most = 179},
          .cure = "give degrees from {least}, at which nothing is sharp, to {most}",
          .standard = 40,
-         .phrase = "; sheets end where it turns by more than {}°"}}};
+         .phrase = "; it is sharp where it turns by more than {}°"}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

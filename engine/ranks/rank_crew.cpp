@@ -49,8 +49,7 @@ class RankCrew::Colors {
       const QueuePosition& color = next.position;
       const auto& all = crew_.turns_.totals();
       work_.tell(all.counts, all.num_leaves, all.num_queued, all.num_in_epoch);
-      if (visits_.is_once() && next.step <= kVisit &&
-          color.epoch > first_epoch(run.parameters, run.phase))
+      if (visits_.is_once() && next.step <= kVisit && color.epoch > first_epoch(run, run.phase))
         return;
       if (next.step == kOpen) {
         crew_.turns_.open_epoch(color.epoch, visits_);

@@ -6,7 +6,7 @@ namespace locvol {
 
 bool OneProcess::has_leaves_of_phase() {
   const RunRecord& run = work_.state().run();
-  return work_.state().queue().entries().num_in_epoch(first_epoch(run.parameters, run.phase)) > 0;
+  return work_.state().queue().entries().num_in_epoch(first_epoch(run, run.phase)) > 0;
 }
 
 bool OneProcess::is_due(std::uint32_t, bool is_before_visits) {

@@ -2,6 +2,7 @@
 
 #include "engine/plan/phases.h"
 #include "refine/cover_leaf.h"
+#include "refine/crease_leaf.h"
 #include "refine/fill_leaf.h"
 #include "refine/measure_leaf.h"
 #include "refine/refine_leaf.h"
@@ -50,7 +51,13 @@ double touch_distance(const RunRecord& run, const LeafInfo& info) {
                    kConflictSlack * 0.5 * reach * (1 + p.growth) * p.size});  // surface
 }
 
+double conflict_of_creases(const RunView& run, MortonKey leaf) {
+  return kConflictSlack * kCreaseReach * run.surface_size(leaf);
+}
+
 double conflict_of_cover(const RunView& run, MortonKey leaf) {
+  if (run.run().has_creases)
+    return kConflictSlack * (kCreasedReach + kMirrorDistance) * run.surface_size(leaf);
   const double radius = sample_radius(run.is_uniform());
   return kConflictSlack * std::min(run.reach_of(leaf, radius),
                                    reach_factor(run.parameters().growth, radius) * run.size());

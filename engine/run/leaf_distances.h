@@ -26,7 +26,10 @@ double touch_distance(const RunRecord& run, const LeafInfo& info);
 // Leaves farther apart than these of both are independent. Of visits that look at nothing that
 // others change:
 inline constexpr double kNoConflict = -1;
-// It reads samples within r_s of its box, and writes to its box.
+// It reads points on creases around its box, and writes to its box.
+double conflict_of_creases(const RunView& run, MortonKey leaf);
+// It reads samples within r_s of its box, and writes to its box; where there are creases, it does
+// both farther out.
 double conflict_of_cover(const RunView& run, MortonKey leaf);
 double conflict_of_fill(const RunView& run, MortonKey leaf);
 // Mending writes as far as refinement.

@@ -81,7 +81,7 @@ void RunWork::tell(const RunCounts& counts, std::uint64_t num_leaves, std::uint6
                   .num_queued = num_queued,
                   .num_in_epoch = num_in_epoch,
                   .epoch = run.epoch,
-                  .first_epoch = first_epoch(run.parameters, Phase::kRefine)});
+                  .first_epoch = first_epoch(run, Phase::kRefine)});
 }
 
 // `phase`: what took the time since the last sample.

@@ -6,15 +6,32 @@
 
 namespace locvol {
 
+namespace {
+
+// A cube may be larger than a leaf that was split.
+void unite(std::vector<SizeCube>& cubes) {
+  const auto repeated = std::ranges::unique(cubes);
+  cubes.erase(repeated.begin(), repeated.end());
+}
+
+}  // namespace
+
 double volume_over_size(const Box& box, double size) {
   const Point sides = (1 / size) * (box.max - box.min);
   return sides.x * sides.y * sides.z;
+}
+
+// The same in all leaves.
+double Surroundings::crease_floor() const {
+  const RunParameters& p = run_.parameters();
+  return p.spacing_floor * p.sizes().least;
 }
 
 DomainPiece Surroundings::piece_in(const Box& region, GridFineness fineness) const {
   DomainPiece piece;
   piece.region = region;
   piece.fineness = fineness;
+  piece.crease_floor = crease_floor();
   for (const MortonKey leaf : run_.octree().leaves_within(run_.frame(), region, 0)) {
     throw_if_stopped(stop_);
     if (!run_.leaves().info(leaf).has_surface()) continue;
@@ -38,6 +55,20 @@ DomainPiece Surroundings::whole_domain(GridFineness fineness) const {
   DomainPiece piece = piece_in(run_.frame().root_box(), fineness);
   piece.reference = piece.region.min;
   piece.is_whole = true;
+  return piece;
+}
+
+DomainPiece Surroundings::creases(MortonKey leaf, double distance) const {
+  DomainPiece piece;
+  piece.region = run_.box(leaf).expanded(distance);
+  piece.crease_floor = crease_floor();
+  for (const MortonKey other : run_.octree().leaves_within(run_.frame(), piece.region, 0)) {
+    throw_if_stopped(stop_);
+    if (!run_.leaves().info(other).has_surface()) continue;
+    piece.add_creases(run_.leaves().surface(other));
+    run_.leaves().trim();
+  }
+  piece.unite();
   return piece;
 }
 
@@ -76,6 +107,32 @@ std::vector<MeshPoint> Surroundings::points(MortonKey leaf, double k) const {
   return around;
 }
 
+template <class IsTaken>
+std::vector<MeshPoint> Surroundings::points_within(MortonKey leaf, double distance,
+                                                   const IsTaken& is_taken) const {
+  const Box box = run_.box(leaf);
+  std::vector<MeshPoint> within;
+  for (const MortonKey other : run_.octree().leaves_within(run_.frame(), box, distance)) {
+    if (run_.leaves().info(other).num_points == 0) continue;
+    std::ranges::copy_if(
+        run_.leaves().points(other).points, std::back_inserter(within), [&](const MeshPoint& p) {
+          return is_taken(p.kind) && box.squared_distance(p.position) <= distance * distance;
+        });
+    run_.leaves().trim();
+  }
+  std::ranges::sort(within, {}, &MeshPoint::id);
+  return within;
+}
+
+std::vector<MeshPoint> Surroundings::crease_points(MortonKey leaf, double distance) const {
+  if (!run_.run().has_creases) return {};
+  return points_within(leaf, distance, [](PointKind kind) { return kind == PointKind::kCrease; });
+}
+
+std::vector<MeshPoint> Surroundings::samples(MortonKey leaf, double distance) const {
+  return points_within(leaf, distance, [](PointKind kind) { return kind == PointKind::kSurface; });
+}
+
 SizeCubes Surroundings::sizes(MortonKey leaf, double k) const {
   SizeCubes sizes;
   if (run_.is_uniform()) return sizes;
@@ -97,9 +154,22 @@ SizeCubes Surroundings::sizes(MortonKey leaf, double k) const {
                          reaches);
     run_.leaves().trim();
   }
-  // A cube may be larger than a leaf that was split.
-  const auto repeated = std::ranges::unique(sizes.cubes);
-  sizes.cubes.erase(repeated.begin(), repeated.end());
+  unite(sizes.cubes);
+  return sizes;
+}
+
+SizeCubes Surroundings::sizes_within(MortonKey leaf, double distance) const {
+  SizeCubes sizes{.law = run_.parameters().sizes(), .frame = run_.frame(), .cubes = {}};
+  const Box box = run_.box(leaf);
+  for (const MortonKey other : run_.octree().leaves_within(run_.frame(), box, distance)) {
+    std::ranges::copy_if(run_.leaves().sizes(other).cubes, std::back_inserter(sizes.cubes),
+                         [&](const SizeCube& cube) {
+                           return box.squared_distance(run_.frame().box(cube.key)) <=
+                                  distance * distance;
+                         });
+    run_.leaves().trim();
+  }
+  unite(sizes.cubes);
   return sizes;
 }
 

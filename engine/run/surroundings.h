@@ -18,17 +18,29 @@ class Surroundings {
   // Of the domain what is within the distance of the leaf. Throws Stopped.
   DomainPiece domain(MortonKey leaf, double distance, GridFineness fineness) const;
   DomainPiece whole_domain(GridFineness fineness) const;
+  // Of that no more than creases and corners.
+  DomainPiece creases(MortonKey leaf, double distance) const;
   // What surface a visit looks up lies this far from where h(p) is, at points that it may matter
   // to.
   double surface_reach(MortonKey leaf) const;
   // Points of other leaves that a ball through a point of the leaf may reach, in order of id, if
   // its radius is at most k / 2 times h at its center.
   std::vector<MeshPoint> points(MortonKey leaf, double k) const;
+  // Points on creases, its own and those of other leaves that are no farther away, in order of id.
+  std::vector<MeshPoint> crease_points(MortonKey leaf, double distance) const;
+  // Those on the surface, but for creases, likewise.
+  std::vector<MeshPoint> samples(MortonKey leaf, double distance) const;
   // h wherever a ball through a point of the leaf may be centered, and wherever it may reach, if
   // its radius is at most k / 2 times h at its center.
   SizeCubes sizes(MortonKey leaf, double k) const;
+  // h within the distance of the leaf.
+  SizeCubes sizes_within(MortonKey leaf, double distance) const;
 
  private:
+  template <class IsTaken>
+  std::vector<MeshPoint> points_within(MortonKey leaf, double distance,
+                                       const IsTaken& is_taken) const;
+  double crease_floor() const;
   DomainPiece piece_in(const Box& region, GridFineness fineness) const;
 
   RunView run_;

@@ -63,32 +63,43 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
       return n < leaves.size();
     }};
   }
-  bool changes_others() const override { return false; }
+  // With mirrors.
+  bool changes_others() const override { return state_.run().has_creases; }
   double conflict_distance(MortonKey leaf) const override {
     return conflict_of_cover(state_, leaf);
   }
-  Phase end() override { return next_phase(state_.parameters(), Phase::kCover); }
+  Phase end() override { return next_phase(state_.run(), Phase::kCover); }
 
  protected:
   Loaded<CoverInput> load_input(MortonKey leaf) override {
     const double size = state_.surface_size(leaf);
     const Box box = state_.box(leaf);
+    const bool has_surface = state_.leaves().info(leaf).has_surface();
+    const double of_creases = kDistanceSlack * kCreasedReach * size;
+    const std::vector<MeshPoint> crease_points =
+        has_surface ? around_.crease_points(leaf, of_creases) : std::vector<MeshPoint>();
+    const bool is_creased = !crease_points.empty();
     std::vector<MeshPoint> around;
-    if (state_.leaves().info(leaf).has_surface())
-      around = around_.points(leaf, sample_radius(state_.is_uniform()));
-    const double distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+    if (is_creased)
+      around = around_.samples(leaf, of_creases);
+    else if (has_surface)
+      around = samples_around(leaf);
+    double distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+    if (is_creased) distance = std::max(distance, of_creases);
     const double least = state_.least_size(leaf);
     DomainPiece domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, least));
     const bool has_shapes = state_.parameters().sizes().has_shapes();
-    SizeCubes sizes = around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
+    SizeCubes sizes = is_creased && has_shapes
+                          ? around_.sizes_within(leaf, of_creases)
+                          : around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
     const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
                                       : sizes.law.has_core()
                                           ? most_lattice_points(box, sizes.law.most)
                                           : 9 * sizes.cubes.size();
-    const VisitSize visit{
-        .volume = volume_over_size(domain.region, least),
-        .num_points = around.size() + num_lattice + most_samples(domain.area(), size),
-        .surface_size = domain.surface_size()};
+    const VisitSize visit{.volume = volume_over_size(domain.region, least),
+                          .num_points = around.size() + crease_points.size() + num_lattice +
+                                        most_samples(domain.area(), size),
+                          .surface_size = domain.surface_size()};
     Loaded<CoverInput> loaded;
     loaded.bytes = visit.bytes_to_cover();
     loaded.input = {.size = size,
@@ -96,10 +107,9 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
                     .lattice = state_.lattice(),
                     .box = box,
                     .domain = std::move(domain),
-                    .nearby_samples = {},
+                    .nearby_samples = positions_of(around),
+                    .crease_points = positions_of(crease_points),
                     .sizes = std::move(sizes)};
-    for (const MeshPoint& point : around)
-      if (point.kind == PointKind::kSurface) loaded.input.nearby_samples.push_back(point.position);
     return loaded;
   }
 
@@ -115,12 +125,36 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     state_.queue().dequeue(leaf);
     for (const LatticeSite& site : points.lattice) require_own(state_.points().add(site).position);
     for (const Point& p : points.samples) {
-      require_own(p);
+      if (!changes_others()) require_own(p);
       state_.points().add(p, PointKind::kSurface);
+      if (changes_others()) enqueue_owner(p);
     }
-    if (!points.samples.empty() || !points.lattice.empty()) state_.queue().enqueue(leaf);
+    if (!state_.is_beyond(leaf) && state_.leaves().info(leaf).num_points > 0)
+      state_.queue().enqueue(leaf);
     if (!points.core.is_empty()) state_.points().put_core(leaf, points.core);
   }
+
+ private:
+  // Of other leaves within r_s, and the leaf's own, which are mirrors of theirs.
+  std::vector<MeshPoint> samples_around(MortonKey leaf) const {
+    std::vector<MeshPoint> around = around_.points(leaf, sample_radius(state_.is_uniform()));
+    if (state_.run().has_creases) {
+      const std::vector<MeshPoint>& own = state_.leaves().points(leaf).points;
+      around.insert(around.end(), own.begin(), own.end());
+      std::ranges::sort(around, {}, &MeshPoint::id);
+    }
+    std::erase_if(around, [](const MeshPoint& p) { return p.kind != PointKind::kSurface; });
+    return around;
+  }
+  static std::vector<Point> positions_of(const std::vector<MeshPoint>& points) {
+    std::vector<Point> positions;
+    positions.reserve(points.size());
+    for (const MeshPoint& point : points) positions.push_back(point.position);
+    return positions;
+  }
+
+  // A mirror may be all that a leaf has which has been covered.
+  void enqueue_owner(const Point& p) { state_.queue().enqueue(state_.owner_of(p)); }
 };
 
 }  // namespace

@@ -21,7 +21,7 @@ class FillStage : public VisitingStage<FillInput, FillPoints> {
   double conflict_distance(MortonKey leaf) const override { return conflict_of_fill(state_, leaf); }
   Phase end() override {
     begin_refinement(state_, &tools_.stop);
-    return next_phase(state_.parameters(), Phase::kFill);
+    return next_phase(state_.run(), Phase::kFill);
   }
 
  protected:

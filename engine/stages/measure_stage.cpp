@@ -27,7 +27,7 @@ class MeasureStage : public VisitingStage<MeasureInput, std::vector<SizedNode>> 
   }
   bool changes_others() const override { return false; }
   double conflict_distance(MortonKey) const override { return kNoConflict; }
-  Phase end() override { return next_phase(state_.parameters(), Phase::kMeasure); }
+  Phase end() override { return next_phase(state_.run(), Phase::kMeasure); }
 
  protected:
   Loaded<MeasureInput> load_input(MortonKey leaf) override {

@@ -14,6 +14,7 @@
 #include "engine/stages/apply_visit.h"
 #include "engine/stages/stages.h"
 #include "engine/stages/visiting_stage.h"
+#include "refine/crease_leaf.h"
 #include "refine/refine_leaf.h"
 
 namespace locvol {
@@ -127,8 +128,13 @@ class RefineStage : public VisitingStage<LeafInput, LeafDelta> {
 Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, HeldModel& model,
                               MortonKey leaf) {
   const double size = run.surface_size(leaf);
-  const double distance =
+  double distance =
       run.is_uniform() ? kDistanceSlack * kReach / 2 * size : around.surface_reach(leaf);
+  // Where creases are, the sheets of all vertices are asked for, and those that they have mirrors
+  // on.
+  std::vector<MeshPoint> crease_points =
+      around.crease_points(leaf, 2 * distance + kCreaseStep * size);
+  if (!crease_points.empty()) distance *= 2;
   model.keep_memory_of_points();
   std::vector<MeshPoint> own = run.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = around.points(leaf, run.is_cover() ? kReach : kNeighborhood);
@@ -152,6 +158,7 @@ Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, He
                   .last_visit = std::move(last),
                   .max_insertions = max_insertions(run.parameters().leaf_capacity)};
   if (!run.is_cover()) return loaded;
+  loaded.input.crease_points = std::move(crease_points);
   loaded.input.waiting = waiting_around(run, leaf);
   loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.parameters()));
   loaded.input.sizes = around.sizes(leaf, kReach);

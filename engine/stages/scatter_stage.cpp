@@ -13,11 +13,11 @@ class ScatterStage : public LeafStage {
 
   Phase end() override {
     RunState& state = tools_.state;
-    const RunParameters& p = state.parameters();
-    for (const Point& point : scatter_on_surface(*tools_.model.whole().domain, p.seed))
+    for (const Point& point :
+         scatter_on_surface(*tools_.model.whole().domain, state.parameters().seed))
       tools_.model.note_inserted(state.points().add(point, PointKind::kSurface));
     begin_refinement(state, nullptr);
-    return next_phase(p, Phase::kScatter);
+    return next_phase(state.run(), Phase::kScatter);
   }
 
  private:

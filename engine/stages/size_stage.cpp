@@ -114,7 +114,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
              tools_.exchange, std::vector{own.of_volume, own.of_area, own.of_lattice, own.of_core}))
       all += {of_rank.at(0), of_rank.at(1), of_rank.at(2), of_rank.at(3)};
     state_.note_sizes(all);
-    return next_phase(state_.parameters(), Phase::kSize);
+    return next_phase(state_.run(), Phase::kSize);
   }
 
  protected:

@@ -10,9 +10,10 @@ constexpr struct {
   Phase phase;
   std::unique_ptr<LeafStage> (*make)(const StageTools& tools);
 } kStages[] = {
-    {Phase::kMeasure, measure_stage}, {Phase::kSize, size_stage}, {Phase::kScatter, scatter_stage},
-    {Phase::kCover, cover_stage},     {Phase::kFill, fill_stage}, {Phase::kRefine, refine_stage},
-    {Phase::kMend, mend_stage},
+    {Phase::kMeasure, measure_stage}, {Phase::kSize, size_stage},
+    {Phase::kScatter, scatter_stage}, {Phase::kCrease, crease_stage},
+    {Phase::kCover, cover_stage},     {Phase::kFill, fill_stage},
+    {Phase::kRefine, refine_stage},   {Phase::kMend, mend_stage},
 };
 
 }  // namespace

@@ -30,6 +30,7 @@ std::unique_ptr<LeafStage> stage_in(Phase phase, const StageTools& tools);
 std::unique_ptr<LeafStage> measure_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> size_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> scatter_stage(const StageTools& tools);
+std::unique_ptr<LeafStage> crease_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> cover_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> fill_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> refine_stage(const StageTools& tools);

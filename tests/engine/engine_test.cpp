@@ -158,6 +158,13 @@ class EngineTest : public testing::Test {
     options.leaf_capacity = leaf_capacity;
     return options;
   }
+  // Without creases: folds and thin walls are told apart by insertions alone.
+  MeshOptions smooth_options(const std::string& store, double size,
+                             std::uint64_t leaf_capacity) const {
+    MeshOptions options = this->options(store, size, leaf_capacity);
+    options.sharp_angle = 0;
+    return options;
+  }
   void write(const Shape& shape) const { write_off(shape, input_); }
 
   TempDir scratch_;
@@ -386,7 +393,7 @@ TEST_F(EngineTest, MeshesCloseStrandsInPaperMode) {
 
 TEST_F(EngineTest, MendsTheBoundaryWhereFoldsStayUnresolved) {
   write(knives());
-  const auto run = options("store", 1, 500);
+  const auto run = smooth_options("store", 1, 500);
   const RunSummary summary = mesh(run);
   EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved);
   EXPECT_GT(summary.num_leaves, 8U);
@@ -407,16 +414,16 @@ TEST_F(EngineTest, MendsTheBoundaryWhereFoldsStayUnresolved) {
 
 TEST_F(EngineTest, MendsAlikeWithAnyThreadsAndInterruptions) {
   write(knives());
-  const auto run = options("one", 1, 500);
+  const auto run = smooth_options("one", 1, 500);
   RunControl control;
   control.num_threads = 1;
   mesh(run, control);
   const Contents expected = contents_of(run.store);
   control.num_threads = 5;
-  mesh(options("five", 1, 500), control);
+  mesh(smooth_options("five", 1, 500), control);
   EXPECT_TRUE(are_equal(contents_of(scratch_ / "five"), expected));
   for (const int num_visits : {1, 3}) {
-    const auto pieces = options("pieces " + std::to_string(num_visits), 1, 500);
+    const auto pieces = smooth_options("pieces " + std::to_string(num_visits), 1, 500);
     mesh_in_pieces(pieces, num_visits);
     EXPECT_TRUE(are_equal(contents_of(pieces.store), expected)) << num_visits;
   }
@@ -425,7 +432,7 @@ TEST_F(EngineTest, MendsAlikeWithAnyThreadsAndInterruptions) {
 // However many insertions were refused there.
 TEST_F(EngineTest, SitesWithinTheSizeOfEachOtherAreOne) {
   write(knives());
-  const auto run = options("store", 1, 500);
+  const auto run = smooth_options("store", 1, 500);
   mesh(run);
   std::vector<Point> sites;
   for (const auto& [key, leaf] : contents_of(run.store).leaves)
@@ -440,7 +447,7 @@ TEST_F(EngineTest, SitesWithinTheSizeOfEachOtherAreOne) {
 // What was left out is told, so that a leaf's visit still proves the store.
 TEST_F(EngineTest, ReplaysLeavesWhoseBoundaryWasMended) {
   write(knives());
-  const auto run = options("store", 1, 500);
+  const auto run = smooth_options("store", 1, 500);
   mesh(run);
   const Store store = Store::open(run.store, {.read_only = true});
   for (const auto& [key, leaf] : contents_of(run.store).leaves) {
@@ -454,6 +461,7 @@ TEST_F(EngineTest, ReplaysLeavesWhoseBoundaryWasMended) {
 }
 
 // A sheet thinner than the spacing floor: each insertion would bring others, down to the floor.
+// With creases, mirrored samples tell such sheets apart.
 TEST_F(EngineTest, GivesUpEarlyOnSheetsThinnerThanTheFloor) {
   constexpr double kWidth = 12, kThickness = 0.01;
   Shape sheet;
@@ -464,11 +472,101 @@ TEST_F(EngineTest, GivesUpEarlyOnSheetsThinnerThanTheFloor) {
     sheet.triangles.insert(sheet.triangles.end(), {{a, b, c}, {a, c, d}});
   const Shape thick = translated(sphere(2, 15, 32), {6, 6, 5});
   write(turned(together(sheet, thick)));
-  const RunSummary summary = mesh(options("store", 1, 0));
+  const RunSummary summary = mesh(smooth_options("store", 1, 0));
   EXPECT_EQ(summary.outcome, RunOutcome::kUnresolved);
   // Two to a sample at the most: 2 · 144 λ² have 1.2 samples each. Down to the floor it is 2500.
   EXPECT_LT(summary.run.counts.num_insertions[2] + summary.run.counts.num_insertions[3], 2000U);
   EXPECT_TRUE(audit(Store::open(scratch_ / "store", {.read_only = true})).is_valid());
+}
+
+// ---- Creases
+
+class CreasedEngineTest : public EngineTest {
+ protected:
+  // In a place where nothing is along an axis.
+  void write_turned(const Shape& shape) const { write(turned(shape)); }
+
+  AuditReport audit_of(const MeshOptions& options) const {
+    return audit(Store::open(options.store, {.read_only = true}));
+  }
+};
+
+TEST_F(CreasedEngineTest, KeepsEdgesAndCornersOfABoxInManyLeaves) {
+  write(box_shape({{0, 0, 0}, {3, 2, 1}}));
+  const MeshOptions run = options("store", 0.15, 100);
+  EXPECT_EQ(mesh(run).outcome, RunOutcome::kDone);
+  const AuditReport report = audit_of(run);
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_NEAR(report.crease_length, 24, 1e-12);
+  EXPECT_EQ(report.lost_crease_length, 0);
+  EXPECT_EQ(report.num_lost_corners, 0U);
+  EXPECT_EQ(report.num_poor_cells, 0U);
+  EXPECT_NEAR(report.volume, 6, 1e-12);
+}
+
+TEST_F(CreasedEngineTest, KeepsKnives) {
+  for (const int degrees : {15, 25, 40, 60, 80}) {
+    SCOPED_TRACE(degrees);
+    const Shape knife = testing_shapes::wedge(3, 2, degrees * std::numbers::pi / 180);
+    write_turned(knife);
+    const MeshOptions run = options(std::to_string(degrees), 0.2, 200);
+    EXPECT_EQ(mesh(run).outcome, RunOutcome::kDone);
+    const AuditReport report = audit_of(run);
+    EXPECT_TRUE(report.is_valid());
+    EXPECT_GT(report.crease_length, 15);
+    EXPECT_EQ(report.lost_crease_length, 0);
+    EXPECT_EQ(report.num_lost_corners, 0U);
+    EXPECT_NEAR(report.volume, report.surface_volume, 1e-9 * report.surface_volume);
+  }
+}
+
+// Two corners that are closer than the spacing floor are one, and nothing is small there.
+TEST_F(CreasedEngineTest, CornersCloserThanTheFloorAreOne) {
+  // An edge along z becomes a face, as wide as this.
+  constexpr double kWidth = 1e-5;
+  Shape prism;
+  const std::vector<Point> base = {
+      {0, 0, 0}, {3, 0, 0}, {3, 2 - kWidth, 0}, {3 - kWidth, 2, 0}, {0, 2, 0}};
+  const auto n = static_cast<std::uint32_t>(base.size());
+  for (const double z : {0.0, 1.0})
+    for (const Point& p : base) prism.vertices.push_back({p.x, p.y, z});
+  for (std::uint32_t i = 1; i + 1 < n; ++i) {
+    prism.triangles.push_back({0, i + 1, i});
+    prism.triangles.push_back({n, n + i, n + i + 1});
+  }
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const std::uint32_t j = (i + 1) % n;
+    prism.triangles.push_back({i, j, n + j});
+    prism.triangles.push_back({i, n + j, n + i});
+  }
+  write(prism);
+  const MeshOptions run = options("store", 0.3, 1000);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  const AuditReport report = audit_of(run);
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_EQ(report.lost_crease_length, 0);
+  EXPECT_LT(summary.run.counts.num_points, 2000U);
+}
+
+TEST_F(CreasedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write_turned(testing_shapes::wedge(3, 2, 0.5));
+  for (const bool is_graded : {false, true}) {
+    SCOPED_TRACE(is_graded);
+    const auto run = [&](const std::string& name) {
+      MeshOptions all = options(name + (is_graded ? " graded" : ""), 0.12, 100);
+      if (is_graded) all.growth = 0.2;
+      return all;
+    };
+    mesh(run("one"), with_threads(1));
+    const Contents expected = contents_of(run("one").store);
+    EXPECT_TRUE(expected.run.has_creases);
+    EXPECT_GT(expected.leaves.size(), 30U);
+    mesh(run("three"), with_threads(3));
+    EXPECT_TRUE(are_equal(contents_of(run("three").store), expected));
+    mesh_in_pieces(run("pieces"), 5, 1);
+    EXPECT_TRUE(are_equal(contents_of(run("pieces").store), expected));
+  }
 }
 
 // Each of its leaves has a few points, too few for a cell, and triangles whose corners are far
@@ -747,7 +845,7 @@ TEST_F(GradedEngineTest, BoundaryAndSurfaceAreWithinTheDeviationOfEachOther) {
 TEST_F(GradedEngineTest, NoCellHangsOnNothingAtAKnifeEdge) {
   write(wedge(0.4, 1, std::numbers::pi / 36));
   for (const std::uint64_t seed : {1, 2}) {
-    auto run = options("knife " + std::to_string(seed), 0.05, 30000);
+    auto run = smooth_options("knife " + std::to_string(seed), 0.05, 30000);
     run.seed = seed;
     EXPECT_EQ(mesh(run).outcome, RunOutcome::kUnresolved);
     EXPECT_EQ(boundary_of(contents_of(run.store)).euler_characteristic, 2) << seed;

@@ -541,7 +541,8 @@ TEST(Library, RefusesASourceThatHoldsErrorsBack) {
 TEST(Library, ListsPlacesWhereThePromiseIsNotKept) {
   const TempDir dir;
   const Mesh mesh = mesh_surface(
-      wedge().surface(), {.size = Size::length(0.1), .scratch = dir.path(), .spacing_floor = 0.5});
+      wedge().surface(),
+      {.size = Size::length(0.1), .scratch = dir.path(), .spacing_floor = 0.5, .sharp_angle = 0});
   ASSERT_GT(mesh.summary().num_unresolved, 1u);
   const std::vector<UnresolvedPlace> places = mesh.unresolved();
   EXPECT_EQ(places.size(), mesh.summary().num_unresolved);

@@ -76,7 +76,7 @@ class Lives {
 const char* name_of(std::optional<Phase> phase) {
   if (!phase) return "no run in the store";
   constexpr std::array kNames = {"ingest", "measure", "size", "scatter", "cover",
-                                 "fill",   "refine",  "mend", "done"};
+                                 "fill",   "refine",  "mend", "done",    "crease"};
   return kNames[static_cast<std::size_t>(*phase)];
 }
 

@@ -32,8 +32,8 @@ struct Latencies {
   int num_runs = 0;
 
   void add(const Ending& ending, const StoreState& left, bool has_output) {
-    constexpr const char* kNames[] = {"ingest", "measure", "size", "scatter",          "cover",
-                                      "fill",   "refine",  "mend", "measure and write"};
+    constexpr const char* kNames[] = {"ingest", "measure", "size", "scatter",           "cover",
+                                      "fill",   "refine",  "mend", "measure and write", "crease"};
     seconds.push_back(*ending.stop_seconds);
     num_abrupt += ending.err.find("in the middle of a step") != std::string::npos;
     ++by_phase[ending.exit_code == 0 || has_output ? "end"

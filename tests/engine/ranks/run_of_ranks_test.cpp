@@ -183,6 +183,26 @@ TEST_F(RunOfRanks, HasTheRecordsOfOneProcess) {
     EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, num_ranks % 2 + 1))) << num_ranks;
 }
 
+TEST_F(RunOfRanks, KeepsCreasesAsOneProcess) {
+  write_off(turned(testing_shapes::wedge(3, 2, 0.5)), scratch_ / "input.off");
+  for (const double growth : {0.0, 0.2}) {
+    MeshOptions options = this->options(growth > 0 ? "graded" : "store", 0.15, 100);
+    options.growth = growth;
+    mesh(options);
+    const Contents expected = contents_of(options.store);
+    EXPECT_TRUE(expected.run.has_creases);
+    for (const int num_ranks : {2, 5})
+      EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, 1)))
+          << num_ranks << ", " << growth;
+  }
+}
+
+TEST_F(RunOfRanks, WithCreasesGoesOnAfterAnyRankEnds) {
+  write_off(turned(testing_shapes::wedge(3, 2, 0.5)), scratch_ / "input.off");
+  for (std::uint64_t round = 0; round < 2; ++round)
+    expect_to_go_on_after_ends(options("store", 0.3, 200), round, 23);
+}
+
 TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
   write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
             scratch_ / "input.off");
@@ -443,7 +463,8 @@ TEST_F(RunOfRanks, SplitsLeavesAsOneProcess) {
 // Sites that stay unresolved, what is left out for them, and those that become one.
 TEST_F(RunOfRanks, MendsAsOneProcess) {
   write_off(knives(), scratch_ / "input.off");
-  const MeshOptions options = this->options("store", 1, 500);
+  MeshOptions options = this->options("store", 1, 500);
+  options.sharp_angle = 0;
   EXPECT_EQ(mesh(options).outcome, RunOutcome::kUnresolved);
   const Contents expected = contents_of(options.store);
   for (const int num_ranks : {3})

@@ -101,16 +101,11 @@ TEST_F(FacetSheets, OfACylinderBySharpEdges) {
   EXPECT_NEAR(areas.at(1), 4 * std::numbers::pi, 1);
   EXPECT_NEAR(areas.at(2), std::numbers::pi, 0.5);
   EXPECT_NEAR(areas.at(3), std::numbers::pi, 0.5);
-  // Sheets change no point and no cell.
   options.sharp_angle = 0;
   const Contents plain = meshed(options, "plain");
   EXPECT_TRUE(plain.sheets.sheets.empty());
-  ASSERT_EQ(plain.leaves.size(), contents.leaves.size());
-  for (const auto& [key, leaf] : plain.leaves) {
-    EXPECT_EQ(leaf.points, contents.leaves.at(key).points);
-    EXPECT_EQ(leaf.cells, contents.leaves.at(key).cells);
+  for (const auto& [key, leaf] : plain.leaves)
     for (const MeshFacet& facet : leaf.facets.facets) EXPECT_EQ(facet.labels, FacetLabels());
-  }
 }
 
 }  // namespace
