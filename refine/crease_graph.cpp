@@ -70,9 +70,11 @@ void CreaseGraph::find_fixed() {
 }
 
 void CreaseGraph::join_close(double floor) {
+  std::vector<bool> is_first(positions_.size());
   for (const bool is_for_corners : {true, false})
     for (Vertex v = 0; v < positions_.size(); ++v)
-      if (is_fixed_[v] && one_of_[v] == v && is_corner_[v] == is_for_corners) join_around(v, floor);
+      if (is_fixed_[v] && one_of_[v] == v && is_corner_[v] == is_for_corners)
+        join_around(v, floor, is_first);
   leave_out_short(3 * floor);
   for (Vertex v = 0; v < positions_.size(); ++v)
     if (one_of_[v] != v) is_corner_[v] = is_fixed_[v] = false;
@@ -84,7 +86,8 @@ void CreaseGraph::join_close(double floor) {
 }
 
 // What is fixed, closer along creases, and not of another one becomes one with it.
-void CreaseGraph::join_around(Vertex v, double floor) {
+void CreaseGraph::join_around(Vertex v, double floor, std::vector<bool>& is_first) {
+  is_first[v] = true;
   std::vector<std::pair<double, Vertex>> reached = {{0, v}};
   for (std::size_t n = 0; n < reached.size(); ++n) {
     const auto [along, here] = reached[n];
@@ -94,7 +97,7 @@ void CreaseGraph::join_around(Vertex v, double floor) {
       const auto known = std::ranges::find(reached, next, &std::pair<double, Vertex>::second);
       if (to_next >= floor || known != reached.end()) continue;
       reached.emplace_back(to_next, next);
-      if (is_fixed_[next] && one_of_[next] == next && next != v) one_of_[next] = v;
+      if (is_fixed_[next] && one_of_[next] == next && !is_first[next]) one_of_[next] = v;
     }
   }
 }

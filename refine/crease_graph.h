@@ -127,7 +127,7 @@ class CreaseGraph {
   void list_edges();
   void find_fixed();
   void join_close(double floor);
-  void join_around(Vertex v, double floor);
+  void join_around(Vertex v, double floor, std::vector<bool>& is_first);
   void leave_out_short(double most);
   void leave_out_if_short(Edge start, double most);
 

@@ -324,12 +324,24 @@ class CreaseCheck {
   // Of a point: on a crease, or at an own corner; in a cell.
   enum Mark : std::uint8_t { kOnCreaseMark = 1, kCornerMark = 2, kUsedMark = 4 };
 
+  // A corner of nothing but short ways is told apart from no other.
   void find_corners() {
+    std::vector<Point> of_short, of_long;
+    for (const AuditCreases::Way& way : creases_.ways())
+      for (const AuditCreases::Piece& piece : creases_.pieces(way)) {
+        std::vector<Point>& ends = way.length < 3 * bounds_.crease_floor ? of_short : of_long;
+        ends.insert(ends.end(), piece.begin(), piece.end());
+      }
+    sort_and_unite(of_short);
+    sort_and_unite(of_long);
     for (const CornerPoint& corner : leaf_.corners) corners_.push_back(corner.position);
     for (const CreaseEdge& edge : leaf_.creases)
       for (const std::size_t k : {0, 1})
         if (edge.is_corner[k]) corners_.push_back(edge.ends[k]);
-    std::erase_if(corners_, [&](const Point& p) { return !is_in_leaf(box_, p); });
+    std::erase_if(corners_, [&](const Point& p) {
+      return !is_in_leaf(box_, p) ||
+             (std::ranges::binary_search(of_short, p) && !std::ranges::binary_search(of_long, p));
+    });
     sort_and_unite(corners_);
   }
 

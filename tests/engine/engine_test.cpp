@@ -549,6 +549,19 @@ TEST_F(CreasedEngineTest, CornersCloserThanTheFloorAreOne) {
   EXPECT_LT(summary.run.counts.num_points, 2000U);
 }
 
+// A whole part that is smaller than the floor has no corner that could be kept.
+TEST_F(CreasedEngineTest, PartsSmallerThanTheFloorAreNoCreases) {
+  constexpr double kSide = 1e-4;
+  write(together(box_shape({{0, 0, 0}, {1, 1, 1}}),
+                 box_shape({{2, 0, 0}, {2 + kSide, kSide, kSide}})));
+  const MeshOptions run = options("store", 0.1, 1000);
+  EXPECT_EQ(mesh(run).outcome, RunOutcome::kDone);
+  const AuditReport report = audit_of(run);
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_NEAR(report.crease_length, 12, 0.01);
+  EXPECT_EQ(report.lost_crease_length, 0);
+}
+
 TEST_F(CreasedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
   write_turned(testing_shapes::wedge(3, 2, 0.5));
   for (const bool is_graded : {false, true}) {
