@@ -27,7 +27,8 @@ double Surroundings::crease_floor() const {
   return p.spacing_floor * p.sizes().least;
 }
 
-DomainPiece Surroundings::piece_in(const Box& region, GridFineness fineness) const {
+DomainPiece Surroundings::piece_in(const Box& region, GridFineness fineness,
+                                   void (DomainPiece::*add)(const LeafSurface&)) const {
   DomainPiece piece;
   piece.region = region;
   piece.fineness = fineness;
@@ -35,7 +36,7 @@ DomainPiece Surroundings::piece_in(const Box& region, GridFineness fineness) con
   for (const MortonKey leaf : run_.octree().leaves_within(run_.frame(), region, 0)) {
     throw_if_stopped(stop_);
     if (!run_.leaves().info(leaf).has_surface()) continue;
-    piece.add(run_.leaves().surface(leaf));
+    (piece.*add)(run_.leaves().surface(leaf));
     run_.leaves().trim();
   }
   piece.unite();
@@ -59,17 +60,7 @@ DomainPiece Surroundings::whole_domain(GridFineness fineness) const {
 }
 
 DomainPiece Surroundings::creases(MortonKey leaf, double distance) const {
-  DomainPiece piece;
-  piece.region = run_.box(leaf).expanded(distance);
-  piece.crease_floor = crease_floor();
-  for (const MortonKey other : run_.octree().leaves_within(run_.frame(), piece.region, 0)) {
-    throw_if_stopped(stop_);
-    if (!run_.leaves().info(other).has_surface()) continue;
-    piece.add_creases(run_.leaves().surface(other));
-    run_.leaves().trim();
-  }
-  piece.unite();
-  return piece;
+  return piece_in(run_.box(leaf).expanded(distance), {}, &DomainPiece::add_creases);
 }
 
 // Only points that samples may not hide ask for the surface: those on it, and volume points at most

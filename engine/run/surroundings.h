@@ -41,7 +41,9 @@ class Surroundings {
   std::vector<MeshPoint> points_within(MortonKey leaf, double distance,
                                        const IsTaken& is_taken) const;
   double crease_floor() const;
-  DomainPiece piece_in(const Box& region, GridFineness fineness) const;
+  // What leaves have of it goes there by `add`.
+  DomainPiece piece_in(const Box& region, GridFineness fineness,
+                       void (DomainPiece::*add)(const LeafSurface&) = &DomainPiece::add) const;
 
   RunView run_;
   const StopToken* stop_;
