@@ -99,17 +99,32 @@ CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options) {
       ->type_name("leaf|quality");
 }
 
-void check_cell_data(const OutputOptions& options) {
+void check_output(const OutputOptions& options) {
   if (options.has_quality && !info_of(options.format).has_cell_data)
     throw CLI::ValidationError("--cell-data",
                                fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
                                            info_of(options.format).name));
+  try {
+    require_order(options);
+  } catch (const InputError& error) {
+    throw CLI::ValidationError("--order", error.what());
+  }
 }
 
 CLI::Option* add_boundary(CLI::App& app, OutputOptions& options) {
   return app.add_flag("--boundary", options.has_boundary,
                       "Write the boundary's triangles with the cells, and of which sheet each is "
                       "(vtu, vtu-zlib, vtkhdf, tetgen; the other formats always do)");
+}
+
+CLI::Option* add_order(CLI::App& app, OutputOptions& options) {
+  return app
+      .add_option(
+          "--order", options.order,
+          "2: cells have a node in the middle of each edge, too; those of boundary edges are "
+          "on the surface (default: 1)")
+      ->check(CLI::Range(1, 2))
+      ->type_name("1|2");
 }
 
 CLI::Option* add_faces(CLI::App& app, OutputOptions& options) {
@@ -124,6 +139,7 @@ CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, Outpu
   CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
   add_cell_data(app, options)->needs(file);
   add_boundary(app, options)->needs(file);
+  add_order(app, options)->needs(file);
   add_faces(app, options)->needs(file);
   app.final_callback([&output, &options, file, format] {
     if (file->count() == 0) return;
@@ -133,7 +149,7 @@ CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, Outpu
     } catch (const InputError& error) {
       throw CLI::ValidationError("-o", fmt::format("{}, or --format names one", error.what()));
     }
-    check_cell_data(options);
+    check_output(options);
   });
   return file;
 }

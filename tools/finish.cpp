@@ -115,6 +115,7 @@ void tell_how_to_resume(const RunPlace& place, const RunCommand& command, Progre
       arguments += fmt::format(" --format {}", info_of(options.format).name);
     if (options.has_quality) arguments += " --cell-data quality";
     if (options.has_boundary) arguments += " --boundary";
+    if (options.order == 2) arguments += " --order 2";
     if (options.has_faces) arguments += " --faces";
     if (command.control.is_in_pieces) arguments += " --pieces";
   }
@@ -329,8 +330,19 @@ std::string written_text(const std::filesystem::path& output, const OutputOption
   if (info_of(options.format).is_surface)
     return fmt::format("{:<16} {}: {} boundary triangles, {}\n", "written", names,
                        written.num_boundary_facets, bytes_text(written.bytes));
-  return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", names, written.num_cells,
-                     written.num_vertices, bytes_text(written.bytes));
+  if (options.order == 1)
+    return fmt::format("{:<16} {}: {} cells, {} vertices, {}\n", "written", names,
+                       written.num_cells, written.num_vertices, bytes_text(written.bytes));
+  const std::string off =
+      written.num_nodes_off_surface > 0
+          ? fmt::format(" ({} of boundary edges off it)", written.num_nodes_off_surface)
+          : "";
+  return fmt::format(
+      "{:<16} {}: {} cells of order 2, {} vertices, {} nodes in the middle of edges, {} moved to "
+      "the "
+      "surface{}, {}\n",
+      "written", names, written.num_cells, written.num_vertices, written.num_nodes,
+      written.num_nodes_on_surface, off, bytes_text(written.bytes));
 }
 
 Json written_json(const std::filesystem::path& output, const OutputOptions& options,
@@ -338,6 +350,12 @@ Json written_json(const std::filesystem::path& output, const OutputOptions& opti
   Json json = to_json(written);
   json["file"] = names_of(output, options).front();
   json["format"] = info_of(options.format).name;
+  json["order"] = options.order;
+  if (options.order == 2) {
+    json["num_nodes"] = written.num_nodes;
+    json["num_nodes_on_surface"] = written.num_nodes_on_surface;
+    json["num_nodes_off_surface"] = written.num_nodes_off_surface;
+  }
   return json;
 }
 

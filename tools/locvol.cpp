@@ -67,7 +67,8 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   add_format(*info, command.output_options, "vtu");
   add_cell_data(*info, command.output_options);
   add_boundary(*info, command.output_options);
-  info->final_callback([&command] { check_cell_data(command.output_options); });
+  add_order(*info, command.output_options);
+  info->final_callback([&command] { check_output(command.output_options); });
   add_vtu(*info, command.vtu, "Find the sizes, and write their octree to this file, to look at");
   add_json(*info, command.is_json);
   return info;

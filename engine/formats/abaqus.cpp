@@ -1,5 +1,7 @@
+#include <algorithm>
 #include <array>
 #include <charconv>
+#include <optional>
 
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
@@ -24,11 +26,11 @@ void add_coordinate(double value, Text& text) {
   text.add(std::string_view(start, end));
 }
 
-Text nodes_of(const MeshPiece& piece) {
+Text nodes_of(const std::vector<MeshPiece::Vertex>& points, std::uint64_t first) {
   Text text;
-  text.reserve(64 * piece.points.size());
-  std::uint64_t label = piece.first_vertex;
-  for (const auto& point : piece.points) {
+  text.reserve(64 * points.size());
+  std::uint64_t label = first;
+  for (const auto& point : points) {
     text.add(++label);
     for (const double coordinate : point) {
       text.add(", ");
@@ -42,10 +44,11 @@ Text nodes_of(const MeshPiece& piece) {
 Text elements_of(const MeshPiece& piece) {
   Text text;
   text.reserve(48 * piece.cells.size());
-  std::uint64_t label = piece.first_cell;
-  for (const auto& cell : piece.cells) {
-    text.add(++label);
-    for (const std::int64_t v : cell) text.add(", ").add(static_cast<std::uint64_t>(v) + 1);
+  for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+    text.add(piece.first_cell + i + 1);
+    const auto add = [&](std::int64_t v) { text.add(", ").add(static_cast<std::uint64_t>(v) + 1); };
+    std::ranges::for_each(piece.cells[i], add);
+    if (!piece.nodes.empty()) std::ranges::for_each(piece.nodes[i], add);
     text.add('\n');
   }
   return text;
@@ -58,15 +61,35 @@ Text faces_of(const BoundarySurface::Facets& some) {
   return text;
 }
 
-// `num_all`: vertices of the boundary
-Text node_set_of(const BoundarySurface::Vertices& some, std::uint64_t num_all) {
+// `num_before`, `num_all`: vertices and nodes of the set, before these and all
+Text node_set_of(const BoundarySurface::Vertices& some, std::uint64_t num_before,
+                 std::uint64_t num_all) {
   Text text;
-  std::uint64_t count = some.first;
+  std::uint64_t count = num_before + some.first;
   for (const std::uint64_t vertex : some.vertices) {
     const bool ends_line = ++count % kLabelsPerLine == 0 || count == num_all;
     text.add(vertex + 1).add(ends_line ? "\n" : ", ");
   }
   return text;
+}
+
+// Vertices, and then nodes.
+void append_node_set(MeshSource& mesh, std::optional<SheetId> sheet, AppendedFile& out) {
+  BoundarySurface& boundary = mesh.boundary();
+  const std::uint64_t num_vertices =
+      sheet ? boundary.num_vertices_of(*sheet) : boundary.num_vertices();
+  std::uint64_t num_all = num_vertices;
+  if (mesh.order() == 2)
+    num_all += sheet ? mesh.boundary_nodes().num_nodes_of(*sheet) : mesh.boundary_nodes().size();
+  const auto append = [&](const auto& next, std::uint64_t num_before) {
+    append_boundary(out, mesh, next, [=](const BoundarySurface::Vertices& some) {
+      return node_set_of(some, num_before, num_all);
+    });
+  };
+  append(sheet ? boundary.vertices_of(*sheet) : boundary.vertices(), 0);
+  if (mesh.order() == 2)
+    append(sheet ? mesh.boundary_nodes().nodes_of(*sheet) : mesh.boundary_nodes().nodes(),
+           num_vertices);
 }
 
 // A set of nodes and a surface of each sheet, for CalculiX derives none from the other.
@@ -79,11 +102,7 @@ void append_sheets(MeshSource& mesh, AppendedFile& out) {
     const std::string& name = names[sheet - 1];
     if (boundary.num_facets_of(sheet) == 0) continue;  // a set that is empty is refused
     out.append("*NSET, NSET=" + name + '\n');
-    append_boundary(
-        out, mesh, boundary.vertices_of(sheet),
-        [&, num_all = boundary.num_vertices_of(sheet)](const BoundarySurface::Vertices& some) {
-          return node_set_of(some, num_all);
-        });
+    append_node_set(mesh, sheet, out);
     out.append("*SURFACE, NAME=" + name + ", TYPE=ELEMENT\n");
     append_boundary(out, mesh, boundary.facets_of(sheet, {}), faces_of);
   }
@@ -93,16 +112,20 @@ void append_sheets(MeshSource& mesh, AppendedFile& out) {
 
 std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  const std::uint64_t num_vertices = boundary.num_vertices();
+  boundary.num_vertices();
   AppendedFile out(file, mesh.exchange());
   out.append("*HEADING\ntetrahedra by locvol\n*NODE\n");
-  append_pieces(out, mesh, {.has_points = true}, nodes_of);
-  out.append("*ELEMENT, TYPE=C3D4, ELSET=volume\n");
+  append_pieces(out, mesh, {.has_points = true},
+                [](const MeshPiece& piece) { return nodes_of(piece.points, piece.first_vertex); });
+  if (mesh.order() == 2)
+    append_pieces(out, mesh, {.has_node_points = true}, [](const MeshPiece& piece) {
+      return nodes_of(piece.node_points, piece.first_node);
+    });
+  out.append(mesh.order() == 2 ? "*ELEMENT, TYPE=C3D10, ELSET=volume\n"
+                               : "*ELEMENT, TYPE=C3D4, ELSET=volume\n");
   append_pieces(out, mesh, {.has_cells = true}, elements_of);
   out.append("*NSET, NSET=boundary\n");
-  append_boundary(out, mesh, boundary.vertices(), [&](const BoundarySurface::Vertices& some) {
-    return node_set_of(some, num_vertices);
-  });
+  append_node_set(mesh, std::nullopt, out);
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
   append_boundary(out, mesh, boundary.facets({}), faces_of);
   if (!mesh.sheets().sheets.empty()) append_sheets(mesh, out);

@@ -1,7 +1,7 @@
 #include <array>
 #include <bit>
+#include <numeric>
 #include <optional>
-#include <ranges>
 #include <span>
 #include <vector>
 
@@ -14,8 +14,12 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
-constexpr std::int32_t kTriangle = 2, kTetrahedron = 4;  // Gmsh's types of elements
-constexpr std::int32_t kVolume = 1;                      // entity; each sheet is one
+// Gmsh's types of elements. Of second order, the last two nodes of a tetrahedron change places.
+constexpr std::int32_t triangle_type(int order) { return order == 2 ? 9 : 2; }
+constexpr std::int32_t tetrahedron_type(int order) { return order == 2 ? 11 : 4; }
+constexpr std::array<std::size_t, 6> kGmshCellNodes = {0, 1, 2, 3, 5, 4};
+
+constexpr std::int32_t kVolume = 1;  // entity; each sheet is one
 
 // Sheets have their ids as surfaces and as physical groups, whose numbers are all different.
 std::int32_t surface_of(SheetId sheet) { return static_cast<std::int32_t>(sheet); }
@@ -59,7 +63,7 @@ Msh4Tags tags_of(MeshSource& mesh) {
   if (mesh.num_vertices() == 0) return tags;
   const auto [least, most] = mesh.range_of_numbers();
   tags.least_vertex = least + 1;
-  tags.most_vertex = most + 1;
+  tags.most_vertex = most + mesh.num_nodes() + 1;
   return tags;
 }
 
@@ -136,7 +140,7 @@ void add_block_head(std::int32_t dimension, std::int32_t entity, std::int32_t ty
 // Of the triangles of a sheet; none if there are none.
 Bytes sheet_head(MeshSource& mesh, SheetId sheet, SheetId num_sheets) {
   Bytes head;
-  add_block_head(2, surface_of(sheet, num_sheets, mesh.part()), kTriangle,
+  add_block_head(2, surface_of(sheet, num_sheets, mesh.part()), triangle_type(mesh.order()),
                  mesh.num_boundary_facets_of(sheet), head);
   return head;
 }
@@ -173,18 +177,19 @@ Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) 
   middle.add_text("\n$EndNodes\n$Elements\n");
   add_section_head(num_volumes + num_surfaces, n.num_cells + n.num_facets, tags.first_cell,
                    last_tag, middle);
-  add_block_head(3, volume_of(mesh.part()), kTetrahedron, n.num_cells, middle);
+  add_block_head(3, volume_of(mesh.part()), tetrahedron_type(mesh.order()), n.num_cells, middle);
   return frame;
 }
 
-constexpr std::uint64_t kCellBytes4 = 5 * 8, kFacetBytes4 = 4 * 8;
+constexpr std::uint64_t cell_bytes4(int order) { return 8 * (1 + num_corners_of_cell(order)); }
+constexpr std::uint64_t facet_bytes4(int order) { return 8 * (1 + num_corners_of_facet(order)); }
 
 void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) {
   layout.tags = frame.before_nodes.size();
   layout.coordinates = layout.tags + 8 * layout.num_vertices;
   layout.cells = layout.coordinates + 24 * layout.num_vertices + frame.before_cells.size();
-  layout.facets = layout.cells + kCellBytes4 * layout.num_cells;
-  layout.end = layout.facets + kFacetBytes4 * layout.num_facets;
+  layout.facets = layout.cells + cell_bytes4(mesh.order()) * layout.num_cells;
+  layout.end = layout.facets + facet_bytes4(mesh.order()) * layout.num_facets;
   const SheetId num_sheets = mesh.boundary().num_sheets();
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
     layout.end += sheet_head(mesh, sheet, num_sheets).size();
@@ -195,16 +200,25 @@ void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layo
   const auto tag_of = [&](std::uint64_t vertex) { return mesh.number_of(vertex) + 1; };
   std::vector<std::uint64_t> tags(piece.points.size());
   for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = tag_of(piece.first_vertex + i);
-  std::vector<std::array<std::uint64_t, 5>> cells(piece.cells.size());
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    cells[i][0] = first_tag + piece.first_cell + i;
-    for (std::size_t k = 0; k < 4; ++k)
-      cells[i][k + 1] = tag_of(static_cast<std::uint64_t>(piece.cells[i][k]));
+  std::vector<std::uint64_t> node_tags(piece.node_points.size());
+  std::iota(node_tags.begin(), node_tags.end(), piece.first_node + 1);
+  std::vector<std::uint64_t> cells;
+  cells.reserve((1 + num_corners_of_cell(mesh.order())) * piece.cells.size());
+  for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+    cells.push_back(first_tag + piece.first_cell + i);
+    for (const std::int64_t v : piece.cells[i])
+      cells.push_back(tag_of(static_cast<std::uint64_t>(v)));
+    if (!piece.nodes.empty())
+      for (const std::size_t n : kGmshCellNodes)
+        cells.push_back(static_cast<std::uint64_t>(piece.nodes[i][n]) + 1);
   }
-  const std::array<PlacedFile::Part, 3> parts = {
+  const std::array<PlacedFile::Part, 5> parts = {
       {{layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},
        {layout.coordinates + 24 * piece.first_vertex, std::as_bytes(std::span(piece.points))},
-       {layout.cells + kCellBytes4 * piece.first_cell, std::as_bytes(std::span(cells))}}};
+       {layout.tags + 8 * piece.first_node, std::as_bytes(std::span(node_tags))},
+       {layout.coordinates + 24 * piece.first_node, std::as_bytes(std::span(piece.node_points))},
+       {layout.cells + cell_bytes4(mesh.order()) * piece.first_cell,
+        std::as_bytes(std::span(cells))}}};
   out.write(parts);
 }
 
@@ -215,16 +229,12 @@ struct Node2 {
   std::array<double, 3> position;
 } __attribute__((packed));
 
-template <std::size_t num_vertices>
-using Element2 = std::array<std::int32_t, 3 + num_vertices>;  // tag, group, entity, vertices
-
-template <std::size_t num_vertices>
-Element2<num_vertices> element2(std::uint64_t tag, std::int32_t group, std::int32_t entity,
-                                const auto& vertices) {
-  Element2<num_vertices> element = {static_cast<std::int32_t>(tag), group, entity};
-  for (std::size_t k = 0; k < num_vertices; ++k)
-    element[3 + k] = static_cast<std::int32_t>(vertices[k]) + 1;
-  return element;
+// Tag, group, entity, vertices.
+constexpr std::uint64_t element_bytes2(std::uint64_t num_corners) { return 4 * (3 + num_corners); }
+void add_element2(std::uint64_t tag, std::int32_t group, std::int32_t entity, const auto& vertices,
+                  Bytes& bytes) {
+  bytes.add(static_cast<std::int32_t>(tag)).add(group).add(entity);
+  for (const auto v : vertices) bytes.add(static_cast<std::int32_t>(v) + 1);
 }
 
 // Of `count` elements, each with two tags.
@@ -237,8 +247,7 @@ void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   boundary.sort_facets();
-  Msh4Layout layout{
-      mesh.num_vertices(), mesh.num_cells(), mesh.num_boundary_facets(), 0, 0, 0, 0, 0};
+  Msh4Layout layout{mesh.num_points(), mesh.num_cells(), mesh.num_boundary_facets(), 0, 0, 0, 0, 0};
   const Msh4Tags tags = tags_of(mesh);
   const Msh4Frame frame = frame_of(mesh, layout, tags);
   place_arrays(mesh, frame, layout);
@@ -251,7 +260,7 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
       file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
     }
     mesh.for_each_piece(
-        {.has_points = true, .has_cells = true},
+        {.has_points = true, .has_cells = true, .has_node_points = true},
         [&](const MeshPiece& piece) {
           write_piece4(mesh, piece, layout, tags.first_cell, out);
           return true;
@@ -260,16 +269,19 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   });
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
-    std::uint64_t tag = 1 + mesh.num_all_cells() + some.first;
-    for (const auto& [a, b, c] : std::views::transform(some.facets, &BoundaryFacet::vertices))
-      list.add(std::array<std::uint64_t, 4>{tag++, a + 1, b + 1, c + 1});
+    for (std::size_t i = 0; i < some.facets.size(); ++i) {
+      list.add(1 + mesh.num_all_cells() + some.first + i);
+      for (const std::uint64_t v : some.facets[i].vertices) list.add(v + 1);
+      if (some.nodes.empty()) continue;
+      for (const std::uint64_t n : some.nodes[i]) list.add(n + 1);
+    }
     return list;
   };
   AppendedFile facets(file, mesh.exchange(), layout.facets);
   for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
     facets.append(sheet_head(mesh, sheet, boundary.num_sheets()).bytes());
     append_boundary(facets, mesh, boundary.facets_of(sheet, {}), facet_lines,
-                    kFacetBytes4 * boundary.num_own_facets_of(sheet));
+                    facet_bytes4(mesh.order()) * boundary.num_own_facets_of(sheet));
   }
   facets.append(Msh4Frame::kAfter);
   return bytes;
@@ -278,48 +290,60 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets();
+  const int order = mesh.order();
+  const std::uint64_t cell_bytes = element_bytes2(num_corners_of_cell(order)),
+                      facet_bytes = element_bytes2(num_corners_of_facet(order));
   AppendedFile out(file, mesh.exchange());
   Bytes head;
   add_format("2.2", mesh, boundary.num_sheets(), head);
   out.append(head.bytes());
-  out.append(Text().add("$Nodes\n").add(mesh.num_vertices()).add('\n').text());
-  const auto node_lines = [](const MeshPiece& piece) {
+  out.append(Text().add("$Nodes\n").add(mesh.num_points()).add('\n').text());
+  const auto node_lines = [](const std::vector<MeshPiece::Vertex>& points, std::uint64_t tag) {
     Bytes nodes;
-    nodes.reserve(sizeof(Node2) * piece.points.size());
-    std::uint64_t tag = piece.first_vertex;
-    for (const auto& point : piece.points)
-      nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
+    nodes.reserve(sizeof(Node2) * points.size());
+    for (const auto& point : points) nodes.add(Node2{static_cast<std::int32_t>(++tag), point});
     return nodes;
   };
-  append_pieces(out, mesh, {.has_points = true}, node_lines,
-                sizeof(Node2) * mesh.own_vertices().size());
+  append_pieces(
+      out, mesh, {.has_points = true},
+      [&](const MeshPiece& piece) { return node_lines(piece.points, piece.first_vertex); },
+      sizeof(Node2) * mesh.own_vertices().size());
+  if (order == 2)
+    append_pieces(
+        out, mesh, {.has_node_points = true},
+        [&](const MeshPiece& piece) { return node_lines(piece.node_points, piece.first_node); },
+        sizeof(Node2) * mesh.own_nodes().size());
   out.append(Text().add("\n$EndNodes\n$Elements\n").add(num_cells + num_facets).add('\n').text());
   Bytes cell_head, facet_head;
-  add_element_head2(kTetrahedron, num_cells, cell_head);
+  add_element_head2(tetrahedron_type(order), num_cells, cell_head);
   out.append(cell_head.bytes());
   const std::int32_t cell_group = volume_group(boundary.num_sheets());
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes cells;
-    cells.reserve(sizeof(Element2<4>) * piece.cells.size());
-    std::uint64_t tag = piece.first_cell;
-    for (const auto& cell : piece.cells) cells.add(element2<4>(++tag, cell_group, kVolume, cell));
+    cells.reserve(cell_bytes * piece.cells.size());
+    for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+      add_element2(piece.first_cell + i + 1, cell_group, kVolume, piece.cells[i], cells);
+      if (piece.nodes.empty()) continue;
+      for (const std::size_t n : kGmshCellNodes)
+        cells.add(static_cast<std::int32_t>(piece.nodes[i][n]) + 1);
+    }
     return cells;
   };
-  append_pieces(out, mesh, {.has_cells = true}, cell_lines,
-                sizeof(Element2<4>) * mesh.own_cells().size());
-  add_element_head2(kTriangle, num_facets, facet_head);
+  append_pieces(out, mesh, {.has_cells = true}, cell_lines, cell_bytes * mesh.own_cells().size());
+  add_element_head2(triangle_type(order), num_facets, facet_head);
   out.append(facet_head.bytes());
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
-    std::uint64_t tag = num_cells + some.first;
-    for (const BoundaryFacet& facet : some.facets) {
-      const std::int32_t surface = surface_of(facet.labels.sheet);
-      list.add(element2<3>(++tag, surface, surface, facet.vertices));
+    for (std::size_t i = 0; i < some.facets.size(); ++i) {
+      const std::int32_t surface = surface_of(some.facets[i].labels.sheet);
+      add_element2(num_cells + some.first + i + 1, surface, surface, some.facets[i].vertices, list);
+      if (some.nodes.empty()) continue;
+      for (const std::uint64_t n : some.nodes[i]) list.add(static_cast<std::int32_t>(n) + 1);
     }
     return list;
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,
-                  sizeof(Element2<3>) * boundary.num_own_facets());
+                  facet_bytes * boundary.num_own_facets());
   out.append("\n$EndElements\n");
   return out.size();
 }

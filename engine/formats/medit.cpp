@@ -1,5 +1,7 @@
 #include <array>
 #include <bit>
+#include <span>
+#include <vector>
 
 #include "engine/formats/formats.h"
 #include "engine/formats/limits.h"
@@ -18,30 +20,41 @@ bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uin
 
 // ---- Text ---------------------------------------------------------------------------------------
 
-Text vertices_of(const MeshPiece& piece) {
+Text vertices_of(const std::vector<MeshPiece::Vertex>& points) {
   Text text;
-  text.reserve(64 * piece.points.size());
-  for (const auto& [x, y, z] : piece.points)
+  text.reserve(64 * points.size());
+  for (const auto& [x, y, z] : points)
     text.add(x).add(' ').add(y).add(' ').add(z).add(' ').add(kReference).add('\n');
   return text;
 }
 
-void add_element(const auto& vertices, std::uint64_t reference, Text& text) {
+void add_element(const auto& vertices, const auto& nodes, std::uint64_t reference, Text& text) {
   for (const auto v : vertices) text.add(static_cast<std::uint64_t>(v) + 1).add(' ');
+  for (const auto v : nodes) text.add(static_cast<std::uint64_t>(v) + 1).add(' ');
   text.add(reference).add('\n');
+}
+
+// Of an element of second order; else none.
+template <class Nodes>
+std::span<const typename Nodes::value_type> nodes_at(const std::vector<Nodes>& nodes,
+                                                     std::size_t element) {
+  if (nodes.empty()) return {};
+  return nodes[element];
 }
 
 Text cells_of(const MeshPiece& piece) {
   Text text;
   text.reserve(40 * piece.cells.size());
-  for (const auto& cell : piece.cells) add_element(cell, kReference, text);
+  for (std::size_t i = 0; i < piece.cells.size(); ++i)
+    add_element(piece.cells[i], nodes_at(piece.nodes, i), kReference, text);
   return text;
 }
 
 Text facets_of(const BoundarySurface::Facets& some) {
   Text text;
-  for (const BoundaryFacet& facet : some.facets)
-    add_element(facet.vertices, facet.labels.sheet, text);
+  for (std::size_t i = 0; i < some.facets.size(); ++i)
+    add_element(some.facets[i].vertices, nodes_at(some.nodes, i), some.facets[i].labels.sheet,
+                text);
   return text;
 }
 
@@ -56,6 +69,8 @@ enum Keyword : std::int32_t {
   kVertices = 4,
   kTriangles = 6,
   kTetrahedra = 8,
+  kTrianglesP2 = 24,
+  kTetrahedraP2 = 30,
   kEnd = 54,
 };
 
@@ -77,20 +92,23 @@ struct Widths {
   void add_integer(std::uint64_t value, Bytes& bytes) const {
     version >= 4 ? bytes.add(value) : bytes.add(static_cast<std::int32_t>(value));
   }
-  void add_element(const auto& vertices, std::uint64_t reference, Bytes& bytes) const {
+  void add_element(const auto& vertices, const auto& nodes, std::uint64_t reference,
+                   Bytes& bytes) const {
     for (const auto v : vertices) add_integer(static_cast<std::uint64_t>(v) + 1, bytes);
+    for (const auto v : nodes) add_integer(static_cast<std::uint64_t>(v) + 1, bytes);
     add_integer(reference, bytes);
   }
 };
 
 struct Counts {
   std::uint64_t num_vertices, num_cells, num_facets;
+  std::uint64_t num_corners, num_facet_corners;  // of each
 };
 
 std::uint64_t file_bytes(const Widths& widths, const Counts& n) {
   return widths.head() + widths.section(n.num_vertices, widths.vertex()) +
-         widths.section(n.num_cells, widths.element(4)) +
-         widths.section(n.num_facets, widths.element(3)) + 4 + widths.place();
+         widths.section(n.num_cells, widths.element(n.num_corners)) +
+         widths.section(n.num_facets, widths.element(n.num_facet_corners)) + 4 + widths.place();
 }
 
 Widths widths_for(const Counts& n, int least_version) {
@@ -105,14 +123,19 @@ Widths widths_for(const Counts& n, int least_version) {
 std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   AppendedFile out(file, mesh.exchange());
-  const bool is_wide = needs_64_bits(mesh.num_vertices(), mesh.num_cells(), boundary.num_facets());
+  const bool is_wide = needs_64_bits(mesh.num_points(), mesh.num_cells(), boundary.num_facets());
+  const bool is_second = mesh.order() == 2;
   out.append(is_wide ? "MeshVersionFormatted 4\n" : "MeshVersionFormatted 2\n");
   out.append("\nDimension 3\n");
-  out.append(section("Vertices", mesh.num_vertices()));
-  append_pieces(out, mesh, {.has_points = true}, vertices_of);
-  out.append(section("Tetrahedra", mesh.num_cells()));
+  out.append(section("Vertices", mesh.num_points()));
+  append_pieces(out, mesh, {.has_points = true},
+                [](const MeshPiece& piece) { return vertices_of(piece.points); });
+  if (is_second)
+    append_pieces(out, mesh, {.has_node_points = true},
+                  [](const MeshPiece& piece) { return vertices_of(piece.node_points); });
+  out.append(section(is_second ? "TetrahedraP2" : "Tetrahedra", mesh.num_cells()));
   append_pieces(out, mesh, {.has_cells = true}, cells_of);
-  out.append(section("Triangles", boundary.num_facets()));
+  out.append(section(is_second ? "TrianglesP2" : "Triangles", boundary.num_facets()));
   append_boundary(out, mesh, boundary.facets({}), facets_of);
   out.append("\nEnd\n");
   return out.size();
@@ -120,7 +143,9 @@ std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
 
 std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version) {
   BoundarySurface& boundary = mesh.boundary();
-  const Counts n{mesh.num_vertices(), mesh.num_cells(), boundary.num_facets()};
+  const Counts n{mesh.num_points(), mesh.num_cells(), boundary.num_facets(),
+                 num_corners_of_cell(mesh.order()), num_corners_of_facet(mesh.order())};
+  const bool is_second = mesh.order() == 2;
   const Widths widths = widths_for(n, least_version);
   const std::uint64_t bytes = file_bytes(widths, n);
   if (mesh.is_of_first_rank()) file.reserve(bytes);
@@ -138,32 +163,43 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
   out.append(head.add(std::int32_t{3}).bytes());
 
   begin_section(kVertices, n.num_vertices, widths.vertex());
-  const auto vertex_lines = [&](const MeshPiece& piece) {
+  const auto vertex_lines = [&](const std::vector<MeshPiece::Vertex>& points) {
     Bytes some;
-    some.reserve(widths.vertex() * piece.points.size());
-    for (const auto& point : piece.points) widths.add_integer(kReference, some.add(point));
+    some.reserve(widths.vertex() * points.size());
+    for (const auto& point : points) widths.add_integer(kReference, some.add(point));
     return some;
   };
-  append_pieces(out, mesh, {.has_points = true}, vertex_lines,
-                widths.vertex() * mesh.own_vertices().size());
-  begin_section(kTetrahedra, n.num_cells, widths.element(4));
+  append_pieces(
+      out, mesh, {.has_points = true},
+      [&](const MeshPiece& piece) { return vertex_lines(piece.points); },
+      widths.vertex() * mesh.own_vertices().size());
+  if (is_second)
+    append_pieces(
+        out, mesh, {.has_node_points = true},
+        [&](const MeshPiece& piece) { return vertex_lines(piece.node_points); },
+        widths.vertex() * mesh.own_nodes().size());
+  begin_section(is_second ? kTetrahedraP2 : kTetrahedra, n.num_cells,
+                widths.element(n.num_corners));
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes some;
-    some.reserve(widths.element(4) * piece.cells.size());
-    for (const auto& cell : piece.cells) widths.add_element(cell, kReference, some);
+    some.reserve(widths.element(n.num_corners) * piece.cells.size());
+    for (std::size_t i = 0; i < piece.cells.size(); ++i)
+      widths.add_element(piece.cells[i], nodes_at(piece.nodes, i), kReference, some);
     return some;
   };
   append_pieces(out, mesh, {.has_cells = true}, cell_lines,
-                widths.element(4) * mesh.own_cells().size());
-  begin_section(kTriangles, n.num_facets, widths.element(3));
+                widths.element(n.num_corners) * mesh.own_cells().size());
+  begin_section(is_second ? kTrianglesP2 : kTriangles, n.num_facets,
+                widths.element(n.num_facet_corners));
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
-    for (const BoundaryFacet& facet : some.facets)
-      widths.add_element(facet.vertices, facet.labels.sheet, list);
+    for (std::size_t i = 0; i < some.facets.size(); ++i)
+      widths.add_element(some.facets[i].vertices, nodes_at(some.nodes, i),
+                         some.facets[i].labels.sheet, list);
     return list;
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,
-                  widths.element(3) * boundary.num_own_facets());
+                  widths.element(n.num_facet_corners) * boundary.num_own_facets());
   Bytes end;
   widths.add_place(0, end.add(kEnd));
   out.append(end.bytes());

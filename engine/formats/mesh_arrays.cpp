@@ -24,10 +24,10 @@ std::string_view vtk_int(std::uint64_t value_bytes) { return value_bytes == 4 ? 
 
 template <class Int>
 std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t num_tetrahedra) {
+                                    std::uint64_t num_tetrahedra, int order) {
   std::vector<std::byte> bytes(count * sizeof(Int));
   for (std::uint64_t i = 0; i < count; ++i) {
-    const auto offset = static_cast<Int>(corners_before(first + i, num_tetrahedra));
+    const auto offset = static_cast<Int>(corners_before(first + i, num_tetrahedra, order));
     std::memcpy(&bytes[i * sizeof(Int)], &offset, sizeof(Int));
   }
   return bytes;
@@ -69,7 +69,8 @@ auto bytes_of_pieces(std::function<std::optional<Piece>()> pieces, Encode encode
 }  // namespace
 
 IndexWidths index_widths(const MeshCounts& n) {
-  const std::uint64_t num_corners = 4 * n.num_cells + 3 * n.num_boundary_facets;
+  const std::uint64_t num_corners =
+      corners_before(n.num_cells + n.num_boundary_facets, n.num_cells, n.order);
   return {n.num_vertices <= kMaxInt32 ? 4u : 8u, num_corners <= kMaxInt32 ? 4u : 8u};
 }
 
@@ -79,7 +80,7 @@ std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& out
   std::vector<ArrayInfo> arrays = {
       {ArrayName::kPoints, "Points", "Float64", 3, 8, n.num_vertices},
       {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 1,
-       widths.connectivity, corners_before(num_cells, n.num_cells)},
+       widths.connectivity, corners_before(num_cells, n.num_cells, n.order)},
       {ArrayName::kEnds, "offsets", vtk_int(widths.offsets), 1, widths.offsets, num_cells},
       {ArrayName::kLeaf, "leaf", "UInt32", 1, 4, num_cells, true},
   };
@@ -99,9 +100,10 @@ std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& out
 }
 
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra) {
-  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count, num_tetrahedra)
-                          : offsets_from<std::int64_t>(first, count, num_tetrahedra);
+                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra,
+                                    int order) {
+  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count, num_tetrahedra, order)
+                          : offsets_from<std::int64_t>(first, count, num_tetrahedra, order);
 }
 
 ArrayBlocks::ArrayBlocks(MeshSource& mesh, const OutputOptions& options,
@@ -137,11 +139,17 @@ void ArrayBlocks::measure(const std::filesystem::path& output) {
 std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
   if (info.array == ArrayName::kPointIds) return {{mesh_.own_vertices(), nullptr}};
   if (info.array == ArrayName::kPoints) {
-    const auto bytes = [](const MeshPiece& piece) {
-      return std::as_bytes(std::span(piece.points));
+    const auto reader = [&](const PieceParts& parts, auto MeshPiece::*points) -> ReadItems {
+      return bytes_of_pieces<MeshPiece>(mesh_.pieces(parts), [points](const MeshPiece& piece) {
+        return std::as_bytes(std::span(piece.*points));
+      });
     };
-    return {{mesh_.own_vertices(),
-             bytes_of_pieces<MeshPiece>(mesh_.pieces({.has_points = true}), bytes)}};
+    std::vector<Run> runs = {
+        {mesh_.own_vertices(), reader({.has_points = true}, &MeshPiece::points)}};
+    if (mesh_.order() == 2)
+      runs.push_back(
+          {mesh_.own_nodes(), reader({.has_node_points = true}, &MeshPiece::node_points)});
+    return runs;
   }
   const std::uint64_t num_cells = mesh_.num_cells();
   std::vector<Run> runs = {{mesh_.own_cells(), cell_reader(info)}};
@@ -151,8 +159,8 @@ std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
   }
   if (info.array == ArrayName::kConnectivity)
     for (auto& [first, end] : std::views::transform(runs, &Run::own)) {
-      first = corners_before(first, num_cells);
-      end = corners_before(end, num_cells);
+      first = corners_before(first, num_cells, mesh_.order());
+      end = corners_before(end, num_cells, mesh_.order());
     }
   const Exchange& exchange = mesh_.exchange();
   if (info.array == ArrayName::kStarts && exchange.rank() + 1 == exchange.num_ranks()) {
@@ -167,9 +175,11 @@ ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
     case ArrayName::kConnectivity:
       return bytes_of_pieces<MeshPiece>(
           mesh_.pieces({.has_cells = true}),
-          [width = info.value_bytes,
-           narrow = std::vector<std::int32_t>()](const MeshPiece& piece) mutable {
-            return connectivity_bytes(piece.cells, width, narrow);
+          [width = info.value_bytes, narrow = std::vector<std::int32_t>(),
+           whole = std::vector<std::array<std::int64_t, 10>>()](const MeshPiece& piece) mutable {
+            if (piece.nodes.empty()) return connectivity_bytes(piece.cells, width, narrow);
+            whole = with_nodes(piece.cells, piece.nodes);
+            return connectivity_bytes(whole, width, narrow);
           });
     case ArrayName::kRadiusEdge:
     case ArrayName::kDihedral:
@@ -193,9 +203,12 @@ ArrayBlocks::ReadItems ArrayBlocks::triangle_reader(const ArrayInfo& info) {
   switch (info.array) {
     case ArrayName::kConnectivity:
       return bytes_of_pieces<TrianglePiece>(
-          mesh_.triangles(), [width = info.value_bytes, narrow = std::vector<std::int32_t>()](
-                                 const TrianglePiece& piece) mutable {
-            return connectivity_bytes(piece.triangles, width, narrow);
+          mesh_.triangles(),
+          [width = info.value_bytes, narrow = std::vector<std::int32_t>(),
+           whole = std::vector<std::array<std::int64_t, 6>>()](const TrianglePiece& piece) mutable {
+            if (piece.nodes.empty()) return connectivity_bytes(piece.triangles, width, narrow);
+            whole = with_nodes(piece.triangles, piece.nodes);
+            return connectivity_bytes(whole, width, narrow);
           });
     case ArrayName::kLeaf:
       return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
@@ -290,13 +303,13 @@ std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block&
   if (info.array == ArrayName::kPointIds)
     return bytes_of(mesh_.numbers_of(block.first, block.count));
   if (info.array == ArrayName::kTypes) {
-    std::vector<std::byte> types(block.count, std::byte{kVtkTetra});
+    std::vector<std::byte> types(block.count, std::byte{vtk_tetra(mesh_.order())});
     for (std::uint64_t i = num_cells - std::min(num_cells, block.first); i < block.count; ++i)
-      types[i] = std::byte{kVtkTriangle};
+      types[i] = std::byte{vtk_triangle(mesh_.order())};
     return types;
   }
   const std::uint64_t first = block.first + (info.array == ArrayName::kEnds ? 1 : 0);
-  return offset_bytes(first, block.count, info.value_bytes, num_cells);
+  return offset_bytes(first, block.count, info.value_bytes, num_cells, mesh_.order());
 }
 
 }  // namespace locvol

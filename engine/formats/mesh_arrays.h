@@ -31,7 +31,12 @@ enum class ArrayName {
   kTypes,
 };
 
-inline constexpr std::uint8_t kVtkTriangle = 5, kVtkTetra = 10;
+inline constexpr std::uint8_t kVtkTriangle = 5, kVtkTetra = 10, kVtkQuadraticTriangle = 22,
+                              kVtkQuadraticTetra = 24;
+constexpr std::uint8_t vtk_triangle(int order) {
+  return order == 2 ? kVtkQuadraticTriangle : kVtkTriangle;
+}
+constexpr std::uint8_t vtk_tetra(int order) { return order == 2 ? kVtkQuadraticTetra : kVtkTetra; }
 // Of a triangle, which is no cell that is measured.
 inline constexpr float kNoQuality = std::numeric_limits<float>::quiet_NaN();
 inline constexpr std::string_view kGlobalPointIds = "GlobalPointIds";
@@ -50,9 +55,13 @@ struct ArrayInfo {
 // The least that hold the numbers of a mesh. Here and below, boundary facets that are written are
 // cells after the tetrahedra.
 IndexWidths index_widths(const MeshCounts& n);
-// How many vertices the cells before this one have. REQUIRES: `cell` is at most the number of all
-inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrahedra) {
-  return cell <= num_tetrahedra ? 4 * cell : 4 * num_tetrahedra + 3 * (cell - num_tetrahedra);
+// How many vertices and nodes the cells before this one have. REQUIRES: `cell` is at most the
+// number of all
+inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrahedra,
+                                    int order = 1) {
+  const std::uint64_t num_before = std::min(cell, num_tetrahedra);
+  return num_corners_of_cell(order) * num_before +
+         num_corners_of_facet(order) * (cell - num_before);
 }
 
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
@@ -61,6 +70,16 @@ inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrah
 std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,
                                    const IndexWidths& widths, bool is_part = false);
 
+// Cells with their nodes after their vertices: those of all of VTK's cells come in this order.
+template <std::size_t num_corners, std::size_t num_nodes>
+std::vector<std::array<std::int64_t, num_corners + num_nodes>> with_nodes(
+    const std::vector<std::array<std::int64_t, num_corners>>& cells,
+    const std::vector<std::array<std::int64_t, num_nodes>>& nodes) {
+  std::vector<std::array<std::int64_t, num_corners + num_nodes>> all(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i)
+    std::ranges::copy(nodes[i], std::ranges::copy(cells[i], all[i].begin()).out);
+  return all;
+}
 // The vertices of cells in values of so many bytes: the cells' own, or those of `narrow`, which it
 // fills. REQUIRES: they fit
 template <std::size_t num_corners>
@@ -76,7 +95,8 @@ std::span<const std::byte> connectivity_bytes(
 }
 // The places where `count` cells, from `first` on, begin among the vertices of all cells.
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra);
+                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra,
+                                    int order = 1);
 
 // Blocks of a mesh's arrays. A rank's items come in one run, or in two: of its tetrahedra and,
 // after those of all ranks, of its triangles. A block is of that run which has its first item:

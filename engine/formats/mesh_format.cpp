@@ -37,11 +37,11 @@ std::vector<FormatInfo> table_of_formats() {
        .has_cell_data = true,
        .bytes =
            [](const MeshSizes& n, const OutputOptions& output) {
-             const double v = n.num_vertices, c = n.num_cells,
+             const double v = num_points(n, output), c = n.num_cells,
                           f = output.has_boundary ? n.num_boundary_facets : 0;
              const double data = (output.has_quality ? 13 : 5) + (output.has_boundary ? 4 : 0);
-             return 24 * v + index_bytes(v) * (4 * c + 3 * f) +
-                    (index_bytes(4 * c + 3 * f) + data) * (c + f);
+             const double corners = corners_of_cell(output) * c + corners_of_facet(output) * f;
+             return 24 * v + index_bytes(v) * corners + (index_bytes(corners) + data) * (c + f);
            },
        .write = written_as_asked<write_vtu>},
       {.format = MeshFormat::kVtuZlib,
@@ -74,8 +74,9 @@ std::vector<FormatInfo> table_of_formats() {
        .description = "Gmsh 4.1, binary",
        .has_boundary = true,
        .bytes =
-           [](const MeshSizes& n, const OutputOptions&) {
-             return 32 * n.num_vertices + 40 * n.num_cells + 32 * n.num_boundary_facets;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             return 32 * num_points(n, output) + 8 * (1 + corners_of_cell(output)) * n.num_cells +
+                    8 * (1 + corners_of_facet(output)) * n.num_boundary_facets;
            },
        .write = written<write_msh4>},
       {.format = MeshFormat::kMsh2,
@@ -90,8 +91,9 @@ std::vector<FormatInfo> table_of_formats() {
                             n.num_cells + n.num_boundary_facets, kMaxInt32}};
            },
        .bytes =
-           [](const MeshSizes& n, const OutputOptions&) {
-             return 28 * n.num_vertices + 28 * n.num_cells + 24 * n.num_boundary_facets;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             return 28 * num_points(n, output) + 4 * (3 + corners_of_cell(output)) * n.num_cells +
+                    4 * (3 + corners_of_facet(output)) * n.num_boundary_facets;
            },
        .write = written<write_msh2>},
       {.format = MeshFormat::kMedit,
@@ -101,11 +103,11 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .waits_for_its_place = true,
        .bytes =
-           [](const MeshSizes& n, const OutputOptions&) {
-             const double label = label_bytes(n.num_vertices);
-             return (position_bytes(n.box, 1) + 2) * n.num_vertices +
-                    (4 * (label + 1) + 2) * n.num_cells +
-                    (3 * (label + 1) + 2) * n.num_boundary_facets;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             const double v = num_points(n, output), label = label_bytes_of_points(n, output);
+             return (position_bytes(n.box, 1) + 2) * v +
+                    (corners_of_cell(output) * (label + 1) + 2) * n.num_cells +
+                    (corners_of_facet(output) * (label + 1) + 2) * n.num_boundary_facets;
            },
        .write = written<write_medit>},
       {.format = MeshFormat::kMeditBinary,
@@ -114,9 +116,11 @@ std::vector<FormatInfo> table_of_formats() {
        .description = "Medit, binary",
        .has_boundary = true,
        .bytes =
-           [](const MeshSizes& n, const OutputOptions&) {
-             const double v = n.num_vertices, c = n.num_cells, f = n.num_boundary_facets;
-             return c > kMaxInt32 ? 32 * v + 40 * c + 32 * f : 28 * v + 20 * c + 16 * f;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             const double v = num_points(n, output), c = n.num_cells, f = n.num_boundary_facets;
+             const double width = c > kMaxInt32 || v > kMaxInt32 ? 8 : 4;
+             return (24 + width) * v + width * (1 + corners_of_cell(output)) * c +
+                    width * (1 + corners_of_facet(output)) * f;
            },
        .write =
            [](MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
@@ -134,11 +138,14 @@ std::vector<FormatInfo> table_of_formats() {
                            {"elements", n.num_cells, kMaxAbaqusLabel}};
            },
        .bytes =
-           [](const MeshSizes& n, const OutputOptions&) {
-             const double node = label_bytes(n.num_vertices), element = label_bytes(n.num_cells);
-             return (node + position_bytes(n.box, 2, 20) + 1) * n.num_vertices +
-                    (element + 4 * (node + 2) + 1) * n.num_cells +
-                    (node + 2) * num_boundary_vertices(n) + (element + 5) * n.num_boundary_facets;
+           [](const MeshSizes& n, const OutputOptions& output) {
+             const double v = num_points(n, output), node = label_bytes_of_points(n, output),
+                          element = label_bytes(n.num_cells);
+             const double in_sets =
+                 num_boundary_vertices(n) + (output.order == 2 ? num_boundary_edges(n) : 0);
+             return (node + position_bytes(n.box, 2, 20) + 1) * v +
+                    (element + corners_of_cell(output) * (node + 2) + 1) * n.num_cells +
+                    (node + 2) * in_sets + (element + 5) * n.num_boundary_facets;
            },
        .write = written<write_abaqus>},
       {.format = MeshFormat::kTetgen,
@@ -153,11 +160,12 @@ std::vector<FormatInfo> table_of_formats() {
            },
        .bytes =
            [](const MeshSizes& n, const OutputOptions& output) {
-             const double point = label_bytes(n.num_vertices),
+             const double v = num_points(n, output), point = label_bytes_of_points(n, output),
                           f = output.has_boundary ? n.num_boundary_facets : 0;
-             return (point + position_bytes(n.box, 1) + 1) * n.num_vertices +
-                    (label_bytes(n.num_cells) + 4 * (point + 1) + 1) * n.num_cells +
-                    (label_bytes(f) + 3 * (point + 1) + 3) * f;
+             return (point + position_bytes(n.box, 1) + 1) * v +
+                    (label_bytes(n.num_cells) + corners_of_cell(output) * (point + 1) + 1) *
+                        n.num_cells +
+                    (label_bytes(f) + corners_of_facet(output) * (point + 1) + 3) * f;
            },
        .write =
            [](MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
@@ -265,6 +273,16 @@ void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesy
         "cannot write {}: the format {} numbers at most {} {}, and {} {}; write {}", file.string(),
         info.name, most, what, counted, count, info.is_surface ? "obj" : "vtu, vtkhdf or msh"));
   }
+}
+
+void require_order(const OutputOptions& output) {
+  const FormatInfo& info = info_of(output.format);
+  if (output.order == 1 || info.has_second_order()) return;
+  std::vector<std::string_view> names;
+  for (const FormatInfo& other : mesh_formats())
+    if (other.has_second_order()) names.push_back(other.name);
+  throw InputError(fmt::format("{} has no cells of order {}: write {}", info.name, output.order,
+                               fmt::join(names, ", ")));
 }
 
 bool holds_boundary(const OutputOptions& output) {

@@ -27,6 +27,7 @@ struct FormatInfo {
   bool has_cell_data = false;
   bool is_surface = false;    // holds the boundary alone
   bool has_boundary = false;  // always, alone or with the cells; others have it on request
+  bool has_second_order() const { return !is_surface; }
   // Some of it has no known place in a file that several processes write: see AppendedFile.
   bool waits_for_its_place = false;
   struct Limit {
@@ -61,6 +62,9 @@ class FormatLimit : public InputError {
 // "there are 3000000000".
 void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesystem::path& file,
                   std::string_view counted = "there are");
+
+// Throws InputError if the format has no cells of the order; the message names those that have.
+void require_order(const OutputOptions& output);
 
 // The files that an output is made of: TetGen's are two, or three.
 std::vector<std::filesystem::path> files_of(const OutputOptions& options,

@@ -45,6 +45,17 @@ inline double position_bytes(const Box& box, double separator, double most = HUG
 // Of one of VTK's whole numbers up to `largest`.
 inline double index_bytes(double largest) { return largest > kMaxInt32 ? 8 : 4; }
 
+// What second order has more of.
+inline double num_points(const MeshSizes& n, const OutputOptions& output) {
+  return n.num_vertices + (output.order == 2 ? n.num_nodes() : 0);
+}
+inline double corners_of_cell(const OutputOptions& output) {
+  return static_cast<double>(num_corners_of_cell(output.order));
+}
+inline double corners_of_facet(const OutputOptions& output) {
+  return static_cast<double>(num_corners_of_facet(output.order));
+}
+
 inline double num_core_cells(const MeshSizes& n) { return n.num_cells - n.num_listed_cells; }
 inline double num_listed_vertices(const MeshSizes& n) {
   return std::max(0.0, n.num_vertices - num_core_cells(n) / kCellsPerCoreVertex);
@@ -67,7 +78,23 @@ struct Compressed {
 inline constexpr Compressed kZlib = {0, 38, 2.7, 8.4, 6.1, 6.5},
                             kShuffled = {14e3, 14.3, 6.8, 6.6, 5.4, 4.2};
 
-// A boundary that closes has half as many vertices as facets.
+// The number of a vertex or node, on average over the corners of cells: those of vertices are
+// shorter.
+inline double label_bytes_of_points(const MeshSizes& n, const OutputOptions& output) {
+  const double of_vertices = label_bytes(n.num_vertices);
+  if (output.order == 1 || !(n.num_nodes() > 0)) return of_vertices;
+  const double all = num_points(n, output);
+  const double of_nodes = (all * label_bytes(all) - n.num_vertices * of_vertices) / n.num_nodes();
+  return 0.4 * of_vertices + 0.6 * of_nodes;
+}
+
+// Those that are not of two vertices of the core: there, a vertex has half of its 14.
+inline double num_listed_edges(const MeshSizes& n) {
+  return std::max(0.0, n.num_nodes() - 7 * num_core_cells(n) / kCellsPerCoreVertex);
+}
+
+// A boundary that closes has half as many vertices as facets, and three edges to two.
+inline double num_boundary_edges(const MeshSizes& n) { return 1.5 * n.num_boundary_facets; }
 inline double num_boundary_vertices(const MeshSizes& n) { return 0.5 * n.num_boundary_facets; }
 
 }  // namespace locvol

@@ -23,10 +23,25 @@ OutputEstimate estimate_output(const OutputOptions& output, const MeshSizes& n) 
   const FormatInfo& format = info_of(output.format);
   estimate.file_bytes = kHeadBytes + format.bytes(n, output);
   estimate.bytes_beside = kId * num_listed_vertices(n);
-  if (holds_boundary(output)) {
-    const double facets = kFacet * n.num_boundary_facets;
-    estimate.bytes_before = estimate.bytes_beside + kListedFacet * n.num_boundary_facets + facets;
-    estimate.bytes_beside += facets + kId * num_boundary_vertices(n);
+  const bool is_second = output.order == 2;
+  if (is_second) {
+    // While edges are found, also those of each leaf's cells, its own and others' apart.
+    constexpr double kEdge = 16, kFoundEdge = 40;
+    estimate.bytes_before = estimate.bytes_beside + kFoundEdge * num_listed_edges(n);
+    estimate.bytes_beside += kEdge * num_listed_edges(n);
+  }
+  if (is_second || holds_boundary(output)) {
+    const double f = n.num_boundary_facets, facets = kFacet * f;
+    // Of second order, the facets' edges, and nodes off the middle; then these are kept.
+    constexpr double kFacetEdges = 96, kNodes = 40, kKeptNodes = 48;
+    const double nodes = is_second ? kNodes * num_boundary_edges(n) : 0;
+    estimate.bytes_before =
+        std::max(estimate.bytes_before,
+                 estimate.bytes_beside + facets +
+                     std::max(kListedFacet * f, is_second ? kFacetEdges * f + nodes : 0));
+    estimate.bytes_beside += facets;
+    if (is_second) estimate.bytes_beside += kKeptNodes * num_boundary_edges(n);
+    if (holds_boundary(output)) estimate.bytes_beside += kId * num_boundary_vertices(n);
   }
   if (output.has_quality && output.format != MeshFormat::kVtu)
     estimate.bytes_beside += kQuality * n.num_cells;

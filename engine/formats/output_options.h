@@ -28,12 +28,18 @@ struct OutputOptions {
   bool is_by_ranks = false;   // several processes write one file
   bool has_boundary = false;  // with the cells, in formats that do not have it always
   bool has_faces = false;     // the command puts a file of what is known of the sheets beside it
+  int order = 1;              // 2: cells have a node in the middle of each edge, too
 };
 
 // What a mesh has of all that a format numbers.
 struct MeshCounts {
-  std::uint64_t num_vertices = 0, num_cells = 0;
+  std::uint64_t num_vertices = 0, num_cells = 0;  // with the nodes of second order
   std::uint64_t num_boundary_facets = 0, num_boundary_vertices = 0;
+  int order = 1;  // of the cells, and of the facets as cells
 };
+
+// How many vertices and nodes they have.
+constexpr std::uint64_t num_corners_of_cell(int order) { return order == 2 ? 10 : 4; }
+constexpr std::uint64_t num_corners_of_facet(int order) { return order == 2 ? 6 : 3; }
 
 }  // namespace locvol

@@ -1,14 +1,22 @@
+#include <array>
+#include <vector>
+
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
 
 namespace locvol {
 namespace {
 
-Text node_lines(const MeshPiece& piece) {
+// Of a cell and of a facet, the order in which TetGen has their nodes (-o2): the edges from 2 to 3,
+// 0 to 3, 0 to 1, 1 to 2, 1 to 3, and 0 to 2; and those across from each vertex.
+constexpr std::array<std::size_t, 6> kTetgenCellNodes = {5, 3, 0, 1, 4, 2};
+constexpr std::array<std::size_t, 3> kTetgenFacetNodes = {1, 2, 0};
+
+Text node_lines(const std::vector<MeshPiece::Vertex>& points, std::uint64_t first) {
   Text text;
-  text.reserve(72 * piece.points.size());
-  std::uint64_t index = piece.first_vertex;
-  for (const auto& [x, y, z] : piece.points)
+  text.reserve(72 * points.size());
+  std::uint64_t index = first;
+  for (const auto& [x, y, z] : points)
     text.add(++index).add(' ').add(x).add(' ').add(y).add(' ').add(z).add('\n');
   return text;
 }
@@ -16,10 +24,12 @@ Text node_lines(const MeshPiece& piece) {
 Text element_lines(const MeshPiece& piece) {
   Text text;
   text.reserve(48 * piece.cells.size());
-  std::uint64_t index = piece.first_cell;
-  for (const auto& cell : piece.cells) {
-    text.add(++index);
-    for (const std::int64_t v : cell) text.add(' ').add(static_cast<std::uint64_t>(v) + 1);
+  for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+    text.add(piece.first_cell + i + 1);
+    const auto add = [&](std::int64_t v) { text.add(' ').add(static_cast<std::uint64_t>(v) + 1); };
+    for (const std::int64_t v : piece.cells[i]) add(v);
+    if (!piece.nodes.empty())
+      for (const std::size_t n : kTetgenCellNodes) add(piece.nodes[i][n]);
     text.add('\n');
   }
   return text;
@@ -27,11 +37,12 @@ Text element_lines(const MeshPiece& piece) {
 
 Text face_lines(const BoundarySurface::Facets& some) {
   Text text;
-  std::uint64_t index = some.first;
-  for (const BoundaryFacet& facet : some.facets) {
-    text.add(++index);
-    for (const std::uint64_t v : facet.vertices) text.add(' ').add(v + 1);
-    text.add(' ').add(std::uint64_t{facet.labels.sheet}).add('\n');
+  for (std::size_t i = 0; i < some.facets.size(); ++i) {
+    text.add(some.first + i + 1);
+    for (const std::uint64_t v : some.facets[i].vertices) text.add(' ').add(v + 1);
+    if (!some.nodes.empty())
+      for (const std::size_t n : kTetgenFacetNodes) text.add(' ').add(some.nodes[i][n] + 1);
+    text.add(' ').add(std::uint64_t{some.facets[i].labels.sheet}).add('\n');
   }
   return text;
 }
@@ -50,10 +61,17 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
                            PartialFile* faces) {
   AppendedFile node_file(nodes, mesh.exchange()), element_file(elements, mesh.exchange());
   // Number of points, dimension, attributes, boundary markers.
-  node_file.append(Text().add(mesh.num_vertices()).add(" 3 0 0\n").text());
-  append_pieces(node_file, mesh, {.has_points = true}, node_lines);
+  node_file.append(Text().add(mesh.num_points()).add(" 3 0 0\n").text());
+  append_pieces(node_file, mesh, {.has_points = true}, [](const MeshPiece& piece) {
+    return node_lines(piece.points, piece.first_vertex);
+  });
+  if (mesh.order() == 2)
+    append_pieces(node_file, mesh, {.has_node_points = true}, [](const MeshPiece& piece) {
+      return node_lines(piece.node_points, piece.first_node);
+    });
   // Number of tetrahedra, points of each, attributes.
-  element_file.append(Text().add(mesh.num_cells()).add(" 4 0\n").text());
+  element_file.append(
+      Text().add(mesh.num_cells()).add(mesh.order() == 2 ? " 10 0\n" : " 4 0\n").text());
   append_pieces(element_file, mesh, {.has_cells = true}, element_lines);
   const std::uint64_t bytes = node_file.size() + element_file.size();
   return faces == nullptr ? bytes : bytes + write_faces(mesh, *faces);

@@ -253,7 +253,7 @@ void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool 
     const MeshCounts& n = partition.counts;
     num_vertices.push_back(n.num_vertices);
     num_cells.push_back(n.num_cells + n.num_boundary_facets);
-    num_corners.push_back(corners_before(num_cells.back(), n.num_cells));
+    num_corners.push_back(corners_before(num_cells.back(), n.num_cells, n.order));
   }
   add_version_and_type(hdf, hdf.group("VTKHDF").get());
   hdf.numbers("VTKHDF/NumberOfPoints", num_vertices);
@@ -296,8 +296,8 @@ void write_virtual_array(const HdfFile& hdf, std::span<const PieceFile> pieces,
 
 std::uint64_t write_vtkhdf(MeshSource& mesh, const OutputOptions& output, PartialFile& file) {
   const PieceFile whole{file.name().string(),
-                        {mesh.num_vertices(), mesh.num_cells(),
-                         output.has_boundary ? mesh.num_boundary_facets() : 0, 0}};
+                        {mesh.num_points(), mesh.num_cells(),
+                         output.has_boundary ? mesh.num_boundary_facets() : 0, 0, mesh.order()}};
   const bool is_part = mesh.part().has_value();
   const std::vector<ArrayInfo> arrays = hdf_arrays(whole, output, is_part);
   Exchange& exchange = mesh.exchange();

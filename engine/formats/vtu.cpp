@@ -35,8 +35,8 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
 
 // All ranks call it.
 MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
-  return {mesh.num_vertices(), mesh.num_cells(),
-          output.has_boundary ? mesh.num_boundary_facets() : 0, 0};
+  return {mesh.num_points(), mesh.num_cells(), output.has_boundary ? mesh.num_boundary_facets() : 0,
+          0, mesh.order()};
 }
 
 std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, const MeshCounts& counts,
@@ -74,7 +74,10 @@ class RawArrays {
     do_on_all(mesh_.exchange(), [&] {
       if (mesh_.is_of_first_rank()) write_frame(head, bytes);
       mesh_.for_each_piece(
-          {.has_points = true, .has_cells = true, .has_corners = output_.has_quality},
+          {.has_points = true,
+           .has_cells = true,
+           .has_corners = output_.has_quality,
+           .has_node_points = true},
           [&](const MeshPiece& piece) {
             write_piece(piece);
             return true;
@@ -135,17 +138,17 @@ class RawArrays {
     columns.connectivity =
         connectivity_bytes(cells, info(ArrayName::kConnectivity).value_bytes, narrow);
     columns.ends = offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes,
-                                counts_.num_cells);
+                                counts_.num_cells, counts_.order);
     columns.types.assign(cells.size(), type);
     return columns;
   }
   void add_parts(const CellColumns& columns, std::vector<PlacedFile::Part>& parts) const {
-    parts.insert(parts.end(),
-                 {part(ArrayName::kConnectivity, corners_before(columns.first, counts_.num_cells),
-                       columns.connectivity),
-                  part(ArrayName::kEnds, columns.first, columns.ends),
-                  part(ArrayName::kLeaf, columns.first, columns.leaves),
-                  part(ArrayName::kTypes, columns.first, columns.types)});
+    parts.insert(parts.end(), {part(ArrayName::kConnectivity,
+                                    corners_before(columns.first, counts_.num_cells, counts_.order),
+                                    columns.connectivity),
+                               part(ArrayName::kEnds, columns.first, columns.ends),
+                               part(ArrayName::kLeaf, columns.first, columns.leaves),
+                               part(ArrayName::kTypes, columns.first, columns.types)});
     if (output_.has_boundary)
       parts.push_back(part(ArrayName::kSheet, columns.first, columns.sheets));
     if (output_.has_quality) {
@@ -156,12 +159,18 @@ class RawArrays {
 
   void write_piece(const MeshPiece& piece) {
     std::vector<std::int32_t> narrow;
-    CellColumns columns = columns_of(piece.first_cell, piece.cells, kVtkTetra, narrow);
+    std::vector<std::array<std::int64_t, 10>> whole;
+    if (!piece.nodes.empty()) whole = with_nodes(piece.cells, piece.nodes);
+    const std::uint8_t type = vtk_tetra(counts_.order);
+    CellColumns columns = whole.empty() ? columns_of(piece.first_cell, piece.cells, type, narrow)
+                                        : columns_of(piece.first_cell, whole, type, narrow);
     columns.leaves = leaves_of(piece);
     if (output_.has_boundary) columns.sheets.resize(piece.cells.size());
     std::vector<std::int64_t> numbers;
     std::vector<PlacedFile::Part> parts = {
         part(ArrayName::kPoints, piece.first_vertex, piece.points)};
+    if (!piece.node_points.empty())
+      parts.push_back(part(ArrayName::kPoints, piece.first_node, piece.node_points));
     if (mesh_.part()) {
       numbers = mesh_.numbers_of(piece.first_vertex, piece.points.size());
       parts.push_back(part(ArrayName::kPointIds, piece.first_vertex, numbers));
@@ -177,8 +186,12 @@ class RawArrays {
 
   void write_triangles(const TrianglePiece& piece) {
     std::vector<std::int32_t> narrow;
-    CellColumns columns =
-        columns_of(counts_.num_cells + piece.first, piece.triangles, kVtkTriangle, narrow);
+    std::vector<std::array<std::int64_t, 6>> whole;
+    if (!piece.nodes.empty()) whole = with_nodes(piece.triangles, piece.nodes);
+    const std::uint8_t type = vtk_triangle(counts_.order);
+    const std::uint64_t first = counts_.num_cells + piece.first;
+    CellColumns columns = whole.empty() ? columns_of(first, piece.triangles, type, narrow)
+                                        : columns_of(first, whole, type, narrow);
     columns.leaves = piece.leaves;
     columns.sheets = piece.sheets;
     columns.ratios.assign(piece.triangles.size(), kNoQuality);

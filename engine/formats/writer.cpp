@@ -20,7 +20,7 @@ namespace locvol {
 namespace {
 
 MeshCounts mesh_counts(MeshSource& mesh, const OutputOptions& options) {
-  MeshCounts counts{mesh.num_vertices(), mesh.num_cells(), 0, 0};
+  MeshCounts counts{mesh.num_points(), mesh.num_cells(), 0, 0, mesh.order()};
   if (holds_boundary(options)) counts.num_boundary_facets = mesh.num_boundary_facets();
   if (options.format == MeshFormat::kPly)
     counts.num_boundary_vertices = mesh.boundary().num_vertices();
@@ -89,7 +89,8 @@ void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange) 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& options, int num_threads, const StepProgress& on_step,
                         const StopToken* stop, Exchange& exchange) {
-  MeshSource mesh(store, file, num_threads, on_step, stop, exchange);
+  require_order(options);
+  MeshSource mesh(store, file, num_threads, on_step, stop, exchange, false, options.order);
   const MeshCounts counts = mesh_counts(mesh, options);
   check_on_all(exchange, [&] { check_limits(options.format, counts, file); });
   const auto names = files_of(options, file);
@@ -113,7 +114,13 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
   do_on_all(exchange, [&] {
     if (mesh.is_of_first_rank()) PartialFile::publish_all(all);
   });
-  return {counts.num_vertices, counts.num_cells, bytes, counts.num_boundary_facets};
+  WriteSummary summary{mesh.num_vertices(), counts.num_cells, bytes, counts.num_boundary_facets};
+  if (mesh.order() == 2) {
+    summary.num_nodes = mesh.num_nodes();
+    summary.num_nodes_on_surface = mesh.boundary_nodes().num_on_surface();
+    summary.num_nodes_off_surface = mesh.boundary_nodes().num_kept_off();
+  }
+  return summary;
 }
 
 bool can_be_written_in_pieces(MeshFormat format) {

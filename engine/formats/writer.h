@@ -17,6 +17,9 @@ namespace locvol {
 struct WriteSummary {
   std::uint64_t num_vertices = 0, num_cells = 0, bytes = 0;
   std::uint64_t num_boundary_facets = 0;  // of formats that hold the boundary
+  // Of second order: nodes in the middle of edges; of those of boundary edges, how many are off the
+  // middle, on the surface, and how many in it though the surface is not there.
+  std::uint64_t num_nodes = 0, num_nodes_on_surface = 0, num_nodes_off_surface = 0;
   friend bool operator==(const WriteSummary&, const WriteSummary&) = default;
 };
 

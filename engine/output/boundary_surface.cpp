@@ -189,7 +189,7 @@ std::optional<std::size_t> BoundarySurface::place_of_list(
 
 std::vector<std::uint64_t> BoundarySurface::vertices_of_facets(std::size_t leaf) const {
   std::vector<std::uint64_t> vertices;
-  for (const BoundaryFacet& facet : facets_.list(leaf - numbering_->first_own()).values)
+  for (const BoundaryFacet& facet : facets_of_leaf(leaf))
     for (const std::uint64_t vertex : facet.vertices)
       vertices.push_back(on_sheet(vertex, facet.labels.sheet));
   sort_and_unite(vertices);
@@ -283,7 +283,7 @@ std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets(
   return [this, parts, first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
     const std::uint64_t count = std::min(kItemsAtOnce, facets_.size() - first);
     if (count == 0) return std::nullopt;
-    Facets some{num_facets_.before + first, facets_.read(first, count), {}, {}};
+    Facets some{num_facets_.before + first, facets_.read(first, count), {}, {}, {}};
     complete(parts, some);
     first += count;
     return some;
@@ -296,6 +296,10 @@ void BoundarySurface::complete(const FacetParts& parts, Facets& some) {
     if (parts.has_corners)
       some.corners.push_back({positions_->of(a), positions_->of(b), positions_->of(c)});
     if (parts.has_places) some.places.push_back({place_of(a), place_of(b), place_of(c)});
+    if (number_of_node_)
+      some.nodes.push_back({number_of_node_(edge_between(a, b)),
+                            number_of_node_(edge_between(b, c)),
+                            number_of_node_(edge_between(c, a))});
   }
 }
 
@@ -327,7 +331,7 @@ std::function<std::optional<BoundarySurface::Facets>()> BoundarySurface::facets_
           first = std::uint64_t{0}]() mutable -> std::optional<Facets> {
     const std::uint64_t count = std::min(kItemsAtOnce, num_own_facets_of(sheet) - first);
     if (count == 0) return std::nullopt;
-    Facets some{place + first, facets_by_sheet_->read(sheet, first, count), {}, {}};
+    Facets some{place + first, facets_by_sheet_->read(sheet, first, count), {}, {}, {}};
     complete(parts, some);
     first += count;
     return some;

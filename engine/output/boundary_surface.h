@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/exchange/exchange.h"
@@ -16,6 +17,7 @@
 #include "engine/output/by_sheet.h"
 #include "engine/output/leaf_lists.h"
 #include "engine/output/leaf_window.h"
+#include "engine/output/mesh_edge.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/workers.h"
@@ -68,6 +70,9 @@ class BoundarySurface {
     std::vector<BoundaryFacet> facets;
     std::vector<std::array<Point, 3>> corners;
     std::vector<std::array<std::uint64_t, 3>> places;  // of the vertices, among the boundary's
+    // In the middle of its edges, the first from the first vertex to the second; if set_nodes() was
+    // called.
+    std::vector<std::array<std::uint64_t, 3>> nodes;
   };
   struct FacetParts {
     bool has_corners = false, has_places = false;  // REQUIRES: num_vertices() was called
@@ -77,6 +82,13 @@ class BoundarySurface {
     std::vector<std::uint64_t> vertices;
     std::vector<Point> positions;
   };
+  // From here on, facets come with what `number_of_node` says of their edges.
+  using NumberOfNode = std::function<std::uint64_t(const MeshEdge&)>;
+  void set_nodes(NumberOfNode number_of_node) { number_of_node_ = std::move(number_of_node); }
+  // Of the cells that an own leaf has.
+  std::vector<BoundaryFacet> facets_of_leaf(std::size_t leaf) const {
+    return facets_.list(leaf - numbering_->first_own()).values;
+  }
   // Give some after some, and then nothing.
   std::function<std::optional<Facets>()> facets(const FacetParts& parts);
   std::function<std::optional<Vertices>()> vertices();  // REQUIRES: num_vertices() was called
@@ -142,6 +154,7 @@ class BoundarySurface {
   PageRelease* pages_;
   const StopToken* stop_;
   Exchange& exchange_;
+  NumberOfNode number_of_node_;
   SheetId num_sheets_;
   LeafLists<BoundaryFacet> facets_;  // of own leaves
   std::optional<BySheet<BoundaryFacet>> facets_by_sheet_;

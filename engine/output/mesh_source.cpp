@@ -17,7 +17,7 @@ constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
                        const StepProgress& on_step, const StopToken* stop, Exchange& exchange,
-                       bool is_part)
+                       bool is_part, int order)
     : store_(store),
       snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
@@ -30,8 +30,31 @@ MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, 
       numbering_(snapshot_, run_, output, pages_, stop_while_alone(), exchange),
       positions_(snapshot_, numbering_),
       workers_(num_threads),
+      windows_([this, num_threads] {
+        return std::make_unique<MeshWindow>(store_, numbering_, num_threads);
+      }),
       end_cell_(numbering_.num_cells()) {
+  if (order > 1) number_edges();
   if (is_part) become_part();
+}
+
+// The first half of the steps.
+void MeshSource::number_edges() {
+  edges_ = std::make_unique<EdgeNumbering>(
+      snapshot_, numbering_, windows_, output_, pages_, workers_, stop_while_alone(), exchange_,
+      [this](std::uint64_t num_cells) { tell_step(num_cells, 2 * own_cells().size()); });
+  edge_windows_.emplace(
+      [this] { return std::make_unique<EdgeWindow>(numbering_, *edges_, workers_.num_threads()); });
+  boundary().set_nodes([this](const MeshEdge& edge) {
+    return edge_windows_->with([&](EdgeWindow& edges) { return edges.number(edge); });
+  });
+  boundary_nodes_ = std::make_unique<BoundaryNodes>(store_, run_, numbering_, windows_,
+                                                    *edge_windows_, boundary(), output_, pages_,
+                                                    workers_, stop_while_alone(), exchange_);
+}
+
+void MeshSource::tell_step(std::uint64_t num_steps, std::uint64_t num_all) {
+  if (on_step_ && num_steps > num_told_) on_step_(num_told_ = num_steps, num_all);
 }
 
 void MeshSource::become_part() {
@@ -58,6 +81,11 @@ NumberRange MeshSource::own_vertices() const {
   if (numbering_.first_own() == numbering_.end_own()) return {};
   return {numbering_.first_vertex(numbering_.first_own()),
           numbering_.first_vertex(numbering_.end_own())};
+}
+
+NumberRange MeshSource::own_nodes() const {
+  if (!edges_ || numbering_.first_own() == numbering_.end_own()) return {};
+  return {edges_->first(numbering_.first_own()), edges_->end(numbering_.end_own() - 1)};
 }
 
 NumberRange MeshSource::own_cells() const {
@@ -96,7 +124,10 @@ std::function<std::optional<TrianglePiece>()> MeshSource::triangles() {
           first = own_triangles().first]() mutable -> std::optional<TrianglePiece> {
     const auto some = next();
     if (!some) return std::nullopt;
-    TrianglePiece piece{first, {}, {}, {}};
+    TrianglePiece piece{first, {}, {}, {}, {}};
+    for (const auto& [a, b, c] : some->nodes)
+      piece.nodes.push_back({static_cast<std::int64_t>(a), static_cast<std::int64_t>(b),
+                             static_cast<std::int64_t>(c)});
     for (const BoundaryFacet& facet : some->facets) {
       TrianglePiece::Triangle& triangle = piece.triangles.emplace_back();
       std::ranges::transform(facet.vertices, triangle.begin(), [&](std::uint64_t vertex) {
@@ -111,18 +142,17 @@ std::function<std::optional<TrianglePiece>()> MeshSource::triangles() {
   };
 }
 
-MeshSource::Window::Window(const Store& store, const VertexNumbering& numbering, int num_shares)
-    : snapshot(store.snapshot()),
-      numbers(snapshot, numbering, num_shares),
-      positions(snapshot, numbering, num_shares) {}
-
 std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) const {
   const std::uint64_t num_vertices =
       numbering_.first_vertex(leaf + 1) - numbering_.first_vertex(leaf);
   const std::uint64_t num_cells = numbering_.first_cell(leaf + 1) - numbering_.first_cell(leaf);
   const std::uint64_t num_listed = num_cells - numbering_.num_core_cells(leaf);
+  const std::uint64_t bytes_of_cell =
+      sizeof(MeshPiece::Cell) + (edges_ ? sizeof(MeshPiece::Nodes) : 0);
+  const std::uint64_t num_nodes =
+      edges_ && parts.has_node_points ? edges_->end(leaf) - edges_->first(leaf) : 0;
   return (parts.has_points ? sizeof(MeshPiece::Vertex) * num_vertices : 0) +
-         (parts.has_cells ? sizeof(MeshPiece::Cell) * num_cells : 0) +
+         sizeof(MeshPiece::Vertex) * num_nodes + (parts.has_cells ? bytes_of_cell * num_cells : 0) +
          (parts.has_corners ? sizeof(std::array<Point, 4>) * num_listed : 0);
 }
 
@@ -145,9 +175,10 @@ std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const 
     leaf = range.end;
     pages_.count(bytes);
     const NumberRange own = own_cells();
-    const std::uint64_t num_cells =
-        parts.has_cells ? numbering_.first_cell(leaf) - first_cell_ - own.first : 0;
-    if (on_step_ && num_cells > num_told_) on_step_(num_told_ = num_cells, own.size());
+    const std::uint64_t num_before = edges_ ? own.size() : 0;
+    if (parts.has_cells)
+      tell_step(num_before + numbering_.first_cell(leaf) - first_cell_ - own.first,
+                num_before + own.size());
     return range;
   };
 }
@@ -172,17 +203,22 @@ MeshPiece MeshSource::others(const PieceRange& range) const {
 
 MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
   if (range.is_of_others) return others(range);
-  std::unique_ptr<Window> window = windows_.take(
-      [this] { return std::make_unique<Window>(store_, numbering_, workers_.num_threads()); });
   MeshPiece piece;
   const std::uint64_t first_vertex = numbering_.first_vertex(range.first);
   piece.first_vertex = vertices_ ? vertices_->place_of_own(first_vertex) : first_vertex;
   piece.first_cell = numbering_.first_cell(range.first) - first_cell_;
-  for (std::size_t leaf = range.first; leaf < range.end; ++leaf) {
-    if (parts.has_points) add_points(leaf, *window, piece);
-    if (parts.has_cells) add_cells(leaf, parts.has_corners, *window, piece);
-  }
-  windows_.put_back(std::move(window));
+  if (edges_) piece.first_node = edges_->first(range.first);
+  const auto add = [&](MeshWindow& window, EdgeWindow* edges) {
+    for (std::size_t leaf = range.first; leaf < range.end; ++leaf) {
+      if (parts.has_points) add_points(leaf, window, piece);
+      if (parts.has_node_points && edges != nullptr) add_node_points(leaf, window, *edges, piece);
+      if (parts.has_cells) add_cells(leaf, parts.has_corners, window, edges, piece);
+    }
+  };
+  windows_.with([&](MeshWindow& window) {
+    if (!edge_windows_) return add(window, nullptr);
+    edge_windows_->with([&](EdgeWindow& edges) { add(window, &edges); });
+  });
   if (vertices_)
     for (MeshPiece::Cell& cell : piece.cells)
       for (std::int64_t& vertex : cell)
@@ -190,7 +226,7 @@ MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
   return piece;
 }
 
-void MeshSource::add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const {
+void MeshSource::add_points(std::size_t leaf, const MeshWindow& window, MeshPiece& piece) const {
   std::uint64_t number = numbering_.first_vertex(leaf);
   numbering_.for_each_vertex(window.snapshot, leaf, [&](const Point& p) {
     if (!vertices_ || vertices_->has_own(number)) piece.points.push_back({p.x, p.y, p.z});
@@ -198,11 +234,40 @@ void MeshSource::add_points(std::size_t leaf, const Window& window, MeshPiece& p
   });
 }
 
+// Those of edges that cells list, and then those of the core, by formula.
+void MeshSource::add_node_points(std::size_t leaf, MeshWindow& window, EdgeWindow& edge_window,
+                                 MeshPiece& piece) const {
+  const auto add = [&](const Point& p) { piece.node_points.push_back({p.x, p.y, p.z}); };
+  const std::vector<NodeOnSurface> on_surface = boundary_nodes_->on_surface(leaf);
+  auto next = on_surface.begin();
+  for (const MeshEdge& edge : edges_->listed(leaf).values) {
+    if (next != on_surface.end() && next->edge == edge)
+      add((next++)->position);
+    else
+      add(middle(window.positions.of(edge.a), window.positions.of(edge.b)));
+  }
+  if (numbering_.num_core_vertices(leaf) == 0) return;
+  const SiteBlock<CoreEdges>& edges = *edge_window.core(leaf, window.numbers);
+  SiteBlock<Point> positions(edges.box(), Point());
+  for_each_site(edges.box(), [&](const LatticeSite& site) {
+    if (edges[site].first >= 0) positions[site] = numbering_.lattice().position(site);
+  });
+  for_each_site(numbering_.sites(leaf), [&](const LatticeSite& site) {
+    if (edges[site].first < 0) return;
+    for (std::size_t step = 0; step < kLargerNeighbors.size(); ++step)
+      if (edges[site].steps >> step & 1)
+        add(middle(positions[site], positions[site + kLargerNeighbors[step]]));
+  });
+}
+
 // The cells of the leaf's core, by formula. Returns how many there are.
-std::uint64_t MeshSource::add_core_cells(std::size_t leaf, Window& window, MeshPiece& piece) const {
+std::uint64_t MeshSource::add_core_cells(std::size_t leaf, MeshWindow& window,
+                                         EdgeWindow* edge_window, MeshPiece& piece) const {
   // Not asked for leaves outside, which may be a thousand λ wide.
   if (numbering_.num_core_vertices(leaf) == 0) return 0;
   const SiteBlock<std::int64_t>* numbers = window.numbers.core_numbers(leaf);
+  const SiteBlock<CoreEdges>* edges =
+      edge_window != nullptr ? edge_window->core(leaf, window.numbers) : nullptr;
   const std::size_t num_before = piece.cells.size();
   for_each_site(numbering_.sites(leaf), [&](const LatticeSite& site) {
     const std::int64_t here = (*numbers)[site];
@@ -210,27 +275,47 @@ std::uint64_t MeshSource::add_core_cells(std::size_t leaf, Window& window, MeshP
     std::array<std::int64_t, kLargerNeighbors.size()> others{};
     for (std::size_t n = 0; n < others.size(); ++n)
       others[n] = (*numbers)[site + kLargerNeighbors[n]];
-    for (const auto& [a, b, c] : kCellsOfLargerNeighbors) {
-      if (others[a] < 0 || others[b] < 0 || others[c] < 0) continue;
-      piece.cells.push_back({here, others[a], others[b], others[c]});
+    for (std::size_t c = 0; c < kCellsOfLargerNeighbors.size(); ++c) {
+      const auto& [p, q, r] = kCellsOfLargerNeighbors[c];
+      if (others[p] < 0 || others[q] < 0 || others[r] < 0) continue;
+      piece.cells.push_back({here, others[p], others[q], others[r]});
+      if (edges == nullptr) continue;
+      MeshPiece::Nodes& nodes = piece.nodes.emplace_back();
+      for (std::size_t e = 0; e < nodes.size(); ++e) {
+        const auto& [from, step] = kCoreCellEdges[c][e];
+        const CoreEdges& at =
+            (*edges)[from == CoreCellEdge::kOrigin ? site : site + kLargerNeighbors[from]];
+        nodes[e] = at.number(step);
+      }
     }
   });
   return piece.cells.size() - num_before;
 }
 
-void MeshSource::add_cells(std::size_t leaf, bool has_corners, Window& window,
-                           MeshPiece& piece) const {
+void MeshSource::add_cells(std::size_t leaf, bool has_corners, MeshWindow& window,
+                           EdgeWindow* edge_window, MeshPiece& piece) const {
   const MortonKey key = numbering_.leaves()[leaf];
   const LeafCells cells = window.snapshot.cells(key);
   const std::vector<std::int64_t> numbers = window.numbers.numbers(leaf, cells);
   for (const auto& [a, b, c, d] : cells.cells)
     piece.cells.push_back({numbers[a], numbers[b], numbers[c], numbers[d]});
+  if (edge_window != nullptr) {
+    const CellEdges edges(cells.cells, numbers);
+    const std::vector<std::int64_t> nodes =
+        edge_window->numbers(leaf, cells, numbers, edges, window.numbers);
+    for (const auto& cell : cells.cells) {
+      MeshPiece::Nodes& of_cell = piece.nodes.emplace_back();
+      std::ranges::transform(kCellEdges, of_cell.begin(), [&](const auto& ends) {
+        return nodes[edges.place_of(cell[ends[0]], cell[ends[1]])];
+      });
+    }
+  }
   if (has_corners) {
     const std::vector<Point> positions = window.positions.of(cells.vertices, numbers);
     for (const auto& [a, b, c, d] : cells.cells)
       piece.corners.push_back({positions[a], positions[b], positions[c], positions[d]});
   }
-  const std::uint64_t num_core = add_core_cells(leaf, window, piece);
+  const std::uint64_t num_core = add_core_cells(leaf, window, edge_window, piece);
   if (num_core != numbering_.num_core_cells(leaf))
     throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);
   piece.runs.push_back(

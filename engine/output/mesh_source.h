@@ -11,13 +11,16 @@
 
 #include "engine/exchange/exchange.h"
 #include "engine/exchange/one_rank.h"
+#include "engine/output/boundary_nodes.h"
 #include "engine/output/boundary_surface.h"
+#include "engine/output/edge_numbering.h"
+#include "engine/output/edge_window.h"
 #include "engine/output/leaf_window.h"
+#include "engine/output/mesh_window.h"
 #include "engine/output/part_vertices.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/encode_in_order.h"
-#include "engine/shared/idle_pool.h"
 #include "engine/shared/step_progress.h"
 #include "engine/shared/workers.h"
 #include "storage/store.h"
@@ -39,6 +42,12 @@ struct MeshPiece {
   std::uint64_t first_vertex = 0, first_cell = 0;
   std::vector<Vertex> points;
   std::vector<Cell> cells;
+  // Of second order: where the nodes in the middle of edges lie, and which each cell has, in the
+  // order of kCellEdges.
+  using Nodes = std::array<std::int64_t, 6>;
+  std::uint64_t first_node = 0;
+  std::vector<Vertex> node_points;
+  std::vector<Nodes> nodes;
   std::vector<LeafRun> runs;                  // of the cells
   std::vector<std::array<Point, 4>> corners;  // of the listed cells
 };
@@ -49,13 +58,15 @@ struct TrianglePiece {
 
   std::uint64_t first = 0;  // among the triangles
   std::vector<Triangle> triangles;
+  std::vector<Triangle> nodes;        // of second order: as BoundarySurface::Facets has them
   std::vector<std::uint32_t> leaves;  // those of their cells
   std::vector<SheetId> sheets;
 };
 
 struct PieceParts {
   bool has_points = false, has_cells = false;
-  bool has_corners = false;  // with the cells
+  bool has_corners = false;      // with the cells
+  bool has_node_points = false;  // there are none of first order
 };
 
 // Of one cell.
@@ -77,7 +88,10 @@ struct NumberRange {
 // Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order. A part is
 // what one rank has, as a mesh by itself: its cells, from 0 on, with all of their vertices, which
 // have the numbers of PartVertices.
-// Memory: that of VertexNumbering, PartVertices and BoundarySurface, 8 MB for the points near a
+// Of second order, there are nodes in the middle of edges, which have the numbers after those of
+// the vertices, as EdgeNumbering says; on the boundary they lie on the surface (BoundaryNodes).
+// Memory: that of VertexNumbering, PartVertices and BoundarySurface; of second order those of
+// EdgeNumbering, EdgeWindow and BoundaryNodes, too; 8 MB for the points near a
 // leaf and those of NumberWindow, which the threads divide, and for each thread a piece: a
 // mebibyte, or a leaf more.
 // Threads: used by one at a time; what is given to encode is called from any.
@@ -87,15 +101,21 @@ class MeshSource {
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
   // Steps are the rank's cells, told in the first pass over them. Any pass throws Stopped.
   // `exchange`: see VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but
-  // for a part.
+  // for a part. `order`: 1, or 2; then of no part
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
-             Exchange& exchange = alone(), bool is_part = false);
+             Exchange& exchange = alone(), bool is_part = false, int order = 1);
 
   const RunRecord& run() const { return run_; }
   const SurfaceSheets& sheets() const { return sheets_; }
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
+  int order() const { return edges_ ? 2 : 1; }
+  std::uint64_t num_nodes() const { return edges_ ? edges_->size() : 0; }
+  std::uint64_t num_points() const { return num_vertices() + num_nodes(); }
+  NumberRange own_nodes() const;  // their numbers
+  // REQUIRES: it is of second order
+  const BoundaryNodes& boundary_nodes() const { return *boundary_nodes_; }
   // Of those that have this mesh together: of a rank's part, that is the rank alone.
   Exchange& exchange() const { return part_ ? alone() : exchange_; }
   bool is_of_first_rank() const { return exchange().rank() == 0; }
@@ -146,24 +166,23 @@ class MeshSource {
     std::size_t first = 0, end = 0;
     bool is_of_others = false;
   };
-  // What one thread reads with.
-  struct Window {
-    Window(const Store& store, const VertexNumbering& numbering, int num_shares);
-    const Snapshot snapshot;
-    NumberWindow numbers;
-    VertexPositions positions;
-  };
-
   // Where ranks talk to each other, none may stop.
   const StopToken* stop_while_alone() const { return exchange_.num_ranks() == 1 ? stop_ : nullptr; }
   std::function<std::optional<PieceRange>()> ranges(const PieceParts& parts);
   std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
   void become_part();
+  void number_edges();
+  void tell_step(std::uint64_t num_steps, std::uint64_t num_all);
   MeshPiece read(const PieceRange& range, const PieceParts& parts);  // by any thread
   MeshPiece others(const PieceRange& range) const;
-  void add_points(std::size_t leaf, const Window& window, MeshPiece& piece) const;
-  void add_cells(std::size_t leaf, bool has_corners, Window& window, MeshPiece& piece) const;
-  std::uint64_t add_core_cells(std::size_t leaf, Window& window, MeshPiece& piece) const;
+  void add_points(std::size_t leaf, const MeshWindow& window, MeshPiece& piece) const;
+  void add_node_points(std::size_t leaf, MeshWindow& window, EdgeWindow& edges,
+                       MeshPiece& piece) const;
+  // `edges`: null of first order
+  void add_cells(std::size_t leaf, bool has_corners, MeshWindow& window, EdgeWindow* edges,
+                 MeshPiece& piece) const;
+  std::uint64_t add_core_cells(std::size_t leaf, MeshWindow& window, EdgeWindow* edges,
+                               MeshPiece& piece) const;
 
   const Store& store_;
   Snapshot snapshot_;
@@ -178,8 +197,11 @@ class MeshSource {
   VertexNumbering numbering_;
   VertexPositions positions_;
   Workers workers_;
+  MeshWindows windows_;
+  std::unique_ptr<EdgeNumbering> edges_;
+  std::optional<EdgeWindows> edge_windows_;
   std::unique_ptr<BoundarySurface> boundary_;
-  IdlePool<Window> windows_;
+  std::unique_ptr<BoundaryNodes> boundary_nodes_;
   std::uint64_t first_cell_ = 0, end_cell_;  // of a part, in the mesh of all
   std::optional<MeshPart> part_;
   std::optional<PartVertices> vertices_;

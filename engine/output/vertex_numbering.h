@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -57,10 +58,16 @@ class VertexNumbering {
   std::size_t leaf_of(std::uint64_t vertex) const;
   std::size_t leaf_of_cell(std::uint64_t cell) const;
   bool is_core(std::uint64_t vertex) const { return vertex >= first_core_vertex(leaf_of(vertex)); }
+  // The same of any point; -1: it has no number.
+  bool is_core(std::uint64_t id, std::int64_t number) const {
+    return id < kFirstOtherId && number >= 0 && is_core(static_cast<std::uint64_t>(number));
+  }
   // See leaves_near(); `distance`: over the LeafScale
   std::vector<std::size_t> near(std::size_t leaf, double distance) const {
     return leaves_near(octree_, frame_, leaf, distance * scale_.of(leaf));
   }
+  // Over which distances from a leaf are.
+  double scale(std::size_t leaf) const { return scale_.of(leaf); }
   const Lattice& lattice() const { return lattice_; }
   // The number of a leaf's first point of the core.
   std::uint64_t first_core_vertex(std::size_t leaf) const {
@@ -161,6 +168,11 @@ class NumberWindow {
   // elsewhere. Takes 8 bytes a site of the leaf's box. Null if the leaf and all around it have
   // none. Valid until the next call of it or of numbers().
   const SiteBlock<std::int64_t>* core_numbers(std::size_t leaf);
+  // Of a leaf near one whose numbers were asked for last.
+  std::shared_ptr<const LatticeCore> core(std::size_t leaf) {
+    const auto held = cores_.get(leaf);
+    return {held, &held->core};
+  }
   // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
   // unused or unknown. REQUIRES: ids ascend
   std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);

@@ -1,8 +1,10 @@
 // IdlePool keeps what threads work with between their turns.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -34,6 +36,30 @@ class IdlePool {
  private:
   std::mutex mutex_;
   std::vector<std::unique_ptr<T>> idle_;
+};
+
+// Lends them out, and makes those that are missing. Safe from many threads.
+template <class T>
+class LendingPool {
+ public:
+  explicit LendingPool(std::function<std::unique_ptr<T>()> make) : make_(std::move(make)) {}
+  // Returns use(one), of one that nobody uses meanwhile.
+  template <class Use>
+  auto with(const Use& use) {
+    std::unique_ptr<T> one = idle_.take(make_);
+    if constexpr (std::is_void_v<std::invoke_result_t<const Use&, T&>>) {
+      use(*one);
+      idle_.put_back(std::move(one));
+    } else {
+      auto result = use(*one);
+      idle_.put_back(std::move(one));
+      return result;
+    }
+  }
+
+ private:
+  std::function<std::unique_ptr<T>()> make_;
+  IdlePool<T> idle_;
 };
 
 }  // namespace locvol

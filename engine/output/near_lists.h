@@ -1,0 +1,81 @@
+// NearLists keeps a list for each of a rank's leaves, and has those of leaves beside them: for what
+// is found in one leaf and belongs to another.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "engine/exchange/exchange.h"
+#include "engine/output/leaf_lists.h"
+#include "engine/output/leaf_window.h"
+#include "engine/output/vertex_numbering.h"
+
+namespace locvol {
+
+// In a nameless file. Memory: 8 bytes a leaf, 64 a leaf of another rank beside, and `window_bytes`.
+// Threads: used by one at a time. Errors: std::system_error; ExchangeError
+template <class T>
+class NearLists {
+  static_assert(sizeof(T) % sizeof(std::uint64_t) == 0);
+
+ public:
+  // The numbering must outlive it.
+  NearLists(const VertexNumbering& numbering, const std::filesystem::path& neighbor,
+            std::size_t window_bytes)
+      : numbering_(numbering),
+        lists_(neighbor),
+        window_(window_bytes, [this](std::size_t list) { return lists_.list(list); }) {}
+  NearLists(const NearLists&) = delete;
+  NearLists& operator=(const NearLists&) = delete;
+
+  void append(std::span<const T> of_next_leaf) { lists_.append(of_next_leaf); }
+  // Once all own leaves have theirs: all ranks tell them to those within kCellReach.
+  void tell(const Reader& reader, Exchange& exchange) {
+    numbering_.tell_ranks_beside(
+        reader, exchange, kCellReach,
+        [&](std::size_t leaf) {
+          const std::vector<T> list = own(leaf);
+          std::vector<std::uint64_t> values(sizeof(T) / sizeof(std::uint64_t) * list.size());
+          std::ranges::copy(std::as_bytes(std::span(list)),
+                            std::as_writable_bytes(std::span(values)).begin());
+          return values;
+        },
+        [&](std::size_t leaf, const std::vector<std::uint64_t>& values) {
+          std::vector<T> list(values.size() * sizeof(std::uint64_t) / sizeof(T));
+          std::ranges::copy(std::as_bytes(std::span(values)),
+                            std::as_writable_bytes(std::span(list)).begin());
+          beside_[leaf] = lists_.num_leaves();
+          lists_.append(list);
+        });
+  }
+
+  std::vector<T> own(std::size_t leaf) const {
+    return lists_.list(leaf - numbering_.first_own()).values;
+  }
+  // Calls visit(list) for those within kCellReach of an own leaf, itself among them, that are not
+  // empty; in Morton order.
+  template <class Visit>
+  void for_each_near(std::size_t leaf, const Visit& visit) {
+    for (const std::size_t other : numbering_.near(leaf, kCellReach)) {
+      std::size_t list = other - numbering_.first_own();
+      if (other < numbering_.first_own() || other >= numbering_.end_own()) {
+        const auto beside = beside_.find(other);
+        if (beside == beside_.end()) continue;
+        list = beside->second;
+      }
+      if (lists_.length(list) > 0) visit(std::span<const T>(window_.get(list)->values));
+    }
+  }
+
+ private:
+  const VertexNumbering& numbering_;
+  LeafLists<T> lists_;  // of own leaves, and then of those beside them
+  std::map<std::size_t, std::size_t> beside_;
+  LeafWindow<LeafList<T>> window_;
+};
+
+}  // namespace locvol
