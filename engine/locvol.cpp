@@ -346,7 +346,14 @@ void pass_on(const BoundarySurface::Facets& some,
          .facets = facets,
          .corners = corners,
          .cells = cells,
-         .sheets = sheets});
+         .sheets = sheets,
+         .nodes = some.nodes});
+}
+
+bool is_second(int order) {
+  if (order != 1 && order != 2)
+    throw InputError("cells of order " + std::to_string(order) + ": give 1 or 2");
+  return order == 2;
 }
 
 }  // namespace
@@ -426,6 +433,15 @@ struct Mesh::Impl {
     use(numbering, snapshot, pages);
   }
 
+  template <class Use>
+  void of_second_order(const Use& use) const {
+    require_complete();
+    const Store opened = open();
+    MeshSource mesh(opened, store, num_threads, {}, nullptr, alone(), false, 2);
+    num_vertices = mesh.num_vertices();
+    use(mesh);
+  }
+
   std::unique_ptr<ScratchDirectory> scratch;  // of a store without a name
   std::filesystem::path store;
   Summary summary;
@@ -491,33 +507,49 @@ std::vector<PoorCellPlace> Mesh::poor_cells(std::uint64_t max) const {
   });
 }
 
-void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit) const {
+void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit, int order) const {
   Thrown thrown;
   const auto pass = watched(visit, thrown);
+  const auto pass_chunk = [&](const MeshChunk& chunk) {
+    pass({.first_cell = chunk.first_cell,
+          .first_vertex = chunk.first_vertex,
+          .num_own = chunk.num_own,
+          .vertices = chunk.vertices,
+          .vertex_numbers = chunk.numbers,
+          .cells = chunk.cells,
+          .first_node = chunk.first_node,
+          .num_own_nodes = chunk.num_own_nodes,
+          .nodes = chunk.nodes,
+          .node_numbers = chunk.node_numbers,
+          .cell_nodes = chunk.cell_nodes});
+  };
   translated(thrown, [&] {
-    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
-      ChunkReader(reader, numbering, pages).for_each([&](const MeshChunk& chunk) {
-        pass({.first_cell = chunk.first_cell,
-              .first_vertex = chunk.first_vertex,
-              .num_own = chunk.num_own,
-              .vertices = chunk.vertices,
-              .vertex_numbers = chunk.numbers,
-              .cells = chunk.cells});
+    if (is_second(order))
+      impl_->of_second_order(
+          [&](MeshSource& mesh) { for_each_chunk_of_second_order(mesh, pass_chunk); });
+    else
+      impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
+        ChunkReader(reader, numbering, pages).for_each(pass_chunk);
       });
-    });
   });
 }
 
-void Mesh::for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit) const {
+void Mesh::for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit,
+                                   int order) const {
   Thrown thrown;
   const auto pass = watched(visit, thrown);
+  const auto pass_all = [&](BoundarySurface& boundary) {
+    const auto next = boundary.facets({.has_corners = true});
+    for (auto some = next(); some; some = next()) pass_on(*some, pass);
+  };
   translated(thrown, [&] {
+    if (is_second(order))
+      return impl_->of_second_order([&](MeshSource& mesh) { pass_all(mesh.boundary()); });
     impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
       VertexPositions positions(reader, numbering);
       Workers workers(impl_->num_threads);
       BoundarySurface boundary(reader, numbering, positions, impl_->store, pages, workers);
-      const auto next = boundary.facets({.has_corners = true});
-      for (auto some = next(); some; some = next()) pass_on(*some, pass);
+      pass_all(boundary);
     });
   });
 }
@@ -529,11 +561,12 @@ std::vector<Sheet> Mesh::sheets() const {
   });
 }
 
-std::uint64_t Mesh::write(const std::filesystem::path& file) const {
+std::uint64_t Mesh::write(const std::filesystem::path& file, int order) const {
   return translated({}, [&] {
     impl_->require_complete();
-    const WriteSummary written =
-        write_mesh(impl_->open(), file, {format_meant_by(file)}, impl_->num_threads);
+    const OutputOptions output = {.format = format_meant_by(file),
+                                  .order = is_second(order) ? 2 : 1};
+    const WriteSummary written = write_mesh(impl_->open(), file, output, impl_->num_threads);
     impl_->num_vertices = written.num_vertices;
     return written.bytes;
   });

@@ -240,6 +240,15 @@ struct Chunk {
   std::span<const std::uint64_t> vertex_numbers = {};  ///< The number of each, in the whole mesh.
   /// Four indices into `vertices`, positively oriented: (b - a) × (c - a) · (d - a) > 0.
   std::span<const std::array<std::uint32_t, 4>> cells = {};
+
+  /// Of second order: the number of nodes[0] in the whole mesh. Nodes, in the middle of edges, have
+  /// the numbers after those of all vertices, and come as vertices do, own ones first.
+  std::uint64_t first_node = 0;
+  std::uint32_t num_own_nodes = 0;          ///< So many nodes come first.
+  std::span<const Coordinates> nodes = {};  ///< On boundary edges, they are on the surface.
+  std::span<const std::uint64_t> node_numbers = {};  ///< The number of each, in the whole mesh.
+  /// Of each cell, six indices into `nodes`: of its edges 0 1, 1 2, 0 2, 0 3, 1 3, 2 3.
+  std::span<const std::array<std::uint32_t, 6>> cell_nodes = {};
 };
 
 /// How many values lie in each of some ranges.
@@ -282,6 +291,8 @@ struct BoundaryChunk {
   std::span<const std::array<Coordinates, 3>> corners = {};  ///< Where these vertices lie.
   std::span<const std::uint64_t> cells = {};                 ///< The number of each facet's cell.
   std::span<const std::uint32_t> sheets = {};                ///< Of which sheet each is: Sheet::id.
+  /// Of second order: the numbers of the nodes of each, of its edges 0 1, 1 2, 2 0.
+  std::span<const std::array<std::uint64_t, 3>> nodes = {};
 };
 
 /// A part of the surface, and of the mesh's boundary, that conditions can be given for: what hangs
@@ -339,12 +350,14 @@ class Mesh {
   std::vector<PoorCellPlace> poor_cells(std::uint64_t max = 1000) const;
   /// Hands out the whole mesh, leaf by leaf along the octree: always the same chunks in the same
   /// order. A chunk is one leaf, or several small ones, a few megabytes. Needs 60 MB besides, and
-  /// a temporary file beside the store. REQUIRES: is_complete()
-  void for_each_chunk(const std::function<void(const Chunk&)>& visit) const;
+  /// a temporary file beside the store. `order`: 2 for cells with a node in the middle of each
+  /// edge, which needs 60 MB more. REQUIRES: is_complete()
+  void for_each_chunk(const std::function<void(const Chunk&)>& visit, int order = 1) const;
   /// Hands out the boundary of the mesh, a closed surface with its vertices on the input's, in the
   /// order of its cells. Needs 60 MB besides, and temporary files beside the store.
-  /// REQUIRES: is_complete()
-  void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit) const;
+  /// `order`: as of for_each_chunk(). REQUIRES: is_complete()
+  void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit,
+                               int order = 1) const;
   /// The sheets of the surface, measured there and on the mesh's boundary. One that is called
   /// "boundary" if nothing parts it. Reads the surface twice; needs 30 MB besides, and a temporary
   /// file beside the store. REQUIRES: is_complete()
@@ -352,9 +365,9 @@ class Mesh {
   /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
   /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
   /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws
-  /// Error (kInput) before a byte is written if the format cannot hold the mesh. REQUIRES:
-  /// is_complete()
-  std::uint64_t write(const std::filesystem::path& file) const;
+  /// Error (kInput) before a byte is written if the format cannot hold the mesh. `order`: as of
+  /// for_each_chunk(); formats of the boundary have 1 alone. REQUIRES: is_complete()
+  std::uint64_t write(const std::filesystem::path& file, int order = 1) const;
 
  private:
   friend struct MeshAccess;

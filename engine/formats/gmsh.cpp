@@ -1,6 +1,5 @@
 #include <array>
 #include <bit>
-#include <numeric>
 #include <optional>
 #include <span>
 #include <vector>
@@ -63,7 +62,7 @@ Msh4Tags tags_of(MeshSource& mesh) {
   if (mesh.num_vertices() == 0) return tags;
   const auto [least, most] = mesh.range_of_numbers();
   tags.least_vertex = least + 1;
-  tags.most_vertex = most + mesh.num_nodes() + 1;
+  tags.most_vertex = most + 1;
   return tags;
 }
 
@@ -197,20 +196,20 @@ void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) 
 
 void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layout& layout,
                   std::uint64_t first_tag, PlacedFile& out) {
-  const auto tag_of = [&](std::uint64_t vertex) { return mesh.number_of(vertex) + 1; };
+  const auto tag_of = [&](auto point) {
+    return mesh.number_of(static_cast<std::uint64_t>(point)) + 1;
+  };
   std::vector<std::uint64_t> tags(piece.points.size());
   for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = tag_of(piece.first_vertex + i);
   std::vector<std::uint64_t> node_tags(piece.node_points.size());
-  std::iota(node_tags.begin(), node_tags.end(), piece.first_node + 1);
+  for (std::size_t i = 0; i < node_tags.size(); ++i) node_tags[i] = tag_of(piece.first_node + i);
   std::vector<std::uint64_t> cells;
   cells.reserve((1 + num_corners_of_cell(mesh.order())) * piece.cells.size());
   for (std::size_t i = 0; i < piece.cells.size(); ++i) {
     cells.push_back(first_tag + piece.first_cell + i);
-    for (const std::int64_t v : piece.cells[i])
-      cells.push_back(tag_of(static_cast<std::uint64_t>(v)));
+    for (const std::int64_t v : piece.cells[i]) cells.push_back(tag_of(v));
     if (!piece.nodes.empty())
-      for (const std::size_t n : kGmshCellNodes)
-        cells.push_back(static_cast<std::uint64_t>(piece.nodes[i][n]) + 1);
+      for (const std::size_t n : kGmshCellNodes) cells.push_back(tag_of(piece.nodes[i][n]));
   }
   const std::array<PlacedFile::Part, 5> parts = {
       {{layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},

@@ -137,7 +137,8 @@ void ArrayBlocks::measure(const std::filesystem::path& output) {
 
 // Of offsets from 0 on, the last one, which is no cell's, is the last rank's.
 std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
-  if (info.array == ArrayName::kPointIds) return {{mesh_.own_vertices(), nullptr}};
+  if (info.array == ArrayName::kPointIds)
+    return {{{0, mesh_.num_points()}, nullptr}};  // of a part, which one rank has
   if (info.array == ArrayName::kPoints) {
     const auto reader = [&](const PieceParts& parts, auto MeshPiece::*points) -> ReadItems {
       return bytes_of_pieces<MeshPiece>(mesh_.pieces(parts), [points](const MeshPiece& piece) {

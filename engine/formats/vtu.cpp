@@ -166,7 +166,7 @@ class RawArrays {
                                         : columns_of(piece.first_cell, whole, type, narrow);
     columns.leaves = leaves_of(piece);
     if (output_.has_boundary) columns.sheets.resize(piece.cells.size());
-    std::vector<std::int64_t> numbers;
+    std::vector<std::int64_t> numbers, node_numbers;
     std::vector<PlacedFile::Part> parts = {
         part(ArrayName::kPoints, piece.first_vertex, piece.points)};
     if (!piece.node_points.empty())
@@ -174,6 +174,8 @@ class RawArrays {
     if (mesh_.part()) {
       numbers = mesh_.numbers_of(piece.first_vertex, piece.points.size());
       parts.push_back(part(ArrayName::kPointIds, piece.first_vertex, numbers));
+      node_numbers = mesh_.numbers_of(piece.first_node, piece.node_points.size());
+      parts.push_back(part(ArrayName::kPointIds, piece.first_node, node_numbers));
     }
     if (output_.has_quality)
       for (const auto& [ratio, angle] : quality_of(piece)) {

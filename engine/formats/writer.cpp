@@ -40,7 +40,7 @@ std::vector<PieceFile> piece_files(const std::filesystem::path& file, MeshFormat
   std::vector<PieceFile> pieces;
   for (std::size_t rank = 0; rank < num_cells.size(); ++rank)
     pieces.push_back({piece_of(file, format, static_cast<int>(rank)).filename().string(),
-                      {num_vertices[rank], num_cells[rank], num_facets[rank], 0}});
+                      {num_vertices[rank], num_cells[rank], num_facets[rank], 0, own.order}});
   return pieces;
 }
 
@@ -64,6 +64,16 @@ std::unique_ptr<PartialFile> begun_by_first(const std::filesystem::path& file,
         ": what the first process begins there, this one does not see; choose a directory that all "
         "see, or --pieces, a file each");
   }
+}
+
+// `num_bytes`, `num_facets`: of all ranks
+WriteSummary summary_of(const MeshSource& mesh, std::uint64_t num_bytes, std::uint64_t num_facets) {
+  WriteSummary summary{mesh.num_all_vertices(), mesh.num_all_cells(), num_bytes, num_facets};
+  if (mesh.order() == 1) return summary;
+  summary.num_nodes = mesh.num_all_nodes();
+  summary.num_nodes_on_surface = mesh.boundary_nodes().num_on_surface();
+  summary.num_nodes_off_surface = mesh.boundary_nodes().num_kept_off();
+  return summary;
 }
 
 }  // namespace
@@ -114,13 +124,7 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
   do_on_all(exchange, [&] {
     if (mesh.is_of_first_rank()) PartialFile::publish_all(all);
   });
-  WriteSummary summary{mesh.num_vertices(), counts.num_cells, bytes, counts.num_boundary_facets};
-  if (mesh.order() == 2) {
-    summary.num_nodes = mesh.num_nodes();
-    summary.num_nodes_on_surface = mesh.boundary_nodes().num_on_surface();
-    summary.num_nodes_off_surface = mesh.boundary_nodes().num_kept_off();
-  }
-  return summary;
+  return summary_of(mesh, bytes, counts.num_boundary_facets);
 }
 
 bool can_be_written_in_pieces(MeshFormat format) {
@@ -144,7 +148,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
                                  const OutputOptions& options, Exchange& exchange,
                                  int num_threads) {
   const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
-  MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true);
+  MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true, options.order);
   const MeshCounts counts = mesh_counts(mesh, options);
   const std::vector<PieceFile> pieces = piece_files(file, options.format, counts, exchange);
   const auto of_all = index_of_pieces(file, options.format);
@@ -162,8 +166,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
   wait_for_all(exchange);  // all have their names
   if (index) index->publish();
   wait_for_all(exchange);
-  return {mesh.num_all_vertices(), mesh.num_all_cells(), sum(exchange, bytes).all,
-          sum(exchange, counts.num_boundary_facets).all};
+  return summary_of(mesh, sum(exchange, bytes).all, sum(exchange, counts.num_boundary_facets).all);
 }
 
 WriteSummary write_vtu(const Store& store, const std::filesystem::path& file, int num_threads,

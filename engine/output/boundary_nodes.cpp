@@ -1,6 +1,8 @@
 #include "engine/output/boundary_nodes.h"
 
 #include <algorithm>
+#include <iterator>
+#include <memory>
 #include <utility>
 
 #include "engine/output/quadratic_cell.h"
@@ -79,11 +81,8 @@ BoundaryNodes::BoundaryNodes(const Store& store, const RunRecord& run,
       edge_windows_(edge_windows),
       pages_(pages),
       stop_(stop),
-      surfaces_([&store, &numbering, num_threads = workers.num_threads()] {
-        return std::make_unique<SurfaceWindow>(store, numbering, num_threads);
-      }),
       nodes_(output),
-      on_surface_(output) {
+      on_surface_(numbering, output, kNodeBytes) {
   const Snapshot reader = store.snapshot();
   if (boundary.num_sheets() > 1) by_sheet_.emplace(output, boundary.num_sheets());
   Candidates candidates(numbering, output, kNodeBytes);
@@ -94,7 +93,7 @@ BoundaryNodes::BoundaryNodes(const Store& store, const RunRecord& run,
         edges.append(edges_of(boundary.facets_of_leaf(leaf)));
     });
     edges.tell(reader, exchange);
-    do_on_all(exchange, [&] { find_places(edges, candidates, workers); });
+    do_on_all(exchange, [&] { find_places(store, edges, candidates, workers); });
   }
   if (by_sheet_) by_sheet_->finish(exchange);
   num_nodes_ = sum(exchange, nodes_.size());
@@ -105,10 +104,9 @@ BoundaryNodes::BoundaryNodes(const Store& store, const RunRecord& run,
   std::uint64_t num_refused = 0;
   do_on_all(exchange, [&] { num_refused = keep(candidates, refused); });
   num_on_surface_ = sum(exchange, on_surface_.size()).all;
+  on_surface_.tell(reader, exchange);
   num_kept_off_ = sum(exchange, num_kept_off_ + num_refused).all;
 }
-
-BoundaryNodes::~BoundaryNodes() = default;
 
 std::vector<BoundaryNodes::FacetEdge> BoundaryNodes::edges_of(
     std::span<const BoundaryFacet> facets) {
@@ -124,8 +122,10 @@ std::vector<BoundaryNodes::FacetEdge> BoundaryNodes::edges_of(
   return edges;
 }
 
-void BoundaryNodes::find_places(NearLists<FacetEdge>& edges, Candidates& candidates,
-                                Workers& workers) {
+void BoundaryNodes::find_places(const Store& store, NearLists<FacetEdge>& edges,
+                                Candidates& candidates, Workers& workers) {
+  LendingPool<SurfaceWindow> surfaces(
+      [&] { return std::make_unique<SurfaceWindow>(store, *numbering_, workers.num_threads()); });
   std::size_t next = numbering_->first_own();
   encode_in_order(
       workers,
@@ -145,7 +145,7 @@ void BoundaryNodes::find_places(NearLists<FacetEdge>& edges, Candidates& candida
         pages_.count(sizeof(Triangle) * own.edges.size());
         return own;
       },
-      [&](const OwnEdges& own) { return places_of(own); },
+      [&](const OwnEdges& own) { return places_of(own, surfaces); },
       [&](const FoundNodes& found) {
         std::vector<std::uint64_t> nodes;
         for (const auto& [node, sheet] : found.nodes) {
@@ -191,7 +191,8 @@ std::vector<BoundaryNodes::EdgeShape> BoundaryNodes::shapes_of(const OwnEdges& o
   return shapes;
 }
 
-BoundaryNodes::FoundNodes BoundaryNodes::places_of(const OwnEdges& own) {
+BoundaryNodes::FoundNodes BoundaryNodes::places_of(const OwnEdges& own,
+                                                   LendingPool<SurfaceWindow>& surfaces) {
   FoundNodes found;
   const std::vector<EdgeShape> shapes = shapes_of(own, found);
   if (shapes.empty()) return found;
@@ -201,7 +202,7 @@ BoundaryNodes::FoundNodes BoundaryNodes::places_of(const OwnEdges& own) {
   };
   Box region = around(shapes.front());
   for (const EdgeShape& shape : shapes) region = region.joined(around(shape));
-  const NodePlaces places = surfaces_.with(
+  const NodePlaces places = surfaces.with(
       [&](SurfaceWindow& window) { return surface_around(own.leaf, region, window); });
   for (const auto& [edge, shape] : shapes) {
     const auto place = places.place(shape);

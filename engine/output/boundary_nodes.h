@@ -35,18 +35,18 @@ struct NodeOnSurface {
 // there (allowed_nodes()): these, and all others, are in the middle.
 //
 // 1. Of each leaf: the edges of the facets that its cells have go to a nameless file.
-// 2. Leaf by leaf, by any thread: edges that are its own are gathered from leaves within 2λ, and
-// their
-//    nodes' places are found on the surface around.
+// 2. Leaf by leaf, by any thread: its own edges are gathered from leaves within 2λ, and the places
+//    of their nodes are found on the surface around.
 // 3. Likewise: cells that have such nodes are asked which they do not allow there.
 // 4. Of each leaf, the nodes that no cell around refuses are kept.
 // What a cell allows does not depend on what others refuse, so one pass will do, in any order. Of
 // several ranks, each does so for its own leaves, and is told the lists of those beside them.
 //
-// Memory: 32 bytes a leaf, 12 MB for lists of leaves near the current one, and for each thread 20
-// MB and what lies around a leaf, divided by the threads but for the latter. Disk: 32 bytes for
-// each edge of a facet, and 40 for each node off the middle. Threads: used by one at a time, but
-// for on_surface(). Errors: StoreError; std::system_error.
+// Memory: 32 bytes a leaf, 16 MB for lists of leaves near the current one; while it is made, 20 MB
+// for the surface and for points, which the threads divide, and for each thread the surface around
+// a leaf.
+// Disk: 32 bytes for each edge of a facet while it is made, and 40 for each node off the middle.
+// Threads: used by one at a time, but for on_surface(). Errors: StoreError; std::system_error.
 class BoundaryNodes {
  public:
   // All must outlive it. All ranks call it. Throws Stopped.
@@ -56,16 +56,14 @@ class BoundaryNodes {
                 const StopToken* stop, Exchange& exchange);
   BoundaryNodes(const BoundaryNodes&) = delete;
   BoundaryNodes& operator=(const BoundaryNodes&) = delete;
-  ~BoundaryNodes();
 
   std::uint64_t size() const { return num_nodes_.all; }  // of all ranks
   // Of these, off the middle; and in the middle though the surface is not there.
   std::uint64_t num_on_surface() const { return num_on_surface_; }
   std::uint64_t num_kept_off() const { return num_kept_off_; }
-  // Of an own leaf, those off the middle, in the order of their edges. Safe from many threads.
-  std::vector<NodeOnSurface> on_surface(std::size_t leaf) const {
-    return on_surface_.list(leaf - numbering_->first_own()).values;
-  }
+  // Of a leaf, own or beside, those off the middle, in the order of their edges. Safe from many
+  // threads.
+  std::vector<NodeOnSurface> on_surface(std::size_t leaf) const { return on_surface_.of(leaf); }
 
   // The rank's own, in the order of their numbers: some after some, and then nothing; without
   // positions. `first` is among those of all ranks. By sheet as BoundarySurface has vertices.
@@ -87,9 +85,10 @@ class BoundaryNodes {
   using Refused = NearLists<MeshEdge>;
 
   static std::vector<FacetEdge> edges_of(std::span<const BoundaryFacet> facets);
-  void find_places(NearLists<FacetEdge>& edges, Candidates& candidates, Workers& workers);
+  void find_places(const Store& store, NearLists<FacetEdge>& edges, Candidates& candidates,
+                   Workers& workers);
   std::vector<EdgeShape> shapes_of(const OwnEdges& own, FoundNodes& found);
-  FoundNodes places_of(const OwnEdges& own);
+  FoundNodes places_of(const OwnEdges& own, LendingPool<SurfaceWindow>& surfaces);
   NodePlaces surface_around(std::size_t leaf, const Box& region, SurfaceWindow& window) const;
   void ask_cells(Candidates& candidates, Refused& refused, Workers& workers);
   std::vector<MeshEdge> refused_by(const CellsToAsk& cells);
@@ -101,10 +100,9 @@ class BoundaryNodes {
   EdgeWindows& edge_windows_;
   PageRelease& pages_;
   const StopToken* stop_;
-  LendingPool<SurfaceWindow> surfaces_;
   LeafLists<std::uint64_t> nodes_;  // of own leaves
   std::optional<BySheet<std::uint64_t>> by_sheet_;
-  LeafLists<NodeOnSurface> on_surface_;
+  NearLists<NodeOnSurface> on_surface_;
   SumOfRanks num_nodes_;
   std::uint64_t num_on_surface_ = 0, num_kept_off_ = 0;
 };

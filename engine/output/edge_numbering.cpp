@@ -13,7 +13,7 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kForeignBytes = std::size_t{16} << 20;
+constexpr std::size_t kForeignBytes = std::size_t{8} << 20;
 
 // The edges in an ascending list whose smaller ends are from `first` to before `end`.
 std::span<const MeshEdge> starting_in(std::span<const MeshEdge> edges, std::uint64_t first,

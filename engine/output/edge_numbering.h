@@ -31,11 +31,13 @@ inline constexpr std::uint8_t kAllCoreSteps = (1U << kLargerNeighbors.size()) - 
 // - Others are in cells of leaves within 2λ. Of each leaf, the edges of its cells go to a nameless
 //   file beside the output, own ones and those of other leaves apart; leaf by leaf, the latter are
 //   looked up in the lists of leaves around.
+//
 // Of several ranks, each tells those beside it which edges of theirs its cells have, and what
-// numbers its own edges got. Memory: 24 bytes a leaf, 64 a leaf of another rank beside, and 16 MB
-// while it is made. Disk: 16 bytes for each edge that cells list, up to 40 while it is made, and a
-// byte for each point of a core that is not whole. Threads: const functions are safe from many
-// threads. Errors: CorruptRecord; std::system_error.
+// numbers its own edges got.
+// Memory: 24 bytes a leaf, 64 a leaf of another rank beside, and 8 MB while it is made.
+// Disk: 16 bytes for each edge that cells list, up to 40 while it is made, and a byte for each
+// point of a core that is not whole.
+// Threads: const functions are safe from many threads. Errors: CorruptRecord; std::system_error.
 class EdgeNumbering {
  public:
   // `on_cells(n)`: so many of the rank's cells are done. Throws Stopped. All ranks call it.
@@ -62,6 +64,11 @@ class EdgeNumbering {
   // bit each. Empty: all are, of all points.
   std::vector<std::uint8_t> core_steps(std::size_t leaf) const {
     return core_steps_.list(place_of(leaf).list).values;
+  }
+  // Calls visit(leaf) for those of other ranks whose numbers are known, in Morton order.
+  template <class Visit>
+  void for_each_leaf_beside(const Visit& visit) const {
+    for (const auto& [leaf, place] : beside_) visit(leaf);
   }
 
  private:

@@ -9,13 +9,11 @@
 namespace locvol {
 namespace {
 
-constexpr std::size_t kEdgeTableBytes = std::size_t{12} << 20,
-                      kCoreEdgeBytes = std::size_t{4} << 20;
+constexpr std::size_t kEdgeTableBytes = std::size_t{8} << 20, kCoreEdgeBytes = std::size_t{4} << 20;
 
 }  // namespace
 
-EdgeWindow::EdgeWindow(const VertexNumbering& numbering, const EdgeNumbering& edges,
-                       int num_shares)
+EdgeWindow::EdgeWindow(const VertexNumbering& numbering, const EdgeNumbering& edges, int num_shares)
     : numbering_(&numbering),
       edges_(&edges),
       listed_(kEdgeTableBytes / static_cast<std::size_t>(num_shares),

@@ -28,7 +28,7 @@ struct CoreEdges {
   }
 };
 
-// Memory: 16 MB, divided by `num_shares`, and 16 bytes a site of a leaf's box. Errors:
+// Memory: 12 MB, divided by `num_shares`, and 16 bytes a site of a leaf's box. Errors:
 // CorruptRecord, if cells have an edge that has no number.
 class EdgeWindow {
  public:

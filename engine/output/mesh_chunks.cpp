@@ -116,4 +116,85 @@ void ChunkReader::complete(NumberedCells numbered, MeshChunk& chunk) {
     chunk.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
 }
 
+namespace {
+
+// A list of own points, which have numbers that follow each other, and then of others.
+class NumberedPoints {
+ public:
+  NumberedPoints(std::uint64_t first, std::vector<MeshChunk::Vertex>& points,
+                 std::vector<std::uint64_t>& numbers)
+      : first_(first), num_own_(points.size()), points_(points), numbers_(numbers) {
+    for (std::size_t i = 0; i < num_own_; ++i) numbers_.push_back(first + i);
+  }
+  bool is_own(std::uint64_t number) const { return number >= first_ && number - first_ < num_own_; }
+  // Others come in the order of their numbers.
+  void add_other(std::uint64_t number, const Point& p) {
+    numbers_.push_back(number);
+    points_.push_back({p.x, p.y, p.z});
+  }
+  std::uint32_t index_of(std::int64_t number) const {
+    const auto wanted = static_cast<std::uint64_t>(number);
+    if (is_own(wanted)) return static_cast<std::uint32_t>(wanted - first_);
+    const auto others = std::span(numbers_).subspan(num_own_);
+    const auto place = std::ranges::lower_bound(others, wanted) - others.begin();
+    return static_cast<std::uint32_t>(num_own_) + static_cast<std::uint32_t>(place);
+  }
+
+ private:
+  std::uint64_t first_;
+  std::size_t num_own_;
+  std::vector<MeshChunk::Vertex>& points_;
+  std::vector<std::uint64_t>& numbers_;
+};
+
+}  // namespace
+
+void for_each_chunk_of_second_order(MeshSource& mesh,
+                                    const std::function<void(const MeshChunk&)>& visit) {
+  struct OtherNode {
+    std::uint64_t number = 0;
+    MeshEdge edge;
+  };
+  const auto next = mesh.pieces({.has_points = true, .has_cells = true, .has_node_points = true});
+  while (const auto piece = next()) {
+    MeshChunk chunk;
+    chunk.first_vertex = piece->first_vertex;
+    chunk.first_cell = piece->first_cell;
+    chunk.first_node = piece->first_node;
+    chunk.vertices = piece->points;
+    chunk.nodes = piece->node_points;
+    chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
+    chunk.num_own_nodes = static_cast<std::uint32_t>(chunk.nodes.size());
+    NumberedPoints vertices(chunk.first_vertex, chunk.vertices, chunk.numbers),
+        nodes(chunk.first_node, chunk.nodes, chunk.node_numbers);
+    std::vector<std::uint64_t> other_vertices;
+    std::vector<OtherNode> other_nodes;
+    for (std::size_t c = 0; c < piece->cells.size(); ++c) {
+      const auto vertex = [&](std::size_t k) {
+        return static_cast<std::uint64_t>(piece->cells[c][k]);
+      };
+      for (std::size_t k = 0; k < 4; ++k)
+        if (!vertices.is_own(vertex(k))) other_vertices.push_back(vertex(k));
+      for (std::size_t e = 0; e < kCellEdges.size(); ++e) {
+        const auto number = static_cast<std::uint64_t>(piece->nodes[c][e]);
+        const auto& [i, j] = kCellEdges[e];
+        if (!nodes.is_own(number))
+          other_nodes.push_back({number, edge_between(vertex(i), vertex(j))});
+      }
+    }
+    sort_and_unite(other_vertices);
+    sort_and_unite(other_nodes, &OtherNode::number);
+    for (const std::uint64_t vertex : other_vertices)
+      vertices.add_other(vertex, mesh.position_of(vertex));
+    for (const auto& [number, edge] : other_nodes) nodes.add_other(number, mesh.position_of(edge));
+    for (std::size_t c = 0; c < piece->cells.size(); ++c) {
+      std::ranges::transform(piece->cells[c], chunk.cells.emplace_back().begin(),
+                             [&](std::int64_t v) { return vertices.index_of(v); });
+      std::ranges::transform(piece->nodes[c], chunk.cell_nodes.emplace_back().begin(),
+                             [&](std::int64_t n) { return nodes.index_of(n); });
+    }
+    if (!chunk.vertices.empty() || !chunk.nodes.empty()) visit(chunk);
+  }
+}
+
 }  // namespace locvol

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/output/leaf_window.h"
+#include "engine/output/mesh_source.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 
@@ -23,6 +24,14 @@ struct MeshChunk {
   std::vector<Vertex> vertices;
   std::vector<std::uint64_t> numbers;  // of the vertices, as in the writers' files
   std::vector<Cell> cells;             // indices into `vertices`, positively oriented
+
+  // Of second order: nodes in the middle of edges, likewise; and those of each cell, as indices
+  // into `nodes`, in the order of kCellEdges.
+  std::uint64_t first_node = 0;
+  std::uint32_t num_own_nodes = 0;
+  std::vector<Vertex> nodes;
+  std::vector<std::uint64_t> node_numbers;
+  std::vector<std::array<std::uint32_t, 6>> cell_nodes;
 };
 
 // Memory: a chunk takes a mebibyte or a leaf; besides, 28 MB for points of leaves near.
@@ -59,5 +68,10 @@ class ChunkReader {
   NumberWindow numbers_;
   VertexPositions positions_;
 };
+
+// The same chunks of a mesh of second order, but for where one ends.
+// Memory: as MeshSource. Errors: StoreError; std::system_error.
+void for_each_chunk_of_second_order(MeshSource& mesh,
+                                    const std::function<void(const MeshChunk&)>& visit);
 
 }  // namespace locvol

@@ -53,26 +53,126 @@ void MeshSource::number_edges() {
                                                     workers_, stop_while_alone(), exchange_);
 }
 
+Point MeshSource::position_of(const MeshEdge& edge) {
+  constexpr std::size_t kOnSurfaceBytes = std::size_t{4} << 20;
+  if (!on_surface_)
+    on_surface_.emplace(kOnSurfaceBytes, [this](std::size_t leaf) {
+      return LeafList<NodeOnSurface>{boundary_nodes_->on_surface(leaf)};
+    });
+  const auto nodes = on_surface_->get(numbering_.leaf_of(edge.a));
+  const auto found = std::ranges::lower_bound(nodes->values, edge, {}, &NodeOnSurface::edge);
+  if (found != nodes->values.end() && found->edge == edge) return found->position;
+  return middle(position_of(edge.a), position_of(edge.b));
+}
+
 void MeshSource::tell_step(std::uint64_t num_steps, std::uint64_t num_all) {
   if (on_step_ && num_steps > num_told_) on_step_(num_told_ = num_steps, num_all);
 }
 
 void MeshSource::become_part() {
-  NamedVertices named(numbering_);
+  const NumberRange own = own_vertices(), own_nodes = this->own_nodes();
+  NamedVertices named(own), named_nodes(own_nodes);
+  const auto flat = [](const auto& items) {
+    return items.empty() ? std::span<const std::int64_t>()
+                         : std::span(items.front().data(), items.size() * items.front().size());
+  };
+  using Others = std::pair<std::vector<std::uint64_t>, std::vector<std::uint64_t>>;
   for_each_piece(
-      {.has_cells = true}, [&](const MeshPiece& piece) { return named.add_own(piece.cells); },
-      [&](const std::vector<std::uint64_t>& others) { named.add_others(others); });
-  vertices_.emplace(snapshot_, numbering_, std::move(named));
+      {.has_cells = true},
+      [&](const MeshPiece& piece) {
+        return Others{named.add_own(flat(piece.cells)), named_nodes.add_own(flat(piece.nodes))};
+      },
+      [&](const Others& others) {
+        named.add_others(others.first);
+        named_nodes.add_others(others.second);
+      });
+  std::optional<PartVertices> nodes;
+  if (edges_)
+    nodes.emplace(own_nodes, std::move(named_nodes), [this](std::span<const std::uint64_t> others) {
+      return positions_of_other_nodes(others);
+    });
+  vertices_.emplace(own, std::move(named), [this](std::span<const std::uint64_t> others) {
+    return positions_of_others(others);
+  });
+  part_nodes_ = std::move(nodes);
   part_ = {exchange_.rank(), exchange_.num_ranks()};
   first_cell_ = numbering_.first_cell(numbering_.first_own());
   end_cell_ = numbering_.first_cell(numbering_.end_own());
 }
 
-std::vector<std::int64_t> MeshSource::numbers_of(std::uint64_t first_vertex,
-                                                 std::uint64_t count) const {
+std::vector<MeshPiece::Vertex> MeshSource::positions_of_others(
+    std::span<const std::uint64_t> vertices) const {
+  std::vector<MeshPiece::Vertex> positions;
+  positions.reserve(vertices.size());
+  for (auto vertex = vertices.begin(); vertex != vertices.end();) {
+    const std::size_t leaf = numbering_.leaf_of(*vertex);
+    const auto first = vertex;
+    std::uint64_t number = numbering_.first_vertex(leaf);
+    numbering_.for_each_vertex(snapshot_, leaf, [&](const Point& p) {
+      if (vertex == vertices.end() || *vertex != number++) return;
+      positions.push_back({p.x, p.y, p.z});
+      ++vertex;
+    });
+    const MortonKey key = numbering_.leaves()[leaf];
+    if (vertex == first)
+      throw CorruptRecord(leaf_name(key) + ": it has fewer vertices than its rank has told", key);
+  }
+  return positions;
+}
+
+// Those of edges that cells list, and then those of the core, by formula.
+template <class IsWanted, class Visit>
+void MeshSource::for_each_node(std::size_t leaf, MeshWindow& window, EdgeWindow& edge_window,
+                               const IsWanted& is_wanted, const Visit& visit) const {
+  std::uint64_t number = edges_->first(leaf);
+  const std::vector<NodeOnSurface> on_surface = boundary_nodes_->on_surface(leaf);
+  auto next = on_surface.begin();
+  for (const MeshEdge& edge : edges_->listed(leaf).values) {
+    const bool is_on_surface = next != on_surface.end() && next->edge == edge;
+    if (is_wanted(number++))
+      visit(is_on_surface ? next->position
+                          : middle(window.positions.of(edge.a), window.positions.of(edge.b)));
+    if (is_on_surface) ++next;
+  }
+  if (numbering_.num_core_vertices(leaf) == 0) return;
+  const SiteBlock<CoreEdges>& edges = *edge_window.core(leaf, window.numbers);
+  SiteBlock<Point> positions(edges.box(), Point());
+  for_each_site(edges.box(), [&](const LatticeSite& site) {
+    positions[site] = numbering_.lattice().position(site);
+  });
+  for_each_site(numbering_.sites(leaf), [&](const LatticeSite& site) {
+    if (edges[site].first < 0) return;
+    for (std::size_t step = 0; step < kLargerNeighbors.size(); ++step)
+      if ((edges[site].steps >> step & 1) != 0 && is_wanted(number++))
+        visit(middle(positions[site], positions[site + kLargerNeighbors[step]]));
+  });
+}
+
+std::vector<MeshPiece::Vertex> MeshSource::positions_of_other_nodes(
+    std::span<const std::uint64_t> nodes) {
+  std::vector<MeshPiece::Vertex> positions;
+  positions.reserve(nodes.size());
+  const auto is_wanted = [&](std::uint64_t node) {
+    return std::ranges::binary_search(nodes, node);
+  };
+  windows_.with([&](MeshWindow& window) {
+    edge_windows_->with([&](EdgeWindow& edges) {
+      edges_->for_each_leaf_beside([&](std::size_t leaf) {
+        for_each_node(leaf, window, edges, is_wanted, [&](const Point& p) {
+          positions.push_back({p.x, p.y, p.z});
+        });
+      });
+    });
+  });
+  if (positions.size() != nodes.size())
+    throw ExchangeError("cells have edges that no rank beside knows: this is a bug of locvol");
+  return positions;
+}
+
+std::vector<std::int64_t> MeshSource::numbers_of(std::uint64_t first, std::uint64_t count) const {
   std::vector<std::int64_t> numbers(count);
   for (std::uint64_t i = 0; i < count; ++i)
-    numbers[i] = static_cast<std::int64_t>(number_of(first_vertex + i));
+    numbers[i] = static_cast<std::int64_t>(number_of(first + i));
   return numbers;
 }
 
@@ -83,7 +183,15 @@ NumberRange MeshSource::own_vertices() const {
           numbering_.first_vertex(numbering_.end_own())};
 }
 
+std::pair<std::uint64_t, std::uint64_t> MeshSource::range_of_numbers() const {
+  if (!vertices_) return {0, num_points() - 1};
+  const auto [first, last] = vertices_->range();
+  if (!part_nodes_ || part_nodes_->size() == 0) return {first, last};
+  return {first, part_nodes_->range().second};
+}
+
 NumberRange MeshSource::own_nodes() const {
+  if (part_nodes_) return {vertices_->size(), vertices_->size() + part_nodes_->size()};
   if (!edges_ || numbering_.first_own() == numbering_.end_own()) return {};
   return {edges_->first(numbering_.first_own()), edges_->end(numbering_.end_own() - 1)};
 }
@@ -125,9 +233,10 @@ std::function<std::optional<TrianglePiece>()> MeshSource::triangles() {
     const auto some = next();
     if (!some) return std::nullopt;
     TrianglePiece piece{first, {}, {}, {}, {}};
-    for (const auto& [a, b, c] : some->nodes)
-      piece.nodes.push_back({static_cast<std::int64_t>(a), static_cast<std::int64_t>(b),
-                             static_cast<std::int64_t>(c)});
+    for (const auto& nodes : some->nodes)
+      std::ranges::transform(nodes, piece.nodes.emplace_back().begin(), [&](std::uint64_t node) {
+        return static_cast<std::int64_t>(place_of_node(node));
+      });
     for (const BoundaryFacet& facet : some->facets) {
       TrianglePiece::Triangle& triangle = piece.triangles.emplace_back();
       std::ranges::transform(facet.vertices, triangle.begin(), [&](std::uint64_t vertex) {
@@ -157,30 +266,42 @@ std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) co
 }
 
 std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const PieceParts& parts) {
+  // Of a part, those of other ranks come last.
   const std::size_t num_others =
       vertices_ && parts.has_points ? vertices_->other_positions().size() : 0;
-  return [this, parts, leaf = numbering_.first_own(), num_others,
-          other = std::size_t{0}]() mutable -> std::optional<PieceRange> {
-    throw_if_stopped(stop_);
-    if (leaf == numbering_.end_own()) {
-      if (other == num_others) return std::nullopt;
-      constexpr std::size_t kOthersAtOnce = kFullPieceBytes / sizeof(MeshPiece::Vertex);
-      const std::size_t first = std::exchange(other, std::min(other + kOthersAtOnce, num_others));
-      return PieceRange{first, other, true};
-    }
-    PieceRange range{leaf, leaf};
-    std::uint64_t bytes = 0;
-    for (; range.end < numbering_.end_own() && bytes < kFullPieceBytes; ++range.end)
-      bytes += bytes_of(range.end, parts);
-    leaf = range.end;
-    pages_.count(bytes);
-    const NumberRange own = own_cells();
-    const std::uint64_t num_before = edges_ ? own.size() : 0;
-    if (parts.has_cells)
-      tell_step(num_before + numbering_.first_cell(leaf) - first_cell_ - own.first,
-                num_before + own.size());
-    return range;
-  };
+  const std::size_t num_other_nodes =
+      part_nodes_ && parts.has_node_points ? part_nodes_->other_positions().size() : 0;
+  return
+      [this, parts, leaf = numbering_.first_own(), num_others, num_other_nodes,
+       other = std::size_t{0}, other_node = std::size_t{0}]() mutable -> std::optional<PieceRange> {
+        throw_if_stopped(stop_);
+        constexpr std::size_t kOthersAtOnce = kFullPieceBytes / sizeof(MeshPiece::Vertex);
+        const auto next_of = [](std::size_t& next, std::size_t end) {
+          const std::size_t first = std::exchange(next, std::min(next + kOthersAtOnce, end));
+          return std::pair{first, next};
+        };
+        if (leaf == numbering_.end_own()) {
+          if (other < num_others) {
+            const auto [first, end] = next_of(other, num_others);
+            return PieceRange{first, end, true, false};
+          }
+          if (other_node == num_other_nodes) return std::nullopt;
+          const auto [first, end] = next_of(other_node, num_other_nodes);
+          return PieceRange{first, end, true, true};
+        }
+        PieceRange range{leaf, leaf};
+        std::uint64_t bytes = 0;
+        for (; range.end < numbering_.end_own() && bytes < kFullPieceBytes; ++range.end)
+          bytes += bytes_of(range.end, parts);
+        leaf = range.end;
+        pages_.count(bytes);
+        const NumberRange own = own_cells();
+        const std::uint64_t num_before = edges_ ? own.size() : 0;
+        if (parts.has_cells)
+          tell_step(num_before + numbering_.first_cell(leaf) - first_cell_ - own.first,
+                    num_before + own.size());
+        return range;
+      };
 }
 
 std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& parts) {
@@ -193,11 +314,18 @@ std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& p
 
 MeshPiece MeshSource::others(const PieceRange& range) const {
   MeshPiece piece;
-  piece.first_vertex = vertices_->num_own() + range.first;
+  const PartVertices& vertices = range.is_of_other_nodes ? *part_nodes_ : *vertices_;
+  const auto positions = vertices.other_positions().subspan(range.first, range.end - range.first);
+  std::vector<MeshPiece::Vertex>& points =
+      range.is_of_other_nodes ? piece.node_points : piece.points;
+  points.assign(positions.begin(), positions.end());
+  piece.first_vertex = num_vertices();
+  piece.first_node = num_points();
   piece.first_cell = num_cells();
-  const auto positions = vertices_->other_positions();
-  piece.points.assign(positions.begin() + static_cast<std::ptrdiff_t>(range.first),
-                      positions.begin() + static_cast<std::ptrdiff_t>(range.end));
+  if (range.is_of_other_nodes)
+    piece.first_node = num_vertices() + vertices.num_own() + range.first;
+  else
+    piece.first_vertex = vertices.num_own() + range.first;
   return piece;
 }
 
@@ -208,10 +336,18 @@ MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
   piece.first_vertex = vertices_ ? vertices_->place_of_own(first_vertex) : first_vertex;
   piece.first_cell = numbering_.first_cell(range.first) - first_cell_;
   if (edges_) piece.first_node = edges_->first(range.first);
+  if (part_nodes_)
+    piece.first_node = vertices_->size() + part_nodes_->place_of_own(piece.first_node);
   const auto add = [&](MeshWindow& window, EdgeWindow* edges) {
     for (std::size_t leaf = range.first; leaf < range.end; ++leaf) {
       if (parts.has_points) add_points(leaf, window, piece);
-      if (parts.has_node_points && edges != nullptr) add_node_points(leaf, window, *edges, piece);
+      if (parts.has_node_points && edges != nullptr)
+        for_each_node(
+            leaf, window, *edges,
+            [&](std::uint64_t node) { return !part_nodes_ || part_nodes_->has_own(node); },
+            [&](const Point& p) {
+              piece.node_points.push_back({p.x, p.y, p.z});
+            });
       if (parts.has_cells) add_cells(leaf, parts.has_corners, window, edges, piece);
     }
   };
@@ -223,6 +359,9 @@ MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
     for (MeshPiece::Cell& cell : piece.cells)
       for (std::int64_t& vertex : cell)
         vertex = static_cast<std::int64_t>(vertices_->place_of(static_cast<std::uint64_t>(vertex)));
+  for (MeshPiece::Nodes& nodes : piece.nodes)
+    for (std::int64_t& node : nodes)
+      node = static_cast<std::int64_t>(place_of_node(static_cast<std::uint64_t>(node)));
   return piece;
 }
 
@@ -231,32 +370,6 @@ void MeshSource::add_points(std::size_t leaf, const MeshWindow& window, MeshPiec
   numbering_.for_each_vertex(window.snapshot, leaf, [&](const Point& p) {
     if (!vertices_ || vertices_->has_own(number)) piece.points.push_back({p.x, p.y, p.z});
     ++number;
-  });
-}
-
-// Those of edges that cells list, and then those of the core, by formula.
-void MeshSource::add_node_points(std::size_t leaf, MeshWindow& window, EdgeWindow& edge_window,
-                                 MeshPiece& piece) const {
-  const auto add = [&](const Point& p) { piece.node_points.push_back({p.x, p.y, p.z}); };
-  const std::vector<NodeOnSurface> on_surface = boundary_nodes_->on_surface(leaf);
-  auto next = on_surface.begin();
-  for (const MeshEdge& edge : edges_->listed(leaf).values) {
-    if (next != on_surface.end() && next->edge == edge)
-      add((next++)->position);
-    else
-      add(middle(window.positions.of(edge.a), window.positions.of(edge.b)));
-  }
-  if (numbering_.num_core_vertices(leaf) == 0) return;
-  const SiteBlock<CoreEdges>& edges = *edge_window.core(leaf, window.numbers);
-  SiteBlock<Point> positions(edges.box(), Point());
-  for_each_site(edges.box(), [&](const LatticeSite& site) {
-    if (edges[site].first >= 0) positions[site] = numbering_.lattice().position(site);
-  });
-  for_each_site(numbering_.sites(leaf), [&](const LatticeSite& site) {
-    if (edges[site].first < 0) return;
-    for (std::size_t step = 0; step < kLargerNeighbors.size(); ++step)
-      if (edges[site].steps >> step & 1)
-        add(middle(positions[site], positions[site + kLargerNeighbors[step]]));
   });
 }
 

@@ -17,6 +17,7 @@
 #include "engine/output/edge_window.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/mesh_window.h"
+#include "engine/output/number_range.h"
 #include "engine/output/part_vertices.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
@@ -79,12 +80,6 @@ struct MeshPart {
   int rank = 0, num_ranks = 1;
 };
 
-// Some vertices or cells, by their numbers: from `first` to before `end`.
-struct NumberRange {
-  std::uint64_t first = 0, end = 0;
-  std::uint64_t size() const { return end - first; }
-};
-
 // Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order. A part is
 // what one rank has, as a mesh by itself: its cells, from 0 on, with all of their vertices, which
 // have the numbers of PartVertices.
@@ -101,7 +96,7 @@ class MeshSource {
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
   // Steps are the rank's cells, told in the first pass over them. Any pass throws Stopped.
   // `exchange`: see VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but
-  // for a part. `order`: 1, or 2; then of no part
+  // for a part. `order`: 1, or 2
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
              Exchange& exchange = alone(), bool is_part = false, int order = 1);
@@ -111,11 +106,16 @@ class MeshSource {
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
   int order() const { return edges_ ? 2 : 1; }
-  std::uint64_t num_nodes() const { return edges_ ? edges_->size() : 0; }
+  // Of second order: nodes, which have the numbers after those of the vertices.
+  std::uint64_t num_nodes() const { return part_nodes_ ? part_nodes_->size() : num_all_nodes(); }
   std::uint64_t num_points() const { return num_vertices() + num_nodes(); }
-  NumberRange own_nodes() const;  // their numbers
+  NumberRange own_nodes() const;
   // REQUIRES: it is of second order
   const BoundaryNodes& boundary_nodes() const { return *boundary_nodes_; }
+  // Where vertices and nodes of own cells lie, by their numbers in the mesh of all; fast for those
+  // that lie near the ones before.
+  Point position_of(std::uint64_t vertex) { return positions_.of(vertex); }
+  Point position_of(const MeshEdge& edge);
   // Of those that have this mesh together: of a rank's part, that is the rank alone.
   Exchange& exchange() const { return part_ ? alone() : exchange_; }
   bool is_of_first_rank() const { return exchange().rank() == 0; }
@@ -128,15 +128,17 @@ class MeshSource {
   std::optional<MeshPart> part() const { return part_; }
   std::uint64_t num_all_vertices() const { return numbering_.num_vertices(); }
   std::uint64_t num_all_cells() const { return numbering_.num_cells(); }
+  std::uint64_t num_all_nodes() const { return edges_ ? edges_->size() : 0; }
   std::uint64_t first_of_all_cells() const { return first_cell_; }
-  std::uint64_t number_of(std::uint64_t vertex) const {
-    return vertices_ ? vertices_->number_of(vertex) : vertex;
+  // Of vertices and nodes.
+  std::uint64_t number_of(std::uint64_t point) const {
+    if (!vertices_) return point;
+    return point < vertices_->size() ? vertices_->number_of(point)
+                                     : part_nodes_->number_of(point - vertices_->size());
   }
-  std::vector<std::int64_t> numbers_of(std::uint64_t first_vertex, std::uint64_t count) const;
+  std::vector<std::int64_t> numbers_of(std::uint64_t first, std::uint64_t count) const;
   // The least and the largest. REQUIRES: there is a vertex
-  std::pair<std::uint64_t, std::uint64_t> range_of_numbers() const {
-    return vertices_ ? vertices_->range() : std::pair{std::uint64_t{0}, num_vertices() - 1};
-  }
+  std::pair<std::uint64_t, std::uint64_t> range_of_numbers() const;
   Workers& workers() { return workers_; }
   // Found at the first call, which all ranks make. Its numbers are of all ranks, also of a part.
   BoundarySurface& boundary();
@@ -164,20 +166,27 @@ class MeshSource {
  private:
   struct PieceRange {  // from `first` to before `end`: leaves, or vertices of other ranks
     std::size_t first = 0, end = 0;
-    bool is_of_others = false;
+    bool is_of_others = false, is_of_other_nodes = false;
   };
   // Where ranks talk to each other, none may stop.
   const StopToken* stop_while_alone() const { return exchange_.num_ranks() == 1 ? stop_ : nullptr; }
   std::function<std::optional<PieceRange>()> ranges(const PieceParts& parts);
   std::uint64_t bytes_of(std::size_t leaf, const PieceParts& parts) const;
   void become_part();
+  std::vector<MeshPiece::Vertex> positions_of_others(std::span<const std::uint64_t> vertices) const;
+  std::vector<MeshPiece::Vertex> positions_of_other_nodes(std::span<const std::uint64_t> nodes);
+  std::uint64_t place_of_node(std::uint64_t node) const {
+    return part_nodes_ ? vertices_->size() + part_nodes_->place_of(node) : node;
+  }
   void number_edges();
   void tell_step(std::uint64_t num_steps, std::uint64_t num_all);
   MeshPiece read(const PieceRange& range, const PieceParts& parts);  // by any thread
   MeshPiece others(const PieceRange& range) const;
   void add_points(std::size_t leaf, const MeshWindow& window, MeshPiece& piece) const;
-  void add_node_points(std::size_t leaf, MeshWindow& window, EdgeWindow& edges,
-                       MeshPiece& piece) const;
+  // Calls visit(position) for the nodes of a leaf for whose numbers is_wanted() holds, in order.
+  template <class IsWanted, class Visit>
+  void for_each_node(std::size_t leaf, MeshWindow& window, EdgeWindow& edges,
+                     const IsWanted& is_wanted, const Visit& visit) const;
   // `edges`: null of first order
   void add_cells(std::size_t leaf, bool has_corners, MeshWindow& window, EdgeWindow* edges,
                  MeshPiece& piece) const;
@@ -202,9 +211,10 @@ class MeshSource {
   std::optional<EdgeWindows> edge_windows_;
   std::unique_ptr<BoundarySurface> boundary_;
   std::unique_ptr<BoundaryNodes> boundary_nodes_;
-  std::uint64_t first_cell_ = 0, end_cell_;  // of a part, in the mesh of all
+  std::optional<LeafWindow<LeafList<NodeOnSurface>>> on_surface_;  // of boundary_nodes_
+  std::uint64_t first_cell_ = 0, end_cell_;                        // of a part, in the mesh of all
   std::optional<MeshPart> part_;
-  std::optional<PartVertices> vertices_;
+  std::optional<PartVertices> vertices_, part_nodes_;
 };
 
 // Of the cells of a piece, in order; those of the core by formula, without the displacement of

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -53,25 +54,32 @@ class NearLists {
         });
   }
 
+  std::uint64_t size() const { return lists_.size(); }  // of all
   std::vector<T> own(std::size_t leaf) const {
     return lists_.list(leaf - numbering_.first_own()).values;
+  }
+  // Of an own leaf, or one beside; of others it is empty. Safe from many threads.
+  std::vector<T> of(std::size_t leaf) const {
+    const auto list = place_of(leaf);
+    return list ? lists_.list(*list).values : std::vector<T>();
   }
   // Calls visit(list) for those within kCellReach of an own leaf, itself among them, that are not
   // empty; in Morton order.
   template <class Visit>
   void for_each_near(std::size_t leaf, const Visit& visit) {
-    for (const std::size_t other : numbering_.near(leaf, kCellReach)) {
-      std::size_t list = other - numbering_.first_own();
-      if (other < numbering_.first_own() || other >= numbering_.end_own()) {
-        const auto beside = beside_.find(other);
-        if (beside == beside_.end()) continue;
-        list = beside->second;
-      }
-      if (lists_.length(list) > 0) visit(std::span<const T>(window_.get(list)->values));
-    }
+    for (const std::size_t other : numbering_.near(leaf, kCellReach))
+      if (const auto list = place_of(other); list && lists_.length(*list) > 0)
+        visit(std::span<const T>(window_.get(*list)->values));
   }
 
  private:
+  std::optional<std::size_t> place_of(std::size_t leaf) const {
+    if (numbering_.first_own() <= leaf && leaf < numbering_.end_own())
+      return leaf - numbering_.first_own();
+    const auto beside = beside_.find(leaf);
+    return beside == beside_.end() ? std::nullopt : std::optional(beside->second);
+  }
+
   const VertexNumbering& numbering_;
   LeafLists<T> lists_;  // of own leaves, and then of those beside them
   std::map<std::size_t, std::size_t> beside_;

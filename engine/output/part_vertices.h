@@ -1,15 +1,16 @@
-// PartVertices numbers what the cells of one rank name, as a mesh by itself has it.
+// PartVertices numbers what the cells of one rank name, as a mesh by itself has it: vertices, or
+// the nodes of second order.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
 
-#include "engine/output/vertex_numbering.h"
-#include "storage/store.h"
+#include "engine/output/number_range.h"
 
 namespace locvol {
 
@@ -17,10 +18,11 @@ namespace locvol {
 // Memory: a bit for each own one, and 8 bytes for each of another rank.
 class NamedVertices {
  public:
-  explicit NamedVertices(const VertexNumbering& numbering);
+  // `own`: the rank's
+  explicit NamedVertices(const NumberRange& own);
 
   // Of some cells, by any thread. Returns those of other ranks, for add_others().
-  std::vector<std::uint64_t> add_own(std::span<const std::array<std::int64_t, 4>> cells);
+  std::vector<std::uint64_t> add_own(std::span<const std::int64_t> named);
   void add_others(std::span<const std::uint64_t> others);
 
   // Ascending.
@@ -30,7 +32,7 @@ class NamedVertices {
  private:
   void unite();
 
-  std::uint64_t first_own_, end_own_;
+  NumberRange range_;
   std::vector<std::uint64_t> own_;  // 64 to a word
   std::vector<std::uint64_t> others_;
   std::size_t num_united_ = 0;
@@ -41,8 +43,11 @@ class NamedVertices {
 // each own one that cells of other ranks alone name: these are at the border of the rank's share.
 class PartVertices {
  public:
-  // Throws CorruptRecord if vertices are not in the leaves that the numbering says.
-  PartVertices(const Reader& reader, const VertexNumbering& numbering, NamedVertices named);
+  // `positions_of`: of vertices of other ranks, which ascend
+  using Position = std::array<double, 3>;
+  PartVertices(
+      const NumberRange& own, NamedVertices named,
+      const std::function<std::vector<Position>(std::span<const std::uint64_t>)>& positions_of);
 
   std::uint64_t size() const { return num_own_ + others_.size(); }
   std::uint64_t num_own() const { return num_own_; }
@@ -57,12 +62,13 @@ class PartVertices {
   // The least and the largest number. REQUIRES: there is one
   std::pair<std::uint64_t, std::uint64_t> range() const;
   // Of those of other ranks, in order.
-  std::span<const std::array<double, 3>> other_positions() const { return other_positions_; }
+  std::span<const Position> other_positions() const { return other_positions_; }
 
  private:
-  std::uint64_t first_own_, end_own_, num_own_;
+  NumberRange own_;
+  std::uint64_t num_own_;
   std::vector<std::uint64_t> left_out_, others_;
-  std::vector<std::array<double, 3>> other_positions_;
+  std::vector<Position> other_positions_;
 };
 
 }  // namespace locvol

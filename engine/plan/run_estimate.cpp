@@ -40,6 +40,8 @@ constexpr double kBytesPerPaperCell = 40;
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
                  kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+// Of second order besides, with the nodes.
+constexpr double kNumberEdges = 1.1e-6, kEncodeNodes = 0.12e-6;
 // Where sizes vary: with the sizes, and with more holes to fill.
 constexpr double kGradedCoverCell = 5e-6;
 // For C7, with angles up to this.
@@ -381,8 +383,11 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
                              (kRefineCell + kImproveCell * angle * angle) * listed +
                              kNarrowCell * std::max(0.0, num_narrow));
   set(RunStage::kMeasure, kMeasureCell * listed);
-  set(RunStage::kWrite, kNumberCell * listed + kEncodeCell * estimate.num_cells);
-  const OutputEstimate vtu = estimate_output({MeshFormat::kVtu}, sizes_of(estimate, surface));
+  const bool is_second = output.order == 2;
+  set(RunStage::kWrite, (kNumberCell + (is_second ? kNumberEdges : 0)) * listed +
+                            (kEncodeCell + (is_second ? kEncodeNodes : 0)) * estimate.num_cells);
+  const OutputEstimate vtu = estimate_output({.format = MeshFormat::kVtu, .order = output.order},
+                                             sizes_of(estimate, surface));
   estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kWriteByte * vtu.file_bytes;
   return estimate;
 }

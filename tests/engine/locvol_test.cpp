@@ -206,6 +206,52 @@ TEST(Library, HandsOutTheMeshInChunks) {
   EXPECT_EQ(cells, connectivity);
 }
 
+TEST(Library, HandsOutCellsOfSecondOrder) {
+  const TempDir dir;
+  Options options = torus_options(dir);
+  options.size = Size::length(0.06);
+  const Mesh mesh = mesh_surface(torus_arrays().surface(), options);
+  mesh.write(dir / "torus.vtu", 2);
+  const VtuArrays vtu(dir / "torus.vtu");
+  const auto positions = vtu.array<Coordinates>("Float64", "Points");
+  const auto expected = vtu.array<std::array<std::int32_t, 10>>("Int32", "connectivity");
+  std::uint64_t num_nodes = 0, num_foreign = 0, num_cells = 0;
+  mesh.for_each_chunk(
+      [&](const Chunk& chunk) {
+        EXPECT_EQ(chunk.first_cell, num_cells);
+        EXPECT_EQ(chunk.first_node, mesh.num_vertices() + num_nodes);
+        num_nodes += chunk.num_own_nodes;
+        num_foreign += chunk.nodes.size() - chunk.num_own_nodes;
+        for (std::size_t i = 0; i < chunk.vertices.size(); ++i)
+          EXPECT_EQ(chunk.vertices[i], positions.at(chunk.vertex_numbers[i]));
+        for (std::size_t i = 0; i < chunk.nodes.size(); ++i)
+          EXPECT_EQ(chunk.nodes[i], positions.at(chunk.node_numbers[i]));
+        ASSERT_EQ(chunk.cell_nodes.size(), chunk.cells.size());
+        for (std::size_t c = 0; c < chunk.cells.size(); ++c) {
+          std::array<std::int32_t, 10> cell{};
+          for (std::size_t k = 0; k < 10; ++k)
+            cell[k] =
+                static_cast<std::int32_t>(k < 4 ? chunk.vertex_numbers[chunk.cells[c][k]]
+                                                : chunk.node_numbers[chunk.cell_nodes[c][k - 4]]);
+          EXPECT_EQ(cell, expected.at(num_cells++));
+        }
+      },
+      2);
+  EXPECT_EQ(num_cells, expected.size());
+  EXPECT_EQ(mesh.num_vertices() + num_nodes, positions.size());
+  EXPECT_GT(num_foreign, 0U);
+  mesh.for_each_boundary_chunk(
+      [&](const BoundaryChunk& chunk) {
+        ASSERT_EQ(chunk.nodes.size(), chunk.facets.size());
+        for (const auto& nodes : chunk.nodes)
+          for (const std::uint64_t node : nodes) EXPECT_GE(node, mesh.num_vertices());
+      },
+      2);
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.vtu", 3); }, "order 3"), ErrorCode::kInput);
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.stl", 2); }, "no cells of order 2"),
+            ErrorCode::kInput);
+}
+
 TEST(Library, HandsOutTheBoundaryInChunks) {
   const TempDir dir;
   const Mesh mesh = mesh_surface(torus_arrays().surface(), torus_options(dir));

@@ -104,9 +104,18 @@ class EveryFormat : public testing::TestWithParam<FormatInfo> {
 
   static Store store() { return Store::open(*dir_ / "store", {.read_only = true}); }
   static OutputOptions options() { return all_of(GetParam()); }
-  std::string bytes_written(int num_threads) const {
+  // All that can be written.
+  static std::vector<OutputOptions> outputs() {
+    std::vector<OutputOptions> outputs = {{GetParam().format}, options()};
+    if (GetParam().has_second_order()) {
+      outputs.push_back(options());
+      outputs.back().order = 2;
+    }
+    return outputs;
+  }
+  static std::string bytes_written(const OutputOptions& output, int num_threads) {
     const TempDir dir;
-    const WriteSummary written = write_mesh(store(), dir / "mesh", options(), num_threads);
+    const WriteSummary written = write_mesh(store(), dir / "mesh", output, num_threads);
     std::string all;
     for (const std::string& name : names_in(dir)) all += bytes_of(dir / name);
     EXPECT_EQ(written.bytes, all.size());
@@ -117,16 +126,20 @@ class EveryFormat : public testing::TestWithParam<FormatInfo> {
 };
 
 TEST_P(EveryFormat, AnyNumberOfThreadsGivesTheSameBytes) {
-  const std::string bytes = bytes_written(1);
-  for (const int num_threads : {2, 5}) EXPECT_TRUE(bytes_written(num_threads) == bytes);
+  for (const OutputOptions& output : outputs()) {
+    const std::string bytes = bytes_written(output, 1);
+    for (const int num_threads : {2, 5}) EXPECT_TRUE(bytes_written(output, num_threads) == bytes);
+  }
 }
 
 TEST_P(EveryFormat, HoldsAMeshWithoutCells) {
   const TempDir dir;
   const Store empty = HandMadeStore(HandMadeMesh{}, LinearOctree::uniform(1)).write(dir / "store");
-  const WriteSummary written = write_mesh(empty, dir / "mesh", options());
-  EXPECT_EQ(written.num_cells, 0u);
-  EXPECT_GT(written.bytes, 0u);
+  for (const OutputOptions& output : outputs()) {
+    const WriteSummary written = write_mesh(empty, dir / "mesh", output);
+    EXPECT_EQ(written.num_cells, 0u);
+    EXPECT_GT(written.bytes, 0u);
+  }
 }
 
 // What a failure leaves behind is what was there before. One thread asks least: each asks once
@@ -165,7 +178,7 @@ TEST_P(EveryFormat, TakesWhatItsEstimateSays) {
     return true;
   });
   const RunRecord run = store.snapshot().run().value();
-  for (const OutputOptions& output : {OutputOptions{GetParam().format}, options()}) {
+  for (const OutputOptions& output : outputs()) {
     const std::uint64_t before = temporary_bytes();
     std::uint64_t beside = 0;
     const WriteSummary written =

@@ -234,10 +234,15 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
     });
     for (const FormatInfo& format : mesh_formats())
       for (const bool has_quality : {false, true})
-        for (const bool has_boundary : {false, true}) {
+        for (const auto& [has_boundary, order] : {std::pair{false, 1}, {true, 1}, {true, 2}}) {
           if (has_quality && !format.has_cell_data) continue;
+          if (order == 2 && (!format.has_second_order() || has_quality != format.has_cell_data))
+            continue;
           SCOPED_TRACE(format.name);
-          const OutputOptions output{format.format, has_quality, false, has_boundary};
+          const OutputOptions output{.format = format.format,
+                                     .has_quality = has_quality,
+                                     .has_boundary = has_boundary,
+                                     .order = order};
           const TempDir of_one, of_many;
           const WriteSummary one = write_mesh(store, of_one / "mesh", output);
           run_as_ranks(num_ranks, [&](Exchange& exchange) {
@@ -398,7 +403,9 @@ class PiecesOfRanks : public MeshOfRanks {
     std::vector<OutputOptions> outputs;
     for (const FormatInfo& info : mesh_formats())
       if (can_be_written_in_pieces(info.format))
-        outputs.push_back({info.format, true, false, true});
+        for (const int order : {1, 2})
+          outputs.push_back(
+              {.format = info.format, .has_quality = true, .has_boundary = true, .order = order});
     return outputs;
   }
 
@@ -415,7 +422,7 @@ class PiecesOfRanks : public MeshOfRanks {
 };
 
 TEST_F(PiecesOfRanks, AreTheSameBytesForAnyNumberOfThreads) {
-  EXPECT_EQ(outputs().size(), 4U);
+  EXPECT_EQ(outputs().size(), 8U);
   for (const OutputOptions& output : outputs()) {
     SCOPED_TRACE(info_of(output.format).name);
     const TempDir one, many;
