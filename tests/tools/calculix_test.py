@@ -53,7 +53,9 @@ class Bar(unittest.TestCase):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.directory = pathlib.Path(cls.scratch.name)
         (cls.directory / "bar.off").write_text(BAR, encoding="ascii")
-        cls.run_in(LOCVOL, "mesh", "bar.off", "-o", "bar.inp", "--size", "25%", "--quiet")
+        for order in 1, 2:
+            cls.run_in(LOCVOL, "mesh", "bar.off", "-o", f"bar{order}.inp", "--size", "25%", "--quiet",
+                       "--order", order)  # fmt: skip
 
     @classmethod
     def tearDownClass(cls):
@@ -68,11 +70,11 @@ class Bar(unittest.TestCase):
             raise AssertionError(f"{arguments} failed:\n{done.stdout}{done.stderr}")
         return done.stdout
 
-    def solve(self, force, *options):
+    def solve(self, force, order):
         """The reaction, the mean displacement of the nodes at the end, and the largest stress."""
         self.run_in(
-            sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
-            "--hold", "x<0.5", "--load", "x>7.5", "--force", force, "--young", YOUNG, *options,
+            sys.executable, "-B", EXAMPLES / "case.py", f"bar{order}.inp", "-o", "case.inp",
+            "--hold", "x<0.5", "--load", "x>7.5", "--force", force, "--young", YOUNG,
         )  # fmt: skip
         self.run_in("ccx", "case")
         forces = (self.directory / "case.dat").read_text(encoding="ascii").split()[-3:]
@@ -91,9 +93,9 @@ class Bar(unittest.TestCase):
     # corners of the section, so the bar is a little thinner.
     def test_pulled_bar_gets_longer_as_hooke_says(self):
         stretched = FORCE * 7.25 / YOUNG
-        for options in (), ("--quadratic",):
-            with self.subTest(options):
-                reaction, displacement, stress = self.solve(f"{FORCE},0,0", *options)
+        for order in 1, 2:
+            with self.subTest(order=order):
+                reaction, displacement, stress = self.solve(f"{FORCE},0,0", order)
                 self.assertAlmostEqual(reaction[0], -FORCE, delta=1e-3)
                 self.assertGreater(displacement[0], stretched)
                 self.assertLess(displacement[0], 1.12 * stretched)
@@ -103,8 +105,8 @@ class Bar(unittest.TestCase):
     # A cantilever of 7.25.
     def test_bent_bar_is_too_stiff_with_linear_elements(self):
         bent = -(7.25**3) / 3 / (YOUNG / 12)
-        stiff = self.solve("0,0,-1")[1][2] / bent
-        right = self.solve("0,0,-1", "--quadratic")[1][2] / bent
+        stiff = self.solve("0,0,-1", 1)[1][2] / bent
+        right = self.solve("0,0,-1", 2)[1][2] / bent
         self.assertLess(stiff, 0.9 * right)
         self.assertGreater(right, 1.0)
         self.assertLess(right, 1.3)
@@ -112,9 +114,63 @@ class Bar(unittest.TestCase):
     def test_empty_region_is_named(self):
         with self.assertRaisesRegex(AssertionError, "region of --load"):
             self.run_in(
-                sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
+                sys.executable, "-B", EXAMPLES / "case.py", "bar1.inp", "-o", "case.inp",
                 "--hold", "x<0.5", "--load", "x>9", "--force", "1,0,0",
             )  # fmt: skip
+
+
+class Patch(unittest.TestCase):
+    """The file as locvol writes it, included: a displacement that is linear in space, given on the
+    boundary, has one stress everywhere, also in cells whose edges are curved."""
+
+    YOUNG, POISSON = 1000.0, 0.3
+    GRADIENT = ((2e-3, 1e-3, 0.0), (0.0, -1e-3, 5e-4), (1e-3, 0.0, 3e-3))  # of u by x, y, z
+
+    def stress(self):
+        strain = [[(self.GRADIENT[i][j] + self.GRADIENT[j][i]) / 2 for j in range(3)] for i in range(3)]
+        shear = self.YOUNG / 2 / (1 + self.POISSON)
+        bulk = 2 * shear * self.POISSON / (1 - 2 * self.POISSON) * sum(strain[i][i] for i in range(3))
+        return [2 * shear * strain[i][j] + bulk * (i == j)
+                for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))]  # fmt: skip
+
+    def test_linear_displacement_has_one_stress(self):
+        with tempfile.TemporaryDirectory() as name:
+            directory = pathlib.Path(name)
+            for command in (
+                ["generate", "sphere", "-o", "ball.stl", "--triangles", "5k"],
+                ["mesh", "ball.stl", "-o", "ball.inp", "--size", "20%", "--order", "2", "--quiet"],
+            ):
+                subprocess.run([LOCVOL, *command], cwd=directory, capture_output=True, check=True)
+            text = (directory / "ball.inp").read_text(encoding="ascii")
+            self.assertIn("TYPE=C3D10", text)
+            points = dict(re.findall(r"^(\d+), ([^,\n]+, [^,\n]+, [^,\n]+)$",
+                                     text.split("*NODE")[1].split("*ELEMENT")[0], re.MULTILINE))
+            held = re.findall(r"\d+", text.split("*NSET, NSET=boundary\n")[1].split("*")[0])
+            with open(directory / "case.inp", "w", encoding="ascii") as case:
+                case.write(
+                    "*INCLUDE, INPUT=ball.inp\n*MATERIAL, NAME=material\n*ELASTIC\n"
+                    f"{self.YOUNG}, {self.POISSON}\n*SOLID SECTION, ELSET=volume, MATERIAL=material\n"
+                    "*STEP\n*STATIC\n*BOUNDARY\n"
+                )
+                for node in held:
+                    place = [float(c) for c in points[node].split(",")]
+                    for axis, row in enumerate(self.GRADIENT):
+                        u = sum(g * c for g, c in zip(row, place))
+                        case.write(f"{node}, {axis + 1}, {axis + 1}, {u:.12g}\n")
+                case.write("*EL PRINT, ELSET=volume\nS\n*END STEP\n")
+            done = subprocess.run(["ccx", "case"], cwd=directory, capture_output=True, text=True,
+                                  check=False)  # fmt: skip
+            self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertNotIn("nonpositive jacobian", done.stdout)
+            expected = self.stress()
+            rows = [line.split() for line in
+                    (directory / "case.dat").read_text(encoding="ascii").splitlines()]  # fmt: skip
+            stresses = [[float(s) for s in row[2:]] for row in rows if len(row) == 8]
+            self.assertGreater(len(stresses), 4 * 200)  # at four points of each element
+            for found in stresses:
+                # As ccx prints them: xx, yy, zz, xy, xz, yz.
+                for a, b in zip(found, expected[:4] + [expected[5], expected[4]]):
+                    self.assertAlmostEqual(a, b, delta=1e-3)
 
 
 class Bracket(unittest.TestCase):
@@ -156,7 +212,7 @@ class Bracket(unittest.TestCase):
             Bar.setUpClass()
             self.addCleanup(Bar.tearDownClass)
             Bar.run_in(
-                sys.executable, "-B", EXAMPLES / "case.py", "bar.inp", "-o", "case.inp",
+                sys.executable, "-B", EXAMPLES / "case.py", "bar2.inp", "-o", "case.inp",
                 "--hold", "top", "--load", "x>7.5", "--force", "1,0,0",
             )  # fmt: skip
 

@@ -824,6 +824,33 @@ TEST(Command, FacesAreInAFileBesideTheMesh) {
   }
 }
 
+TEST(Command, OneStoreIsWrittenInBothOrders) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), store = (dir / "store").string(),
+                    first = (dir / "first.inp").string(), second = (dir / "second.inp").string(),
+                    again = (dir / "again.inp").string();
+  const ProcessResult meshed = run_locvol(
+      {"mesh", cube, "-o", second, "-s", "30%", "--store", store, "--order", "2", "-q", "--json"});
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  const nlohmann::json written = nlohmann::json::parse(meshed.out)["written"];
+  EXPECT_EQ(written["order"], 2);
+  EXPECT_GT(written["num_nodes"], written["num_vertices"]);
+  EXPECT_EQ(written["num_nodes_on_surface"], 0);
+  EXPECT_EQ(written["num_nodes_off_surface"], 0);
+  EXPECT_NE(bytes_of(second).find("TYPE=C3D10"), std::string::npos);
+  ASSERT_EQ(run_locvol({"export", store, "-o", first, "-q"}).exit_code, 0);
+  EXPECT_NE(bytes_of(first).find("TYPE=C3D4"), std::string::npos);
+  const ProcessResult resumed = run_locvol({"resume", store, "-o", again, "--order", "2", "-q"});
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_NE(resumed.out.find(" cells of order 2, "), std::string::npos) << resumed.out;
+  EXPECT_EQ(bytes_of(again), bytes_of(second));
+  const ProcessResult surface = run_locvol({"export", store, "-o", first + ".stl", "--order", "2"});
+  EXPECT_EQ(surface.exit_code, 2);
+  EXPECT_NE(surface.err.find("stl has no cells of order 2: write vtu, "), std::string::npos)
+      << surface.err;
+  EXPECT_EQ(run_locvol({"export", store, "-o", first, "--order", "3"}).exit_code, 2);
+}
+
 TEST(Command, SizesGoByNames) {
   const TempDir dir;
   const std::string box = make_named_box(dir), sizes = (dir / "sizes.txt").string(),

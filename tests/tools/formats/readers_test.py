@@ -371,7 +371,7 @@ class Sheets(unittest.TestCase):
 class GmshFiles:
     """What Gmsh makes of files that it merges: of nodes, cells and facets the tags, in order."""
 
-    def __init__(self, *files):
+    def __init__(self, *files, kinds=(4, 2)):
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)
         for file in files:
@@ -382,8 +382,8 @@ class GmshFiles:
         self.points = coordinates.reshape(-1, 3)[first]
         self.are_equal = (self.points[np.searchsorted(self.nodes, tags)]
                           == coordinates.reshape(-1, 3)).all()
-        self.cell_tags, self.cells = self.elements(4)
-        self.facet_tags, self.facets = self.elements(2)
+        self.cell_tags, self.cells = self.elements(kinds[0])
+        self.facet_tags, self.facets = self.elements(kinds[1])
         self.partitions = [list(gmsh.model.getPartitions(3, entity))
                            for _, entity in gmsh.model.getEntities(3)]
         self.groups = {gmsh.model.getPhysicalName(*group): group[0]
@@ -395,6 +395,151 @@ class GmshFiles:
         tags, vertices = gmsh.model.mesh.getElementsByType(kind)
         order = np.argsort(tags)
         return tags[order], vertices.astype(np.int64).reshape(len(tags), -1)[order]
+
+
+class SecondOrder(unittest.TestCase):
+    """Cells of ten nodes: the same in all formats, and not turned inside out anywhere."""
+
+    EDGES = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]  # VTK's order of nodes 4 to 9
+
+    @classmethod
+    def setUpClass(cls):
+        cls.directory = tempfile.TemporaryDirectory()
+        surface, cls.store = cls.path("three.stl"), cls.path("store")
+        locvol("generate", "three-holes", "-o", surface, "-n", "20k")
+        summary = locvol("mesh", surface, "-o", cls.path("mesh.vtu"), "--size", "12%", "--store",
+                         cls.store, "--quiet", "--leaf-capacity", "300", "--order", "2",
+                         "--boundary", "--json")
+        cls.written = json.loads(summary)["written"]
+        cls.points, cls.cells, cls.facets = cls.read_vtk(vtk.vtkXMLUnstructuredGridReader(),
+                                                         cls.path("mesh.vtu"))
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.directory.cleanup()
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.directory.name, name)
+
+    def export(self, name, *arguments):
+        file = self.path(name)
+        locvol("export", self.store, "-o", file, "--order", "2", *arguments)
+        return file
+
+    @staticmethod
+    def read_vtk(reader, file):
+        reader.SetFileName(file)
+        reader.Update()
+        grid = reader.GetOutput()
+        is_cell = vtk_to_numpy(grid.GetCellTypesArray()) == vtk.VTK_QUADRATIC_TETRA
+        num_cells = is_cell.sum()
+        assert is_cell[:num_cells].all()
+        assert (vtk_to_numpy(grid.GetCellTypesArray())[num_cells:]
+                == vtk.VTK_QUADRATIC_TRIANGLE).all()
+        nodes = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).astype(np.int64)
+        return (vtk_to_numpy(grid.GetPoints().GetData()).astype(float),
+                nodes[:10 * num_cells].reshape(-1, 10), nodes[10 * num_cells:].reshape(-1, 6))
+
+    def expect_same(self, points, cells, facets, tolerance=0):
+        self.assertLessEqual(np.abs(points - self.points).max(), tolerance)
+        np.testing.assert_array_equal(cells, self.cells)
+        order = np.lexsort(self.facets.T)
+        facets = np.asarray(facets)
+        np.testing.assert_array_equal(facets[np.lexsort(facets.T)], self.facets[order])
+
+    def test_nodes_are_between_their_ends(self):
+        self.assertEqual(len(self.points), self.written["num_vertices"] + self.written["num_nodes"])
+        self.assertEqual(self.written["order"], 2)
+        self.assertGreater(self.written["num_nodes_on_surface"], 1000)
+        inner = np.setdiff1d(self.cells, self.facets)
+        for k, (i, j) in enumerate(self.EDGES):
+            a, b, node = (self.points[self.cells[:, n]] for n in (i, j, 4 + k))
+            off = np.linalg.norm(node - (a + b) / 2, axis=1)
+            self.assertTrue((off <= 0.25 * np.linalg.norm(b - a, axis=1)).all())
+            self.assertTrue((off[np.isin(self.cells[:, 4 + k], inner)] == 0).all())
+        for k, (i, j) in enumerate([(0, 1), (1, 2), (2, 0)]):
+            a, b, node = (self.points[self.facets[:, n]] for n in (i, j, 3 + k))
+            self.assertTrue((np.linalg.norm(node - (a + b) / 2, axis=1)
+                             <= 0.25 * np.linalg.norm(b - a, axis=1)).all())
+
+    def test_vtk(self):
+        for name, reader, options in (
+                ("zlib.vtu", vtk.vtkXMLUnstructuredGridReader(), ["--format", "vtu-zlib"]),
+                ("mesh.vtkhdf", vtk.vtkHDFReader(), [])):
+            self.expect_same(*self.read_vtk(reader, self.export(name, "--boundary", *options)))
+
+    def test_gmsh(self):
+        facts = json.loads(locvol("info", self.path("three.stl"), "--json"))
+        for options in ([], ["--format", "msh2"]):
+            gmsh.initialize()
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.open(self.export("mesh.msh", *options))
+            tags, coordinates, _ = gmsh.model.mesh.getNodes()
+            points = np.empty((len(tags), 3))
+            points[tags.astype(np.int64) - 1] = coordinates.reshape(-1, 3)
+            cells = gmsh.model.mesh.getElementsByType(11)[1].astype(np.int64).reshape(-1, 10) - 1
+            facets = gmsh.model.mesh.getElementsByType(9)[1].astype(np.int64).reshape(-1, 6) - 1
+            places, weights = gmsh.model.mesh.getIntegrationPoints(11, "Gauss4")
+            _, determinants, _ = gmsh.model.mesh.getJacobians(11, places)
+            gmsh.finalize()
+            self.expect_same(points, cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]], facets)
+            self.assertGreater(determinants.min(), 0)
+            volume = (determinants.reshape(-1, len(weights)) @ weights).sum()
+            straight = volumes(self.points, self.cells).sum()
+            # The shape is smooth: cells that are curved leave out a tenth of what straight ones do.
+            self.assertLess(abs(volume - facts["volume"]), 0.1 * abs(straight - facts["volume"]))
+
+    def test_medit(self):
+        with open(self.export("mesh.mesh")) as text:
+            words = text.read().split()
+        self.assertEqual(words[-1], "End")
+
+        def section(name, kind, width):
+            start = words.index(name) + 2
+            count = int(words[start - 1])
+            rows = np.array(words[start:start + width * count], dtype=kind).reshape(-1, width)
+            return rows[:, :-1]
+
+        self.expect_same(section("Vertices", float, 4), section("TetrahedraP2", np.int64, 11) - 1,
+                         section("TrianglesP2", np.int64, 7) - 1)
+        # Version, dimension; then each keyword with the place of the next and its count.
+        with open(self.export("mesh.meshb"), "rb") as file:
+            data = file.read()
+        rows, place = {}, 8
+        while True:
+            keyword, end = np.frombuffer(data, "<i4", 2, place)
+            if keyword == 54:
+                break
+            if keyword != 3:
+                rows[keyword] = (np.frombuffer(data, "<i4", 1, place + 8)[0],
+                                 data[place + 12:end])
+            place = end
+        count, values = rows[4]
+        points = np.frombuffer(values, [("at", "<f8", 3), ("reference", "<i4")])
+        self.assertEqual(count, len(points))
+        cells = np.frombuffer(rows[30][1], "<i4").reshape(-1, 11)
+        facets = np.frombuffer(rows[24][1], "<i4").reshape(-1, 7)
+        self.expect_same(points["at"], cells[:, :10] - 1, facets[:, :6] - 1)
+
+    def test_abaqus(self):
+        mesh = meshio.read(self.export("mesh.inp"))
+        np.testing.assert_array_equal(mesh.cells_dict["tetra10"], self.cells)
+        self.assertLessEqual(np.abs(mesh.points - self.points).max(), 1e-13)
+        np.testing.assert_array_equal(np.sort(mesh.point_sets["boundary"]), np.unique(self.facets))
+
+    # As `tetgen -o2` has them.
+    def test_tetgen(self):
+        file = self.export("mesh.node", "--boundary")
+        points = np.loadtxt(file, skiprows=1)[:, 1:]
+        cells, facets = (np.loadtxt(file.replace(".node", end), dtype=np.int64, skiprows=1)
+                         for end in (".ele", ".face"))
+        with open(self.path("mesh.ele")) as text:
+            self.assertEqual(text.readline().split(), [str(len(cells)), "10", "0"])
+        ends = [(2, 3), (0, 3), (0, 1), (1, 2), (1, 3), (0, 2)]
+        order = [4 + ends.index(edge) for edge in self.EDGES]
+        self.expect_same(points, cells[:, 1:][:, [0, 1, 2, 3, *order]] - 1,
+                         facets[:, 1:7][:, [0, 1, 2, 5, 3, 4]] - 1)
 
 
 @unittest.skipUnless(MPIRUN, "needs locvol-mpi")
@@ -456,6 +601,27 @@ class Pieces(unittest.TestCase):
                     np.testing.assert_array_equal(ids[piece.cells], cells)
                     num_cells += len(piece.cells)
                 self.assertEqual(num_cells, len(whole.cells))
+
+    def test_second_order(self):
+        for _ in self.each_mesh():
+            self.ranks("export", self.stores, "-o", self.path("whole.vtu"), "--order", "2")
+            whole, cells, _ = SecondOrder.read_vtk(vtk.vtkXMLUnstructuredGridReader(),
+                                                   self.path("whole.vtu"))
+            for name, index, reader in (
+                    ("mesh.vtu", "mesh.pvtu", vtk.vtkXMLPUnstructuredGridReader()),
+                    ("mesh.vtkhdf", "mesh.vtkhdf", vtk.vtkHDFReader())):
+                directory = self.export(name, "--order", "2")
+                points, found, _ = SecondOrder.read_vtk(reader, os.path.join(directory, index))
+                ids = vtk_to_numpy(reader.GetOutput().GetPointData().GetArray("GlobalPointIds"))
+                np.testing.assert_array_equal(points, whole[ids])
+                np.testing.assert_array_equal(ids[found], cells)
+            directory = self.export("mesh.msh", "--order", "2")
+            files = [os.path.join(directory, f"mesh_{rank + 1}.msh") for rank in range(3)]
+            merged = GmshFiles(*files, kinds=(11, 9))
+            self.assertTrue(merged.are_equal)
+            np.testing.assert_array_equal(merged.points, whole)
+            found = merged.cells[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]
+            np.testing.assert_array_equal(found, cells + 1)
 
     def test_gmsh(self):
         for whole in self.each_mesh():

@@ -10,19 +10,22 @@ import math
 import re
 import sys
 
-EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # whose middles are nodes 5 to 10 of C3D10
-FACES = {"S1": (0, 1, 2), "S2": (0, 1, 3), "S3": (1, 2, 3), "S4": (0, 2, 3)}  # Abaqus' numbers
+# Nodes of each face by Abaqus' number: corners, and what C3D10 has in the middle of the edges.
+FACES = {"S1": (0, 1, 2, 4, 5, 6), "S2": (0, 1, 3, 4, 8, 7), "S3": (1, 2, 3, 5, 9, 8),
+         "S4": (0, 2, 3, 6, 9, 7)}  # fmt: skip
 
 
 class Mesh:
-    """Nodes and elements by their labels; facets of surfaces, by name, as three node labels each."""
+    """Nodes and elements by their labels; facets of surfaces, by name, as node labels."""
 
     def __init__(self, file):
-        self.nodes, self.elements, self.surfaces = {}, {}, {}
+        self.nodes, self.elements, self.surfaces, self.type = {}, {}, {}, ""
         section, facets = "", []
         for line in file:
             if line.startswith("*"):
                 section = line.split(",")[0].strip().upper()
+                if section == "*ELEMENT":
+                    self.type = re.search(r"TYPE=([^,\s]+)", line).group(1)
                 if section == "*SURFACE":
                     name = re.search(r"NAME=([^,\s]+)", line).group(1)
                     facets = self.surfaces.setdefault(name, [])
@@ -31,16 +34,17 @@ class Mesh:
             if section == "*NODE":
                 self.nodes[int(fields[0])] = tuple(map(float, fields[1:4]))
             elif section == "*ELEMENT":
-                self.elements[int(fields[0])] = tuple(map(int, fields[1:5]))
+                self.elements[int(fields[0])] = tuple(map(int, fields[1:]))
             elif section == "*SURFACE":
                 element = self.elements[int(fields[0])]
-                facets.append(tuple(element[i] for i in FACES[fields[1].strip()]))
+                face = FACES[fields[1].strip()]
+                facets.append(tuple(element[i] for i in face if i < len(element)))
         self.facets = self.surfaces.get("boundary", [])
         if not self.elements or not self.facets:
             sys.exit(f"case.py: {file.name} has no elements or no boundary: is it from locvol?")
 
     def area(self, facet):
-        a, b, c = (self.nodes[n] for n in facet)
+        a, b, c = (self.nodes[n] for n in facet[:3])
         u, v = [[q - p for p, q in zip(a, end)] for end in (b, c)]
         normal = [u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)]
         return math.hypot(*normal) / 2
@@ -64,8 +68,8 @@ class Region:
     def facets_of(self, mesh):
         return [facet for facet in mesh.facets if all(mesh.nodes[n] in self for n in facet)]
 
-    def nodes_of(self, mesh, middles):
-        return {n for f in mesh.facets for n in all_nodes_of(f, middles) if mesh.nodes[n] in self}
+    def nodes_of(self, mesh):
+        return {n for facet in mesh.facets for n in facet if mesh.nodes[n] in self}
 
 
 class Sheet:
@@ -79,8 +83,8 @@ class Sheet:
             sys.exit(f"case.py: there is no sheet '{self.name}': {', '.join(mesh.surfaces)}")
         return mesh.surfaces[self.name]
 
-    def nodes_of(self, mesh, middles):
-        return {n for facet in self.facets_of(mesh) for n in all_nodes_of(facet, middles)}
+    def nodes_of(self, mesh):
+        return {n for facet in self.facets_of(mesh) for n in facet}
 
 
 def place(text):
@@ -94,39 +98,13 @@ def vector(text):
     return parts
 
 
-def add_middles(mesh):
-    """Gives each element nodes in the middles of its edges. Returns them by the edges' ends."""
-    middles = {}
-    for label, corners in mesh.elements.items():
-        nodes = list(corners)
-        for i, j in EDGES:
-            edge = (min(corners[i], corners[j]), max(corners[i], corners[j]))
-            if edge not in middles:
-                middles[edge] = len(mesh.nodes) + 1
-                ends = mesh.nodes[edge[0]], mesh.nodes[edge[1]]
-                mesh.nodes[middles[edge]] = tuple((p + q) / 2 for p, q in zip(*ends))
-            nodes.append(middles[edge])
-        mesh.elements[label] = tuple(nodes)
-    return middles
-
-
-def nodes_of(facet, middles):
-    """Those that carry an even load on the facet, in equal parts: of six nodes, the middles."""
-    if not middles:
-        return facet
-    return tuple(middles[min(p, q), max(p, q)] for p, q in zip(facet, facet[1:] + facet[:1]))
-
-
-def all_nodes_of(facet, middles):
-    return facet + nodes_of(facet, middles) if middles else facet
-
-
-def spread(mesh, facets, force, middles):
-    """The share of each node in the force."""
+def spread(mesh, facets, force):
+    """The share of each node in the force: an even load on a facet is carried by its three corners in
+    equal parts; of six nodes, by those in the middle of edges."""
     areas = [mesh.area(facet) for facet in facets]
     total, loads = math.fsum(areas), {}
     for facet, area in zip(facets, areas):
-        for node in nodes_of(facet, middles):
+        for node in facet[-3:]:
             loads[node] = loads.get(node, 0.0) + area / total / 3
     return {node: [share * f for f in force] for node, share in loads.items()}
 
@@ -141,7 +119,7 @@ def write_case(out, mesh, held, loads, arguments):
     out.write("*HEADING\nlinear statics\n*NODE, NSET=all\n")
     for label, (x, y, z) in mesh.nodes.items():
         out.write(f"{label}, {x:.13g}, {y:.13g}, {z:.13g}\n")
-    out.write(f"*ELEMENT, TYPE={'C3D10' if arguments.quadratic else 'C3D4'}, ELSET=volume\n")
+    out.write(f"*ELEMENT, TYPE={mesh.type}, ELSET=volume\n")
     for label, nodes in mesh.elements.items():
         out.write(f"{label}, " + ", ".join(map(str, nodes)) + "\n")
     write_set(out, "held", held)
@@ -168,18 +146,16 @@ def main():
     parser.add_argument("--force", type=vector, required=True, help="in all: FX,FY,FZ")
     parser.add_argument("--young", type=float, default=210000, help="modulus (210000)")
     parser.add_argument("--poisson", type=float, default=0.3, help="ratio (0.3)")
-    parser.add_argument("--quadratic", action="store_true", help="C3D10 elements, not C3D4")
     parser.add_argument("--solver", default="SPOOLES", help="SPOOLES, or 'ITERATIVE CHOLESKY'")
     arguments = parser.parse_args()
 
     mesh = Mesh(arguments.mesh)
     loaded = arguments.load.facets_of(mesh)
-    middles = add_middles(mesh) if arguments.quadratic else {}
-    held = sorted(arguments.hold.nodes_of(mesh, middles))
+    held = sorted(arguments.hold.nodes_of(mesh))
     for what, found in (("--hold", held), ("--load", loaded)):
         if not found:
             sys.exit(f"case.py: nothing of the boundary lies in the region of {what}")
-    loads = spread(mesh, loaded, arguments.force, middles)
+    loads = spread(mesh, loaded, arguments.force)
     with open(arguments.output, "w", encoding="ascii") as out:
         write_case(out, mesh, held, loads, arguments)
     print(
