@@ -176,11 +176,9 @@ ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
     case ArrayName::kConnectivity:
       return bytes_of_pieces<MeshPiece>(
           mesh_.pieces({.has_cells = true}),
-          [width = info.value_bytes, narrow = std::vector<std::int32_t>(),
-           whole = std::vector<std::array<std::int64_t, 10>>()](const MeshPiece& piece) mutable {
-            if (piece.nodes.empty()) return connectivity_bytes(piece.cells, width, narrow);
-            whole = with_nodes(piece.cells, piece.nodes);
-            return connectivity_bytes(whole, width, narrow);
+          [width = info.value_bytes,
+           buffer = ConnectivityBuffer()](const MeshPiece& piece) mutable {
+            return connectivity_bytes(piece.cells, piece.nodes, width, buffer);
           });
     case ArrayName::kRadiusEdge:
     case ArrayName::kDihedral:
@@ -204,12 +202,9 @@ ArrayBlocks::ReadItems ArrayBlocks::triangle_reader(const ArrayInfo& info) {
   switch (info.array) {
     case ArrayName::kConnectivity:
       return bytes_of_pieces<TrianglePiece>(
-          mesh_.triangles(),
-          [width = info.value_bytes, narrow = std::vector<std::int32_t>(),
-           whole = std::vector<std::array<std::int64_t, 6>>()](const TrianglePiece& piece) mutable {
-            if (piece.nodes.empty()) return connectivity_bytes(piece.triangles, width, narrow);
-            whole = with_nodes(piece.triangles, piece.nodes);
-            return connectivity_bytes(whole, width, narrow);
+          mesh_.triangles(), [width = info.value_bytes,
+                              buffer = ConnectivityBuffer()](const TrianglePiece& piece) mutable {
+            return connectivity_bytes(piece.triangles, piece.nodes, width, buffer);
           });
     case ArrayName::kLeaf:
       return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {

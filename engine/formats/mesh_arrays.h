@@ -70,28 +70,31 @@ inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrah
 std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,
                                    const IndexWidths& widths, bool is_part = false);
 
-// Cells with their nodes after their vertices: those of all of VTK's cells come in this order.
+// What connectivity_bytes() needs room for.
+struct ConnectivityBuffer {
+  std::vector<std::int32_t> narrow;
+  std::vector<std::int64_t> wide;
+};
+// The vertices of cells, and of second order each cell's nodes after them, in values of so many
+// bytes: the cells' own, or those of the buffer, which it fills. REQUIRES: they fit
 template <std::size_t num_corners, std::size_t num_nodes>
-std::vector<std::array<std::int64_t, num_corners + num_nodes>> with_nodes(
-    const std::vector<std::array<std::int64_t, num_corners>>& cells,
-    const std::vector<std::array<std::int64_t, num_nodes>>& nodes) {
-  std::vector<std::array<std::int64_t, num_corners + num_nodes>> all(cells.size());
-  for (std::size_t i = 0; i < cells.size(); ++i)
-    std::ranges::copy(nodes[i], std::ranges::copy(cells[i], all[i].begin()).out);
-  return all;
-}
-// The vertices of cells in values of so many bytes: the cells' own, or those of `narrow`, which it
-// fills. REQUIRES: they fit
-template <std::size_t num_corners>
 std::span<const std::byte> connectivity_bytes(
-    const std::vector<std::array<std::int64_t, num_corners>>& cells, std::uint64_t value_bytes,
-    std::vector<std::int32_t>& narrow) {
-  if (value_bytes == sizeof(std::int64_t)) return std::as_bytes(std::span(cells));
-  narrow.resize(num_corners * cells.size());
-  auto out = narrow.begin();
-  for (const auto& cell : cells)
-    for (const std::int64_t vertex : cell) *out++ = static_cast<std::int32_t>(vertex);
-  return std::as_bytes(std::span(narrow));
+    const std::vector<std::array<std::int64_t, num_corners>>& cells,
+    const std::vector<std::array<std::int64_t, num_nodes>>& nodes, std::uint64_t value_bytes,
+    ConnectivityBuffer& buffer) {
+  const bool is_wide = value_bytes == sizeof(std::int64_t);
+  if (is_wide && nodes.empty()) return std::as_bytes(std::span(cells));
+  const auto filled = [&]<class Value>(std::vector<Value>& values) {
+    values.resize((num_corners + (nodes.empty() ? 0 : num_nodes)) * cells.size());
+    auto out = values.begin();
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      for (const std::int64_t vertex : cells[i]) *out++ = static_cast<Value>(vertex);
+      if (nodes.empty()) continue;
+      for (const std::int64_t node : nodes[i]) *out++ = static_cast<Value>(node);
+    }
+    return std::as_bytes(std::span(values));
+  };
+  return is_wide ? filled(buffer.wide) : filled(buffer.narrow);
 }
 // The places where `count` cells, from `first` on, begin among the vertices of all cells.
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,

@@ -130,13 +130,12 @@ class RawArrays {
     std::vector<SheetId> sheets;
     std::vector<float> ratios, angles;
   };
-  template <class Cells>
-  CellColumns columns_of(std::uint64_t first, const Cells& cells, std::uint8_t type,
-                         std::vector<std::int32_t>& narrow) const {
+  CellColumns columns_of(std::uint64_t first, const auto& cells, const auto& nodes,
+                         std::uint8_t type, ConnectivityBuffer& buffer) const {
     CellColumns columns;
     columns.first = first;
     columns.connectivity =
-        connectivity_bytes(cells, info(ArrayName::kConnectivity).value_bytes, narrow);
+        connectivity_bytes(cells, nodes, info(ArrayName::kConnectivity).value_bytes, buffer);
     columns.ends = offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes,
                                 counts_.num_cells, counts_.order);
     columns.types.assign(cells.size(), type);
@@ -158,12 +157,9 @@ class RawArrays {
   }
 
   void write_piece(const MeshPiece& piece) {
-    std::vector<std::int32_t> narrow;
-    std::vector<std::array<std::int64_t, 10>> whole;
-    if (!piece.nodes.empty()) whole = with_nodes(piece.cells, piece.nodes);
-    const std::uint8_t type = vtk_tetra(counts_.order);
-    CellColumns columns = whole.empty() ? columns_of(piece.first_cell, piece.cells, type, narrow)
-                                        : columns_of(piece.first_cell, whole, type, narrow);
+    ConnectivityBuffer buffer;
+    CellColumns columns =
+        columns_of(piece.first_cell, piece.cells, piece.nodes, vtk_tetra(counts_.order), buffer);
     columns.leaves = leaves_of(piece);
     if (output_.has_boundary) columns.sheets.resize(piece.cells.size());
     std::vector<std::int64_t> numbers, node_numbers;
@@ -187,13 +183,9 @@ class RawArrays {
   }
 
   void write_triangles(const TrianglePiece& piece) {
-    std::vector<std::int32_t> narrow;
-    std::vector<std::array<std::int64_t, 6>> whole;
-    if (!piece.nodes.empty()) whole = with_nodes(piece.triangles, piece.nodes);
-    const std::uint8_t type = vtk_triangle(counts_.order);
-    const std::uint64_t first = counts_.num_cells + piece.first;
-    CellColumns columns = whole.empty() ? columns_of(first, piece.triangles, type, narrow)
-                                        : columns_of(first, whole, type, narrow);
+    ConnectivityBuffer buffer;
+    CellColumns columns = columns_of(counts_.num_cells + piece.first, piece.triangles, piece.nodes,
+                                     vtk_triangle(counts_.order), buffer);
     columns.leaves = piece.leaves;
     columns.sheets = piece.sheets;
     columns.ratios.assign(piece.triangles.size(), kNoQuality);

@@ -309,9 +309,10 @@ TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
     const auto width = static_cast<std::uint64_t>(value_bytes);
     const std::vector<MeshPiece::Cell> cells = {{0, 1, 2, 3},
                                                 {largest - 3, largest - 2, largest - 1, largest}};
-    std::vector<std::int32_t> narrow;
+    const std::vector<std::array<std::int64_t, 6>> no_nodes;
+    ConnectivityBuffer buffer;
     EXPECT_EQ(
-        integers_in(connectivity_bytes(cells, width, narrow), width),
+        integers_in(connectivity_bytes(cells, no_nodes, width, buffer), width),
         (std::vector<std::int64_t>{0, 1, 2, 3, largest - 3, largest - 2, largest - 1, largest}));
     const std::int64_t last = largest / 4;
     const auto num_tetrahedra = static_cast<std::uint64_t>(last);
