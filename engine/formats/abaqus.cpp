@@ -62,8 +62,7 @@ Text faces_of(const BoundarySurface::Facets& some) {
 }
 
 // `num_before`, `num_all`: vertices and nodes of the set, before these and all
-Text node_set_of(const BoundarySurface::Vertices& some, std::uint64_t num_before,
-                 std::uint64_t num_all) {
+Text node_set_of(const auto& some, std::uint64_t num_before, std::uint64_t num_all) {
   Text text;
   std::uint64_t count = num_before + some.first;
   for (const std::uint64_t vertex : some.vertices) {
@@ -92,12 +91,15 @@ void append_node_set(MeshSource& mesh, std::optional<SheetId> sheet, AppendedFil
            num_vertices);
 }
 
+MeshNames names_of(const MeshSource& mesh) {
+  return names_of_mesh(mesh.sheets(), mesh.has_creases(),
+                       {.most_bytes = 80, .is_identifier = true, .taken = {"boundary", "volume"}});
+}
+
 // A set of nodes and a surface of each sheet, for CalculiX derives none from the other.
-void append_sheets(MeshSource& mesh, AppendedFile& out) {
+void append_sheets(MeshSource& mesh, const std::vector<std::string>& names, AppendedFile& out) {
   BoundarySurface& boundary = mesh.boundary();
   boundary.sort_facets();
-  const auto names = names_of_sheets(
-      mesh.sheets(), {.most_bytes = 80, .is_identifier = true, .taken = {"boundary", "volume"}});
   for (SheetId sheet = 1; sheet <= boundary.num_sheets(); ++sheet) {
     const std::string& name = names[sheet - 1];
     if (boundary.num_facets_of(sheet) == 0) continue;  // a set that is empty is refused
@@ -106,6 +108,34 @@ void append_sheets(MeshSource& mesh, AppendedFile& out) {
     out.append("*SURFACE, NAME=" + name + ", TYPE=ELEMENT\n");
     append_boundary(out, mesh, boundary.facets_of(sheet, {}), faces_of);
   }
+}
+
+// A set of nodes of each crease and corner that the mesh has.
+void append_creases(MeshSource& mesh, const MeshNames& names, AppendedFile& out) {
+  KeptCreases& creases = mesh.creases();
+  creases.sort();
+  for (CreaseId crease = 1; crease <= names.creases.size(); ++crease) {
+    const std::uint64_t num_vertices = creases.num_vertices_of(crease);
+    if (num_vertices == 0) continue;
+    out.append("*NSET, NSET=" + names.creases[crease - 1] + '\n');
+    const std::uint64_t num_all =
+        num_vertices + (mesh.order() == 2 ? creases.kept()[crease - 1].num_edges : 0);
+    append_boundary(out, mesh, creases.vertices_of(crease), [&](const KeptCreases::Vertices& some) {
+      return node_set_of(some, 0, num_all);
+    });
+    if (mesh.order() == 2)
+      append_boundary(out, mesh, creases.nodes_of(crease), [&](const KeptCreases::Vertices& some) {
+        return node_set_of(some, num_vertices, num_all);
+      });
+  }
+  for (const KeptCorner& corner : creases.corners())
+    out.append(Text()
+                   .add("*NSET, NSET=")
+                   .add(names.corners.at(corner.corner - 1))
+                   .add('\n')
+                   .add(corner.vertex + 1)
+                   .add('\n')
+                   .text());
 }
 
 }  // namespace
@@ -128,7 +158,9 @@ std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
   append_node_set(mesh, std::nullopt, out);
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
   append_boundary(out, mesh, boundary.facets({}), faces_of);
-  if (!mesh.sheets().sheets.empty()) append_sheets(mesh, out);
+  const MeshNames names = names_of(mesh);
+  if (!mesh.sheets().sheets.empty()) append_sheets(mesh, names.sheets, out);
+  if (mesh.has_creases()) append_creases(mesh, names, out);
   return out.size();
 }
 

@@ -19,13 +19,17 @@ struct IndexWidths {
   std::uint64_t connectivity = 4, offsets = 4;
 };
 
+// Of the rank's part, or of all. All ranks call it.
+void add_creases(MeshSource& mesh, MeshCounts& counts);
+
 // Cell data: `leaf` (its place in Morton order) and, with the quality, `radius_edge_ratio` and
 // `min_dihedral_degrees`, in Float32. With the boundary, its triangles come after all tetrahedra,
 // with the leaves of their cells, and there is `sheet`: 0 of tetrahedra; the quality of a triangle
-// is no number (NaN). A part has `GlobalPointIds`, too, as point data: the numbers
-// of its vertices in the mesh of all ranks. VTU: XML with raw appended data, UInt64 headers. Of
-// `connectivity` and `offsets` each is as wide as `least` says, and Int64 if Int32 does not hold
-// its numbers.
+// is no number (NaN). Where the run keeps creases, edges and corners come after the triangles, with
+// `crease`, 0 of all but edges, and as point data `corner`, 0 of all but corners. A part has
+// `GlobalPointIds`, too, as point data: the numbers of its vertices in the mesh of all ranks. VTU:
+// XML with raw appended data, UInt64 headers. Of `connectivity` and `offsets` each is as wide as
+// `least` says, and Int64 if Int32 does not hold its numbers.
 std::uint64_t write_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
                         const IndexWidths& least = {});
 std::uint64_t write_compressed_vtu(MeshSource& mesh, const OutputOptions& output, PartialFile& file,
@@ -46,22 +50,23 @@ void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOpt
                               PartialFile& file);
 
 // Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1
-// ("boundary"); of the part of rank r, of volume and surface r + 2 in partition r + 1, with tags
-// that are the same in all parts.
+// ("boundary"), and where creases are kept lines of curves and points, a group each; of the part of
+// rank r, of volume and surface r + 2 in partition r + 1, with tags that are the same in all parts.
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file);
-// Tetrahedra and boundary triangles, all with the reference 1. Version 4 from 2^31 of them on; the
+// Tetrahedra and boundary triangles, all with the reference 1, edges of creases, which are ridges,
+// and corners, which are required. Version 4 from 2^31 of them on; the
 // binary one is of version 3 if it is below, but the file beyond 2^31 bytes.
 std::uint64_t write_medit(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version = 2);
 // C3D4 elements in the set `volume`; the boundary's nodes in the set `boundary`, its facets in the
-// surface `boundary`. No number is longer than 20 characters, as Abaqus wants it: coordinates have
-// 13 digits at least.
+// surface `boundary`; a set of nodes of each crease and corner. No number is longer than 20
+// characters, as Abaqus wants it: coordinates have 13 digits at least.
 std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file);
-// Indices from 1. `faces`: unless it is null, the boundary's triangles, whose markers are the
-// sheets.
+// Indices from 1. `faces`, `edges`: unless null, the boundary's triangles, whose markers are the
+// sheets, and edges of creases, with theirs.
 std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements,
-                           PartialFile* faces);
+                           PartialFile* faces, PartialFile* edges);
 
 // The boundary, outward.
 std::uint64_t write_stl(MeshSource& mesh, PartialFile& file);

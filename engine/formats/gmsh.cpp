@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <optional>
@@ -14,39 +15,72 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
 // Gmsh's types of elements. Of second order, the last two nodes of a tetrahedron change places.
+constexpr std::int32_t kPoint = 15;
+constexpr std::int32_t line_type(int order) { return order == 2 ? 8 : 1; }
 constexpr std::int32_t triangle_type(int order) { return order == 2 ? 9 : 2; }
 constexpr std::int32_t tetrahedron_type(int order) { return order == 2 ? 11 : 4; }
 constexpr std::array<std::size_t, 6> kGmshCellNodes = {0, 1, 2, 3, 5, 4};
 
-constexpr std::int32_t kVolume = 1;  // entity; each sheet is one
+// An entity. Sheets are surfaces, creases curves and corners points, with their ids.
+constexpr std::int32_t kVolume = 1;
 
-// Sheets have their ids as surfaces and as physical groups, whose numbers are all different.
 std::int32_t surface_of(SheetId sheet) { return static_cast<std::int32_t>(sheet); }
-std::int32_t volume_group(SheetId num_sheets) { return static_cast<std::int32_t>(num_sheets) + 1; }
 
-void add_groups(const MeshSource& mesh, SheetId num_sheets, Bytes& bytes) {
-  Text text;
-  text.add("$PhysicalNames\n").add(std::uint64_t{num_sheets} + 1).add('\n');
-  std::uint64_t group = 0;
-  for (const std::string& name : names_of_sheets(
-           mesh.sheets(), {.most_bytes = 127, .forbidden = "\"\\", .taken = {"volume"}}))
-    text.add("2 ").add(++group).add(" \"").add(name).add("\"\n");
-  text.add("3 ").add(++group).add(" \"volume\"\n$EndPhysicalNames\n");
-  bytes.add_text(text.text());
-}
+// Numbers of physical groups, which are all different: sheets have their ids, then comes the
+// volume, and then those creases and corners that the mesh has.
+class Groups {
+ public:
+  explicit Groups(MeshSource& mesh) : mesh_(mesh), num_sheets_(mesh.boundary().num_sheets()) {}
+  std::int32_t volume() const { return static_cast<std::int32_t>(num_sheets_) + 1; }
+  std::int32_t of_crease(std::uint64_t crease) const {
+    return volume() + static_cast<std::int32_t>(crease);
+  }
+  std::int32_t of_corner(std::uint64_t corner) const {
+    return volume() + static_cast<std::int32_t>(mesh_.sheets().creases.size() + corner);
+  }
+
+  void add_names(Bytes& bytes) const {
+    const MeshNames names =
+        names_of_mesh(mesh_.sheets(), mesh_.has_creases(),
+                      {.most_bytes = 127, .forbidden = "\"\\", .taken = {"volume"}});
+    std::uint64_t num = 0;
+    Text lines;
+    const auto add = [&](std::string_view dimension, std::int32_t group, std::string_view name) {
+      lines.add(dimension).add(' ').add(static_cast<std::uint64_t>(group));
+      lines.add(" \"").add(name).add("\"\n");
+      ++num;
+    };
+    for (SheetId sheet = 1; sheet <= num_sheets_; ++sheet)
+      add("2", surface_of(sheet), names.sheets[sheet - 1]);
+    add("3", volume(), "volume");
+    if (mesh_.has_creases()) {
+      const auto kept = mesh_.creases().kept();
+      for (std::size_t c = 0; c < kept.size(); ++c)
+        if (kept[c].num_edges > 0) add("1", of_crease(c + 1), names.creases[c]);
+      for (const KeptCorner& corner : mesh_.creases().corners())
+        add("0", of_corner(corner.corner), names.corners.at(corner.corner - 1));
+    }
+    Text head;
+    head.add("$PhysicalNames\n").add(num).add('\n');
+    bytes.add_text(head.text()).add_text(lines.text()).add_text("$EndPhysicalNames\n");
+  }
+
+ private:
+  MeshSource& mesh_;
+  SheetId num_sheets_;
+};
 
 // "4.1 1 8": binary, and the size of a double; 1 as an integer tells the order of bytes.
-void add_format(std::string_view version, const MeshSource& mesh, SheetId num_sheets,
-                Bytes& bytes) {
+void add_format(std::string_view version, const Groups& groups, Bytes& bytes) {
   bytes.add_text("$MeshFormat\n").add_text(version).add_text(" 1 8\n");
   bytes.add(std::int32_t{1}).add_text("\n$EndMeshFormat\n");
-  add_groups(mesh, num_sheets, bytes);
+  groups.add_names(bytes);
 }
 
 // ---- 4.1: tags and counts of 64 bits, nodes and elements by entity ------------------------------
 
 struct Msh4Layout {
-  std::uint64_t num_vertices, num_cells, num_facets;
+  std::uint64_t num_vertices, num_cells, num_facets, num_edges, num_corners;
   std::uint64_t tags, coordinates, cells, facets, end;  // places in the file
 };
 
@@ -68,15 +102,64 @@ Msh4Tags tags_of(MeshSource& mesh) {
 
 // Of a part, its own, after those of the whole.
 std::int32_t volume_of(const std::optional<MeshPart>& part) { return part ? part->rank + 2 : 1; }
-std::int32_t surface_of(SheetId sheet, SheetId num_sheets, const std::optional<MeshPart>& part) {
-  const std::int32_t whole = surface_of(sheet);
-  return part ? (part->rank + 1) * static_cast<std::int32_t>(num_sheets) + whole : whole;
+// Likewise of one of so many surfaces, curves or points.
+std::int32_t entity_of(std::uint64_t id, std::uint64_t num_all,
+                       const std::optional<MeshPart>& part) {
+  const auto whole = static_cast<std::int32_t>(id);
+  return part ? (part->rank + 1) * static_cast<std::int32_t>(num_all) + whole : whole;
 }
 
-// No points, no curves, the sheets, and one volume.
-void add_entity_counts(SheetId num_sheets, Bytes& bytes) {
-  for (const std::uint64_t count : {SheetId{0}, SheetId{0}, num_sheets, SheetId{1}})
+// Of creases and corners those that the mesh has, by id.
+struct CreaseEntities {
+  std::vector<CreaseId> curves;
+  std::span<const KeptCorner> points;
+  bool has_curve(CreaseId crease) const { return std::ranges::binary_search(curves, crease); }
+  bool has_point(std::uint64_t corner) const {
+    return std::ranges::binary_search(points, corner, {}, &KeptCorner::corner);
+  }
+};
+
+CreaseEntities crease_entities(MeshSource& mesh) {
+  CreaseEntities entities;
+  if (!mesh.has_creases()) return entities;
+  const auto kept = mesh.creases().kept();
+  for (CreaseId crease = 1; crease <= kept.size(); ++crease)
+    if (kept[crease - 1].num_edges > 0) entities.curves.push_back(crease);
+  entities.points = mesh.creases().corners();
+  return entities;
+}
+
+// Points, curves, surfaces, and one volume.
+void add_entity_counts(const CreaseEntities& creases, SheetId num_sheets, Bytes& bytes) {
+  for (const std::uint64_t count :
+       {creases.points.size(), creases.curves.size(), std::size_t{num_sheets}, std::size_t{1}})
     bytes.add(count);
+}
+
+void add_place_and_group(const Point& place, std::int32_t group, Bytes& bytes) {
+  bytes.add(place.x).add(place.y).add(place.z).add(std::uint64_t{1}).add(group);
+}
+
+void add_bounds(const std::vector<std::int32_t>& entities, Bytes& bytes) {
+  bytes.add(std::uint64_t{entities.size()});
+  for (const std::int32_t entity : entities) bytes.add(entity);
+}
+
+// Points that bound a curve, curves that bound a surface.
+std::vector<std::int32_t> ends_of(const CreaseFacts& crease, const CreaseEntities& entities) {
+  std::vector<std::int32_t> ends;
+  for (const std::uint32_t corner : crease.corners)
+    if (entities.has_point(corner)) ends.push_back(static_cast<std::int32_t>(corner));
+  return ends;
+}
+std::vector<std::int32_t> curves_around(SheetId sheet, const MeshSource& mesh,
+                                        const CreaseEntities& entities) {
+  std::vector<std::int32_t> curves;
+  for (const CreaseId crease : entities.curves) {
+    const auto& [a, b] = mesh.sheets().creases[crease - 1].sheets;
+    if (a != b && (a == sheet || b == sheet)) curves.push_back(static_cast<std::int32_t>(crease));
+  }
+  return curves;
 }
 
 void add_box_and_group(const Box& box, std::int32_t group, Bytes& bytes) {
@@ -89,38 +172,62 @@ Box box_of(const MeshSource& mesh, SheetId sheet) {
   return sheets.empty() ? mesh.run().surface.box : sheets[sheet - 1].box;
 }
 
-// The surfaces bound the volume.
-void add_entities(const MeshSource& mesh, SheetId num_sheets, Bytes& bytes) {
+// Corners bound creases, these sheets, and these the volume.
+void add_entities(MeshSource& mesh, SheetId num_sheets, const Groups& groups, Bytes& bytes) {
+  const CreaseEntities creases = crease_entities(mesh);
   bytes.add_text("$Entities\n");
-  add_entity_counts(num_sheets, bytes);
+  add_entity_counts(creases, num_sheets, bytes);
+  for (const KeptCorner& corner : creases.points) {
+    bytes.add(static_cast<std::int32_t>(corner.corner));
+    add_place_and_group(corner.position, groups.of_corner(corner.corner), bytes);
+  }
+  for (const CreaseId crease : creases.curves) {
+    bytes.add(static_cast<std::int32_t>(crease));
+    add_box_and_group(mesh.creases().kept()[crease - 1].box, groups.of_crease(crease), bytes);
+    add_bounds(ends_of(mesh.sheets().creases[crease - 1], creases), bytes);
+  }
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) {
     bytes.add(surface_of(sheet));
     add_box_and_group(box_of(mesh, sheet), surface_of(sheet), bytes);
-    bytes.add(std::uint64_t{0});
+    add_bounds(curves_around(sheet, mesh, creases), bytes);
   }
   bytes.add(kVolume);
-  add_box_and_group(mesh.run().surface.box, volume_group(num_sheets), bytes);
+  add_box_and_group(mesh.run().surface.box, groups.volume(), bytes);
   bytes.add(std::uint64_t{num_sheets});
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) bytes.add(surface_of(sheet));
   bytes.add_text("\n$EndEntities\n");
 }
 
 // What a part has of them: no ghosts, and no entities between partitions.
-void add_partitioned_entities(const MeshSource& mesh, SheetId num_sheets, const MeshPart& part,
-                              Bytes& bytes) {
-  const auto add_part_of = [&](std::int32_t dimension, std::int32_t entity, std::int32_t whole,
-                               const Box& box, std::int32_t group) {
+void add_partitioned_entities(MeshSource& mesh, SheetId num_sheets, const Groups& groups,
+                              const MeshPart& part, Bytes& bytes) {
+  const auto add_part_of = [&](std::int32_t dimension, std::int32_t entity, std::int32_t whole) {
     bytes.add(entity).add(dimension).add(whole).add(std::uint64_t{1}).add(part.rank + 1);
+  };
+  const auto add_rest = [&](const Box& box, std::int32_t group) {
     add_box_and_group(box, group, bytes);
     bytes.add(std::uint64_t{0});
   };
+  const CreaseEntities creases = crease_entities(mesh);
   bytes.add_text("$PartitionedEntities\n");
   bytes.add(static_cast<std::uint64_t>(part.num_ranks)).add(std::uint64_t{0});
-  add_entity_counts(num_sheets, bytes);
-  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
-    add_part_of(2, surface_of(sheet, num_sheets, part), surface_of(sheet), box_of(mesh, sheet),
-                surface_of(sheet));
-  add_part_of(3, volume_of(part), kVolume, mesh.run().surface.box, volume_group(num_sheets));
+  add_entity_counts(creases, num_sheets, bytes);
+  for (const KeptCorner& corner : creases.points) {
+    add_part_of(0, entity_of(corner.corner, mesh.sheets().num_corners, part),
+                static_cast<std::int32_t>(corner.corner));
+    add_place_and_group(corner.position, groups.of_corner(corner.corner), bytes);
+  }
+  for (const CreaseId crease : creases.curves) {
+    add_part_of(1, entity_of(crease, mesh.sheets().creases.size(), part),
+                static_cast<std::int32_t>(crease));
+    add_rest(mesh.creases().kept()[crease - 1].box, groups.of_crease(crease));
+  }
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) {
+    add_part_of(2, entity_of(sheet, num_sheets, part), surface_of(sheet));
+    add_rest(box_of(mesh, sheet), surface_of(sheet));
+  }
+  add_part_of(3, volume_of(part), kVolume);
+  add_rest(mesh.run().surface.box, groups.volume());
   bytes.add_text("\n$EndPartitionedEntities\n");
 }
 
@@ -139,13 +246,40 @@ void add_block_head(std::int32_t dimension, std::int32_t entity, std::int32_t ty
 // Of the triangles of a sheet; none if there are none.
 Bytes sheet_head(MeshSource& mesh, SheetId sheet, SheetId num_sheets) {
   Bytes head;
-  add_block_head(2, surface_of(sheet, num_sheets, mesh.part()), triangle_type(mesh.order()),
+  add_block_head(2, entity_of(sheet, num_sheets, mesh.part()), triangle_type(mesh.order()),
                  mesh.num_boundary_facets_of(sheet), head);
   return head;
 }
 
+// Likewise of the lines of a crease. REQUIRES: it is one of the mesh's; they are sorted
+Bytes crease_head(MeshSource& mesh, CreaseId crease) {
+  Bytes head;
+  const std::uint64_t num_edges = mesh.part() ? mesh.creases().num_own_edges_of(crease)
+                                              : mesh.creases().kept()[crease - 1].num_edges;
+  add_block_head(1, entity_of(crease, mesh.sheets().creases.size(), mesh.part()),
+                 line_type(mesh.order()), num_edges, head);
+  return head;
+}
+
+// Each corner's point, with its head. Tags go by the corners of all.
+Bytes corner_points(MeshSource& mesh) {
+  Bytes points;
+  if (!mesh.has_creases()) return points;
+  std::uint64_t tag =
+      mesh.num_all_cells() + mesh.boundary().num_facets() + mesh.creases().num_edges();
+  for (const KeptCorner& corner : mesh.creases().corners()) {
+    ++tag;
+    if (!mesh.has_cell(corner.cell)) continue;
+    add_block_head(0, entity_of(corner.corner, mesh.sheets().num_corners, mesh.part()), kPoint, 1,
+                   points);
+    points.add(tag).add(corner.vertex + 1);
+  }
+  return points;
+}
+
 // The bytes before the nodes, and before the elements. Before the triangles of each sheet come
-// those of sheet_head(), and after all, kAfter.
+// those of sheet_head(), and before the lines of each crease those of crease_head(); then
+// corner_points(), and after all, kAfter.
 struct Msh4Frame {
   Bytes before_nodes, before_cells;
   static constexpr std::string_view kAfter = "\n$EndElements\n";
@@ -164,17 +298,35 @@ Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) 
                                             : n.num_facets - num_facets;  // of the last one
     last_tag = mesh.num_all_cells() + first + num_facets;
   }
+  std::uint64_t num_curves = 0;
+  for (const CreaseId crease : crease_entities(mesh).curves) {
+    const std::uint64_t num_edges = mesh.creases().num_own_edges_of(crease);
+    if (mesh.part() && num_edges == 0) continue;
+    ++num_curves;
+    last_tag = mesh.num_all_cells() + boundary.num_facets() +
+               (mesh.part() ? mesh.creases().first_own_edge_of(crease) + num_edges : n.num_edges);
+  }
+  const std::vector<KeptCorner> corners = mesh.corners();
+  if (!corners.empty()) {
+    const auto all = mesh.creases().corners();
+    const auto last = std::ranges::lower_bound(all, corners.back().corner, {}, &KeptCorner::corner);
+    last_tag = mesh.num_all_cells() + boundary.num_facets() + mesh.creases().num_edges() +
+               static_cast<std::uint64_t>(last - all.begin()) + 1;
+  }
+  const Groups groups(mesh);
   Msh4Frame frame;
   Bytes& head = frame.before_nodes;
-  add_format("4.1", mesh, num_sheets, head);
-  add_entities(mesh, num_sheets, head);
-  if (const auto part = mesh.part()) add_partitioned_entities(mesh, num_sheets, *part, head);
+  add_format("4.1", groups, head);
+  add_entities(mesh, num_sheets, groups, head);
+  if (const auto part = mesh.part())
+    add_partitioned_entities(mesh, num_sheets, groups, *part, head);
   head.add_text("$Nodes\n");
   add_section_head(num_volumes, n.num_vertices, tags.least_vertex, tags.most_vertex, head);
   add_block_head(3, volume_of(mesh.part()), 0, n.num_vertices, head);
   Bytes& middle = frame.before_cells;
   middle.add_text("\n$EndNodes\n$Elements\n");
-  add_section_head(num_volumes + num_surfaces, n.num_cells + n.num_facets, tags.first_cell,
+  add_section_head(num_volumes + num_surfaces + num_curves + n.num_corners,
+                   n.num_cells + n.num_facets + n.num_edges + n.num_corners, tags.first_cell,
                    last_tag, middle);
   add_block_head(3, volume_of(mesh.part()), tetrahedron_type(mesh.order()), n.num_cells, middle);
   return frame;
@@ -182,6 +334,7 @@ Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) 
 
 constexpr std::uint64_t cell_bytes4(int order) { return 8 * (1 + num_corners_of_cell(order)); }
 constexpr std::uint64_t facet_bytes4(int order) { return 8 * (1 + num_corners_of_facet(order)); }
+constexpr std::uint64_t edge_bytes4(int order) { return 8 * (1 + num_corners_of_edge(order)); }
 
 void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) {
   layout.tags = frame.before_nodes.size();
@@ -192,6 +345,9 @@ void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) 
   const SheetId num_sheets = mesh.boundary().num_sheets();
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
     layout.end += sheet_head(mesh, sheet, num_sheets).size();
+  for (const CreaseId crease : crease_entities(mesh).curves)
+    layout.end += crease_head(mesh, crease).size();
+  layout.end += edge_bytes4(mesh.order()) * layout.num_edges + corner_points(mesh).size();
 }
 
 void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layout& layout,
@@ -246,7 +402,17 @@ void add_element_head2(std::int32_t type, std::uint64_t count, Bytes& bytes) {
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   boundary.sort_facets();
-  Msh4Layout layout{mesh.num_points(), mesh.num_cells(), mesh.num_boundary_facets(), 0, 0, 0, 0, 0};
+  if (mesh.has_creases()) mesh.creases().sort();
+  Msh4Layout layout{mesh.num_points(),
+                    mesh.num_cells(),
+                    mesh.num_boundary_facets(),
+                    mesh.num_crease_edges(),
+                    mesh.corners().size(),
+                    0,
+                    0,
+                    0,
+                    0,
+                    0};
   const Msh4Tags tags = tags_of(mesh);
   const Msh4Frame frame = frame_of(mesh, layout, tags);
   place_arrays(mesh, frame, layout);
@@ -282,19 +448,38 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
     append_boundary(facets, mesh, boundary.facets_of(sheet, {}), facet_lines,
                     facet_bytes4(mesh.order()) * boundary.num_own_facets_of(sheet));
   }
+  const auto edge_lines = [&](const KeptCreases::Edges& some) {
+    Bytes list;
+    for (std::size_t i = 0; i < some.edges.size(); ++i) {
+      list.add(1 + mesh.num_all_cells() + boundary.num_facets() + some.first + i);
+      for (const std::uint64_t v : some.edges[i].vertices) list.add(v + 1);
+      if (!some.nodes.empty()) list.add(some.nodes[i] + 1);
+    }
+    return list;
+  };
+  for (const CreaseId crease : crease_entities(mesh).curves) {
+    facets.append(crease_head(mesh, crease).bytes());
+    append_boundary(facets, mesh, mesh.creases().edges_of(crease), edge_lines,
+                    edge_bytes4(mesh.order()) * mesh.creases().num_own_edges_of(crease));
+  }
+  facets.append(corner_points(mesh).bytes());
   facets.append(Msh4Frame::kAfter);
   return bytes;
 }
 
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
-  const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets();
+  const std::uint64_t num_cells = mesh.num_cells(), num_facets = boundary.num_facets(),
+                      num_edges = mesh.num_crease_edges();
+  const std::vector<KeptCorner> corners = mesh.corners();
+  const Groups groups(mesh);
   const int order = mesh.order();
   const std::uint64_t cell_bytes = element_bytes2(num_corners_of_cell(order)),
-                      facet_bytes = element_bytes2(num_corners_of_facet(order));
+                      facet_bytes = element_bytes2(num_corners_of_facet(order)),
+                      edge_bytes = element_bytes2(num_corners_of_edge(order));
   AppendedFile out(file, mesh.exchange());
   Bytes head;
-  add_format("2.2", mesh, boundary.num_sheets(), head);
+  add_format("2.2", groups, head);
   out.append(head.bytes());
   out.append(Text().add("$Nodes\n").add(mesh.num_points()).add('\n').text());
   const auto node_lines = [](const std::vector<MeshPiece::Vertex>& points, std::uint64_t tag) {
@@ -312,11 +497,15 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
         out, mesh, {.has_node_points = true},
         [&](const MeshPiece& piece) { return node_lines(piece.node_points, piece.first_node); },
         sizeof(Node2) * mesh.own_nodes().size());
-  out.append(Text().add("\n$EndNodes\n$Elements\n").add(num_cells + num_facets).add('\n').text());
-  Bytes cell_head, facet_head;
+  out.append(Text()
+                 .add("\n$EndNodes\n$Elements\n")
+                 .add(num_cells + num_facets + num_edges + corners.size())
+                 .add('\n')
+                 .text());
+  Bytes cell_head, facet_head, edge_head, points;
   add_element_head2(tetrahedron_type(order), num_cells, cell_head);
   out.append(cell_head.bytes());
-  const std::int32_t cell_group = volume_group(boundary.num_sheets());
+  const std::int32_t cell_group = groups.volume();
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes cells;
     cells.reserve(cell_bytes * piece.cells.size());
@@ -343,6 +532,27 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,
                   facet_bytes * boundary.num_own_facets());
+  add_element_head2(line_type(order), num_edges, edge_head);
+  out.append(edge_head.bytes());
+  const auto edge_lines = [&](const LinePiece& piece) {
+    Bytes list;
+    std::uint64_t tag = num_cells + num_facets + piece.first;
+    for (std::size_t i = 0; i < piece.lines.size(); ++i) {
+      const CreaseId crease = piece.creases[i];
+      add_element2(++tag, groups.of_crease(crease), static_cast<std::int32_t>(crease),
+                   piece.lines[i], list);
+      if (piece.nodes.empty()) continue;
+      for (const std::int64_t n : piece.nodes[i]) list.add(static_cast<std::int32_t>(n) + 1);
+    }
+    return list;
+  };
+  append_boundary(out, mesh, mesh.lines(), edge_lines, edge_bytes * mesh.own_lines().size());
+  add_element_head2(kPoint, corners.size(), points);
+  std::uint64_t tag = num_cells + num_facets + num_edges;
+  for (const KeptCorner& corner : corners)
+    add_element2(++tag, groups.of_corner(corner.corner), static_cast<std::int32_t>(corner.corner),
+                 std::array{corner.vertex}, points);
+  out.append(points.bytes());
   out.append("\n$EndElements\n");
   return out.size();
 }

@@ -12,7 +12,8 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
-constexpr std::uint64_t kReference = 1;  // of vertices and cells; that of a facet is its sheet
+// Of vertices and cells; that of a facet is its sheet, that of an edge its crease.
+constexpr std::uint64_t kReference = 1;
 
 bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uint64_t num_facets) {
   return num_vertices > kMaxInt32 || num_cells > kMaxInt32 || num_facets > kMaxInt32;
@@ -58,8 +59,42 @@ Text facets_of(const BoundarySurface::Facets& some) {
   return text;
 }
 
+Text edges_of(const LinePiece& piece) {
+  Text text;
+  for (std::size_t i = 0; i < piece.lines.size(); ++i)
+    add_element(piece.lines[i], nodes_at(piece.nodes, i), piece.creases[i], text);
+  return text;
+}
+
+// Some numbers from 1 on, which follow each other.
+Text numbers_from(std::uint64_t first, std::uint64_t count) {
+  Text text;
+  for (std::uint64_t i = 0; i < count; ++i) text.add(first + i + 1).add('\n');
+  return text;
+}
+
 std::string section(std::string_view name, std::uint64_t count) {
   return Text().add('\n').add(name).add('\n').add(count).add('\n').text();
+}
+
+// Edges are ridges, and corners required: remeshers keep both. There are no ridges of second order,
+// for these are numbers of edges of first order.
+void append_creases(MeshSource& mesh, AppendedFile& out) {
+  if (!mesh.has_creases()) return;
+  const bool is_second = mesh.order() == 2;
+  out.append(section(is_second ? "EdgesP2" : "Edges", mesh.num_crease_edges()));
+  append_boundary(out, mesh, mesh.lines(), edges_of);
+  if (!is_second) {
+    out.append(section("Ridges", mesh.num_crease_edges()));
+    append_boundary(out, mesh, mesh.lines(), [](const LinePiece& piece) {
+      return numbers_from(piece.first, piece.lines.size());
+    });
+  }
+  const std::vector<KeptCorner> corners = mesh.corners();
+  Text text;
+  for (const KeptCorner& corner : corners) text.add(corner.vertex + 1).add('\n');
+  for (const std::string_view name : {"Corners", "RequiredVertices"})
+    out.append(section(name, corners.size()) + text.text());
 }
 
 // ---- Binary: keyword, place of the next keyword, count, lines -----------------------------------
@@ -67,9 +102,14 @@ std::string section(std::string_view name, std::uint64_t count) {
 enum Keyword : std::int32_t {
   kDimension = 3,
   kVertices = 4,
+  kEdges = 5,
   kTriangles = 6,
   kTetrahedra = 8,
+  kCorners = 13,
+  kRidges = 14,
+  kRequiredVertices = 15,
   kTrianglesP2 = 24,
+  kEdgesP2 = 25,
   kTetrahedraP2 = 30,
   kEnd = 54,
 };
@@ -102,13 +142,23 @@ struct Widths {
 
 struct Counts {
   std::uint64_t num_vertices, num_cells, num_facets;
-  std::uint64_t num_corners, num_facet_corners;  // of each
+  int order;
+  bool has_creases;
+  std::uint64_t num_edges, num_corners;
 };
+
+std::uint64_t crease_bytes(const Widths& widths, const Counts& n) {
+  if (!n.has_creases) return 0;
+  return widths.section(n.num_edges, widths.element(num_corners_of_edge(n.order))) +
+         (n.order == 1 ? widths.section(n.num_edges, widths.integer()) : 0) +
+         2 * widths.section(n.num_corners, widths.integer());
+}
 
 std::uint64_t file_bytes(const Widths& widths, const Counts& n) {
   return widths.head() + widths.section(n.num_vertices, widths.vertex()) +
-         widths.section(n.num_cells, widths.element(n.num_corners)) +
-         widths.section(n.num_facets, widths.element(n.num_facet_corners)) + 4 + widths.place();
+         widths.section(n.num_cells, widths.element(num_corners_of_cell(n.order))) +
+         widths.section(n.num_facets, widths.element(num_corners_of_facet(n.order))) +
+         crease_bytes(widths, n) + 4 + widths.place();
 }
 
 Widths widths_for(const Counts& n, int least_version) {
@@ -137,16 +187,21 @@ std::uint64_t write_medit(MeshSource& mesh, PartialFile& file) {
   append_pieces(out, mesh, {.has_cells = true}, cells_of);
   out.append(section(is_second ? "TrianglesP2" : "Triangles", boundary.num_facets()));
   append_boundary(out, mesh, boundary.facets({}), facets_of);
+  append_creases(mesh, out);
   out.append("\nEnd\n");
   return out.size();
 }
 
 std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version) {
   BoundarySurface& boundary = mesh.boundary();
-  const Counts n{mesh.num_points(), mesh.num_cells(), boundary.num_facets(),
-                 num_corners_of_cell(mesh.order()), num_corners_of_facet(mesh.order())};
-  const bool is_second = mesh.order() == 2;
+  const std::vector<KeptCorner> corners = mesh.corners();
+  const Counts n{mesh.num_points(),  mesh.num_cells(),        boundary.num_facets(), mesh.order(),
+                 mesh.has_creases(), mesh.num_crease_edges(), corners.size()};
+  const bool is_second = n.order == 2;
   const Widths widths = widths_for(n, least_version);
+  const std::uint64_t cell_bytes = widths.element(num_corners_of_cell(n.order)),
+                      facet_bytes = widths.element(num_corners_of_facet(n.order)),
+                      edge_bytes = widths.element(num_corners_of_edge(n.order));
   const std::uint64_t bytes = file_bytes(widths, n);
   if (mesh.is_of_first_rank()) file.reserve(bytes);
   AppendedFile out(file, mesh.exchange());
@@ -178,19 +233,16 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
         out, mesh, {.has_node_points = true},
         [&](const MeshPiece& piece) { return vertex_lines(piece.node_points); },
         widths.vertex() * mesh.own_nodes().size());
-  begin_section(is_second ? kTetrahedraP2 : kTetrahedra, n.num_cells,
-                widths.element(n.num_corners));
+  begin_section(is_second ? kTetrahedraP2 : kTetrahedra, n.num_cells, cell_bytes);
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes some;
-    some.reserve(widths.element(n.num_corners) * piece.cells.size());
+    some.reserve(cell_bytes * piece.cells.size());
     for (std::size_t i = 0; i < piece.cells.size(); ++i)
       widths.add_element(piece.cells[i], nodes_at(piece.nodes, i), kReference, some);
     return some;
   };
-  append_pieces(out, mesh, {.has_cells = true}, cell_lines,
-                widths.element(n.num_corners) * mesh.own_cells().size());
-  begin_section(is_second ? kTrianglesP2 : kTriangles, n.num_facets,
-                widths.element(n.num_facet_corners));
+  append_pieces(out, mesh, {.has_cells = true}, cell_lines, cell_bytes * mesh.own_cells().size());
+  begin_section(is_second ? kTrianglesP2 : kTriangles, n.num_facets, facet_bytes);
   const auto facet_lines = [&](const BoundarySurface::Facets& some) {
     Bytes list;
     for (std::size_t i = 0; i < some.facets.size(); ++i)
@@ -199,7 +251,34 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
     return list;
   };
   append_boundary(out, mesh, boundary.facets({}), facet_lines,
-                  widths.element(n.num_facet_corners) * boundary.num_own_facets());
+                  facet_bytes * boundary.num_own_facets());
+  if (n.has_creases) {
+    begin_section(is_second ? kEdgesP2 : kEdges, n.num_edges, edge_bytes);
+    const auto edge_lines = [&](const LinePiece& piece) {
+      Bytes list;
+      for (std::size_t i = 0; i < piece.lines.size(); ++i)
+        widths.add_element(piece.lines[i], nodes_at(piece.nodes, i), piece.creases[i], list);
+      return list;
+    };
+    append_boundary(out, mesh, mesh.lines(), edge_lines, edge_bytes * mesh.own_lines().size());
+    if (!is_second) {
+      begin_section(kRidges, n.num_edges, widths.integer());
+      const auto ridge_lines = [&](const LinePiece& piece) {
+        Bytes list;
+        for (std::size_t i = 0; i < piece.lines.size(); ++i)
+          widths.add_integer(piece.first + i + 1, list);
+        return list;
+      };
+      append_boundary(out, mesh, mesh.lines(), ridge_lines,
+                      widths.integer() * mesh.own_lines().size());
+    }
+    Bytes list;
+    for (const KeptCorner& corner : corners) widths.add_integer(corner.vertex + 1, list);
+    for (const Keyword keyword : {kCorners, kRequiredVertices}) {
+      begin_section(keyword, corners.size(), widths.integer());
+      out.append(list.bytes());
+    }
+  }
   Bytes end;
   widths.add_place(0, end.add(kEnd));
   out.append(end.bytes());

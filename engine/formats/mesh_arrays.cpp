@@ -24,12 +24,18 @@ std::string_view vtk_int(std::uint64_t value_bytes) { return value_bytes == 4 ? 
 
 template <class Int>
 std::vector<std::byte> offsets_from(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t num_tetrahedra, int order) {
+                                    const CellKinds& kinds) {
   std::vector<std::byte> bytes(count * sizeof(Int));
-  for (std::uint64_t i = 0; i < count; ++i) {
-    const auto offset = static_cast<Int>(corners_before(first + i, num_tetrahedra, order));
+  std::uint64_t i = 0, before = corners_before(first, kinds), end = 0;
+  const auto put = [&] {
+    const auto offset = static_cast<Int>(before);
     std::memcpy(&bytes[i * sizeof(Int)], &offset, sizeof(Int));
+  };
+  for (const CellKind& kind : kinds) {
+    end += kind.count;
+    for (; i < count && first + i < end; ++i, before += kind.num_vertices) put();
   }
+  if (i < count) put();  // where all end
   return bytes;
 }
 
@@ -66,21 +72,43 @@ auto bytes_of_pieces(std::function<std::optional<Piece>()> pieces, Encode encode
   };
 }
 
+using ReadItems = std::function<void(std::uint64_t first, std::span<std::byte> out)>;
+
+ReadItems zeros() {
+  return [](std::uint64_t, std::span<std::byte> out) { std::ranges::fill(out, std::byte{0}); };
+}
+
+ReadItems no_qualities() {
+  return [](std::uint64_t, std::span<std::byte> out) {
+    const std::vector<float> values(out.size() / sizeof(float), kNoQuality);
+    if (!out.empty()) std::memcpy(out.data(), values.data(), out.size());
+  };
+}
+
 }  // namespace
 
 IndexWidths index_widths(const MeshCounts& n) {
-  const std::uint64_t num_corners =
-      corners_before(n.num_cells + n.num_boundary_facets, n.num_cells, n.order);
+  const CellKinds kinds = cell_kinds(n);
+  const std::uint64_t num_corners = corners_before(num_cells(kinds), kinds);
   return {n.num_vertices <= kMaxInt32 ? 4u : 8u, num_corners <= kMaxInt32 ? 4u : 8u};
+}
+
+MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
+  MeshCounts counts{mesh.num_points(), mesh.num_cells(), 0, 0, mesh.order()};
+  if (!output.has_boundary) return counts;
+  counts.num_boundary_facets = mesh.num_boundary_facets();
+  add_creases(mesh, counts);
+  return counts;
 }
 
 std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,
                                    const IndexWidths& widths, bool is_part) {
-  const std::uint64_t num_cells = n.num_cells + n.num_boundary_facets;
+  const CellKinds kinds = cell_kinds(n);
+  const std::uint64_t num_cells = locvol::num_cells(kinds);
   std::vector<ArrayInfo> arrays = {
       {ArrayName::kPoints, "Points", "Float64", 3, 8, n.num_vertices},
       {ArrayName::kConnectivity, "connectivity", vtk_int(widths.connectivity), 1,
-       widths.connectivity, corners_before(num_cells, n.num_cells, n.order)},
+       widths.connectivity, corners_before(num_cells, kinds)},
       {ArrayName::kEnds, "offsets", vtk_int(widths.offsets), 1, widths.offsets, num_cells},
       {ArrayName::kLeaf, "leaf", "UInt32", 1, 4, num_cells, true},
   };
@@ -88,6 +116,10 @@ std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& out
     arrays.push_back({ArrayName::kPointIds, kGlobalPointIds, "Int64", 1, 8, n.num_vertices});
   if (output.has_boundary)
     arrays.push_back({ArrayName::kSheet, "sheet", "UInt32", 1, 4, num_cells, true});
+  if (n.has_creases) {
+    arrays.push_back({ArrayName::kCrease, "crease", "UInt32", 1, 4, num_cells, true});
+    arrays.push_back({ArrayName::kCorner, "corner", "UInt32", 1, 4, n.num_vertices});
+  }
   if (output.has_quality) {
     arrays.push_back(
         {ArrayName::kRadiusEdge, "radius_edge_ratio", "Float32", 1, 4, num_cells, true});
@@ -100,15 +132,27 @@ std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& out
 }
 
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra,
-                                    int order) {
-  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count, num_tetrahedra, order)
-                          : offsets_from<std::int64_t>(first, count, num_tetrahedra, order);
+                                    std::uint64_t value_bytes, const CellKinds& kinds) {
+  return value_bytes == 4 ? offsets_from<std::int32_t>(first, count, kinds)
+                          : offsets_from<std::int64_t>(first, count, kinds);
+}
+
+std::vector<std::uint32_t> corners_of(std::span<const KeptCorner> corners, std::uint64_t first,
+                                      std::uint64_t count) {
+  std::vector<std::uint32_t> ids(count);
+  for (auto corner = std::ranges::lower_bound(corners, first, {}, &KeptCorner::vertex);
+       corner != corners.end() && corner->vertex < first + count; ++corner)
+    ids[corner->vertex - first] = static_cast<std::uint32_t>(corner->corner);
+  return ids;
 }
 
 ArrayBlocks::ArrayBlocks(MeshSource& mesh, const OutputOptions& options,
                          const std::filesystem::path& output)
-    : mesh_(mesh), has_triangles_(options.has_boundary) {
+    : mesh_(mesh),
+      counts_(counts_of(mesh, options)),
+      kinds_(cell_kinds(counts_)),
+      has_triangles_(options.has_boundary) {
+  if (counts_.has_creases) corners_ = mesh.corners_by_vertex();
   if (options.has_quality) do_on_all(mesh.exchange(), [&] { measure(output); });
 }
 
@@ -137,8 +181,11 @@ void ArrayBlocks::measure(const std::filesystem::path& output) {
 
 // Of offsets from 0 on, the last one, which is no cell's, is the last rank's.
 std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
-  if (info.array == ArrayName::kPointIds)
-    return {{{0, mesh_.num_points()}, nullptr}};  // of a part, which one rank has
+  if (info.array == ArrayName::kPointIds || info.array == ArrayName::kCorner) {
+    std::vector<Run> runs = {{mesh_.own_vertices(), nullptr}};
+    if (mesh_.order() == 2) runs.push_back({mesh_.own_nodes(), nullptr});
+    return runs;
+  }
   if (info.array == ArrayName::kPoints) {
     const auto reader = [&](const PieceParts& parts, auto MeshPiece::*points) -> ReadItems {
       return bytes_of_pieces<MeshPiece>(mesh_.pieces(parts), [points](const MeshPiece& piece) {
@@ -152,16 +199,24 @@ std::vector<ArrayBlocks::Run> ArrayBlocks::runs_of(const ArrayInfo& info) {
           {mesh_.own_nodes(), reader({.has_node_points = true}, &MeshPiece::node_points)});
     return runs;
   }
-  const std::uint64_t num_cells = mesh_.num_cells();
   std::vector<Run> runs = {{mesh_.own_cells(), cell_reader(info)}};
-  if (has_triangles_) {
-    const NumberRange own = mesh_.own_triangles();
-    runs.push_back({{num_cells + own.first, num_cells + own.end}, triangle_reader(info)});
+  std::uint64_t before = counts_.num_cells;  // of other kinds
+  const auto add_run = [&](const NumberRange& own, ReadItems read, std::uint64_t num_all) {
+    runs.push_back({{before + own.first, before + own.end}, std::move(read)});
+    before += num_all;
+  };
+  if (has_triangles_)
+    add_run(mesh_.own_triangles(), triangle_reader(info), counts_.num_boundary_facets);
+  if (counts_.has_creases) {
+    add_run(mesh_.own_lines(), line_reader(info), counts_.num_crease_edges);
+    // All of them are known to all ranks.
+    add_run({mesh_.is_of_first_rank() ? 0 : counts_.num_corners, counts_.num_corners},
+            corner_reader(info), counts_.num_corners);
   }
   if (info.array == ArrayName::kConnectivity)
     for (auto& [first, end] : std::views::transform(runs, &Run::own)) {
-      first = corners_before(first, num_cells, mesh_.order());
-      end = corners_before(end, num_cells, mesh_.order());
+      first = corners_before(first, kinds_);
+      end = corners_before(end, kinds_);
     }
   const Exchange& exchange = mesh_.exchange();
   if (info.array == ArrayName::kStarts && exchange.rank() + 1 == exchange.num_ranks()) {
@@ -192,7 +247,8 @@ ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
         if (!out.empty()) std::memcpy(out.data(), leaves.data(), out.size());
       };
     case ArrayName::kSheet:
-      return [](std::uint64_t, std::span<std::byte> out) { std::ranges::fill(out, std::byte{0}); };
+    case ArrayName::kCrease:
+      return zeros();
     default:
       return nullptr;
   }
@@ -214,12 +270,72 @@ ArrayBlocks::ReadItems ArrayBlocks::triangle_reader(const ArrayInfo& info) {
       return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
         return std::as_bytes(std::span(piece.sheets));
       });
+    case ArrayName::kCrease:
+      return zeros();
     case ArrayName::kRadiusEdge:
     case ArrayName::kDihedral:
-      return [](std::uint64_t, std::span<std::byte> out) {
-        const std::vector<float> values(out.size() / sizeof(float), kNoQuality);
-        if (!out.empty()) std::memcpy(out.data(), values.data(), out.size());
-      };
+      return no_qualities();
+    default:
+      return nullptr;
+  }
+}
+
+ArrayBlocks::ReadItems ArrayBlocks::line_reader(const ArrayInfo& info) {
+  switch (info.array) {
+    case ArrayName::kConnectivity:
+      return bytes_of_pieces<LinePiece>(
+          mesh_.lines(), [width = info.value_bytes,
+                          buffer = ConnectivityBuffer()](const LinePiece& piece) mutable {
+            return connectivity_bytes(piece.lines, piece.nodes, width, buffer);
+          });
+    case ArrayName::kLeaf:
+      return bytes_of_pieces<LinePiece>(mesh_.lines(), [](const LinePiece& piece) {
+        return std::as_bytes(std::span(piece.leaves));
+      });
+    case ArrayName::kCrease:
+      return bytes_of_pieces<LinePiece>(mesh_.lines(), [](const LinePiece& piece) {
+        return std::as_bytes(std::span(piece.creases));
+      });
+    case ArrayName::kSheet:
+      return zeros();
+    case ArrayName::kRadiusEdge:
+    case ArrayName::kDihedral:
+      return no_qualities();
+    default:
+      return nullptr;
+  }
+}
+
+ArrayBlocks::ReadItems ArrayBlocks::corner_reader(const ArrayInfo& info) {
+  const auto read = [](std::vector<std::byte> bytes) -> ReadItems {
+    return [bytes = std::move(bytes), taken = std::size_t{0}](std::uint64_t,
+                                                              std::span<std::byte> out) mutable {
+      if (!out.empty()) std::memcpy(out.data(), bytes.data() + taken, out.size());
+      taken += out.size();
+    };
+  };
+  switch (info.array) {
+    case ArrayName::kConnectivity: {
+      std::vector<std::array<std::int64_t, 1>> vertices;
+      for (const KeptCorner& corner : mesh_.corners())
+        vertices.push_back({static_cast<std::int64_t>(corner.vertex)});
+      ConnectivityBuffer buffer;
+      const auto bytes =
+          connectivity_bytes(vertices, decltype(vertices)(), info.value_bytes, buffer);
+      return read({bytes.begin(), bytes.end()});
+    }
+    case ArrayName::kLeaf: {
+      std::vector<std::uint32_t> leaves;
+      for (const KeptCorner& corner : mesh_.corners())
+        leaves.push_back(static_cast<std::uint32_t>(corner.leaf));
+      return read(bytes_of(leaves));
+    }
+    case ArrayName::kSheet:
+    case ArrayName::kCrease:
+      return zeros();
+    case ArrayName::kRadiusEdge:
+    case ArrayName::kDihedral:
+      return no_qualities();
     default:
       return nullptr;
   }
@@ -263,8 +379,7 @@ std::function<std::optional<ArrayBlocks::Block>()> ArrayBlocks::blocks_of(const 
                       end = std::min(info.num_items,
                                      block_items * num_blocks(run.own.end, block_items));
   // Of tetrahedra alone, threads find the leaves.
-  const bool is_formula =
-      info.array == ArrayName::kLeaf && (!has_triangles_ || run.own.end <= mesh_.num_cells());
+  const bool is_formula = info.array == ArrayName::kLeaf && run.own.end <= counts_.num_cells;
   return [=, run = std::move(run), next = first]() mutable -> std::optional<Block> {
     if (next >= end) return std::nullopt;
     Block block{next, std::min(block_items, end - next), {}};
@@ -293,19 +408,26 @@ std::vector<ArrayBlocks::Blocks> ArrayBlocks::blocks(const ArrayInfo& info,
 }
 
 std::vector<std::byte> ArrayBlocks::computed(const ArrayInfo& info, const Block& block) const {
-  const std::uint64_t num_cells = mesh_.num_cells();
   if (info.array == ArrayName::kLeaf)
     return bytes_of(mesh_.leaves_of_cells(block.first, block.count));
   if (info.array == ArrayName::kPointIds)
     return bytes_of(mesh_.numbers_of(block.first, block.count));
+  if (info.array == ArrayName::kCorner)
+    return bytes_of(corners_of(corners_, block.first, block.count));
   if (info.array == ArrayName::kTypes) {
-    std::vector<std::byte> types(block.count, std::byte{vtk_tetra(mesh_.order())});
-    for (std::uint64_t i = num_cells - std::min(num_cells, block.first); i < block.count; ++i)
-      types[i] = std::byte{vtk_triangle(mesh_.order())};
+    std::vector<std::byte> types(block.count);
+    std::uint64_t end = 0;
+    for (const CellKind& kind : kinds_) {
+      const std::uint64_t first = end;
+      end += kind.count;
+      for (std::uint64_t i = std::max(first, block.first);
+           i < std::min(end, block.first + block.count); ++i)
+        types[i - block.first] = std::byte{kind.vtk_type};
+    }
     return types;
   }
   const std::uint64_t first = block.first + (info.array == ArrayName::kEnds ? 1 : 0);
-  return offset_bytes(first, block.count, info.value_bytes, num_cells, mesh_.order());
+  return offset_bytes(first, block.count, info.value_bytes, kinds_);
 }
 
 }  // namespace locvol

@@ -28,16 +28,15 @@ enum class ArrayName {
   kDihedral,
   kLeaf,
   kSheet,
+  kCrease,
+  kCorner,  // of vertices
   kTypes,
 };
 
-inline constexpr std::uint8_t kVtkTriangle = 5, kVtkTetra = 10, kVtkQuadraticTriangle = 22,
+inline constexpr std::uint8_t kVtkVertex = 1, kVtkLine = 3, kVtkTriangle = 5, kVtkTetra = 10,
+                              kVtkQuadraticEdge = 21, kVtkQuadraticTriangle = 22,
                               kVtkQuadraticTetra = 24;
-constexpr std::uint8_t vtk_triangle(int order) {
-  return order == 2 ? kVtkQuadraticTriangle : kVtkTriangle;
-}
-constexpr std::uint8_t vtk_tetra(int order) { return order == 2 ? kVtkQuadraticTetra : kVtkTetra; }
-// Of a triangle, which is no cell that is measured.
+// Of what is no tetrahedron, and so is not measured.
 inline constexpr float kNoQuality = std::numeric_limits<float>::quiet_NaN();
 inline constexpr std::string_view kGlobalPointIds = "GlobalPointIds";
 
@@ -52,17 +51,42 @@ struct ArrayInfo {
   std::uint64_t bytes() const { return num_items * item_bytes(); }
 };
 
-// The least that hold the numbers of a mesh. Here and below, boundary facets that are written are
-// cells after the tetrahedra.
-IndexWidths index_widths(const MeshCounts& n);
-// How many vertices and nodes the cells before this one have. REQUIRES: `cell` is at most the
-// number of all
-inline std::uint64_t corners_before(std::uint64_t cell, std::uint64_t num_tetrahedra,
-                                    int order = 1) {
-  const std::uint64_t num_before = std::min(cell, num_tetrahedra);
-  return num_corners_of_cell(order) * num_before +
-         num_corners_of_facet(order) * (cell - num_before);
+// The cells of a file, kind after kind: tetrahedra, and what is written with them of the boundary's
+// facets, of edges of creases and of corners.
+struct CellKind {
+  std::uint8_t vtk_type;
+  std::uint64_t num_vertices;  // of each, with the nodes of second order
+  std::uint64_t count;
+};
+using CellKinds = std::array<CellKind, 4>;
+inline CellKinds cell_kinds(const MeshCounts& n) {
+  const bool is_second = n.order == 2;
+  return {
+      {{is_second ? kVtkQuadraticTetra : kVtkTetra, num_corners_of_cell(n.order), n.num_cells},
+       {is_second ? kVtkQuadraticTriangle : kVtkTriangle, num_corners_of_facet(n.order),
+        n.num_boundary_facets},
+       {is_second ? kVtkQuadraticEdge : kVtkLine, num_corners_of_edge(n.order), n.num_crease_edges},
+       {kVtkVertex, 1, n.num_corners}}};
 }
+inline std::uint64_t num_cells(const CellKinds& kinds) {
+  std::uint64_t num = 0;
+  for (const CellKind& kind : kinds) num += kind.count;
+  return num;
+}
+// How many vertices the cells before this one have. REQUIRES: `cell` is at most the number of all
+inline std::uint64_t corners_before(std::uint64_t cell, const CellKinds& kinds) {
+  std::uint64_t num = 0;
+  for (const CellKind& kind : kinds) {
+    const std::uint64_t of_kind = std::min(cell, kind.count);
+    num += kind.num_vertices * of_kind;
+    cell -= of_kind;
+  }
+  return num;
+}
+// The least that hold the numbers of a mesh.
+IndexWidths index_widths(const MeshCounts& n);
+// What is written of a mesh with these options. All ranks call it.
+MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output);
 
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
 // size if the first one does, even with heads of eight bytes between them. `is_part`: with the
@@ -98,12 +122,14 @@ std::span<const std::byte> connectivity_bytes(
 }
 // The places where `count` cells, from `first` on, begin among the vertices of all cells.
 std::vector<std::byte> offset_bytes(std::uint64_t first, std::uint64_t count,
-                                    std::uint64_t value_bytes, std::uint64_t num_tetrahedra,
-                                    int order = 1);
+                                    std::uint64_t value_bytes, const CellKinds& kinds);
+// Of some vertices, from `first` on: `corners` are in their order.
+std::vector<std::uint32_t> corners_of(std::span<const KeptCorner> corners, std::uint64_t first,
+                                      std::uint64_t count);
 
-// Blocks of a mesh's arrays. A rank's items come in one run, or in two: of its tetrahedra and,
-// after those of all ranks, of its triangles. A block is of that run which has its first item:
-// others tell its rank the rest.
+// Blocks of a mesh's arrays. A rank's items come in one run, or in several: of its tetrahedra and,
+// after those of all ranks, of its triangles, and so on. A block is of that run which has its first
+// item: others tell its rank the rest.
 class ArrayBlocks {
  public:
   // With the quality, all cells are measured first, which takes 8 bytes each, in nameless files
@@ -148,6 +174,8 @@ class ArrayBlocks {
   std::vector<Run> runs_of(const ArrayInfo& info);
   ReadItems cell_reader(const ArrayInfo& info);
   ReadItems triangle_reader(const ArrayInfo& info);
+  ReadItems line_reader(const ArrayInfo& info);
+  ReadItems corner_reader(const ArrayInfo& info);
   void tell_items(const ArrayInfo& info, std::uint64_t block_items, std::vector<Run>& runs);
   std::function<std::optional<Block>()> blocks_of(const ArrayInfo& info, std::uint64_t block_items,
                                                   Run run) const;
@@ -155,7 +183,10 @@ class ArrayBlocks {
   void measure(const std::filesystem::path& output);
 
   MeshSource& mesh_;
+  MeshCounts counts_;
+  CellKinds kinds_;
   bool has_triangles_;
+  std::vector<KeptCorner> corners_;  // by vertex, where the array is written
   std::optional<OpenFile> ratios_, angles_;
 };
 

@@ -38,10 +38,13 @@ std::vector<FormatInfo> table_of_formats() {
        .bytes =
            [](const MeshSizes& n, const OutputOptions& output) {
              const double v = num_points(n, output), c = n.num_cells,
-                          f = output.has_boundary ? n.num_boundary_facets : 0;
-             const double data = (output.has_quality ? 13 : 5) + (output.has_boundary ? 4 : 0);
+                          f = output.has_boundary ? n.num_boundary_facets : 0,
+                          crease = output.has_boundary && n.has_creases ? 4 : 0;
+             const double data =
+                 (output.has_quality ? 13 : 5) + (output.has_boundary ? 4 : 0) + crease;
              const double corners = corners_of_cell(output) * c + corners_of_facet(output) * f;
-             return 24 * v + index_bytes(v) * corners + (index_bytes(corners) + data) * (c + f);
+             return (24 + crease) * v + index_bytes(v) * corners +
+                    (index_bytes(corners) + data) * (c + f);
            },
        .write = written_as_asked<write_vtu>},
       {.format = MeshFormat::kVtuZlib,
@@ -86,9 +89,11 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .limits =
            [](const MeshCounts& n) {
-             return Limits{{"vertices", n.num_vertices, kMaxInt32},
-                           {"tetrahedra and boundary triangles",
-                            n.num_cells + n.num_boundary_facets, kMaxInt32}};
+             return Limits{
+                 {"vertices", n.num_vertices, kMaxInt32},
+                 {"tetrahedra, boundary triangles, edges and corners",
+                  n.num_cells + n.num_boundary_facets + n.num_crease_edges + n.num_corners,
+                  kMaxInt32}};
            },
        .bytes =
            [](const MeshSizes& n, const OutputOptions& output) {
@@ -169,7 +174,8 @@ std::vector<FormatInfo> table_of_formats() {
            },
        .write =
            [](MeshSource& mesh, const OutputOptions&, std::span<PartialFile* const> files) {
-             return write_tetgen(mesh, *files[0], *files[1], files.size() > 2 ? files[2] : nullptr);
+             const auto file = [&](std::size_t i) { return i < files.size() ? files[i] : nullptr; };
+             return write_tetgen(mesh, *files[0], *files[1], file(2), file(3));
            }},
       {.format = MeshFormat::kStl,
        .name = "stl",
@@ -297,7 +303,7 @@ std::vector<std::filesystem::path> files_of(const OutputOptions& options,
   const std::string stem =
       is_named ? std::filesystem::path(output).replace_extension().string() : output.string();
   std::vector<std::filesystem::path> files = {stem + ".node", stem + ".ele"};
-  if (options.has_boundary) files.emplace_back(stem + ".face");
+  if (options.has_boundary) files.insert(files.end(), {stem + ".face", stem + ".edge"});
   return files;
 }
 

@@ -35,11 +35,14 @@ struct OutputOptions {
 struct MeshCounts {
   std::uint64_t num_vertices = 0, num_cells = 0;  // with the nodes of second order
   std::uint64_t num_boundary_facets = 0, num_boundary_vertices = 0;
-  int order = 1;  // of the cells, and of the facets as cells
+  int order = 1;             // of the cells, and of facets and edges as cells
+  bool has_creases = false;  // the run keeps some, so files tell of them
+  std::uint64_t num_crease_edges = 0, num_corners = 0;
 };
 
 // How many vertices and nodes they have.
 constexpr std::uint64_t num_corners_of_cell(int order) { return order == 2 ? 10 : 4; }
 constexpr std::uint64_t num_corners_of_facet(int order) { return order == 2 ? 6 : 3; }
+constexpr std::uint64_t num_corners_of_edge(int order) { return order == 2 ? 3 : 2; }
 
 }  // namespace locvol

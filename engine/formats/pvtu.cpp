@@ -19,9 +19,10 @@ std::string entry(const ArrayInfo& array) {
 
 void write_pvtu(std::span<const PieceFile> pieces, const OutputOptions& output, PartialFile& file) {
   std::string points, point_data, cell_data, sources;
-  for (const ArrayInfo& array : mesh_arrays({}, output, {}, true)) {
+  for (const ArrayInfo& array : mesh_arrays(pieces.front().counts, output, {}, true)) {
     if (array.array == ArrayName::kPoints) points += entry(array);
-    if (array.array == ArrayName::kPointIds) point_data += entry(array);
+    if (array.array == ArrayName::kPointIds || array.array == ArrayName::kCorner)
+      point_data += entry(array);
     if (array.is_cell_data) cell_data += entry(array);
   }
   for (const PieceFile& piece : pieces)

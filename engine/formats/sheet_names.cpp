@@ -1,8 +1,11 @@
 #include "engine/formats/sheet_names.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+#include <map>
 #include <set>
+#include <utility>
 
 namespace locvol {
 namespace {
@@ -57,14 +60,50 @@ class UsedNames {
   std::set<std::string> used_;
 };
 
-}  // namespace
-
-std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const NameRule& rule) {
+std::vector<std::string> sheet_names(const SurfaceSheets& sheets, const NameRule& rule,
+                                     UsedNames& used) {
   if (sheets.sheets.empty()) return {"boundary"};
-  UsedNames used(rule);
   std::vector<std::string> names;
   for (const SheetFacts& sheet : sheets.sheets)
     names.push_back(used.unused(allowed(sheet.name, rule)));
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const NameRule& rule) {
+  UsedNames used(rule);
+  return sheet_names(sheets, rule, used);
+}
+
+std::vector<std::string> crease_names(const SurfaceSheets& sheets) {
+  const auto has_name = [&](SheetId sheet) {
+    return 0 < sheet && sheet <= sheets.sheets.size() && !sheets.sheets[sheet - 1].group.empty();
+  };
+  std::map<std::array<SheetId, 2>, std::pair<int, int>> num;  // in all, and so far
+  for (const CreaseFacts& crease : sheets.creases) ++num[crease.sheets].first;
+  std::vector<std::string> names;
+  for (const CreaseFacts& crease : sheets.creases) {
+    const auto& [a, b] = crease.sheets;
+    if (!has_name(a) || !has_name(b)) {
+      names.push_back("crease " + std::to_string(names.size() + 1));
+      continue;
+    }
+    auto& [all, so_far] = num[crease.sheets];
+    names.push_back(sheets.sheets[a - 1].name + '/' + sheets.sheets[b - 1].name);
+    if (all > 1) names.back() += '_' + std::to_string(++so_far);
+  }
+  return names;
+}
+
+MeshNames names_of_mesh(const SurfaceSheets& sheets, bool has_creases, const NameRule& rule) {
+  UsedNames used(rule);
+  MeshNames names{sheet_names(sheets, rule, used), {}, {}};
+  if (!has_creases) return names;
+  for (const std::string& name : crease_names(sheets))
+    names.creases.push_back(used.unused(allowed(name, rule)));
+  for (std::uint64_t corner = 1; corner <= sheets.num_corners; ++corner)
+    names.corners.push_back(used.unused(allowed("corner " + std::to_string(corner), rule)));
   return names;
 }
 

@@ -1,4 +1,4 @@
-// What formats call the sheets of a mesh.
+// What formats call the sheets, creases and corners of a mesh.
 #pragma once
 
 #include <cstddef>
@@ -21,5 +21,16 @@ struct NameRule {
 // By sheet, all different: a name that is taken ends in _2, _3, ... A mesh that is one sheet
 // without a name has "boundary".
 std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const NameRule& rule);
+
+// By crease: "inlet/wall" between two sheets whose groups have names in the file, of several
+// between the same two "inlet/wall_1", "inlet/wall_2", ...; other ones are "crease 12", by id.
+std::vector<std::string> crease_names(const SurfaceSheets& sheets);
+
+// Of all, by id, with none twice. Corners are "corner 5".
+struct MeshNames {
+  std::vector<std::string> sheets, creases, corners;
+};
+// `has_creases`: else without the last two.
+MeshNames names_of_mesh(const SurfaceSheets& sheets, bool has_creases, const NameRule& rule);
 
 }  // namespace locvol

@@ -55,10 +55,31 @@ std::uint64_t write_faces(MeshSource& mesh, PartialFile& file) {
   return out.size();
 }
 
+Text edge_lines(const LinePiece& piece) {
+  Text text;
+  std::uint64_t index = piece.first;
+  for (std::size_t i = 0; i < piece.lines.size(); ++i) {
+    text.add(++index);
+    for (const std::int64_t v : piece.lines[i])
+      text.add(' ').add(static_cast<std::uint64_t>(v) + 1);
+    if (!piece.nodes.empty()) text.add(' ').add(static_cast<std::uint64_t>(piece.nodes[i][0]) + 1);
+    text.add(' ').add(std::uint64_t{piece.creases[i]}).add('\n');
+  }
+  return text;
+}
+
+// Likewise.
+std::uint64_t write_edges(MeshSource& mesh, PartialFile& file) {
+  AppendedFile out(file, mesh.exchange());
+  out.append(Text().add(mesh.num_crease_edges()).add(" 1\n").text());
+  append_boundary(out, mesh, mesh.lines(), edge_lines);
+  return out.size();
+}
+
 }  // namespace
 
 std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& elements,
-                           PartialFile* faces) {
+                           PartialFile* faces, PartialFile* edges) {
   AppendedFile node_file(nodes, mesh.exchange()), element_file(elements, mesh.exchange());
   // Number of points, dimension, attributes, boundary markers.
   node_file.append(Text().add(mesh.num_points()).add(" 3 0 0\n").text());
@@ -73,8 +94,10 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
   element_file.append(
       Text().add(mesh.num_cells()).add(mesh.order() == 2 ? " 10 0\n" : " 4 0\n").text());
   append_pieces(element_file, mesh, {.has_cells = true}, element_lines);
-  const std::uint64_t bytes = node_file.size() + element_file.size();
-  return faces == nullptr ? bytes : bytes + write_faces(mesh, *faces);
+  std::uint64_t bytes = node_file.size() + element_file.size();
+  if (faces != nullptr) bytes += write_faces(mesh, *faces);
+  if (edges != nullptr) bytes += write_edges(mesh, *edges);
+  return bytes;
 }
 
 }  // namespace locvol

@@ -150,7 +150,7 @@ std::string_view hdf_name(const ArrayInfo& info) {
 std::string path_of(const ArrayInfo& info) {
   std::string path = "VTKHDF/";
   if (info.is_cell_data) path += "CellData/";
-  if (info.array == ArrayName::kPointIds) path += "PointData/";
+  if (info.array == ArrayName::kPointIds || info.array == ArrayName::kCorner) path += "PointData/";
   return path.append(hdf_name(info));
 }
 
@@ -250,17 +250,17 @@ void add_version_and_type(const HdfFile& hdf, hid_t group) {
 void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool is_part) {
   std::vector<std::uint64_t> num_vertices, num_cells, num_corners;
   for (const PieceFile& partition : partitions) {
-    const MeshCounts& n = partition.counts;
-    num_vertices.push_back(n.num_vertices);
-    num_cells.push_back(n.num_cells + n.num_boundary_facets);
-    num_corners.push_back(corners_before(num_cells.back(), n.num_cells, n.order));
+    const CellKinds kinds = cell_kinds(partition.counts);
+    num_vertices.push_back(partition.counts.num_vertices);
+    num_cells.push_back(locvol::num_cells(kinds));
+    num_corners.push_back(corners_before(num_cells.back(), kinds));
   }
   add_version_and_type(hdf, hdf.group("VTKHDF").get());
   hdf.numbers("VTKHDF/NumberOfPoints", num_vertices);
   hdf.numbers("VTKHDF/NumberOfCells", num_cells);
   hdf.numbers("VTKHDF/NumberOfConnectivityIds", num_corners);
   hdf.group("VTKHDF/CellData");
-  if (is_part) hdf.group("VTKHDF/PointData");
+  if (is_part || partitions.front().counts.has_creases) hdf.group("VTKHDF/PointData");
 }
 
 std::vector<ArrayInfo> hdf_arrays(const PieceFile& partition, const OutputOptions& output,
@@ -295,9 +295,7 @@ void write_virtual_array(const HdfFile& hdf, std::span<const PieceFile> pieces,
 }  // namespace
 
 std::uint64_t write_vtkhdf(MeshSource& mesh, const OutputOptions& output, PartialFile& file) {
-  const PieceFile whole{file.name().string(),
-                        {mesh.num_points(), mesh.num_cells(),
-                         output.has_boundary ? mesh.num_boundary_facets() : 0, 0, mesh.order()}};
+  const PieceFile whole{file.name().string(), counts_of(mesh, output)};
   const bool is_part = mesh.part().has_value();
   const std::vector<ArrayInfo> arrays = hdf_arrays(whole, output, is_part);
   Exchange& exchange = mesh.exchange();

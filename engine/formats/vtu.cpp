@@ -15,7 +15,8 @@ namespace {
 VtuSection section_of(const ArrayInfo& info) {
   if (info.is_cell_data) return VtuSection::kCellData;
   if (info.array == ArrayName::kPoints) return VtuSection::kPoints;
-  return info.array == ArrayName::kPointIds ? VtuSection::kPointData : VtuSection::kCells;
+  const bool is_of_points = info.array == ArrayName::kPointIds || info.array == ArrayName::kCorner;
+  return is_of_points ? VtuSection::kPointData : VtuSection::kCells;
 }
 
 // `offsets`: of the arrays, after the mark
@@ -29,14 +30,7 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
                        is_points ? info.num_components : 1, offsets[i],
                        info.array == ArrayName::kPointIds});
   }
-  return vtu_header(counts.num_vertices, counts.num_cells + counts.num_boundary_facets, entries,
-                    is_compressed);
-}
-
-// All ranks call it.
-MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
-  return {mesh.num_points(), mesh.num_cells(), output.has_boundary ? mesh.num_boundary_facets() : 0,
-          0, mesh.order()};
+  return vtu_header(counts.num_vertices, num_cells(cell_kinds(counts)), entries, is_compressed);
 }
 
 std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, const MeshCounts& counts,
@@ -58,9 +52,12 @@ class RawArrays {
       : mesh_(mesh),
         output_(output),
         counts_(counts_of(mesh, output)),
+        kinds_(cell_kinds(counts_)),
         arrays_(vtu_arrays(mesh, counts_, output, least)),
         file_(file),
-        out_(file) {}
+        out_(file) {
+    if (counts_.has_creases) corners_ = mesh.corners_by_vertex();
+  }
 
   std::uint64_t write() {
     std::uint64_t end = 0;
@@ -91,6 +88,16 @@ class RawArrays {
               return true;
             },
             [](bool) {});
+      if (counts_.has_creases) {
+        encode_in_order(
+            mesh_.workers(), mesh_.lines(),
+            [&](const LinePiece& piece) {
+              write_lines(piece);
+              return true;
+            },
+            [](bool) {});
+        if (mesh_.is_of_first_rank()) write_corners();
+      }
     });
     return bytes;
   }
@@ -120,7 +127,9 @@ class RawArrays {
     return part(name, first, std::as_bytes(std::span(items)));
   }
 
-  // Tetrahedra or triangles.
+  enum Kind : std::size_t { kTetra, kTriangle, kLine, kVertex };  // of CellKinds
+
+  // Cells of one kind.
   struct CellColumns {
     std::uint64_t first = 0;
     std::span<const std::byte> connectivity;
@@ -128,28 +137,38 @@ class RawArrays {
     std::vector<std::uint8_t> types;
     std::vector<std::uint32_t> leaves;
     std::vector<SheetId> sheets;
+    std::vector<CreaseId> creases;
     std::vector<float> ratios, angles;
   };
-  CellColumns columns_of(std::uint64_t first, const auto& cells, const auto& nodes,
-                         std::uint8_t type, ConnectivityBuffer& buffer) const {
+  // `first`: among those of their kind.
+  CellColumns columns_of(std::size_t kind, std::uint64_t first, const auto& cells,
+                         const auto& nodes, ConnectivityBuffer& buffer) const {
+    for (std::size_t k = 0; k < kind; ++k) first += kinds_[k].count;
     CellColumns columns;
     columns.first = first;
     columns.connectivity =
         connectivity_bytes(cells, nodes, info(ArrayName::kConnectivity).value_bytes, buffer);
-    columns.ends = offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes,
-                                counts_.num_cells, counts_.order);
-    columns.types.assign(cells.size(), type);
+    columns.ends =
+        offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes, kinds_);
+    columns.types.assign(cells.size(), kinds_[kind].vtk_type);
+    if (output_.has_boundary) columns.sheets.resize(cells.size());
+    if (counts_.has_creases) columns.creases.resize(cells.size());
+    if (output_.has_quality && kind > 0) {
+      columns.ratios.assign(cells.size(), kNoQuality);
+      columns.angles = columns.ratios;
+    }
     return columns;
   }
   void add_parts(const CellColumns& columns, std::vector<PlacedFile::Part>& parts) const {
-    parts.insert(parts.end(), {part(ArrayName::kConnectivity,
-                                    corners_before(columns.first, counts_.num_cells, counts_.order),
+    parts.insert(parts.end(), {part(ArrayName::kConnectivity, corners_before(columns.first, kinds_),
                                     columns.connectivity),
                                part(ArrayName::kEnds, columns.first, columns.ends),
                                part(ArrayName::kLeaf, columns.first, columns.leaves),
                                part(ArrayName::kTypes, columns.first, columns.types)});
     if (output_.has_boundary)
       parts.push_back(part(ArrayName::kSheet, columns.first, columns.sheets));
+    if (counts_.has_creases)
+      parts.push_back(part(ArrayName::kCrease, columns.first, columns.creases));
     if (output_.has_quality) {
       parts.push_back(part(ArrayName::kRadiusEdge, columns.first, columns.ratios));
       parts.push_back(part(ArrayName::kDihedral, columns.first, columns.angles));
@@ -158,11 +177,10 @@ class RawArrays {
 
   void write_piece(const MeshPiece& piece) {
     ConnectivityBuffer buffer;
-    CellColumns columns =
-        columns_of(piece.first_cell, piece.cells, piece.nodes, vtk_tetra(counts_.order), buffer);
+    CellColumns columns = columns_of(kTetra, piece.first_cell, piece.cells, piece.nodes, buffer);
     columns.leaves = leaves_of(piece);
-    if (output_.has_boundary) columns.sheets.resize(piece.cells.size());
     std::vector<std::int64_t> numbers, node_numbers;
+    std::vector<std::uint32_t> corners, node_corners;
     std::vector<PlacedFile::Part> parts = {
         part(ArrayName::kPoints, piece.first_vertex, piece.points)};
     if (!piece.node_points.empty())
@@ -172,6 +190,12 @@ class RawArrays {
       parts.push_back(part(ArrayName::kPointIds, piece.first_vertex, numbers));
       node_numbers = mesh_.numbers_of(piece.first_node, piece.node_points.size());
       parts.push_back(part(ArrayName::kPointIds, piece.first_node, node_numbers));
+    }
+    if (counts_.has_creases) {
+      corners = corners_of(corners_, piece.first_vertex, piece.points.size());
+      parts.push_back(part(ArrayName::kCorner, piece.first_vertex, corners));
+      node_corners = corners_of(corners_, piece.first_node, piece.node_points.size());
+      parts.push_back(part(ArrayName::kCorner, piece.first_node, node_corners));
     }
     if (output_.has_quality)
       for (const auto& [ratio, angle] : quality_of(piece)) {
@@ -184,12 +208,34 @@ class RawArrays {
 
   void write_triangles(const TrianglePiece& piece) {
     ConnectivityBuffer buffer;
-    CellColumns columns = columns_of(counts_.num_cells + piece.first, piece.triangles, piece.nodes,
-                                     vtk_triangle(counts_.order), buffer);
+    CellColumns columns = columns_of(kTriangle, piece.first, piece.triangles, piece.nodes, buffer);
     columns.leaves = piece.leaves;
     columns.sheets = piece.sheets;
-    columns.ratios.assign(piece.triangles.size(), kNoQuality);
-    columns.angles = columns.ratios;
+    write_cells(columns);
+  }
+
+  void write_lines(const LinePiece& piece) {
+    ConnectivityBuffer buffer;
+    CellColumns columns = columns_of(kLine, piece.first, piece.lines, piece.nodes, buffer);
+    columns.leaves = piece.leaves;
+    columns.creases = piece.creases;
+    write_cells(columns);
+  }
+
+  void write_corners() {
+    std::vector<std::array<std::int64_t, 1>> vertices;
+    std::vector<std::uint32_t> leaves;
+    for (const KeptCorner& corner : mesh_.corners()) {
+      vertices.push_back({static_cast<std::int64_t>(corner.vertex)});
+      leaves.push_back(static_cast<std::uint32_t>(corner.leaf));
+    }
+    ConnectivityBuffer buffer;
+    CellColumns columns = columns_of(kVertex, 0, vertices, decltype(vertices)(), buffer);
+    columns.leaves = leaves;
+    write_cells(columns);
+  }
+
+  void write_cells(const CellColumns& columns) {
     std::vector<PlacedFile::Part> parts;
     add_parts(columns, parts);
     out_.write(parts);
@@ -198,6 +244,8 @@ class RawArrays {
   MeshSource& mesh_;
   OutputOptions output_;
   MeshCounts counts_;
+  CellKinds kinds_;
+  std::vector<KeptCorner> corners_;  // by vertex
   std::vector<ArrayInfo> arrays_;
   std::vector<std::uint64_t> offsets_;
   std::uint64_t data_ = 0;  // where the arrays begin

@@ -24,6 +24,7 @@ MeshCounts mesh_counts(MeshSource& mesh, const OutputOptions& options) {
   if (holds_boundary(options)) counts.num_boundary_facets = mesh.num_boundary_facets();
   if (options.format == MeshFormat::kPly)
     counts.num_boundary_vertices = mesh.boundary().num_vertices();
+  if (holds_boundary(options) && !info_of(options.format).is_surface) add_creases(mesh, counts);
   return counts;
 }
 
@@ -37,10 +38,13 @@ std::vector<PieceFile> piece_files(const std::filesystem::path& file, MeshFormat
   const auto num_vertices = gather_numbers(exchange, own.num_vertices);
   const auto num_cells = gather_numbers(exchange, own.num_cells);
   const auto num_facets = gather_numbers(exchange, own.num_boundary_facets);
+  const auto num_edges = gather_numbers(exchange, own.num_crease_edges);
+  const auto num_corners = gather_numbers(exchange, own.num_corners);
   std::vector<PieceFile> pieces;
   for (std::size_t rank = 0; rank < num_cells.size(); ++rank)
     pieces.push_back({piece_of(file, format, static_cast<int>(rank)).filename().string(),
-                      {num_vertices[rank], num_cells[rank], num_facets[rank], 0, own.order}});
+                      {num_vertices[rank], num_cells[rank], num_facets[rank], 0, own.order,
+                       own.has_creases, num_edges[rank], num_corners[rank]}});
   return pieces;
 }
 
@@ -77,6 +81,13 @@ WriteSummary summary_of(const MeshSource& mesh, std::uint64_t num_bytes, std::ui
 }
 
 }  // namespace
+
+void add_creases(MeshSource& mesh, MeshCounts& counts) {
+  if (!mesh.has_creases()) return;
+  counts.has_creases = true;
+  counts.num_crease_edges = mesh.num_crease_edges();
+  counts.num_corners = mesh.corners().size();
+}
 
 void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange) {
   std::optional<PartialFile> begun;

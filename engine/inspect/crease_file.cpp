@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/exchange/merged_rows.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/inspect/vtu_file.h"
 #include "octree/crease.h"
 

@@ -42,7 +42,7 @@ VtuArray vtu_array(std::string name, std::size_t num, Value value) {
 }
 
 // VTK's numbers of types of cells.
-inline constexpr std::uint8_t kVtkVertex = 1, kVtkLine = 3, kVtkHexahedron = 12;
+inline constexpr std::uint8_t kVtkHexahedron = 12;
 
 // Cells of one type.
 struct VtuCells {

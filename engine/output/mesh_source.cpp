@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string>
 
 #include "engine/output/stored_mesh.h"
@@ -45,9 +46,7 @@ void MeshSource::number_edges() {
       [this](std::uint64_t num_cells) { tell_step(num_cells, 2 * own_cells().size()); });
   edge_windows_.emplace(
       [this] { return std::make_unique<EdgeWindow>(numbering_, *edges_, workers_.num_threads()); });
-  boundary().set_nodes([this](const MeshEdge& edge) {
-    return edge_windows_->with([&](EdgeWindow& edges) { return edges.number(edge); });
-  });
+  boundary().set_nodes([this](const MeshEdge& edge) { return number_of_node(edge); });
   boundary_nodes_ = std::make_unique<BoundaryNodes>(store_, run_, numbering_, windows_,
                                                     *edge_windows_, boundary(), output_, pages_,
                                                     workers_, stop_while_alone(), exchange_);
@@ -249,6 +248,70 @@ std::function<std::optional<TrianglePiece>()> MeshSource::triangles() {
     first += piece.triangles.size();
     return piece;
   };
+}
+
+KeptCreases& MeshSource::creases() {
+  if (creases_) return *creases_;
+  creases_ = std::make_unique<KeptCreases>(snapshot_, run_, numbering_, boundary(), output_, pages_,
+                                           stop_while_alone(), exchange_);
+  if (edges_) creases_->set_nodes([this](const MeshEdge& edge) { return number_of_node(edge); });
+  return *creases_;
+}
+
+std::uint64_t MeshSource::num_crease_edges() {
+  if (!has_creases()) return 0;
+  return part_ ? creases().num_own_edges() : creases().num_edges();
+}
+
+NumberRange MeshSource::own_lines() {
+  if (!has_creases()) return {};
+  const std::uint64_t first = part_ ? 0 : creases().num_edges_of_lower_ranks();
+  return {first, first + creases().num_own_edges()};
+}
+
+std::function<std::optional<LinePiece>()> MeshSource::lines() {
+  if (!has_creases()) return [] { return std::optional<LinePiece>(); };
+  return [this, next = creases().edges(),
+          first = own_lines().first]() mutable -> std::optional<LinePiece> {
+    const auto some = next();
+    if (!some) return std::nullopt;
+    LinePiece piece{first, {}, {}, {}, {}};
+    for (const std::uint64_t node : some->nodes)
+      piece.nodes.push_back({static_cast<std::int64_t>(place_of_node(node))});
+    for (const KeptEdge& edge : some->edges) {
+      LinePiece::Line& line = piece.lines.emplace_back();
+      std::ranges::transform(edge.vertices, line.begin(), [&](std::uint64_t vertex) {
+        return static_cast<std::int64_t>(vertices_ ? vertices_->place_of(vertex) : vertex);
+      });
+      piece.leaves.push_back(
+          static_cast<std::uint32_t>(numbering_.place(numbering_.leaf_of_cell(edge.cell))));
+      piece.creases.push_back(static_cast<CreaseId>(edge.crease));
+    }
+    first += piece.lines.size();
+    return piece;
+  };
+}
+
+std::vector<KeptCorner> MeshSource::corners() {
+  std::vector<KeptCorner> corners;
+  if (!has_creases()) return corners;
+  std::ranges::copy_if(creases().corners(), std::back_inserter(corners),
+                       [&](const KeptCorner& corner) { return has_cell(corner.cell); });
+  if (vertices_)
+    for (KeptCorner& corner : corners) corner.vertex = vertices_->place_of(corner.vertex);
+  return corners;
+}
+
+std::vector<KeptCorner> MeshSource::corners_by_vertex() {
+  std::vector<KeptCorner> corners;
+  if (!has_creases()) return corners;
+  for (KeptCorner corner : creases().corners()) {
+    if (vertices_ && !vertices_->has(corner.vertex)) continue;
+    if (vertices_) corner.vertex = vertices_->place_of(corner.vertex);
+    corners.push_back(corner);
+  }
+  std::ranges::sort(corners, {}, &KeptCorner::vertex);
+  return corners;
 }
 
 std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) const {

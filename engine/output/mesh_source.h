@@ -15,6 +15,7 @@
 #include "engine/output/boundary_surface.h"
 #include "engine/output/edge_numbering.h"
 #include "engine/output/edge_window.h"
+#include "engine/output/kept_creases.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/mesh_window.h"
 #include "engine/output/number_range.h"
@@ -62,6 +63,17 @@ struct TrianglePiece {
   std::vector<Triangle> nodes;        // of second order: as BoundarySurface::Facets has them
   std::vector<std::uint32_t> leaves;  // those of their cells
   std::vector<SheetId> sheets;
+};
+
+// Some edges of creases, which come after the triangles.
+struct LinePiece {
+  using Line = std::array<std::int64_t, 2>;
+
+  std::uint64_t first = 0;  // among the edges
+  std::vector<Line> lines;
+  std::vector<std::array<std::int64_t, 1>> nodes;  // of second order: one of each
+  std::vector<std::uint32_t> leaves;               // those of their cells
+  std::vector<CreaseId> creases;
 };
 
 struct PieceParts {
@@ -148,6 +160,19 @@ class MeshSource {
   // The triangles of the boundary, in the order of their cells, by the mesh's own numbers.
   std::function<std::optional<TrianglePiece>()> triangles();
   NumberRange own_triangles();
+  bool has_creases() const { return keeps_creases(run_); }
+  // As boundary(). REQUIRES: has_creases()
+  KeptCreases& creases();
+  // Without creases, none. The edges in the order of their cells, the corners in that of their ids;
+  // their vertices by the mesh's own numbers.
+  std::uint64_t num_crease_edges();
+  std::function<std::optional<LinePiece>()> lines();
+  NumberRange own_lines();
+  std::vector<KeptCorner> corners();  // of a part, its own; else of all ranks
+  // Those whose vertices the mesh has, by these; a part may have one whose cell it has not.
+  std::vector<KeptCorner> corners_by_vertex();
+  // By its number in the mesh of all.
+  bool has_cell(std::uint64_t cell) const { return first_cell_ <= cell && cell < end_cell_; }
   // REQUIRES: they are sorted by sheet
   std::uint64_t num_boundary_facets_of(SheetId sheet) {
     return part_ ? boundary().num_own_facets_of(sheet) : boundary().num_facets_of(sheet);
@@ -179,6 +204,9 @@ class MeshSource {
     return part_nodes_ ? vertices_->size() + part_nodes_->place_of(node) : node;
   }
   void number_edges();
+  std::uint64_t number_of_node(const MeshEdge& edge) {
+    return edge_windows_->with([&](EdgeWindow& edges) { return edges.number(edge); });
+  }
   void tell_step(std::uint64_t num_steps, std::uint64_t num_all);
   MeshPiece read(const PieceRange& range, const PieceParts& parts);  // by any thread
   MeshPiece others(const PieceRange& range) const;
@@ -212,7 +240,8 @@ class MeshSource {
   std::unique_ptr<BoundarySurface> boundary_;
   std::unique_ptr<BoundaryNodes> boundary_nodes_;
   std::optional<LeafWindow<LeafList<NodeOnSurface>>> on_surface_;  // of boundary_nodes_
-  std::uint64_t first_cell_ = 0, end_cell_;                        // of a part, in the mesh of all
+  std::unique_ptr<KeptCreases> creases_;
+  std::uint64_t first_cell_ = 0, end_cell_;  // of a part, in the mesh of all
   std::optional<MeshPart> part_;
   std::optional<PartVertices> vertices_, part_nodes_;
 };

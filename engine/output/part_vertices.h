@@ -54,6 +54,10 @@ class PartVertices {
   bool has_own(std::uint64_t number) const {
     return !std::ranges::binary_search(left_out_, number);
   }
+  bool has(std::uint64_t number) const {
+    return own_.first <= number && number < own_.end ? has_own(number)
+                                                     : std::ranges::binary_search(others_, number);
+  }
   // Of an own one; or, if it is left out, of the next one.
   std::uint64_t place_of_own(std::uint64_t number) const;
   // REQUIRES: there is one

@@ -247,12 +247,13 @@ double rounded_to_two_digits(double v) {
   return unit < 1 ? std::round(v / unit) / std::round(1 / unit) : std::round(v / unit) * unit;
 }
 
-MeshSizes sizes_of(const RunEstimate& estimate, const SurfaceFacts& surface) {
+MeshSizes sizes_of(const RunEstimate& estimate, const RunRecord& run) {
   return {.num_vertices = estimate.num_vertices,
           .num_cells = estimate.num_cells,
           .num_listed_cells = estimate.num_listed_cells,
           .num_boundary_facets = estimate.num_boundary_facets,
-          .box = surface.box};
+          .has_creases = run.has_creases,
+          .box = run.surface.box};
 }
 
 }  // namespace
@@ -367,7 +368,7 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   }
   estimate.num_boundary_facets = (is_uniform ? kFacetsPerArea : kGradedFacetsPerArea) * area +
                                  kFacetsPerNarrowCell * std::max(0.0, num_narrow);
-  estimate.output = estimate_output(output, sizes_of(estimate, surface));
+  estimate.output = estimate_output(output, sizes_of(estimate, run));
 
   const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
   const auto set = [&](RunStage stage, double cpu_seconds) {
@@ -386,8 +387,8 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   const bool is_second = output.order == 2;
   set(RunStage::kWrite, (kNumberCell + (is_second ? kNumberEdges : 0)) * listed +
                             (kEncodeCell + (is_second ? kEncodeNodes : 0)) * estimate.num_cells);
-  const OutputEstimate vtu = estimate_output({.format = MeshFormat::kVtu, .order = output.order},
-                                             sizes_of(estimate, surface));
+  const OutputEstimate vtu =
+      estimate_output({.format = MeshFormat::kVtu, .order = output.order}, sizes_of(estimate, run));
   estimate.seconds[static_cast<std::size_t>(RunStage::kWrite)] += kWriteByte * vtu.file_bytes;
   return estimate;
 }

@@ -316,10 +316,14 @@ TEST(MeshArrays, HoldTheLargestNumbersOfEachWidth) {
         (std::vector<std::int64_t>{0, 1, 2, 3, largest - 3, largest - 2, largest - 1, largest}));
     const std::int64_t last = largest / 4;
     const auto num_tetrahedra = static_cast<std::uint64_t>(last);
-    EXPECT_EQ(integers_in(offset_bytes(num_tetrahedra - 1, 2, width, num_tetrahedra), width),
+    const auto kinds = [](std::uint64_t num_cells) {
+      return cell_kinds({.num_cells = num_cells, .num_boundary_facets = 3});
+    };
+    EXPECT_EQ(integers_in(offset_bytes(num_tetrahedra - 1, 2, width, kinds(num_tetrahedra)), width),
               (std::vector<std::int64_t>{4 * last - 4, 4 * last}));
-    EXPECT_EQ(integers_in(offset_bytes(num_tetrahedra - 2, 4, width, num_tetrahedra - 2), width),
-              (std::vector<std::int64_t>{4 * last - 8, 4 * last - 5, 4 * last - 2, 4 * last + 1}));
+    EXPECT_EQ(
+        integers_in(offset_bytes(num_tetrahedra - 2, 4, width, kinds(num_tetrahedra - 2)), width),
+        (std::vector<std::int64_t>{4 * last - 8, 4 * last - 5, 4 * last - 2, 4 * last + 1}));
   }
 }
 
@@ -533,7 +537,8 @@ TEST(FormatOf, IsTheExtensionsWhateverItsCase) {
   EXPECT_EQ(files_of({MeshFormat::kTetgen}, "a/b.ele"),
             (std::vector<std::filesystem::path>{"a/b.node", "a/b.ele"}));
   EXPECT_EQ(files_of({MeshFormat::kTetgen, false, false, true}, "a/b.v2"),
-            (std::vector<std::filesystem::path>{"a/b.v2.node", "a/b.v2.ele", "a/b.v2.face"}));
+            (std::vector<std::filesystem::path>{"a/b.v2.node", "a/b.v2.ele", "a/b.v2.face",
+                                                "a/b.v2.edge"}));
   EXPECT_EQ(files_of({MeshFormat::kStl}, "a.stl"), (std::vector<std::filesystem::path>{"a.stl"}));
 }
 

@@ -28,7 +28,7 @@ namespace {
 
 using namespace testing_shapes;
 
-constexpr std::uint8_t kOfCell = 24, kOfFacet = 22;
+constexpr std::uint8_t kOfCell = 24, kOfFacet = 22, kOfLine = 21;
 
 // A VTU file with the boundary.
 struct QuadraticMesh {
@@ -43,11 +43,18 @@ struct QuadraticMesh {
     sheets = arrays.array<std::uint32_t>("UInt32", "sheet");
     std::size_t place = 0;
     for (std::size_t i = 0; i < types.size(); ++i) {
+      const auto take = [&](auto& to) {
+        std::copy_n(&vertices.at(place), to.size(), to.begin());
+        place += to.size();
+      };
       if (types[i] == kOfCell)
-        std::copy_n(&vertices.at(place), 10, cells.emplace_back().begin());
+        take(cells.emplace_back());
+      else if (types[i] == kOfFacet)
+        take(facets.emplace_back());
+      else if (types[i] == kOfLine)
+        take(lines.emplace_back());
       else
-        std::copy_n(&vertices.at(place), 6, facets.emplace_back().begin());
-      place += types[i] == kOfCell ? 10 : 6;
+        take(corner_points.emplace_back());
       EXPECT_EQ(ends[i], static_cast<std::int32_t>(place));
     }
     EXPECT_EQ(place, vertices.size());
@@ -83,6 +90,8 @@ struct QuadraticMesh {
   std::vector<Point> points;
   std::vector<std::array<std::int32_t, 10>> cells;
   std::vector<std::array<std::int32_t, 6>> facets;
+  std::vector<std::array<std::int32_t, 3>> lines;  // of creases
+  std::vector<std::array<std::int32_t, 1>> corner_points;
   std::vector<std::uint32_t> sheets;
 };
 
@@ -343,6 +352,31 @@ TEST_F(SecondOrderOf, CylinderKeepsItsRims) {
   EXPECT_GT(num_on_rims, 30U);
   EXPECT_EQ(written_.num_nodes_off_surface, 0U);
   EXPECT_NEAR(mesh.volume(), 3 * std::numbers::pi, 2e-3);
+}
+
+// They are lines between the ends and through the nodes of edges of facets. No vertex is a corner.
+TEST_F(SecondOrderOf, CylinderHasLinesOfThreeNodesOnItsRims) {
+  const QuadraticMesh mesh = mesh_of(cylinder(240), 0.35, 50);
+  const auto nodes = mesh.boundary_nodes();
+  const VtuArrays arrays(dir_ / "mesh.vtu");
+  const auto creases = arrays.array<std::uint32_t>("UInt32", "crease");
+  const std::size_t num_before = mesh.cells.size() + mesh.facets.size();
+  ASSERT_EQ(creases.size(), num_before + mesh.lines.size());
+  EXPECT_TRUE(mesh.corner_points.empty());
+  EXPECT_EQ(arrays.array<std::uint32_t>("UInt32", "corner"),
+            std::vector<std::uint32_t>(mesh.points.size()));
+  std::array<double, 2> angles{};
+  for (std::size_t i = 0; i < mesh.lines.size(); ++i) {
+    const auto& [a, b, node] = mesh.lines[i];
+    EXPECT_EQ(nodes.at({a, b}), node);
+    const Point &p = mesh.point(a), &q = mesh.point(b), &between = mesh.point(node);
+    EXPECT_NEAR(std::hypot(between.x, between.y), 1, 1e-4);
+    EXPECT_EQ(p.z, between.z);
+    ASSERT_TRUE(creases[num_before + i] == 1 || creases[num_before + i] == 2);
+    angles[creases[num_before + i] - 1] +=
+        std::acos((p.x * q.x + p.y * q.y) / (std::hypot(p.x, p.y) * std::hypot(q.x, q.y)));
+  }
+  for (const double angle : angles) EXPECT_NEAR(angle, 2 * std::numbers::pi, 1e-6);
 }
 
 // Cells as large as the ring is thick cannot have all of their nodes on it.

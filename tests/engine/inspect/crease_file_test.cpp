@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "engine/inspect/vtu_file.h"
+#include "engine/formats/mesh_arrays.h"
 #include "tests/cube_off.h"
 #include "tests/temp_dir.h"
 #include "tests/vtu_arrays.h"

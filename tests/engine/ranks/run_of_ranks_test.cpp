@@ -5,11 +5,15 @@
 #include <atomic>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -25,6 +29,7 @@
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
+#include "tests/cube_off.h"
 #include "tests/directories.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
@@ -262,10 +267,13 @@ TEST_F(RunOfRanks, WritesTheBytesOfOneProcess) {
 // A ball and a ring, of three ranks.
 class MeshOfRanks : public RunOfRanks {
  protected:
-  void mesh_by_ranks(double size) {
+  virtual void write_input() const {
     write_off(together(sphere(1, 24, 48), translated(torus(0.5, 0.2, 30, 16), {1.9, 0, 0.4})),
               scratch_ / "input.off");
-    options_ = options("store-%r", size, 500);
+  }
+  void mesh_by_ranks(double size, std::uint64_t leaf_capacity = 500) {
+    write_input();
+    options_ = options("store-%r", size, leaf_capacity);
     run_as_ranks(3, [&](Exchange& exchange) {
       const RunSummary summary = mesh_as_rank(options_, {}, exchange);
       if (exchange.rank() == 0) num_cells_ = summary.run.counts.num_cells;
@@ -283,6 +291,9 @@ class FileOfRanks : public MeshOfRanks {
  protected:
   void SetUp() override {
     mesh_by_ranks(0.08);
+    join();
+  }
+  void join() {
     run_as_ranks(2, [&](Exchange& exchange) {
       join_ranks(options_.store, scratch_ / "whole", {}, exchange);
     });
@@ -295,9 +306,20 @@ class FileOfRanks : public MeshOfRanks {
                  exchange.rank() == stopped_rank ? stop : nullptr, exchange);
     });
   }
+  void expect_blocks_of_one_process() const;
 };
 
-TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
+// A cube, whose leaves have few points.
+class CreasedFileOfRanks : public FileOfRanks {
+ protected:
+  void write_input() const override { std::ofstream(scratch_ / "input.off") << kCube; }
+  void SetUp() override {
+    mesh_by_ranks(0.13, 60);
+    join();
+  }
+};
+
+void FileOfRanks::expect_blocks_of_one_process() const {
   using Blocks = std::vector<std::vector<std::byte>>;
   const OutputOptions kAll{MeshFormat::kVtuZlib, true, false, true};
   const auto blocks_of = [&](MeshSource& source, const ArrayInfo& info, std::uint64_t items) {
@@ -316,8 +338,7 @@ TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
   };
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
   MeshSource one(whole, scratch_ / "mesh", 1);
-  std::vector<ArrayInfo> infos = mesh_arrays(
-      {one.num_vertices(), one.num_cells(), one.num_boundary_facets(), 0}, kAll, {8, 4});
+  std::vector<ArrayInfo> infos = mesh_arrays(counts_of(one, kAll), kAll, {8, 4});
   infos.push_back(*std::ranges::find(infos, ArrayName::kEnds, &ArrayInfo::array));
   infos.back().array = ArrayName::kStarts;
   ++infos.back().num_items;
@@ -342,6 +363,69 @@ TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) {
       EXPECT_EQ(all.size(), (info.num_items + items - 1) / items);
       EXPECT_TRUE(all == in_order(of_one)) << items;
     }
+}
+
+TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) { expect_blocks_of_one_process(); }
+TEST_F(CreasedFileOfRanks, HasTheBlocksOfOneProcess) { expect_blocks_of_one_process(); }
+
+TEST_F(CreasedFileOfRanks, HasTheBytesOfOneProcess) {
+  const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
+  MeshSource source(whole, scratch_ / "mesh", 1);
+  EXPECT_EQ(source.corners().size(), 8U);
+  EXPECT_GT(source.num_crease_edges(), 80U);
+  for (const FormatInfo& info : mesh_formats()) {
+    SCOPED_TRACE(info.name);
+    const OutputOptions output{info.format, info.has_cell_data, true, true};
+    const std::filesystem::path one = scratch_ / "one.node", all = scratch_ / "all.node";
+    const WriteSummary written = write_mesh(whole, one, output, 1);
+    run_as_ranks(3, [&](Exchange& exchange) {
+      const WriteSummary by_rank =
+          write_mesh(part(exchange), all, output, 2, {}, nullptr, exchange);
+      EXPECT_EQ(by_rank.bytes, written.bytes);
+    });
+    const auto files = files_of(output, one), others = files_of(output, all);
+    for (std::size_t i = 0; i < files.size(); ++i)
+      EXPECT_TRUE(bytes_of(files[i]) == bytes_of(others[i])) << files[i];
+  }
+}
+
+// Each edge is in one piece, which has its vertices; a vertex is a corner in all that have it.
+TEST_F(CreasedFileOfRanks, PiecesHaveAllEdgesAndCornersOnce) {
+  const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
+  MeshSource source(whole, scratch_ / "mesh", 1);
+  using Edges = std::set<std::tuple<std::uint64_t, std::uint64_t, CreaseId>>;
+  using Corners = std::set<std::pair<std::uint64_t, std::uint64_t>>;
+  const auto add = [](MeshSource& mesh, Edges& edges, Corners& corners) {
+    const auto next = mesh.lines();
+    while (const auto some = next())
+      for (std::size_t i = 0; i < some->lines.size(); ++i) {
+        const auto& [a, b] = some->lines[i];
+        EXPECT_TRUE(edges
+                        .insert({mesh.number_of(static_cast<std::uint64_t>(a)),
+                                 mesh.number_of(static_cast<std::uint64_t>(b)), some->creases[i]})
+                        .second);
+      }
+    for (const KeptCorner& corner : mesh.corners())
+      EXPECT_TRUE(corners.emplace(mesh.number_of(corner.vertex), corner.corner).second);
+  };
+  Edges edges, expected_edges;
+  Corners corners, expected_corners;
+  add(source, expected_edges, expected_corners);
+  std::mutex mutex;
+  run_as_ranks(3, [&](Exchange& exchange) {
+    const Store store = part(exchange);
+    MeshSource own(store, scratch_ / "mesh", 1, {}, nullptr, exchange, true);
+    own.creases();  // which all ranks call, before one waits for its turn
+    std::vector<KeptCorner> of_vertices = own.corners_by_vertex();
+    const std::lock_guard lock(mutex);
+    add(own, edges, corners);
+    for (const KeptCorner& corner : of_vertices)
+      EXPECT_TRUE(expected_corners.contains({own.number_of(corner.vertex), corner.corner}));
+    EXPECT_GE(of_vertices.size(), own.corners().size());
+  });
+  EXPECT_EQ(expected_corners.size(), 8U);
+  EXPECT_TRUE(edges == expected_edges);
+  EXPECT_TRUE(corners == expected_corners);
 }
 
 TEST_F(FileOfRanks, SheetsAreThoseOfOneProcess) {

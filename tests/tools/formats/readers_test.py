@@ -211,8 +211,8 @@ class Readers(unittest.TestCase):
             self.expect_boundary(facets.astype(np.int64).reshape(-1, 3) - 1)
             all_tags = np.concatenate([cell_tags, facet_tags])
             self.assertEqual(len(np.unique(all_tags)), len(all_tags))
-            self.assertEqual({name: dimension for name, (dimension, _) in groups.items()},
-                             {"volume": 3, "boundary": 2})
+            self.assertEqual({name: dimension for name, (dimension, _) in groups.items()
+                              if dimension >= 2}, {"volume": 3, "boundary": 2})
             self.assertEqual(len(in_group["volume"]), len(self.mesh.points))
             self.assertEqual(len(in_group["boundary"]), len(np.unique(self.facets)))
 
@@ -231,7 +231,7 @@ class Readers(unittest.TestCase):
         with open(file) as text:
             lines = text.read().splitlines()
         start = lines.index("*SURFACE, NAME=boundary, TYPE=ELEMENT") + 1
-        pairs = [line.split(", ") for line in lines[start:]]
+        pairs = [line.split(", ") for line in lines[start:start + len(self.facets)]]
         found = np.array([(int(element) - 1, ABAQUS_FACES[face]) for element, face in pairs])
         np.testing.assert_array_equal(found, self.places)
         nodes = lines[lines.index("*NODE") + 1:lines.index("*ELEMENT, TYPE=C3D4, ELSET=volume")]
@@ -271,8 +271,9 @@ class Readers(unittest.TestCase):
 
 
 class Sheets(unittest.TestCase):
-    """A box whose sides have names."""
+    """A box whose sides have names, and so have its edges."""
 
+    PLANES = [(2, 0), (2, 1), (1, 0), (1, 2), (0, 0), (0, 3)]  # of the sides: axis, place
     NAMES = ["below", 'above "top" ß', "front", "back", "inlet", "outlet"]
     SIDES = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
 
@@ -303,11 +304,43 @@ class Sheets(unittest.TestCase):
         corners = self.points[facets]
         inside = 0
         for sheet in range(1, 7):
-            axis, end = [(2, 0), (2, 1), (1, 0), (1, 2), (0, 0), (0, 3)][sheet - 1]
+            axis, end = self.PLANES[sheet - 1]
             lies_in = (corners[:, :, axis] == end).all(axis=1)
             self.assertTrue((sheets[lies_in] == sheet).all())
             inside += lies_in.sum()
         self.assertGreater(inside, 0.7 * len(facets))
+
+    def creases(self, rename=lambda name: name):
+        """Of each name the two sides that meet there."""
+        return {rename(f"{self.NAMES[a]}/{self.NAMES[b]}"): (a, b)
+                for a in range(6) for b in range(a + 1, 6)
+                if self.PLANES[a][0] != self.PLANES[b][0]}
+
+    def vertices_on(self, sides):
+        planes = [self.PLANES[side] for side in sides]
+        return set(np.flatnonzero(np.all([self.points[:, axis] == end for axis, end in planes],
+                                         axis=0)))
+
+    def expect_creases(self, lines, sides):
+        """The edges of a crease, of which each has two vertices of both sides, make all of it."""
+        self.assertTrue(np.isin(lines, list(self.vertices_on(sides))).all())
+        a, b = self.points[lines[:, 0]], self.points[lines[:, 1]]
+        axis = ({0, 1, 2} - {self.PLANES[side][0] for side in sides}).pop()
+        self.assertAlmostEqual(np.linalg.norm(a - b, axis=1).sum(), [3, 2, 1][axis])
+
+    def expect_crease_ids(self, lines, ids):
+        self.assertEqual(set(ids), set(range(1, 13)))
+        on = {pair: self.vertices_on(pair) for pair in self.creases().values()}
+        for crease in range(1, 13):
+            of_crease = lines[ids == crease]
+            sides = [pair for pair in on if set(of_crease.ravel()) <= on[pair]]
+            self.assertEqual(len(sides), 1)
+            self.expect_creases(of_crease, sides[0])
+
+    def corners(self):
+        return np.flatnonzero(np.isin(self.points, [0, 1, 2, 3]).all(axis=1) & np.all(
+            [(self.points[:, axis] == 0) | (self.points[:, axis] == [3, 2, 1][axis])
+             for axis in range(3)], axis=0))
 
     def test_gmsh(self):
         for options in ([], ["--format", "msh2"]):
@@ -318,7 +351,27 @@ class Sheets(unittest.TestCase):
                       for group in gmsh.model.getPhysicalGroups()}
             expected = {name.replace('"', "_"): (2, sheet + 1)
                         for sheet, name in enumerate(self.NAMES)}
-            self.assertEqual(groups, {**expected, "volume": (3, 7)})
+            creases = self.creases(lambda name: name.replace('"', "_"))
+            of_creases = {name: groups.pop(name) for name in creases}
+            of_corners = {name: group for name, group in groups.items() if group[0] == 0}
+            self.assertEqual({dimension for dimension, _ in of_creases.values()}, {1})
+            self.assertEqual(set(of_corners), {f"corner {corner}" for corner in range(1, 9)})
+            numbers = [number for _, number in (*of_creases.values(), *groups.values())]
+            self.assertEqual(sorted(numbers), list(range(1, 28)))
+            self.assertEqual({name: group for name, group in groups.items() if group[0] > 0},
+                             {**expected, "volume": (3, 7)})
+            for name, group in of_creases.items():
+                entity, = gmsh.model.getEntitiesForPhysicalGroup(*group)
+                lines = gmsh.model.mesh.getElements(1, entity)[2][0].astype(np.int64) - 1
+                self.expect_creases(lines.reshape(-1, 2), creases[name])
+                if not options:
+                    self.assertEqual(len(gmsh.model.getBoundary([(1, entity)])), 2)
+            vertices = [gmsh.model.mesh.getNodesForPhysicalGroup(*group)[0][0] - 1
+                        for group in of_corners.values()]
+            np.testing.assert_array_equal(np.sort(np.array(vertices, np.int64)), self.corners())
+            tags = np.concatenate([gmsh.model.mesh.getElementsByType(kind)[0]
+                                   for kind in (1, 2, 4, 15)])
+            self.assertEqual(sorted(tags), list(range(1, len(tags) + 1)))
             facets, sheets = [], []
             for sheet in range(1, 7):
                 for entity in gmsh.model.getEntitiesForPhysicalGroup(2, sheet):
@@ -336,13 +389,22 @@ class Sheets(unittest.TestCase):
             reader.SetFileName(self.export(name, "--boundary", *options))
             reader.Update()
             grid = reader.GetOutput()
-            is_facet = vtk_to_numpy(grid.GetCellTypesArray()) == vtk.VTK_TRIANGLE
-            num_tetrahedra = np.argmax(is_facet)
-            self.assertTrue(is_facet[num_tetrahedra:].all())
-            facets = vtk_to_numpy(grid.GetCells().GetConnectivityArray())[4 * num_tetrahedra:]
-            sheets = arrays_of(grid.GetCellData())["sheet"]
-            self.assertTrue((sheets[:num_tetrahedra] == 0).all())
-            self.expect_sides(facets.reshape(-1, 3), sheets[num_tetrahedra:])
+            types = vtk_to_numpy(grid.GetCellTypesArray())
+            kinds = [vtk.VTK_TETRA, vtk.VTK_TRIANGLE, vtk.VTK_LINE, vtk.VTK_VERTEX]
+            nums = [np.count_nonzero(types == kind) for kind in kinds]
+            np.testing.assert_array_equal(types, np.repeat(kinds, nums))
+            parts = np.split(vtk_to_numpy(grid.GetCells().GetConnectivityArray()),
+                             np.cumsum(np.multiply(nums, [4, 3, 2, 1]))[:3])
+            data = arrays_of(grid.GetCellData())
+            sheets = np.split(data["sheet"], np.cumsum(nums)[:3])
+            creases = np.split(data["crease"], np.cumsum(nums)[:3])
+            for part in (sheets[0], sheets[2], sheets[3], creases[0], creases[1], creases[3]):
+                self.assertTrue((part == 0).all())
+            self.expect_sides(parts[1].reshape(-1, 3), sheets[1])
+            self.expect_crease_ids(parts[2].reshape(-1, 2), creases[2])
+            corners = arrays_of(grid.GetPointData())["corner"]
+            np.testing.assert_array_equal(np.flatnonzero(corners), self.corners())
+            np.testing.assert_array_equal(corners[parts[3]], np.arange(1, 9))
 
     def test_meshio_and_tetgen(self):
         mesh = meshio.read(self.export("box.vtu", "--boundary"))
@@ -350,17 +412,129 @@ class Sheets(unittest.TestCase):
         faces = np.loadtxt(self.export("box.node", "--boundary").replace(".node", ".face"),
                            dtype=np.int64, skiprows=1)
         self.expect_sides(faces[:, 1:4] - 1, faces[:, 4])
+        edges = np.loadtxt(self.path("box.edge"), dtype=np.int64, skiprows=1)
+        self.expect_crease_ids(edges[:, 1:3] - 1, edges[:, 3])
 
     def test_medit(self):
         for name in ("box.mesh", "box.meshb"):
             mesh = meshio.read(self.export(name))
             self.expect_sides(mesh.cells_dict["triangle"],
                               mesh.cell_data_dict["medit:ref"]["triangle"])
+            self.expect_crease_ids(mesh.cells_dict["line"],
+                                   mesh.cell_data_dict["medit:ref"]["line"])
+        with open(self.path("box.mesh"), encoding="utf-8") as text:
+            words = text.read().split()
+        num_edges = len(mesh.cells_dict["line"])
+        for name, expected in (("Ridges", np.arange(num_edges) + 1),
+                               ("Corners", self.corners() + 1),
+                               ("RequiredVertices", self.corners() + 1)):
+            start = words.index(name) + 1
+            found = np.array(words[start:start + 1 + len(expected)], np.int64)
+            self.assertEqual(found[0], len(expected))
+            np.testing.assert_array_equal(np.sort(found[1:]), expected)
+
+    def read_second_order(self, reader, name, *options):
+        """Points, the lines of creases and these; lines go through nodes of cells."""
+        reader.SetFileName(self.export(name, "--order", "2", "--boundary", *options))
+        reader.Update()
+        grid = reader.GetOutput()
+        types = vtk_to_numpy(grid.GetCellTypesArray())
+        kinds = [vtk.VTK_QUADRATIC_TETRA, vtk.VTK_QUADRATIC_TRIANGLE, vtk.VTK_QUADRATIC_EDGE,
+                 vtk.VTK_VERTEX]
+        nums = [np.count_nonzero(types == kind) for kind in kinds]
+        np.testing.assert_array_equal(types, np.repeat(kinds, nums))
+        cells, _, lines, corners = np.split(
+            vtk_to_numpy(grid.GetCells().GetConnectivityArray()).astype(np.int64),
+            np.cumsum(np.multiply(nums, [10, 6, 3, 1]))[:3])
+        cells, lines = cells.reshape(-1, 10), lines.reshape(-1, 3)
+        nodes = {tuple(sorted(cell[[i, j]])): cell[4 + k] for cell in cells
+                 for k, (i, j) in enumerate(SecondOrder.EDGES)}
+        self.assertEqual([nodes[tuple(sorted(line[:2]))] for line in lines], list(lines[:, 2]))
+        creases = arrays_of(grid.GetCellData())["crease"]
+        self.assertEqual(np.count_nonzero(creases), len(lines))
+        ids = creases[types == vtk.VTK_QUADRATIC_EDGE]
+        self.expect_crease_ids(lines[:, :2], ids)
+        of_points = arrays_of(grid.GetPointData())["corner"]
+        self.assertEqual(len(of_points), grid.GetNumberOfPoints())
+        np.testing.assert_array_equal(np.flatnonzero(of_points), self.corners())
+        np.testing.assert_array_equal(of_points[corners], np.arange(1, 9))
+        return vtk_to_numpy(grid.GetPoints().GetData()), lines, ids
+
+    def test_second_order(self):
+        points, lines, ids = self.read_second_order(vtk.vtkXMLUnstructuredGridReader(), "two.vtu")
+        ends = points[lines[:, :2]]
+        np.testing.assert_array_equal(points[lines[:, 2]], (ends[:, 0] + ends[:, 1]) / 2)
+        rows = np.column_stack([lines, ids])
+        for reader, name, options in (
+                (vtk.vtkXMLUnstructuredGridReader(), "z.vtu", ["--format", "vtu-zlib"]),
+                (vtk.vtkHDFReader(), "two.vtkhdf", [])):
+            _, found, of_found = self.read_second_order(reader, name, *options)
+            np.testing.assert_array_equal(np.column_stack([found, of_found]), rows)
+        self.expect_second_order_gmsh(rows)
+        with open(self.export("two.mesh", "--order", "2"), encoding="utf-8") as text:
+            words = text.read().split()
+        self.assertFalse({"Edges", "Ridges"} & set(words))
+        start = words.index("EdgesP2") + 2
+        found = np.array(words[start:start + 4 * len(rows)], np.int64).reshape(-1, 4)
+        np.testing.assert_array_equal(found - [1, 1, 1, 0], rows)
+        self.assertEqual(int(words[start - 1]), len(rows))
+        for name in ("Corners", "RequiredVertices"):
+            start = words.index(name) + 2
+            found = np.sort(np.array(words[start:start + 8], np.int64)) - 1
+            np.testing.assert_array_equal(found, self.corners())
+        np.testing.assert_array_equal(self.meshb_edges() - [1, 1, 1, 0], rows)
+        self.export("two.node", "--order", "2", "--boundary")
+        found = np.loadtxt(self.path("two.edge"), dtype=np.int64, skiprows=1)[:, 1:]
+        np.testing.assert_array_equal(found - [1, 1, 1, 0], rows)
+        sets = meshio.read(self.export("two.inp", "--order", "2")).point_sets
+        for crease in range(1, 13):
+            self.assertIn(set(rows[ids == crease, :3].ravel()), [set(of) for of in sets.values()])
+        found = np.sort([vertex for name, of in sets.items() if "corner" in name for vertex in of])
+        np.testing.assert_array_equal(found, self.corners())
+
+    def expect_second_order_gmsh(self, rows):
+        for options in ([], ["--format", "msh2"]):
+            gmsh.initialize()
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.open(self.export("two.msh", "--order", "2", *options))
+            found = [np.column_stack([nodes.astype(np.int64).reshape(-1, 3) - 1,
+                                      np.full(len(nodes) // 3, crease)])
+                     for crease in range(1, 13)
+                     for kinds, _, (nodes,) in [gmsh.model.mesh.getElements(1, crease)]
+                     if list(kinds) == [8]]
+            num_groups = len(gmsh.model.getPhysicalGroups())
+            points = gmsh.model.mesh.getElementsByType(15)[1].astype(np.int64) - 1
+            gmsh.finalize()
+            self.assertEqual(num_groups, 27)
+            np.testing.assert_array_equal(np.sort(points), self.corners())
+            found = np.concatenate(found)
+            np.testing.assert_array_equal(found[np.lexsort(found.T)], rows[np.lexsort(rows.T)])
+
+    def meshb_edges(self):
+        """EdgesP2, whose keyword is 25."""
+        with open(self.export("two.meshb", "--order", "2"), "rb") as file:
+            data = file.read()
+        place, found = 8, None
+        while True:
+            keyword, end = np.frombuffer(data, "<i4", 2, place)
+            self.assertNotIn(keyword, (5, 14))
+            if keyword == 54:
+                return found
+            if keyword == 25:
+                found = np.frombuffer(data[place + 12:end], "<i4").reshape(-1, 4)
+            place = end
 
     def test_abaqus(self):
         mesh = meshio.read(self.export("box.inp"))
         names = ["below", "above__top___", "front", "back", "inlet", "outlet"]
-        self.assertEqual(set(mesh.point_sets), {"boundary", *names})
+        creases = self.creases(lambda name: "".join(
+            c if c.isascii() and c.isalnum() else "_" for c in name.replace("ß", "_")))
+        corners = [f"corner_{corner}" for corner in range(1, 9)]
+        self.assertEqual(set(mesh.point_sets), {"boundary", *names, *creases, *corners})
+        for name, sides in creases.items():
+            self.assertEqual(set(mesh.point_sets[name]), self.vertices_on(sides))
+        np.testing.assert_array_equal(
+            np.sort(np.concatenate([mesh.point_sets[name] for name in corners])), self.corners())
         medit = meshio.read(self.export("box.mesh"))
         sheets = medit.cell_data_dict["medit:ref"]["triangle"]
         for sheet, name in enumerate(names):
@@ -387,7 +561,7 @@ class GmshFiles:
         self.partitions = [list(gmsh.model.getPartitions(3, entity))
                            for _, entity in gmsh.model.getEntities(3)]
         self.groups = {gmsh.model.getPhysicalName(*group): group[0]
-                       for group in gmsh.model.getPhysicalGroups()}
+                       for group in gmsh.model.getPhysicalGroups() if group[0] >= 2}
         gmsh.finalize()
 
     @staticmethod
