@@ -7,8 +7,10 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "engine/formats/output_options.h"
+#include "engine/formats/vtu_header.h"
 #include "engine/output/mesh_source.h"
 #include "engine/shared/partial_file.h"
 
@@ -26,7 +28,8 @@ void add_creases(MeshSource& mesh, MeshCounts& counts);
 // `min_dihedral_degrees`, in Float32. With the boundary, its triangles come after all tetrahedra,
 // with the leaves of their cells, and there is `sheet`: 0 of tetrahedra; the quality of a triangle
 // is no number (NaN). Where the run keeps creases, edges and corners come after the triangles, with
-// `crease`, 0 of all but edges, and as point data `corner`, 0 of all but corners. A part has
+// `crease`, 0 of all but edges, and as point data `corner`, 0 of all but corners. Field
+// data have the names of sheets and creases, and of each its number and its dimension. A part has
 // `GlobalPointIds`, too, as point data: the numbers of its vertices in the mesh of all ranks. VTU:
 // XML with raw appended data, UInt64 headers. Of `connectivity` and `offsets` each is as wide as
 // `least` says, and Int64 if Int32 does not hold its numbers.
@@ -46,8 +49,9 @@ struct PieceFile {
 // Writes the file that names the VTU files of all ranks.
 void write_pvtu(std::span<const PieceFile> pieces, const OutputOptions& output, PartialFile& file);
 // A partition for each VTKHDF file, of virtual datasets: a reader gets values from where they are.
+// `fields`: those of the pieces.
 void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOptions& output,
-                              PartialFile& file);
+                              const std::vector<VtuField>& fields, PartialFile& file);
 
 // Gmsh, binary: tetrahedra of volume 1 (physical group "volume"), triangles of surface 1
 // ("boundary"), and where creases are kept lines of curves and points, a group each; of the part of

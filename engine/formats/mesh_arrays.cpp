@@ -10,6 +10,7 @@
 
 #include "engine/formats/limits.h"
 #include "engine/formats/outputs.h"
+#include "engine/formats/sheet_names.h"
 
 namespace locvol {
 namespace {
@@ -99,6 +100,22 @@ MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
   counts.num_boundary_facets = mesh.num_boundary_facets();
   add_creases(mesh, counts);
   return counts;
+}
+
+std::vector<VtuField> name_fields(const MeshSource& mesh, const OutputOptions& output,
+                                  std::string_view forbidden) {
+  std::vector<VtuField> fields;
+  if (!output.has_boundary) return fields;
+  const SurfaceSheets& all = mesh.sheets();
+  const MeshNames names = names_of_mesh(all, mesh.has_creases(), {.forbidden = forbidden});
+  for (SheetId sheet = 1; sheet <= all.sheets.size(); ++sheet)
+    if (has_name(all, sheet)) fields.push_back({names.sheets[sheet - 1], sheet, 2});
+  for (CreaseId crease = 1; crease <= names.creases.size(); ++crease) {
+    const auto& [a, b] = all.creases[crease - 1].sheets;
+    if (has_name(all, a) && has_name(all, b))
+      fields.push_back({names.creases[crease - 1], crease, 1});
+  }
+  return fields;
 }
 
 std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& output,

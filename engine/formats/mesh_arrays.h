@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/formats/formats.h"
+#include "engine/formats/vtu_header.h"
 #include "engine/output/mesh_source.h"
 #include "engine/shared/encode_in_order.h"
 
@@ -87,6 +88,10 @@ inline std::uint64_t corners_before(std::uint64_t cell, const CellKinds& kinds) 
 IndexWidths index_widths(const MeshCounts& n);
 // What is written of a mesh with these options. All ranks call it.
 MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output);
+// What values of `sheet` and `crease` mean that the input has names for, if they are written.
+// `forbidden`: see NameRule
+std::vector<VtuField> name_fields(const MeshSource& mesh, const OutputOptions& output,
+                                  std::string_view forbidden = {});
 
 // Values of eight bytes come first, then those of four, then bytes: each lies at a multiple of its
 // size if the first one does, even with heads of eight bytes between them. `is_part`: with the

@@ -76,16 +76,17 @@ std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const Name
   return sheet_names(sheets, rule, used);
 }
 
+bool has_name(const SurfaceSheets& sheets, SheetId sheet) {
+  return 0 < sheet && sheet <= sheets.sheets.size() && !sheets.sheets[sheet - 1].group.empty();
+}
+
 std::vector<std::string> crease_names(const SurfaceSheets& sheets) {
-  const auto has_name = [&](SheetId sheet) {
-    return 0 < sheet && sheet <= sheets.sheets.size() && !sheets.sheets[sheet - 1].group.empty();
-  };
   std::map<std::array<SheetId, 2>, std::pair<int, int>> num;  // in all, and so far
   for (const CreaseFacts& crease : sheets.creases) ++num[crease.sheets].first;
   std::vector<std::string> names;
   for (const CreaseFacts& crease : sheets.creases) {
     const auto& [a, b] = crease.sheets;
-    if (!has_name(a) || !has_name(b)) {
+    if (!has_name(sheets, a) || !has_name(sheets, b)) {
       names.push_back("crease " + std::to_string(names.size() + 1));
       continue;
     }

@@ -22,6 +22,9 @@ struct NameRule {
 // without a name has "boundary".
 std::vector<std::string> names_of_sheets(const SurfaceSheets& sheets, const NameRule& rule);
 
+// Has the sheet's group a name in the file?
+bool has_name(const SurfaceSheets& sheets, SheetId sheet);
+
 // By crease: "inlet/wall" between two sheets whose groups have names in the file, of several
 // between the same two "inlet/wall_1", "inlet/wall_2", ...; other ones are "crease 12", by id.
 std::vector<std::string> crease_names(const SurfaceSheets& sheets);

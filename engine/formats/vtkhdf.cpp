@@ -106,7 +106,7 @@ class HdfFile {
         H5Dclose);
   }
   // A dataset of rank 1.
-  void numbers(const char* name, const std::vector<std::uint64_t>& values) const {
+  void numbers(const std::string& name, const std::vector<std::uint64_t>& values) const {
     const hsize_t length = values.size();
     const Id space = own(H5Screate_simple(1, &length, nullptr), H5Sclose);
     const Id dataset = this->dataset(name, H5T_STD_I64LE, space.get(), properties());
@@ -247,7 +247,8 @@ void add_version_and_type(const HdfFile& hdf, hid_t group) {
 }
 
 // All but the arrays.
-void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool is_part) {
+void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions,
+                const std::vector<VtuField>& fields, bool is_part) {
   std::vector<std::uint64_t> num_vertices, num_cells, num_corners;
   for (const PieceFile& partition : partitions) {
     const CellKinds kinds = cell_kinds(partition.counts);
@@ -261,6 +262,10 @@ void write_head(const HdfFile& hdf, std::span<const PieceFile> partitions, bool 
   hdf.numbers("VTKHDF/NumberOfConnectivityIds", num_corners);
   hdf.group("VTKHDF/CellData");
   if (is_part || partitions.front().counts.has_creases) hdf.group("VTKHDF/PointData");
+  if (fields.empty()) return;
+  hdf.group("VTKHDF/FieldData");
+  for (const VtuField& field : fields)
+    hdf.numbers("VTKHDF/FieldData/" + field.name, {field.id, field.dimension});
 }
 
 std::vector<ArrayInfo> hdf_arrays(const PieceFile& partition, const OutputOptions& output,
@@ -307,18 +312,18 @@ std::uint64_t write_vtkhdf(MeshSource& mesh, const OutputOptions& output, Partia
   const HdfTurn turn;
   errno = 0;
   HdfFile hdf(file.partial_name());
-  write_head(hdf, {&whole, 1}, is_part);
+  write_head(hdf, {&whole, 1}, name_fields(mesh, output, "/"), is_part);
   for (const ArrayInfo& info : arrays) write_array(hdf, info, blocks, exchange, file.name());
   hdf.close();
   return std::filesystem::file_size(file.partial_name());
 }
 
 void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOptions& output,
-                              PartialFile& file) {
+                              const std::vector<VtuField>& fields, PartialFile& file) {
   const HdfTurn turn;
   errno = 0;
   HdfFile hdf(file.partial_name());
-  write_head(hdf, pieces, true);
+  write_head(hdf, pieces, fields, true);
   const std::size_t num_arrays = hdf_arrays(pieces.front(), output, true).size();
   for (std::size_t i = 0; i < num_arrays; ++i)
     write_virtual_array(hdf, pieces,

@@ -21,7 +21,8 @@ VtuSection section_of(const ArrayInfo& info) {
 
 // `offsets`: of the arrays, after the mark
 std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::uint64_t>& offsets,
-                   const MeshCounts& counts, bool is_compressed) {
+                   const MeshCounts& counts, const std::vector<VtuField>& fields,
+                   bool is_compressed) {
   std::vector<VtuArrayEntry> entries;
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     const ArrayInfo& info = arrays[i];
@@ -30,7 +31,8 @@ std::string header(const std::vector<ArrayInfo>& arrays, const std::vector<std::
                        is_points ? info.num_components : 1, offsets[i],
                        info.array == ArrayName::kPointIds});
   }
-  return vtu_header(counts.num_vertices, num_cells(cell_kinds(counts)), entries, is_compressed);
+  return vtu_header(counts.num_vertices, num_cells(cell_kinds(counts)), entries, is_compressed,
+                    fields);
 }
 
 std::vector<ArrayInfo> vtu_arrays(const MeshSource& mesh, const MeshCounts& counts,
@@ -65,7 +67,7 @@ class RawArrays {
       offsets_.push_back(end);
       end += kCountBytes + array.bytes();
     }
-    const std::string head = header(arrays_, offsets_, counts_, false);
+    const std::string head = header(arrays_, offsets_, counts_, name_fields(mesh_, output_), false);
     data_ = head.size();
     const std::uint64_t bytes = data_ + end + kVtuFooter.size();
     do_on_all(mesh_.exchange(), [&] {
@@ -294,14 +296,15 @@ std::uint64_t write_compressed_vtu(MeshSource& mesh, const OutputOptions& output
   const MeshCounts counts = counts_of(mesh, output);
   const std::vector<ArrayInfo> arrays = vtu_arrays(mesh, counts, output, least);
   std::vector<std::uint64_t> offsets(arrays.size());
-  const std::uint64_t data = header(arrays, offsets, counts, true).size();
+  const std::vector<VtuField> fields = name_fields(mesh, output);
+  const std::uint64_t data = header(arrays, offsets, counts, fields, true).size();
   ArrayBlocks blocks(mesh, output, file.name());
   std::uint64_t end = data;
   for (std::size_t i = 0; i < arrays.size(); ++i) {
     offsets[i] = end - data;
     write_compressed(arrays[i], blocks, mesh.exchange(), file, end);
   }
-  AppendedFile(file, mesh.exchange()).append(header(arrays, offsets, counts, true));
+  AppendedFile(file, mesh.exchange()).append(header(arrays, offsets, counts, fields, true));
   AppendedFile foot(file, mesh.exchange(), end);
   foot.append(kVtuFooter);
   return foot.size();

@@ -36,17 +36,46 @@ void add_section(VtuSection section, std::string_view name,
   if (is_open) text.add("      </").add(name).add(">\n");
 }
 
+std::string escaped(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else if (c == '"')
+      result += "&quot;";
+    else
+      result += c;
+  }
+  return result;
+}
+
+void add_fields(const std::vector<VtuField>& fields, Text& text) {
+  if (fields.empty()) return;
+  text.add("    <FieldData>\n");
+  for (const auto& [name, id, dimension] : fields) {
+    text.add("      <DataArray type=\"Int32\" Name=\"").add(escaped(name));
+    text.add("\" NumberOfTuples=\"2\" format=\"ascii\">").add(std::uint64_t{id}).add(' ');
+    text.add(std::uint64_t{dimension}).add("</DataArray>\n");
+  }
+  text.add("    </FieldData>\n");
+}
+
 }  // namespace
 
 std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
-                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed) {
+                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed,
+                       const std::vector<VtuField>& fields) {
   Text text;
   text.add(
       "<?xml version=\"1.0\"?>\n"
       "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
       "header_type=\"UInt64\"");
   if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
-  text.add(">\n  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"").add(num_points);
+  text.add(">\n  <UnstructuredGrid>\n");
+  add_fields(fields, text);
+  text.add("    <Piece NumberOfPoints=\"").add(num_points);
   text.add("\" NumberOfCells=\"").add(num_cells).add("\">\n");
   add_section(VtuSection::kPoints, "Points", arrays, text);
   add_section(VtuSection::kCells, "Cells", arrays, text);

@@ -22,9 +22,17 @@ struct VtuArrayEntry {
   bool has_global_ids = false;       // numbers of points that other files have, too
 };
 
+// Of the whole file: the number of what has a name, and its dimension, as meshio has groups.
+struct VtuField {
+  std::string name;
+  std::uint32_t id = 0;
+  std::uint32_t dimension = 0;
+};
+
 // A multiple of eight bytes; as many whatever the offsets.
 std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
-                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed = false);
+                       const std::vector<VtuArrayEntry>& arrays, bool is_compressed = false,
+                       const std::vector<VtuField>& fields = {});
 
 inline constexpr std::string_view kVtuFooter = "\n  </AppendedData>\n</VTKFile>\n";
 

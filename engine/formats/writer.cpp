@@ -13,6 +13,7 @@
 
 #include "engine/exchange/exchange.h"
 #include "engine/formats/formats.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/formats/outputs.h"
 #include "engine/shared/partial_file.h"
 
@@ -48,10 +49,10 @@ std::vector<PieceFile> piece_files(const std::filesystem::path& file, MeshFormat
   return pieces;
 }
 
-void write_index(std::span<const PieceFile> pieces, const OutputOptions& options,
-                 PartialFile& file) {
+void write_index(std::span<const PieceFile> pieces, const MeshSource& mesh,
+                 const OutputOptions& options, PartialFile& file) {
   if (options.format == MeshFormat::kVtkHdf)
-    write_partitioned_vtkhdf(pieces, options, file);
+    write_partitioned_vtkhdf(pieces, options, name_fields(mesh, options, "/"), file);
   else
     write_pvtu(pieces, options, file);
 }
@@ -170,7 +171,7 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
     bytes = info_of(options.format).write(mesh, options, {&own, 1});
     piece->finish();
     if (!of_all || exchange.rank() != 0) return;
-    write_index(pieces, options, index.emplace(*of_all));
+    write_index(pieces, mesh, options, index.emplace(*of_all));
     index->finish();
   });
   piece->publish();

@@ -402,6 +402,14 @@ class Sheets(unittest.TestCase):
                 self.assertTrue((part == 0).all())
             self.expect_sides(parts[1].reshape(-1, 3), sheets[1])
             self.expect_crease_ids(parts[2].reshape(-1, 2), creases[2])
+            groups = {name: list(values) for name, values in arrays_of(grid.GetFieldData()).items()}
+            named = self.creases(lambda n: n.replace("/", "_") if "hdf" in name else n)
+            self.assertEqual({name: group for name, group in groups.items() if group[1] == 2},
+                             {name: [sheet + 1, 2] for sheet, name in enumerate(self.NAMES)})
+            self.assertEqual({name for name, group in groups.items() if group[1] == 1}, set(named))
+            for crease, sides in named.items():
+                self.expect_creases(parts[2].reshape(-1, 2)[creases[2] == groups[crease][0]],
+                                    sides)
             corners = arrays_of(grid.GetPointData())["corner"]
             np.testing.assert_array_equal(np.flatnonzero(corners), self.corners())
             np.testing.assert_array_equal(corners[parts[3]], np.arange(1, 9))
@@ -409,6 +417,8 @@ class Sheets(unittest.TestCase):
     def test_meshio_and_tetgen(self):
         mesh = meshio.read(self.export("box.vtu", "--boundary"))
         self.expect_sides(mesh.cells_dict["triangle"], mesh.cell_data_dict["sheet"]["triangle"])
+        for sheet, name in enumerate(self.NAMES):
+            np.testing.assert_array_equal(mesh.field_data[name], [sheet + 1, 2])
         faces = np.loadtxt(self.export("box.node", "--boundary").replace(".node", ".face"),
                            dtype=np.int64, skiprows=1)
         self.expect_sides(faces[:, 1:4] - 1, faces[:, 4])
