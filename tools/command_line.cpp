@@ -57,6 +57,14 @@ void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
 void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
 
+// A flag for a value that turns something off.
+void add_no_sharp(CLI::App& app, MeshOptions& options) {
+  app.add_flag_callback(
+         "--no-sharp", [&options] { options.sharp_angle = 0; },
+         "Keep no sharp edges, and part no sheets there: as --sharp-angle 0")
+      ->excludes(app.get_option("--sharp-angle"));
+}
+
 // Those of the table that have help.
 void add_options(CLI::App& app, MeshOptions& options, OptionGroup group) {
   for_each_given_option([&](const auto& option) {
@@ -211,6 +219,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->type_name("FILE")
       ->take_all();
   add_options(app, options, OptionGroup::kSurface);
+  add_no_sharp(app, options);
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,

@@ -784,9 +784,15 @@ TEST(Command, InfoListsTheSheets) {
   EXPECT_EQ(info["sheets"][4]["name"], "inlet");
   EXPECT_EQ(info["sheets"][4]["num_triangles"], 2);
   EXPECT_EQ(info["sheets"][4]["area"], 2.0);
-  const nlohmann::json cube = nlohmann::json::parse(
-      run_locvol({"info", make_cube(dir), "--sharp-angle", "100", "--json"}).out);
-  EXPECT_TRUE(cube["sheets"].empty());
+  const std::string cube = make_cube(dir);
+  const std::vector<std::vector<std::string>> without = {{"--sharp-angle", "100"}, {"--no-sharp"}};
+  for (const auto& options : without) {
+    std::vector<std::string> command = {"info", cube, "--json"};
+    command.insert(command.end(), options.begin(), options.end());
+    EXPECT_TRUE(nlohmann::json::parse(run_locvol(command).out)["sheets"].empty());
+  }
+  EXPECT_EQ(nlohmann::json::parse(run_locvol({"info", cube, "--json"}).out)["sheets"].size(), 6U);
+  EXPECT_EQ(run_locvol({"info", cube, "--no-sharp", "--sharp-angle", "30"}).exit_code, 2);
 }
 
 TEST(Command, FacesAreInAFileBesideTheMesh) {
