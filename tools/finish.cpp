@@ -7,7 +7,9 @@
 
 #include "engine/exchange/in_rank_order.h"
 #include "engine/exchange/one_rank.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/output/stored_mesh.h"
 #include "engine/plan/run_estimate.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/memory_budget.h"
@@ -174,6 +176,7 @@ std::vector<std::string> names_of(const std::filesystem::path& output,
 struct MeasuredMesh {
   std::optional<MemoryRecord> memory;
   std::optional<MeshStatistics> statistics;
+  std::optional<CreaseTable> creases;  // if the run keeps some
   std::optional<WriteSummary> written;
 };
 
@@ -198,8 +201,10 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
                                ProgressLine& line, Seconds& seconds) {
   Exchange& exchange = place.exchange;
   const Store store = open_to_read(place.own());
-  MeasuredMesh mesh{.memory = store.snapshot().memory(), .statistics = {}, .written = {}};
+  MeasuredMesh mesh;
+  mesh.memory = store.snapshot().memory();
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
+    if (keeps_creases(run.summary.run)) mesh.creases = crease_table(store, &stop, exchange);
     return mesh_statistics(store, run.num_writers, on_step, &stop, exchange);
   });
   if (!command.control.output.empty())
@@ -225,7 +230,7 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
 
 void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh& mesh,
                   const Seconds& seconds, const RunCommand& command) {
-  const auto& [memory, statistics, written] = mesh;
+  const auto& [memory, statistics, creases, written] = mesh;
   const OutputOptions& options = command.control.output_options;
   const std::filesystem::path output = name_of_output(command.control);
   if (command.is_json) {
@@ -233,13 +238,15 @@ void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh&
                  {"seconds", total(seconds)},
                  {"seconds_by_phase", by_phase_json(seconds)}};
     json.update(to_json(run));
+    if (creases) add_kept_creases(run.sheets, *creases, json);
     json["peak_resident_bytes"] = peak_resident_memory();
     if (memory) json["memory_cap_bytes"] = memory->cap;
     if (statistics) json["statistics"] = to_json(*statistics, run.run);
     if (written) json["written"] = written_json(output, options, *written);
     print_json(json);
   } else {
-    fmt::print("{}{}", summary_text(run), line_text("time", time_text(seconds)));
+    fmt::print("{}{}", summary_text(run, creases ? &*creases : nullptr),
+               line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
     if (written) fmt::print("{}", written_text(output, options, *written));
     if (statistics) fmt::print("{}", statistics_text(*statistics, run.run));

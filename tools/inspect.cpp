@@ -13,6 +13,7 @@
 
 #include "engine/exchange/merged_rows.h"
 #include "engine/inspect/crease_file.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/inspect/leaf_report.h"
 #include "engine/inspect/leaf_row_fields.h"
 #include "engine/inspect/leaf_scan.h"
@@ -354,12 +355,18 @@ std::uint64_t inspect_creases(const RunPart& part, const InspectCommand& command
     if (part.is_first()) print_written(command, "edges", num_edges, bytes, {});
     return 0;
   }
+  std::optional<CreaseTable> kept;
+  if (run.phase == Phase::kDone && !any(part.exchange, !part.store))
+    kept = crease_table(*part.store, nullptr, part.is_of_ranks() ? part.exchange : alone());
   if (!part.is_first() || !part.store) return 0;  // each knows all
   const SurfaceSheets sheets = part.store->snapshot().sheets();
-  if (command.is_json)
-    print_json({{"creases", creases_json(sheets)}, {"num_corners", sheets.num_corners}});
-  else
-    fmt::print("{}", crease_list_text(sheets, command.listing.limit));
+  if (!command.is_json) {
+    fmt::print("{}", crease_list_text(sheets, command.listing.limit, kept ? &*kept : nullptr));
+    return 0;
+  }
+  Json json = {{"creases", creases_json(sheets)}, {"num_corners", sheets.num_corners}};
+  if (kept) add_kept_creases(sheets, *kept, json);
+  print_json(json);
   return 0;
 }
 

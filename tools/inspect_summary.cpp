@@ -10,7 +10,9 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/inspect/mesh_statistics.h"
+#include "engine/output/stored_mesh.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/memory_budget.h"
@@ -67,6 +69,7 @@ struct InspectSummary {
   std::vector<DatabaseSize> databases;
   std::uint64_t file_bytes = 0;
   std::optional<MeshStatistics> statistics;  // of a finished run
+  std::optional<CreaseTable> creases;        // likewise, if it keeps some
   std::vector<Fault> faults;
 
   std::uint64_t bytes() const {
@@ -282,10 +285,13 @@ InspectSummary together(const RunPart& part, InspectSummary own) {
 
 // Nothing, if a record that it takes is damaged; then faults are of this rank.
 std::optional<MeshStatistics> measured(const RunPart& part, int num_threads,
+                                       std::optional<CreaseTable>& creases,
                                        std::vector<Fault>& faults) {
+  Exchange& exchange = part.is_of_ranks() ? part.exchange : alone();
   try {
-    return mesh_statistics(*part.store, num_threads, {}, nullptr,
-                           part.is_of_ranks() ? part.exchange : alone());
+    MeshStatistics statistics = mesh_statistics(*part.store, num_threads, {}, nullptr, exchange);
+    if (keeps_creases(run_of(*part.store))) creases = crease_table(*part.store, nullptr, exchange);
+    return statistics;
   } catch (const CorruptRecord& e) {
     faults.push_back({e.leaf(), e.what()});
   } catch (const ExchangeError&) {  // so it is on another rank
@@ -298,7 +304,7 @@ std::uint64_t measure(const RunPart& part, InspectSummary& all) {
   const auto num_here = static_cast<std::uint64_t>(num_ranks_here(part.exchange));
   const int num_threads = num_streaming_threads(0, free_memory() / 2 / num_here);
   std::vector<Fault> faults;
-  all.statistics = measured(part, num_threads, faults);
+  all.statistics = measured(part, num_threads, all.creases, faults);
   all.faults = gather_named(part, faults);
   if (!all.statistics || all.statistics->num_poor_cells == 0) return faults.size();
   all.first_poor_cells = first_poor_cells(*part.store, kMaxFirstSites, num_threads, part.exchange);
@@ -346,6 +352,7 @@ Json to_json(const RanksSummary& ranks) {
 Json to_json(const InspectSummary& summary) {
   Json json;
   if (summary.run) json = to_json(summary.totals());
+  if (summary.creases) add_kept_creases(summary.sheets, *summary.creases, json);
   if (summary.run) json["epoch"] = summary.run->epoch;
   json["writer"] = nullptr;
   if (summary.writer) json["writer"] = *summary.writer;
@@ -460,7 +467,7 @@ void print(const InspectSummary& summary) {
   if (summary.run) {
     const RunRecord& run = *summary.run;
     fmt::print("{}{}{}", facts_text(run.surface), parameters_text(run.parameters),
-               summary_text(summary.totals()));
+               summary_text(summary.totals(), summary.creases ? &*summary.creases : nullptr));
     fmt::print("{}{}", line_text("state", worker_text(summary)),
                line_text("epoch", fmt::to_string(run.epoch)));
   }

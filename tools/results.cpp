@@ -6,7 +6,10 @@
 #include <cmath>
 #include <concepts>
 #include <functional>
+#include <span>
 
+#include "engine/formats/sheet_names.h"
+#include "engine/output/stored_mesh.h"
 #include "engine/plan/option_table.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/shared/memory_budget.h"
@@ -377,27 +380,51 @@ std::string sheets_text(const SurfaceSheets& sheets) {
   return text;
 }
 
-std::string creases_text(const SurfaceSheets& sheets) {
+std::string kept_share_text(const CreaseTable& kept) {
+  if (kept.not_whole.empty()) return "100%";
+  return fmt::format("{:.4g}%",
+                     std::min(99.99, 100 * kept.kept_length() / std::max(kept.length, 1e-300)));
+}
+
+std::string creases_text(const SurfaceSheets& sheets, const CreaseTable* kept) {
   if (sheets.creases.empty() && sheets.num_corners == 0) return {};
   double length = 0;
   for (const CreaseFacts& crease : sheets.creases) length += crease.length;
-  return row("creases", "{} ({:.6g} long), {}", sheets.creases.size(), length,
-             plural(sheets.num_corners, "corner"));
+  std::string share;
+  if (kept != nullptr && kept->length > 0) share = ", " + kept_share_text(*kept) + " kept";
+  std::string text = row("creases", "{} ({:.6g} long{}), {}", sheets.creases.size(), length, share,
+                         plural(sheets.num_corners, "corner"));
+  if (kept == nullptr || kept->not_whole.empty()) return text;
+  constexpr std::size_t kMostNamed = 10;
+  const std::vector<std::string> names = crease_names(sheets);
+  std::vector<std::string> some;
+  for (const CreaseId crease :
+       std::span(kept->not_whole).first(std::min(kept->not_whole.size(), kMostNamed)))
+    some.push_back(names[crease - 1]);
+  return text + row("not whole", "{}: {}{}", plural(kept->not_whole.size(), "crease"),
+                    fmt::join(some, ", "), some.size() < kept->not_whole.size() ? ", ..." : "");
 }
 
-std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit) {
-  std::string text = "crease      edges       length  corners          sheets\n";
+std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit,
+                             const CreaseTable* kept) {
+  const bool is_known = kept != nullptr && kept->kept.size() == sheets.creases.size();
+  const std::vector<std::string> names = crease_names(sheets);
+  std::string text = fmt::format("crease      edges       length {}  corners          sheets\n",
+                                 is_known ? "        kept" : "");
   for (std::size_t c = 0; c < sheets.creases.size() && c < limit.value_or(c + 1); ++c) {
     const auto& [num_edges, length, corners, sides] = sheets.creases[c];
     const std::string ends =
         sheets.creases[c].is_closed() ? "-" : fmt::format("{} {}", corners[0], corners[1]);
-    text += fmt::format("{:>6} {:>10} {:>12.6g}  {:<15}  {} {}\n", c + 1, num_edges, length, ends,
-                        sides[0], sides[1]);
+    const std::string of_mesh = is_known ? fmt::format("{:>12.6g}", kept->kept[c].length) : "";
+    const std::string default_name = fmt::format("crease {}", c + 1);
+    text += fmt::format("{:>6} {:>10} {:>12.6g} {}  {:<15}  {} {}{}\n", c + 1, num_edges, length,
+                        of_mesh, ends, sides[0], sides[1],
+                        names[c] == default_name ? "" : "  " + names[c]);
   }
-  return text + creases_text(sheets);
+  return text + creases_text(sheets, kept);
 }
 
-std::string summary_text(const RunSummary& summary) {
+std::string summary_text(const RunSummary& summary, const CreaseTable* kept) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
          row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
              plural(summary.run.counts.num_points, "point")) +
@@ -407,7 +434,7 @@ std::string summary_text(const RunSummary& summary) {
          row("deletions", "{}", summary.run.counts.num_deletions) +
          row("moves", "{}", summary.run.counts.num_moves) +
          row("unresolved", "{}", plural(summary.run.counts.num_unresolved, "site")) +
-         sheets_text(summary.sheets) + creases_text(summary.sheets);
+         sheets_text(summary.sheets) + creases_text(summary.sheets, kept);
 }
 
 // Of all of a mesh.
@@ -468,12 +495,21 @@ std::string neighbors_text(const MeshStatistics& statistics) {
                      statistics.max_neighbor_ratio);
 }
 
+// The bound is not asked of cells whose shortest edge leads from sheet to sheet.
+std::string excused_cells_text(const MeshStatistics& statistics, const RunRecord& run) {
+  return fmt::format("{}, with radius-edge ratios of {:.4g} to {:.4g}, beside creases{}",
+                     statistics.num_above_ratio, run.parameters.radius_edge_bound,
+                     statistics.max_radius_edge_ratio,
+                     run.counts.num_unresolved > 0 ? " or unresolved sites" : "");
+}
+
 double num_uniform_cells(const RunRecord& run) {
   return estimated_num_cells(run.surface, run.parameters.size);
 }
 
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
   const double volume = run.surface.volume;
+  const bool is_excused = keeps_creases(run) && statistics.num_above_ratio > 0;
   return row("volume", "{:.6g}, {:+.2g}% of the input's {:.6g}", statistics.volume,
              100 * (statistics.volume - volume) / volume, volume) +
          row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
@@ -482,12 +518,15 @@ std::string statistics_text(const MeshStatistics& statistics, const RunRecord& r
               ? row("poor cells", "{}, with a dihedral angle below {}°", statistics.num_poor_cells,
                     statistics.min_dihedral_bound)
               : "") +
+         (is_excused ? row("slender cells", "{}", excused_cells_text(statistics, run)) : "") +
          (run.parameters.sizes().is_uniform() ? "" : size_statistics_text(statistics, run)) +
-         columns_text(
-             fmt::format("dihedral angles {:.2f}° to {:.2f}°", statistics.min_dihedral_degrees,
-                         statistics.max_dihedral_degrees),
-             fmt::format("radius-edge ratios, at most {:.4g}", statistics.max_radius_edge_ratio),
-             angle_lines(statistics.dihedral_angles), ratio_lines(statistics.radius_edge_ratios));
+         columns_text(fmt::format("dihedral angles {:.2f}° to {:.2f}°",
+                                  statistics.min_dihedral_degrees, statistics.max_dihedral_degrees),
+                      fmt::format("radius-edge ratios, at most {:.4g}",
+                                  is_excused ? statistics.max_bounded_ratio
+                                             : statistics.max_radius_edge_ratio),
+                      angle_lines(statistics.dihedral_angles),
+                      ratio_lines(statistics.radius_edge_ratios));
 }
 
 std::vector<std::string> notes_of(const RunEstimate& estimate) {
@@ -592,18 +631,35 @@ Json to_json(const SurfaceSheets& sheets) {
   return all;
 }
 
-Json creases_json(const SurfaceSheets& sheets) {
+Json creases_json(const SurfaceSheets& sheets, const CreaseTable* kept) {
+  const bool is_known = kept != nullptr && kept->kept.size() == sheets.creases.size();
+  const std::vector<std::string> names = crease_names(sheets);
   Json all = Json::array();
   for (const CreaseFacts& crease : sheets.creases) {
     Json corners = Json::array();
     if (!crease.is_closed()) corners = crease.corners;
-    all.push_back({{"id", all.size() + 1},
-                   {"num_edges", crease.num_edges},
-                   {"length", crease.length},
-                   {"corners", corners},
-                   {"sheets", crease.sheets}});
+    const std::size_t place = all.size();
+    Json json = {{"id", place + 1},
+                 {"name", names[place]},
+                 {"num_edges", crease.num_edges},
+                 {"length", crease.length}};
+    if (is_known) {
+      json["num_mesh_edges"] = kept->kept[place].num_edges;
+      json["kept_length"] = kept->kept[place].length;
+    }
+    json["corners"] = corners;
+    json["sheets"] = crease.sheets;
+    all.push_back(std::move(json));
   }
   return all;
+}
+
+void add_kept_creases(const SurfaceSheets& sheets, const CreaseTable& kept, Json& json) {
+  json["creases"] = creases_json(sheets, &kept);
+  json["crease_length"] = kept.length;
+  json["kept_crease_length"] = kept.kept_length();
+  json["creases_not_whole"] = kept.not_whole;
+  json["num_kept_corners"] = kept.num_corners;
 }
 
 Json to_json(const RunParameters& parameters) {
@@ -706,6 +762,8 @@ Json to_json(const MeshStatistics& statistics, const RunRecord& run) {
                {"min_dihedral_bound", statistics.min_dihedral_bound},
                {"num_poor_cells", statistics.num_poor_cells},
                {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
+               {"max_bounded_radius_edge_ratio", statistics.max_bounded_ratio},
+               {"num_above_radius_edge_ratio", statistics.num_above_ratio},
                {"max_circumradius", statistics.max_circumradius * run.parameters.size},
                {"max_circumradius_over_size", statistics.max_radius_over_size},
                {"dihedral_angles", to_json(statistics.dihedral_angles)},

@@ -13,6 +13,7 @@
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
 #include "engine/inspect/cell_mesh.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/size_report.h"
@@ -33,9 +34,17 @@ Json to_json(const Point& point);
 Json to_json(const Box& box);
 Json to_json(const SurfaceFacts& facts);
 Json to_json(const SurfaceSheets& sheets);  // an array
-Json creases_json(const SurfaceSheets& sheets);
+// `kept`: of a finished mesh; null: not known.
+Json creases_json(const SurfaceSheets& sheets, const CreaseTable* kept = nullptr);
+// "97.31%"; not 100% where something is lost.
+std::string kept_share_text(const CreaseTable& kept);
+// "7, with radius-edge ratios of 2 to 2.893, beside creases": of which the bound is not asked.
+std::string excused_cells_text(const MeshStatistics& statistics, const RunRecord& run);
+// Adds what a finished mesh keeps of creases to what is told of its run.
+void add_kept_creases(const SurfaceSheets& sheets, const CreaseTable& kept, Json& json);
 // A line for each, `limit` at most.
-std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit);
+std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uint64_t> limit,
+                             const CreaseTable* kept = nullptr);
 Json to_json(const RunParameters& parameters);
 Json to_json(const LeafInfo& info);
 Json to_json(const QueuePosition& position);  // color: null until the epoch opens
@@ -75,7 +84,7 @@ std::string line_text(std::string_view name, std::string_view value);  // of a t
 std::string facts_text(const SurfaceFacts& facts);
 std::string sheets_text(const SurfaceSheets& sheets);  // of the first ones
 std::string parameters_text(const RunParameters& parameters);
-std::string summary_text(const RunSummary& summary);
+std::string summary_text(const RunSummary& summary, const CreaseTable* kept = nullptr);
 std::string audit_text(const AuditReport& report);
 // The estimate of a run on so many threads; `least_memory`: the least cap that would do, in bytes.
 std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int num_threads,

@@ -216,11 +216,6 @@ struct AuditBounds {
   double crease_floor = 0;   // what of creases is shorter is not told apart
 };
 
-// Does the run keep the creases that its surface has?
-inline bool keeps_creases(const RunRecord& run) {
-  return run.has_creases && run.parameters.init == Initialization::kCover;
-}
-
 class AuditCreases;
 
 // Each cell by itself: orientation, circumball, shape, place.

@@ -164,11 +164,12 @@ MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b) {
   all.volume += b.volume;
   all.min_dihedral_degrees = std::min(a.min_dihedral_degrees, b.min_dihedral_degrees);
   all.num_poor_cells += b.num_poor_cells;
+  all.num_above_ratio += b.num_above_ratio;
   all.max_neighbor_ratio = 0;
   for (const auto most :
        {&MeshStatistics::max_dihedral_degrees, &MeshStatistics::min_dihedral_bound,
-        &MeshStatistics::max_radius_edge_ratio, &MeshStatistics::max_circumradius,
-        &MeshStatistics::max_radius_over_size})
+        &MeshStatistics::max_radius_edge_ratio, &MeshStatistics::max_bounded_ratio,
+        &MeshStatistics::max_circumradius, &MeshStatistics::max_radius_over_size})
     all.*most = std::max(a.*most, b.*most);
   for (const auto& [octave, num] : b.num_cells_by_octave) all.num_cells_by_octave[octave] += num;
   for (const auto histogram :
@@ -179,9 +180,10 @@ MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b) {
   return all;
 }
 
-CellGauge::CellGauge(double size, double min_dihedral, double core_size)
+CellGauge::CellGauge(double size, double min_dihedral, double core_size, double ratio_bound)
     : size_(size),
       core_size_(core_size > 0 ? core_size : size),
+      ratio_bound_(ratio_bound),
       poor_cosine_(min_dihedral > 0 ? cosine_of(min_dihedral * (1 - kAngleSlack))
                                     : std::numeric_limits<double>::infinity()) {
   counted_.min_dihedral_bound = min_dihedral;
@@ -236,6 +238,11 @@ void CellGauge::add_angles(const std::array<double, 6>& cosines) {
 }
 
 void CellGauge::add_radius(double radius, double ratio) {
+  constexpr double kRounding = 1 + 1e-9;
+  if (ratio > ratio_bound_ * kRounding)
+    ++counted_.num_above_ratio;
+  else
+    counted_.max_bounded_ratio = std::max(counted_.max_bounded_ratio, ratio);
   counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
   counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
   ++counted_.radius_edge_ratios.counts[ratio_bin(ratio, counted_.radius_edge_ratios.edges)];
@@ -268,6 +275,7 @@ void CellGauge::add_core(std::uint64_t num_cells) {
       num_cells;
   counted_.max_circumradius = std::max(counted_.max_circumradius, radius);
   counted_.max_radius_edge_ratio = std::max(counted_.max_radius_edge_ratio, ratio);
+  counted_.max_bounded_ratio = std::max(counted_.max_bounded_ratio, ratio);
   add_radius_over_size(radius, core_size_, num_cells);
   max_cosine_ = std::max(max_cosine_, 0.5);
   min_cosine_ = std::min(min_cosine_, 0.0);
@@ -289,6 +297,8 @@ void CellGauge::add(const CellGauge& other) {
   }
   to.max_circumradius = std::max(to.max_circumradius, from.max_circumradius);
   to.max_radius_edge_ratio = std::max(to.max_radius_edge_ratio, from.max_radius_edge_ratio);
+  to.max_bounded_ratio = std::max(to.max_bounded_ratio, from.max_bounded_ratio);
+  to.num_above_ratio += from.num_above_ratio;
   to.max_radius_over_size = std::max(to.max_radius_over_size, from.max_radius_over_size);
   for (const auto& [octave, num_cells] : from.num_cells_by_octave)
     to.num_cells_by_octave[octave] += num_cells;

@@ -31,6 +31,9 @@ struct MeshStatistics {
   double min_dihedral_bound = 0;     // what the run asks for, in degrees; 0: nothing
   std::uint64_t num_poor_cells = 0;  // with a dihedral angle below that
   double max_radius_edge_ratio = 0;
+  // Of cells up to the bound of C6, and how many are above it: beside creases these are excused.
+  double max_bounded_ratio = 0;
+  std::uint64_t num_above_ratio = 0;
   double max_circumradius = 0;      // over λ
   double max_radius_over_size = 0;  // circumradius over h at the circumcenter
   // Circumradii of two cells that share a facet, the larger over the smaller. 0: not asked for.
@@ -57,8 +60,9 @@ class CellGauge {
 
   // `size`: λ, in units of which cells are measured, so that nothing overflows. `min_dihedral`: in
   // degrees; cells with an angle below it, but for rounding, are poor. `core_size`: of the lattice
-  // core, if that is not λ.
-  explicit CellGauge(double size, double min_dihedral = 0, double core_size = 0);
+  // core, if that is not λ. `ratio_bound`: of radius-edge ratios.
+  explicit CellGauge(double size, double min_dihedral = 0, double core_size = 0,
+                     double ratio_bound = 2);
 
   using Radii = std::array<double, kAtOnce>;
 
@@ -80,7 +84,7 @@ class CellGauge {
   void add_radius(double radius, double ratio);
   void add_radius_over_size(double radius, double size, std::uint64_t num_cells = 1);
 
-  double size_, core_size_;
+  double size_, core_size_, ratio_bound_;
   double poor_cosine_;      // of an angle that is just good enough
   MeshStatistics counted_;  // but for what the members below tell
   CompensatedSum volume_;

@@ -1,7 +1,5 @@
 #include "engine/inspect/mesh_statistics.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -27,7 +25,6 @@
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/idle_pool.h"
 #include "engine/shared/lattice_of_run.h"
-#include "engine/shared/scratch_directory.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
 #include "octree/size_field.h"
@@ -46,6 +43,7 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("max_dihedral_degrees", s.max_dihedral_degrees),
       Field("min_dihedral_bound", s.min_dihedral_bound), Field("num_poor_cells", s.num_poor_cells),
       Field("max_radius_edge_ratio", s.max_radius_edge_ratio),
+      Field("max_bounded_ratio", s.max_bounded_ratio), Field("num_above_ratio", s.num_above_ratio),
       Field("max_circumradius", s.max_circumradius),
       Field("max_radius_over_size", s.max_radius_over_size),
       Field("max_neighbor_ratio", s.max_neighbor_ratio),
@@ -109,13 +107,8 @@ struct Measured {
 };
 
 CellGauge gauge_for(const RunRecord& run) {
-  return CellGauge(run.parameters.size, run.parameters.min_dihedral, core_size(run.parameters));
-}
-
-// In the store's directory, or if nothing may be written there in that for temporary files.
-std::filesystem::path name_for_lists(const Store& store) {
-  const bool is_writable = ::access(store.directory().c_str(), W_OK) == 0;
-  return (is_writable ? store.directory() : temporary_directory()) / "neighbors";
+  return CellGauge(run.parameters.size, run.parameters.min_dihedral, core_size(run.parameters),
+                   run.parameters.radius_edge_bound);
 }
 
 LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge) {
@@ -305,7 +298,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
                     .is_enough = false,
                     .windows = {}};
   const bool has_neighbors = !run.parameters.sizes().is_uniform() && !measured.on_poor;
-  if (has_neighbors) measured.neighbors.emplace(name_for_lists(store));
+  if (has_neighbors) measured.neighbors.emplace(place_for_lists(store));
   std::size_t leaf = 0;
   const auto next_piece = [&]() -> std::unique_ptr<Task> {
     throw_if_stopped(stop);

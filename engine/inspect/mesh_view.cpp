@@ -519,6 +519,7 @@ class Viewer {
     view_.sheets = reader_.sheets();
     read_leaves();
     read_sites();
+    read_creases();
     if (run_.phase == Phase::kDone) read_cells();
     if (!view_.has_all_cells()) read_surface();
     return std::move(view_);
@@ -555,6 +556,25 @@ class Viewer {
         view_.sites.push_back({site, place_of(octree_.leaves()[leaf], view_.leaves)});
       }
     }
+  }
+
+  // Each where its first end is.
+  void read_creases() {
+    if (view_.sheets.creases.empty() && view_.sheets.num_corners == 0) return;
+    for (std::size_t leaf = 0; leaf < is_own_.size(); ++leaf) {
+      if (!is_own_[leaf]) continue;
+      const MortonKey key = octree_.leaves()[leaf];
+      const LeafSurface surface = reader_.surface(key);
+      const Box box = run_.frame.box(key);
+      for (const CreaseEdge& edge : surface.creases)
+        if (is_in_leaf(box, edge.ends[0]) && view_.creases.size() < limits_.max_creases)
+          view_.creases.push_back(edge);
+      for (const CornerPoint& corner : surface.corners)
+        if (is_in_leaf(box, corner.position) && view_.corners.size() < limits_.max_creases)
+          view_.corners.push_back(corner);
+    }
+    view_.creases = first_of_ranks(exchange_, std::move(view_.creases), limits_.max_creases);
+    view_.corners = first_of_ranks(exchange_, std::move(view_.corners), limits_.max_creases);
   }
 
   void read_cells() {

@@ -13,6 +13,7 @@
 #include "engine/exchange/one_rank.h"
 #include "engine/inspect/leaf_scan.h"
 #include "engine/inspect/surface_thinner.h"
+#include "octree/crease.h"
 #include "octree/geometry.h"
 #include "storage/store.h"
 
@@ -25,6 +26,7 @@ struct ViewLimits {
   std::uint64_t max_triangles = 300'000;
   std::uint64_t max_leaves = 30'000;
   std::uint64_t max_sites = 5'000;
+  std::uint64_t max_creases = 50'000;  // edges of the surface, and corners
 };
 
 // A leaf, or a node that stands for the leaves below it if there are too many. Counts with the
@@ -72,6 +74,8 @@ struct MeshView {
   std::vector<ViewCells> cells;  // one with all cells; or by axis and position; none: see below
   ViewSurface surface;           // left out if all cells are there
   std::vector<ViewSite> sites;
+  std::vector<CreaseEdge> creases;  // of the surface
+  std::vector<CornerPoint> corners;
   SurfaceSheets sheets;
 
   bool has_all_cells() const { return cells.size() == 1 && cells[0].axis == ViewCells::kAll; }

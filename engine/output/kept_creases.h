@@ -29,11 +29,6 @@
 
 namespace locvol {
 
-// Does the run put points on the creases and corners that its surface has?
-inline bool keeps_creases(const RunRecord& run) {
-  return run.has_creases && run.parameters.init == Initialization::kCover;
-}
-
 // On a crease, or at a corner; what several facets have is of the first cell that has one of them.
 struct KeptEdge {
   std::array<std::uint64_t, 2> vertices{};  // the smaller one first

@@ -1,10 +1,13 @@
 #include "engine/output/stored_mesh.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <stdexcept>
 #include <string>
 
 #include "engine/shared/leaf_name.h"
+#include "engine/shared/scratch_directory.h"
 
 namespace locvol {
 namespace {
@@ -26,6 +29,11 @@ RunRecord finished_run(const Store& store, const Reader& reader) {
   if (run.phase != Phase::kDone)
     throw StoreError(name_of(store) + " holds an unfinished run: resume it first");
   return run;
+}
+
+std::filesystem::path place_for_lists(const Store& store) {
+  const bool is_writable = ::access(store.directory().c_str(), W_OK) == 0;
+  return (is_writable ? store.directory() : temporary_directory()) / "lists";
 }
 
 LinearOctree stored_octree(const Store& store, const Reader& reader) try {

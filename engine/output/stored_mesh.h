@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "octree/octree.h"
@@ -14,6 +15,13 @@ namespace locvol {
 // Throw StoreError if the store holds no run; finished_run() also if it is not done.
 RunRecord stored_run(const Store& store, const Reader& reader);
 RunRecord finished_run(const Store& store, const Reader& reader);
+// Does the run put points on the creases and corners that its surface has?
+inline bool keeps_creases(const RunRecord& run) {
+  return run.has_creases && run.parameters.init == Initialization::kCover;
+}
+// Beside which nameless files may lie: in the store's directory, or if nothing may be written there
+// in that for temporary files.
+std::filesystem::path place_for_lists(const Store& store);
 // Throws CorruptRecord unless the leaves cover the root.
 LinearOctree stored_octree(const Store& store, const Reader& reader);
 

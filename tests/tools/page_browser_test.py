@@ -139,6 +139,38 @@ class PageTest(unittest.TestCase):
                                  r"5 inlet\s+\d+ facets, area .*plane")
                 self.check_quiet()
 
+    def texts_along(self, fraction):
+        """What the pointer is told on its way across the view, at this part of its height."""
+        x, y, width = self.browser.run(f"""
+            const box = document.getElementById('canvas').getBoundingClientRect();
+            return [box.x, box.y + box.height * {fraction}, box.width]""")
+        texts = set()
+        for step in range(60):
+            self.browser.run(f"""
+                document.getElementById('canvas').dispatchEvent(new PointerEvent('pointermove', {{
+                    clientX: {x + width * step / 60}, clientY: {y}, bubbles: true}}));
+                return new Promise(done => requestAnimationFrame(
+                    () => requestAnimationFrame(() => done(true))));""")
+            texts.add(self.browser.run("return document.getElementById('picked').innerText"))
+        return texts
+
+    def test_draws_creases_and_names_the_one_under_the_pointer(self):
+        for page in ("sheets.html", "sheets-of-planes.html"):
+            with self.subTest(page):
+                self.open(page)
+                shown = self.picture("locvolReport.set({color: 'plain', isCut: false})")
+                self.assertNotEqual(shown, self.picture("locvolReport.set({creases: false})"))
+                self.assertEqual({text for text in self.texts_along(0.5) if "crease" in text}, set())
+                self.picture("locvolReport.set({creases: true})")
+                texts = [text for text in self.texts_along(0.5) if text.startswith("crease")]
+                self.assertGreater(len(texts), 0)
+                for text in texts:
+                    self.assertRegex(text, r"^crease \d+, [a-z <>]+/[a-z <>]+: length [123]\.0000")
+                self.check_quiet()
+        self.open("whole.html")  # a ball, which has none
+        self.assertEqual(self.browser.run(
+            "return document.getElementById('creases').parentElement.style.display"), "none")
+
     def test_shows_planes_of_a_large_mesh(self):
         self.open("planes.html")
         self.assertGreater(self.browser.run("return locvolReport.triangles().cut"), 100)

@@ -94,6 +94,60 @@ TEST(AuditText, SetsCreasesBesideThoseOfTheInput) {
   EXPECT_EQ(json["violations"]["lost_corners"], 0);
 }
 
+TEST(SummaryText, TellsHowMuchOfCreasesIsKept) {
+  RunSummary summary;
+  SheetFacts wall;
+  wall.name = wall.group = "wall";
+  summary.sheets.sheets = {wall};
+  summary.sheets.creases = {{.num_edges = 3, .length = 6}, {.num_edges = 1, .length = 2}};
+  summary.sheets.num_corners = 1;
+  EXPECT_NE(summary_text(summary).find("\ncreases          2 (8 long), 1 corner\n"),
+            std::string::npos);
+  CreaseTable kept;
+  kept.kept.resize(2);
+  kept.kept[0].length = 6;
+  kept.kept[1].length = 2;
+  kept.length = 8;
+  EXPECT_NE(
+      summary_text(summary, &kept).find("\ncreases          2 (8 long, 100% kept), 1 corner\n"),
+      std::string::npos);
+  kept.kept[1].length = 1;
+  kept.lost_length = 1;
+  kept.not_whole = {2};
+  const std::string text = summary_text(summary, &kept);
+  EXPECT_NE(text.find("\ncreases          2 (8 long, 87.5% kept), 1 corner\n"
+                      "not whole        1 crease: wall/wall_2\n"),
+            std::string::npos)
+      << text;
+  Json json;
+  add_kept_creases(summary.sheets, kept, json);
+  EXPECT_EQ(json["kept_crease_length"], 7);
+  EXPECT_EQ(json["creases_not_whole"], Json({2}));
+  EXPECT_EQ(json["creases"][1]["name"], "wall/wall_2");
+  EXPECT_EQ(json["creases"][1]["kept_length"], 1);
+  kept.lost_length = 1e-9;
+  EXPECT_EQ(kept_share_text(kept), "99.99%");
+}
+
+TEST(StatisticsText, SaysBesideTheBoundWhatIsExcusedFromIt) {
+  RunRecord run;
+  run.parameters.size = 1;
+  run.surface.volume = 1;
+  MeshStatistics statistics;
+  statistics.max_radius_edge_ratio = 2.9;
+  statistics.max_bounded_ratio = 1.9;
+  statistics.num_above_ratio = 2;
+  EXPECT_NE(statistics_text(statistics, run).find("radius-edge ratios, at most 2.9\n"),
+            std::string::npos);
+  run.has_creases = true;
+  const std::string text = statistics_text(statistics, run);
+  EXPECT_NE(text.find("radius-edge ratios, at most 1.9\n"), std::string::npos) << text;
+  EXPECT_NE(
+      text.find("\nslender cells    2, with radius-edge ratios of 2 to 2.9, beside creases\n"),
+      std::string::npos)
+      << text;
+}
+
 TEST(AuditText, NamesEveryViolation) {
   AuditReport report = valid_report();
   report.num_bad_boundary_edges = 2;

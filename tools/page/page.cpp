@@ -15,8 +15,10 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/sheet_table.h"
+#include "engine/output/stored_mesh.h"
 #include "engine/plan/option_table.h"
 #include "engine/ranks/counts_of_ranks.h"
 #include "engine/ranks/rank_store.h"
@@ -90,6 +92,7 @@ class Page {
         memory_(store.snapshot().memory()) {
     run_.counts = total_counts(exchange, run_.counts);
     if (is_done()) statistics_ = mesh_statistics(store, num_threads, {}, nullptr, exchange);
+    if (is_done() && keeps_creases(run_)) creases_ = crease_table(store, nullptr, exchange);
     view_ = mesh_view(store, limits, exchange);
     if (is_done() && !view_.sheets.sheets.empty())
       sheets_ = sheet_table(store, temporary_directory() / "page", nullptr, exchange);
@@ -236,6 +239,11 @@ class Page {
             "next.",
             grouped(run_.counts.num_cells), grouped(num_shown_cells()), view_.cells.size());
     }
+    std::uint64_t num_edges = 0;
+    for (const CreaseFacts& crease : view_.sheets.creases) num_edges += crease.num_edges;
+    if (view_.creases.size() < num_edges)
+      text += fmt::format(" Of the {} edges of creases, {} are drawn.", grouped(num_edges),
+                          grouped(view_.creases.size()));
     if (num_sites_ < run_.counts.num_unresolved)
       text += fmt::format(" The first {} unresolved sites are marked.", num_sites_);
     if (poor_cells_.size() < num_poor_cells())
@@ -363,6 +371,11 @@ class Page {
     Rows mesh = {{"tetrahedra", grouped(run_.counts.num_cells)},
                  {"vertices", grouped(run_.counts.num_points)},
                  {"unresolved", fmt::format("{} sites", grouped(run_.counts.num_unresolved))}};
+    if (creases_ && creases_->length > 0)
+      mesh.emplace_back("creases",
+                        fmt::format("{} ({:.6g} long), {} kept; {} corners",
+                                    grouped(creases_->kept.size()), creases_->length,
+                                    kept_share_text(*creases_), grouped(creases_->num_corners)));
     if (statistics_) {
       const MeshStatistics& m = *statistics_;
       mesh.emplace_back("of the lattice core",
@@ -375,8 +388,11 @@ class Page {
         mesh.emplace_back("poor cells",
                           fmt::format("{}, with a dihedral angle below {}°",
                                       grouped(m.num_poor_cells), run_.parameters.min_dihedral));
+      const bool is_excused = keeps_creases(run_) && m.num_above_ratio > 0;
       mesh.emplace_back("radius-edge ratio",
-                        fmt::format("at most {:.4f}", m.max_radius_edge_ratio));
+                        fmt::format("at most {:.4f}",
+                                    is_excused ? m.max_bounded_ratio : m.max_radius_edge_ratio));
+      if (is_excused) mesh.emplace_back("slender cells", excused_cells_text(m, run_));
       mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
       if (has_sizes()) add_sizes(mesh);
     }
@@ -493,6 +509,7 @@ class Page {
   std::optional<MemoryRecord> memory_;
   std::optional<MeshStatistics> statistics_;
   std::optional<SheetTable> sheets_;
+  std::optional<CreaseTable> creases_;
   MeshView view_;
   std::size_t num_sites_ = 0;             // unresolved ones in view_.sites; poor cells follow
   std::vector<LeafPoorCell> poor_cells_;  // as many as are marked

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <utility>
 
+#include "engine/formats/sheet_names.h"
 #include "tools/arguments.h"
 
 namespace locvol {
@@ -74,6 +75,7 @@ class ViewWriter {
     json["sites"] = sites(view.sites);
     has_sheets_ = view.sheets.sheets.size() > 1;
     if (has_sheets_) json["sheets"] = sheets(view.sheets);
+    if (!view.creases.empty() || !view.corners.empty()) json["creases"] = creases(view);
     json["cells"] = Json::array();
     const bool has_all = view.has_all_cells();
     for (ViewCells& set : view.cells) json["cells"].push_back(cells(std::exchange(set, {})));
@@ -114,6 +116,28 @@ class ViewWriter {
       json["name"].push_back(sheet.name);
       json["area"].push_back(sheet.area);
     }
+    return json;
+  }
+
+  // Edges two vertices after two, and corners after them.
+  Json creases(const MeshView& view) {
+    std::vector<Point> vertices;
+    std::vector<std::uint32_t> ids;
+    for (const CreaseEdge& edge : view.creases) {
+      vertices.insert(vertices.end(), edge.ends.begin(), edge.ends.end());
+      ids.push_back(edge.crease);
+    }
+    for (const CornerPoint& corner : view.corners) {
+      vertices.push_back(corner.position);
+      ids.push_back(corner.corner);
+    }
+    Json json = {{"num_vertices", vertices.size()},
+                 {"num_edges", view.creases.size()},
+                 {"vertices", array(packed_positions(vertices, grid_))},
+                 {"ids", array(bytes_of(ids))},
+                 {"name", crease_names(view.sheets)},
+                 {"length", Json::array()}};
+    for (const CreaseFacts& crease : view.sheets.creases) json["length"].push_back(crease.length);
     return json;
   }
 

@@ -257,11 +257,12 @@
   const $ = id => document.getElementById(id);
   const state = {
     axis: view.best_axis, offset: 0.5, isCut: true, isFlipped: false, isFlat: false,
-    azimuth: 30, elevation: 20, color: view.default_color, edges: true, boxes: false, sites: true,
+    azimuth: 30, elevation: 20, color: view.default_color, edges: true, boxes: false,
+    sites: true, creases: true,
     up: 'z',
   };
   const initial = {...state};
-  let renderer, scene, camera, controls, uniforms, shell, cut, cap, boxes, sites, lookup;
+  let renderer, scene, camera, controls, uniforms, shell, cut, cap, boxes, sites, creases, lookup;
   let sets = [], whole = null, surface = null;
   const extent = view.extent.map(e => e || 1);  // in steps
   const middle = extent.map(e => e / 2);
@@ -625,6 +626,93 @@
     scene.add(sites);
   }
 
+  // What is sharp on the surface: lines, which are drawn a little before it, and corners.
+  async function buildCreases() {
+    if (!view.creases) return;
+    const {num_edges: count, num_vertices: all} = view.creases;
+    const at = Float32Array.from(await positionsOf(view.creases));
+    const ids = await sheetsOf(view.creases.ids);
+    const before = program => {
+      program.vertexShader = program.vertexShader.replace(
+        '#include <project_vertex>',
+        '#include <project_vertex>\ngl_Position.z -= 4e-4 * gl_Position.w;');
+    };
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.BufferAttribute(at, 3));
+    const lines = new THREE.LineSegments(
+      geometry, new THREE.LineBasicMaterial({color: '#101418', onBeforeCompile: before}));
+    const ends = new THREE.BufferGeometry();
+    ends.setAttribute('position', new THREE.BufferAttribute(at, 3));
+    const points = new THREE.Points(ends, new THREE.PointsMaterial(
+      {color: '#101418', size: 5 * renderer.getPixelRatio(), sizeAttenuation: false,
+       onBeforeCompile: before}));
+    creases = new THREE.Group();
+    for (const part of [lines, points]) {
+      part.frustumCulled = false;
+      part.renderOrder = 4;
+      place(part);
+      creases.add(part);
+    }
+    creases.userData = {at, ids, count, lines, points, numCorners: all - 2 * count};
+    scene.add(creases);
+  }
+
+  // Those on the kept side.
+  function showCreases(isKept) {
+    creases.visible = state.creases;
+    const {at, count, lines, points, numCorners} = creases.userData, edges = [], corners = [];
+    const vertex = i => [at[3 * i], at[3 * i + 1], at[3 * i + 2]];
+    for (let e = 0; e < count; ++e) {
+      const [a, b] = [vertex(2 * e), vertex(2 * e + 1)];
+      if (isKept(a.map((v, i) => (v + b[i]) / 2))) edges.push(2 * e, 2 * e + 1);
+    }
+    for (let i = 2 * count; i < 2 * count + numCorners; ++i)
+      if (isKept(vertex(i))) corners.push(i);
+    lines.geometry.setIndex(edges);
+    points.geometry.setIndex(corners);
+  }
+
+  // The crease under the pointer, or the corner: within a few pixels, and before the model.
+  function creaseAt(event) {
+    if (!creases || !state.creases) return null;
+    const {at, ids, count, lines, points} = creases.userData;
+    const ray = rayAt(event), length = Math.sqrt(dot(ray.along, ray.along));
+    const along = ray.along.map(v => v / length);
+    const pixel = 2 * Math.tan(camera.fov * Math.PI / 360) / renderer.domElement.clientHeight;
+    const vertex = i => [at[3 * i], at[3 * i + 1], at[3 * i + 2]];
+    let best = null;
+    const offer = (p, found) => {
+      const way = minus(p, ray.from), depth = dot(way, along);
+      if (depth <= 0) return;
+      const off = Math.sqrt(Math.max(0, dot(way, way) - depth * depth)) / (pixel * depth);
+      if (off < found.reach && (!best || off + found.handicap < best.off))
+        best = {...found, depth, off: off + found.handicap};
+    };
+    const edges = lines.geometry.index ? lines.geometry.index.array : [];
+    for (let k = 0; k < edges.length; k += 2) {
+      const a = vertex(edges[k]), u = minus(vertex(edges[k + 1]), a), s = minus(ray.from, a);
+      // The place of the segment that is closest to the ray.
+      const uu = dot(u, u), uv = dot(u, along), det = uu - uv * uv;
+      const t = det > 1e-12 * uu ? (dot(s, u) - dot(s, along) * uv) / det : 0;
+      const part = Math.min(1, Math.max(0, t));
+      offer(a.map((v, i) => v + part * u[i]),
+            {crease: ids[edges[k] / 2], reach: 6, handicap: 3});
+    }
+    const corners = points.geometry.index ? points.geometry.index.array : [];
+    for (const i of corners) offer(vertex(i), {corner: ids[i - count], reach: 7, handicap: 0});
+    if (!best) return null;
+    const at3 = plane(), sign = state.isFlipped ? -1 : 1;
+    const [hit] = crossings(ray, p => !state.isCut || sign * (dot(at3.n, p) - at3.d) <= 0);
+    return hit && hit.distance * length < best.depth - 8 * pixel * best.depth ? null : best;
+  }
+
+  function creaseText(found) {
+    if (found.corner) return `corner ${found.corner}`;
+    const name = view.creases.name[found.crease - 1], plain = `crease ${found.crease}`;
+    return `${plain}${name === plain ? '' : `, ${name}`}: ` +
+      `length ${view.creases.length[found.crease - 1].toPrecision(6)}`;
+  }
+
   // -- Drawing -----------------------------------------------------------------------------------
 
   let isDrawn = false;
@@ -662,6 +750,7 @@
     }
     buildBoxes();
     if (sites) sites.visible = state.sites;
+    if (creases) showCreases(p => !state.isCut || sign * (dot(at.n, p) - at.d) <= 0);
     uniforms.hasEdges.value = state.edges;
     showWhere(at, num, stored);
     redraw();
@@ -774,7 +863,12 @@
   }
 
   function tell(event) {
-    const found = pick(event), box = $('picked');
+    const found = pick(event), box = $('picked'), crease = creaseAt(event);
+    if (crease) {
+      box.hidden = false;
+      box.textContent = creaseText(crease);
+      return;
+    }
     box.hidden = !found || found.leaf < 0;
     if (box.hidden) return;
     const {leaf, cell, cells, sheet} = found;
@@ -848,7 +942,7 @@
     });
     $('free').hidden = state.axis !== 3;
     for (const id of ['offset', 'azimuth', 'elevation', 'color', 'up']) $(id).value = state[id];
-    for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites'])
+    for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites', 'creases'])
       $(id).checked = state[id];
     showStations();
   }
@@ -910,7 +1004,7 @@
     const actions = {
       r: reset, c: () => set({isCut: !state.isCut}), f: () => set({isFlat: !state.isFlat}),
       e: () => set({edges: !state.edges}), b: () => set({boxes: !state.boxes}),
-      s: () => set({sites: !state.sites}), v: cutFromView,
+      s: () => set({sites: !state.sites}), k: () => set({creases: !state.creases}), v: cutFromView,
       u: () => set({up: AXES[(AXES.indexOf(state.up) + 1) % 3]}),
       x: () => set({axis: 0}), y: () => set({axis: 1}), z: () => set({axis: 2}),
       1: () => lookAlong(0, 1), 2: () => lookAlong(1, -1), 3: () => lookAlong(2, 1),
@@ -928,7 +1022,7 @@
     for (const id of ['offset', 'azimuth', 'elevation'])
       $(id).addEventListener('input', () => set({[id]: +$(id).value}));
     for (const id of ['color', 'up']) $(id).addEventListener('change', () => set({[id]: $(id).value}));
-    for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites'])
+    for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites', 'creases'])
       $(id).addEventListener('change', () => set({[id]: $(id).checked}));
     $('reset').addEventListener('click', reset);
     $('fromView').addEventListener('click', cutFromView);
@@ -936,13 +1030,14 @@
     $('after').addEventListener('click', () => jump(1));
     document.addEventListener('keydown', press);
     let down = null, isWaiting = false;
-    // Sheets tell their names as the pointer moves over them.
+    // Sheets and creases tell their names as the pointer moves over them.
     renderer.domElement.addEventListener('pointermove', event => {
-      if (!COLORS[state.color].sheet || event.buttons || isWaiting) return;
+      const hasSheets = COLORS[state.color].sheet, hasCreases = creases && state.creases;
+      if (!(hasSheets || hasCreases) || event.buttons || isWaiting) return;
       isWaiting = true;
       requestAnimationFrame(() => {
         isWaiting = false;
-        tell(event);
+        if (hasSheets || creaseAt(event)) tell(event);
       });
     });
     renderer.domElement.addEventListener('pointerdown', event => { down = event; });
@@ -991,6 +1086,8 @@
     if (isCapped()) buildCap();
     beginAtCells();
     buildSites();
+    await buildCreases();
+    if (!creases) $('creases').parentElement.style.display = 'none';
     offerColors();
     standUp();
     resize();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "engine/formats/output_estimate.h"
 #include "engine/formats/sheet_names.h"
 #include "engine/formats/writer.h"
+#include "engine/inspect/crease_table.h"
 #include "engine/output/mesh_source.h"
 #include "engine/output/vertex_positions.h"
 #include "tests/cube_off.h"
@@ -38,6 +40,17 @@ std::optional<int> edge_of_cube(const Point& p, const Point& q) {
       return 4 * axis + 2 * static_cast<int>(p[u]) + static_cast<int>(p[v]);
   }
   return std::nullopt;
+}
+
+Point place_of(MeshSource& mesh, std::uint64_t vertex) {
+  const auto next = mesh.pieces({.has_points = true});
+  while (const auto piece = next())
+    if (vertex < piece->first_vertex + piece->points.size()) {
+      const auto& [x, y, z] = piece->points[vertex - piece->first_vertex];
+      return {x, y, z};
+    }
+  ADD_FAILURE() << "no vertex " << vertex;
+  return {};
 }
 
 // With small leaves, so that edges of the mesh lead from leaf to leaf.
@@ -188,6 +201,57 @@ TEST_F(CreasesOfACube, AreNotToldWithoutTheBoundary) {
   write_mesh(*store_, *dir_ / "cells.vtu", {.format = MeshFormat::kVtu}, 1);
   const VtuArrays vtu(*dir_ / "cells.vtu");
   EXPECT_THROW(vtu.array<std::uint32_t>("UInt32", "crease"), std::runtime_error);
+}
+
+// Without the cells, which are not looked through.
+TEST_F(CreasesOfACube, AreAllKept) {
+  const CreaseTable table = crease_table(*store_);
+  ASSERT_EQ(table.kept.size(), 12U);
+  MeshSource mesh(*store_, *dir_ / "mesh", 1);
+  for (std::size_t c = 0; c < 12; ++c) {
+    EXPECT_NEAR(table.kept[c].length, 1, 1e-12);
+    EXPECT_EQ(table.kept[c].num_edges, mesh.creases().kept()[c].num_edges);
+  }
+  EXPECT_EQ(table.num_corners, 8U);
+  EXPECT_NEAR(table.length, 12, 1e-12);
+  EXPECT_EQ(table.kept_length(), table.length);
+  EXPECT_TRUE(table.not_whole.empty());
+}
+
+// Two facets are gone from the records, and with them an edge.
+TEST_F(CreasesOfACube, AreNotWholeWhereTheMeshHasNoEdge) {
+  const TempDir dir;
+  std::filesystem::copy(store_->directory(), dir / "store");
+  {
+    Store store = Store::open(dir / "store");
+    MeshSource mesh(*store_, *dir_ / "mesh", 1);
+    const KeptEdge lost = mesh.creases().edges()()->edges.at(20);
+    const Point a = place_of(mesh, lost.vertices[0]), b = place_of(mesh, lost.vertices[1]);
+    const Snapshot snapshot = store.snapshot();
+    std::map<std::uint64_t, Point> places;
+    for (const MortonKey leaf : snapshot.leaf_keys())
+      for (const MeshPoint& p : snapshot.points(leaf).points) places[p.id] = p.position;
+    Batch batch = store.begin();
+    int num_lost = 0;
+    for (const MortonKey leaf : snapshot.leaf_keys()) {
+      LeafFacets facets = snapshot.facets(leaf);
+      const auto has = [&](const MeshFacet& facet, const Point& p) {
+        return std::ranges::any_of(facet.vertices, [&](std::uint32_t v) {
+          const auto place = places.find(facets.vertices[v]);
+          return place != places.end() && place->second == p;
+        });
+      };
+      num_lost += static_cast<int>(
+          std::erase_if(facets.facets, [&](const MeshFacet& f) { return has(f, a) && has(f, b); }));
+      batch.put_facets(leaf, facets);
+    }
+    EXPECT_EQ(num_lost, 2);
+    batch.commit();
+  }
+  const CreaseTable table = crease_table(Store::open(dir / "store", {.read_only = true}));
+  EXPECT_EQ(table.not_whole.size(), 1U);
+  EXPECT_GT(table.lost_length, 0.04);
+  EXPECT_LT(table.lost_length, 0.12);
 }
 
 TEST_F(CreasesOfACube, FilesTakeWhatIsEstimated) {

@@ -72,7 +72,8 @@ void count_over_size(double radius, double size, MeshStatistics& all) {
   ++all.num_cells_by_octave[std::ilogb(size)];
 }
 
-MeshStatistics by_brute_force(const std::vector<CellCorners>& cells, double size) {
+MeshStatistics by_brute_force(const std::vector<CellCorners>& cells, double size,
+                              double bound = 2) {
   MeshStatistics all;
   for (const CellCorners& c : cells) {
     const auto angles = angles_of(c);
@@ -84,6 +85,10 @@ MeshStatistics by_brute_force(const std::vector<CellCorners>& cells, double size
     all.min_dihedral_degrees = std::min(all.min_dihedral_degrees, least);
     all.max_dihedral_degrees = std::max(all.max_dihedral_degrees, most);
     all.max_radius_edge_ratio = std::max(all.max_radius_edge_ratio, quality.radius_edge_ratio);
+    if (quality.radius_edge_ratio > bound)
+      ++all.num_above_ratio;
+    else
+      all.max_bounded_ratio = std::max(all.max_bounded_ratio, quality.radius_edge_ratio);
     all.max_circumradius = std::max(all.max_circumradius, quality.circumradius / size);
     count_over_size(quality.circumradius, size, all);
     all.volume += dot(c[1] - c[0], cross(c[2] - c[0], c[3] - c[0])) / 6;
@@ -107,6 +112,8 @@ void expect_same(const MeshStatistics& found, const MeshStatistics& expected) {
   EXPECT_NEAR(found.min_dihedral_degrees, expected.min_dihedral_degrees, 1e-3);
   EXPECT_NEAR(found.max_dihedral_degrees, expected.max_dihedral_degrees, 1e-3);
   EXPECT_NEAR(found.max_radius_edge_ratio, expected.max_radius_edge_ratio, 1e-4);
+  EXPECT_NEAR(found.max_bounded_ratio, expected.max_bounded_ratio, 1e-4);
+  EXPECT_EQ(found.num_above_ratio, expected.num_above_ratio);
   EXPECT_NEAR(found.max_circumradius, expected.max_circumradius, 1e-4);
   EXPECT_NEAR(found.max_radius_over_size, expected.max_radius_over_size, 1e-4);
 }
@@ -208,7 +215,7 @@ TEST(MeshStatistics, DoNotDependOnTheOctree) {
     for (const LinearOctree& octree : octrees()) {
       const TempDir dir;
       expect_same(mesh_statistics(HandMadeStore(mesh, octree).write(dir / "store")),
-                  by_brute_force(cells, mesh.size));
+                  by_brute_force(cells, mesh.size, mesh.radius_edge_bound));
     }
   }
 }
