@@ -302,30 +302,50 @@ Sheet::Form public_form(SheetForm form) {
       return Sheet::Form::kCylinder;
     case SheetForm::kSphere:
       return Sheet::Form::kSphere;
+    case SheetForm::kCone:
+      return Sheet::Form::kCone;
+    case SheetForm::kTorus:
+      return Sheet::Form::kTorus;
     case SheetForm::kOther:
       break;
   }
   return Sheet::Form::kOther;
 }
 
+Sheet public_sheet(std::size_t place, const SheetFacts& surface) {
+  Sheet sheet;
+  sheet.id = static_cast<std::uint32_t>(place + 1);
+  sheet.name = surface.name;
+  sheet.group = surface.group;
+  sheet.num_triangles = surface.num_triangles;
+  sheet.surface_area = surface.area;
+  sheet.centroid = coordinates(surface.centroid);
+  sheet.box_min = coordinates(surface.box.min);
+  sheet.box_max = coordinates(surface.box.max);
+  return sheet;
+}
+
+std::vector<Sheet> public_sheets(const SurfaceSheets& of_surface) {
+  std::vector<Sheet> sheets;
+  for (const SheetFacts& facts : of_surface.sheets)
+    sheets.push_back(public_sheet(sheets.size(), facts));
+  return sheets;
+}
+
 std::vector<Sheet> public_sheets(const SheetTable& table) {
   std::vector<Sheet> sheets;
-  for (const auto& [surface, behind, before, num_facets, facet_area, shape] : table.rows)
-    sheets.push_back({.id = static_cast<std::uint32_t>(sheets.size() + 1),
-                      .name = surface.name,
-                      .group = surface.group,
-                      .num_facets = num_facets,
-                      .area = facet_area,
-                      .num_triangles = surface.num_triangles,
-                      .surface_area = surface.area,
-                      .centroid = coordinates(surface.centroid),
-                      .box_min = coordinates(surface.box.min),
-                      .box_max = coordinates(surface.box.max),
-                      .form = public_form(shape.form),
-                      .direction = coordinates(shape.direction),
-                      .center = coordinates(shape.place),
-                      .radius = shape.radius,
-                      .is_hollow = shape.is_hollow});
+  for (const auto& [surface, behind, before, num_facets, facet_area, shape] : table.rows) {
+    Sheet& sheet = sheets.emplace_back(public_sheet(sheets.size(), surface));
+    sheet.num_facets = num_facets;
+    sheet.area = facet_area;
+    sheet.form = public_form(shape.form);
+    sheet.direction = coordinates(shape.direction);
+    sheet.center = coordinates(shape.place);
+    sheet.radius = shape.radius;
+    sheet.tube_radius = shape.tube_radius;
+    sheet.half_angle = shape.half_angle;
+    sheet.is_hollow = shape.is_hollow;
+  }
   return sheets;
 }
 
@@ -597,7 +617,8 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
 }
 
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
-                         const std::filesystem::path& scratch, const std::optional<Size>& weld) {
+                         const std::filesystem::path& scratch, const std::optional<Size>& weld,
+                         double sharp_angle) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -608,12 +629,14 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
-    const SurfaceFacts facts = survey_surface(SurfaceAccess::source(surface, directory, thrown),
-                                              directory, watch, workers, {.weld = weld})
-                                   .facts;
+    const auto [facts, sheets, digest] =
+        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
+                       {.weld = weld, .sharp_angle = sharp_angle});
     if (run.on_note)
       for (const std::string& note : facts.notes) run.on_note(note);
-    return info_of(facts);
+    SurfaceInfo info = info_of(facts);
+    info.sheets = public_sheets(sheets);
+    return info;
   });
 }
 

@@ -142,6 +142,38 @@ struct Control {
   std::function<void(const std::string&)> on_note = {};
 };
 
+/// A part of the surface, and of the mesh's boundary, that conditions can be given for: what hangs
+/// together of a named group, or of all where there are none, up to edges where the surface turns
+/// by more than Options::sharp_angle.
+struct Sheet {
+  /// What it is exactly, to 10^-5 of the diagonal of the surface's box.
+  enum class Form {
+    kOther,     ///< None of these.
+    kPlane,     ///< With a normal, which points outward.
+    kCylinder,  ///< With an axis and a radius.
+    kSphere,    ///< With a center and a radius.
+    kCone,      ///< With an axis from its tip, which is the center, and an angle.
+    kTorus      ///< With an axis, a center and two radii.
+  };
+  std::uint32_t id = 0;             ///< From 1 on: its place in Mesh::sheets(), plus one.
+  std::string name = {};            ///< That of its group, which ends in _1, _2, ... of several.
+  std::string group = {};           ///< As the surface calls it; empty: it has no name there.
+  std::uint64_t num_facets = 0;     ///< Of the mesh's boundary.
+  double area = 0;                  ///< Of these.
+  std::uint64_t num_triangles = 0;  ///< Of the surface.
+  double surface_area = 0;          ///< Of these.
+  Coordinates centroid = {};        ///< Likewise.
+  Coordinates box_min = {};         ///< Likewise, the smallest coordinates.
+  Coordinates box_max = {};         ///< Likewise, the largest coordinates.
+  Form form = Form::kOther;         ///< Likewise.
+  Coordinates direction = {};       ///< Of a plane its normal, of others their axis.
+  Coordinates center = {};          ///< Of a cylinder a point of its axis, of a cone its tip.
+  double radius = 0;                ///< Of a torus, of the circle in the middle of its tube.
+  double tube_radius = 0;           ///< Of a torus.
+  double half_angle = 0;            ///< Of a cone, between axis and surface, in radians.
+  bool is_hollow = false;           ///< Likewise: the surface faces the axis or the center.
+};
+
 /// What is known of a surface without a run.
 struct SurfaceInfo {
   std::uint64_t num_triangles = 0;        ///< Repaired.
@@ -168,6 +200,9 @@ struct SurfaceInfo {
   /// mesh takes many cells.
   std::vector<Facing> facing = {};
   std::uint64_t num_facing_places = 0;  ///< With those that face nothing. 0: nothing is known.
+  /// Those that a run with default_size would have, and with the angle that was given; none, if the
+  /// surface is one without a name. Of facets nothing is known, and no form was looked for.
+  std::vector<Sheet> sheets = {};
 };
 
 /// What a run will take, told before it by laws that were fitted to runs of many models.
@@ -295,34 +330,6 @@ struct BoundaryChunk {
   std::span<const std::array<std::uint64_t, 3>> nodes = {};
 };
 
-/// A part of the surface, and of the mesh's boundary, that conditions can be given for: what hangs
-/// together of a named group, or of all where there are none, up to edges where the surface turns
-/// by more than Options::sharp_angle.
-struct Sheet {
-  /// What it is exactly, to 10^-5 of the diagonal of the surface's box.
-  enum class Form {
-    kOther,     ///< None of these.
-    kPlane,     ///< With a normal, which points outward.
-    kCylinder,  ///< With an axis and a radius.
-    kSphere     ///< With a center and a radius.
-  };
-  std::uint32_t id = 0;             ///< From 1 on: its place in Mesh::sheets(), plus one.
-  std::string name = {};            ///< That of its group, which ends in _1, _2, ... of several.
-  std::string group = {};           ///< As the surface calls it; empty: it has no name there.
-  std::uint64_t num_facets = 0;     ///< Of the mesh's boundary.
-  double area = 0;                  ///< Of these.
-  std::uint64_t num_triangles = 0;  ///< Of the surface.
-  double surface_area = 0;          ///< Of these.
-  Coordinates centroid = {};        ///< Likewise.
-  Coordinates box_min = {};         ///< Likewise, the smallest coordinates.
-  Coordinates box_max = {};         ///< Likewise, the largest coordinates.
-  Form form = Form::kOther;         ///< Likewise.
-  Coordinates direction = {};       ///< Of a plane its normal, of a cylinder its axis.
-  Coordinates center = {};          ///< Of a sphere; of a cylinder, a point of its axis.
-  double radius = 0;                ///< Of a cylinder or a sphere.
-  bool is_hollow = false;           ///< Likewise: the surface faces the axis or the center.
-};
-
 /// A run's result. It reads from the store, and holds no part of the mesh in memory.
 /// Threads: used by one at a time, and not from within a function that it calls.
 class Mesh {
@@ -386,10 +393,11 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control = {})
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`: see Options. Throws Error.
+/// `weld`, `sharp_angle`: see Options. Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
-                         const std::optional<Size>& weld = {});
+                         const std::optional<Size>& weld = {},
+                         double sharp_angle = Options().sharp_angle);
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

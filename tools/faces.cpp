@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numbers>
 #include <span>
 #include <string_view>
 
@@ -10,6 +11,8 @@
 
 namespace locvol {
 namespace {
+
+double degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
 Json shape_json(const SheetShape& shape) {
   switch (shape.form) {
@@ -27,6 +30,21 @@ Json shape_json(const SheetShape& shape) {
       return {{"kind", "sphere"},
               {"center", to_json(shape.place)},
               {"radius", shape.radius},
+              {"is_hollow", shape.is_hollow},
+              {"deviation", shape.deviation}};
+    case SheetForm::kCone:
+      return {{"kind", "cone"},
+              {"axis", to_json(shape.direction)},
+              {"tip", to_json(shape.place)},
+              {"half_angle_degrees", degrees(shape.half_angle)},
+              {"is_hollow", shape.is_hollow},
+              {"deviation", shape.deviation}};
+    case SheetForm::kTorus:
+      return {{"kind", "torus"},
+              {"axis", to_json(shape.direction)},
+              {"center", to_json(shape.place)},
+              {"radius", shape.radius},
+              {"tube_radius", shape.tube_radius},
               {"is_hollow", shape.is_hollow},
               {"deviation", shape.deviation}};
     case SheetForm::kOther:
@@ -51,6 +69,13 @@ std::string shape_text(const SheetShape& shape) {
     case SheetForm::kSphere:
       return fmt::format(", {} of radius {:.6g}", shape.is_hollow ? "hollow sphere" : "sphere",
                          shape.radius);
+    case SheetForm::kCone:
+      return fmt::format(", {} of {:.6g}° around its axis",
+                         shape.is_hollow ? "hollow cone" : "cone", degrees(shape.half_angle));
+    case SheetForm::kTorus:
+      return fmt::format(", {} of radius {:.6g}, its tube {:.6g}",
+                         shape.is_hollow ? "hollow torus" : "torus", shape.radius,
+                         shape.tube_radius);
     case SheetForm::kOther:
       break;
   }

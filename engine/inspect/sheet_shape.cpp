@@ -1,92 +1,73 @@
 #include "engine/inspect/sheet_shape.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
 #include <utility>
 
+#include "engine/inspect/shape_algebra.h"
+#include "engine/inspect/shape_fit.h"
+
 namespace locvol {
 namespace {
 
-using Matrix3 = std::array<std::array<double, 3>, 3>;
-
-Point normalized(const Point& v) {
-  const double length = norm(v);
-  return length > 0 ? (1 / length) * v : Point{};
-}
-
-// The eigenvector of the smallest eigenvalue of a symmetric matrix, by Jacobi's rotations.
-Point least_axis(Matrix3 a) {
-  Matrix3 axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // columns
-  for (int sweep = 0; sweep < 30; ++sweep)
-    for (const auto& [p, q] : {std::pair<std::size_t, std::size_t>{0, 1}, {0, 2}, {1, 2}}) {
-      if (a[p][q] == 0) continue;
-      const double theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
-      const double t = std::copysign(1 / (std::abs(theta) + std::hypot(theta, 1)), theta);
-      const double c = 1 / std::hypot(t, 1), s = t * c;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double of_p = a[k][p], of_q = a[k][q];
-        a[k][p] = c * of_p - s * of_q;
-        a[k][q] = s * of_p + c * of_q;
-      }
-      for (std::size_t k = 0; k < 3; ++k) {
-        const double of_p = a[p][k], of_q = a[q][k];
-        a[p][k] = c * of_p - s * of_q;
-        a[q][k] = s * of_p + c * of_q;
-        const double axis_p = axes[k][p], axis_q = axes[k][q];
-        axes[k][p] = c * axis_p - s * axis_q;
-        axes[k][q] = s * axis_p + c * axis_q;
-      }
-    }
-  std::size_t least = 0;
-  for (std::size_t k = 1; k < 3; ++k)
-    if (a[k][k] < a[least][least]) least = k;
-  return normalized({axes[0][least], axes[1][least], axes[2][least]});
-}
-
-// Solves n linear equations, each with its right side last; nothing if they tell no one solution.
-template <std::size_t n>
-std::optional<std::array<double, n>> solved(std::array<std::array<double, n + 1>, n> rows) {
-  constexpr double kSingular = 1e-13;
-  double largest = 0;
-  for (const auto& row : rows)
-    for (std::size_t k = 0; k < n; ++k) largest = std::max(largest, std::abs(row[k]));
-  for (std::size_t k = 0; k < n; ++k) {
-    const auto pivot = std::ranges::max_element(
-        rows.begin() + static_cast<std::ptrdiff_t>(k), rows.end(), {},
-        [&](const std::array<double, n + 1>& row) { return std::abs(row[k]); });
-    if (!(std::abs((*pivot)[k]) > kSingular * largest)) return std::nullopt;
-    std::swap(rows[k], *pivot);
-    for (std::size_t other = 0; other < n; ++other) {
-      if (other == k) continue;
-      const double factor = rows[other][k] / rows[k][k];
-      for (std::size_t j = k; j <= n; ++j) rows[other][j] -= factor * rows[k][j];
-    }
-  }
-  std::array<double, n> solution;
-  for (std::size_t k = 0; k < n; ++k) solution[k] = rows[k][n] / rows[k][k];
-  return solution;
-}
-
-// Two unit vectors across it.
-std::pair<Point, Point> axes_across(const Point& axis) {
-  const double x = std::abs(axis.x), y = std::abs(axis.y), z = std::abs(axis.z);
-  const Point other = x <= y && x <= z ? Point{1, 0, 0} : y <= z ? Point{0, 1, 0} : Point{0, 0, 1};
-  const Point u = normalized(cross(axis, other));
-  return {u, cross(axis, u)};
-}
-
-// From the axis or the center to a place.
+// From the axis, the center, or the circle in the middle of the tube, to a place.
 Point out_of(const SheetShape& shape, const Point& place) {
   const Point from = place - shape.place;
-  return shape.form == SheetForm::kSphere ? from
-                                          : from - dot(from, shape.direction) * shape.direction;
+  if (shape.form == SheetForm::kSphere) return from;
+  const Point across = from - dot(from, shape.direction) * shape.direction;
+  return shape.form == SheetForm::kTorus ? from - shape.radius * normalized(across) : across;
+}
+
+// How far a place is from it. `out`: out_of() there
+double off_shape(const SheetShape& shape, const Point& place, const Point& out) {
+  switch (shape.form) {
+    case SheetForm::kPlane:
+      return dot(place - shape.place, shape.direction);
+    case SheetForm::kCone: {
+      const double along = dot(place - shape.place, shape.direction);
+      return std::cos(shape.half_angle) * norm(out) - std::sin(shape.half_angle) * along;
+    }
+    case SheetForm::kTorus:
+      return norm(out) - shape.tube_radius;
+    default:
+      return norm(out) - shape.radius;
+  }
+}
+
+// By which samples are chosen: it has nothing to do with where a corner is.
+std::uint64_t mixed_bits(const Point& p) {
+  std::uint64_t bits = 0;
+  for (const double c : {p.x, p.y, p.z}) {
+    bits += std::bit_cast<std::uint64_t>(c == 0 ? 0.0 : c) + 0x9e3779b97f4a7c15;
+    bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9;
+    bits = (bits ^ (bits >> 27)) * 0x94d049bb133111eb;
+    bits ^= bits >> 31;
+  }
+  return bits;
 }
 
 }  // namespace
 
+void ShapeSums::add_sample(const Point& corner) {
+  const std::uint64_t bits = mixed_bits(corner);
+  if (samples_.size() == kMostSamples && bits >= samples_.back().first) return;
+  const auto place = std::ranges::lower_bound(samples_, std::pair(bits, corner));
+  if (place != samples_.end() && place->second == corner) return;
+  samples_.emplace(place, bits, corner);
+  if (samples_.size() > kMostSamples) samples_.pop_back();
+}
+
+std::vector<Point> ShapeSums::samples() const {
+  std::vector<Point> samples;
+  for (const auto& [bits, corner] : samples_) samples.push_back(corner);
+  return samples;
+}
+
 void ShapeSums::add(const std::array<Point, 3>& corners) {
+  for (const Point& corner : corners) add_sample(corner);
   std::array<Point, 3> p;
   std::ranges::transform(corners, p.begin(), [&](const Point& c) { return c - origin_; });
   const Point area_vector = 0.5 * cross(p[1] - p[0], p[2] - p[0]);
@@ -156,9 +137,9 @@ SheetShape ShapeSums::plane() const {
 // The axis is across all normals. Seen along it, x² + y² + d x + e y + f is 0 on the circle.
 std::optional<SheetShape> ShapeSums::cylinder() const {
   const Point squares = vector(kNormals), mixed = vector(kNormals + 3);
-  const Point axis = least_axis({{{squares.x, mixed.x, mixed.z},
-                                  {mixed.x, squares.y, mixed.y},
-                                  {mixed.z, mixed.y, squares.z}}});
+  const Point axis = axes_of({{{squares.x, mixed.x, mixed.z},
+                               {mixed.x, squares.y, mixed.y},
+                               {mixed.z, mixed.y, squares.z}}})[0];
   const auto [u, v] = axes_across(axis);
   const Point first = vector(kFirst);
   const double of_u = dot(first, u), of_v = dot(first, v);
@@ -202,11 +183,53 @@ std::optional<SheetShape> ShapeSums::sphere() const {
                     .radius = std::sqrt(squared)};
 }
 
-ShapeCheck::ShapeCheck(const ShapeSums& sums) : flatness_(sums.flatness()) {
+// Normals of a cone make one angle with its axis, so that they vary least along it.
+std::array<Point, 3> ShapeSums::axes_of_normals() const {
+  const double w = area() > 0 ? 1 / area() : 0;
+  const Point mean = area_vector(), squares = vector(kNormals), mixed = vector(kNormals + 3);
+  const double xy = mixed.x - w * mean.x * mean.y, yz = mixed.y - w * mean.y * mean.z,
+               zx = mixed.z - w * mean.z * mean.x;
+  return axes_of({{{squares.x - w * mean.x * mean.x, xy, zx},
+                   {xy, squares.y - w * mean.y * mean.y, yz},
+                   {zx, yz, squares.z - w * mean.z * mean.z}}});
+}
+
+std::optional<SheetShape> ShapeSums::cone(double tolerance) const {
+  const auto cone = fitted_cone(samples(), axes_of_normals(), tolerance);
+  if (!cone) return std::nullopt;
+  return SheetShape{.form = SheetForm::kCone,
+                    .place = cone->tip,
+                    .direction = cone->axis,
+                    .half_angle = cone->half_angle};
+}
+
+std::optional<SheetShape> ShapeSums::torus(double tolerance) const {
+  const auto torus = fitted_torus(samples(), axes_of_normals(), tolerance);
+  if (!torus) return std::nullopt;
+  return SheetShape{.form = SheetForm::kTorus,
+                    .place = torus->center,
+                    .direction = torus->axis,
+                    .radius = torus->radius,
+                    .tube_radius = torus->tube_radius};
+}
+
+ShapeCheck::ShapeCheck(const ShapeSums& sums, double tolerance) : flatness_(sums.flatness()) {
   constexpr double kLeastOfPlane = 0.9;  // of what is closed, the normal is rounding
   if (flatness_ > kLeastOfPlane) candidates_[0].shape = sums.plane();
   candidates_[1].shape = sums.cylinder().value_or(SheetShape{});
   candidates_[2].shape = sums.sphere().value_or(SheetShape{});
+  // To look for them takes 25 ms where there are none. A tip and a circle are on a sphere, too.
+  const std::vector<Point> samples = sums.samples();
+  const auto has_all = [&](const Candidate& candidate) {
+    const SheetShape& shape = candidate.shape;
+    return shape.form != SheetForm::kOther && std::ranges::all_of(samples, [&](const Point& p) {
+             return std::abs(off_shape(shape, p, out_of(shape, p))) <= tolerance;
+           });
+  };
+  if (has_all(candidates_[0]) || has_all(candidates_[1])) return;
+  candidates_[3].shape = sums.cone(tolerance).value_or(SheetShape{});
+  if (candidates_[3].shape.form == SheetForm::kOther)
+    candidates_[4].shape = sums.torus(tolerance).value_or(SheetShape{});
 }
 
 void ShapeCheck::add(const std::array<Point, 3>& corners) {
@@ -218,10 +241,7 @@ void ShapeCheck::add(const std::array<Point, 3>& corners) {
     std::ranges::transform(corners, out.begin(),
                            [&](const Point& corner) { return out_of(shape, corner); });
     for (std::size_t k = 0; k < 3; ++k) {
-      const double off = shape.form == SheetForm::kPlane
-                             ? dot(corners[k] - shape.place, shape.direction)
-                             : norm(out[k]) - shape.radius;
-      shape.deviation = std::max(shape.deviation, std::abs(off));
+      shape.deviation = std::max(shape.deviation, std::abs(off_shape(shape, corners[k], out[k])));
       const Point& other = out[(k + 1) % 3];
       candidate.most_turn =
           std::max(candidate.most_turn, std::atan2(norm(cross(out[k], other)), dot(out[k], other)));
@@ -238,12 +258,14 @@ SheetShape ShapeCheck::shape(double tolerance) const {
     SheetShape shape = candidate.shape;
     if (shape.form == SheetForm::kOther || !(shape.deviation <= tolerance)) continue;
     if (shape.form == SheetForm::kPlane) return shape;
+    shape.is_hollow = candidate.facing < 0;
+    // Fitted to more corners than any shape can be bent to.
+    if (shape.form == SheetForm::kCone || shape.form == SheetForm::kTorus) return shape;
     const double half = 0.5 * kLeastTriangles * candidate.most_turn;
     if (half >= std::numbers::pi) continue;
     const double most =
         shape.form == SheetForm::kCylinder ? std::sin(half) / half : 0.5 * (1 + std::cos(half));
     if (!(flatness_ <= most)) continue;
-    shape.is_hollow = candidate.facing < 0;
     return shape;
   }
   return {};

@@ -1,11 +1,13 @@
-// What shape a sheet of the surface has: a plane, a cylinder or a sphere, or none of these. It is
-// fitted to sums over the sheet's triangles, and checked at all of their corners.
+// What shape a sheet of the surface has: a plane, a cylinder, a sphere, a cone or a torus, or none
+// of these. It is fitted to sums over the sheet's triangles, or to some of their corners, and
+// checked at all of these.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/shared/compensated_sum.h"
@@ -13,15 +15,18 @@
 
 namespace locvol {
 
-enum class SheetForm : std::uint8_t { kOther, kPlane, kCylinder, kSphere };
+enum class SheetForm : std::uint8_t { kOther, kPlane, kCylinder, kSphere, kCone, kTorus };
 
 struct SheetShape {
   SheetForm form = SheetForm::kOther;
-  Point place;             // the sheet's centroid, a point of the axis, or the center
-  Point direction;         // of a plane its normal, outward; of a cylinder its axis
-  double radius = 0;       // of a cylinder or a sphere
-  bool is_hollow = false;  // likewise: the surface faces the axis or the center
-  double deviation = 0;    // of the corner that is farthest from it
+  Point place;             // the sheet's centroid, a point of the axis, the center, or the tip
+  Point direction;         // of a plane its normal, outward; else the axis, of a cone from its tip
+  double radius = 0;       // of a cylinder or a sphere; of the circle in the middle of a tube
+  double tube_radius = 0;  // of a torus
+  double half_angle = 0;   // of a cone, in radians
+  bool is_hollow =
+      false;             // of what is round: the surface faces the axis, the center, or the circle
+  double deviation = 0;  // of the corner that is farthest from it
 };
 
 // Moments of a sheet's triangles, from which shapes are fitted. Sums of parts of a sheet, in any
@@ -43,6 +48,14 @@ class ShapeSums {
   SheetShape plane() const;
   std::optional<SheetShape> cylinder() const;
   std::optional<SheetShape> sphere() const;
+  // Of all samples, as close as the tolerance.
+  std::optional<SheetShape> cone(double tolerance) const;
+  std::optional<SheetShape> torus(double tolerance) const;
+
+  // Some of the corners, the same in whatever order they come: no two alike.
+  std::vector<Point> samples() const;
+  void add_sample(const Point& corner);
+  static constexpr std::size_t kMostSamples = 48;
 
   // For another rank.
   std::span<const CompensatedSum> sums() const { return sums_; }
@@ -65,26 +78,30 @@ class ShapeSums {
   Point vector(std::size_t at) const { return {value(at), value(at + 1), value(at + 2)}; }
   double second(const Point& a, const Point& b) const;
   double third(const Point& a, const Point& b, const Point& c) const;
+  // Along which normals vary least, more, and most.
+  std::array<Point, 3> axes_of_normals() const;
 
   Point origin_;
   std::vector<CompensatedSum> sums_;
+  std::vector<std::pair<std::uint64_t, Point>> samples_;  // those of the smallest numbers
 };
 
 // Looks at the same triangles again, for how far they are from the shapes that were fitted to them.
 class ShapeCheck {
  public:
-  explicit ShapeCheck(const ShapeSums& sums);
+  // `tolerance`: as for shape()
+  ShapeCheck(const ShapeSums& sums, double tolerance);
 
   void add(const std::array<Point, 3>& corners);
-  // The first of plane, cylinder and sphere whose corners are all within the tolerance. A cylinder
-  // or a sphere is none that less than three triangles span: through few places there is one
-  // always.
+  // The first of plane, cylinder, sphere, cone and torus whose corners are all within the
+  // tolerance. A cylinder or a sphere is none that less than three triangles span: through few
+  // places there is one always.
   SheetShape shape(double tolerance) const;
 
   // For another rank: what add() has found.
   std::vector<double> found() const;
   void add_found(std::span<const double> found);
-  static constexpr std::size_t kNumFound = 9;
+  static constexpr std::size_t kNumFound = 15;
 
  private:
   struct Candidate {
@@ -93,7 +110,7 @@ class ShapeCheck {
     double most_turn = 0;  // of the shape's normal between two corners of a triangle
   };
 
-  std::array<Candidate, 3> candidates_;
+  std::array<Candidate, 5> candidates_;
   double flatness_;
 };
 

@@ -56,8 +56,7 @@ class TableMaker {
     const std::vector<ShapeSums> sums = measured();
     const std::vector<ShapeCheck> checks = checked(sums);
     const std::vector<FacetSums> facets = facets_measured(output);
-    const Box& box = run_.surface.box;
-    SheetTable table{{}, kShapeTolerance * norm(box.max - box.min)};
+    SheetTable table{{}, tolerance()};
     for (std::size_t s = 0; s < sums.size(); ++s) {
       SheetRow row{sheets_.sheets[s],    facets[s].behind,       facets[s].before,
                    facets[s].num_facets, facets[s].area.value(), checks[s].shape(table.tolerance)};
@@ -81,6 +80,11 @@ class TableMaker {
     });
   }
 
+  double tolerance() const {
+    const Box& box = run_.surface.box;
+    return kShapeTolerance * norm(box.max - box.min);
+  }
+
   std::size_t place_of(SheetId sheet) const {
     if (sheet == 0 || sheet > sheets_.sheets.size())
       throw StoreError("the store is damaged: a triangle or facet is of a sheet that is not known");
@@ -102,11 +106,20 @@ class TableMaker {
       for (std::size_t s = 0; s < all.size(); ++s)
         all[s].add(std::span(values).subspan(ShapeSums::kNumSums * s, ShapeSums::kNumSums));
     }
+    std::vector<std::vector<Point>> samples;
+    for (const ShapeSums& sums : own) samples.push_back(sums.samples());
+    for (const std::string& of_rank : exchange_.gather(pack(samples))) {
+      const auto theirs = unpack<std::vector<std::vector<Point>>>(of_rank);
+      for (std::size_t s = 0; s < all.size(); ++s)
+        for (const Point& corner : theirs.at(s)) all[s].add_sample(corner);
+    }
     return all;
   }
 
   std::vector<ShapeCheck> checked(const std::vector<ShapeSums>& sums) {
-    std::vector<ShapeCheck> own(sums.begin(), sums.end()), all = own;
+    std::vector<ShapeCheck> own;
+    for (const ShapeSums& of_sheet : sums) own.emplace_back(of_sheet, tolerance());
+    std::vector<ShapeCheck> all = own;
     do_on_all(exchange_, [&] {
       for_each_own_triangle(
           [&](std::size_t place, const Triangle& t) { own[place].add(t.corners); });

@@ -31,8 +31,8 @@ struct SheetTable {
 // the surface's box.
 inline constexpr double kShapeTolerance = 1e-5;
 
-// Streams over the surface twice and over the mesh's facets, on one thread. Memory: a kilobyte a
-// sheet, what VertexNumbering takes, and 8 MB for points. `output`: a temporary file lies beside
+// Streams over the surface twice and over the mesh's facets, on one thread. Memory: three kilobytes
+// a sheet, what VertexNumbering takes, and 8 MB for points. `output`: a temporary file lies beside
 // it. Throws StoreError unless the store holds a finished run; CorruptRecord, std::system_error,
 // Stopped.
 // `exchange`: of the ranks that have the mesh together, which all call it and get the same.

@@ -622,6 +622,19 @@ TEST(Library, GroupsOfASurfaceAreSheetsOfTheMesh) {
   }
   EXPECT_EQ(found,
             (std::vector<std::string>{"below", "wall_1", "wall_2", "wall_3", "inlet", "outlet"}));
+  // They are known without a run, but for what is of the mesh.
+  const SurfaceInfo info = surface_info(Surface::arrays(vertices, triangles, groups, names));
+  ASSERT_EQ(info.sheets.size(), sheets.size());
+  for (std::size_t s = 0; s < sheets.size(); ++s) {
+    EXPECT_EQ(info.sheets[s].id, sheets[s].id);
+    EXPECT_EQ(info.sheets[s].name, sheets[s].name);
+    EXPECT_EQ(info.sheets[s].group, sheets[s].group);
+    EXPECT_EQ(info.sheets[s].surface_area, sheets[s].surface_area);
+    EXPECT_EQ(info.sheets[s].num_facets, 0u);
+  }
+  EXPECT_EQ(surface_info(Surface::arrays(vertices, triangles, groups, names), {}, {}, {}, 0)
+                .sheets.size(),
+            4u);
   EXPECT_EQ(sheets[4].direction, (Coordinates{-1, 0, 0}));
   EXPECT_EQ(sheets[4].centroid, (Coordinates{0, 1, 0.5}));
   EXPECT_GT(sheets[4].num_facets, 4 * sheets[5].num_facets);

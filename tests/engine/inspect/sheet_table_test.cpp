@@ -27,7 +27,7 @@ using Triangle3 = std::array<Point, 3>;
 SheetShape shape_of(const std::vector<Triangle3>& triangles, double tolerance = 1e-5) {
   ShapeSums sums(triangles.front()[0]);
   for (const Triangle3& t : triangles) sums.add(t);
-  ShapeCheck check(sums);
+  ShapeCheck check(sums, tolerance);
   for (const Triangle3& t : triangles) check.add(t);
   return check.shape(tolerance);
 }
@@ -96,24 +96,82 @@ TEST(SheetShape, ASphereHasACenter) {
   }
 }
 
+// Between two circles, in steps that differ, or up to the tip.
+TEST(SheetShape, AConeHasATipAndAnAngle) {
+  for (const double from : {0.0, 1.0})
+    for (const double angle : {0.7 * kPi, 2 * kPi})
+      for (const bool is_hollow : {false, true}) {
+        if (from == 0 && angle < kPi) continue;  // one circle and a point: too little to be sure
+        const double turn = is_hollow ? -angle : angle;
+        const SheetShape shape = shape_of(patch(16, 1, [&](double u, double v) {
+          const double around = turn * (u + 0.02 * std::sin(7 * u)), z = from + (3 - from) * v;
+          return moved({0.5 * z * std::cos(around), 0.5 * z * std::sin(around), -z});
+        }));
+        ASSERT_EQ(shape.form, SheetForm::kCone) << from << " " << angle;
+        EXPECT_NEAR(shape.half_angle, std::atan(0.5), 1e-5);
+        expect_near(shape.direction, -1.0 * kUp, 1e-4);
+        expect_near(shape.place, moved({0, 0, 0}), 1e-4);
+        EXPECT_EQ(shape.is_hollow, !is_hollow);
+      }
+}
+
+// All of it, a fillet around a hole, and the bend of a pipe.
+TEST(SheetShape, ATorusHasTwoRadii) {
+  struct Part {
+    double first, last, first_of_tube, last_of_tube;
+  };
+  for (const auto& [first, last, first_of_tube, last_of_tube] :
+       {Part{0, 2 * kPi, 0, 2 * kPi}, Part{0, 2 * kPi, kPi, 1.5 * kPi},
+        Part{0, 0.5 * kPi, 0, 2 * kPi}})
+    for (const bool is_hollow : {false, true}) {
+      const SheetShape shape = shape_of(patch(24, 8, [&](double u, double v) {
+        const double t = is_hollow ? 1 - v : v, around = first + u * (last - first),
+                     tube = first_of_tube + t * (last_of_tube - first_of_tube);
+        const double r = 3 + std::cos(tube);
+        return moved({r * std::cos(around), r * std::sin(around), std::sin(tube)});
+      }));
+      ASSERT_EQ(shape.form, SheetForm::kTorus) << last << " " << last_of_tube;
+      EXPECT_NEAR(shape.radius, 3, 1e-4);
+      EXPECT_NEAR(shape.tube_radius, 1, 1e-4);
+      EXPECT_NEAR(std::abs(dot(shape.direction, kUp)), 1, 1e-6);
+      expect_near(shape.place, moved({0, 0, 0}), 1e-4);
+      EXPECT_EQ(shape.is_hollow, is_hollow);
+    }
+}
+
+// In whatever order triangles come, and in parts.
+TEST(SheetShape, SamplesAreTheSameInAnyOrder) {
+  std::vector<Triangle3> triangles = patch(20, 20, [](double u, double v) {
+    return moved({std::cos(u), std::sin(u), v});
+  });
+  ShapeSums all, first, rest;
+  for (const Triangle3& t : triangles) all.add(t);
+  std::ranges::reverse(triangles);
+  for (std::size_t t = 0; t < triangles.size(); ++t) (t % 3 == 0 ? first : rest).add(triangles[t]);
+  for (const Point& corner : rest.samples()) first.add_sample(corner);
+  EXPECT_EQ(all.samples().size(), ShapeSums::kMostSamples);
+  EXPECT_EQ(first.samples(), all.samples());
+}
+
 TEST(SheetShape, WhatIsNoneOfTheseIsTold) {
   const auto form = [](int n, const std::function<Point(double, double)>& at) {
     return shape_of(patch(n, 4, at)).form;
   };
-  // A cone, a torus, a cylinder with a dent.
-  EXPECT_EQ(
-      form(20,
-           [](double u, double v) {
-             return Point{(1 + v) * std::cos(2 * kPi * u), (1 + v) * std::sin(2 * kPi * u), v};
-           }),
-      SheetForm::kOther);
+  // A cup, a ring that is an ellipse across, a saddle, a cylinder with a dent.
+  EXPECT_EQ(form(20,
+                 [](double u, double v) {
+                   const double r = 1 + v * v;
+                   return Point{r * std::cos(2 * kPi * u), r * std::sin(2 * kPi * u), v};
+                 }),
+            SheetForm::kOther);
   EXPECT_EQ(form(20,
                  [](double u, double v) {
                    const double r = 3 + std::cos(2 * kPi * v);
                    return Point{r * std::cos(2 * kPi * u), r * std::sin(2 * kPi * u),
-                                std::sin(2 * kPi * v)};
+                                1.2 * std::sin(2 * kPi * v)};
                  }),
             SheetForm::kOther);
+  EXPECT_EQ(form(20, [](double u, double v) { return Point{u, v, u * v}; }), SheetForm::kOther);
   EXPECT_EQ(form(20,
                  [](double u, double v) {
                    const double r = u == 0.5 && v == 0.5 ? 0.999 : 1;
