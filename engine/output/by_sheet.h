@@ -1,4 +1,5 @@
-// BySheet keeps records of sheets in a nameless file, those of each sheet one after another.
+// BySheet keeps records of sheets, or of creases, in a nameless file, those of each sheet one after
+// another.
 #pragma once
 
 #include <cstdint>
@@ -26,11 +27,14 @@ class BySheet {
  public:
   // `neighbor`: beside which the file is to be.
   BySheet(const std::filesystem::path& neighbor, std::size_t num_sheets)
-      : file_(OpenFile::temporary(neighbor)), waiting_(neighbor), first_(num_sheets + 1) {}
+      : file_(OpenFile::temporary(neighbor)),
+        waiting_(neighbor.has_parent_path() ? neighbor.parent_path() : "."),
+        first_(num_sheets + 1) {}
 
   void append(SheetId sheet, const Record& record) {
     if (sheet == 0 || sheet >= first_.size())
-      throw StoreError("the store is damaged: a boundary facet is of a sheet that is not known");
+      throw StoreError(
+          "the store is damaged: what the boundary has is of a sheet or crease that is not known");
     ++first_[sheet];
     waiting_->append({sheet, waiting_->size(), record});
   }

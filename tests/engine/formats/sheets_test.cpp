@@ -119,6 +119,21 @@ TEST_F(SheetsOfABox, FacetsAndVerticesComeSheetBySheet) {
   }
 }
 
+// More records than memory holds wait in a file beside the output, which is not there yet.
+TEST(BySheet, SortsMoreThanMemoryHolds) {
+  const TempDir dir;
+  BySheet<std::uint64_t> sorted(dir / "mesh.msh", 3);
+  constexpr std::uint64_t kNum = 1'000'000;
+  for (std::uint64_t i = 0; i < kNum; ++i) sorted.append(static_cast<SheetId>(i % 3 + 1), i);
+  sorted.finish(alone());
+  for (SheetId sheet = 1; sheet <= 3; ++sheet) {
+    const std::uint64_t num = sorted.num_own(sheet);
+    EXPECT_EQ(num, (kNum + 3 - sheet) / 3);
+    const std::vector<std::uint64_t> all = sorted.read(sheet, 0, num);
+    for (std::uint64_t i = 0; i < num; ++i) ASSERT_EQ(all[i], 3 * i + sheet - 1);
+  }
+}
+
 TEST_F(SheetsOfABox, TextOfStlHasASolidEach) {
   written(MeshFormat::kStlText, "box.stl");
   std::map<std::string, int> expected;
