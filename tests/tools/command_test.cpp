@@ -216,7 +216,7 @@ TEST(Command, AMeshTooLargeForItsFormatIsRefusedBeforeTheRun) {
                        size, "--leaf-capacity", "1G", "-q"});
   };
   // 18 billion cells, 53 million boundary triangles.
-  expect_limit(mesh_as("msh2", "0.0005"), "2147483647 tetrahedra and boundary triangles",
+  expect_limit(mesh_as("msh2", "0.0005"), "2147483647 tetrahedra, boundary triangles, edges",
                "vtu, vtkhdf or msh");
   expect_limit(mesh_as("tetgen", "0.0008"), "2147483647 tetrahedra", "vtu, vtkhdf or msh");
   expect_limit(mesh_as("abaqus", "0.0008"), "999999999 elements", "vtu, vtkhdf or msh");

@@ -306,7 +306,7 @@ class FileOfRanks : public MeshOfRanks {
                  exchange.rank() == stopped_rank ? stop : nullptr, exchange);
     });
   }
-  void expect_blocks_of_one_process() const;
+  void expect_blocks_of_one_process(int order) const;
 };
 
 // A cube, whose leaves have few points.
@@ -319,9 +319,10 @@ class CreasedFileOfRanks : public FileOfRanks {
   }
 };
 
-void FileOfRanks::expect_blocks_of_one_process() const {
+void FileOfRanks::expect_blocks_of_one_process(int order) const {
   using Blocks = std::vector<std::vector<std::byte>>;
-  const OutputOptions kAll{MeshFormat::kVtuZlib, true, false, true};
+  const OutputOptions kAll{
+      .format = MeshFormat::kVtuZlib, .has_quality = true, .has_boundary = true, .order = order};
   const auto blocks_of = [&](MeshSource& source, const ArrayInfo& info, std::uint64_t items) {
     std::vector<Blocks> all;  // by run: of tetrahedra, and of triangles
     ArrayBlocks arrays(source, kAll, scratch_ / "mesh");
@@ -337,7 +338,7 @@ void FileOfRanks::expect_blocks_of_one_process() const {
     return all;
   };
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
-  MeshSource one(whole, scratch_ / "mesh", 1);
+  MeshSource one(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), false, order);
   std::vector<ArrayInfo> infos = mesh_arrays(counts_of(one, kAll), kAll, {8, 4});
   infos.push_back(*std::ranges::find(infos, ArrayName::kEnds, &ArrayInfo::array));
   infos.back().array = ArrayName::kStarts;
@@ -348,7 +349,7 @@ void FileOfRanks::expect_blocks_of_one_process() const {
       std::array<std::vector<Blocks>, 3> of_ranks;
       run_as_ranks(3, [&](Exchange& exchange) {
         const Store store = part(exchange);
-        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange);
+        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange, false, order);
         of_ranks[static_cast<std::size_t>(exchange.rank())] = blocks_of(source, info, items);
       });
       const auto in_order = [](std::span<const std::vector<Blocks>> parts) {
@@ -365,17 +366,26 @@ void FileOfRanks::expect_blocks_of_one_process() const {
     }
 }
 
-TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) { expect_blocks_of_one_process(); }
-TEST_F(CreasedFileOfRanks, HasTheBlocksOfOneProcess) { expect_blocks_of_one_process(); }
+TEST_F(FileOfRanks, HasTheBlocksOfOneProcess) { expect_blocks_of_one_process(1); }
+TEST_F(CreasedFileOfRanks, HasTheBlocksOfOneProcess) {
+  for (const int order : {1, 2}) expect_blocks_of_one_process(order);
+}
 
 TEST_F(CreasedFileOfRanks, HasTheBytesOfOneProcess) {
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
   MeshSource source(whole, scratch_ / "mesh", 1);
   EXPECT_EQ(source.corners().size(), 8U);
   EXPECT_GT(source.num_crease_edges(), 80U);
-  for (const FormatInfo& info : mesh_formats()) {
-    SCOPED_TRACE(info.name);
-    const OutputOptions output{info.format, info.has_cell_data, true, true};
+  std::vector<OutputOptions> outputs;
+  for (const FormatInfo& info : mesh_formats())
+    for (const int order : {1, 2})
+      if (order == 1 || info.has_second_order())
+        outputs.push_back({.format = info.format,
+                           .has_quality = info.has_cell_data,
+                           .has_boundary = true,
+                           .order = order});
+  for (const OutputOptions& output : outputs) {
+    SCOPED_TRACE(info_of(output.format).name);
     const std::filesystem::path one = scratch_ / "one.node", all = scratch_ / "all.node";
     const WriteSummary written = write_mesh(whole, one, output, 1);
     run_as_ranks(3, [&](Exchange& exchange) {
@@ -389,20 +399,24 @@ TEST_F(CreasedFileOfRanks, HasTheBytesOfOneProcess) {
   }
 }
 
-// Each edge is in one piece, which has its vertices; a vertex is a corner in all that have it.
+// Each edge is in one piece, which has its vertices and its node; a vertex is a corner in all that
+// have it.
 TEST_F(CreasedFileOfRanks, PiecesHaveAllEdgesAndCornersOnce) {
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
-  MeshSource source(whole, scratch_ / "mesh", 1);
-  using Edges = std::set<std::tuple<std::uint64_t, std::uint64_t, CreaseId>>;
+  MeshSource source(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), false, 2);
+  using Edges = std::set<std::tuple<std::uint64_t, std::uint64_t, std::uint64_t, CreaseId>>;
   using Corners = std::set<std::pair<std::uint64_t, std::uint64_t>>;
   const auto add = [](MeshSource& mesh, Edges& edges, Corners& corners) {
+    const auto number_of = [&](std::int64_t point) {
+      return mesh.number_of(static_cast<std::uint64_t>(point));
+    };
     const auto next = mesh.lines();
     while (const auto some = next())
       for (std::size_t i = 0; i < some->lines.size(); ++i) {
         const auto& [a, b] = some->lines[i];
         EXPECT_TRUE(edges
-                        .insert({mesh.number_of(static_cast<std::uint64_t>(a)),
-                                 mesh.number_of(static_cast<std::uint64_t>(b)), some->creases[i]})
+                        .insert({number_of(a), number_of(b), number_of(some->nodes[i][0]),
+                                 some->creases[i]})
                         .second);
       }
     for (const KeptCorner& corner : mesh.corners())
@@ -414,7 +428,7 @@ TEST_F(CreasedFileOfRanks, PiecesHaveAllEdgesAndCornersOnce) {
   std::mutex mutex;
   run_as_ranks(3, [&](Exchange& exchange) {
     const Store store = part(exchange);
-    MeshSource own(store, scratch_ / "mesh", 1, {}, nullptr, exchange, true);
+    MeshSource own(store, scratch_ / "mesh", 1, {}, nullptr, exchange, true, 2);
     own.creases();  // which all ranks call, before one waits for its turn
     std::vector<KeptCorner> of_vertices = own.corners_by_vertex();
     const std::lock_guard lock(mutex);
