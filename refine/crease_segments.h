@@ -14,15 +14,16 @@ namespace locvol {
 
 struct CreaseSegment {
   std::array<std::uint32_t, 2> points{};  // places among those given, the smaller one first
+  double length = 0;                      // along the crease
   CreaseId crease = 1;
-  double length = 0;  // along the crease
+  std::vector<Point> way;  // along it, from the first to the second: both, and the corners between
   friend auto operator<=>(const CreaseSegment&, const CreaseSegment&) = default;
 };
 
 // `piece`: its creases are asked alone. `points`: all on creases in its region. `size`: λ. Each two
-// that follow each other come once, in the order of their places, if the way between them is
-// loaded: the neighbors of a point are known if the region reaches a step beyond it. A point that
-// lies on no crease has none.
+// that follow each other come once, by the shortest way, in the order of their places, if the way
+// between them is loaded: the neighbors of a point are known if the region reaches a step beyond
+// it. A point that lies on no crease has none.
 std::vector<CreaseSegment> crease_segments(DomainPiece piece, std::span<const Point> points,
                                            double size);
 

@@ -58,9 +58,9 @@ void write_partitioned_vtkhdf(std::span<const PieceFile> pieces, const OutputOpt
 // rank r, of volume and surface r + 2 in partition r + 1, with tags that are the same in all parts.
 std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file);
-// Tetrahedra and boundary triangles, all with the reference 1, edges of creases, which are ridges,
-// and corners, which are required. Version 4 from 2^31 of them on; the
-// binary one is of version 3 if it is below, but the file beyond 2^31 bytes.
+// Tetrahedra and boundary triangles, all with the reference 1, edges of creases, which of first
+// order are ridges, and corners, which are required. Version 4 from 2^31 of them on; the binary one
+// is of version 3 if it is below, but the file beyond 2^31 bytes.
 std::uint64_t write_medit(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_version = 2);
 // C3D4 elements in the set `volume`; the boundary's nodes in the set `boundary`, its facets in the

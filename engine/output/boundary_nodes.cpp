@@ -217,7 +217,6 @@ BoundaryNodes::FoundNodes BoundaryNodes::places_of(const OwnEdges& own,
 // Creases, and points on them, as far as an edge from the leaf may reach.
 NodePlaces BoundaryNodes::surface_around(std::size_t leaf, const Box& region,
                                          SurfaceWindow& window) const {
-  constexpr double kRounding = 1e-6;
   const RunParameters& parameters = run_.parameters;
   const bool has_creases = run_.has_creases && parameters.init == Initialization::kCover;
   std::vector<Triangle> triangles;
@@ -245,8 +244,8 @@ NodePlaces BoundaryNodes::surface_around(std::size_t leaf, const Box& region,
     const auto points = window.crease_points.get(other);
     crease_points.insert(crease_points.end(), points->values.begin(), points->values.end());
   }
-  return NodePlaces(std::move(triangles), std::move(creases), crease_points,
-                    kRounding * parameters.sizes().least);
+  return NodePlaces(std::move(triangles), std::move(creases), std::move(crease_points),
+                    parameters.size);
 }
 
 void BoundaryNodes::ask_cells(Candidates& candidates, Refused& refused, Workers& workers) {

@@ -166,7 +166,7 @@ class KeptCreases::Segments {
     const std::vector<std::int64_t> numbers = numbers_.numbers(leaf, ids);
     const NumberRange own{numbering_.first_vertex(leaf), numbering_.first_vertex(leaf + 1)};
     std::vector<Item> items;
-    for (const auto& [ends, crease, length] :
+    for (const auto& [ends, length, crease, way] :
          crease_segments(std::move(piece), positions, p.size)) {
       const auto [a, b] = std::minmax(numbers[ends[0]], numbers[ends[1]]);
       if (a < 0 || !is_in(own, static_cast<std::uint64_t>(a))) continue;
@@ -309,7 +309,8 @@ void KeptCreases::find_in_facets(const FacetsOf& facets_of, Lists& segments, Lis
             here.back().cell = facet.cell;
           }
       std::ranges::sort(here, {}, by_vertices);
-      sort_and_unite(here, &Item::vertices);
+      const auto later = std::ranges::unique(here, {}, &Item::vertices);
+      here.erase(later.begin(), later.end());
     }
     found.append(here);
   }

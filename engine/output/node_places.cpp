@@ -1,9 +1,10 @@
 #include "engine/output/node_places.h"
 
 #include <algorithm>
-#include <limits>
+#include <utility>
 
 #include "engine/output/mesh_edge.h"
+#include "octree/sort_and_unite.h"
 #include "refine/domain/closest_point.h"
 
 namespace locvol {
@@ -16,47 +17,40 @@ BoxTree tree_of(const std::vector<Triangle>& triangles) {
   return BoxTree(std::move(boxes));
 }
 
+Point closest_on(const std::vector<Point>& way, const Point& q) {
+  Point closest = way.front();
+  double least = squared_distance(closest, q);
+  for (std::size_t i = 1; i < way.size(); ++i) {
+    const Point p = closest_on_segment(way[i - 1], way[i], q);
+    if (const double squared = squared_distance(p, q); squared < least)
+      least = squared, closest = p;
+  }
+  return closest;
+}
+
 }  // namespace
 
 NodePlaces::NodePlaces(std::vector<Triangle> triangles, DomainPiece creases,
-                       const std::vector<Point>& crease_points, double tolerance)
-    : triangles_(std::move(triangles)), tree_(tree_of(triangles_)) {
+                       std::vector<Point> crease_points, double size)
+    : triangles_(std::move(triangles)),
+      tree_(tree_of(triangles_)),
+      crease_points_(std::move(crease_points)) {
   if (creases.creases.empty()) return;
-  creases_ = std::make_unique<LeafDomain>(std::move(creases));
-  graph_.emplace(*creases_);
-  for (const Point& p : crease_points)
-    if (const auto index = graph_->add(p, tolerance)) points_.emplace_back(p, *index);
-  std::ranges::sort(points_);
+  sort_and_unite(crease_points_);
+  segments_ = crease_segments(std::move(creases), crease_points_, size);
 }
 
-CreaseGraph::Index NodePlaces::point_at(const Point& p) const {
-  const auto found =
-      std::ranges::lower_bound(points_, p, {}, &decltype(points_)::value_type::first);
-  return found == points_.end() || found->first != p ? CreaseGraph::kNone : found->second;
-}
-
-std::optional<CreaseGraph::Neighbor> NodePlaces::way(const BoundaryEdgeShape& edge) const {
-  if (!graph_) return std::nullopt;
-  const CreaseGraph::Index from = point_at(edge.ends[0]), to = point_at(edge.ends[1]);
-  if (from == CreaseGraph::kNone || to == CreaseGraph::kNone) return std::nullopt;
-  std::vector<CreaseGraph::Neighbor> around;
-  graph_->neighbors(from, around);
-  std::optional<CreaseGraph::Neighbor> shortest;
-  for (const CreaseGraph::Neighbor& neighbor : around)
-    if (neighbor.point == to && (!shortest || neighbor.along < shortest->along))
-      shortest = neighbor;
-  return shortest;
-}
-
-std::optional<Point> NodePlaces::on_crease(const CreaseGraph::Neighbor& way, const Point& q) const {
-  std::optional<Point> closest;
-  double least = std::numeric_limits<double>::infinity();
-  graph_->for_each_part(way.heading, way.along, [&](const Point& a, const Point& b, double) {
-    const Point p = closest_on_segment(a, b, q);
-    if (const double squared = squared_distance(p, q); squared < least)
-      least = squared, closest = p;
-  });
-  return closest;
+const CreaseSegment* NodePlaces::segment(const BoundaryEdgeShape& edge) const {
+  if (segments_.empty()) return nullptr;
+  std::array<std::uint32_t, 2> places{};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto found = std::ranges::lower_bound(crease_points_, edge.ends[k]);
+    if (found == crease_points_.end() || *found != edge.ends[k]) return nullptr;
+    places[k] = static_cast<std::uint32_t>(found - crease_points_.begin());
+  }
+  std::ranges::sort(places);
+  const auto found = std::ranges::lower_bound(segments_, places, {}, &CreaseSegment::points);
+  return found == segments_.end() || found->points != places ? nullptr : &*found;
 }
 
 std::optional<Point> NodePlaces::on_sheets(const BoundaryEdgeShape& edge, const Point& q,
@@ -76,9 +70,9 @@ std::optional<Point> NodePlaces::on_sheets(const BoundaryEdgeShape& edge, const 
 std::optional<Point> NodePlaces::place(const BoundaryEdgeShape& edge) const {
   const Point q = middle(edge.ends[0], edge.ends[1]);
   const double length = norm(edge.ends[1] - edge.ends[0]);
-  const auto neighbor = way(edge);
-  const auto closest =
-      neighbor ? on_crease(*neighbor, q) : on_sheets(edge, q, kFarthestNode * length);
+  const CreaseSegment* crease = segment(edge);
+  const auto closest = crease != nullptr ? std::optional(closest_on(crease->way, q))
+                                         : on_sheets(edge, q, kFarthestNode * length);
   if (!closest) return std::nullopt;
   const double squared = squared_distance(*closest, q);
   if (squared > kFarthestNode * kFarthestNode * length * length) return std::nullopt;

@@ -2,13 +2,11 @@
 #pragma once
 
 #include <array>
-#include <memory>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "octree/leaf_surface.h"
-#include "refine/crease_graph.h"
+#include "refine/crease_segments.h"
 #include "refine/domain/box_tree.h"
 #include "refine/domain/leaf_domain.h"
 
@@ -28,10 +26,9 @@ inline constexpr double kFarthestNode = 0.25, kFlat = 1e-7;
 class NodePlaces {
  public:
   // `triangles`: all that come close to the edges' middles, in order of id. `creases`, if there are
-  // any: edges and corners within reach of the leaf; `crease_points`: of the mesh, there.
-  // `tolerance`: how far such a point may be from its edge, by rounding
-  NodePlaces(std::vector<Triangle> triangles, DomainPiece creases,
-             const std::vector<Point>& crease_points, double tolerance);
+  // any: edges and corners within reach of the leaf; `crease_points`: of the mesh, there. `size`: λ
+  NodePlaces(std::vector<Triangle> triangles, DomainPiece creases, std::vector<Point> crease_points,
+             double size);
 
   // Of an edge between points that follow each other on a crease, the place on it that is closest
   // to the edge's middle. Of any other, that of the facets' sheets, where these face the same way.
@@ -39,18 +36,15 @@ class NodePlaces {
   std::optional<Point> place(const BoundaryEdgeShape& edge) const;
 
  private:
-  CreaseGraph::Index point_at(const Point& p) const;
-  // Do the ends follow each other? The way from the first to the second: of several the shortest.
-  std::optional<CreaseGraph::Neighbor> way(const BoundaryEdgeShape& edge) const;
-  std::optional<Point> on_crease(const CreaseGraph::Neighbor& way, const Point& q) const;
+  // Null: the ends do not follow each other.
+  const CreaseSegment* segment(const BoundaryEdgeShape& edge) const;
   std::optional<Point> on_sheets(const BoundaryEdgeShape& edge, const Point& q,
                                  double distance) const;
 
   std::vector<Triangle> triangles_;
   BoxTree tree_;
-  std::unique_ptr<LeafDomain> creases_;  // the graph refers to it
-  std::optional<CreaseGraph> graph_;
-  std::vector<std::pair<Point, CreaseGraph::Index>> points_;  // ascending
+  std::vector<Point> crease_points_;  // ascending
+  std::vector<CreaseSegment> segments_;
 };
 
 }  // namespace locvol
