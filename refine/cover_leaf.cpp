@@ -120,10 +120,12 @@ class SampleGrid {
   // `listed`: at least the radius of any query that it may answer
   void add(const Point& sample, const SurfaceSide& side, double listed);
 
-  // Is no sample of the side closer to p than `spacing`? REQUIRES: p lies in the closed box
+  // Is no sample of the side closer to p than `spacing`, and none of any at p? REQUIRES: p lies in
+  // the closed box
   bool is_free(const Point& p, const SurfaceSide& side, double spacing) const {
     return !any_around(p, [&](const Point& s, std::uint32_t its_side) {
-      return squared_distance(p, s) < spacing * spacing && are_same(sides_[its_side], side);
+      const double squared = squared_distance(p, s);
+      return squared < spacing * spacing && (squared == 0 || are_same(sides_[its_side], side));
     });
   }
   // Is one sample closer to all of the fragment than p? May overlook it where p is farther from its
@@ -312,10 +314,10 @@ class SurfaceSampler {
         spacing_((sizes.is_uniform() ? kSampleSpacing : kGradedSampleSpacing) * size_),
         first_spacing_(sizes.is_uniform() ? spacing_ : kGradedFirstSpacing * size_),
         radius_(sample_radius(sizes.is_uniform()) * size_),
-        grid_(input.box.expanded(input.crease_points.empty() ? radius_ : kMirrorDistance * size_),
+        grid_(input.box.expanded(input.are_sides_apart ? kMirrorDistance * size_ : radius_),
               std::min(1.0, sizes.least() / size_) * farthest_query(), farthest_query()),
         stop_(stop) {
-    if (!input.crease_points.empty()) take_in_creases(input.crease_points);
+    if (input.are_sides_apart) take_in_creases(input.crease_points);
     for (const Point& sample : input.nearby_samples) add(sample, side_at(sample));
   }
 
@@ -337,13 +339,13 @@ class SurfaceSampler {
   }
 
  private:
-  // ---- Where creases are near, sheets are sampled each by itself, and sides that face each other.
-  bool has_creases() const { return creases_.has_value(); }
+  // ---- Sheets, and sides that face each other, each by itself
+  bool are_sides_apart() const { return creases_.has_value(); }
   SurfaceSide side_of(const Fragment& f) const {
-    return has_creases() ? SurfaceSide{f.sheet, normal_of(f.corners)} : SurfaceSide();
+    return are_sides_apart() ? SurfaceSide{f.sheet, normal_of(f.corners)} : SurfaceSide();
   }
   SurfaceSide side_at(const Point& sample) const {
-    if (!has_creases()) return {};
+    if (!are_sides_apart()) return {};
     const auto closest = domain_.closest_to(sample, size_);
     return closest ? closest->side : SurfaceSide();
   }
@@ -398,7 +400,7 @@ class SurfaceSampler {
   const double spacing_, first_spacing_, radius_;
   SampleGrids grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
-  std::optional<CreaseGraph> creases_;  // null: no points are on any
+  std::optional<CreaseGraph> creases_;  // null: sides are not apart
   struct Ball {
     Point position;
     double radius = 0;
@@ -453,12 +455,12 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
     const SurfaceSide side = side_of(fragment);
     if (grid_.covers(fragment, side, radius)) continue;
     // What is as small as this is covered by a dart alone, or by what is in its way.
-    const bool is_small = has_creases() && longest_edge(fragment).second <= gap2;
-    const bool is_in_ball = has_creases() && !is_out_of_balls(dart);
+    const bool is_small = are_sides_apart() && longest_edge(fragment).second <= gap2;
+    const bool is_in_ball = are_sides_apart() && !is_out_of_balls(dart);
     if (is_in_ball && is_small) continue;
     targets.push_back({&fragment, radius, grid_.num_around(fragment)});
     if (is_in_ball || !grid_.is_free(dart, side, scale * spacing)) continue;
-    if (has_creases()) {
+    if (are_sides_apart()) {
       const bool has_room = find_mirrors(dart, scale * spacing);
       if (!has_room && !is_small) continue;
       if (has_room)

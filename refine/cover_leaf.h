@@ -51,8 +51,8 @@ inline bool has_lattice(const SizeLaw& law, const SizeCube& cube, double side) {
   return !law.has_core() && side >= kLeastCube * base_size(law, cube);
 }
 
-// How far around a leaf that creases are near samples are read, and points on creases with their
-// neighbors, over h: samples are put as far as kMirrorDistance.
+// How far around a leaf whose sides are sampled each by itself samples are read, and points on
+// creases with their neighbors, over h: samples are put as far as kMirrorDistance.
 inline constexpr double kCreasedReach = kMirrorDistance + 1.5;
 
 struct CoverInput {
@@ -62,8 +62,9 @@ struct CoverInput {
   Box box;                                // of the leaf, half-open
   DomainPiece domain;                     // region contains the box expanded by kCoreDepth λ
   std::vector<Point> nearby_samples;      // surface samples of other leaves within r_s of the box;
-                                          // where creases are, all within kCreasedReach
+                                          // where sides are apart, all within kCreasedReach
   std::vector<Point> crease_points = {};  // of P on creases, the leaf's and around it
+  bool are_sides_apart = false;           // sampled each by itself; so where creases are near
   // The cubes of sizes that meet the closed box, and where these samples are; none: λ everywhere.
   // With them r_s and distances between samples are over h.
   SizeCubes sizes = {};

@@ -70,11 +70,12 @@ void CreaseGraph::find_fixed() {
 }
 
 void CreaseGraph::join_close(double floor) {
-  std::vector<bool> is_first(positions_.size());
+  is_first_.assign(positions_.size(), false);
+  std::vector<Vertex> reached_from(positions_.size(), kNone);  // the last that it was
   for (const bool is_for_corners : {true, false})
     for (Vertex v = 0; v < positions_.size(); ++v)
       if (is_fixed_[v] && one_of_[v] == v && is_corner_[v] == is_for_corners)
-        join_around(v, floor, is_first);
+        join_around(v, floor, reached_from);
   leave_out_short(3 * floor);
   for (Vertex v = 0; v < positions_.size(); ++v)
     if (one_of_[v] != v) is_corner_[v] = is_fixed_[v] = false;
@@ -86,18 +87,19 @@ void CreaseGraph::join_close(double floor) {
 }
 
 // What is fixed, closer along creases, and not of another one becomes one with it.
-void CreaseGraph::join_around(Vertex v, double floor, std::vector<bool>& is_first) {
-  is_first[v] = true;
+void CreaseGraph::join_around(Vertex v, double floor, std::vector<Vertex>& reached_from) {
+  is_first_[v] = true;
+  reached_from[v] = v;
   std::vector<std::pair<double, Vertex>> reached = {{0, v}};
   for (std::size_t n = 0; n < reached.size(); ++n) {
     const auto [along, here] = reached[n];
     for (const Edge e : edges_at(here)) {
       const Vertex next = ends_[e][ends_[e][0] == here];
       const double to_next = along + lengths_[e];
-      const auto known = std::ranges::find(reached, next, &std::pair<double, Vertex>::second);
-      if (to_next >= floor || known != reached.end()) continue;
+      if (to_next >= floor || reached_from[next] == v) continue;
+      reached_from[next] = v;
       reached.emplace_back(to_next, next);
-      if (is_fixed_[next] && one_of_[next] == next && !is_first[next]) one_of_[next] = v;
+      if (is_fixed_[next] && one_of_[next] == next && !is_first_[next]) one_of_[next] = v;
     }
   }
 }

@@ -127,7 +127,7 @@ class CreaseGraph {
   void list_edges();
   void find_fixed();
   void join_close(double floor);
-  void join_around(Vertex v, double floor, std::vector<bool>& is_first);
+  void join_around(Vertex v, double floor, std::vector<Vertex>& reached_from);
   void leave_out_short(double most);
   void leave_out_if_short(Edge start, double most);
 
@@ -142,6 +142,7 @@ class CreaseGraph {
   std::vector<Edge> at_vertex_;
   std::vector<double> turns_;
   std::vector<bool> is_fixed_, is_corner_;
+  std::vector<bool> is_first_;  // others are one with it
   std::vector<Held> points_;
   std::vector<Index> point_at_;              // of vertices
   std::vector<std::vector<Index>> on_edge_;  // between its ends, in order

@@ -172,9 +172,27 @@ void ImproveAngles::look_at(Cell c) {
   if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
   if (!has_own && !(is_in_leaf(input_.box, mesh_.ball(c).center) && mesh_.is_loaded(mesh_.ball(c))))
     return;
+  if (is_as_thin_as_wall(c)) return;
   Poor poor{cosine, mesh_.ref(c), mesh_.delaunay().vertices(c)};
   std::ranges::sort(poor.vertices);
   waiting_.push(poor);
+}
+
+// Does it lead from side to side of a part so thin that one layer there has angles below the bound?
+// A triangle of unit sides is seen under the bound from a place above a corner of it that is 0.87
+// times the bound's tangent away, from one above its middle at a third of that.
+bool ImproveAngles::is_as_thin_as_wall(Cell c) const {
+  if (creases_ == nullptr) return false;
+  const std::array<Point, 4> corners = mesh_.corners(c);
+  double most = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = i + 1; j < 4; ++j)
+      most = std::max(most, squared_distance(corners[i], corners[j]));
+  constexpr double kPart = 0.5;
+  const double squared_tangent = 1 / (bound_ * bound_) - 1,
+               reached = kPart * kPart * squared_tangent * most;
+  const double width = creases_->width_across(mesh_.delaunay().vertices(c), corners);
+  return width * width < reached;
 }
 
 // ---- What is tried ------------------------------------------------------------------------------
@@ -558,11 +576,27 @@ bool ImproveAngles::are_cells_good() {
 // C1 to C4; and dual edges cross the surface where bodies differ, and nowhere else. Where the
 // boundary changes, its facets are disks as before.
 bool ImproveAngles::are_facets_good() {
+  if (!list_facets()) return false;
+  // Of the same vertices, but one of them moves.
+  const bool is_moved = kind_ == PointKind::kSurface;
+  if ((facets_made_ != facets_gone_ || is_moved) &&
+      !(are_facets_as_round() && are_creases_kept() && is_boundary_kept()))
+    return false;
+  return std::ranges::all_of(facets_to_judge_, [&](const FacetToJudge& f) {  // what takes longest
+    const FacetView view = mesh_.view(change_, prospects_, f.made, f.index);
+    return !judge_end(view) && !judge(view, bounds_) && (view.dual.count > 0) == f.is_on_boundary;
+  });
+}
+
+// On the boundary, those that come and those that go; and which of all that come are to be judged.
+// False if this cannot be known, or changes the core.
+bool ImproveAngles::list_facets() {
   constexpr std::uint32_t kNew = Delaunay::kNewCell;
   const auto body = [&](std::uint32_t cell) {
     return cell & kNew ? prospects_[cell & ~kNew].state.body() : mesh_.body(cell);
   };
   facets_made_.clear();
+  facets_to_judge_.clear();
   for (std::uint32_t n = 0; n < change_.made.size(); ++n) {
     const NewCell& cell = change_.made[n];
     const CellState& state = prospects_[n].state;
@@ -577,9 +611,7 @@ bool ImproveAngles::are_facets_good() {
         continue;
       }
       if (!is_on_boundary && state.side == Side::kFar && is_out_of_reach(cell, i)) continue;
-      const FacetView view = mesh_.view(change_, prospects_, n, i);
-      if (judge_end(view) || judge(view, bounds_)) return false;
-      if ((view.dual.count > 0) != is_on_boundary) return false;
+      facets_to_judge_.push_back({n, i, is_on_boundary});
       if (is_on_boundary) facets_made_.push_back(facet(cell.vertex, i));
     }
   }
@@ -593,10 +625,7 @@ bool ImproveAngles::are_facets_good() {
   }
   std::ranges::sort(facets_made_);
   sort_and_unite(facets_gone_);  // between two that go
-  // Of the same vertices, but one of them moves.
-  const bool is_moved = kind_ == PointKind::kSurface;
-  return (facets_made_ == facets_gone_ && !is_moved) ||
-         (are_facets_as_round() && are_creases_kept() && is_boundary_kept());
+  return true;
 }
 
 // Each new facet lies on one sheet. Of a crease's edges none goes: one between two facets that go

@@ -77,6 +77,7 @@ class ImproveAngles {
   // Not at once: it has leaves visited again.
   bool may_meet_core() const { return round_ > 0 && surroundings_.core != nullptr; }
   bool is_left_to_others(Cell poor) const;
+  bool is_as_thin_as_wall(Cell c) const;
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);
   void list_places(LocalIndex v, Cell poor);
@@ -99,6 +100,7 @@ class ImproveAngles {
   bool are_cells_good();
   bool makes_poor_inside() const;
   bool are_facets_good();
+  bool list_facets();
   bool changes_core();
   bool is_boundary_kept();
   bool are_creases_kept() const;
@@ -157,7 +159,13 @@ class ImproveAngles {
   std::vector<Point> places_;
   std::vector<LocalIndex> movable_;
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
-  std::vector<MeshPoint> near_;                   // taken in
+  struct FacetToJudge {
+    std::uint32_t made = 0;  // place of a cell that comes
+    int index = 0;           // the facet's, in it
+    bool is_on_boundary = false;
+  };
+  std::vector<FacetToJudge> facets_to_judge_;
+  std::vector<MeshPoint> near_;  // taken in
   std::vector<std::uint64_t> met_core_;
   std::vector<Cell> around_;
   std::vector<LeafMesh::Facet> star_;

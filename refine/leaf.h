@@ -197,6 +197,9 @@ struct LeafInput {
   // Where creases are near: those of P on creases within kReach + kCreaseStep, the leaf's own and
   // ghosts among them. The balls around ghosts are known with these.
   std::vector<MeshPoint> crease_points = {};
+  // Vertices are told apart by sheets, and by sides that face each other; so where creases are
+  // near.
+  bool are_sides_apart = false;
   friend bool operator==(const LeafInput&, const LeafInput&) = default;
 };
 

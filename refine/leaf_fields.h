@@ -149,12 +149,13 @@ auto fields(Maybe<LastVisit> auto& last) {
 }
 auto fields(Maybe<LeafInput> auto& input) {
   auto& [criteria, box, own, ghosts, domain, core, sizes, max_own_points, last_visit,
-         max_insertions, waiting, crease_points] = input;
+         max_insertions, waiting, crease_points, are_sides_apart] = input;
   return std::tuple(Field("criteria", criteria), Field("box", box), Field("own", own),
                     Field("ghosts", ghosts), Field("domain", domain), Field("core", core),
                     Field("sizes", sizes), Field("max_own_points", max_own_points),
                     Field("last_visit", last_visit), Field("max_insertions", max_insertions),
-                    Field("waiting", waiting), Field("crease_points", crease_points));
+                    Field("waiting", waiting), Field("crease_points", crease_points),
+                    Field("are_sides_apart", are_sides_apart));
 }
 
 auto fields(Maybe<InsertedPoint> auto& point) {

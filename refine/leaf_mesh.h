@@ -70,6 +70,7 @@ struct Surroundings {
   const PointIndex* points;                       // null: the ghosts are all that can matter
   const StopToken* stop;                          // may be null
   std::span<const MeshPoint> crease_points = {};  // LeafInput's
+  bool are_sides_apart = false;                   // likewise
 };
 
 class LeafMesh {

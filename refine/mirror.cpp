@@ -15,8 +15,7 @@ struct ClosestOfSheet {
   double squared_distance = 0;
 };
 
-Point unit_normal_of(const Triangle& t) {
-  const Point normal = normal_of(t.corners);
+Point unit(const Point& normal) {
   const double length = norm(normal);
   return length > 0 ? (1 / length) * normal : Point{};
 }
@@ -29,41 +28,48 @@ bool faces(const Point& p, const Point& place, const Point& normal) {
   return std::abs(dot(way, normal)) >= kCosine * norm(way);
 }
 
-}  // namespace
+// Where sheets meet, it may be closest to several.
+bool is_at_one_of(const Point& place, const Point& p, const std::vector<MirrorPoint>& mirrors) {
+  return place == p || std::ranges::find(mirrors, place, &MirrorPoint::position) != mirrors.end();
+}
 
-void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
-                std::vector<MirrorPoint>& out) {
-  out.clear();
+// A turn of a right angle is none by more, but for rounding.
+bool turns_away(const Point& normal, const Point& other) {
+  constexpr double kCosine = -0.01;
+  return dot(normal, other) < kCosine;
+}
+
+// Those of p itself. Returns its own side.
+SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double reach,
+                              double farthest, std::vector<MirrorPoint>& out) {
+  const auto closest_here = domain.closest_to(p, reach);
+  if (!closest_here) return {};
+  const SurfaceSide& here = closest_here->side;
+  const Point normal_here = unit(here.normal);
   std::vector<Triangle> near;
-  domain.triangles_near(p, farthest, near);
-  std::vector<Point> places;  // where each is closest
-  const Triangle* of_here = nullptr;
-  double least_here = reach * reach;
-  for (const Triangle& t : near) {
-    places.push_back(closest_on_triangle(t.corners, p));
-    if (const double d2 = squared_distance(p, places.back()); d2 < least_here)
-      least_here = d2, of_here = &t;
-  }
-  if (of_here == nullptr) return;
-  const SheetId here = of_here->sheet;
-  const Point normal_here = unit_normal_of(*of_here);
+  domain.triangles_near(p, reach, near);
   std::vector<ClosestOfSheet> closest;  // of each sheet that turns by so much
-  for (std::size_t i = 0; i < near.size(); ++i) {
-    const Triangle& t = near[i];
-    const double distance2 = squared_distance(p, places[i]);
-    if (distance2 >= reach * reach) continue;
-    const Point normal = unit_normal_of(t);
-    if (t.sheet == here && (!(dot(normal_here, normal) < 0) || !faces(p, places[i], normal)))
-      continue;
+  for (const Triangle& t : near) {
     const auto known = std::ranges::find(closest, t.sheet, &ClosestOfSheet::sheet);
+    const double most = known == closest.end() ? reach * reach : known->squared_distance;
+    if (t.sheet == here.sheet && !(dot(normal_here, normal_of(t.corners)) < 0)) continue;
+    if (t.box().squared_distance(p) >= most) continue;
+    const Point place = closest_on_triangle(t.corners, p);
+    const double distance2 = squared_distance(p, place);
+    if (distance2 >= most) continue;
+    const Point normal = unit(normal_of(t.corners));
+    if (t.sheet == here.sheet && !faces(p, place, normal)) continue;
     if (known == closest.end())
-      closest.push_back({t.sheet, places[i], normal, distance2});
-    else if (distance2 < known->squared_distance)
-      *known = {t.sheet, places[i], normal, distance2};
+      closest.push_back({t.sheet, place, normal, distance2});
+    else
+      *known = {t.sheet, place, normal, distance2};
   }
+  std::erase_if(
+      closest, [&](const ClosestOfSheet& other) { return !turns_away(normal_here, other.normal); });
+  if (closest.empty()) return here;  // nearly always, where nothing is thin or acute
+  domain.triangles_near(p, farthest, near);
   std::ranges::sort(closest, {}, &ClosestOfSheet::sheet);
   for (const ClosestOfSheet& other : closest) {
-    if (!(dot(normal_here, other.normal) < 0)) continue;
     const Point across = normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
     const Point image = p - off * across;
@@ -71,14 +77,43 @@ void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double f
     double least = reach * reach;
     for (const Triangle& t : near) {
       if (t.sheet != other.sheet || t.box().squared_distance(image) >= least) continue;
-      if (t.sheet == here && !(dot(normal_here, normal_of(t.corners)) < 0)) continue;
+      if (t.sheet == here.sheet && !(dot(normal_here, normal_of(t.corners)) < 0)) continue;
       const Point position = closest_on_triangle(t.corners, image);
       if (squared_distance(image, position) >= least) continue;
       least = squared_distance(image, position);
       mirror = {position, {t.sheet, normal_of(t.corners)}};
     }
-    if (least < reach * reach && squared_distance(p, mirror.position) <= farthest * farthest)
+    if (least < reach * reach && squared_distance(p, mirror.position) <= farthest * farthest &&
+        !is_at_one_of(mirror.position, p, out))
       out.push_back(mirror);
+  }
+  return here;
+}
+
+}  // namespace
+
+void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
+                std::vector<MirrorPoint>& out) {
+  out.clear();
+  const SurfaceSide here = direct_mirrors_of(domain, p, reach, farthest, out);
+  if (out.empty()) return;
+  std::vector<Point> nearest;  // of these the first have mirrors on what others have theirs on
+  for (const MirrorPoint& mirror : out) nearest.push_back(mirror.position);
+  std::ranges::stable_sort(nearest, {}, [&](const Point& q) { return squared_distance(p, q); });
+  constexpr std::size_t kMost = 2;
+  std::vector<MirrorPoint> further;
+  for (std::size_t n = 0; n < std::min(nearest.size(), kMost); ++n) {
+    further.clear();
+    direct_mirrors_of(domain, nearest[n], reach, farthest, further);
+    for (const MirrorPoint& mirror : further) {
+      const auto is_there = [&](const MirrorPoint& known) {
+        return are_same(known.side, mirror.side);
+      };
+      if (!are_same(here, mirror.side) && std::ranges::none_of(out, is_there) &&
+          squared_distance(p, mirror.position) <= farthest * farthest &&
+          !is_at_one_of(mirror.position, p, out))
+        out.push_back(mirror);
+    }
   }
 }
 

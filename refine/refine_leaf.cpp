@@ -100,7 +100,7 @@ class Refinement {
   Refinement(const LeafInput& input, const Surroundings& around, const OnStep& on_step,
              LeafMesh::OwnPoints own)
       : input_(input), surroundings_(around), on_step_(on_step), mesh_(input, around, own) {
-    if (around.crease_points.empty()) return;
+    if (!around.are_sides_apart) return;
     creases_.emplace(around.domain, mesh_, around.crease_points, input.criteria.size);
     num_told_ = mesh_.num_locals();
   }
@@ -211,7 +211,7 @@ class Refinement {
   const OnStep& on_step_;
   const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   LeafMesh mesh_;
-  std::optional<LeafCreases> creases_;  // null: none are near
+  std::optional<LeafCreases> creases_;  // null: sides are not told apart
   std::size_t num_told_ = 0;            // locals that creases_ knows
   LeafDelta delta_;
   std::uint64_t num_insertions_ = 0;
@@ -1003,7 +1003,8 @@ LeafDelta refine_leaf(LeafInput input, const VisitWatch& watch, const WholeModel
                             .core = core.is_empty() ? nullptr : &core,
                             .points = whole.points,
                             .stop = watch.stop,
-                            .crease_points = input.crease_points};
+                            .crease_points = input.crease_points,
+                            .are_sides_apart = input.are_sides_apart};
   try {
     return visited(input, around, watch.on_step);
   } catch (const DelaunayError& e) {

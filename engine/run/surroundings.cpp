@@ -1,8 +1,11 @@
 #include "engine/run/surroundings.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
+
+#include "refine/cover_leaf.h"
 
 namespace locvol {
 
@@ -118,6 +121,15 @@ std::vector<MeshPoint> Surroundings::points_within(MortonKey leaf, double distan
 std::vector<MeshPoint> Surroundings::crease_points(MortonKey leaf, double distance) const {
   if (!run_.run().has_creases) return {};
   return points_within(leaf, distance, [](PointKind kind) { return kind == PointKind::kCrease; });
+}
+
+bool Surroundings::are_sides_apart() const {
+  const double reach = kMirrorReach * run_.size();
+  return run_.run().has_creases &&
+         std::ranges::any_of(run_.run().surface.facing.places, [&](const FacingPlaces& places) {
+           return std::exp2(static_cast<double>(places.step) / FacingPlaces::kStepsPerOctave) <
+                  reach;
+         });
 }
 
 std::vector<MeshPoint> Surroundings::samples(MortonKey leaf, double distance) const {

@@ -28,6 +28,9 @@ class Surroundings {
   std::vector<MeshPoint> points(MortonKey leaf, double k) const;
   // Points on creases, its own and those of other leaves that are no farther away, in order of id.
   std::vector<MeshPoint> crease_points(MortonKey leaf, double distance) const;
+  // Is each side of the surface in a leaf sampled by itself, where creases are near or not? It is
+  // in runs with creases whose surface faces itself across less than mirrors reach.
+  bool are_sides_apart() const;
   // Those on the surface, but for creases, likewise.
   std::vector<MeshPoint> samples(MortonKey leaf, double distance) const;
   // h wherever a ball through a point of the leaf may be centered, and wherever it may reach, if

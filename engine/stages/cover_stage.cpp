@@ -75,22 +75,23 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     const double size = state_.surface_size(leaf);
     const Box box = state_.box(leaf);
     const bool has_surface = state_.leaves().info(leaf).has_surface();
-    const double of_creases = kDistanceSlack * kCreasedReach * size;
+    const double farthest = kDistanceSlack * kCreasedReach * size;
     const std::vector<MeshPoint> crease_points =
-        has_surface ? around_.crease_points(leaf, of_creases) : std::vector<MeshPoint>();
-    const bool is_creased = !crease_points.empty();
+        has_surface ? around_.crease_points(leaf, farthest) : std::vector<MeshPoint>();
+    const bool are_sides_apart =
+        has_surface && (!crease_points.empty() || around_.are_sides_apart());
     std::vector<MeshPoint> around;
-    if (is_creased)
-      around = around_.samples(leaf, of_creases);
+    if (are_sides_apart)
+      around = around_.samples(leaf, farthest);
     else if (has_surface)
       around = samples_around(leaf);
     double distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
-    if (is_creased) distance = std::max(distance, of_creases);
+    if (are_sides_apart) distance = std::max(distance, farthest);
     const double least = state_.least_size(leaf);
     DomainPiece domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, least));
     const bool has_shapes = state_.parameters().sizes().has_shapes();
-    SizeCubes sizes = is_creased && has_shapes
-                          ? around_.sizes_within(leaf, of_creases)
+    SizeCubes sizes = are_sides_apart && has_shapes
+                          ? around_.sizes_within(leaf, farthest)
                           : around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
     const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
                                       : sizes.law.has_core()
@@ -109,6 +110,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
                     .domain = std::move(domain),
                     .nearby_samples = positions_of(around),
                     .crease_points = positions_of(crease_points),
+                    .are_sides_apart = are_sides_apart,
                     .sizes = std::move(sizes)};
     return loaded;
   }

@@ -134,7 +134,8 @@ Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, He
   // on.
   std::vector<MeshPoint> crease_points =
       around.crease_points(leaf, 2 * distance + kCreaseStep * size);
-  if (!crease_points.empty()) distance *= 2;
+  const bool are_sides_apart = !crease_points.empty() || around.are_sides_apart();
+  if (are_sides_apart) distance *= 2;
   model.keep_memory_of_points();
   std::vector<MeshPoint> own = run.leaves().points(leaf).points;
   std::vector<MeshPoint> ghosts = around.points(leaf, run.is_cover() ? kReach : kNeighborhood);
@@ -159,6 +160,7 @@ Loaded<LeafInput> load_refine(const RunView& run, const Surroundings& around, He
                   .max_insertions = max_insertions(run.parameters().leaf_capacity)};
   if (!run.is_cover()) return loaded;
   loaded.input.crease_points = std::move(crease_points);
+  loaded.input.are_sides_apart = are_sides_apart;
   loaded.input.waiting = waiting_around(run, leaf);
   loaded.input.core = core_around(run, leaf, kCoreReach * core_size(run.parameters()));
   loaded.input.sizes = around.sizes(leaf, kReach);

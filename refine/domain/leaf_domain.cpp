@@ -27,6 +27,17 @@ Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
           change_across(triangle)};
 }
 
+// As sort_and_unite(), where many of the numbers below `all` are there, and often: without sorting.
+void sort_and_unite_most(std::vector<std::uint32_t>& numbers, std::size_t all) {
+  std::vector<std::uint64_t> is_there((all + 63) / 64);
+  for (const std::uint32_t n : numbers) is_there[n / 64] |= std::uint64_t{1} << n % 64;
+  numbers.clear();
+  for (std::size_t word = 0; word < is_there.size(); ++word)
+    for (std::uint64_t bits = is_there[word]; bits != 0; bits &= bits - 1)
+      numbers.push_back(
+          static_cast<std::uint32_t>(64 * word + std::size_t(std::countr_zero(bits))));
+}
+
 }  // namespace
 
 struct LeafDomain::Impl {
@@ -557,8 +568,12 @@ void LeafDomain::triangles_near(const Point& p, double distance, std::vector<Tri
     if (impl_->boxes[t].squared_distance(p) < distance * distance) near.push_back(t);
     return true;
   });
-  sort_and_unite(near);
+  if (near.size() > impl_->triangles.size() / 32)
+    sort_and_unite_most(near, impl_->triangles.size());
+  else
+    sort_and_unite(near);
   out.clear();
+  out.reserve(near.size());
   for (const Impl::Index t : near) out.push_back(impl_->triangles[t]);
 }
 

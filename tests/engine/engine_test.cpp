@@ -520,6 +520,34 @@ TEST_F(CreasedEngineTest, KeepsKnives) {
   }
 }
 
+// One layer of cells, which takes some 9 to λ², far from its creases as well as near them: to tell
+// its sides apart by small cells would take hundreds.
+TEST_F(CreasedEngineTest, AThinWallHasOneLayer) {
+  write_turned(box_shape({{0, 0, 0}, {24, 20, 0.1}}));
+  const MeshOptions run = options("store", 1, 100);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  EXPECT_LT(summary.run.counts.num_cells, 12U * 24 * 20);
+  const AuditReport report = audit_of(run);
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_EQ(report.lost_crease_length, 0);
+}
+
+// Nor do two blocks notice the gap between them. (A point beside an edge of one has a mirror on its
+// other face, and that has one on the other block.)
+TEST_F(CreasedEngineTest, AGapTakesNoCells) {
+  const Shape block = box_shape({{0, 0, 0}, {6, 5, 1.5}});
+  write_turned(block);
+  const MeshOptions alone = options("alone", 1, 10'000);
+  const std::uint64_t num_alone = mesh(alone).run.counts.num_cells;
+  write_turned(together(block, translated(block, {0, 0, 1.65})));
+  const MeshOptions both = options("both", 1, 10'000);
+  const RunSummary summary = mesh(both);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  EXPECT_LT(summary.run.counts.num_cells, 3 * num_alone);
+  EXPECT_TRUE(audit_of(both).is_valid());
+}
+
 // Two corners that are closer than the spacing floor are one, and nothing is small there.
 TEST_F(CreasedEngineTest, CornersCloserThanTheFloorAreOne) {
   // An edge along z becomes a face, as wide as this.

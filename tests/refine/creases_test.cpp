@@ -235,6 +235,60 @@ TEST(Mirrors, LieAcrossTheEdge) {
   EXPECT_TRUE(mirrors.empty());
 }
 
+// A point below an acute edge at a gap: its mirror on the face above has one across the gap.
+TEST(Mirrors, OfMirrorsAreOnFurtherSides) {
+  Creased both = bar(60, 3);
+  const Point tip{-0.5, 0, 1.5};
+  const double gap = 0.1, half = std::numbers::pi / 6;
+  const Point out{-std::sin(half), std::cos(half), 0};  // of the upper face
+  // The other bar is this one's image beyond the gap.
+  const auto image = [&](const Point& p) {
+    const double off = dot(p - tip, out) - 0.5 * gap;
+    return p - 2 * off * out;
+  };
+  const std::size_t num = both.triangles.size();
+  for (std::size_t i = 0; i < num; ++i) {
+    Triangle t = both.triangles[i];
+    t.id += num;
+    t.sheet += 100;
+    for (Point& corner : t.corners) corner = image(corner);
+    std::swap(t.corners[0], t.corners[1]);
+    both.triangles.push_back(t);
+  }
+  const LeafDomain domain(both.piece(both.box().expanded(2)));
+  const double along = 0.3;
+  const Point below = tip + along * Point{std::cos(half), -std::sin(half), 0},
+              above = tip + along * Point{std::cos(half), std::sin(half), 0};
+  std::vector<MirrorPoint> mirrors;
+  mirrors_of(domain, below, 0.35, 1, mirrors);
+  std::vector<Point> places;
+  for (const MirrorPoint& mirror : mirrors) places.push_back(mirror.position);
+  const auto has = [&](const Point& p) {
+    return std::ranges::any_of(places, [&](const Point& q) { return norm(p - q) < 1e-12; });
+  };
+  EXPECT_TRUE(has(above));
+  EXPECT_TRUE(has(image(above)));
+  EXPECT_FALSE(has(below));
+}
+
+// At a right angle there is none, however its normals are rounded.
+TEST(Mirrors, AreNotAtRightAngles) {
+  for (const double turn : {0.1, 0.7, 1.3, 2.9}) {
+    const Creased shape = bar(90, 3);
+    Creased turned = shape;
+    for (Triangle& t : turned.triangles)
+      for (Point& p : t.corners)
+        p = {std::cos(turn) * p.x - std::sin(turn) * p.y,
+             std::sin(turn) * p.x + std::cos(turn) * p.y, p.z};
+    const LeafDomain domain(turned.piece(turned.box().expanded(1)));
+    const double half = kPi / 4 - turn;  // of the lower face, seen from the tip
+    const Point tip{-0.5 * std::cos(turn), -0.5 * std::sin(turn), 1.5};
+    std::vector<MirrorPoint> mirrors;
+    mirrors_of(domain, tip + 0.3 * Point{std::cos(half), -std::sin(half), 0}, 0.4, 1, mirrors);
+    EXPECT_TRUE(mirrors.empty()) << turn;
+  }
+}
+
 // ---- Meshes of one leaf
 
 struct Case {
@@ -267,6 +321,7 @@ class CreasedMesh : public testing::TestWithParam<Case> {
     cover.box = leaf_;
     cover.domain = piece;
     cover.crease_points = on_creases;
+    cover.are_sides_apart = true;
     const CoverPoints first = cover_leaf(cover);
     std::vector<MeshPoint>& points = input_.own;
     for (const LatticeSite& site : first.lattice) points.push_back(lattice.point(site));
@@ -285,6 +340,7 @@ class CreasedMesh : public testing::TestWithParam<Case> {
     input_.domain = piece;
     for (const MeshPoint& p : points)
       if (p.kind == PointKind::kCrease) input_.crease_points.push_back(p);
+    input_.are_sides_apart = true;
     delta_ = refine_leaf(input_);
     for (const MeshPoint& p : points) positions_[p.id] = p.position;
     for (std::size_t i = 0; i < delta_.inserted.size(); ++i)
