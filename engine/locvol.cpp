@@ -168,7 +168,8 @@ MeshOptions mesh_options(const Surface& surface, const Options& options,
   return all;
 }
 
-SurfaceInfo info_of(const SurfaceFacts& surface) {
+SurfaceInfo info_of(const SurveyedSurface& survey) {
+  const SurfaceFacts& surface = survey.facts;
   SurfaceInfo info{.num_triangles = surface.num_triangles,
                    .num_vertices = surface.num_vertices,
                    .num_components = surface.num_components,
@@ -177,7 +178,8 @@ SurfaceInfo info_of(const SurfaceFacts& surface) {
                    .volume = surface.volume,
                    .box_min = coordinates(surface.box.min),
                    .box_max = coordinates(surface.box.max),
-                   .default_size = default_size(surface),
+                   .default_size = survey.default_size(),
+                   .has_sharp_edges = survey.has_sharp_edges,
                    .num_facing_places = surface.facing.num_places};
   for (const auto& [step, num_walls, num_rods, num_gaps, num_holes] : surface.facing.places)
     info.facing.push_back({step, num_walls, num_rods, num_gaps, num_holes});
@@ -629,13 +631,13 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
-    const auto [facts, sheets, digest] =
+    const SurveyedSurface survey =
         survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
-                       {.weld = weld, .sharp_angle = sharp_angle});
+                       {.weld = weld, .sharp_angle = sharp_angle, .has_sheets = true});
     if (run.on_note)
-      for (const std::string& note : facts.notes) run.on_note(note);
-    SurfaceInfo info = info_of(facts);
-    info.sheets = public_sheets(sheets);
+      for (const std::string& note : survey.facts.notes) run.on_note(note);
+    SurfaceInfo info = info_of(survey);
+    info.sheets = public_sheets(survey.sheets);
     return info;
   });
 }
@@ -643,11 +645,11 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
 Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads) {
   return translated({}, [&] {
     const SurfaceFacts facts = facts_of(surface);
-    const RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts,
-                                      survey_size_image(options.size_image, facts.box));
+    RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts,
+                                survey_size_image(options.size_image, facts.box));
+    run.has_creases = surface.has_sharp_edges && options.sharp_angle > 0;
     if (num_threads <= 0) num_threads = num_usable_threads();
-    return public_estimate(estimate_run(run.surface, run.parameters, num_threads),
-                           least_memory(run));
+    return public_estimate(estimate_run(run, {}, num_threads), least_memory(run));
   });
 }
 

@@ -70,20 +70,25 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
                       double size, MeshOptions options) {
   options.input = file;
   options.size = {size, false};
-  return planned_run(options, surface.digest, surface.facts,
-                     survey_size_image(options.size_image, surface.facts.box));
+  RunRecord run = planned_run(options, surface.digest, surface.facts,
+                              survey_size_image(options.size_image, surface.facts.box));
+  run.has_creases = surface.has_sharp_edges;
+  return run;
 }
 
 // For a user who gives none.
-Size chosen_size(const SurfaceSource& surface, const std::optional<Size>& weld, std::uint64_t cap,
+Size chosen_size(const SurfaceSource& surface, const MeshOptions& options, std::uint64_t cap,
                  ProgressLine& line) {
-  const SurfaceFacts facts = surveyed(surface, {.weld = weld}, cap).facts;
-  const double size = default_size(facts);
+  const SurveyedSurface survey =
+      surveyed(surface, {.weld = options.weld, .sharp_angle = options.sharp_angle}, cap);
+  const double size = survey.default_size();
   if (!(size > 0))
     throw InputError(surface.name +
                      ": its volume is 0, so no size can be chosen for it: give --size");
-  const auto cells = [&](double s) { return count_text(estimated_num_cells(facts, s)); };
-  const std::string reason = default_size_reason(facts, size);
+  const auto cells = [&](double s) {
+    return count_text(estimated_num_cells(survey.facts, survey.has_sharp_edges, s));
+  };
+  const std::string reason = default_size_reason(survey.facts, survey.has_sharp_edges, size);
   line.tell(
       "size",
       [&] {
@@ -172,11 +177,11 @@ std::uint64_t cap_of(std::uint64_t asked, const RunPlace& place) {
 }
 
 // The first rank chooses it, and all throw Stopped if that is stopped.
-Size chosen_size(const SurfaceSource& surface, const std::optional<Size>& weld, std::uint64_t cap,
+Size chosen_size(const SurfaceSource& surface, const MeshOptions& options, std::uint64_t cap,
                  const RunPlace& place, ProgressLine& line) {
   double size = 0;
   do_on_all(place.exchange, [&] {
-    if (place.is_first()) size = chosen_size(surface, weld, cap, line).value;
+    if (place.is_first()) size = chosen_size(surface, options, cap, line).value;
   });
   return {gather_values(place.exchange, size).front(), false};
 }
@@ -192,7 +197,7 @@ int mesh_at(const RunPlace& place, const MeshCommand& command) {
     ProgressLine line(progress_style(own), cap);
     const SurfaceSource surface = surface_at(command.options.input, place.own());
     own.options.size =
-        command.size ? *command.size : chosen_size(surface, command.options.weld, cap, place, line);
+        command.size ? *command.size : chosen_size(surface, command.options, cap, place, line);
     own.options.store = place.stores;
     const bool is_removable =
         command.options.store.empty() && !command.is_store_kept && is_absent_or_store(place.own());
@@ -373,13 +378,13 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 int run_info(const InfoCommand& command) {
   const SurfaceSource surface = surface_at(command.surface, temporary_directory());
   const MeshOptions& options = command.options;
-  const SurveyLaw law{options.weld, options.sharp_angle, command.size};
+  const SurveyLaw law{options.weld, options.sharp_angle, true, command.size};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   json["sheets"] = to_json(input.sheets);
   std::string text = facts_text(facts) + sheets_text(input.sheets);
-  const double size = command.size ? absolute_size(*command.size, facts.box) : default_size(facts);
+  const double size = command.size ? absolute_size(*command.size, facts.box) : input.default_size();
   if (size > 0) {
     RunRecord run = run_of_size(input, command.surface, size, options);
     for (const std::string& note : notes_on_shapes(options, run.parameters, facts.box)) {
@@ -400,7 +405,7 @@ int run_info(const InfoCommand& command) {
     json["estimate"]["num_threads"] = num_threads;
     json["estimate"]["least_memory_bytes"] = memory;
     if (!command.size) {
-      const std::string reason = default_size_reason(facts, size);
+      const std::string reason = default_size_reason(facts, input.has_sharp_edges, size);
       json["default_size_reason"] = reason;
       text += line_text("", "with the size that mesh would choose" +
                                 (reason.empty() ? ":" : ", " + reason + ":"));

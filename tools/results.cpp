@@ -504,7 +504,7 @@ std::string excused_cells_text(const MeshStatistics& statistics, const RunRecord
 }
 
 double num_uniform_cells(const RunRecord& run) {
-  return estimated_num_cells(run.surface, run.parameters.size);
+  return estimated_num_cells(run.surface, run.has_creases, run.parameters.size);
 }
 
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run) {

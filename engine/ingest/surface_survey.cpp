@@ -5,7 +5,6 @@
 #include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_sheets.h"
-#include "engine/plan/run_estimate.h"
 #include "engine/plan/run_setup.h"
 
 namespace locvol {
@@ -18,12 +17,14 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   const Frame frame = frame_of(raw.box);
   const std::optional<double> weld = weld_length(law.weld, raw.box);
   CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
-                                         IngestShare(), weld, law.sharp_angle.value_or(0));
-  if (law.sharp_angle) {
+                                         IngestShare(), weld, law.sharp_angle);
+  survey.has_sharp_edges = surface.sharp.num_edges > 0;
+  survey.facts = surface.facts;
+  if (law.has_sheets) {
     const double size =
-        law.size ? absolute_size(*law.size, surface.facts.box) : default_size(surface.facts);
+        law.size ? absolute_size(*law.size, surface.facts.box) : survey.default_size();
     survey.sheets = number_sheets(
-        surface, {.sharp_angle = *law.sharp_angle, .least_area = kLeastSheetArea * size * size},
+        surface, {.sharp_angle = law.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, IngestShare());
   }
   survey.facts = std::move(surface.facts);

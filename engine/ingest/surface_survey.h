@@ -8,21 +8,26 @@
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/plan/options.h"
+#include "engine/plan/run_estimate.h"
 #include "engine/shared/workers.h"
 #include "storage/records.h"
 
 namespace locvol {
 
 struct SurveyLaw {
-  std::optional<Size> weld = {};           // see Options
-  std::optional<double> sharp_angle = {};  // absent: sheets are not asked for
-  std::optional<Size> size = {};           // absent: default_size(), if sheets are asked for
+  std::optional<Size> weld = {};  // see Options
+  double sharp_angle = 0;         // see Options
+  bool has_sheets = false;        // are asked for
+  std::optional<Size> size = {};  // absent: default_size(), if sheets are asked for
 };
 
 struct SurveyedSurface {
   SurfaceFacts facts;
   SurfaceSheets sheets;  // that a run of this size and angle would have
   std::string digest;
+  bool has_sharp_edges = false;  // of which some may be noise, at some sizes
+
+  double default_size() const { return locvol::default_size(facts, has_sharp_edges); }
 };
 
 // Reads and checks it; of it, nothing stays. Throws as read_surface() and check_surface().

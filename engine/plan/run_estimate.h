@@ -71,9 +71,11 @@ RunEstimate estimate_run(const SurfaceFacts& surface, const RunParameters& param
 // Of a run, as far as it has come: with its sizes once they are known; once it is done, its own
 // counts.
 RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int num_threads = 1);
-double estimated_num_cells(const SurfaceFacts& surface, const RunParameters& parameters);
+// `has_creases`: RunRecord's, or what is known of it
+double estimated_num_cells(const SurfaceFacts& surface, bool has_creases,
+                           const RunParameters& parameters);
 // Of a uniform run, with all else as by default.
-double estimated_num_cells(const SurfaceFacts& surface, double size);
+double estimated_num_cells(const SurfaceFacts& surface, bool has_creases, double size);
 // Of all cells around a shape that has the part of it in the box filled, those that are there for
 // its sake.
 double estimated_num_cells_at(const SizeShape& shape, const SizeLaw& law, const Box& box);
@@ -86,8 +88,8 @@ std::string lost_text(const RunEstimate& estimate);
 // λ for a user who gives none: of a uniform mesh with about half a million cells. Where narrow
 // parts take more at any λ that does not lose walls, the least λ with hardly more than that.
 // Rounded to two digits. 0 for a surface without volume.
-double default_size(const SurfaceFacts& surface);
+double default_size(const SurfaceFacts& surface, bool has_creases = false);
 // Why that is for many more cells, as a part of a sentence; empty: it is not.
-std::string default_size_reason(const SurfaceFacts& surface, double size);
+std::string default_size_reason(const SurfaceFacts& surface, bool has_creases, double size);
 
 }  // namespace locvol
