@@ -97,6 +97,8 @@ struct Measured {
   const Store& store;
   const RunRecord& run;
   const LinearOctree& octree;
+  // Of each leaf, the rank's own cells: of other ranks' it may have what was mended.
+  const std::vector<std::uint64_t>& num_cells;
   const LeafScale scale;
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
@@ -144,7 +146,8 @@ class MeasureTask : public Task {
  private:
   void measure(std::size_t leaf, Window& window) {
     const MortonKey key = octree_.leaves()[leaf];
-    const LeafCells cells = window.snapshot.cells(key);
+    const LeafCells cells =
+        measured_.num_cells[leaf] > 0 ? window.snapshot.cells(key) : LeafCells();
     const std::vector<std::size_t> near = near_leaves(leaf, kCellReach);
     const std::vector<Point> positions = positions_of(cells.vertices, leaf, near, window.tables);
     std::optional<SizeField> sizes;
@@ -287,6 +290,7 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   Measured measured{.store = store,
                     .run = run,
                     .octree = octree,
+                    .num_cells = num_cells,
                     .scale = LeafScale(snapshot, run),
                     .on_piece =
                         [&] {

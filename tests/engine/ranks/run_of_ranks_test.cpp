@@ -699,6 +699,25 @@ TEST_F(RunOfRanks, MeasuresNeighborsOfOtherRanks) {
   });
 }
 
+// Ranks have copies of cells that were mended: these are measured by their owner alone.
+TEST_F(RunOfRanks, MeasuresWhatWasMendedOnce) {
+  write_off(knives(), scratch_ / "input.off");
+  MeshOptions options = this->options("store", 1, 300);
+  options.sharp_angle = 0;
+  options.growth = 0.2;
+  EXPECT_EQ(mesh(options).outcome, RunOutcome::kUnresolved);
+  const MeshStatistics expected = mesh_statistics(Store::open(options.store, {.read_only = true}));
+  mesh_by(3, options, 1);
+  run_as_ranks(3, [&](Exchange& exchange) {
+    const Store own = Store::open(store_of_rank(options.store.string() + "-3-%r", exchange.rank()),
+                                  {.read_only = true});
+    const MeshStatistics all = mesh_statistics(own, 1, {}, nullptr, exchange);
+    EXPECT_EQ(all.num_cells, expected.num_cells);
+    EXPECT_EQ(all.min_dihedral_angles.counts, expected.min_dihedral_angles.counts);
+    EXPECT_EQ(all.max_neighbor_ratio, expected.max_neighbor_ratio);
+  });
+}
+
 // As above, while sizes are found and leaves move.
 TEST_F(RunOfRanks, WithSizesGoesOnAfterAnyRankEnds) {
   write_off(sphere(1, 16, 32), scratch_ / "input.off");
