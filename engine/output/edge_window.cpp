@@ -63,7 +63,7 @@ const SiteBlock<CoreEdges>* EdgeWindow::core(std::size_t leaf, NumberWindow& cor
 
 std::int64_t EdgeWindow::core_number(std::size_t leaf, std::uint64_t id, std::uint64_t other,
                                      NumberWindow& cores) {
-  const auto [from, to] = std::minmax(site_of(id), site_of(other));
+  const auto [from, to] = std::minmax({site_of(id), site_of(other)});
   const auto step = step_between(from, to);
   const SiteBlock<CoreEdges>* known = core(leaf, cores);
   if (!step || known == nullptr || !known->box().contains(from) || (*known)[from].first < 0)
