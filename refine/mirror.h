@@ -27,8 +27,8 @@ struct MirrorPoint {
 // than 90 degrees from that here, the point's image in the plane that bisects the tangent planes
 // here and at the sheet's closest place, moved to where the sheet is closest to it, unless that is
 // farther than `farthest` from the point. Likewise of its own sheet, where that faces it. Then the
-// mirrors of these on sides that have none so far: of two slabs at a gap, a point beside an edge of
-// one has its image on the other, too. REQUIRES: the domain is loaded within twice both
+// mirrors of the nearest two of these, on sides that have none so far: beside an acute edge at a
+// gap, one lies across the gap. REQUIRES: the domain is loaded within twice both
 void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
                 std::vector<MirrorPoint>& out);
 

@@ -11,8 +11,8 @@
 
 #include "engine/plan/options.h"
 #include "octree/lattice.h"
+#include "refine/cover_leaf.h"
 #include "refine/measure_leaf.h"
-#include "refine/mirror.h"
 
 namespace locvol {
 namespace {
