@@ -86,6 +86,35 @@ ReadItems no_qualities() {
   };
 }
 
+// Of facets or edges as cells. `pieces()`: begins to read them; `label`: the array of `labels`, for
+// which the other cells of a file have 0
+template <class Piece>
+ReadItems labeled_reader(const ArrayInfo& info, const auto& pieces, auto Piece::*cells,
+                         ArrayName label, auto Piece::*labels) {
+  const auto column = [&](auto Piece::*values) -> ReadItems {
+    return bytes_of_pieces<Piece>(
+        pieces(), [values](const Piece& piece) { return std::as_bytes(std::span(piece.*values)); });
+  };
+  switch (info.array) {
+    case ArrayName::kConnectivity:
+      return bytes_of_pieces<Piece>(
+          pieces(), [cells, width = info.value_bytes,
+                     buffer = ConnectivityBuffer()](const Piece& piece) mutable {
+            return connectivity_bytes(piece.*cells, piece.nodes, width, buffer);
+          });
+    case ArrayName::kLeaf:
+      return column(&Piece::leaves);
+    case ArrayName::kSheet:
+    case ArrayName::kCrease:
+      return info.array == label ? column(labels) : zeros();
+    case ArrayName::kRadiusEdge:
+    case ArrayName::kDihedral:
+      return no_qualities();
+    default:
+      return nullptr;
+  }
+}
+
 }  // namespace
 
 IndexWidths index_widths(const MeshCounts& n) {
@@ -272,55 +301,15 @@ ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
 }
 
 ArrayBlocks::ReadItems ArrayBlocks::triangle_reader(const ArrayInfo& info) {
-  switch (info.array) {
-    case ArrayName::kConnectivity:
-      return bytes_of_pieces<TrianglePiece>(
-          mesh_.triangles(), [width = info.value_bytes,
-                              buffer = ConnectivityBuffer()](const TrianglePiece& piece) mutable {
-            return connectivity_bytes(piece.triangles, piece.nodes, width, buffer);
-          });
-    case ArrayName::kLeaf:
-      return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
-        return std::as_bytes(std::span(piece.leaves));
-      });
-    case ArrayName::kSheet:
-      return bytes_of_pieces<TrianglePiece>(mesh_.triangles(), [](const TrianglePiece& piece) {
-        return std::as_bytes(std::span(piece.sheets));
-      });
-    case ArrayName::kCrease:
-      return zeros();
-    case ArrayName::kRadiusEdge:
-    case ArrayName::kDihedral:
-      return no_qualities();
-    default:
-      return nullptr;
-  }
+  return labeled_reader<TrianglePiece>(
+      info, [this] { return mesh_.triangles(); }, &TrianglePiece::triangles, ArrayName::kSheet,
+      &TrianglePiece::sheets);
 }
 
 ArrayBlocks::ReadItems ArrayBlocks::line_reader(const ArrayInfo& info) {
-  switch (info.array) {
-    case ArrayName::kConnectivity:
-      return bytes_of_pieces<LinePiece>(
-          mesh_.lines(), [width = info.value_bytes,
-                          buffer = ConnectivityBuffer()](const LinePiece& piece) mutable {
-            return connectivity_bytes(piece.lines, piece.nodes, width, buffer);
-          });
-    case ArrayName::kLeaf:
-      return bytes_of_pieces<LinePiece>(mesh_.lines(), [](const LinePiece& piece) {
-        return std::as_bytes(std::span(piece.leaves));
-      });
-    case ArrayName::kCrease:
-      return bytes_of_pieces<LinePiece>(mesh_.lines(), [](const LinePiece& piece) {
-        return std::as_bytes(std::span(piece.creases));
-      });
-    case ArrayName::kSheet:
-      return zeros();
-    case ArrayName::kRadiusEdge:
-    case ArrayName::kDihedral:
-      return no_qualities();
-    default:
-      return nullptr;
-  }
+  return labeled_reader<LinePiece>(
+      info, [this] { return mesh_.lines(); }, &LinePiece::lines, ArrayName::kCrease,
+      &LinePiece::creases);
 }
 
 ArrayBlocks::ReadItems ArrayBlocks::corner_reader(const ArrayInfo& info) {

@@ -115,6 +115,13 @@ class KeptCreases::Lists {
       if (lists_.length(list) > 0) std::ranges::for_each(near_.get(list)->values, visit);
     }
   }
+  std::vector<Item> near(std::size_t leaf, const auto& is_taken) {
+    std::vector<Item> taken;
+    for_each_near(leaf, [&](const Item& item) {
+      if (is_taken(item)) taken.push_back(item);
+    });
+    return taken;
+  }
   const LeafLists<Item>& of_leaves() const { return lists_; }
 
  private:
@@ -324,9 +331,7 @@ void KeptCreases::keep_first(const Lists& segments, Lists& found, Lists& first) 
     std::vector<Item> here;
     const NumberRange own{numbering_.first_vertex(leaf), numbering_.first_vertex(leaf + 1)};
     if (segments.has_some(leaf))
-      found.for_each_near(leaf, [&](const Item& item) {
-        if (is_in(own, item.vertices[0])) here.push_back(item);
-      });
+      here = found.near(leaf, [&](const Item& item) { return is_in(own, item.vertices[0]); });
     std::ranges::sort(here, {}, by_vertices);
     here.erase(std::ranges::unique(here, {}, &Item::vertices).begin(), here.end());
     first.append(here);
@@ -341,9 +346,7 @@ void KeptCreases::sort_by_cell(const Lists& found, Lists& first, Lists& of_cells
     std::vector<Item> here;
     const NumberRange own{numbering_.first_cell(leaf), numbering_.first_cell(leaf + 1)};
     if (found.has_some(leaf))
-      first.for_each_near(leaf, [&](const Item& item) {
-        if (is_in(own, item.cell)) here.push_back(item);
-      });
+      here = first.near(leaf, [&](const Item& item) { return is_in(own, item.cell); });
     std::ranges::sort(here, {}, by_cell);
     of_cells.append(here);
   }
