@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "refine/crease_graph.h"
+#include "refine/tip_ring.h"
 
 namespace locvol {
 namespace {
@@ -27,8 +29,7 @@ class CreaseSampler {
     for (Vertex v = 0; v < graph_.num_vertices(); ++v)
       if (graph_.is_fixed(v) && !graph_.has_point_at(v)) place(graph_.position(v));
     for (const CornerPoint& corner : domain_.corners())
-      if (!graph_.vertex_at(corner.position) && is_own(corner.position))
-        points_.push_back(corner.position);
+      if (!graph_.vertex_at(corner.position)) place_tip(corner.position);
     for (Index i = 0; i < graph_.num_points(); ++i) fill_from(i);
     start_where_none_is();
     return std::move(points_);
@@ -55,6 +56,7 @@ class CreaseSampler {
 
   // In steps, of a way that is taken in one.
   static constexpr double kMostSteps = kLongestStep / kCreaseStep;
+  static constexpr double kLeastRing = 4;  // radius, over the spacing floor
 
   double tolerance() const { return 1e-6 * input_.size; }
   bool is_own(const Point& p) const { return is_in_leaf(input_.box, p); }
@@ -180,6 +182,15 @@ class CreaseSampler {
     if (is_own(p)) points_.push_back(p);
   }
 
+  // Of a cone, with what is around it.
+  void place_tip(const Point& tip) {
+    if (is_own(tip)) points_.push_back(tip);
+    if (!is_tip_near(input_.box, tip, input_.size)) return;
+    const double most = kTipRadius * sizes_.on_surface_at(tip);
+    std::ranges::copy_if(ring_around_tip(domain_, tip, most, kLeastRing * domain_.crease_floor()),
+                         std::back_inserter(points_), [&](const Point& p) { return is_own(p); });
+  }
+
   void fill_from(Index i) {
     for (const Heading& heading : graph_.headings(graph_.place(i))) fill(i, heading);
   }
@@ -263,6 +274,11 @@ class CreaseSampler {
 };
 
 }  // namespace
+
+bool is_tip_near(const Box& box, const Point& tip, double size) {
+  const double most = kTipRadius * size;
+  return box.squared_distance(tip) <= most * most;
+}
 
 CreasePoints crease_leaf(CreaseInput input, const StopToken* stop) {
   if (input.domain.creases.empty() && input.domain.corners.empty()) return {};

@@ -25,9 +25,11 @@ inline constexpr double kMostTurn = 45;
 inline constexpr double kCreaseReach = 4 * kCreaseStep;
 
 struct CreaseInput {
-  double size = 0;            // λ; of shapes: the largest h on the surface in the leaf
-  Box box;                    // of the leaf, half-open
-  DomainPiece domain;         // region contains the box expanded by kCreaseReach λ
+  double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
+  Box box;          // of the leaf, half-open
+  // Creases and corners; where a tip of a cone is near, triangles, too. The region contains the box
+  // expanded by kCreaseReach λ.
+  DomainPiece domain;
   std::vector<Point> nearby;  // points on creases of other leaves, as far as that
   SizeCubes sizes = {};       // around all of these; no cubes: λ everywhere
 };
@@ -36,9 +38,13 @@ struct CreasePoints {
   std::vector<Point> positions;  // in the half-open box
 };
 
+// May the tip of a cone have points around it in the box? `size`: as of CreaseInput
+bool is_tip_near(const Box& box, const Point& tip, double size);
+
 // Every vertex of the surface in the box where creases end, or turn by more than kFixedTurn, and
-// tips of cones; between them, points along creases, so that with those nearby steps in the box are
-// as long as they may be. A function of what is given alone. Throws Stopped.
+// tips of cones with points around them (refine/tip_ring.h); between them, points along creases, so
+// that with those nearby steps in the box are as long as they may be. A function of what is given
+// alone. Throws Stopped.
 CreasePoints crease_leaf(CreaseInput input, const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -21,6 +21,7 @@
 #include "refine/fill_leaf.h"
 #include "refine/mirror.h"
 #include "refine/refine_leaf.h"
+#include "refine/tip_ring.h"
 #include "tests/refine/creased_shapes.h"
 
 namespace locvol {
@@ -434,6 +435,69 @@ INSTANTIATE_TEST_SUITE_P(
                          },
                          0.3, true, 11},
                     Case{"Cylinder", [] { return cylinder(0.5, 1, 60); }, 0.15, false}));
+
+// ---- Tips of cones
+
+// Around z, with its tip at the origin, upwards or (a pit) downwards from it.
+Creased cone(double degrees, double height, bool is_pit = false) {
+  constexpr int kNumSides = 37;
+  const double radius = height * std::tan(0.5 * degrees * kPi / 180);
+  std::vector<std::array<Point, 3>> soup;
+  const auto rim = [&](int i) {
+    const double angle = 2 * kPi * i / kNumSides;
+    return Point{radius * std::cos(angle), radius * std::sin(angle), -height};
+  };
+  for (int i = 0; i < kNumSides; ++i) {
+    const Point a = rim(i), b = rim(i + 1 == kNumSides ? 0 : i + 1), base = {0, 0, -height};
+    soup.push_back({Point{}, a, b});
+    soup.push_back({base, b, a});
+    if (is_pit)
+      for (std::size_t t = soup.size() - 2; t < soup.size(); ++t) std::swap(soup[t][1], soup[t][2]);
+  }
+  return creased(soup);
+}
+
+std::vector<Point> ring_of(const Creased& shape, double most) {
+  return ring_around_tip(LeafDomain(shape.piece(shape.box().expanded(1))), {}, most, 0.01);
+}
+
+TEST(TipRing, IsOnTheConeAtOneDistanceAndAtEqualAngles) {
+  for (const double degrees : {3.0, 20.0, 60.0, 120.0})
+    for (const bool is_pit : {false, true}) {
+      const std::vector<Point> ring = ring_of(cone(degrees, 4, is_pit), 0.84);
+      ASSERT_EQ(ring.size(), 5U) << degrees;
+      for (std::size_t i = 0; i < ring.size(); ++i) {
+        const Point &p = ring[i], &next = ring[(i + 1) % ring.size()];
+        EXPECT_NEAR(norm(p), 0.84, 1e-12);
+        // Sides of the cone's polygon are within 0.4% of its circle.
+        EXPECT_NEAR(std::hypot(p.x, p.y), 0.84 * std::sin(0.5 * degrees * kPi / 180), 4e-3);
+        const double cosine =
+            (p.x * next.x + p.y * next.y) / (std::hypot(p.x, p.y) * std::hypot(next.x, next.y));
+        EXPECT_NEAR(std::acos(cosine), 2 * kPi / 5, 1e-4);
+      }
+    }
+}
+
+TEST(TipRing, KeepsHalfWayToTheNearestCrease) {
+  const std::vector<Point> ring = ring_of(cone(40, 1), 0.84);
+  ASSERT_EQ(ring.size(), 5U);
+  EXPECT_NEAR(norm(ring[0]), 0.5 / std::cos(20 * kPi / 180), 0.01);  // the rim's distance, halved
+  EXPECT_TRUE(ring_of(cone(40, 0.01), 0.84).empty());                // no room
+}
+
+TEST(TipRing, IsSoSmallThatItMeetsTheConeAlone) {
+  Creased both = cone(30, 4);
+  Creased other = cone(30, 4);
+  for (Triangle& t : other.triangles) {
+    t.id += both.triangles.size();
+    for (Point& p : t.corners) p = p + Point{0.3, 0, 0.1};  // a tip beside the tip
+    both.triangles.push_back(t);
+  }
+  both.creases.clear();
+  const std::vector<Point> ring = ring_of(both, 0.84);
+  ASSERT_EQ(ring.size(), 5U);
+  EXPECT_LT(norm(ring[0]), 0.3);
+}
 
 }  // namespace
 }  // namespace locvol
