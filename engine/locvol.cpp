@@ -244,6 +244,7 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
           .min_dihedral_degrees = mesh.min_dihedral_degrees,
           .max_dihedral_degrees = mesh.max_dihedral_degrees,
           .num_poor_cells = mesh.num_poor_cells,
+          .num_forced_cells = mesh.num_forced_cells,
           .max_radius_edge_ratio = mesh.max_radius_edge_ratio,
           .max_circumradius = mesh.max_circumradius * size,
           .max_circumradius_over_size = mesh.max_radius_over_size,
@@ -524,7 +525,7 @@ std::vector<PoorCellPlace> Mesh::poor_cells(std::uint64_t max) const {
     impl_->require_complete();
     std::vector<PoorCellPlace> places;
     for (const LeafPoorCell& cell : first_poor_cells(impl_->open(), max, impl_->num_threads))
-      places.push_back({cell.degrees, coordinates(cell.position), cell.radius});
+      places.push_back({cell.degrees, coordinates(cell.position), cell.radius, cell.is_forced});
     return places;
   });
 }

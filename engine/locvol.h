@@ -261,6 +261,7 @@ struct PoorCellPlace {
   double min_dihedral_degrees = 0;  ///< Its smallest angle.
   Coordinates position = {};        ///< The center of its circumball.
   double radius = 0;                ///< Of its circumball.
+  bool is_forced = false;           ///< Counted by Statistics::num_forced_cells.
 };
 
 /// Some cells with all their vertices. Spans are valid until the next chunk.
@@ -301,6 +302,9 @@ struct Statistics {
   double min_dihedral_degrees = 0;   ///< The smallest angle of all.
   double max_dihedral_degrees = 0;   ///< The largest angle of all.
   std::uint64_t num_poor_cells = 0;  ///< See Mesh::poor_cells(). Normally 0.
+  /// Of these, those that have no room for larger angles: in walls thinner than about λ/4, and at
+  /// creases sharper than 30°.
+  std::uint64_t num_forced_cells = 0;
   double max_radius_edge_ratio = 0;  ///< At most 2 where no place is unresolved.
   double max_circumradius = 0;       ///< A length: below λ where no place is unresolved.
   /// Of a cell, its circumradius over the size at its circumcenter: below 1 where no place is

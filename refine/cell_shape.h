@@ -6,10 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <numbers>
 
 #include "octree/geometry.h"
 
 namespace locvol {
+
+inline constexpr double kDegree = std::numbers::pi / 180;  // in radians
 
 // The largest cosine of the cell's six dihedral angles: that of the smallest angle. 1 for a cell
 // without volume.
@@ -47,5 +50,25 @@ inline double shortest_edge_squared(const std::array<Point, 4>& cell) {
       shortest = std::min(shortest, squared_distance(cell[i], cell[j]));
   return shortest;
 }
+
+// Of a cell with all corners on the surface, that leads from side to side of a part: the width of
+// this over its longest edge; else infinite. `normals`: unit ones of the surface at the corners, 0
+// on a crease.
+inline double relative_width(const std::array<Point, 4>& cell,
+                             const std::array<Point, 4>& normals) {
+  double width = std::numeric_limits<double>::infinity(), longest = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = 0; j < 4; ++j) {
+      longest = std::max(longest, squared_distance(cell[i], cell[j]));
+      if (dot(normals[i], normals[j]) < 0)
+        width = std::min(width, std::abs(dot(normals[i], cell[j] - cell[i])));
+    }
+  return width / std::sqrt(longest);
+}
+
+// Below that part of the tangent of a bound on angles a wall's relative width is too little for
+// it: a triangle of unit sides is seen under the bound from a place above a corner of it that is
+// 0.87 times the tangent away, from one above its middle at a third of that.
+inline constexpr double kThinWall = 0.5;
 
 }  // namespace locvol

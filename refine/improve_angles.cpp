@@ -40,6 +40,11 @@ constexpr double kToSurface = 0.5;      // over λ: places farther from it are n
 constexpr double kScale = 1.2;          // over the radius of the cell
 constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
 
+// Of cells that lead across narrow parts: their width over the longest edge; the part of it that
+// the tangent of a cell's angle is at least, unless it is flat; steps over its square and the way.
+constexpr double kNarrow = 0.5;
+constexpr std::array<double, 3> kStepsInWall{0.1, 0.3, 0.03};
+
 // Looks random, and is a function of its seeds.
 class Noise {
  public:
@@ -90,14 +95,18 @@ ImproveAngles::ImproveAngles(const LeafInput& input, const Surroundings& around,
       creases_(creases),
       delta_(delta),
       move_(mesh.delaunay()) {
-  constexpr double kRadians = std::numbers::pi / 180;
-  for (std::size_t k = 0; k < kFractions.size(); ++k)
-    cosines_[k] = std::cos(kRadians * (kFractions[k] * input.criteria.min_dihedral + kAngleSlack));
-  bound_ = cosines_.back();
+  ask_for(input.criteria.min_dihedral);
+  poor_cosine_ = bound_;
   const double size = around.sizes.largest();
-  limits_ = {.cosine = cosines_[kMuchBelow],
-             .squared_radius = size * size,
-             .radius_edge = bounds_.radius_edge};
+  limits_.squared_radius = size * size;
+  limits_.radius_edge = bounds_.radius_edge;
+}
+
+void ImproveAngles::ask_for(double degrees) {
+  for (std::size_t k = 0; k < kFractions.size(); ++k)
+    cosines_[k] = std::cos(kDegree * (kFractions[k] * degrees + kAngleSlack));
+  bound_ = cosines_.back();
+  limits_.cosine = cosines_[kMuchBelow];
 }
 
 void ImproveAngles::run() {
@@ -119,7 +128,7 @@ void ImproveAngles::run() {
       const Poor poor = waiting_.top();
       waiting_.pop();
       if (!mesh_.is_alive(poor.cell)) continue;
-      if (improve(poor.cell.cell)) {
+      if (improve(poor)) {
         ++num_improved_;
       } else {
         left_.push_back(poor);
@@ -142,7 +151,7 @@ void ImproveAngles::run() {
 void ImproveAngles::list_poor() {
   const bool is_changed = !delta_.inserted.empty() || !delta_.deleted.empty();
   for (; !waiting_.empty(); waiting_.pop()) {
-    const auto& [cosine, ref, vertices] = waiting_.top();
+    const auto& [cosine, wall, ref, vertices] = waiting_.top();
     PoorCell poor{.position = mesh_.ball(ref.cell).center,
                   .degrees = std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi,
                   .others = {}};
@@ -169,33 +178,57 @@ void ImproveAngles::look_at(Cell c) {
   const double most = surroundings_.sizes.largest();
   if (!has_own && !(input_.box.squared_distance(mesh_.point(c, 0)) < most * most)) return;
   const double cosine = largest_cosine(mesh_.corners(c));
-  if (!(cosine > bound_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
+  if (!(cosine > poor_cosine_) || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
   if (!has_own && !(is_in_leaf(input_.box, mesh_.ball(c).center) && mesh_.is_loaded(mesh_.ball(c))))
     return;
-  if (is_as_thin_as_wall(c)) return;
-  Poor poor{cosine, mesh_.ref(c), mesh_.delaunay().vertices(c)};
+  const double wall = width_of_wall(c);
+  if (is_thin(wall) && !is_flat(cosine, wall)) return;
+  Poor poor{cosine, wall, mesh_.ref(c), mesh_.delaunay().vertices(c)};
   std::ranges::sort(poor.vertices);
   waiting_.push(poor);
 }
 
-// Does it lead from side to side of a part so thin that one layer there has angles below the bound?
-// A triangle of unit sides is seen under the bound from a place above a corner of it that is 0.87
-// times the bound's tangent away, from one above its middle at a third of that.
-bool ImproveAngles::is_as_thin_as_wall(Cell c) const {
-  if (creases_ == nullptr) return false;
+// Of a cell that leads from side to side of a narrow part, without a vertex inside. Else 0.
+double ImproveAngles::width_of_wall(Cell c) const {
+  if (creases_ == nullptr) return 0;
   const std::array<Point, 4> corners = mesh_.corners(c);
-  double most = 0;
-  for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t j = i + 1; j < 4; ++j)
-      most = std::max(most, squared_distance(corners[i], corners[j]));
-  constexpr double kPart = 0.5;
-  const double squared_tangent = 1 / (bound_ * bound_) - 1,
-               reached = kPart * kPart * squared_tangent * most;
-  const double width = creases_->width_across(mesh_.delaunay().vertices(c), corners);
-  return width * width < reached;
+  const auto normals = creases_->normals(mesh_.delaunay().vertices(c), corners);
+  if (!normals) return 0;
+  const double width = relative_width(corners, *normals);
+  return width < kNarrow ? width : 0;
+}
+
+// Is there room for one layer alone, with angles below the bound?
+bool ImproveAngles::is_thin(double wall) const {
+  return wall > 0 && wall < kThinWall * std::tan(kDegree * input_.criteria.min_dihedral);
 }
 
 // ---- What is tried ------------------------------------------------------------------------------
+
+bool ImproveAngles::improve(const Poor& poor) {
+  if (is_flat(poor.cosine, poor.wall) && improve_in_wall(poor)) return true;
+  return !is_thin(poor.wall) && improve(poor.cell.cell);
+}
+
+// Four points nearly in a circle, two on each side, make a cell much flatter than the wall. One of
+// them moves a little.
+bool ImproveAngles::improve_in_wall(const Poor& poor) {
+  kind_ = PointKind::kSurface;
+  better_.clear();
+  wall_ = poor.wall;
+  ask_for(std::atan(kPartOfWall * wall_) / kDegree);
+  const auto try_to = [&] {
+    for (const LocalIndex v : mesh_.delaunay().vertices(poor.cell.cell))
+      if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface &&
+          try_places(v, poor.cell.cell))
+        return true;
+    return try_better();
+  };
+  const bool is_improved = try_to();
+  wall_ = 0;
+  ask_for(input_.criteria.min_dihedral);
+  return is_improved;
+}
 
 bool ImproveAngles::improve(Cell poor) {
   better_.clear();
@@ -270,7 +303,7 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   const Point before = mesh_.delaunay().point(v);
   take_in_core(before);
   if (!move_.take_out(v)) return false;
-  list_places(v, poor);
+  wall_ > 0 ? list_places_in_wall(v, poor) : list_places(v, poor);
   if (kind_ == PointKind::kSurface)
     std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
   const double growth = surroundings_.sizes.growth();
@@ -380,6 +413,20 @@ bool ImproveAngles::may_stand(const Point& q, LocalIndex v) {
   if (!closest) return false;
   sheet_ = closest->side.sheet;
   return v == mesh_.num_locals() || std::ranges::equal(creases_->sheets(v), std::array{sheet_});
+}
+
+// Towards the cell's other vertices and away, by so little that sides stay apart (`sheared` in
+// mirror.cpp): of points that are nearly in a circle none need be.
+void ImproveAngles::list_places_in_wall(LocalIndex v, Cell poor) {
+  const Point p = mesh_.delaunay().point(v);
+  places_.clear();
+  for (const double step : kStepsInWall)
+    for (const LocalIndex w : mesh_.delaunay().vertices(poor)) {
+      if (w == v) continue;
+      const Point way = (step * wall_ * wall_) * (mesh_.delaunay().point(w) - p);
+      places_.push_back(p + way);
+      places_.push_back(p - way);
+    }
 }
 
 bool ImproveAngles::try_insertions(Cell poor) {

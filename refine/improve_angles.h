@@ -45,11 +45,13 @@ class ImproveAngles {
   using NewCell = Delaunay::NewCell;
   using Facet = std::array<LocalIndex, 3>;  // ascending
   static constexpr std::array<double, 6> kFractions{1. / 3, 1. / 2, 2. / 3, 0.8, 0.9, 1};
+  static constexpr double kPartOfWall = 0.4;
   static constexpr std::size_t kMuchBelow = 2;  // no cell of a vertex that moves is below this one
   using Counts = std::array<std::uint32_t, kFractions.size()>;  // of cells below these of the bound
 
   struct Poor {
     double cosine = 0;
+    double wall = 0;  // of one that leads across a narrow part, its width over the longest edge
     LeafMesh::CellRef cell;
     std::array<LocalIndex, 4> vertices;  // ascending
     // The worst comes first.
@@ -66,6 +68,7 @@ class ImproveAngles {
   };
 
   void look_at(Cell c);
+  bool improve(const Poor& poor);
   bool improve(Cell poor);
   bool improve_on_surface(Cell poor);
   bool try_places(LocalIndex v, Cell poor);
@@ -77,7 +80,15 @@ class ImproveAngles {
   // Not at once: it has leaves visited again.
   bool may_meet_core() const { return round_ > 0 && surroundings_.core != nullptr; }
   bool is_left_to_others(Cell poor) const;
-  bool is_as_thin_as_wall(Cell c) const;
+  double width_of_wall(Cell c) const;
+  bool is_thin(double wall) const;
+  // Is a cell much flatter than the wall that it leads across?
+  static bool is_flat(double cosine, double wall) {
+    return cosine * cosine * (1 + kPartOfWall * kPartOfWall * wall * wall) > 1;
+  }
+  void ask_for(double degrees);
+  void list_places_in_wall(LocalIndex v, Cell poor);
+  bool improve_in_wall(const Poor& poor);
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);
   void list_places(LocalIndex v, Cell poor);
@@ -142,6 +153,8 @@ class ImproveAngles {
   VertexMove move_;
   std::array<double, kFractions.size()> cosines_;  // of the angles
   double bound_;                                   // the last of them
+  double poor_cosine_;                             // of all that is asked for
+  double wall_ = 0;                                // of the cell at hand: see Poor
   VertexMove::Limits limits_;                      // of cells at a volume point that moves or comes
   int round_ = 0;
   std::size_t num_improved_ = 0;

@@ -192,22 +192,17 @@ bool LeafCreases::is_exempt(const std::array<LocalIndex, 4>& vertices,
   return !is_on_crease && !is_other_on_crease && are_facing(corners[a], corners[b]);
 }
 
-double LeafCreases::width_across(const std::array<LocalIndex, 4>& vertices,
-                                 const std::array<Point, 4>& corners) const {
-  double least = std::numeric_limits<double>::infinity();
-  std::array<Point, 4> normals;  // 0 on a crease
+std::optional<std::array<Point, 4>> LeafCreases::normals(
+    const std::array<LocalIndex, 4>& vertices, const std::array<Point, 4>& corners) const {
+  std::array<Point, 4> normals;
   for (std::size_t i = 0; i < 4; ++i) {
     const PointKind kind = mesh_.local(vertices[i]).point.kind;
-    if (!is_on_surface(kind)) return least;
+    if (!is_on_surface(kind)) return std::nullopt;
     if (kind == PointKind::kCrease) continue;
     if (const auto closest = domain_.closest_to(corners[i], size_))
       normals[i] = (1 / norm(closest->side.normal)) * closest->side.normal;
   }
-  for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t j = 0; j < 4; ++j)
-      if (dot(normals[i], normals[j]) < 0)
-        least = std::min(least, std::abs(dot(normals[i], corners[j] - corners[i])));
-  return least;
+  return normals;
 }
 
 bool LeafCreases::is_neighbor(LocalIndex a, LocalIndex b) const {

@@ -56,10 +56,9 @@ class LeafCreases {
   // one, or from crease to crease: there the surface itself comes that close.
   bool is_exempt(const std::array<LocalIndex, 4>& vertices,
                  const std::array<Point, 4>& corners) const;
-  // Of a cell with vertices on two sides that face each other, and none inside: how far apart these
-  // are there. Infinite of others.
-  double width_across(const std::array<LocalIndex, 4>& vertices,
-                      const std::array<Point, 4>& corners) const;
+  // Unit normals of the surface at vertices, 0 on a crease. Null if not all lie on it.
+  std::optional<std::array<Point, 4>> normals(const std::array<LocalIndex, 4>& vertices,
+                                              const std::array<Point, 4>& corners) const;
 
  private:
   struct Ball {

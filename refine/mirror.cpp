@@ -39,6 +39,18 @@ bool turns_away(const Point& normal, const Point& other) {
   return dot(normal, other) < kCosine;
 }
 
+// On the other side of a thin wall: how far a mirror is moved aside, so that it is not straight
+// across. Two points and their mirrors would be in a circle, and many cells there flat. Of both
+// mirrors of each other it is the same, so that two points and their mirrors stay in a plane.
+// `way`: from the mirror to its point. Below half of the square of the way over λ it joins no
+// sides: a place of one is still closer to samples of its own.
+Point sheared(const Point& way, double size) {
+  constexpr double kShear = 0.03, kThin = 0.25;  // of the square, of λ
+  static const Point kAxis = {0.55, 0.6, 0.58};
+  const double length = norm(way);
+  return length < kThin * size ? kShear / size * length * cross(kAxis, way) : Point{};
+}
+
 // Those of p itself. Returns its own side.
 SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double reach,
                               double farthest, std::vector<MirrorPoint>& out) {
@@ -72,7 +84,8 @@ SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double r
   for (const ClosestOfSheet& other : closest) {
     const Point across = normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
-    const Point image = p - off * across;
+    const bool is_inside = off > 0;  // what lies between the two
+    const Point image = p - off * across + (is_inside ? sheared(off * across, reach) : Point{});
     MirrorPoint mirror;
     double least = reach * reach;
     for (const Triangle& t : near) {

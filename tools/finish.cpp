@@ -150,13 +150,17 @@ void tell_unresolved(const std::vector<LeafSite>& sites, std::uint64_t num_all,
 void tell_poor_cells(const std::vector<LeafPoorCell>& cells, const MeshStatistics& statistics,
                      std::string_view program, ProgressLine& line) {
   const auto json = [&] {
-    Json all = {{"num_poor_cells", statistics.num_poor_cells}, {"cells", Json::array()}};
+    Json all = {{"num_poor_cells", statistics.num_poor_cells},
+                {"num_forced_cells", statistics.num_forced_cells},
+                {"cells", Json::array()}};
     for (const LeafPoorCell& cell : cells) all["cells"].push_back(to_json(cell));
     return all;
   };
   std::string text = fmt::format(
       "{} cell{} a dihedral angle below {}°, which nothing improved", statistics.num_poor_cells,
       statistics.num_poor_cells == 1 ? " has" : "s have", statistics.min_dihedral_bound);
+  if (statistics.num_forced_cells > 0)
+    text += fmt::format(": {} forced by thin walls or acute creases", statistics.num_forced_cells);
   for (const LeafPoorCell& cell : cells) text += fmt::format("\n  {}", poor_cell_text(cell));
   if (statistics.num_poor_cells > cells.size())
     text += fmt::format(

@@ -289,8 +289,9 @@ std::string site_text(const LeafSite& site) {
 }
 
 std::string poor_cell_text(const LeafPoorCell& cell) {
-  return fmt::format("angle {:.4g}° at {}, radius {:.6g}, leaf {}", cell.degrees,
-                     point_text(cell.position), cell.radius, key_text(cell.leaf));
+  return fmt::format("angle {:.4g}° at {}, radius {:.6g}, leaf {}{}", cell.degrees,
+                     point_text(cell.position), cell.radius, key_text(cell.leaf),
+                     cell.is_forced ? ", forced by a wall or crease" : "");
 }
 
 std::string bounds_text(const RunParameters& parameters) {
@@ -507,6 +508,15 @@ double num_uniform_cells(const RunRecord& run) {
   return estimated_num_cells(run.surface, run.has_creases, run.parameters.size);
 }
 
+std::string poor_cells_text(const MeshStatistics& statistics) {
+  return fmt::format("{}, with a dihedral angle below {}°", statistics.num_poor_cells,
+                     statistics.min_dihedral_bound) +
+         (statistics.num_forced_cells > 0
+              ? fmt::format("; {} forced by thin walls or acute creases",
+                            statistics.num_forced_cells)
+              : "");
+}
+
 std::string statistics_text(const MeshStatistics& statistics, const RunRecord& run) {
   const double volume = run.surface.volume;
   const bool is_excused = keeps_creases(run) && statistics.num_above_ratio > 0;
@@ -514,10 +524,8 @@ std::string statistics_text(const MeshStatistics& statistics, const RunRecord& r
              100 * (statistics.volume - volume) / volume, volume) +
          row("cells", "{} of the lattice core; circumradius at most {:.4g} λ",
              statistics.num_core_cells, statistics.max_circumradius) +
-         (statistics.min_dihedral_bound > 0
-              ? row("poor cells", "{}, with a dihedral angle below {}°", statistics.num_poor_cells,
-                    statistics.min_dihedral_bound)
-              : "") +
+         (statistics.min_dihedral_bound > 0 ? row("poor cells", "{}", poor_cells_text(statistics))
+                                            : "") +
          (is_excused ? row("slender cells", "{}", excused_cells_text(statistics, run)) : "") +
          (run.parameters.sizes().is_uniform() ? "" : size_statistics_text(statistics, run)) +
          columns_text(fmt::format("dihedral angles {:.2f}° to {:.2f}°",
@@ -699,11 +707,9 @@ Json to_json(const LeafSite& site) {
 }
 
 Json to_json(const LeafPoorCell& cell) {
-  return {{"leaf", key_text(cell.leaf)},
-          {"condition", "angle"},
-          {"position", to_json(cell.position)},
-          {"radius", cell.radius},
-          {"min_dihedral_degrees", cell.degrees}};
+  return {{"leaf", key_text(cell.leaf)},          {"condition", "angle"},
+          {"position", to_json(cell.position)},   {"radius", cell.radius},
+          {"min_dihedral_degrees", cell.degrees}, {"is_forced", cell.is_forced}};
 }
 
 Json to_json(const Fault& fault) {
@@ -761,6 +767,7 @@ Json to_json(const MeshStatistics& statistics, const RunRecord& run) {
                {"max_dihedral_degrees", statistics.max_dihedral_degrees},
                {"min_dihedral_bound", statistics.min_dihedral_bound},
                {"num_poor_cells", statistics.num_poor_cells},
+               {"num_forced_cells", statistics.num_forced_cells},
                {"max_radius_edge_ratio", statistics.max_radius_edge_ratio},
                {"max_bounded_radius_edge_ratio", statistics.max_bounded_ratio},
                {"num_above_radius_edge_ratio", statistics.num_above_ratio},

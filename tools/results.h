@@ -73,6 +73,7 @@ std::string box_text(const Box& box);
 std::string rounded_text(const Point& point);  // to six digits
 std::string site_text(const LeafSite& site);
 std::string poor_cell_text(const LeafPoorCell& cell);
+std::string poor_cells_text(const MeshStatistics& statistics);
 std::string bounds_text(const RunParameters& parameters);
 std::string fault_text(const Fault& fault);
 std::string position_text(const QueuePosition& position);

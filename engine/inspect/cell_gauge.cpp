@@ -164,6 +164,7 @@ MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b) {
   all.volume += b.volume;
   all.min_dihedral_degrees = std::min(a.min_dihedral_degrees, b.min_dihedral_degrees);
   all.num_poor_cells += b.num_poor_cells;
+  all.num_forced_cells += b.num_forced_cells;
   all.num_above_ratio += b.num_above_ratio;
   all.max_neighbor_ratio = 0;
   for (const auto most :
@@ -189,10 +190,11 @@ CellGauge::CellGauge(double size, double min_dihedral, double core_size, double 
   counted_.min_dihedral_bound = min_dihedral;
 }
 
-CellGauge::Radii CellGauge::add(std::span<const Corners> cells, const SizeField* sizes) {
+CellGauge::Added CellGauge::add(std::span<const Corners> cells, const SizeField* sizes) {
   assert(cells.size() <= kAtOnce);
-  Radii radii{};
-  if (cells.empty()) return radii;
+  Added added;
+  if (cells.empty()) return added;
+  auto& [radii, are_poor] = added;
   const Measures m = measures_of(cells, 1 / size_);
   counted_.num_cells += cells.size();
   for (std::size_t lane = 0; lane < cells.size(); ++lane) {
@@ -203,7 +205,7 @@ CellGauge::Radii CellGauge::add(std::span<const Corners> cells, const SizeField*
       const double minus_cosine = m.minus_cosines[i][lane];
       cosines[i] = minus_cosine >= -1 ? -minus_cosine : 1;  // 1 for a facet without area
     }
-    add_angles(cosines);
+    are_poor[lane] = add_angles(cosines);
     const bool is_flat = !(six_volumes * six_volumes > m.is_flat_below[lane]);
     double ratio = m.ratio[lane];
     radii[lane] = m.radius[lane];
@@ -220,10 +222,10 @@ CellGauge::Radii CellGauge::add(std::span<const Corners> cells, const SizeField*
     add_radius_over_size(radii[lane],
                          sizes ? sizes->at(is_flat ? corner : corner + size_ * to_center) : size_);
   }
-  return radii;
+  return added;
 }
 
-void CellGauge::add_angles(const std::array<double, 6>& cosines) {
+bool CellGauge::add_angles(const std::array<double, 6>& cosines) {
   static const AngleBins bins;
   double of_least = -1, of_most = 1;  // cosines of the smallest angle and of the largest
   for (const double cosine : cosines) {
@@ -232,9 +234,11 @@ void CellGauge::add_angles(const std::array<double, 6>& cosines) {
     of_most = std::min(of_most, cosine);
   }
   ++counted_.min_dihedral_angles.counts[bins.bin(of_least)];
-  if (of_least > poor_cosine_) ++counted_.num_poor_cells;
   max_cosine_ = std::max(max_cosine_, of_least);
   min_cosine_ = std::min(min_cosine_, of_most);
+  const bool is_poor = of_least > poor_cosine_;
+  if (is_poor) ++counted_.num_poor_cells;
+  return is_poor;
 }
 
 void CellGauge::add_radius(double radius, double ratio) {
@@ -289,6 +293,7 @@ void CellGauge::add(const CellGauge& other) {
   to.num_cells += from.num_cells;
   to.num_core_cells += from.num_core_cells;
   to.num_poor_cells += from.num_poor_cells;
+  to.num_forced_cells += from.num_forced_cells;
   for (const auto histogram :
        {&MeshStatistics::dihedral_angles, &MeshStatistics::min_dihedral_angles,
         &MeshStatistics::radius_edge_ratios, &MeshStatistics::radii_over_size}) {

@@ -28,8 +28,9 @@ struct MeshStatistics {
   std::uint64_t num_core_cells = 0;
   double volume = 0;
   double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
-  double min_dihedral_bound = 0;     // what the run asks for, in degrees; 0: nothing
-  std::uint64_t num_poor_cells = 0;  // with a dihedral angle below that
+  double min_dihedral_bound = 0;       // what the run asks for, in degrees; 0: nothing
+  std::uint64_t num_poor_cells = 0;    // with a dihedral angle below that
+  std::uint64_t num_forced_cells = 0;  // of these: walls or acute creases leave no room for more
   double max_radius_edge_ratio = 0;
   // Of cells up to the bound of C6, and how many are above it: beside creases these are excused.
   double max_bounded_ratio = 0;
@@ -64,11 +65,16 @@ class CellGauge {
   explicit CellGauge(double size, double min_dihedral = 0, double core_size = 0,
                      double ratio_bound = 2);
 
-  using Radii = std::array<double, kAtOnce>;
+  struct Added {
+    std::array<double, kAtOnce> radii{};  // of circumballs, over λ
+    std::array<bool, kAtOnce> are_poor{};
+  };
 
   // Adds at most kAtOnce cells, at little more than the price of one. `sizes`: h around them; null:
-  // λ. Returns their circumradii, over λ.
-  Radii add(std::span<const Corners> cells, const SizeField* sizes = nullptr);
+  // λ.
+  Added add(std::span<const Corners> cells, const SizeField* sizes = nullptr);
+  // One of the poor cells is so for the surface's sake.
+  void add_forced() { ++counted_.num_forced_cells; }
   // Cells of the lattice core: all congruent, taken by formula.
   void add_core(std::uint64_t num_cells);
   void add(const CellGauge& other);
@@ -80,7 +86,7 @@ class CellGauge {
  private:
   struct Measures;
   static Measures measures_of(std::span<const Corners> cells, double scale);
-  void add_angles(const std::array<double, 6>& cosines);
+  bool add_angles(const std::array<double, 6>& cosines);  // is the cell poor?
   void add_radius(double radius, double ratio);
   void add_radius_over_size(double radius, double size, std::uint64_t num_cells = 1);
 

@@ -56,9 +56,9 @@ auto fields(Maybe<LeafRow> auto& row) {
                     Field("faults", faults));
 }
 auto fields(Maybe<LeafPoorCell> auto& cell) {
-  auto& [leaf, position, radius, degrees] = cell;
+  auto& [leaf, position, radius, degrees, is_forced] = cell;
   return std::tuple(Field("leaf", leaf), Field("position", position), Field("radius", radius),
-                    Field("degrees", degrees));
+                    Field("degrees", degrees), Field("is_forced", is_forced));
 }
 
 }  // namespace locvol

@@ -28,6 +28,7 @@
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
 #include "octree/size_field.h"
+#include "refine/forced_angles.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -42,6 +43,7 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("volume", s.volume), Field("min_dihedral_degrees", s.min_dihedral_degrees),
       Field("max_dihedral_degrees", s.max_dihedral_degrees),
       Field("min_dihedral_bound", s.min_dihedral_bound), Field("num_poor_cells", s.num_poor_cells),
+      Field("num_forced_cells", s.num_forced_cells),
       Field("max_radius_edge_ratio", s.max_radius_edge_ratio),
       Field("max_bounded_ratio", s.max_bounded_ratio), Field("num_above_ratio", s.num_above_ratio),
       Field("max_circumradius", s.max_circumradius),
@@ -113,13 +115,15 @@ CellGauge gauge_for(const RunRecord& run) {
                    run.parameters.radius_edge_bound);
 }
 
-LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge) {
+LeafPoorCell poor_cell(MortonKey leaf, const CellGauge::Corners& c, const CellGauge& its_gauge,
+                       bool is_forced) {
   const Circumsphere ball = circumsphere_of(c[0], c[1], c[2], c[3]);
   const bool is_flat = !std::isfinite(ball.radius);
   return {.leaf = leaf,
           .position = is_flat ? 0.25 * (c[0] + c[1] + c[2] + c[3]) : ball.center,
           .radius = ball.radius,
-          .degrees = its_gauge.statistics().min_dihedral_degrees};
+          .degrees = its_gauge.statistics().min_dihedral_degrees,
+          .is_forced = is_forced};
 }
 
 // Neighboring leaves, measured by one thread.
@@ -153,14 +157,20 @@ class MeasureTask : public Task {
     std::optional<SizeField> sizes;
     if (!law_.is_uniform() && !cells.cells.empty()) sizes = sizes_around(leaf, near, window.cubes);
     std::vector<double> radii;
+    std::optional<ForcedAngles> angles;  // where a cell is poor
     std::array<CellGauge::Corners, CellGauge::kAtOnce> some{};
     std::size_t num = 0;
     const auto add_some = [&] {
       const auto these = std::span(some).first(std::exchange(num, 0));
-      const CellGauge::Radii known = add(key, these, sizes ? &*sizes : nullptr);
+      const CellGauge::Added added = gauge_.add(these, sizes ? &*sizes : nullptr);
       if (measured_.neighbors)
-        radii.insert(radii.end(), known.begin(),
-                     known.begin() + static_cast<std::ptrdiff_t>(these.size()));
+        radii.insert(radii.end(), added.radii.begin(),
+                     added.radii.begin() + static_cast<std::ptrdiff_t>(these.size()));
+      for (std::size_t i = 0; i < these.size(); ++i) {
+        if (!added.are_poor[i]) continue;
+        if (!angles && keeps_creases(run_)) angles = angles_around(leaf, near, window.snapshot);
+        add_poor(key, these[i], angles && angles->are_forced(these[i]));
+      }
     };
     for (const auto& [a, b, c, d] : cells.cells) {
       some[num++] = {positions[a], positions[b], positions[c], positions[d]};
@@ -172,17 +182,22 @@ class MeasureTask : public Task {
     if (measured_.neighbors) neighbors_.push_back(leaf_neighbors(cells, radii));
   }
 
-  CellGauge::Radii add(MortonKey leaf, std::span<const CellGauge::Corners> some,
-                       const SizeField* sizes) {
-    const std::uint64_t num_poor = gauge_.num_poor_cells();
-    const CellGauge::Radii radii = gauge_.add(some, sizes);
-    if (!measured_.on_poor || gauge_.num_poor_cells() == num_poor) return radii;
-    for (const CellGauge::Corners& corners : some) {
-      CellGauge one = gauge_for(run_);
-      one.add({&corners, 1});
-      if (one.num_poor_cells() > 0) poor_.push_back(poor_cell(leaf, corners, one));
-    }
-    return radii;
+  void add_poor(MortonKey leaf, const CellGauge::Corners& corners, bool is_forced) {
+    if (is_forced) gauge_.add_forced();
+    if (!measured_.on_poor) return;
+    CellGauge one = gauge_for(run_);
+    one.add({&corners, 1});
+    poor_.push_back(poor_cell(leaf, corners, one, is_forced));
+  }
+
+  ForcedAngles angles_around(std::size_t leaf, std::span<const std::size_t> near,
+                             const Snapshot& snapshot) const {
+    DomainPiece piece;
+    piece.region =
+        run_.frame.box(octree_.leaves()[leaf]).expanded(kCellReach * measured_.scale.of(leaf));
+    for (const std::size_t other : near) piece.add(snapshot.surface(octree_.leaves()[other]));
+    piece.unite();
+    return ForcedAngles(std::move(piece), run_.parameters.size, run_.parameters.min_dihedral);
   }
 
   // Where the leaf's cells may have their circumcenters.

@@ -19,6 +19,7 @@
 #include "refine/crease_graph.h"
 #include "refine/crease_leaf.h"
 #include "refine/fill_leaf.h"
+#include "refine/forced_angles.h"
 #include "refine/mirror.h"
 #include "refine/refine_leaf.h"
 #include "refine/tip_ring.h"
@@ -497,6 +498,48 @@ TEST(TipRing, IsSoSmallThatItMeetsTheConeAlone) {
   const std::vector<Point> ring = ring_of(both, 0.84);
   ASSERT_EQ(ring.size(), 5U);
   EXPECT_LT(norm(ring[0]), 0.3);
+}
+
+// ---- Angles that the surface forces
+
+ForcedAngles angles_of(const Creased& shape, double size) {
+  return {shape.piece(shape.box().expanded(size)), size, 15};
+}
+
+// A cell with an edge on that of the bar, and one corner on each side, a part of `size` from it.
+std::array<Point, 4> cell_at_edge(double degrees, double size) {
+  const double half = 0.5 * degrees * kPi / 180;
+  const Point tip{-0.5, 0, 0.5};
+  const auto on_side = [&](double angle) {
+    return tip + size * Point{std::cos(angle), std::sin(angle), 0.5};
+  };
+  return {tip, tip + Point{0, 0, size}, on_side(half), on_side(-half)};
+}
+
+TEST(ForcedAngles, AreThoseAtCreasesSharperThan30Degrees) {
+  for (const double degrees : {8.0, 20.0, 29.0, 31.0, 60.0})
+    EXPECT_EQ(angles_of(bar(degrees, 1), 0.2).are_forced(cell_at_edge(degrees, 0.2)), degrees < 30)
+        << degrees;
+}
+
+TEST(ForcedAngles, AreNotThoseBesideGrooves) {
+  // The bar's complement in a box: inside and outside change places.
+  std::vector<std::array<Point, 3>> soup;
+  for (const Triangle& t : bar(20, 1).triangles)
+    soup.push_back({t.corners[0], t.corners[2], t.corners[1]});
+  EXPECT_FALSE(angles_of(creased(soup), 0.2).are_forced(cell_at_edge(20, 0.2)));
+}
+
+TEST(ForcedAngles, AreThoseOfWallsWithRoomForOneLayer) {
+  const auto across = [](double thickness, const Point& fourth) {
+    const Creased plate = prism({{3, 3, 0}, {-3, 3, 0}, {-3, -3, 0}, {3, -3, 0}}, thickness);
+    const std::array<Point, 4> cell{{{0, 0, 0}, {1, 0, 0}, {0.5, 0.8, 0}, fourth}};
+    return angles_of(plate, 1).are_forced(cell);
+  };
+  const double most = 0.866 * std::tan(15 * kPi / 180);  // of the longest edge, nearly 1
+  EXPECT_TRUE(across(0.9 * most, {0.5, 0.3, 0.9 * most}));
+  EXPECT_FALSE(across(1.1 * most, {0.5, 0.3, 1.1 * most}));
+  EXPECT_FALSE(across(0.9 * most, {0.5, 0.3, 0.4 * most}));  // not from side to side
 }
 
 }  // namespace

@@ -194,6 +194,13 @@ TEST(StatisticsText, TellsPoorCellsIfThereIsABound) {
   EXPECT_NE(text.find("\npoor cells       3, with a dihedral angle below 15°\n"), std::string::npos)
       << text;
   EXPECT_EQ(to_json(statistics, run)["num_poor_cells"], 3);
+  EXPECT_EQ(to_json(statistics, run)["num_forced_cells"], 0);
+  statistics.num_forced_cells = 2;
+  const std::string of_walls = statistics_text(statistics, run);
+  EXPECT_NE(of_walls.find("below 15°; 2 forced by thin walls or acute creases\n"),
+            std::string::npos)
+      << of_walls;
+  EXPECT_EQ(to_json(statistics, run)["num_forced_cells"], 2);
 }
 
 TEST(ParametersText, TellsTheBoundOnAngles) {
@@ -223,6 +230,10 @@ TEST(PoorCellText, NamesAnglePlaceAndLeaf) {
             "angle 12.5° at (1, 2.5, -3), radius 0.25, leaf 8000000000000000");
   EXPECT_EQ(to_json(cell)["condition"], "angle");
   EXPECT_EQ(to_json(cell)["min_dihedral_degrees"], 12.5);
+  EXPECT_EQ(to_json(cell)["is_forced"], false);
+  const LeafPoorCell forced{MortonKey::root(), {1, 2.5, -3}, 0.25, 12.5, true};
+  EXPECT_EQ(poor_cell_text(forced), poor_cell_text(cell) + ", forced by a wall or crease");
+  EXPECT_EQ(to_json(forced)["is_forced"], true);
 }
 
 TEST(StatisticsText, DrawsBarsOfItsHistograms) {

@@ -194,9 +194,13 @@ class Page {
   }
 
   std::string poor_cells_text() const {
-    return fmt::format("{} {} a dihedral angle below {}°", grouped(num_poor_cells()),
-                       num_poor_cells() == 1 ? "cell has" : "cells have",
-                       run_.parameters.min_dihedral);
+    std::string text = fmt::format("{} {} a dihedral angle below {}°", grouped(num_poor_cells()),
+                                   num_poor_cells() == 1 ? "cell has" : "cells have",
+                                   run_.parameters.min_dihedral);
+    if (statistics_->num_forced_cells > 0)
+      text += fmt::format(", {} in thin walls or at acute creases",
+                          grouped(statistics_->num_forced_cells));
+    return text;
   }
 
   std::string marked() const {
@@ -385,9 +389,7 @@ class Page {
       mesh.emplace_back("dihedral angles", fmt::format("{:.3f}° to {:.3f}°", m.min_dihedral_degrees,
                                                        m.max_dihedral_degrees));
       if (run_.parameters.min_dihedral > 0)
-        mesh.emplace_back("poor cells",
-                          fmt::format("{}, with a dihedral angle below {}°",
-                                      grouped(m.num_poor_cells), run_.parameters.min_dihedral));
+        mesh.emplace_back("poor cells", locvol::poor_cells_text(m));
       const bool is_excused = keeps_creases(run_) && m.num_above_ratio > 0;
       mesh.emplace_back("radius-edge ratio",
                         fmt::format("at most {:.4f}",
@@ -460,10 +462,11 @@ class Page {
     if (poor_cells_.empty()) return "";
     Rows rows;
     for (std::size_t i = 0; i < std::min(poor_cells_.size(), kMaxListed); ++i) {
-      const auto& [leaf, position, radius, degrees] = poor_cells_[i];
+      const auto& [leaf, position, radius, degrees, is_forced] = poor_cells_[i];
       rows.emplace_back(fmt::format("{:.3g}°", degrees),
-                        fmt::format("({:.6g}, {:.6g}, {:.6g}), radius {:.4g} λ", position.x,
-                                    position.y, position.z, radius / run_.parameters.size));
+                        fmt::format("({:.6g}, {:.6g}, {:.6g}), radius {:.4g} λ{}", position.x,
+                                    position.y, position.z, radius / run_.parameters.size,
+                                    is_forced ? ", forced by a wall or crease" : ""));
     }
     if (num_poor_cells() > rows.size())
       rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --unresolved",

@@ -120,7 +120,7 @@ void expect_same(const MeshStatistics& found, const MeshStatistics& expected) {
 
 // A finished run of the shape.
 Store meshed(const TempDir& dir, const Shape& shape, double size, std::uint64_t leaf_capacity = 0,
-             double growth = 0) {
+             double growth = 0, double min_dihedral = 15) {
   write_off(shape, dir / "surface.off");
   MeshOptions options;
   options.input = dir / "surface.off";
@@ -128,6 +128,7 @@ Store meshed(const TempDir& dir, const Shape& shape, double size, std::uint64_t 
   options.size = {size, false};
   options.leaf_capacity = leaf_capacity;
   options.growth = growth;
+  options.min_dihedral = min_dihedral;
   EXPECT_EQ(mesh(options).outcome, RunOutcome::kDone);
   return Store::open(options.store, {.read_only = true});
 }
@@ -295,6 +296,35 @@ TEST(MeshStatistics, CountCellsBelowTheBoundAndTellWhereTheyAre) {
       EXPECT_EQ(num_taken, std::min<std::uint64_t>(num_poor, 2));
     }
   }
+}
+
+// What a wall and an acute edge force, and no more.
+TEST(MeshStatistics, TellsApartWhatTheSurfaceForces) {
+  const auto statistics_of = [](const Shape& shape, double min_dihedral, int num_threads) {
+    const TempDir dir;
+    const Store store = meshed(dir, shape, 1, 200, 0, min_dihedral);
+    const MeshStatistics all = mesh_statistics(store, num_threads);
+    std::uint64_t num_forced = 0;
+    for_each_poor_cell(store, [&](const LeafPoorCell& cell) {
+      num_forced += cell.is_forced ? 1 : 0;
+      return true;
+    });
+    EXPECT_EQ(num_forced, all.num_forced_cells);
+    return all;
+  };
+  const Shape plate = box_shape({{0, 0, 0}, {6.3, 5.1, 0.1}});
+  const Shape knife = testing_shapes::wedge(5, 6, 0.15);
+  for (const Shape& shape : {plate, knife}) {
+    const MeshStatistics all = statistics_of(shape, 15, 1);
+    EXPECT_GT(all.num_poor_cells, 5u);
+    EXPECT_GT(10 * all.num_forced_cells, 9 * all.num_poor_cells);
+    EXPECT_EQ(statistics_of(shape, 15, 3).num_forced_cells, all.num_forced_cells);
+  }
+  const Shape block = box_shape({{0, 0, 0}, {6.3, 5.1, 4.2}});
+  EXPECT_EQ(statistics_of(block, 15, 1).num_poor_cells, 0u);
+  const MeshStatistics asked_too_much = statistics_of(block, 40, 1);
+  EXPECT_GT(asked_too_much.num_poor_cells, 20u);
+  EXPECT_EQ(asked_too_much.num_forced_cells, 0u);
 }
 
 // 45 degrees in all cells but for rounding.
