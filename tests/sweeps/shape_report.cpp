@@ -27,7 +27,7 @@ double ShapeReport::Run::seconds_per_thousand() const {
 }
 
 void ShapeReport::add(const ShapeCase& shape_case, const TrialResult& result) {
-  runs_.push_back({shape_case.family, shape_case.number, result});
+  runs_.push_back({shape_case.family, shape_case.number, shape_case.size, result});
 }
 
 std::size_t ShapeReport::num_failures() const {
@@ -38,23 +38,27 @@ std::size_t ShapeReport::num_failures() const {
 std::string ShapeReport::row(std::string_view family, const std::vector<const Run*>& runs) const {
   std::array<std::size_t, kVerdictNames.size()> counts = {};
   std::vector<double> seconds;
-  double largest = 0, shift = 0;
+  double largest = 0, shift = 0, creases = 0, lost = 0;
   for (const Run* run : runs) {
     ++counts[static_cast<std::size_t>(run->result.verdict)];
     if (run->result.verdict == Verdict::kRefused) continue;
     seconds.push_back(run->result.seconds);
     largest = std::max(largest, run->result.seconds);
     shift = std::max(shift, run->result.volume_shift);
+    creases += run->result.crease_length / run->size;
+    lost += run->result.lost_crease_length / run->size;
   }
   std::string text = fmt::format("{:<8}{:>7}", family, runs.size());
   for (const std::size_t count : counts) text += fmt::format("{:>8}", count);
-  return text + fmt::format("{:>9.2f}{:>9.2f}{:>8.3f}\n", median(seconds), largest, shift);
+  return text + fmt::format("{:>9.2f}{:>9.2f}{:>8.3f}{:>10.0f}{:>8.1f}\n", median(seconds), largest,
+                            shift, creases, lost);
 }
 
 std::string ShapeReport::table() const {
   std::string text = fmt::format("{:<8}{:>7}", "", "cases");
   for (const std::string_view verdict : kVerdictNames) text += fmt::format("{:>8}", verdict);
-  text += fmt::format("{:>9}{:>9}{:>8}\n", "median s", "max s", "shift");
+  text +=
+      fmt::format("{:>9}{:>9}{:>8}{:>10}{:>8}\n", "median s", "max s", "shift", "creases", "lost");
   std::vector<const Run*> all;
   for (const Family& family : families()) {
     std::vector<const Run*> of_family;

@@ -26,6 +26,7 @@ class ShapeReport {
   struct Run {
     std::string_view family;
     std::uint64_t number = 0;
+    double size = 0;  // λ
     TrialResult result;
     double seconds_per_thousand() const;  // boundary vertices
   };

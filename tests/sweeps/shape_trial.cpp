@@ -76,7 +76,9 @@ class Trial {
   // Whether there is a mesh; if not, the verdict is final.
   bool mesh(int num_threads) {
     start_anew();
-    const Ending ending = run(mesh_command(case_, directory_, num_threads), limit_);
+    std::vector<std::string> words = mesh_command(case_, directory_, num_threads);
+    words.push_back("--json");
+    const Ending ending = run(words, limit_);
     result_.seconds = ending.process.cpu_seconds;
     if (ending.is_hung) return conclude(Verdict::kHung, fmt::format("after {} s", limit_));
     const auto& [code, number, peak, cpu, out, err] = ending.process;
@@ -84,10 +86,13 @@ class Trial {
       return conclude(Verdict::kError, fmt::format("signal {}: {}", number, last_words(err)));
     if (code == 0 || code == 3) {
       exit_code_ = code;
+      const Json summary = Json::parse(out, nullptr, false);
+      if (!summary.is_object()) return conclude(Verdict::kError, "no JSON: " + last_words(out));
+      result_.num_forced_cells = summary.at("statistics").at("num_forced_cells");
       return true;
     }
-    const bool is_refused = code == 1 && std::ranges::any_of(kRefusals, [&err](const auto& words) {
-                              return err.find(words) != std::string::npos;
+    const bool is_refused = code == 1 && std::ranges::any_of(kRefusals, [&err](const auto& part) {
+                              return err.find(part) != std::string::npos;
                             });
     return conclude(is_refused ? Verdict::kRefused : Verdict::kError,
                     fmt::format("exit code {}: {}", code, last_words(err)));
@@ -116,6 +121,10 @@ class Trial {
     result_.num_cells = mesh.at("num_cells");
     result_.num_boundary_vertices = mesh.at("num_boundary_vertices");
     result_.num_unresolved = report->at("num_unresolved");
+    result_.lost_crease_length = report->at("lost_crease_length");
+    result_.crease_length = mesh.at("crease_length").get<double>() + result_.lost_crease_length;
+    result_.min_dihedral_degrees = report->at("min_dihedral_degrees");
+    result_.num_poor_cells = report->at("num_poor_cells");
     result_.verdict = exit_code_ == 0 ? Verdict::kDone : Verdict::kUnresolved;
     if (!report->at("is_valid").get<bool>())
       judge_violations(*report);

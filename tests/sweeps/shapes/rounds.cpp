@@ -7,6 +7,7 @@
 #include "tests/sweeps/shapes/blocks.h"
 #include "tests/sweeps/shapes/families.h"
 #include "tests/sweeps/shapes/prisms.h"
+#include "tests/sweeps/shapes/screw.h"
 
 namespace locvol::sweeps {
 namespace {
@@ -179,32 +180,41 @@ Solid make_needle(Dice& dice) {
   return turned({{0, 0}, {width, dice.uniform(0.1, 0.9) * length}, {0, length}}, num_sides);
 }
 
-Solid make_thread(Dice& dice) {
-  const double root = dice.length(0.3, 1), pitch = dice.length(0.05, 0.5);
-  const double depth = dice.uniform(0.3, 1) * std::min(pitch, root), flat = dice.uniform(0, 0.3);
-  const int num_turns = dice.integer(2, 8), num_sides = dice.one_of(std::array{16, 24, 32, 48});
-  const int rows_a_turn = dice.one_of(std::array{6, 8, 12});
+Solid screw(const ScrewPlan& plan) {
   std::vector<std::vector<Point>> rings;
-  for (int row = 0; row <= num_turns * rows_a_turn; ++row) {
-    const double turns = static_cast<double>(row) / rows_a_turn;
+  for (int row = 0; row <= plan.num_turns * plan.rows_a_turn; ++row) {
+    const double turns = static_cast<double>(row) / plan.rows_a_turn;
     std::vector<Point> ring;
-    for (int side = 0; side < num_sides; ++side) {
-      const double share = static_cast<double>(side) / num_sides;
-      const double radius = root + depth * thread_height(turns - share, flat);
-      ring.push_back(
-          {radius * std::cos(2 * kPi * share), radius * std::sin(2 * kPi * share), turns * pitch});
+    for (int side = 0; side < plan.num_sides; ++side) {
+      const double share = static_cast<double>(side) / plan.num_sides;
+      const double radius = plan.root + plan.depth * thread_height(turns - share, plan.flat);
+      ring.push_back({radius * std::cos(2 * kPi * share), radius * std::sin(2 * kPi * share),
+                      turns * plan.pitch});
     }
     rings.push_back(ring);
   }
   ShapeBuilder builder;
   for (std::size_t i = 0; i + 1 < rings.size(); ++i) builder.band(rings[i], rings[i + 1]);
-  builder.fan(rings.back(), {0, 0, num_turns * pitch});
+  builder.fan(rings.back(), {0, 0, plan.num_turns * plan.pitch});
   std::ranges::reverse(rings.front());
   builder.fan(rings.front(), {0, 0, 0});
+  // Grooves and crests may be sharp.
   return {.shape = builder.take(),
-          .thickness = 0.1 * std::min(pitch, depth),  // grooves and crests may be sharp
+          .thickness = 0.1 * std::min(plan.pitch, plan.depth),
           .genus = 0,
           .num_components = 1};
+}
+
+Solid make_thread(Dice& dice) {
+  ScrewPlan plan;
+  plan.root = dice.length(0.3, 1);
+  plan.pitch = dice.length(0.05, 0.5);
+  plan.depth = dice.uniform(0.3, 1) * std::min(plan.pitch, plan.root);
+  plan.flat = dice.uniform(0, 0.3);
+  plan.num_turns = dice.integer(2, 8);
+  plan.num_sides = dice.one_of(std::array{16, 24, 32, 48});
+  plan.rows_a_turn = dice.one_of(std::array{6, 8, 12});
+  return screw(plan);
 }
 
 Solid make_spring(Dice& dice) {
