@@ -187,7 +187,7 @@ struct SurfaceInfo {
   /// λ for who has none in mind, a length: for about half a million cells, or for more where walls
   /// and gaps take them at any size that does not lose walls. 0 if there is no volume.
   double default_size = 0;
-  bool has_sharp_edges = false;  ///< Somewhere it turns by more than the sharp angle.
+  bool has_sharp_edges = false;  ///< It turns by more than the sharp angle, or some are given.
 
   /// Places that face a part of the surface across about the same distance.
   struct Facing {
