@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "engine/ingest/image_sizes.h"
+#include "engine/ingest/option_files.h"
 #include "engine/plan/run_setup.h"
 #include "engine/plan/same_run.h"
 #include "engine/run/run_timeline.h"
@@ -89,13 +89,17 @@ RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const 
   return finish(store, control, stop, clock, until);
 }
 
-void require_same_image(const RunRecord& run, const std::filesystem::path& store,
+void require_same_files(const RunRecord& run, const std::filesystem::path& store,
                         const StopSource& stop) {
-  const ImageFacts image = survey_size_image(run.image_file, run.surface.box, &stop);
-  if (image.digest != run.parameters.size_image)
-    throw StoreMismatch("the store " + store.string() + " was to take in sizes from " +
-                        run.image_file +
-                        ", which is another file by now: restore it, or force a new run");
+  const FilesOfOptions files = survey_files(run, &stop);
+  const auto require_same = [&](bool is_same, const char* what, const std::string& file) {
+    if (!is_same)
+      throw StoreMismatch("the store " + store.string() + " was to take in " + what + " from " +
+                          file + ", which is another file by now: restore it, or force a new run");
+  };
+  require_same(files.image.digest == run.parameters.size_image, "sizes", run.image_file);
+  require_same(files.sharp_polylines == run.parameters.sharp_polylines, "sharp edges",
+               run.sharp_file);
 }
 
 RunSummary resume(const std::filesystem::path& directory, const RunControl& control,
@@ -121,7 +125,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
               throw StoreMismatch("the store " + directory.string() + " was to take in " +
                                   held->surface.file +
                                   ", which is another file by now: restore it, or force a new run");
-            require_same_image(*held, directory, stop);
+            require_same_files(*held, directory, stop);
             return *held;
           },
           [&] { return std::move(store); }, control, stop);

@@ -14,7 +14,7 @@
 
 #include "engine/engine.h"
 #include "engine/formats/writer.h"
-#include "engine/ingest/image_sizes.h"
+#include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_survey.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/sheet_table.h"
@@ -621,7 +621,7 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
 
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
                          const std::filesystem::path& scratch, const std::optional<Size>& weld,
-                         double sharp_angle) {
+                         double sharp_angle, const std::filesystem::path& sharp_polylines) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -634,7 +634,10 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     const std::filesystem::path directory = scratch_directory(scratch);
     const SurveyedSurface survey =
         survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
-                       {.weld = weld, .sharp_angle = sharp_angle, .has_sheets = true});
+                       {.weld = weld,
+                        .sharp_angle = sharp_angle,
+                        .sharp_polylines = sharp_polylines,
+                        .has_sheets = true});
     if (run.on_note)
       for (const std::string& note : survey.facts.notes) run.on_note(note);
     SurfaceInfo info = info_of(survey);
@@ -646,9 +649,10 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
 Estimate estimate_run(const SurfaceInfo& surface, const Options& options, int num_threads) {
   return translated({}, [&] {
     const SurfaceFacts facts = facts_of(surface);
-    RunRecord run = planned_run(mesh_options({}, options, {}), {}, facts,
-                                survey_size_image(options.size_image, facts.box));
-    run.has_creases = surface.has_sharp_edges && options.sharp_angle > 0;
+    const MeshOptions asked = mesh_options({}, options, {});
+    RunRecord run = planned_run(asked, {}, facts, survey_files(asked, facts.box));
+    run.has_creases =
+        (surface.has_sharp_edges && options.sharp_angle > 0) || !options.sharp_polylines.empty();
     if (num_threads <= 0) num_threads = num_usable_threads();
     return public_estimate(estimate_run(run, {}, num_threads), least_memory(run));
   });

@@ -187,7 +187,7 @@ struct SurfaceInfo {
   /// λ for who has none in mind, a length: for about half a million cells, or for more where walls
   /// and gaps take them at any size that does not lose walls. 0 if there is no volume.
   double default_size = 0;
-  bool has_sharp_edges = false;  ///< Somewhere it turns by more than the sharp angle.
+  bool has_sharp_edges = false;  ///< It turns by more than the sharp angle, or some are given.
 
   /// Places that face a part of the surface across about the same distance.
   struct Facing {
@@ -398,11 +398,12 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control = {})
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`, `sharp_angle`: see Options. Throws Error.
+/// `weld`, `sharp_angle`, `sharp_polylines`: see Options. Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
                          const std::optional<Size>& weld = {},
-                         double sharp_angle = Options().sharp_angle);
+                         double sharp_angle = Options().sharp_angle,
+                         const std::filesystem::path& sharp_polylines = {});
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

@@ -60,8 +60,11 @@ std::optional<Store> part_taken_in(const SurfaceSource& surface, const MeshOptio
     return begun(options, digest, box, own, stop);
   };
   const auto open_store = [&] { return place.open(); };
-  const bool sees_image = options.size_image.empty() || std::ifstream(options.size_image).is_open();
-  if (exchange.num_ranks() > 1 && !any(exchange, !sees_image)) {
+  const auto sees = [](const std::filesystem::path& file) {
+    return file.empty() || std::ifstream(file).is_open();
+  };
+  const bool sees_files = sees(options.size_image) && sees(options.sharp_polylines);
+  if (exchange.num_ranks() > 1 && !any(exchange, !sees_files)) {
     const DiskOf disk = disk_of_parts(place.directory(), pieces_of(control), exchange);
     IngestWatch watch = watch_of(own, stop, exchange.num_ranks());
     Workers workers(num_streaming_threads(own.num_threads, memory_cap(own.memory_bytes)));

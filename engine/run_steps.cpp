@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "engine/ingest/image_sizes.h"
+#include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/input_error.h"
@@ -31,7 +31,7 @@ RunSummary summarize(const Reader& reader) {
 
 RunRecord planned(const MeshOptions& options, const std::string& digest, const Box& box,
                   const StopSource& stop) {
-  return planned_run(options, digest, box, survey_size_image(options.size_image, box, &stop));
+  return planned_run(options, digest, box, survey_files(options, box, &stop));
 }
 
 RunRecord begun(const MeshOptions& options, const std::string& digest, const Box& box,

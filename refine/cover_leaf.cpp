@@ -413,10 +413,9 @@ class SurfaceSampler {
 
 void SurfaceSampler::take_in_creases(std::span<const Point> points) {
   creases_.emplace(domain_);
-  const double tolerance = 1e-6 * size_;
   std::vector<Ball> balls;
   for (const Point& p : points)
-    if (!creases_->add(p, tolerance)) add(p, side_at(p));  // the tip of a cone
+    if (!creases_->add(p, kOffCrease * size_)) add(p, side_at(p));  // the tip of a cone
   std::vector<SheetId> sheets;
   for (CreaseGraph::Index i = 0; i < creases_->num_points(); ++i) {
     creases_->sheets(i, sheets);

@@ -26,6 +26,8 @@ namespace locvol {
 // Radius of a crease point's ball over the distance to the farther one of its neighbors: a little
 // more than 1/√2, so that the balls of two neighbors hold the ball on the segment between them.
 inline constexpr double kCreaseBall = 0.7072;
+// How far from its edge a point on a crease may lie, over λ: the point is rounded.
+inline constexpr double kOffCrease = 1e-6;
 // Between edges of a crease, in degrees: a vertex that turns by more has a point of P.
 inline constexpr double kFixedTurn = 25;
 

@@ -58,7 +58,7 @@ class CreaseSampler {
   static constexpr double kMostSteps = kLongestStep / kCreaseStep;
   static constexpr double kLeastRing = 4;  // radius, over the spacing floor
 
-  double tolerance() const { return 1e-6 * input_.size; }
+  double tolerance() const { return kOffCrease * input_.size; }
   bool is_own(const Point& p) const { return is_in_leaf(input_.box, p); }
   double most_step(const Point& p) const { return kCreaseStep * sizes_.on_surface_at(p); }
 

@@ -20,12 +20,11 @@ std::vector<Point> way_to(const CreaseGraph& graph, CreaseGraph::Index point,
 
 std::vector<CreaseSegment> crease_segments(DomainPiece piece, std::span<const Point> points,
                                            double size) {
-  constexpr double kTolerance = 1e-6;  // as refinement has it
   const LeafDomain domain(std::move(piece));
   CreaseGraph graph(domain);
   std::vector<std::uint32_t> place_of;  // of the graph's points
   for (std::uint32_t i = 0; i < points.size(); ++i)
-    if (graph.add(points[i], kTolerance * size)) place_of.push_back(i);
+    if (graph.add(points[i], kOffCrease * size)) place_of.push_back(i);
   std::vector<CreaseSegment> segments;
   std::vector<CreaseGraph::Neighbor> neighbors;
   for (CreaseGraph::Index i = 0; i < graph.num_points(); ++i) {

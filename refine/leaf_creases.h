@@ -65,7 +65,7 @@ class LeafCreases {
     Point position;
     CreaseGraph::Index index = 0;
   };
-  double tolerance() const { return 1e-6 * size_; }
+  double tolerance() const { return kOffCrease * size_; }
   void match(LocalIndex v, CreaseGraph::Index index);
   CreaseGraph::Index index_of(LocalIndex v) const {
     return v < index_.size() ? index_[v] : CreaseGraph::kNone;

@@ -553,6 +553,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   if (version >= 3) each(archive, run.parameters.sharp_angle);
   if (version >= 4) serialize_sheet_sizes(archive, run.parameters.sheet_sizes);
   if (version >= 5) each(archive, run.has_creases);
+  if (version >= 6) each(archive, run.parameters.sharp_polylines, run.sharp_file);
 }
 
 void serialize(auto& archive, LeafInfo& info, unsigned version) {
@@ -762,7 +763,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 5)
+BOOST_CLASS_VERSION(locvol::RunRecord, 6)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
 BOOST_CLASS_VERSION(locvol::LeafSurface, 2)
 BOOST_CLASS_VERSION(locvol::SurfaceSheets, 1)

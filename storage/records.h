@@ -175,6 +175,8 @@ struct RunParameters {
   std::optional<double> weld = {};
   // Sheets end at edges where the surface turns by more degrees than this; 0: at none.
   double sharp_angle = 0;
+  // Polylines whose edges are sharp, too: a number that tells them from others. Empty: none.
+  std::string sharp_polylines = {};
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const { return follows_shape() || !sheet_sizes.empty(); }
@@ -280,6 +282,7 @@ struct RunRecord {
   SizeTotals sizes;          // where they vary, once they are known
   std::string image_file;    // of sizes; empty: none
   bool has_creases = false;  // or corners: points on these come first
+  std::string sharp_file;    // of polylines whose edges are sharp; empty: none
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

@@ -52,7 +52,7 @@ void parse(Text text, const OptionText& option, std::optional<double>& value) {
   value = parse_number(text, option);
 }
 
-// See add_sizes().
+// See add_sizes() and add_sharp().
 void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
 void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
@@ -63,6 +63,16 @@ void add_no_sharp(CLI::App& app, MeshOptions& options) {
          "--no-sharp", [&options] { options.sharp_angle = 0; },
          "Keep no sharp edges, and part no sheets there: as --sharp-angle 0")
       ->excludes(app.get_option("--sharp-angle"));
+}
+
+// A file that is read once the surface is known.
+void add_sharp(CLI::App& app, MeshOptions& options) {
+  app.add_option(
+         "--sharp", options.sharp_polylines,
+         "Polylines along edges of the surface that are sharp whatever their angle: in each "
+         "line of the file the number of points, and their coordinates (CGAL's "
+         ".polylines.txt)")
+      ->type_name("FILE");
 }
 
 // Those of the table that have help.
@@ -220,6 +230,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->take_all();
   add_options(app, options, OptionGroup::kSurface);
   add_no_sharp(app, options);
+  add_sharp(app, options);
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,

@@ -15,7 +15,7 @@
 #include "engine/exchange/one_rank.h"
 #include "engine/exchange/pack.h"
 #include "engine/formats/writer.h"
-#include "engine/ingest/image_sizes.h"
+#include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_survey.h"
 #include "engine/inspect/replay.h"
 #include "engine/inspect/size_report.h"
@@ -70,8 +70,8 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
                       double size, MeshOptions options) {
   options.input = file;
   options.size = {size, false};
-  RunRecord run = planned_run(options, surface.digest, surface.facts,
-                              survey_size_image(options.size_image, surface.facts.box));
+  RunRecord run =
+      planned_run(options, surface.digest, surface.facts, survey_files(options, surface.facts.box));
   run.has_creases = surface.has_sharp_edges;
   return run;
 }
@@ -79,8 +79,11 @@ RunRecord run_of_size(const SurveyedSurface& surface, const std::filesystem::pat
 // For a user who gives none.
 Size chosen_size(const SurfaceSource& surface, const MeshOptions& options, std::uint64_t cap,
                  ProgressLine& line) {
-  const SurveyedSurface survey =
-      surveyed(surface, {.weld = options.weld, .sharp_angle = options.sharp_angle}, cap);
+  const SurveyedSurface survey = surveyed(surface,
+                                          {.weld = options.weld,
+                                           .sharp_angle = options.sharp_angle,
+                                           .sharp_polylines = options.sharp_polylines},
+                                          cap);
   const double size = survey.default_size();
   if (!(size > 0))
     throw InputError(surface.name +
@@ -378,7 +381,8 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 int run_info(const InfoCommand& command) {
   const SurfaceSource surface = surface_at(command.surface, temporary_directory());
   const MeshOptions& options = command.options;
-  const SurveyLaw law{options.weld, options.sharp_angle, true, command.size};
+  const SurveyLaw law{options.weld, options.sharp_angle, options.sharp_polylines, true,
+                      command.size};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);

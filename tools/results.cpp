@@ -311,6 +311,7 @@ std::string bounds_text(const RunParameters& parameters) {
     text += *parameters.weld > 0
                 ? fmt::format("; points of the surface closer than {} joined", *parameters.weld)
                 : "; no points of the surface joined";
+  if (!parameters.sharp_polylines.empty()) text += "; polylines along edges that are sharp";
   if (!parameters.shapes.empty())
     text += fmt::format("; {} shapes with sizes from {} on", parameters.shapes.size(),
                         parameters.sizes().least);

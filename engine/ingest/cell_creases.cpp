@@ -54,7 +54,7 @@ class EdgesOfCell {
 
   std::vector<SharedEdge> shared(std::span<const CellEdge> edges) const {
     std::vector<SharedEdge> shared;
-    for (const auto& [edge, name, end_names] : edges)
+    for (const auto& [edge, name, end_names, is_given] : edges)
       if (edge.crease != kNoPart && reaches_out(edge))
         shared.push_back({name, edge.crease, buckets_.is_last_with(cell_, edge.as_triangle())});
     return shared;
@@ -70,10 +70,11 @@ class EdgesOfCell {
 class EdgeFinder {
  public:
   EdgeFinder(std::vector<Triangle> triangles, const Box& box, const SharpAngle& angle,
-             const NeedleNormals& needles, double least_extent)
+             const NeedleNormals& needles, const EdgeSet& given, double least_extent)
       : triangles_(std::move(triangles)),
         box_(box),
         angle_(angle),
+        given_(given),
         least_at_tip_(0.25 * least_extent),
         soup_(soup_of(triangles_)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)),
@@ -102,17 +103,21 @@ class EdgeFinder {
 
   void look_at(std::uint32_t h, std::uint32_t g, CellCreases& found) {
     const SheetId one = triangles_[h / 3].sheet, other = triangles_[g / 3].sheet;
-    if (one == other && !angle_.is_exceeded(normals_[h / 3], normals_[g / 3],
-                                            is_turned_across(soup_.triangles, h, g)))
-      return;
     std::uint32_t v = origin(soup_.triangles, h), w = target(soup_.triangles, h);
+    const bool is_given = given_.contains(position(v), position(w));
+    const bool is_by_angle =
+        angle_.is_given() &&
+        (one != other || angle_.is_exceeded(normals_[h / 3], normals_[g / 3],
+                                            is_turned_across(soup_.triangles, h, g)));
+    if (!is_given && !is_by_angle) return;
     is_sharp_[v] = is_sharp_[w] = true;
     if (position(w) < position(v)) std::swap(v, w);
     const CellEdge edge{.edge = {.ends = {position(v), position(w)},
                                  .sheets = {std::min(one, other), std::max(one, other)},
                                  .crease = kNoPart},
                         .name = std::min(name_of(h), name_of(g)),
-                        .end_names = {names_[v], names_[w]}};
+                        .end_names = {names_[v], names_[w]},
+                        .is_given = is_given};
     if (touches(edge.edge, box_)) found.edges.push_back(edge);
   }
 
@@ -145,6 +150,7 @@ class EdgeFinder {
   std::vector<Triangle> triangles_;
   const Box& box_;
   const SharpAngle& angle_;
+  const EdgeSet& given_;
   const double least_at_tip_;
   TriangleSoup soup_;
   Mates mates_;
@@ -189,11 +195,11 @@ void find_corners(const Box& box, CellCreases& creases) {
 
 CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const TriangleBuckets& buckets, const SharpAngle& angle,
-                        const NeedleNormals& needles, double least_extent) {
+                        const NeedleNormals& needles, const EdgeSet& given, double least_extent) {
   const EdgesOfCell of_cell(cell, buckets);
   CellParts found;
   found.creases =
-      EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, least_extent).run();
+      EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, given, least_extent).run();
   std::vector<CellEdge>& edges = found.creases.edges;
   // Corners so far tell noise.
   const std::vector<SurfaceCorner> tips = found.creases.corners;
@@ -202,7 +208,7 @@ CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
   const auto within_sheets = [&] {
     std::vector<CellEdge*> some;
     for (CellEdge& edge : edges)
-      if (edge.edge.is_within_sheet()) some.push_back(&edge);
+      if (edge.edge.is_within_sheet() && !edge.is_given) some.push_back(&edge);
     return some;
   };
   const auto join = [&] {
@@ -231,7 +237,7 @@ CellParts chains_of_cell(CellCreases creases, MortonKey cell, const TriangleBuck
   found.parts = of_cell.join(edges, [&](const CellEdge& edge, std::size_t end) {
     return of_cell.box().contains(edge.edge.ends[end]) && !edge.edge.is_corner[end];
   });
-  for (const auto& [edge, name, end_names] : found.creases.edges)
+  for (const auto& [edge, name, end_names, is_given] : found.creases.edges)
     for (std::size_t end = 0; end < 2; ++end)
       if (edge.is_corner[end] && of_cell.owns(edge.ends[end]))
         found.parts[edge.crease - 1].add_corner(end_names[end]);

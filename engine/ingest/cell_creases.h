@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/ingest/crease_parts.h"
+#include "engine/ingest/given_edges.h"
 #include "engine/ingest/sharp_edges.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "octree/geometry.h"
@@ -30,15 +31,15 @@ struct CellParts {
 // Two edges of a crease that meet at a larger angle, in degrees, are two creases.
 inline constexpr double kCreaseTurn = 45;
 
-// The edges between sheets, and those where the surface turns by more than the angle; and, as
-// corners, the tips of cones: vertices without such edges, around which the surface leans by more
-// than the angle on average. Edges within a sheet, which may be noise, are in parts that hang
-// together at their vertices; parts that are noise and that no other cell has are left out. Edges
-// between sheets are in none: kNoPart.
+// The edges that are given, and if there is an angle, those between sheets, and those where the
+// surface turns by more than it; and, as corners, the tips of cones: vertices without such edges,
+// around which the surface leans by more than the angle on average. Edges within a sheet that are
+// not given may be noise: they are in parts that hang together at their vertices, and parts that
+// are noise and that no other cell has are left out. Others are in none: kNoPart.
 inline constexpr CreaseId kNoPart = 0;
 CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const TriangleBuckets& buckets, const SharpAngle& angle,
-                        const NeedleNormals& needles, double least_extent);
+                        const NeedleNormals& needles, const EdgeSet& given, double least_extent);
 
 // Of these edges the parts that are chains between corners; a corner is also where other than two
 // of them meet, or two that are not of one crease.

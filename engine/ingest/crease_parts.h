@@ -26,6 +26,7 @@ struct CellEdge {
   CreaseEdge edge;                         // its crease: the part that it is in
   SurfaceName name = kNoName;              // the same in all cells
   std::array<SurfaceName, 2> end_names{};  // the same in all cells whose closed box has the end
+  bool is_given = false;                   // sharp, whatever its angle
 };
 
 struct SurfaceCorner {

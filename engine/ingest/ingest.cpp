@@ -13,6 +13,7 @@
 
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/ingest_share.h"
+#include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_creases.h"
@@ -365,6 +366,8 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     CheckedSurface surface =
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
                       run.parameters.weld, run.parameters.sharp_angle);
+    find_given_edges(surface, {run.sharp_file, run.parameters.sharp_polylines, run.parameters.weld},
+                     watch, workers, share);
     const double size = run.parameters.size;
     SurfaceSheets sheets = number_sheets(
         surface,

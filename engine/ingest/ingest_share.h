@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/ingest/crease_parts.h"
@@ -61,6 +62,8 @@ class IngestShare {
   virtual void join_creases(CreasePieces&) const {}
   virtual void join_sums(std::vector<SheetSums>&) const {}  // by sheet
   virtual void join_leaves(CutLeaves&) const {}
+  // What each process says, in their order.
+  virtual std::vector<std::string> gather(std::string own) const { return {std::move(own)}; }
   // Throws InputError, for what all know.
   [[noreturn]] void refuse(const std::string& what) const {
     let_first_speak();

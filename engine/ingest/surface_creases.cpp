@@ -71,11 +71,12 @@ CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, Ing
   CreaseCollector collector(law.most);
   std::size_t bucket = 0;
   for_each_in_order(
-      workers, surface.buckets.all(), [&](const TriangleBucket& b) { return surface.load(b); },
-      [&](const TriangleBucket& b, std::vector<Triangle> triangles) {
+      workers, surface.buckets.all(),
+      [&](const TriangleBucket& b) { return std::pair(surface.load(b), surface.given_in(b)); },
+      [&](const TriangleBucket& b, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
         throw_if_stopped(watch.stop());
-        return edges_of_cell(std::move(triangles), b.cell, surface.buckets, angle, needles,
-                             law.least_extent);
+        return edges_of_cell(std::move(loaded.first), b.cell, surface.buckets, angle, needles,
+                             loaded.second, law.least_extent);
       },
       [&](const TriangleBucket& b, CellParts& cell) {
         collector.add(cell);
@@ -205,17 +206,26 @@ void CreasesOfCells::add_to(std::size_t bucket, LeafSurface& surface) const {
 CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
                             Workers& workers, const IngestShare& share, SurfaceSheets& sheets) {
   CreasesOfCells cells(surface.spill.directory());
+  const bool has_given = surface.given.is_given();
   const bool is_smooth =
       surface.sharp.num_edges == 0 && surface.sharp.num_pointed == 0 && sheets.sheets.size() < 2;
-  if (!(law.sharp_angle > 0) || is_smooth) return cells;
+  if (!has_given && (!(law.sharp_angle > 0) || is_smooth)) return cells;
   const CreasePieces edges = find_edges(surface, law, watch, workers, share, cells);
   CreasePieces chains{.joined = {}, .places = {}, .corners = {}, .is_too_many = true};
   if (!edges.is_too_many) chains = find_chains(surface, edges, law, watch, workers, share, cells);
   if (chains.is_too_many || chains.joined.components.size() > law.most ||
       chains.corners.size() > law.most) {
-    surface.facts.notes.push_back(
-        fmt::format("took no creases, for there would be more than {}", law.most));
-    return CreasesOfCells(surface.spill.directory());
+    if (has_given && !(law.sharp_angle > 0))
+      share.refuse(
+          fmt::format("{}: makes more than {} creases or corners of the surface: give less",
+                      surface.given.name(), law.most));
+    surface.facts.notes.push_back(fmt::format("took no creases{}, for there would be more than {}",
+                                              has_given ? " but those that are given" : "",
+                                              law.most));
+    CreaseLaw of_given = law;
+    of_given.sharp_angle = 0;
+    return has_given ? find_creases(surface, of_given, watch, workers, share, sheets)
+                     : CreasesOfCells(surface.spill.directory());
   }
   number_creases(std::move(chains), cells, sheets);
   return cells;

@@ -21,12 +21,13 @@ namespace locvol {
 inline constexpr std::size_t kMaxCreases = 200'000;
 
 struct CreaseLaw {
-  double sharp_angle = 0;  // degrees; 0: there are no creases
+  double sharp_angle = 0;  // degrees; 0: there are no creases but of edges that are given
   // Edges within a sheet that hang together are noise if the diagonal of their box is less, or
   // their chains are shorter on average: a scan's are often many, in a small place, and bushy. So
   // are tips whose edges are shorter than a quarter of it, on average.
   double least_extent = 0;
-  // More creases, or corners, are noise: then there are none, and a note says so.
+  // More creases, or corners, are noise: then there are none but of edges that are given, and a
+  // note says so. More of these are refused, by InputError.
   std::size_t most = kMaxCreases;
 };
 
@@ -68,7 +69,7 @@ class CreasesOfCells {
 // corners are in that of their first triangles. Of a surface without a hint of one nothing is
 // looked at. REQUIRES: its sheets are numbered
 // Memory: see CreasesOfCells; 100 bytes a part of a crease in a cell; what a cell takes for each
-// thread. Throws std::system_error, Stopped.
+// thread. Throws InputError, std::system_error, Stopped.
 CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
                             Workers& workers, const IngestShare& share, SurfaceSheets& sheets);
 

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/ingest/given_edges.h"
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/sharp_edges.h"
@@ -84,6 +85,12 @@ struct CheckedSurface {
 
   // The triangles that meet the bucket's box, in order of id.
   std::vector<Triangle> load(const TriangleBucket& bucket) const;
+  std::size_t number_of(const TriangleBucket& bucket) const {
+    return static_cast<std::size_t>(&bucket - buckets.all().data());
+  }
+  EdgeSet given_in(const TriangleBucket& bucket) const {
+    return given.of_bucket(number_of(bucket));
+  }
 
   SurfaceFacts facts;
   std::vector<std::string> groups;  // see RawSurface
@@ -92,6 +99,7 @@ struct CheckedSurface {
   TriangleBuckets buckets;
   // By what the buckets' triangles carry, the sheets that load() gives them. Empty: their groups.
   std::vector<SheetId> sheets;
+  GivenEdges given;         // that are sharp, whatever their angle
   bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
 };
 

@@ -34,14 +34,14 @@ struct CellSheets {
 class SheetsOfCell {
  public:
   SheetsOfCell(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-               const SharpAngle& angle, const NeedleNormals& needles)
+               const SharpAngle& angle, const NeedleNormals& needles, const EdgeSet& given)
       : cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
         soup_(soup_of(triangles)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)) {
     found_.triangles = std::move(triangles);
-    part_sharp_edges(angle, needles);
+    part_sharp_edges(angle, needles, given);
   }
 
   CellSheets run() && {
@@ -70,7 +70,8 @@ class SheetsOfCell {
   }
 
   // Of the edges that sheets end at, those are noted whose triangles are of one group.
-  void part_sharp_edges(const SharpAngle& angle, const NeedleNormals& needles) {
+  void part_sharp_edges(const SharpAngle& angle, const NeedleNormals& needles,
+                        const EdgeSet& given) {
     const std::vector<Triangle>& triangles = found_.triangles;
     std::vector<Point> normals;
     normals.reserve(triangles.size());
@@ -79,8 +80,11 @@ class SheetsOfCell {
       const std::uint32_t g = mates_[h];
       if (g == kNoHalfEdge || g < h) continue;
       const bool has_one_group = triangles[h / 3].sheet == triangles[g / 3].sheet;
-      if (has_one_group && !angle.is_exceeded(normals[h / 3], normals[g / 3],
-                                              is_turned_across(soup_.triangles, h, g)))
+      if (has_one_group &&
+          !angle.is_exceeded(normals[h / 3], normals[g / 3],
+                             is_turned_across(soup_.triangles, h, g)) &&
+          !given.contains(position(origin(soup_.triangles, h)),
+                          position(target(soup_.triangles, h))))
         continue;
       mates_[h] = mates_[g] = kNoHalfEdge;
       if (has_one_group && is_ours(h)) parted_.emplace_back(h, g);
@@ -139,10 +143,13 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
   std::size_t place = 0;
   for_each_in_order(
       workers, surface.buckets.all(),
-      [&](const TriangleBucket& bucket) { return surface.load(bucket); },
-      [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
+      [&](const TriangleBucket& bucket) {
+        return std::pair(surface.load(bucket), surface.given_in(bucket));
+      },
+      [&](const TriangleBucket& bucket, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
         throw_if_stopped(watch.stop());
-        return SheetsOfCell(std::move(triangles), bucket.cell, surface.buckets, angle, needles)
+        return SheetsOfCell(std::move(loaded.first), bucket.cell, surface.buckets, angle, needles,
+                            loaded.second)
             .run();
       },
       [&](const TriangleBucket&, CellSheets& cell) {
@@ -243,16 +250,24 @@ SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, Ingest
                             Workers& workers, const IngestShare& share) {
   const bool has_names = surface.groups.size() > 1 || !surface.groups.front().empty();
   const bool is_angle_given = law.sharp_angle > 0;
+  const bool has_given = surface.given.is_given();
   const std::uint64_t num_components = surface.facts.num_components;
-  if (!has_names && !(is_angle_given && (surface.sharp.num_edges > 0 || num_components > 1)))
+  if (!has_names && !has_given &&
+      !(is_angle_given && (surface.sharp.num_edges > 0 || num_components > 1)))
     return {};
-  const bool is_noise = surface.sharp.num_edges > kMaxSharpEdges || num_components > kMaxSheets;
-  Numbered numbered = is_angle_given && !is_noise
-                          ? sheets_of_parts(surface, law, watch, workers, share)
+  // Edges that are given are none, however many others there are.
+  const bool is_edge_noise = is_angle_given && surface.sharp.num_edges > kMaxSharpEdges;
+  const bool is_noise = (is_edge_noise && !has_given) || num_components > kMaxSheets;
+  const SheetLaw some{.sharp_angle = is_edge_noise ? 0 : law.sharp_angle,
+                      .least_area = law.least_area};
+  Numbered numbered = (is_angle_given || has_given) && !is_noise
+                          ? sheets_of_parts(surface, some, watch, workers, share)
                           : sheets_of_groups(surface.groups);
-  if (is_angle_given && (is_noise || numbered.num_too_many > 0))
+  if ((is_angle_given || has_given) && (is_noise || is_edge_noise || numbered.num_too_many > 0))
     surface.facts.notes.push_back(fmt::format(
-        "took no sheets from sharp edges, for there would be more than {}", kMaxSheets));
+        "took no sheets from sharp edges{}, for there would be more than {}",
+        is_edge_noise && has_given && numbered.num_too_many == 0 ? " that are not given" : "",
+        kMaxSheets));
   surface.sheets = numbered.sheets;
   measure_sheets(surface, watch, share, numbered.facts);
   drop_empty(numbered);

@@ -14,8 +14,9 @@
 namespace locvol {
 
 struct SheetLaw {
-  double sharp_angle = 0;  // degrees; 0: sheets are the named groups, whatever hangs together
-  double least_area = 0;   // see plan_sheets()
+  // Degrees; 0: if no edges are given, sheets are the named groups, whatever hangs together.
+  double sharp_angle = 0;
+  double least_area = 0;  // see plan_sheets()
 };
 
 // More sharp edges than this, and more components or sheets than kMaxSheets, are noise: then sheets

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "engine/ingest/polyline_edges.h"
+#include "engine/ingest/polyline_file.h"
 #include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_sheets.h"
@@ -18,7 +20,10 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   const std::optional<double> weld = weld_length(law.weld, raw.box);
   CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
                                          IngestShare(), weld, law.sharp_angle);
-  survey.has_sharp_edges = surface.sharp.num_edges > 0;
+  find_given_edges(surface,
+                   {law.sharp_polylines, survey_polylines(law.sharp_polylines, watch.stop()), weld},
+                   watch, workers, IngestShare());
+  survey.has_sharp_edges = surface.sharp.num_edges > 0 || surface.given.is_given();
   survey.facts = surface.facts;
   if (law.has_sheets) {
     const double size =

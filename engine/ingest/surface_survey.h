@@ -15,10 +15,11 @@
 namespace locvol {
 
 struct SurveyLaw {
-  std::optional<Size> weld = {};  // see Options
-  double sharp_angle = 0;         // see Options
-  bool has_sheets = false;        // are asked for
-  std::optional<Size> size = {};  // absent: default_size(), if sheets are asked for
+  std::optional<Size> weld = {};               // see Options
+  double sharp_angle = 0;                      // see Options
+  std::filesystem::path sharp_polylines = {};  // see Options
+  bool has_sheets = false;                     // are asked for
+  std::optional<Size> size = {};               // absent: default_size(), if sheets are asked for
 };
 
 struct SurveyedSurface {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/exchange/pack.h"
+#include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/compensated_sum.h"
@@ -49,9 +50,6 @@ auto fields(Maybe<EdgeSums> auto& sums) {
                     Field("max", max));
 }
 
-using Flat = std::array<std::uint64_t, 5>;
-static_assert(sizeof(KeptEdge) == sizeof(Flat));
-
 auto by_vertices(const KeptEdge& item) { return std::tuple(item.vertices, item.cell); }
 auto by_cell(const KeptEdge& item) { return std::tuple(item.cell, item.vertices); }
 
@@ -60,77 +58,6 @@ bool is_in(const NumberRange& range, std::uint64_t number) {
 }
 
 }  // namespace
-
-// They are appended leaf by leaf, then told, then read. Memory: 4 MB.
-class KeptCreases::Lists {
- public:
-  Lists(const std::filesystem::path& output, const VertexNumbering& numbering)
-      : numbering_(numbering),
-        lists_(output),
-        near_(kListBytes, [this](std::size_t list) { return lists_.list(list); }) {}
-  Lists(const Lists&) = delete;
-  Lists& operator=(const Lists&) = delete;
-
-  void append(std::span<const Item> items) { lists_.append(items); }
-  void tell(const Reader& reader, Exchange& exchange) {
-    num_own_ = lists_.size();
-    numbering_.tell_ranks_beside(
-        reader, exchange, kCellReach,
-        [&](std::size_t leaf) {
-          std::vector<std::uint64_t> told;
-          for (const Item& item : of(leaf)) {
-            const auto flat = std::bit_cast<Flat>(item);
-            told.insert(told.end(), flat.begin(), flat.end());
-          }
-          return told;
-        },
-        [&](std::size_t leaf, const std::vector<std::uint64_t>& told) {
-          std::vector<Item> items(told.size() / Flat().size());
-          for (std::size_t i = 0; i < items.size(); ++i) {
-            Flat flat;
-            std::copy_n(told.begin() + static_cast<std::ptrdiff_t>(flat.size() * i), flat.size(),
-                        flat.begin());
-            items[i] = std::bit_cast<Item>(flat);
-          }
-          beside_[leaf] = lists_.num_leaves();
-          lists_.append(items);
-        });
-  }
-
-  // Of own leaves.
-  std::uint64_t num_own() const { return num_own_; }
-  bool has_some(std::size_t leaf) const { return lists_.length(leaf - numbering_.first_own()) > 0; }
-  std::vector<Item> of(std::size_t leaf) const {
-    return lists_.list(leaf - numbering_.first_own()).values;
-  }
-  // Calls visit(item) for those of leaves within 2λ.
-  template <class Visit>
-  void for_each_near(std::size_t leaf, const Visit& visit) {
-    if (lists_.size() == 0) return;
-    for (const std::size_t other : numbering_.near(leaf, kCellReach)) {
-      const bool is_own = numbering_.first_own() <= other && other < numbering_.end_own();
-      const auto beside = is_own ? beside_.end() : beside_.find(other);
-      if (!is_own && beside == beside_.end()) continue;
-      const std::size_t list = is_own ? other - numbering_.first_own() : beside->second;
-      if (lists_.length(list) > 0) std::ranges::for_each(near_.get(list)->values, visit);
-    }
-  }
-  std::vector<Item> near(std::size_t leaf, const auto& is_taken) {
-    std::vector<Item> taken;
-    for_each_near(leaf, [&](const Item& item) {
-      if (is_taken(item)) taken.push_back(item);
-    });
-    return taken;
-  }
-  const LeafLists<Item>& of_leaves() const { return lists_; }
-
- private:
-  const VertexNumbering& numbering_;
-  LeafLists<Item> lists_;
-  std::uint64_t num_own_ = 0;
-  std::map<std::size_t, std::size_t> beside_;  // places of their lists
-  LeafWindow<LeafList<Item>> near_;
-};
 
 // Memory: that of NumberWindow, and 8 MB.
 class KeptCreases::Segments {
@@ -279,12 +206,13 @@ KeptCreases::KeptCreases(const Reader& reader, const RunRecord& run,
 }
 
 void KeptCreases::find(const FacetsOf& facets_of, bool has_cells) {
-  Lists segments(output_, numbering_), found(output_, numbering_), first(output_, numbering_);
+  Lists segments(numbering_, output_, kListBytes), found(numbering_, output_, kListBytes),
+      first(numbering_, output_, kListBytes);
   find_segments(segments);
   find_in_facets(facets_of, segments, found);
   keep_first(segments, found, first);
   if (!has_cells) return add_up(first);
-  Lists of_cells(output_, numbering_);
+  Lists of_cells(numbering_, output_, kListBytes);
   sort_by_cell(found, first, of_cells);
   add_up(of_cells);
 }
@@ -303,7 +231,9 @@ void KeptCreases::find_in_facets(const FacetsOf& facets_of, Lists& segments, Lis
   for (std::size_t leaf = numbering_.first_own(); leaf < numbering_.end_own(); ++leaf) {
     throw_if_stopped(stop_);
     std::vector<Item> near, here;
-    segments.for_each_near(leaf, [&](const Item& item) { near.push_back(item); });
+    segments.for_each_near(leaf, [&](std::span<const Item> items) {
+      near.insert(near.end(), items.begin(), items.end());
+    });
     if (!near.empty()) {
       std::ranges::sort(near, {}, by_vertices);
       for (const Facet& facet : facets_of(leaf))
@@ -331,7 +261,10 @@ void KeptCreases::keep_first(const Lists& segments, Lists& found, Lists& first) 
     std::vector<Item> here;
     const NumberRange own{numbering_.first_vertex(leaf), numbering_.first_vertex(leaf + 1)};
     if (segments.has_some(leaf))
-      here = found.near(leaf, [&](const Item& item) { return is_in(own, item.vertices[0]); });
+      found.for_each_near(leaf, [&](std::span<const Item> items) {
+        std::ranges::copy_if(items, std::back_inserter(here),
+                             [&](const Item& item) { return is_in(own, item.vertices[0]); });
+      });
     std::ranges::sort(here, {}, by_vertices);
     here.erase(std::ranges::unique(here, {}, &Item::vertices).begin(), here.end());
     first.append(here);
@@ -346,7 +279,10 @@ void KeptCreases::sort_by_cell(const Lists& found, Lists& first, Lists& of_cells
     std::vector<Item> here;
     const NumberRange own{numbering_.first_cell(leaf), numbering_.first_cell(leaf + 1)};
     if (found.has_some(leaf))
-      here = first.near(leaf, [&](const Item& item) { return is_in(own, item.cell); });
+      first.for_each_near(leaf, [&](std::span<const Item> items) {
+        std::ranges::copy_if(items, std::back_inserter(here),
+                             [&](const Item& item) { return is_in(own, item.cell); });
+      });
     std::ranges::sort(here, {}, by_cell);
     of_cells.append(here);
   }
@@ -360,7 +296,7 @@ void KeptCreases::add_up(const Lists& kept) {
   for (std::size_t leaf = numbering_.first_own(); leaf < numbering_.end_own(); ++leaf) {
     std::vector<Item> edges;
     if (kept.has_some(leaf))
-      for (const Item& item : kept.of(leaf)) {
+      for (const Item& item : kept.own(leaf)) {
         if (is_corner(item)) {
           own_corners.push_back({item.vertices[0], item.cell, item.crease, numbering_.place(leaf),
                                  positions.of(item.vertices[0])});
@@ -417,7 +353,7 @@ void KeptCreases::sort() {
   if (by_crease_) return;
   by_crease_.emplace(output_, num_creases_);
   vertices_by_crease_.emplace(output_, num_creases_);
-  Lists edges(output_, numbering_);
+  Lists edges(numbering_, output_, kListBytes);
   for (std::size_t leaf = numbering_.first_own(); leaf < numbering_.end_own(); ++leaf) {
     throw_if_stopped(stop_);
     const std::vector<Item> here = edges_->list(leaf - numbering_.first_own()).values;
@@ -430,9 +366,10 @@ void KeptCreases::sort() {
     const NumberRange own{numbering_.first_vertex(leaf), numbering_.first_vertex(leaf + 1)};
     std::vector<std::pair<std::uint64_t, std::uint64_t>> here;  // vertex, crease
     if (own.size() > 0)
-      edges.for_each_near(leaf, [&](const Item& edge) {
-        for (const std::uint64_t vertex : edge.vertices)
-          if (is_in(own, vertex)) here.emplace_back(vertex, edge.crease);
+      edges.for_each_near(leaf, [&](std::span<const Item> items) {
+        for (const Item& edge : items)
+          for (const std::uint64_t vertex : edge.vertices)
+            if (is_in(own, vertex)) here.emplace_back(vertex, edge.crease);
       });
     sort_and_unite(here);
     for (const auto& [vertex, crease] : here)

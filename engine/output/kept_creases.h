@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <optional>
 #include <span>
 #include <utility>
@@ -19,8 +18,8 @@
 #include "engine/output/boundary_surface.h"
 #include "engine/output/by_sheet.h"
 #include "engine/output/leaf_lists.h"
-#include "engine/output/leaf_window.h"
 #include "engine/output/mesh_edge.h"
+#include "engine/output/near_lists.h"
 #include "engine/output/number_range.h"
 #include "engine/output/vertex_numbering.h"
 #include "octree/crease.h"
@@ -115,7 +114,7 @@ class KeptCreases {
   // With edges go corners, whose vertices are twice the same.
   using Item = KeptEdge;
   static bool is_corner(const Item& item) { return item.vertices[0] == item.vertices[1]; }
-  class Lists;     // of items: of own leaves, and of those beside them
+  using Lists = NearLists<Item>;
   class Segments;  // which points follow each other
   // As far as it matters here.
   struct Facet {

@@ -55,6 +55,9 @@ class NearLists {
   }
 
   std::uint64_t size() const { return lists_.size(); }  // of all
+  bool has_some(std::size_t leaf) const {               // REQUIRES: it is an own one, as in own()
+    return lists_.length(leaf - numbering_.first_own()) > 0;
+  }
   std::vector<T> own(std::size_t leaf) const {
     return lists_.list(leaf - numbering_.first_own()).values;
   }
@@ -67,6 +70,7 @@ class NearLists {
   // empty; in Morton order.
   template <class Visit>
   void for_each_near(std::size_t leaf, const Visit& visit) {
+    if (lists_.size() == 0) return;
     for (const std::size_t other : numbering_.near(leaf, kCellReach))
       if (const auto list = place_of(other); list && lists_.length(*list) > 0)
         visit(std::span<const T>(window_.get(*list)->values));

@@ -102,6 +102,9 @@ struct Options {
   /// Edges where the surface turns by more degrees than this are edges of the mesh, and part its
   /// faces; 0: none are, and faces end only where names do that the surface gives them.
   double sharp_angle = 40;
+  /// A file of polylines along edges of the surface, which are sharp whatever their angle. Each
+  /// line of it is a polyline: how many points it has, and their coordinates. Empty: none.
+  std::filesystem::path sharp_polylines = {};
 };
 
 }  // namespace locvol

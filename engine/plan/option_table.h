@@ -113,7 +113,7 @@ inline constexpr std::tuple kOptions{
     Option<&MeshOptions::shapes, &RunParameters::shapes>{{.name = {"--sizes", "num_shapes"}}},
     Option<&MeshOptions::sheets, &RunParameters::sheet_sizes>{{.name = {"--sizes", "sheet_sizes"}}},
     Option<&MeshOptions::size_image, &RunParameters::size_image>{
-        {.name = {"--sizes", "size_image"}}},
+        {.name = {"--sizes", "size_image"}, .noun = "image"}},
     Option<&MeshOptions::per_circle, &RunParameters::per_circle>{
         {.name = {"--per-circle", "per_circle"},
          .group = OptionGroup::kSizes,
@@ -161,7 +161,10 @@ inline constexpr std::tuple kOptions{
          .range = {.most = 179},
          .cure = "give degrees from {least}, at which nothing is sharp, to {most}",
          .standard = 40,
-         .phrase = "; it is sharp where it turns by more than {}°"}}};
+         .phrase = "; it is sharp where it turns by more than {}°"}},
+    // A file, too.
+    Option<&MeshOptions::sharp_polylines, &RunParameters::sharp_polylines>{
+        {.name = {"--sharp", "sharp"}, .noun = "file of polylines"}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

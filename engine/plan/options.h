@@ -28,6 +28,12 @@ struct ImageFacts {
   double least = 0;    // of all values
 };
 
+// What is known of the files that options name, once they have been read.
+struct FilesOfOptions {
+  ImageFacts image = {};
+  std::string sharp_polylines = {};  // digest; empty: there are none
+};
+
 // What the library does not offer is what the command adds.
 struct MeshOptions : Options {
   std::filesystem::path input = {};  // empty: the surface is in no file; or kFromStandardInput

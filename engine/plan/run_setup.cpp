@@ -77,7 +77,7 @@ void keep(const OptionText&, const std::vector<SizedSheet>& given, const Box& su
       throw InputError(place + ": " + e.what());
     }
 }
-// See add_shapes() and ImageFacts.
+// See add_shapes() and FilesOfOptions.
 void keep(const OptionText&, const std::vector<SizedShape>&, const Box&, std::vector<SizeShape>&) {}
 void keep(const OptionText&, const std::filesystem::path&, const Box&, std::string&) {}
 
@@ -219,19 +219,22 @@ std::optional<double> weld_length(const std::optional<Size>& weld, const Box& bo
 }
 
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
-                      const ImageFacts& image) {
+                      const FilesOfOptions& files) {
   RunRecord run;
   run.surface.file = name_of(options.input);
   run.surface.box = surface;
   if (!options.size_image.empty())
     run.image_file = std::filesystem::absolute(options.size_image).string();
+  if (!options.sharp_polylines.empty())
+    run.sharp_file = std::filesystem::absolute(options.sharp_polylines).string();
   RunParameters& parameters = run.parameters;
   parameters.input_digest = digest;
   for_each_given_option([&](const auto& option) {
     keep(option, options.*option.given, surface, parameters.*option.kept);
   });
-  parameters.size_image = image.digest;
-  parameters.image_least = image.least;
+  parameters.size_image = files.image.digest;
+  parameters.image_least = files.image.least;
+  parameters.sharp_polylines = files.sharp_polylines;
   add_defaults(options, parameters);
   add_shapes(options, surface, parameters);
   check_sizes(parameters);
@@ -242,8 +245,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
 }
 
 RunRecord planned_run(const MeshOptions& options, const std::string& digest,
-                      const SurfaceFacts& surface, const ImageFacts& image) {
-  RunRecord run = planned_run(options, digest, surface.box, image);
+                      const SurfaceFacts& surface, const FilesOfOptions& files) {
+  RunRecord run = planned_run(options, digest, surface.box, files);
   run.surface = surface;
   return run;
 }

@@ -25,10 +25,10 @@ std::optional<double> weld_length(const std::optional<Size>& weld, const Box& bo
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that
 // double arithmetic cannot handle on this surface.
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,
-                      const ImageFacts& image = {});
+                      const FilesOfOptions& files = {});
 // With all that is known of a surface which was checked before.
 RunRecord planned_run(const MeshOptions& options, const std::string& digest,
-                      const SurfaceFacts& surface, const ImageFacts& image = {});
+                      const SurfaceFacts& surface, const FilesOfOptions& files = {});
 
 // Of shapes with sizes that lie outside of the surface's box: where, and whether they matter all
 // the same. A sentence each.

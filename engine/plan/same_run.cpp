@@ -19,14 +19,11 @@ namespace locvol {
 namespace {
 
 // What tells the values of a parameter apart, and people read. Of shapes it is a number, and so it
-// is of an image.
+// is of a file.
 std::string text_of(double value) { return decimal(value); }
 std::string text_of(std::uint64_t value) { return std::to_string(value); }
 std::string text_of(Initialization init) { return std::string(init_name(init)); }
 std::string text_of(const std::optional<double>& weld) { return weld ? decimal(*weld) : "auto"; }
-std::string text_of(const std::string& image) {
-  return image.empty() ? "no image" : "the image " + image;
-}
 std::string text_of(const std::vector<SizeShape>& shapes) {
   if (shapes.empty()) return "none";
   std::uint64_t hash = 0;
@@ -45,6 +42,15 @@ std::string text_of(const std::vector<SheetSize>& sheets) {
   for (const auto& [name, size] : sheets)
     all.push_back(fmt::format("{} at {}", decimal(size), name));
   return fmt::format("{}", fmt::join(all, ", "));
+}
+
+template <class Value>
+std::string text_of(const OptionText&, const Value& value) {
+  return text_of(value);
+}
+std::string text_of(const OptionText& option, const std::string& digest) {
+  return digest.empty() ? fmt::format("no {}", option.noun)
+                        : fmt::format("the {} {}", option.noun, digest);
 }
 
 // In the user's own time.
@@ -85,7 +91,8 @@ std::vector<std::string> differences(const RunRecord& held_run, const RunRecord&
   if (held.input_digest != asked.input_digest)
     all.push_back(surface_difference(held_run, asked_run, started));
   for_each_option([&](const auto& option) {
-    const std::string in_store = text_of(held.*option.kept), here = text_of(asked.*option.kept);
+    const std::string in_store = text_of(option, held.*option.kept),
+                      here = text_of(option, asked.*option.kept);
     if (in_store != here)
       all.push_back(fmt::format("{} is {} in it, and {} here", option.name.typed, in_store, here));
   });

@@ -266,6 +266,11 @@ void RankShare::join_leaves(CutLeaves& leaves) const {
   leaves = {gather_all(exchange_, leaves.keys), gather_all(exchange_, leaves.corners)};
 }
 
+std::vector<std::string> RankShare::gather(std::string own) const {
+  stop_.meet();
+  return exchange_.gather(own);
+}
+
 void RankShare::let_first_speak() const {
   if (exchange_.rank() > 0) wait_for_all(exchange_);
 }

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <exception>
+#include <string>
+#include <vector>
 
 #include "engine/exchange/exchange.h"
 #include "engine/ingest/ingest_share.h"
@@ -31,6 +33,7 @@ class RankShare : public IngestShare {
   void join_creases(CreasePieces& pieces) const override;
   void join_sums(std::vector<SheetSums>& sums) const override;
   void join_leaves(CutLeaves& leaves) const override;
+  std::vector<std::string> gather(std::string own) const override;
 
  private:
   void let_first_speak() const override;  // the others end with it

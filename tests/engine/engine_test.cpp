@@ -610,6 +610,175 @@ TEST_F(CreasedEngineTest, GivesTheSameRecordsWithAnyThreadsAndInterruptions) {
   }
 }
 
+// Creases that the user gives.
+class GivenCreasesTest : public CreasedEngineTest {
+ protected:
+  static constexpr std::uint32_t kRings = 15, kAround = 32;
+
+  void write_ball() const { write(sphere(1, kRings, kAround)); }
+  // So many edges of its ring at z = 0.
+  std::vector<Point> around(std::uint32_t num_edges) const {
+    const Shape ball = sphere(1, kRings, kAround);
+    std::vector<Point> points;
+    for (std::uint32_t j = 0; j <= num_edges; ++j)
+      points.push_back(ball.vertices[1 + (kRings / 2) * kAround + j % kAround]);
+    return points;
+  }
+  void give(const std::vector<std::vector<Point>>& polylines) const {
+    std::ofstream file(polylines_);
+    file.precision(17);
+    for (const auto& points : polylines) {
+      file << points.size();
+      for (const Point& p : points) file << "  " << p.x << ' ' << p.y << ' ' << p.z;
+      file << '\n';
+    }
+  }
+  MeshOptions given(const std::string& store, double size, std::uint64_t leaf_capacity) const {
+    MeshOptions run = options(store, size, leaf_capacity);
+    run.sharp_polylines = polylines_;
+    return run;
+  }
+  static std::string refusal(const std::function<void()>& run) {
+    try {
+      run();
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "none";
+  }
+
+  const std::filesystem::path polylines_ = scratch_ / "given.polylines.txt";
+};
+
+TEST_F(GivenCreasesTest, OfABoxOneByOneMakeTheMeshThatTheAngleMakes) {
+  write(box_shape({{0, 0, 0}, {3, 2, 1}}));
+  std::vector<std::vector<Point>> edges;
+  for (const auto& [a, b] : {std::pair{0.0, 0.0}, {0.0, 1.0}, {1.0, 0.0}, {1.0, 1.0}}) {
+    edges.push_back({{0, 2 * a, b}, {3, 2 * a, b}});
+    edges.push_back({{3 * a, 2, b}, {3 * a, 0, b}});
+    edges.push_back({{3 * a, 2 * b, 0}, {3 * a, 2 * b, 1}});
+  }
+  give(edges);
+  MeshOptions run = given("given", 0.2, 100);
+  run.sharp_angle = 0;
+  mesh(run);
+  mesh(options("by angle", 0.2, 100));
+  Contents one_by_one = contents_of(run.store);
+  const Contents by_angle = contents_of(scratch_ / "by angle");
+  EXPECT_EQ(one_by_one.run.parameters.sharp_polylines.size(), 16U);
+  EXPECT_EQ(one_by_one.run.sharp_file, polylines_);
+  one_by_one.run.parameters = by_angle.run.parameters;
+  one_by_one.run.sharp_file.clear();
+  EXPECT_TRUE(are_equal(one_by_one, by_angle));
+}
+
+TEST_F(GivenCreasesTest, PartABallAtItsEquator) {
+  write_ball();
+  give({around(kAround)});
+  const MeshOptions run = given("store", 0.15, 200);
+  const RunSummary summary = mesh(run);
+  EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+  ASSERT_EQ(summary.sheets.sheets.size(), 2U);
+  const AuditReport report = audit_of(run);
+  EXPECT_TRUE(report.is_valid());
+  EXPECT_NEAR(report.crease_length, 2 * std::numbers::pi, 0.02);
+  EXPECT_EQ(report.lost_crease_length, 0);
+  EXPECT_EQ(report.num_poor_cells, 0U);
+  std::array<std::uint64_t, 3> num_facets{};
+  for (const auto& [key, leaf] : contents_of(run.store).leaves)
+    for (const MeshFacet& facet : leaf.facets.facets) ++num_facets.at(facet.labels.sheet);
+  EXPECT_EQ(num_facets[0], 0U);
+  EXPECT_NEAR(static_cast<double>(num_facets[1]) / static_cast<double>(num_facets[2]), 1, 0.1);
+}
+
+// A sheet lies on both sides of it, and it ends in the middle.
+TEST_F(GivenCreasesTest, AreKeptWhereTheyEndWithinASheet) {
+  write_ball();
+  for (const double growth : {0.0, 0.2}) {
+    give({around(kAround / 3),
+          {{0, 0, 1}, sphere(1, kRings, kAround).vertices[1 + (kRings - 1) * kAround]}});
+    MeshOptions run = given(growth > 0 ? "graded" : "store", 0.12, 200);
+    run.growth = growth;
+    const RunSummary summary = mesh(run);
+    EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+    EXPECT_TRUE(summary.sheets.sheets.empty());
+    EXPECT_EQ(summary.sheets.creases.size(), 2U);
+    EXPECT_EQ(summary.sheets.num_corners, 4U);
+    const AuditReport report = audit_of(run);
+    EXPECT_TRUE(report.is_valid());
+    EXPECT_GT(report.crease_length, 2);
+    EXPECT_EQ(report.lost_crease_length, 0);
+    EXPECT_EQ(report.num_lost_corners, 0U);
+    EXPECT_EQ(report.num_poor_cells, 0U);
+  }
+}
+
+TEST_F(GivenCreasesTest, GiveTheSameRecordsWithAnyThreadsAndInterruptions) {
+  write_ball();
+  give({around(kAround / 2)});
+  mesh(given("one", 0.2, 60), with_threads(1));
+  const Contents expected = contents_of(scratch_ / "one");
+  EXPECT_GT(expected.leaves.size(), 30U);
+  mesh(given("three", 0.2, 60), with_threads(3));
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "three"), expected));
+  mesh_in_pieces(given("pieces", 0.2, 60), 5, 1);
+  EXPECT_TRUE(are_equal(contents_of(scratch_ / "pieces"), expected));
+}
+
+TEST_F(GivenCreasesTest, ArePartOfWhatARunIs) {
+  write_ball();
+  give({around(5)});
+  mesh(given("store", 0.3, 1000));
+  const auto expect_refusal = [&](const MeshOptions& run, const std::string& words) {
+    const std::string what = refusal([&] { mesh(run); });
+    EXPECT_NE(what.find(words), std::string::npos) << what;
+  };
+  expect_refusal(options("store", 0.3, 1000), "--sharp is the file of polylines ");
+  expect_refusal(options("store", 0.3, 1000), "in it, and no file of polylines here");
+  give({around(6)});
+  expect_refusal(given("store", 0.3, 1000), "--sharp is the file of polylines ");
+  give({around(5)});
+  EXPECT_EQ(refusal([&] { mesh(given("store", 0.3, 1000)); }), "none");
+  give({{{0, 0, 1}, {0, 0, 0.5}}});
+  expect_refusal(given("bad", 0.3, 1000), "(0, 0, 0.5) is no vertex of the surface");
+  std::filesystem::remove(polylines_);
+  expect_refusal(given("bad", 0.3, 1000), "given.polylines.txt");
+  EXPECT_FALSE(std::filesystem::exists(scratch_ / "bad"));
+  EXPECT_EQ(resume(scratch_ / "store", {}).outcome, RunOutcome::kDone);  // needs it no more
+}
+
+// While the surface is still being taken in, they are.
+TEST_F(GivenCreasesTest, AreReadAgainWhereTheSurfaceIs) {
+  write_ball();
+  give({around(5)});
+  const MeshOptions run = given("store", 0.3, 1000);
+  const Contents expected = [&] {
+    mesh(given("expected", 0.3, 1000));
+    return contents_of(scratch_ / "expected");
+  }();
+  mesh(run);
+  const auto begin_again = [&] {
+    Store store = Store::open(run.store);
+    RunRecord record = store.snapshot().run().value();
+    record.phase = Phase::kIngest;
+    record.epoch = 0;
+    record.next_point_id = kFirstOtherId;
+    record.counts = {};
+    Batch batch = store.begin();
+    batch.put_run(record);
+    batch.commit();
+  };
+  begin_again();
+  give({around(6)});
+  const std::string what = refusal([&] { resume(run.store, {}); });
+  EXPECT_NE(what.find("sharp edges from " + polylines_.string() + ", which is another file"),
+            std::string::npos)
+      << what;
+  give({around(5)});
+  EXPECT_EQ(resume(run.store, {}).outcome, RunOutcome::kDone);
+  EXPECT_EQ(contents_of(run.store).leaves, expected.leaves);
+}
+
 // Each of its leaves has a few points, too few for a cell, and triangles whose corners are far
 // away: several leaves began with the same corner.
 TEST_F(EngineTest, MeshesANeedleOfLongTrianglesInManyLeaves) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "engine/inspect/cell_mesh.h"
+#include "tests/cube_off.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
@@ -598,6 +600,24 @@ TEST(Library, ListsPlacesWhereThePromiseIsNotKept) {
     EXPECT_GT(place.radius, 0);
     EXPECT_GT(place.position[0], -0.2);
   }
+}
+
+TEST(Library, PolylinesOfAFileAreSharp) {
+  const TempDir dir;
+  std::ofstream(dir / "cube.off") << kCube;
+  std::ofstream(dir / "given.txt") << "5  0 0 0  1 0 0  1 1 0  0 1 0  0 0 0\n";
+  const Surface cube = Surface::file(dir / "cube.off");
+  Options options{.size = Size::length(0.3), .scratch = dir.path(), .sharp_angle = 0};
+  options.sharp_polylines = dir / "given.txt";
+  const Mesh mesh = mesh_surface(cube, options);
+  EXPECT_EQ(mesh.sheets().size(), 2U);
+  const SurfaceInfo info =
+      surface_info(cube, {}, dir.path(), {}, options.sharp_angle, options.sharp_polylines);
+  EXPECT_EQ(info.sheets.size(), 2U);
+  EXPECT_TRUE(info.has_sharp_edges);
+  EXPECT_GT(estimate_run(info, options).num_cells, 0);
+  options.sharp_polylines = dir / "absent.txt";
+  EXPECT_EQ(code_of([&] { mesh_surface(cube, options); }, "absent.txt"), ErrorCode::kInput);
 }
 
 // Groups of a surface in memory are sheets of the mesh, and what a store knows the surface by.

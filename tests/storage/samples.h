@@ -28,6 +28,7 @@ inline RunRecord sample_run() {
   run.parameters.size_image = "00ff", run.parameters.image_least = 0.05;
   run.parameters.weld = 1e-6;
   run.parameters.sharp_angle = 40;
+  run.parameters.sharp_polylines = "0f0f", run.sharp_file = "given.polylines.txt";
   run.parameters.sheet_sizes = {{"inlet", 0.01}, {"Wand 2", 0.25}};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;

@@ -795,6 +795,46 @@ TEST(Command, InfoListsTheSheets) {
   EXPECT_EQ(run_locvol({"info", cube, "--no-sharp", "--sharp-angle", "30"}).exit_code, 2);
 }
 
+TEST(Command, PolylinesGiveEdgesThatAreKept) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), output = (dir / "cube.vtu").string(),
+                    given = (dir / "given.polylines.txt").string();
+  // Around the face of the smallest z, and one edge up.
+  const std::string around = "5  0 0 0  1 0 0  1 1 0  0 1 0  0 0 0\n2  1 1 0  1 1 1\n";
+  std::ofstream(given) << around;
+  const std::vector<std::string> command = {"mesh",   cube,     "-o",          output,
+                                            "--size", "25%",    "--no-sharp",  "--sharp",
+                                            given,    "--json", "--keep-store"};
+  const ProcessResult result = run_locvol(command);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const nlohmann::json report = nlohmann::json::parse(result.out);
+  EXPECT_EQ(report["creases"].size(), 5U);
+  EXPECT_EQ(report["crease_length"], 5.0);
+  EXPECT_EQ(report["kept_crease_length"], 5.0);
+  EXPECT_EQ(report["sheets"].size(), 2U);
+  EXPECT_EQ(report["parameters"]["sharp"].get<std::string>().size(), 16U);
+  const std::string store = output + ".locvol";
+  EXPECT_EQ(run_locvol({"audit", store}).exit_code, 0);
+  EXPECT_NE(run_locvol({"inspect", store}).out.find("polylines along edges that are sharp"),
+            std::string::npos);
+  const auto info = run_locvol({"info", cube, "--json", "--no-sharp", "--sharp", given});
+  EXPECT_EQ(nlohmann::json::parse(info.out)["sheets"].size(), 2U);
+  std::ofstream(given) << around << "2  0 0 1  0.5 0 1\n";
+  for (const std::string first : {"mesh", "info"}) {
+    std::vector<std::string> other = {first, cube, "--sharp", given};
+    if (first == "mesh") other.insert(other.end(), {"-o", (dir / "other.vtu").string()});
+    const ProcessResult refused = run_locvol(other);
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_NE(refused.err.find(given + ": line 3: (0.5, 0, 1) is no vertex of the surface"),
+              std::string::npos)
+        << refused.err;
+  }
+  const ProcessResult mismatch = run_locvol(command);
+  EXPECT_EQ(mismatch.exit_code, 1);
+  EXPECT_NE(mismatch.err.find("--sharp is the file of polylines "), std::string::npos)
+      << mismatch.err;
+}
+
 TEST(Command, FacesAreInAFileBesideTheMesh) {
   const TempDir dir;
   const std::string box = make_named_box(dir), output = (dir / "box.vtu").string(),

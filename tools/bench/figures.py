@@ -102,7 +102,7 @@ PHASES = ("read", "cover", "refine", "write")
 
 HEADER = ("model", "λ", "mesher", "threads", "tetrahedra", "total s",
           *(phase + " s" for phase in PHASES), "tetrahedra/s", "peak MiB", "store B/tet",
-          "tets per λ³", "locvol faster by", "per tet by", "note")
+          "tets per λ³", "locvol faster by", "per tet by", "creases kept", "note")
 
 SCALING_HEADER = HEADER[:14] + ("note",)
 
@@ -143,16 +143,27 @@ def figure_cells(row):
                "%.2f" % row["tetrahedra_per_size3"]])
 
 
+def kept_text(row):
+    """Of the length of creases, the part that is edges of the mesh: all of it, or to a thousandth
+    of a percent, rounded down."""
+    length, kept = row.get("crease_length"), row.get("kept_crease_length")
+    if not length or kept is None:
+        return "—"
+    lost = max(0, 1 - kept / length)
+    return "100%" if lost < 1e-9 else "%.3f%%" % (math.floor(1e5 * (1 - lost)) / 1e3)
+
+
 def table(rows):
     """All rows in Markdown; a failed one says why in its note."""
     lines = []
     for row in rows:
         if row.get("error"):
-            lines.append(first_cells(row) + ["—"] * 12 + [row["error"]])
+            lines.append(first_cells(row) + ["—"] * 13 + [row["error"]])
         else:
             lines.append(first_cells(row) + figure_cells(row)
                          + [shown(row.get("ratio"), "%.2f×"),
-                            shown(row.get("ratio_per_tetrahedron"), "%.2f×"), row.get("note", "")])
+                            shown(row.get("ratio_per_tetrahedron"), "%.2f×"), kept_text(row),
+                            row.get("note", "")])
     return markdown(HEADER, lines)
 
 

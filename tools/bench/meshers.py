@@ -2,7 +2,8 @@
 
 Every mesher has `name`, a method `problem()` that says why it cannot be run (None: it can), and
 `run(surface, size, threads)`, which raises Failed or returns a dictionary: `tetrahedra`, `seconds`,
-`cpu_seconds` (of the whole process where the mesher does not tell), `phases`, `peak_bytes`.
+`cpu_seconds` (of the whole process where the mesher does not tell), `phases`, `peak_bytes`, and of
+surfaces with creases, where it keeps any, `crease_length` and `kept_crease_length`.
 Memory is that of the child process as os.wait4 tells it. This process must stay small, files be
 read in pieces: a child counts as at least as large as its parent has ever been.
 """
@@ -14,6 +15,9 @@ import struct
 import subprocess
 import threading
 import time
+
+
+CREASES = ("crease_length", "kept_crease_length")
 
 
 class Failed(Exception):
@@ -114,6 +118,8 @@ class Locvol(Mesher):
                       "cpu_seconds": child.cpu_seconds, "phases": self.phases(report),
                       "peak_bytes": child.peak_bytes,
                       "store_bytes": disk_bytes(store), "volume": report["surface"]["volume"]}
+            if report.get("crease_length"):
+                result |= {key: report[key] for key in CREASES}
             if report["num_unresolved"]:
                 result["note"] = "%d unresolved sites" % report["num_unresolved"]
             return result
@@ -150,13 +156,16 @@ class CgalMesh3(Mesher):
     surface balls, 2 for radius-edge ratios. Seconds and memory are those it tells of itself up to
     the written mesh; the figures that it gathers then do not count against it."""
 
+    title = "cgal"
+    options = ("--seeds", "4")
+
     def __init__(self, program, work, timeout, is_parallel):
         super().__init__(program, work, timeout)
         self.is_parallel = is_parallel
-        self.name = "cgal-parallel" if is_parallel else "cgal"
+        self.name = self.title + ("-parallel" if is_parallel else "")
 
     def run(self, surface, size, threads, boundary=None):
-        command = [surface, "--lambda", "%.17g" % size, "--seeds", "4", "-o", "cgal.vtu"]
+        command = [surface, "--lambda", "%.17g" % size, *self.options, "-o", "cgal.vtu"]
         if self.is_parallel:
             command += ["--parallel", "--threads", str(threads)]
         if boundary:
@@ -169,11 +178,28 @@ class CgalMesh3(Mesher):
                       "refine": took["refine"] + took["optimize"], "write": took["write"]}
             return {"tetrahedra": report["n_tets"], "seconds": sum(phases.values()),
                     "cpu_seconds": sum(report["cpu_s"].values()), "phases": phases,
-                    "peak_bytes": round(report["peak_rss_mb"]["write"] * 2**20)}
+                    "peak_bytes": round(report["peak_rss_mb"]["write"] * 2**20),
+                    **self.creases(report)}
         except KeyError as error:
             raise Failed("its report has no %s" % error) from error
         finally:
             remove(os.path.join(self.work, "cgal.vtu"))
+
+    @staticmethod
+    def creases(report):
+        return {}
+
+
+class CgalFeatures(CgalMesh3):
+    """The same with protected creases, by the program cgal_features: edges on these up to 0.84 λ,
+    which is what locvol's are."""
+
+    title = "cgal-features"
+    options = ()
+
+    @staticmethod
+    def creases(report):
+        return {key: report[key] for key in CREASES}
 
 
 class Filler(Mesher):

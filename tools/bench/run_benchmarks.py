@@ -19,8 +19,9 @@ import figures
 import meshers
 from meshers import Failed
 
-PEERS = ("cgal-parallel", "cgal", "tetgen-fill", "hxt-fill")
-ONE_THREAD = ("cgal", "tetgen-fill")
+SMOOTH_PEERS = ("cgal-parallel", "cgal", "tetgen-fill", "hxt-fill")  # they know of no creases
+PEERS = SMOOTH_PEERS + ("cgal-features-parallel", "cgal-features")
+ONE_THREAD = ("cgal", "tetgen-fill", "cgal-features")
 
 
 def note(text):
@@ -60,11 +61,13 @@ class Benchmark:
                                            is_parallel)
             for is_parallel in (True, False)
         }
+        features = [meshers.CgalFeatures(self.peer("cgal_features"), work, options.timeout,
+                                         is_parallel) for is_parallel in (True, False)]
         fillers = (meshers.TetGen(self.peer("tetgen", shutil.which("tetgen")), work,
                                   options.timeout),
                    meshers.GmshHxt(self.peer("gmsh", shutil.which("gmsh")), work,
                                    options.timeout))
-        everyone = (self.locvol, *self.cgal.values(), *fillers)
+        everyone = (self.locvol, *self.cgal.values(), *features, *fillers)
         self.meshers = [m for m in everyone if m is self.locvol or m.name in options.tools]
         self.rows = []
 
@@ -235,10 +238,11 @@ def parse_options(arguments):
     parser.add_argument("models", nargs="+", metavar="MODEL")
     parser.add_argument("--locvol", default="build/release/tools/locvol", metavar="PROGRAM")
     parser.add_argument("--peers", metavar="DIR",
-                        help="where cgal_mesh3 is, and tetgen and gmsh if not in the PATH")
+                        help="where cgal_mesh3 and cgal_features are, and tetgen and gmsh if not in "
+                        "the PATH")
     parser.add_argument("--tools", type=lambda text: text.split(","), metavar="NAME,...",
-                        help="peers to run: %s (default: all, if there is --peers)"
-                        % ", ".join(PEERS))
+                        help="peers to run: %s (default: the first %d, if there is --peers)"
+                        % (", ".join(PEERS), len(SMOOTH_PEERS)))
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--sizes", type=lambda text: text.split(","), metavar="SIZE,...",
                       help="λ: a length, or a percentage of the smallest side (2%%)")
@@ -266,7 +270,7 @@ def parse_options(arguments):
     if program_at(options.locvol) is None:
         parser.error("no program %s: build it, or name it by --locvol" % options.locvol)
     if options.tools is None:
-        options.tools = PEERS if options.peers else ()
+        options.tools = SMOOTH_PEERS if options.peers else ()
     if options.scaling:
         options.tools = ()
     for name in options.tools:

@@ -14,62 +14,13 @@
 #include <vector>
 
 #include "engine/engine.h"
-#include "engine/ingest/surface_sheets.h"
-#include "refine/domain/surface_part.h"
+#include "tests/engine/ingest/creased_surfaces.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"
 #include "tests/engine/store_contents.h"
 
 namespace locvol {
 namespace {
-
-struct Creased {
-  SurfaceSheets sheets;
-  LeafSurface surface;  // all of it
-  std::vector<std::string> notes;
-};
-
-struct Trial {
-  double sharp_angle = 40, least_area = 0, least_extent = 0;
-  std::uint64_t bucket_capacity = kBucketCapacity;
-  int num_threads = 1;
-  std::size_t most = kMaxCreases;
-};
-
-// Each cell has to have just the edges and corners that meet it.
-void expect_in_cells(const LeafSurface& all, const Box& cell, const LeafSurface& held) {
-  LeafSurface expected{held.triangles};
-  append_creases(cell, all, expected);
-  EXPECT_EQ(held, expected);
-}
-
-Creased creases_in(const std::filesystem::path& file, const Trial& trial = {}) {
-  IngestWatch watch;
-  Workers workers(trial.num_threads);
-  RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
-  const Frame frame = frame_of(raw.box);
-  CheckedSurface surface =
-      check_surface(std::move(raw), frame, watch, workers, trial.bucket_capacity, IngestShare(),
-                    std::nullopt, trial.sharp_angle);
-  Creased found;
-  found.sheets =
-      number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare());
-  const CreasesOfCells creases =
-      find_creases(surface, {trial.sharp_angle, trial.least_extent, trial.most}, watch, workers,
-                   IngestShare(), found.sheets);
-  std::vector<LeafSurface> of_cells;
-  const auto buckets = surface.buckets.all();
-  for (std::size_t i = 0; i < buckets.size(); ++i) {
-    LeafSurface& held = of_cells.emplace_back(LeafSurface{surface.load(buckets[i])});
-    creases.add_to(i, held);
-    found.surface.append(held);
-  }
-  found.surface.unite();
-  for (std::size_t i = 0; i < buckets.size(); ++i)
-    expect_in_cells(found.surface, frame.box(buckets[i].cell), of_cells[i]);
-  found.notes = surface.facts.notes;
-  return found;
-}
 
 // ---- In memory ----
 
@@ -78,7 +29,7 @@ using Edge = std::array<Point, 2>;
 // Of triangles with their sheets, none of which is a needle.
 class Walk {
  public:
-  Walk(const std::vector<Triangle>& triangles, const Trial& trial)
+  Walk(const std::vector<Triangle>& triangles, const CreaseTrial& trial)
       : triangles_(triangles), trial_(trial) {
     for (const Triangle& t : triangles_)
       for (std::uint32_t k = 0; k < 3; ++k) {
@@ -251,7 +202,7 @@ class Walk {
   }
 
   std::vector<Triangle> triangles_;
-  Trial trial_;
+  CreaseTrial trial_;
   std::map<Edge, std::vector<Use>> uses_;
   std::map<Point, std::uint64_t> names_;
   std::set<Edge> found_;
@@ -283,15 +234,15 @@ TEST(SurfaceCreases, AreTheSameForAnyCellsAndThreadsAndThoseOfAWalk) {
     shuffle(shape, random);
     const auto file = files.write("shape.off", to_off(shape));
     // Edges of balls are noise but for some; those of voxels are long.
-    const Trial whole{.sharp_angle = trial % 2 == 0 ? 40 : uniform(random, 5, 25),
-                      .least_area = trial % 4 == 1 ? 0.1 : 0.0,
-                      .least_extent = trial < 4 ? 0 : uniform(random, 0.2, 4)};
+    const CreaseTrial whole{.sharp_angle = trial % 2 == 0 ? 40 : uniform(random, 5, 25),
+                            .least_area = trial % 4 == 1 ? 0.1 : 0.0,
+                            .least_extent = trial < 4 ? 0 : uniform(random, 0.2, 4)};
     const Creased found = creases_in(file, whole);
     EXPECT_FALSE(found.surface.creases.empty() && trial % 2 == 0);
     const Creased expected = Walk(found.surface.triangles, whole).creases();
     expect_same(found, expected);
     for (const std::uint64_t capacity : {20, 300}) {
-      Trial cut = whole;
+      CreaseTrial cut = whole;
       cut.bucket_capacity = capacity;
       cut.num_threads = capacity == 300 ? 3 : 1;
       const Creased other = creases_in(file, cut);

@@ -1,6 +1,7 @@
 // A surface that ranks take in together, against one process.
 #include "engine/ranks/ingest_by_ranks.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -9,11 +10,14 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "engine/engine.h"
 #include "engine/exchange/thread_ranks.h"
+#include "engine/ingest/given_edges.h"
+#include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
 #include "engine/rank_engine.h"
@@ -51,7 +55,8 @@ class IngestByRanksTest : public testing::Test {
     const std::filesystem::path store = next_store();
     try {
       RawSurface raw = read_surface(options.input, files_.directory(), watch);
-      const RunRecord run = planned_run(options, raw.digest, raw.box);
+      const RunRecord run =
+          planned_run(options, raw.digest, raw.box, survey_files(options, raw.box));
       ingest(std::move(raw), run, calls(store), watch, workers);
     } catch (const InputError& error) {
       return {.needs_one_process = false, .refusal = error.what(), .contents = {}};
@@ -90,7 +95,7 @@ class IngestByRanksTest : public testing::Test {
         options.input, files_.directory(),
         [&](const std::string& digest, const Box& box) {
           EXPECT_EQ(exchange.rank(), 0);
-          return planned_run(options, digest, box);
+          return planned_run(options, digest, box, survey_files(options, box));
         },
         calls(store), watch, workers, exchange, disk_of, bucket_capacity);
   }
@@ -167,6 +172,47 @@ TEST_F(IngestByRanksTest, NumbersGroupsAndSheetsAsOneProcessDoes) {
       EXPECT_FALSE(found.needs_one_process);
       EXPECT_TRUE(are_equal(expected.contents, found.contents)) << trial << ", " << num_ranks;
     }
+  }
+}
+
+// Edges here and there, one or several to a piece; each rank finds those in its cells.
+TEST_F(IngestByRanksTest, FindsGivenEdgesAsOneProcessDoes) {
+  Random random(5);
+  const Polygons solid = manifold_voxels(random, files_);
+  MeshOptions options = this->options("solid.stl", to_binary_stl(solid), 20);
+  options.sharp_angle = 0;
+  std::set<EdgeEnds> edges;
+  std::string polylines;
+  for (const auto& face : solid.faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const EdgeEnds edge = ends_of(solid.vertices[face[k]], solid.vertices[face[(k + 1) % 3]]);
+      if (norm(edge[1] - edge[0]) > 1 || random() % 2 == 0) continue;
+      edges.insert(edge);
+    }
+  for (const auto& [a, b] : edges) {
+    Point end = b;
+    while (edges.contains({end, end + (b - a)})) end = end + (b - a);
+    polylines += fmt::format("2 {} {} {} {} {} {}\n", a.x, a.y, a.z, end.x, end.y, end.z);
+  }
+  options.sharp_polylines = files_.write("given.txt", polylines);
+  const TakenIn expected = by_one(options);
+  ASSERT_EQ(expected.refusal, "");
+  std::set<EdgeEnds> found_edges;
+  for (const auto& [key, leaf] : expected.contents.leaves)
+    for (const CreaseEdge& edge : leaf.surface.creases) found_edges.insert(edge.ends);
+  EXPECT_EQ(found_edges, edges);
+  for (const int num_ranks : {2, 5}) {
+    const TakenIn found = by_ranks(num_ranks, options, 200);
+    EXPECT_FALSE(found.needs_one_process);
+    EXPECT_TRUE(are_equal(expected.contents, found.contents)) << num_ranks;
+  }
+  for (const std::string line : {"2 0 0 0 0.5 0 0\n", "2 0 0 0 100 0 0\n"}) {
+    options.sharp_polylines = files_.write("bad.txt", polylines + line);
+    const std::string refusal = by_one(options).refusal;
+    EXPECT_NE(refusal.find(fmt::format("bad.txt: line {}: ", edges.size() + 1)), std::string::npos)
+        << refusal;
+    for (const int num_ranks : {2, 5})
+      EXPECT_EQ(by_ranks(num_ranks, options, 200).refusal, refusal) << num_ranks;
   }
 }
 
@@ -335,7 +381,7 @@ TEST_F(IngestByRanksTest, TooMuchForTheDiskIsRefused) {
       ingest_by_ranks(
           options.input, files_.directory(),
           [&](const std::string& digest, const Box& box) {
-            return planned_run(options, digest, box);
+            return planned_run(options, digest, box, survey_files(options, box));
           },
           calls(scratch_ / ("part-" + std::to_string(exchange.rank()))), watch, workers, exchange,
           [&](const std::filesystem::path&) {

@@ -202,6 +202,28 @@ TEST_F(RunOfRanks, KeepsCreasesAsOneProcess) {
   }
 }
 
+TEST_F(RunOfRanks, KeepsGivenCreasesAsOneProcess) {
+  const testing_shapes::Shape ball = sphere(1, 15, 32);
+  write_off(ball, scratch_ / "input.off");
+  const std::filesystem::path given = scratch_ / "given.txt";
+  std::ofstream file(given);
+  file.precision(17);
+  file << 17;
+  for (std::uint32_t j = 0; j <= 16; ++j) {
+    const Point& p = ball.vertices[1 + 7 * 32 + j];
+    file << "  " << p.x << ' ' << p.y << ' ' << p.z;
+  }
+  file.close();
+  MeshOptions options = this->options("store", 0.2, 100);
+  options.sharp_polylines = given;
+  mesh(options);
+  const Contents expected = contents_of(options.store);
+  EXPECT_EQ(expected.sheets.creases.size(), 1U);
+  for (const int num_ranks : {1, 3})
+    EXPECT_TRUE(are_equal(expected, mesh_by(num_ranks, options, 1))) << num_ranks;
+  expect_to_go_on_after_ends(options, 1, 23);
+}
+
 TEST_F(RunOfRanks, WithCreasesGoesOnAfterAnyRankEnds) {
   write_off(turned(testing_shapes::wedge(3, 2, 0.5)), scratch_ / "input.off");
   for (std::uint64_t round = 0; round < 2; ++round)

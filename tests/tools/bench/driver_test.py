@@ -126,6 +126,28 @@ class Driver(unittest.TestCase):
         for mine, peer in ((0, 1), (0, 2), (3, 4)):
             self.assertAlmostEqual(rows[peer]["ratio"], 37 / rows[mine]["seconds"])
 
+    def test_says_how_much_of_creases_is_kept(self):
+        self.peer("cgal_features", CGAL.replace(
+            '"wall_s"', '"crease_length": 12, "kept_crease_length": 11, "wall_s"'))
+        cube = os.path.join(self.directory, "cube.off")
+        with open(cube, "w") as file:
+            file.write("OFF\n8 6 0\n" + "".join("%d %d %d\n" % (i & 1, i >> 1 & 1, i >> 2)
+                                                for i in range(8))
+                       + "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n")
+        rows, done = self.run_driver("--sizes", "25%", "--threads", "1,2", "--repetitions", "1",
+                                     "--peers", self.peers, "--tools",
+                                     "cgal-features-parallel,cgal-features", cube)
+        self.assertEqual([(row["mesher"], row["threads"]) for row in rows],
+                         [("locvol", 1), ("cgal-features-parallel", 1), ("cgal-features", 1),
+                          ("locvol", 2), ("cgal-features-parallel", 2)])
+        self.assertNotIn("error", rows[1])
+        self.assertAlmostEqual(rows[0]["crease_length"], 12)
+        self.assertAlmostEqual(rows[0]["kept_crease_length"], 12)
+        self.assertEqual(rows[1]["kept_crease_length"], 11)
+        self.assertEqual([line.split(" | ")[-2] for line in done.stdout.splitlines()
+                          if line.startswith("| cube | ")],
+                         ["100%", "91.666%", "91.666%", "100%", "91.666%"])
+
     def test_missing_peers_have_rows(self):
         rows, done = self.run_driver("--sizes", "30%", "--repetitions", "1", "--peers",
                                      self.peers, "--tools", "cgal,hxt-fill", "sphere:500")
