@@ -7,8 +7,10 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <tuple>
@@ -27,7 +29,9 @@
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
+#include "octree/site_block.h"
 #include "octree/size_field.h"
+#include "refine/core_index.h"
 #include "refine/predicates.h"
 
 namespace locvol {
@@ -51,7 +55,7 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("dihedral_angles", s.dihedral_angles),
       Field("min_dihedral_angles", s.min_dihedral_angles),
       Field("radius_edge_ratios", s.radius_edge_ratios),
-      Field("radii_over_size", s.radii_over_size));
+      Field("radii_over_size", s.radii_over_size), Field("bodies", s.bodies));
 }
 
 // Of a leaf, told to ranks near it.
@@ -103,6 +107,8 @@ struct Measured {
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
+  std::map<BodyId, CellGauge> bodies;  // of each, where there are several
+  bool has_bodies = false;
   std::optional<NeighborRatio> neighbors;  // where sizes vary, and all is measured
   bool is_enough = false;                  // on_poor wants no more
   IdlePool<Window> windows;
@@ -132,10 +138,13 @@ class MeasureTask : public Task {
     std::unique_ptr<Window> window =
         measured_.windows.take([&] { return std::make_unique<Window>(measured_.store, octree_); });
     for (const std::size_t leaf : leaves_) measure(leaf, *window);
+    for (const auto& [body, gauge] : bodies_) gauge_.add(gauge);
     measured_.windows.put_back(std::move(window));
   }
   void apply() override {
     measured_.all.add(gauge_);
+    for (const auto& [body, gauge] : bodies_)
+      measured_.bodies.try_emplace(body, gauge_for(run_)).first->second.add(gauge);
     if (measured_.neighbors)
       for (const LeafNeighbors& leaf : neighbors_) measured_.neighbors->add(leaf);
     measured_.on_piece();
@@ -157,26 +166,33 @@ class MeasureTask : public Task {
     std::size_t num = 0;
     const auto add_some = [&] {
       const auto these = std::span(some).first(std::exchange(num, 0));
-      const CellGauge::Radii known = add(key, these, sizes ? &*sizes : nullptr);
+      const CellGauge::Radii known = add(key, these, sizes ? &*sizes : nullptr, gauge_);
       if (measured_.neighbors)
         radii.insert(radii.end(), known.begin(),
                      known.begin() + static_cast<std::ptrdiff_t>(these.size()));
     };
-    for (const auto& [a, b, c, d] : cells.cells) {
+    for (std::size_t n = 0; n < cells.cells.size(); ++n) {
+      const auto& [a, b, c, d] = cells.cells[n];
       some[num++] = {positions[a], positions[b], positions[c], positions[d]};
       for (const std::uint32_t i : {a, b, c, d})
         if (std::isnan(positions[i].x)) throw_unknown_point(cells.vertices[i], key);
-      if (num == some.size()) add_some();
+      if (measured_.has_bodies) {  // one by one
+        CellGauge& gauge = bodies_.try_emplace(cells.body_of(n), gauge_for(run_)).first->second;
+        num = 0;
+        radii.push_back(add(key, {some.data(), 1}, sizes ? &*sizes : nullptr, gauge)[0]);
+      } else if (num == some.size()) {
+        add_some();
+      }
     }
     add_some();
     if (measured_.neighbors) neighbors_.push_back(leaf_neighbors(cells, radii));
   }
 
   CellGauge::Radii add(MortonKey leaf, std::span<const CellGauge::Corners> some,
-                       const SizeField* sizes) {
-    const std::uint64_t num_poor = gauge_.num_poor_cells();
-    const CellGauge::Radii radii = gauge_.add(some, sizes);
-    if (!measured_.on_poor || gauge_.num_poor_cells() == num_poor) return radii;
+                       const SizeField* sizes, CellGauge& gauge) {
+    const std::uint64_t num_poor = gauge.num_poor_cells();
+    const CellGauge::Radii radii = gauge.add(some, sizes);
+    if (!measured_.on_poor || gauge.num_poor_cells() == num_poor) return radii;
     for (const CellGauge::Corners& corners : some) {
       CellGauge one = gauge_for(run_);
       one.add({&corners, 1});
@@ -245,9 +261,41 @@ class MeasureTask : public Task {
   Lattice lattice_ = lattice_of(run_);
   SizeLaw law_ = run_.parameters.sizes();
   CellGauge gauge_ = gauge_for(run_);
+  std::map<BodyId, CellGauge> bodies_;    // likewise of each body
   std::vector<LeafNeighbors> neighbors_;  // of each leaf, if they are asked for
   std::vector<LeafPoorCell> poor_;        // likewise
 };
+
+// How many cells of the lattice core a leaf has in each body, of `num_cells` in all.
+std::map<BodyId, std::uint64_t> core_cells_of_leaf(const Reader& reader, const RunRecord& run,
+                                                   const LinearOctree& octree,
+                                                   const LeafScale& scale, std::size_t place,
+                                                   std::uint64_t num_cells) {
+  const Lattice lattice = lattice_of(run);
+  const MortonKey leaf = octree.leaves()[place];
+  const LatticeCore core = reader.points(leaf).core;
+  const SiteBox sites = lattice.sites_in(run.frame.box(leaf));
+  std::set<BodyId> bodies;
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) { bodies.insert(row.body); });
+  if (bodies.size() == 1) return {{*bodies.begin(), num_cells}};
+  CoreRows around{.lattice = lattice, .rows = {}};
+  for (const std::size_t other :
+       leaves_near(octree, run.frame, place, kCellReach * scale.of(place)))
+    for_each_core_row(reader.points(octree.leaves()[other]).core,
+                      lattice.sites_in(run.frame.box(octree.leaves()[other])), sites.expanded(2),
+                      [&](const LatticeRow& row, std::uint64_t) { around.rows.push_back(row); });
+  const CoreIndex index(around);
+  std::map<BodyId, std::uint64_t> num;
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) {
+    for (std::int32_t n = 0; n < static_cast<std::int32_t>(row.count); ++n) {
+      const LatticeSite site = row.first + LatticeSite{0, 0, 2 * n};
+      for (const LatticeCell& cell : kLatticeCells)
+        num[row.body] += index.contains(site + cell[0]) && index.contains(site + cell[1]) &&
+                         index.contains(site + cell[2]);
+    }
+  });
+  return num;
+}
 
 // Each rank is told of cells that may be neighbors of its own. Memory: these.
 void share_neighbors(const Reader& reader, NeighborRatio& neighbors, Exchange& exchange) {
@@ -280,7 +328,9 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   std::vector<std::uint64_t> num_cells;
   num_cells.reserve(octree.size());
   std::uint64_t num_listed_cells = 0, num_core_cells = 0;
+  std::vector<std::uint64_t> num_core_of_leaf;
   snapshot.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    num_core_of_leaf.push_back(info.holding == Holding::kOwn ? info.num_core_cells : 0);
     const bool is_own = info.holding == Holding::kOwn;
     num_cells.push_back(is_own ? info.num_cells : 0);
     num_listed_cells += num_cells.back();
@@ -298,6 +348,8 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
                         },
                     .on_poor = std::move(on_poor),
                     .all = gauge_for(run),
+                    .bodies = {},
+                    .has_bodies = snapshot.sheets().has_several_bodies(),
                     .neighbors = {},
                     .is_enough = false,
                     .windows = {}};
@@ -318,6 +370,16 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   do_on_all(exchange, [&] { Workers(num_threads).run_in_order(next_piece); });
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
+  if (measured.has_bodies) {
+    for (std::size_t place = 0; place < num_core_of_leaf.size(); ++place)
+      if (num_core_of_leaf[place] > 0)
+        for (const auto& [body, num] : core_cells_of_leaf(snapshot, run, octree, measured.scale,
+                                                          place, num_core_of_leaf[place]))
+          measured.bodies.try_emplace(body, gauge_for(run)).first->second.add_core(num);
+    for (BodyId body = 1; body <= snapshot.sheets().bodies.size(); ++body)
+      statistics.bodies.push_back(
+          measured.bodies.try_emplace(body, gauge_for(run)).first->second.statistics());
+  }
   if (has_neighbors && exchange.num_ranks() > 1)
     share_neighbors(snapshot, *measured.neighbors, exchange);
   const auto near = [&](std::size_t place) {
