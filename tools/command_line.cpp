@@ -56,6 +56,9 @@ void parse(Text text, const OptionText& option, std::optional<double>& value) {
 void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
 void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
+// See add_bodies().
+void parse(Text, const OptionText&, bool&) {}
+void parse(Text, const OptionText&, std::vector<std::string>&) {}
 
 // A flag for a value that turns something off.
 void add_no_sharp(CLI::App& app, MeshOptions& options) {
@@ -63,6 +66,16 @@ void add_no_sharp(CLI::App& app, MeshOptions& options) {
          "--no-sharp", [&options] { options.sharp_angle = 0; },
          "Keep no sharp edges, and part no sheets there: as --sharp-angle 0")
       ->excludes(app.get_option("--sharp-angle"));
+}
+
+void add_bodies(CLI::App& app, MeshOptions& options) {
+  app.add_flag("--bodies", options.has_bodies,
+               "Each group of the surface that is closed by itself is a body; without groups, each "
+               "shell is. What lies in another body is cut out of it");
+  app.add_option("--void", options.voids,
+                 "This body is none, but a cavity of the one that it lies in. May be repeated")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
 }
 
 // Those of the table that have help.
@@ -220,6 +233,20 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->take_all();
   add_options(app, options, OptionGroup::kSurface);
   add_no_sharp(app, options);
+  add_bodies(app, options);
+}
+
+void add_surfaces(CLI::App& app, std::filesystem::path& first,
+                  std::vector<std::filesystem::path>& others) {
+  const auto take = [&first, &others](const std::vector<std::string>& files) {
+    first = files.front();
+    others.assign(files.begin() + 1, files.end());
+    return true;
+  };
+  app.add_option("SURFACE", take, std::string(kSurfaceHelp) + "; of several, each is a body")
+      ->type_name("")
+      ->required()
+      ->expected(-1);
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,
@@ -242,7 +269,7 @@ CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
-  mesh->add_option("SURFACE", options.input, kSurfaceHelp)->type_name("")->required();
+  add_surfaces(*mesh, options.input, options.more_inputs);
   add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
   add_parsed(
       *mesh, "-s,--size", parse_size, command.size,

@@ -102,6 +102,12 @@ struct Options {
   /// Edges where the surface turns by more degrees than this are edges of the mesh, and part its
   /// faces; 0: none are, and faces end only where names do that the surface gives them.
   double sharp_angle = 40;
+  /// Of a surface whose groups have names, each group that is closed by itself is a body; without
+  /// names, each shell is one. A body that lies in another is cut out of it, and the cells of the
+  /// two share the vertices between them. Not set: all that the surface bounds is one body.
+  bool has_bodies = false;
+  /// Names of bodies that are none: cavities of those that they lie in.
+  std::vector<std::string> voids = {};
 };
 
 }  // namespace locvol

@@ -161,7 +161,12 @@ inline constexpr std::tuple kOptions{
          .range = {.most = 179},
          .cure = "give degrees from {least}, at which nothing is sharp, to {most}",
          .standard = 40,
-         .phrase = "; it is sharp where it turns by more than {}°"}}};
+         .phrase = "; it is sharp where it turns by more than {}°"}},
+    // These two are declared by the commands: a flag, and names.
+    Option<&MeshOptions::has_bodies, &RunParameters::has_bodies>{
+        {.name = {"--bodies", "has_bodies"}, .group = OptionGroup::kSurface}},
+    Option<&MeshOptions::voids, &RunParameters::voids>{
+        {.name = {"--void", "voids"}, .group = OptionGroup::kSurface}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>
