@@ -264,7 +264,8 @@ void LeafMesh::clear_fresh_cells() {
 
 // A ball at an own vertex that is near has no point in it but of the core. So a hidden vertex is
 // the nearest point to each place on the way from there to the center that may be on the surface,
-// and no such place is: the center is in the same body.
+// and no such place is: the center is in the same body. Where there are several, to look up the
+// vertex takes as long as to look up the center.
 //
 // Only points that have neighbors in the core have other stars for want of it.
 Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
@@ -278,19 +279,15 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
       !surroundings_.sizes.is_below(ball.squared_radius, 0.5 * kReach, ball.center))
     return state.side;
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
-  if (state.own != 0 && state.hidden != 0) return state.side = side_of_hidden(corners, state);
+  if (const auto only = surroundings_.domain.only_body();
+      only && state.own != 0 && state.hidden != 0)
+    return state.side = side_in(*only);
   const LeafDomain::Location location = surroundings_.domain.locate(ball.center);
   if (!location.state)
     return state.side = is_deep(state, ball) ? side_of_deep(corners) : Side::kNotLoaded;
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
   return state.side = side_in(location.state->body());
-}
-
-// Of a hidden own vertex.
-Side LeafMesh::side_of_hidden(const std::array<Point, 4>& corners, const CellState& state) const {
-  const unsigned hidden = state.own & state.hidden;
-  return side_in(body_around(corners[std::size_t(std::countr_zero(hidden))]));
 }
 
 // All of the cell is in the body that each of its corners is in.

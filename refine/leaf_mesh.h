@@ -293,7 +293,6 @@ class LeafMesh {
   std::array<Point, 4> corners(const Delaunay::Change& change, const Delaunay::NewCell& cell) const;
   double clearance(CellState& state, CellBall& ball) const;
   bool is_deep(CellState& state, CellBall& ball) const;
-  Side side_of_hidden(const std::array<Point, 4>& corners, const CellState& state) const;
   Side side_of_deep(const std::array<Point, 4>& corners) const;
   bool is_off_surface(BodyId here, BodyId there, const Point& from, const Point& to,
                       const Point& corner) const;
