@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "engine/ingest/option_files.h"
 #include "engine/plan/run_setup.h"
@@ -114,9 +115,11 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
       throw StoreError("the store " + directory.string() +
                        " was to take in a surface that is in no file: give it again to the program "
                        "that began the run");
-    const SurfaceSource surface = held->surface.file == kStandardInput
-                                      ? surface_in_standard_input(directory)
-                                      : surface_in_file(held->surface.file, directory);
+    const std::vector<std::string>& more = held->surface.more_files;
+    const SurfaceSource surface =
+        held->surface.file == kStandardInput
+            ? surface_in_standard_input(directory)
+            : surface_at(held->surface.file, {more.begin(), more.end()}, directory);
     try {
       store = ingested(
           surface, directory,
@@ -142,7 +145,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
 }  // namespace
 
 RunSummary mesh(const MeshOptions& options, const RunControl& control) {
-  return mesh(surface_at(options.input, options.store), options, control);
+  return mesh(surface_at(options.input, options.more_inputs, options.store), options, control);
 }
 
 RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options,

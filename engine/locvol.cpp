@@ -540,6 +540,7 @@ void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit, int or
           .vertices = chunk.vertices,
           .vertex_numbers = chunk.numbers,
           .cells = chunk.cells,
+          .bodies = chunk.bodies,
           .first_node = chunk.first_node,
           .num_own_nodes = chunk.num_own_nodes,
           .nodes = chunk.nodes,

@@ -277,6 +277,8 @@ struct Chunk {
   std::span<const std::uint64_t> vertex_numbers = {};  ///< The number of each, in the whole mesh.
   /// Four indices into `vertices`, positively oriented: (b - a) × (c - a) · (d - a) > 0.
   std::span<const std::array<std::uint32_t, 4>> cells = {};
+  std::span<const std::uint32_t> bodies =
+      {};  ///< Of each cell, from 1 on. Empty: there is one body.
 
   /// Of second order: the number of nodes[0] in the whole mesh. Nodes, in the middle of edges, have
   /// the numbers after those of all vertices, and come as vertices do, own ones first.

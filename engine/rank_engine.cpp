@@ -265,8 +265,9 @@ RunSummary go_on_as_rank(const std::filesystem::path& stores, std::optional<Held
 }  // namespace
 
 RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, Exchange& exchange) {
-  return mesh_as_rank(surface_at(options.input, store_of_rank(options.store, exchange.rank())),
-                      options, control, exchange);
+  return mesh_as_rank(
+      surface_at(options.input, options.more_inputs, store_of_rank(options.store, exchange.rank())),
+      options, control, exchange);
 }
 
 RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& options,

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "octree/domain_state.h"
 #include "octree/mesh_facet.h"
 
 namespace locvol {
@@ -106,6 +107,8 @@ struct Triangle {
   std::uint64_t id = 0;
   std::array<Point, 3> corners;
   SheetId sheet = 1;  // while a surface is taken in, and sheets are not known: its named group
+  // Of the state, across it: the bodies on its two sides, whichever way it faces.
+  DomainState change = DomainState::in(kOnlyBody);
 
   Box box() const { return Box::around(corners[0]).joined(corners[1]).joined(corners[2]); }
   friend bool operator==(const Triangle&, const Triangle&) = default;

@@ -30,8 +30,8 @@ bool changes_star(const Point& offset, double spacing) {
 
 void add_row(const LatticeRow& row, LatticeCore& core) {
   if (!core.rows.empty()) {
-    auto& [first, count] = core.rows.back();
-    if (first.i == row.first.i && first.j == row.first.j &&
+    auto& [first, count, body] = core.rows.back();
+    if (body == row.body && first.i == row.first.i && first.j == row.first.j &&
         first.k + 2 * static_cast<std::int64_t>(count) == row.first.k) {
       count += row.count;
       return;
@@ -72,12 +72,12 @@ std::uint64_t num_sites(const SiteBox& box) {
 LatticeCore clipped(const LatticeCore& core, const SiteBox& box) {
   if (core.is_whole) return core;
   LatticeCore result;
-  for (const auto& [first, count] : core.rows) {
+  for (const auto& [first, count, body] : core.rows) {
     const auto& [i, j, k] = first;
     const std::int32_t low = std::max(k, first_of_parity(box.low.k, k));
     const std::int32_t high = std::min(k + 2 * static_cast<std::int32_t>(count), box.high.k);
     if (low < high && box.contains({i, j, low}))
-      result.rows.push_back({{i, j, low}, static_cast<std::uint32_t>(high - low + 1) / 2});
+      result.rows.push_back({{i, j, low}, static_cast<std::uint32_t>(high - low + 1) / 2, body});
   }
   return result;
 }
@@ -91,9 +91,11 @@ LatticeCore without(const LatticeCore& core, const SiteBox& sites, const Lattice
       result.rows.push_back(row);
       return;
     }
-    if (k < site.k) result.rows.push_back({row.first, static_cast<std::uint32_t>(site.k - k) / 2});
+    if (k < site.k)
+      result.rows.push_back({row.first, static_cast<std::uint32_t>(site.k - k) / 2, row.body});
     if (site.k + 2 < end)
-      result.rows.push_back({{i, j, site.k + 2}, static_cast<std::uint32_t>(end - site.k) / 2 - 1});
+      result.rows.push_back(
+          {{i, j, site.k + 2}, static_cast<std::uint32_t>(end - site.k) / 2 - 1, row.body});
   });
   return result;
 }

@@ -123,10 +123,11 @@ void for_each_site(const SiteBox& box, Visit visit) {
         visit(LatticeSite{i, j, k});
 }
 
-// The sites (i, j, k + 2 m), 0 <= m < count.
+// The sites (i, j, k + 2 m), 0 <= m < count, of one body.
 struct LatticeRow {
   LatticeSite first;
   std::uint32_t count = 0;
+  BodyId body = kOnlyBody;
   friend bool operator==(const LatticeRow&, const LatticeRow&) = default;
 };
 
@@ -148,6 +149,7 @@ void for_each_piece(const SiteBox& box, Visit visit) {
 struct LatticeCore {
   bool is_whole = false;         // all sites in the leaf's box; then there are no rows
   std::vector<LatticeRow> rows;  // in lexicographic order, as few as can be
+  BodyId body = kOnlyBody;       // of all sites, if it is whole
   bool is_empty() const { return !is_whole && rows.empty(); }
   friend bool operator==(const LatticeCore&, const LatticeCore&) = default;
 };
@@ -180,7 +182,8 @@ void for_each_row(const LatticeCore& core, const SiteBox& sites, Visit visit) {
   for (std::int32_t i = sites.low.i; i < sites.high.i; ++i)
     for (std::int32_t j = first_of_parity(sites.low.j, i); j < sites.high.j; j += 2) {
       const std::int32_t k = first_of_parity(sites.low.k, i);
-      if (k < sites.high.k) pass({{i, j, k}, static_cast<std::uint32_t>(sites.high.k - k + 1) / 2});
+      if (k < sites.high.k)
+        pass({{i, j, k}, static_cast<std::uint32_t>(sites.high.k - k + 1) / 2, core.body});
     }
 }
 

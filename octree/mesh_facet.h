@@ -1,21 +1,23 @@
-// A facet of the mesh's boundary, and what it parts.
+// A facet of the boundary of the mesh, or of one between two of its bodies, and what it parts.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
+#include "octree/body_id.h"
+
 namespace locvol {
 
-// What a user names in a mesh. Ids count from 1.
-using BodyId = std::uint32_t;   // of the domain's parts; 0: outside of all
-using SheetId = std::uint32_t;  // of the boundary's parts
+// Numbers of what a user names in a mesh's boundary; they count from 1.
+using SheetId = std::uint32_t;
 
-inline constexpr BodyId kNoBody = 0;
+inline constexpr SheetId kOnlySheet = 1;  // where there is one, it is this
 
 struct FacetLabels {
-  BodyId behind = 1;        // the body whose cell has the facet: its normal points away from that
-  BodyId before = kNoBody;  // what lies on the other side
-  SheetId sheet = 1;
+  // A facet between two bodies is there once, and `behind` is the larger of the two.
+  BodyId behind = kOnlyBody;  // its normal points away from that body's cell
+  BodyId before = kNoBody;    // what lies on the other side
+  SheetId sheet = kOnlySheet;
   friend auto operator<=>(const FacetLabels&, const FacetLabels&) = default;
 };
 

@@ -57,7 +57,7 @@ void for_each_core_row(const LatticeCore& core, const SiteBox& sites, const Site
     const std::int32_t low = std::max(k, first_of_parity(part.low.k, k));
     const std::int32_t high = std::min(k + 2 * static_cast<std::int32_t>(row.count), part.high.k);
     if (low < high)
-      visit(LatticeRow{{i, j, low}, static_cast<std::uint32_t>(high - low + 1) / 2},
+      visit(LatticeRow{{i, j, low}, static_cast<std::uint32_t>(high - low + 1) / 2, row.body},
             num_before + static_cast<std::uint64_t>(low - k) / 2);
   });
 }
@@ -72,6 +72,16 @@ void for_each_core_site(const LatticeCore& core, const SiteBox& sites, const Sit
     for (std::uint32_t n = 0; n < row.count; ++n)
       visit(LatticeSite{i, j, k + 2 * static_cast<std::int32_t>(n)}, num_before + n);
   });
+}
+
+// The body of each point of a leaf's core. `sites`: of the leaf's box
+inline SiteBlock<BodyId> bodies_of_core(const LatticeCore& core, const SiteBox& sites) {
+  SiteBlock<BodyId> bodies(sites, kNoBody);
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) {
+    for (std::int32_t n = 0; n < static_cast<std::int32_t>(row.count); ++n)
+      bodies[row.first + LatticeSite{0, 0, 2 * n}] = row.body;
+  });
+  return bodies;
 }
 
 // Calls visit(site, cell) for each lattice cell whose smallest site is one of `part`, and whose

@@ -5,7 +5,7 @@ namespace {
 
 SiteBox box_around(const std::vector<LatticeRow>& rows) {
   SiteBox box;
-  for (const auto& [first, count] : rows) {
+  for (const auto& [first, count, body] : rows) {
     const LatticeSite end = first + LatticeSite{1, 1, 2 * static_cast<std::int32_t>(count)};
     box = &first == &rows.front().first ? SiteBox{first, end} : box.joined({first, end});
   }
@@ -16,7 +16,7 @@ SiteBox box_around(const std::vector<LatticeRow>& rows) {
 
 CoreIndex::CoreIndex(const CoreRows& core)
     : lattice_(core.lattice), is_core_(box_around(core.rows), 0), is_empty_(core.rows.empty()) {
-  for (const auto& [first, count] : core.rows)
+  for (const auto& [first, count, body] : core.rows)
     for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n)
       is_core_[first + LatticeSite{0, 0, 2 * n}] = 1;
 }

@@ -521,6 +521,7 @@ void cover_inside(const CoverInput& input, const SizeField& sizes, const LeafDom
   if (std::ranges::all_of(input.sizes.cubes,
                           [&](const SizeCube& cube) { return is_of_core(law, cube); })) {
     points.core.is_whole = true;
+    points.core.body = domain.label(input.box.center()).value_or(kOnlyBody);
     return;
   }
   const double of_one = law.growth * law.most;
@@ -530,7 +531,7 @@ void cover_inside(const CoverInput& input, const SizeField& sizes, const LeafDom
     const double room = sizes.room(p);
     if (room < kLatticeMargin * of_one) return;
     if (room >= kCoreMargin * of_one)
-      add_row({site, 1}, points.core);
+      add_row({site, 1, domain.label(p).value_or(kOnlyBody)}, points.core);
     else if (is_in_body(domain.label(p)) && is_deep_enough(input, sizes, domain, sampler, p))
       points.lattice.push_back(site);
   });
@@ -550,10 +551,11 @@ void cover_with_lattice(const CoverInput& input, const SizeField& sizes, const L
     const Point p = input.lattice.position(site);
     const LeafDomain::Location location = domain.locate(p);
     const double distance = location.distance_bound;
-    if (!is_in_body(location.label())) return num_within(distance, row);
+    const BodyId body = location.label().value_or(kNoBody);
+    if (body == kNoBody) return num_within(distance, row);
     if (!domain.is_near(p, kCoreDepth * input.size)) {
       const std::uint32_t num_as_deep = num_within(distance - kCoreDepth * input.size, row);
-      add_row({site, num_as_deep}, points.core);
+      add_row({site, num_as_deep, body}, points.core);
       return num_as_deep;
     }
     if (is_deep_enough(input, sizes, domain, sampler, p)) points.lattice.push_back(site);
@@ -568,7 +570,9 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   const LeafDomain domain(std::move(input.domain), stop);
   CoverPoints points;
   if (!domain.has_surface() && is_uniform(input)) {
-    points.core.is_whole = is_in_body(domain.label(input.box.center()));
+    const BodyId body = domain.label(input.box.center()).value_or(kNoBody);
+    points.core.is_whole = body != kNoBody;
+    if (points.core.is_whole) points.core.body = body;
     return points;
   }
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);

@@ -296,7 +296,7 @@ class HoleSearch {
   // Appends points of the core that are not among others of it: where sizes vary.
   void add_border_of_core(std::vector<Point>& all) const {
     const Lattice& lattice = input_.core.lattice;
-    for (const auto& [first, count] : input_.core.rows)
+    for (const auto& [first, count, body] : input_.core.rows)
       for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n) {
         const LatticeSite site = first + LatticeSite{0, 0, 2 * n};
         const bool is_among_core = std::ranges::all_of(

@@ -463,7 +463,7 @@ void ImproveAngles::list_places_on_surface(Cell poor) {
   const CellBall& ball = mesh_.ball(poor);
   places_.clear();
   for (int i = 0; i < 4; ++i) {
-    if (mesh_.is_member(delaunay.neighbor(poor, i)) ||
+    if (mesh_.body(delaunay.neighbor(poor, i)) == mesh_.body(poor) ||
         !mesh_.has_own_vertex(LeafMesh::Facet{poor, i}))
       continue;
     const auto dual = mesh_.dual_crossings({poor, i});
@@ -844,16 +844,16 @@ void ImproveAngles::make() {
 // these are met.
 void ImproveAngles::note_others(Cell c, OfOthers& changed) const {
   if (mesh_.state(c).own == 0b1111 || !mesh_.is_member(c) || mesh_.is_hollow(c)) return;
-  std::array<VertexRef, 4> name{};
+  NamedCell name{.vertices = {}, .body = mesh_.body(c)};
   int smallest = 0;
   for (int i = 0; i < 4; ++i) {
     const LeafMesh::Local& local = mesh_.local(mesh_.delaunay().vertex(c, i));
     if (local.is_core) return;
-    name[std::size_t(i)] = local.ref;
+    name.vertices[std::size_t(i)] = local.ref;
     if (mesh_.point(c, i) < mesh_.point(c, smallest)) smallest = i;
   }
   if (mesh_.is_own(mesh_.delaunay().vertex(c, smallest))) return;
-  sort_oriented(name);
+  sort_oriented(name.vertices);
   changed.cells.emplace(name, mesh_.point(c, smallest));
 }
 

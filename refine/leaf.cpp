@@ -63,10 +63,11 @@ std::uint32_t place_of(VertexRef name, const std::vector<VertexRef>& vertices) {
 }
 
 // As lists have them. REQUIRES: all vertices are in `vertices`
-CellList::Item numbered(const CellList::Name& name, const std::vector<VertexRef>& vertices) {
-  CellList::Item cell;
-  for (std::size_t k = 0; k < cell.size(); ++k) cell[k] = place_of(name[k], vertices);
-  sort_oriented(cell);
+MeshCell numbered(const NamedCell& name, const std::vector<VertexRef>& vertices) {
+  MeshCell cell{.vertices = {}, .body = name.body};
+  for (std::size_t k = 0; k < cell.vertices.size(); ++k)
+    cell.vertices[k] = place_of(name.vertices[k], vertices);
+  sort_oriented(cell.vertices);
   return cell;
 }
 MeshFacet numbered(const NamedFacet& name, const std::vector<VertexRef>& vertices) {

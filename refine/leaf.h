@@ -85,16 +85,27 @@ class RefineError : public std::runtime_error {
 using VertexRef = std::uint64_t;
 inline constexpr VertexRef kNewPoint = VertexRef{1} << 63;
 
+struct MeshCell {
+  std::array<std::uint32_t, 4> vertices{};  // places in a list of vertices; positively oriented
+  BodyId body = kOnlyBody;
+  friend auto operator<=>(const MeshCell&, const MeshCell&) = default;
+};
+struct NamedCell {
+  std::array<VertexRef, 4> vertices{};  // likewise
+  BodyId body = kOnlyBody;
+  friend auto operator<=>(const NamedCell&, const NamedCell&) = default;
+};
+
 struct CellList {
-  using Item = std::array<std::uint32_t, 4>;
-  using Name = std::array<VertexRef, 4>;  // positively oriented
+  using Item = MeshCell;
+  using Name = NamedCell;
 
   std::vector<VertexRef> vertices;  // of the cells, ascending: points of the input come first
-  std::vector<Item> cells;          // indices into `vertices`, ascending
+  std::vector<MeshCell> cells;      // ascending
 
   std::size_t size() const { return cells.size(); }
   std::array<VertexRef, 4> refs(std::size_t i) const {
-    const auto& [a, b, c, d] = cells[i];
+    const auto& [a, b, c, d] = cells[i].vertices;
     return {vertices[a], vertices[b], vertices[c], vertices[d]};
   }
   friend bool operator==(const CellList&, const CellList&) = default;
@@ -106,7 +117,7 @@ struct NamedFacet {
   friend auto operator<=>(const NamedFacet&, const NamedFacet&) = default;
 };
 
-// Facets of the mesh's boundary.
+// Facets of the mesh's boundary, and of that between bodies.
 struct FacetList {
   using Item = MeshFacet;
   using Name = NamedFacet;
@@ -122,14 +133,8 @@ concept Maybe = std::same_as<std::remove_const_t<T>, Struct>;  // Struct or cons
 
 auto& items_of(Maybe<CellList> auto& list) { return list.cells; }
 auto& items_of(Maybe<FacetList> auto& list) { return list.facets; }
-template <class Name, std::size_t kNum>
-const std::array<Name, kNum>& vertices_in(const std::array<Name, kNum>& cell) {
-  return cell;
-}
-template <class Name, std::size_t kNum>
-std::array<Name, kNum>& vertices_in(std::array<Name, kNum>& cell) {
-  return cell;
-}
+auto& vertices_in(Maybe<MeshCell> auto& cell) { return cell.vertices; }
+auto& vertices_in(Maybe<NamedCell> auto& cell) { return cell.vertices; }
 auto& vertices_in(Maybe<MeshFacet> auto& facet) { return facet.vertices; }
 auto& vertices_in(Maybe<NamedFacet> auto& facet) { return facet.vertices; }
 

@@ -33,9 +33,16 @@ auto fields(Maybe<Box> auto& box) {
   auto& [min, max] = box;
   return std::tuple(Field("min", min), Field("max", max));
 }
+auto fields(Maybe<DomainState> auto& state) {
+  return std::tuple(Field("body", DomainState::member(state)));
+}
+auto fields(Maybe<CornerStates> auto& corners) {
+  return std::tuple(Field("states", CornerStates::member(corners)));
+}
 auto fields(Maybe<Triangle> auto& triangle) {
-  auto& [id, corners, sheet] = triangle;
-  return std::tuple(Field("id", id), Field("corners", corners), Field("sheet", sheet));
+  auto& [id, corners, sheet, change] = triangle;
+  return std::tuple(Field("id", id), Field("corners", corners), Field("sheet", sheet),
+                    Field("change", change));
 }
 auto fields(Maybe<CreaseEdge> auto& edge) {
   auto& [ends, is_corner, sheets, crease] = edge;
@@ -55,12 +62,12 @@ auto fields(Maybe<LatticeSite> auto& site) {
   return std::tuple(Field("i", i), Field("j", j), Field("k", k));
 }
 auto fields(Maybe<LatticeRow> auto& row) {
-  auto& [first, count] = row;
-  return std::tuple(Field("first", first), Field("count", count));
+  auto& [first, count, body] = row;
+  return std::tuple(Field("first", first), Field("count", count), Field("body", body));
 }
 auto fields(Maybe<LatticeCore> auto& core) {
-  auto& [is_whole, rows] = core;
-  return std::tuple(Field("is_whole", is_whole), Field("rows", rows));
+  auto& [is_whole, rows, body] = core;
+  return std::tuple(Field("is_whole", is_whole), Field("rows", rows), Field("body", body));
 }
 auto fields(Maybe<Lattice> auto& lattice) {
   auto [origin, grid_origin, half, grid_side, is_of_cubes] = Lattice::members(lattice);
@@ -71,12 +78,6 @@ auto fields(Maybe<GridFineness> auto& fineness) {
   auto& [resolution, triangles_per_cell] = fineness;
   return std::tuple(Field("resolution", resolution),
                     Field("triangles_per_cell", triangles_per_cell));
-}
-auto fields(Maybe<DomainState> auto& state) {
-  return std::tuple(Field("is_inside", DomainState::member(state)));
-}
-auto fields(Maybe<CornerStates> auto& corners) {
-  return std::tuple(Field("bits", CornerStates::member(corners)));
 }
 auto fields(Maybe<DomainPiece> auto& piece) {
   auto& [triangles, region, reference, reference_state, fineness, is_whole, creases, corners,
@@ -121,6 +122,14 @@ auto fields(Maybe<Criteria> auto& criteria) {
   return std::tuple(Field("size", size), Field("radius_edge_bound", radius_edge_bound),
                     Field("reach", reach), Field("min_dihedral", min_dihedral),
                     Field("spacing_floor", spacing_floor), Field("cover_radius", cover_radius));
+}
+auto fields(Maybe<MeshCell> auto& cell) {
+  auto& [vertices, body] = cell;
+  return std::tuple(Field("vertices", vertices), Field("body", body));
+}
+auto fields(Maybe<NamedCell> auto& cell) {
+  auto& [vertices, body] = cell;
+  return std::tuple(Field("vertices", vertices), Field("body", body));
 }
 auto fields(Maybe<CellList> auto& list) {
   auto& [vertices, cells] = list;
@@ -175,7 +184,7 @@ auto fields(Maybe<PoorCell> auto& cell) {
 }
 auto fields(Maybe<OthersCell> auto& cell) {
   auto& [name, smallest] = cell;
-  return std::tuple(Field("vertices", name), Field("smallest", smallest));
+  return std::tuple(Field("cell", name), Field("smallest", smallest));
 }
 auto fields(Maybe<OthersFacet> auto& facet) {
   auto& [name, smallest] = facet;

@@ -239,30 +239,33 @@ void LeafMesh::make_all_fresh() {
 }
 
 void LeafMesh::note_gone(Cell c) {
-  if (has_own_vertex(c)) (is_member(c) ? has_gone_member_ : has_gone_other_) = true;
+  if (has_own_vertex(c)) {
+    const BodyId its = body(c);
+    has_gone_others_ |= gone_body_.value_or(its) != its;
+    gone_body_ = its;
+  }
   states_[c].stamp = 0;
 }
 
-// If all cells that went and came are in the mesh, or none is, every facet is as it was.
+// If all cells that went and came are in one body, or in none, every facet is as it was.
 bool LeafMesh::is_boundary_changed() const {
-  bool has_member = has_gone_member_, has_other = has_gone_other_;
-  if (!has_member && !has_other) return true;  // only just built
-  for (const CellRef& fresh : fresh_) {
-    if (has_member && has_other) return true;
-    if (is_alive(fresh)) (is_member(fresh.cell) ? has_member : has_other) = true;
-  }
-  return has_member && has_other;
+  if (!gone_body_ || has_gone_others_) return true;  // the first: only just built
+  return std::ranges::any_of(fresh_, [&](const CellRef& fresh) {
+    return is_alive(fresh) && body(fresh.cell) != *gone_body_;
+  });
 }
 
 void LeafMesh::clear_fresh_cells() {
   fresh_.clear();
   are_all_fresh_ = false;
-  has_gone_member_ = has_gone_other_ = false;
+  gone_body_.reset();
+  has_gone_others_ = false;
 }
 
 // A ball at an own vertex that is near has no point in it but of the core. So a hidden vertex is
 // the nearest point to each place on the way from there to the center that may be on the surface,
-// and no such place is: the center is inside as well.
+// and no such place is: the center is in the same body. Where there are several, to look up the
+// vertex takes as long as to look up the center.
 //
 // Only points that have neighbors in the core have other stars for want of it.
 Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
@@ -276,13 +279,28 @@ Side LeafMesh::find_side(const std::array<Point, 4>& corners, CellState& state,
       !surroundings_.sizes.is_below(ball.squared_radius, 0.5 * kReach, ball.center))
     return state.side;
   state.is_hollow = state.at_core == 0b1111 && has_core_point(ball.center, ball.squared_radius);
-  if (state.own != 0 && state.hidden != 0) return state.side = side_in(kOnlyBody);
+  if (const auto only = surroundings_.domain.only_body();
+      only && state.own != 0 && state.hidden != 0)
+    return state.side = side_in(*only);
   const LeafDomain::Location location = surroundings_.domain.locate(ball.center);
   if (!location.state)
-    return state.side = is_deep(state, ball) ? side_in(kOnlyBody) : Side::kNotLoaded;
+    return state.side = is_deep(state, ball) ? side_of_deep(corners) : Side::kNotLoaded;
   ball.clearance = location.distance_bound;
   state.has_clearance = true;
   return state.side = side_in(location.state->body());
+}
+
+// All of the cell is in the body that each of its corners is in.
+Side LeafMesh::side_of_deep(const std::array<Point, 4>& corners) const {
+  if (const auto only = surroundings_.domain.only_body()) return side_in(*only);
+  for (const Point& corner : corners)
+    if (const auto label = surroundings_.domain.label(corner)) return side_in(*label);
+  return Side::kNotLoaded;
+}
+
+BodyId LeafMesh::body_around(const Point& p) const {
+  if (const auto only = surroundings_.domain.only_body()) return *only;
+  return surroundings_.domain.label(p).value_or(kNoBody);
 }
 
 // Out of what is loaded, where cells are larger than on the surface: are all its corners so deep
@@ -338,7 +356,7 @@ std::optional<LeafMesh::BoundaryFacet> LeafMesh::boundary_facet(Facet f) const {
   const Cell beyond = delaunay_.neighbor(f.cell, f.index);
   BodyId behind = body(f.cell), before = body(beyond);
   if (behind == before) return std::nullopt;
-  if (behind == kNoBody) {
+  if (behind < before) {
     f = {beyond, delaunay_.index_of_neighbor(beyond, f.cell)};
     std::swap(behind, before);
   }
@@ -441,7 +459,7 @@ void LeafMesh::boundary_at(LocalIndex v, std::vector<Facet>& out) const {
     if (!is_member(c)) continue;
     const int at = delaunay_.index_of(c, v);
     for (int i = 0; i < 4; ++i)
-      if (i != at && body(delaunay_.neighbor(c, i)) != body(c)) out.push_back({c, i});
+      if (i != at && is_behind(Facet{c, i})) out.push_back({c, i});
   }
 }
 

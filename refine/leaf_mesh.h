@@ -157,9 +157,13 @@ class LeafMesh {
     const CellState& state = states_[f.cell];
     return !has_vertex(state.own & state.hidden, f);
   }
-  // Does the facet part the mesh from what is outside?
+  // Is it a facet of the boundary, or between bodies, and its cell the one behind it?
+  bool is_behind(Facet f) const { return body(f.cell) > body(delaunay_.neighbor(f.cell, f.index)); }
+  // The body around a place that no part of the surface comes close to.
+  BodyId body_around(const Point& p) const;
+  // Does the facet part the mesh from what is outside, or two bodies?
   struct BoundaryFacet {
-    std::array<LocalIndex, 3> vertices{};  // counterclockwise from outside
+    std::array<LocalIndex, 3> vertices{};  // counterclockwise seen from before
     LocalIndex smallest = 0;               // of these, in lexicographic order
     BodyId behind = kNoBody, before = kNoBody;
   };
@@ -167,7 +171,8 @@ class LeafMesh {
   FacetLabels labels(const BoundaryFacet& facet) const;
   // REQUIRES: neither cell of the facet is kNotLoaded
   DualCrossings dual_crossings(Facet f) const;
-  // The facets of the mesh's boundary at the vertex, each of its cell in the mesh.
+  // The facets of the mesh's boundary at the vertex, and those between bodies, each of its cell
+  // behind it.
   void boundary_at(LocalIndex v, std::vector<Facet>& out) const;
   // What conditions.h judges. REQUIRES: the cell is of the mesh; of the facet, as dual_crossings()
   CellView view(Cell c) const { return {balls_[c].center, balls_[c].squared_radius, corners(c)}; }
@@ -288,6 +293,7 @@ class LeafMesh {
   std::array<Point, 4> corners(const Delaunay::Change& change, const Delaunay::NewCell& cell) const;
   double clearance(CellState& state, CellBall& ball) const;
   bool is_deep(CellState& state, CellBall& ball) const;
+  Side side_of_deep(const std::array<Point, 4>& corners) const;
   bool is_off_surface(BodyId here, BodyId there, const Point& from, const Point& to,
                       const Point& corner) const;
   bool is_axis_near(const Axis& axis) const;
@@ -327,7 +333,9 @@ class LeafMesh {
   bool are_all_fresh_ = false;
   mutable std::vector<Cell> around_;
   mutable std::vector<LocalIndex> neighbors_;
-  bool has_gone_member_ = false, has_gone_other_ = false;  // with an own vertex
+  // Of the cells with an own vertex that went, the body; null: there are none. Or are there others?
+  std::optional<BodyId> gone_body_;
+  bool has_gone_others_ = false;
   mutable std::vector<Crossing> crossings_;
 };
 

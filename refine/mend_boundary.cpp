@@ -52,6 +52,7 @@ class Mending {
  public:
   explicit Mending(const MendInput& input)
       : cells_(input.cells),
+        bodies_(input.bodies),
         is_on_surface_(input.is_on_surface),
         num_own_(input.num_own),
         is_left_out_(input.cells.size()) {
@@ -87,13 +88,17 @@ class Mending {
   }
 
   void mend(Vertex v) {
-    while (leave_out_some_at(v)) {
-    }
+    std::set<BodyId> bodies;
+    for (std::size_t n = first_[v]; n < first_[v + 1]; ++n) bodies.insert(body_of(at_[n]));
+    for (const BodyId body : bodies)
+      while (leave_out_some_at(v, body)) {
+      }
   }
+  BodyId body_of(CellIndex c) const { return bodies_.empty() ? kOnlyBody : bodies_[c]; }
 
-  // Looks at the star of v; false: there is nothing to mend.
-  bool leave_out_some_at(Vertex v) {
-    find_link(v);
+  // Looks at the star of v in the body; false: there is nothing to mend.
+  bool leave_out_some_at(Vertex v, BodyId body) {
+    find_link(v, body);
     find_parts();
     if (boundary_.empty()) return false;
     const auto weight = [&](std::size_t place) { return weight_of(star_[place]); };
@@ -127,11 +132,11 @@ class Mending {
     return has_some;
   }
 
-  void find_link(Vertex v) {
+  void find_link(Vertex v, BodyId body) {
     star_.clear();
     link_.clear();
     for (std::size_t n = first_[v]; n < first_[v + 1]; ++n)
-      if (!is_left_out_[at_[n]]) star_.push_back(at_[n]);
+      if (!is_left_out_[at_[n]] && body_of(at_[n]) == body) star_.push_back(at_[n]);
     for (std::size_t place = 0; place < star_.size(); ++place) {
       std::array<Vertex, 3> others{};
       std::ranges::copy_if(cells_[star_[place]], others.begin(), [&](Vertex w) { return w != v; });
@@ -196,6 +201,7 @@ class Mending {
   }
 
   const std::vector<std::array<Vertex, 4>>& cells_;
+  const std::vector<BodyId>& bodies_;
   const std::vector<bool>& is_on_surface_;
   const Vertex num_own_;
   std::vector<bool> is_left_out_;

@@ -1,11 +1,13 @@
-// Makes the boundary of a mesh a 2-manifold where a surface vertex's disk (C3) was left unresolved,
-// by leaving cells out: what is left is still a part of the Delaunay triangulation, and no vertex
-// comes twice.
+// Makes the boundary of each body of a mesh a 2-manifold where a surface vertex's disk (C3) was
+// left unresolved, by leaving cells out: what is left is still a part of the Delaunay
+// triangulation, and no vertex comes twice.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <vector>
+
+#include "octree/body_id.h"
 
 namespace locvol {
 
@@ -14,11 +16,12 @@ struct MendInput {
       0;  // vertices below it are own: the cells include all of the mesh at them
   std::vector<bool> is_on_surface;                  // of all vertices
   std::vector<std::array<std::uint32_t, 4>> cells;  // each has an own vertex
+  std::vector<BodyId> bodies = {};                  // of the cells; empty: one has all
 };
 
-// The places of the cells to be left out, ascending: then each own vertex that has cells lies
-// inside the mesh, or in boundary facets that form a disk. Own vertices are judged in ascending
-// order, and again when a cell at them has gone:
+// The places of the cells to be left out, ascending: then each own vertex that has cells of a body
+// lies inside of it, or in facets of its boundary that form a disk. Own vertices are judged in
+// ascending order, and again when a cell at them has gone:
 //   - of parts of the star that hang together by the vertex or an edge alone, the largest stays;
 //   - of fans of cells that meet at an edge of four or more boundary facets, the smallest goes;
 //   - where the boundary has two cycles of facets around the vertex (a tunnel as thin as a point),

@@ -62,22 +62,23 @@ std::vector<VertexRef> names_in_use(std::vector<Item>& items, const VerticesOf& 
 
 // Vertices ascending as far as the orientation permits, cells ascending: the same list from the
 // same set of cells, whose vertices are below `bound`.
-void bring_into_order(std::vector<std::array<std::uint32_t, 4>>& cells, std::size_t bound) {
-  for (auto& cell : cells) sort_oriented(cell);
+void bring_into_order(std::vector<MeshCell>& cells, std::size_t bound) {
+  for (MeshCell& cell : cells) sort_oriented(cell.vertices);
   // By the second vertex and then the first, which leaves few with the same two.
-  std::vector<std::array<std::uint32_t, 4>> sorted(cells.size());
+  std::vector<MeshCell> sorted(cells.size());
   std::vector<std::uint32_t> next(bound + 1);  // place of the next cell by one of its vertices
   for (const std::size_t k : {1, 0}) {
     std::ranges::fill(next, 0);
-    for (const auto& cell : cells) ++next[cell[k] + 1];
+    for (const MeshCell& cell : cells) ++next[cell.vertices[k] + 1];
     std::partial_sum(next.begin(), next.end(), next.begin());
-    for (const auto& cell : cells) sorted[next[cell[k]]++] = cell;
+    for (const MeshCell& cell : cells) sorted[next[cell.vertices[k]]++] = cell;
     cells.swap(sorted);
   }
   for (std::size_t end = 0; end < cells.size();) {
     const std::size_t begin = end;
-    while (end < cells.size() && cells[end][0] == cells[begin][0] &&
-           cells[end][1] == cells[begin][1])
+    const auto& first = cells[begin].vertices;
+    while (end < cells.size() && cells[end].vertices[0] == first[0] &&
+           cells[end].vertices[1] == first[1])
       ++end;
     std::sort(cells.begin() + std::ptrdiff_t(begin), cells.begin() + std::ptrdiff_t(end));
   }
@@ -197,7 +198,7 @@ class Refinement {
 
   void list_unresolved();
   // Lists of cells hold local indices, and behind those indices into `core`, ids of core points.
-  using Cells = std::vector<std::array<std::uint32_t, 4>>;
+  using Cells = std::vector<MeshCell>;
   void list_cells();
   void list_facets();
   void list_triangulated_cells(Cells& cells) const;
@@ -401,7 +402,7 @@ void Refinement::pass_disks() {
     if (!mesh_.is_member(cell)) continue;
     const unsigned corners = mesh_.state(cell).own & mesh_.state(cell).on_surface;
     for (int i = 0; i < 4 && corners != 0; ++i) {
-      if (mesh_.is_member(delaunay.neighbor(cell, i))) continue;
+      if (!mesh_.is_behind(Facet{cell, i})) continue;
       for (int at = 0; at < 4; ++at) {
         if (at == i || (corners >> at & 1) == 0) continue;
         const LocalIndex v = delaunay.vertex(cell, at);
@@ -853,13 +854,13 @@ void Refinement::list_cells() {
 
   const std::size_t num_locals = mesh_.num_locals();
   delta_.cells.vertices = names_in_use(
-      cells, [](auto& cell) -> auto& { return cell; }, num_locals + core.size(),
+      cells, [](MeshCell & cell) -> auto& { return cell.vertices; }, num_locals + core.size(),
       [&](std::uint32_t v) { return v < num_locals ? mesh_.local(v).ref : core[v - num_locals]; });
   bring_into_order(cells, delta_.cells.vertices.size());
 }
 
-// A facet is on the boundary of the mesh if one of its cells is in it. The leaf of its smallest
-// vertex, all of whose cells are known here, lists it.
+// A facet is on the boundary of the mesh if one of its cells is in it, or on that of two bodies if
+// both are. The leaf of its smallest vertex, all of whose cells are known here, lists it.
 void Refinement::list_facets() {
   const Delaunay& delaunay = mesh_.delaunay();
   std::vector<MeshFacet>& facets = delta_.facets.facets;
@@ -871,6 +872,7 @@ void Refinement::list_facets() {
     for (int i = 0; i < 4; ++i) {
       const Facet facet{c, i};
       if (!mesh_.has_own_vertex(facet) || !mesh_.may_be_of_boundary(facet)) continue;
+      if (!mesh_.is_behind(facet)) continue;
       const auto found = mesh_.boundary_facet(facet);
       if (found && mesh_.is_own(found->smallest))
         facets.push_back({found->vertices, mesh_.labels(*found)});
@@ -890,7 +892,7 @@ void Refinement::list_triangulated_cells(Cells& cells) const {
     if (!delaunay.is_cell(c) || !mesh_.has_own_vertex(c) || !mesh_.is_member(c)) continue;
     if (mesh_.is_hollow(c)) continue;
     if (mesh_.state(c).own == 0b1111) {
-      cells.push_back(delaunay.vertices(c));
+      cells.push_back({delaunay.vertices(c), mesh_.body(c)});
       continue;
     }
     int smallest = -1;
@@ -903,7 +905,7 @@ void Refinement::list_triangulated_cells(Cells& cells) const {
         smallest = i;
     }
     if (!is_of_core && mesh_.is_own(delaunay.vertex(c, smallest)))
-      cells.push_back(delaunay.vertices(c));
+      cells.push_back({delaunay.vertices(c), mesh_.body(c)});
   }
 }
 
@@ -931,6 +933,7 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
   }
   for (const LocalIndex p : own) {
     const LatticeSite site = site_of_local(p);
+    const BodyId body = mesh_.body_around(mesh_.local(p).point.position);
     // Bit k: neighbor k is of the core; is listed and smaller than p, or unknown.
     std::uint32_t is_of_core = 0, is_smaller = 0, is_unknown = 0;
     std::array<std::uint32_t, kLatticeNeighbors.size()> neighbors{};
@@ -957,7 +960,7 @@ void Refinement::list_cells_at_core(Cells& cells, std::vector<std::uint64_t>& co
       if ((corners & is_unknown) != 0)
         throw RefineError("a point of the lattice core has a neighbor that is not of the mesh" +
                           place());
-      cells.push_back({p, neighbors[a], neighbors[b], neighbors[c]});
+      cells.push_back({{p, neighbors[a], neighbors[b], neighbors[c]}, body});
     }
   }
 }

@@ -55,18 +55,22 @@
 //   0 format      version u32
 //   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress; weld:
 //                 present u8 and, if so, a number; sharp angle; [size changed bits u64, of sheets]
-//                 and the name of each
-//   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32
+//                 and the name of each; has creases u8; bodies are asked for u8, names of voids and
+//                 of more files, each list as notes
+//   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32;
+//                 the center's body as inside u8, and at last its number u32
 //   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
-//                 [steps u32 of a row's first i | j | k | number of sites u32]
+//                 [steps u32 of a row's first i | j | k | number of sites u32]; has other bodies
+//                 than the only one u8 and, if so, [body u32, of each row], body u32
 //   4 cells       [vertex steps u64]
 //                 [first corner's steps u32 | second - first u32 | third - first | fourth - first]
-//                 [x | y | z changed bits u64, of what `asked` has]
+//                 [x | y | z changed bits u64, of what `asked` has] [body u32]
 //   5 surface     [id steps u64] [x | y | z changed bits u64, of each distinct corner, in order of
 //                 appearance] [references u32, three to a triangle: distinct corners so far -
 //                 index; 0 is the next new one] [sheet u32]; creases or corners: present u8 and, if
 //                 so, [x | y | z changed bits u64, of each end | is a corner u8, of each | sheet
-//                 u32, of each side | crease u32] [x | y | z changed bits u64 | id u32]
+//                 u32, of each side | crease u32] [x | y | z changed bits u64 | id u32]; has
+//                 other bodies than the only one u8 and, if so, [change of the state u32]
 //   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
 //   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord
@@ -84,7 +88,9 @@
 //  16 sheets      [first triangle u64 | number of triangles u64 | area | centroid's and box' x, y, z
 //                 changed bits u64], and two texts for each: its name, and its group's; [a crease's
 //                 number of edges u64 | length changed bits u64 | corner u32, of each end | sheet
-//                 u32, of each side], number of corners u64
+//                 u32, of each side], number of corners u64; [body u32, of each side of a sheet]
+//                 [a body's number of triangles u64 | of shells u64 | volume changed bits u64 | the
+//                 body around it u32], and the name of each
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -553,29 +559,55 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   if (version >= 3) each(archive, run.parameters.sharp_angle);
   if (version >= 4) serialize_sheet_sizes(archive, run.parameters.sheet_sizes);
   if (version >= 5) each(archive, run.has_creases);
-  if (version >= 6) each(archive, run.parameters.sharp_polylines, run.sharp_file);
+  if (version >= 6)
+    each(archive, run.parameters.sharp_polylines, run.sharp_file, run.parameters.has_bodies,
+         run.parameters.voids, run.surface.more_files);
 }
 
-void serialize(auto& archive, LeafInfo& info, unsigned version) {
-  each(archive, DomainState::member(info.center), info.num_visits, info.num_points, info.num_cells,
-       info.num_triangles, items_of(info.num_insertions), info.num_deletions, info.num_moves,
-       info.num_unresolved, info.queued, info.first_new_id, info.num_core_points,
-       info.num_core_cells, info.num_left_out, info.least_size, info.largest_size,
-       info.surface_size, info.reached_size);
+template <class Archive>
+void serialize(Archive& archive, LeafInfo& info, unsigned version) {
+  bool is_inside = info.center.body() != kNoBody;
+  each(archive, is_inside);
+  if constexpr (is_loading<Archive>)
+    info.center = is_inside ? DomainState::in(kOnlyBody) : DomainState();
+  each(archive, info.num_visits, info.num_points, info.num_cells, info.num_triangles,
+       items_of(info.num_insertions), info.num_deletions, info.num_moves, info.num_unresolved,
+       info.queued, info.first_new_id, info.num_core_points, info.num_core_cells, info.num_left_out,
+       info.least_size, info.largest_size, info.surface_size, info.reached_size);
   if (version >= 1) each(archive, info.holding);
   if (version >= 2) each(archive, columns(info.ranks, Plain(field<>)));
+  if (version >= 3) each(archive, DomainState::member(info.center));
 }
 
-void serialize(auto& archive, LeafPoints& record, unsigned) {
+// Of items that the record has listed: nothing more, if all are of the only body.
+template <class Archive, class Item>
+void serialize_bodies(Archive& archive, bool has_others, std::vector<Item>& items, auto column) {
+  const std::size_t num_items = items.size();
+  if (has_others) each(archive, columns(items, column));
+  if (items.size() != num_items) throw DecodeError("bodies of more or fewer than there are");
+}
+
+void serialize_bodies(auto& archive, LatticeCore& core) {
+  bool has_others =
+      core.body != kOnlyBody ||
+      !std::ranges::all_of(
+          core.rows, [](BodyId body) { return body == kOnlyBody; }, &LatticeRow::body);
+  each(archive, has_others);
+  serialize_bodies(archive, has_others, core.rows, Plain(field<&LatticeRow::body>));
+  if (has_others) each(archive, core.body);
+}
+
+void serialize(auto& archive, LeafPoints& record, unsigned version) {
   constexpr auto kPosition = &MeshPoint::position;
   each(archive,
        columns(record.points, Steps(field<&MeshPoint::id>),
                ChangedBits(field<kPosition, &Point::x>), ChangedBits(field<kPosition, &Point::y>),
                ChangedBits(field<kPosition, &Point::z>), Plain(field<&MeshPoint::kind>)),
        record.core);
+  if (version >= 1) serialize_bodies(archive, record.core);
 }
 
-void serialize(auto& archive, LeafCells& record, unsigned) {
+void serialize(auto& archive, LeafCells& record, unsigned version) {
   each(archive, columns(record.vertices, Steps(field<>)),
        columns(record.cells, Steps(element<0>), BeyondFirst<1>(), BeyondFirst<2>(),
                BeyondFirst<3>()),
@@ -585,6 +617,10 @@ void serialize(auto& archive, LeafCells& record, unsigned) {
   for (const auto& cell : record.cells)
     for (const std::uint32_t corner : cell) is_known &= corner < record.vertices.size();
   if (!is_known) throw DecodeError("a cell of unknown vertices");
+  if (version < 1) return;
+  each(archive, columns(record.bodies, Plain(field<>)));
+  if (!record.bodies.empty() && record.bodies.size() != record.cells.size())
+    throw DecodeError("bodies of more or fewer cells than there are");
 }
 
 void serialize(auto& archive, LeafFacets& record, unsigned) {
@@ -645,6 +681,14 @@ void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   each(archive, columns(record.triangles, Plain(field<&Triangle::sheet>)));
   if (record.triangles.size() != num_triangles) throw DecodeError("triangles without a sheet");
   if (version >= 2) serialize_creases(archive, record);
+  if (version < 3) return;
+  bool has_others = !std::ranges::all_of(
+      record.triangles, [](DomainState change) { return change == DomainState::in(kOnlyBody); },
+      &Triangle::change);
+  each(archive, has_others);
+  serialize_bodies(archive, has_others, record.triangles, Plain([](auto& triangle) -> auto& {
+                     return DomainState::member(triangle.change);
+                   }));
 }
 
 void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
@@ -670,6 +714,15 @@ void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
                ChangedBits(field<&CreaseFacts::length>), Plain(element<0, kCorners>),
                Plain(element<1, kCorners>), Plain(element<0, kSheets>), Plain(element<1, kSheets>)),
        record.num_corners);
+  if (version < 2) return;
+  constexpr auto kBodies = &SheetFacts::bodies;
+  const std::size_t num_sheets = record.sheets.size();
+  each(archive, columns(record.sheets, Plain(element<0, kBodies>), Plain(element<1, kBodies>)));
+  if (record.sheets.size() != num_sheets) throw DecodeError("sheets without bodies");
+  each(archive, columns(record.bodies, Plain(field<&BodyFacts::num_triangles>),
+                        Plain(field<&BodyFacts::num_shells>),
+                        ChangedBits(field<&BodyFacts::volume>), Plain(field<&BodyFacts::around>)));
+  for (BodyFacts& body : record.bodies) each(archive, body.name);
 }
 
 void serialize(auto& archive, LeafUnresolved& record, unsigned) {
@@ -764,9 +817,11 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 
 // Parts of records come without a version of their own.
 BOOST_CLASS_VERSION(locvol::RunRecord, 6)
-BOOST_CLASS_VERSION(locvol::LeafInfo, 2)
-BOOST_CLASS_VERSION(locvol::LeafSurface, 2)
-BOOST_CLASS_VERSION(locvol::SurfaceSheets, 1)
+BOOST_CLASS_VERSION(locvol::LeafInfo, 3)
+BOOST_CLASS_VERSION(locvol::LeafPoints, 1)
+BOOST_CLASS_VERSION(locvol::LeafCells, 1)
+BOOST_CLASS_VERSION(locvol::LeafSurface, 3)
+BOOST_CLASS_VERSION(locvol::SurfaceSheets, 2)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)

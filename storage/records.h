@@ -84,10 +84,13 @@ struct LeafCells {
   // Around which the next visit is to look: core points that became explicit, vertices of cells
   // that other leaves could not improve (C7), from where inserted points moved.
   std::vector<Point> asked = {};
+  std::vector<BodyId> bodies = {};  // of the cells; empty: kOnlyBody has all
+  BodyId body_of(std::size_t cell) const { return bodies.empty() ? kOnlyBody : bodies[cell]; }
   friend bool operator==(const LeafCells&, const LeafCells&) = default;
 };
 
-// The facets of the mesh's boundary whose smallest vertex is an own point of the leaf.
+// The facets of the mesh's boundary, and of that between bodies, whose smallest vertex is an own
+// point of the leaf.
 struct LeafFacets {
   std::vector<std::uint64_t> vertices;  // ids, ascending
   std::vector<MeshFacet> facets;        // ascending
@@ -177,6 +180,9 @@ struct RunParameters {
   double sharp_angle = 0;
   // Polylines whose edges are sharp, too: a number that tells them from others. Empty: none.
   std::string sharp_polylines = {};
+  // Of one file: is each group that is closed by itself a body, or each shell?
+  bool has_bodies = false;
+  std::vector<std::string> voids = {};  // bodies that are none, but what is left of the others
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const { return follows_shape() || !sheet_sizes.empty(); }
@@ -222,8 +228,9 @@ struct SurfaceFacts {
   double area = 0;
   double volume = 0;
   Box box;
-  std::vector<std::string> notes;  // repairs that were made
-  FacingFacts facing = {};         // no places: nothing is known
+  std::vector<std::string> notes;            // repairs that were made
+  FacingFacts facing = {};                   // no places: nothing is known
+  std::vector<std::string> more_files = {};  // of which each is a body, as the first is
   friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
 };
 
@@ -237,6 +244,7 @@ struct SheetFacts {
   double area = 0;
   Point centroid;
   Box box;
+  std::array<BodyId, 2> bodies = {kOnlyBody, kNoBody};  // on its sides, the larger first
   friend bool operator==(const SheetFacts&, const SheetFacts&) = default;
 };
 
@@ -250,12 +258,24 @@ struct CreaseFacts {
   friend bool operator==(const CreaseFacts&, const CreaseFacts&) = default;
 };
 
-// Element i is of the sheet, or the crease, with id i + 1. No sheets: the surface is one, and has
-// no name.
+// A part of the domain.
+struct BodyFacts {
+  std::string name;
+  std::uint64_t num_triangles = 0;
+  std::uint64_t num_shells = 0;  // the outer one, those of its cavities, and so on
+  double volume = 0;             // without what lies in it
+  BodyId around = kNoBody;       // the body that it lies in
+  friend bool operator==(const BodyFacts&, const BodyFacts&) = default;
+};
+
+// Element i is of the sheet, the crease or the body with id i + 1. No sheets: the surface is one,
+// and has no name. No bodies: there is one, and it has no name.
 struct SurfaceSheets {
   std::vector<SheetFacts> sheets;
   std::vector<CreaseFacts> creases = {};
   std::uint64_t num_corners = 0;
+  std::vector<BodyFacts> bodies = {};
+  bool has_several_bodies() const { return bodies.size() > 1; }
   friend bool operator==(const SurfaceSheets&, const SurfaceSheets&) = default;
 };
 

@@ -56,6 +56,9 @@ void parse(Text text, const OptionText& option, std::optional<double>& value) {
 void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
 void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
+// See add_bodies().
+void parse(Text, const OptionText&, bool&) {}
+void parse(Text, const OptionText&, std::vector<std::string>&) {}
 
 // A flag for a value that turns something off.
 void add_no_sharp(CLI::App& app, MeshOptions& options) {
@@ -73,6 +76,16 @@ void add_sharp(CLI::App& app, MeshOptions& options) {
          "line of the file the number of points, and their coordinates (CGAL's "
          ".polylines.txt)")
       ->type_name("FILE");
+}
+
+void add_bodies(CLI::App& app, MeshOptions& options) {
+  app.add_flag("--bodies", options.has_bodies,
+               "Each group of the surface that is closed by itself is a body; without groups, each "
+               "shell is. What lies in another body is cut out of it");
+  app.add_option("--void", options.voids,
+                 "This body is none, but a cavity of the one that it lies in. May be repeated")
+      ->type_name("NAME")
+      ->allow_extra_args(false);
 }
 
 // Those of the table that have help.
@@ -231,6 +244,20 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   add_options(app, options, OptionGroup::kSurface);
   add_no_sharp(app, options);
   add_sharp(app, options);
+  add_bodies(app, options);
+}
+
+void add_surfaces(CLI::App& app, std::filesystem::path& first,
+                  std::vector<std::filesystem::path>& others) {
+  const auto take = [&first, &others](const std::vector<std::string>& files) {
+    first = files.front();
+    others.assign(files.begin() + 1, files.end());
+    return true;
+  };
+  app.add_option("SURFACE", take, std::string(kSurfaceHelp) + "; of several, each is a body")
+      ->type_name("")
+      ->required()
+      ->expected(-1);
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,
@@ -253,7 +280,7 @@ CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
-  mesh->add_option("SURFACE", options.input, kSurfaceHelp)->type_name("")->required();
+  add_surfaces(*mesh, options.input, options.more_inputs);
   add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
   add_parsed(
       *mesh, "-s,--size", parse_size, command.size,

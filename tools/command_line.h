@@ -57,6 +57,9 @@ void add_threads(CLI::App& app, int& num_threads);
 void add_quiet(CLI::App& app, bool& is_quiet);
 // What cells are as large as, and what the surface is taken for.
 void add_sizes(CLI::App& app, MeshOptions& options);
+// A file, or several.
+void add_surfaces(CLI::App& app, std::filesystem::path& first,
+                  std::vector<std::filesystem::path>& others);
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf, const std::string& description);
 CLI::Option* add_vtu(CLI::App& app, std::filesystem::path& file, const std::string& description);
 CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,

@@ -198,7 +198,8 @@ int mesh_at(const RunPlace& place, const MeshCommand& command) {
     require_output(place, command.control, [&] { return file_of(command.options.input); });
     const std::uint64_t cap = cap_of(command.control.memory_bytes, place);
     ProgressLine line(progress_style(own), cap);
-    const SurfaceSource surface = surface_at(command.options.input, place.own());
+    const SurfaceSource surface =
+        surface_at(command.options.input, command.options.more_inputs, place.own());
     own.options.size =
         command.size ? *command.size : chosen_size(surface, command.options, cap, place, line);
     own.options.store = place.stores;
@@ -379,14 +380,20 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 }  // namespace
 
 int run_info(const InfoCommand& command) {
-  const SurfaceSource surface = surface_at(command.surface, temporary_directory());
   const MeshOptions& options = command.options;
-  const SurveyLaw law{options.weld, options.sharp_angle, options.sharp_polylines, true,
-                      command.size};
+  const SurfaceSource surface =
+      surface_at(command.surface, options.more_inputs, temporary_directory());
+  const SurveyLaw law{options.weld,
+                      options.sharp_angle,
+                      options.sharp_polylines,
+                      true,
+                      command.size,
+                      body_law(options.has_bodies, options.voids, options.more_inputs.size())};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);
   json["sheets"] = to_json(input.sheets);
+  json["bodies"] = bodies_json(input.sheets);
   std::string text = facts_text(facts) + sheets_text(input.sheets);
   const double size = command.size ? absolute_size(*command.size, facts.box) : input.default_size();
   if (size > 0) {

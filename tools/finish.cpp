@@ -253,7 +253,9 @@ void print_result(const RunSummary& run, RunOutcome outcome, const MeasuredMesh&
                line_text("time", time_text(seconds)));
     if (memory) fmt::print("{}", line_text("memory", peak_text(*memory)));
     if (written) fmt::print("{}", written_text(output, options, *written));
-    if (statistics) fmt::print("{}", statistics_text(*statistics, run.run));
+    if (statistics)
+      fmt::print("{}{}", body_statistics_text(run.sheets, *statistics),
+                 statistics_text(*statistics, run.run));
   }
 }
 

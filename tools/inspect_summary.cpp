@@ -487,7 +487,9 @@ void print(const InspectSummary& summary) {
   print_levels(summary);
   if (summary.memory) print_memory(*summary.memory, ranks.num_ranks);
   print_databases(summary);
-  if (summary.statistics) fmt::print("\n{}", statistics_text(*summary.statistics, *summary.run));
+  if (summary.statistics)
+    fmt::print("\n{}{}", body_statistics_text(summary.totals().sheets, *summary.statistics),
+               statistics_text(*summary.statistics, *summary.run));
   print_sites(summary);
   print_poor_cells(summary);
   if (!summary.faults.empty()) fmt::print("\n");

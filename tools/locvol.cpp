@@ -59,7 +59,7 @@ CLI::App* declare_replay(CLI::App& app, ReplayCommand& command) {
 CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   CLI::App* info =
       app.add_subcommand("info", "Read a surface, say what it is and estimate what its mesh takes");
-  info->add_option("SURFACE", command.surface, kSurfaceHelp)->type_name("")->required();
+  add_surfaces(*info, command.surface, command.options.more_inputs);
   add_parsed(*info, "-s,--size", parse_size, command.size,
              "λ, as for mesh, to estimate what a run takes (default: as mesh chooses it)")
       ->type_name("SIZE");

@@ -164,6 +164,8 @@ Json option_json(Initialization init) { return init_name(init); }
 Json option_json(const std::optional<double>& weld) { return weld ? Json(*weld) : Json("auto"); }
 Json option_json(const std::string& image) { return image.empty() ? Json() : Json(image); }
 Json option_json(const std::vector<SizeShape>& shapes) { return shapes.size(); }
+Json option_json(bool value) { return value; }
+Json option_json(const std::vector<std::string>& names) { return names; }
 Json option_json(const std::vector<SheetSize>& sheets) {
   Json json = Json::object();
   for (const auto& [name, size] : sheets) json[name] = size;
@@ -367,10 +369,44 @@ std::string parameters_text(const RunParameters& parameters) {
          row("bounds", "{}", bounds_text(parameters));
 }
 
+namespace {
+
+constexpr std::size_t kMostShown = 20;
+
+std::string bodies_text(const SurfaceSheets& sheets) {
+  if (sheets.bodies.empty()) return {};
+  std::string text = row("bodies", "{}", sheets.bodies.size());
+  for (std::size_t b = 0; b < std::min(sheets.bodies.size(), kMostShown); ++b) {
+    const BodyFacts& body = sheets.bodies[b];
+    text += fmt::format(
+        "  {}  {}: {}, volume {:.6g}{}\n", b + 1, body.name, plural(body.num_triangles, "triangle"),
+        body.volume, body.around == kNoBody ? "" : ", in " + sheets.bodies[body.around - 1].name);
+  }
+  if (sheets.bodies.size() > kMostShown)
+    text += fmt::format("  and {} more: --json lists all\n", sheets.bodies.size() - kMostShown);
+  return text;
+}
+
+}  // namespace
+
+std::string body_statistics_text(const SurfaceSheets& sheets, const MeshStatistics& statistics) {
+  std::string text;
+  for (std::size_t b = 0; b < std::min(statistics.bodies.size(), kMostShown); ++b) {
+    const MeshStatistics& body = statistics.bodies[b];
+    const BodyFacts& facts = sheets.bodies[b];
+    text += row(b == 0 ? "bodies" : "",
+                "{}: {}, volume {:.6g}, {:+.2g}% of the input's; {:.2f}° "
+                "to {:.2f}°",
+                facts.name, plural(body.num_cells, "cell"), body.volume,
+                100 * (body.volume - facts.volume) / facts.volume, body.min_dihedral_degrees,
+                body.max_dihedral_degrees);
+  }
+  return text;
+}
+
 std::string sheets_text(const SurfaceSheets& sheets) {
-  constexpr std::size_t kMostShown = 20;
-  if (sheets.sheets.empty()) return {};
-  std::string text = row("sheets", "{}", sheets.sheets.size());
+  if (sheets.sheets.empty()) return bodies_text(sheets);
+  std::string text = bodies_text(sheets) + row("sheets", "{}", sheets.sheets.size());
   for (std::size_t s = 0; s < std::min(sheets.sheets.size(), kMostShown); ++s) {
     const SheetFacts& sheet = sheets.sheets[s];
     text += fmt::format("  {}  {}: {}, area {:.6g}, centroid {}\n", s + 1, sheet.name,
@@ -444,6 +480,10 @@ std::string topology_text(const AuditReport& report) {
   std::string text = mesh_and_input("", "mesh", "input");
   text += mesh_and_input("volume", fmt::format("{:.6g}", report.volume),
                          fmt::format("{:.6g}", report.surface_volume));
+  for (std::size_t b = 0; b < report.body_volumes.size(); ++b)
+    text += mesh_and_input(fmt::format("volume of body {}", b + 1),
+                           fmt::format("{:.6g}", report.body_volumes[b]),
+                           fmt::format("{:.6g}", report.surface_body_volumes[b]));
   text +=
       mesh_and_input("boundary components", report.num_components, report.surface_num_components);
   text += mesh_and_input("Euler characteristic", report.euler_characteristic,
@@ -626,6 +666,18 @@ Json to_json(const SurfaceFacts& facts) {
           {"notes", facts.notes}};
 }
 
+Json bodies_json(const SurfaceSheets& sheets) {
+  Json all = Json::array();
+  for (const BodyFacts& body : sheets.bodies)
+    all.push_back({{"id", all.size() + 1},
+                   {"name", body.name},
+                   {"num_triangles", body.num_triangles},
+                   {"num_shells", body.num_shells},
+                   {"volume", body.volume},
+                   {"around", body.around}});
+  return all;
+}
+
 Json to_json(const SurfaceSheets& sheets) {
   Json all = Json::array();
   for (const SheetFacts& sheet : sheets.sheets)
@@ -636,7 +688,8 @@ Json to_json(const SurfaceSheets& sheets) {
                    {"num_triangles", sheet.num_triangles},
                    {"area", sheet.area},
                    {"centroid", to_json(sheet.centroid)},
-                   {"box", to_json(sheet.box)}});
+                   {"box", to_json(sheet.box)},
+                   {"bodies", sheet.bodies}});
   return all;
 }
 
@@ -750,6 +803,7 @@ Json to_json(const RunSummary& summary) {
           {"parameters", to_json(summary.run.parameters)},
           {"surface", to_json(summary.run.surface)},
           {"sheets", to_json(summary.sheets)},
+          {"bodies", bodies_json(summary.sheets)},
           {"creases", creases_json(summary.sheets)},
           {"num_corners", summary.sheets.num_corners}};
 }
@@ -778,6 +832,11 @@ Json to_json(const MeshStatistics& statistics, const RunRecord& run) {
                {"min_dihedral_angles", to_json(statistics.min_dihedral_angles)},
                {"radius_edge_ratios", to_json(statistics.radius_edge_ratios)},
                {"circumradii_over_size", to_json(statistics.radii_over_size)}};
+  for (const MeshStatistics& body : statistics.bodies) {
+    Json of_body = to_json(body, run);
+    of_body["id"] = json["bodies"].size() + 1;
+    json["bodies"].push_back(std::move(of_body));
+  }
   if (run.parameters.sizes().is_uniform()) return json;
   json["max_ratio_of_neighbors"] = statistics.max_neighbor_ratio;
   json["estimated_uniform_cells"] = num_uniform_cells(run);
@@ -822,12 +881,14 @@ Json to_json(const AuditReport& report) {
             {"num_boundary_facets", report.num_boundary_facets},
             {"num_boundary_vertices", report.num_boundary_vertices},
             {"volume", report.volume},
+            {"body_volumes", report.body_volumes},
             {"num_components", report.num_components},
             {"euler_characteristic", report.euler_characteristic},
             {"genus", genus(report.num_components, report.euler_characteristic)},
             {"crease_length", kept_crease_length(report)}}},
           {"input",
            {{"volume", report.surface_volume},
+            {"body_volumes", report.surface_body_volumes},
             {"num_components", report.surface_num_components},
             {"euler_characteristic", report.surface_euler_characteristic},
             {"genus", genus(report.surface_num_components, report.surface_euler_characteristic)},

@@ -83,7 +83,11 @@ std::string insertions_text(std::span<const std::uint64_t> num_insertions);
 // Each of these texts ends its lines itself.
 std::string line_text(std::string_view name, std::string_view value);  // of a table
 std::string facts_text(const SurfaceFacts& facts);
-std::string sheets_text(const SurfaceSheets& sheets);  // of the first ones
+std::string sheets_text(const SurfaceSheets& sheets);  // of the first ones, and of bodies
+// Of each body, where there are several.
+std::string body_statistics_text(const SurfaceSheets& sheets, const MeshStatistics& statistics);
+// By id; none where there is one body.
+Json bodies_json(const SurfaceSheets& sheets);
 std::string parameters_text(const RunParameters& parameters);
 std::string summary_text(const RunSummary& summary, const CreaseTable* kept = nullptr);
 std::string audit_text(const AuditReport& report);

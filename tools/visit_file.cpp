@@ -29,11 +29,11 @@ auto fields(Maybe<StoredVisit> auto& visit) {
 
 namespace {
 
-// {"format": "locvol visit", "version": 11, "visit": {...}}: a struct is an object of its fields()
+// {"format": "locvol visit", "version": 12, "visit": {...}}: a struct is an object of its fields()
 // (refine/leaf_fields.h), or an array of them where there are many; an infinite number is null, and
 // so is a last visit that there was not.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 11;
+constexpr int kVersion = 12;
 
 template <class T>
 concept Row = Maybe<T, Point> || Maybe<T, MeshPoint> || Maybe<T, Triangle> ||
@@ -105,14 +105,14 @@ void require_sense(const StoredVisit& visit) {
     return input.box.expanded((kCoreReach + 1) * input.core.lattice.size())
         .contains(input.core.lattice.undisplaced(site));
   };
-  for (const auto& [first, count] : input.core.rows)
+  for (const auto& [first, count, body] : input.core.rows)
     if (count == 0 || count > 1U << 20 || !is_near(first) ||
         !is_near(first + LatticeSite{0, 0, 2 * static_cast<std::int32_t>(count - 1)}))
       throw std::runtime_error("a row of the core is not near the leaf");
   if (!input.last_visit) return;
   const auto& [vertices, cells] = input.last_visit->cells;
-  for (const auto& cell : cells)
-    for (const std::uint32_t v : cell)
+  for (const MeshCell& cell : cells)
+    for (const std::uint32_t v : cell.vertices)
       if (v >= vertices.size()) throw std::runtime_error("a cell has no such vertex");
 }
 

@@ -29,13 +29,16 @@ AuditBounds bounds_of(const RunRecord& run, const SurfaceSheets& sheets) {
   for (int axis = 0; axis < 3; ++axis) {
     largest = std::max({largest, std::abs(root.min[axis]), std::abs(root.max[axis])});
   }
-  return {run.parameters.size,
-          run.parameters.radius_edge_bound,
-          run.parameters.min_dihedral,
-          kRoundingErrors * std::numeric_limits<double>::epsilon() * largest,
-          sheets.sheets.size() > 1,
-          keeps_creases(run),
-          run.parameters.spacing_floor * run.parameters.sizes().least};
+  AuditBounds bounds{run.parameters.size,
+                     run.parameters.radius_edge_bound,
+                     run.parameters.min_dihedral,
+                     kRoundingErrors * std::numeric_limits<double>::epsilon() * largest,
+                     sheets.sheets.size() > 1,
+                     keeps_creases(run),
+                     run.parameters.spacing_floor * run.parameters.sizes().least};
+  if (sheets.has_several_bodies())
+    for (const SheetFacts& sheet : sheets.sheets) bounds.bodies_of_sheets.push_back(sheet.bodies);
+  return bounds;
 }
 
 std::uint64_t num_used_own_points(const AuditLeaf& leaf) {
@@ -74,6 +77,9 @@ void copy_surface_facts(const RunRecord& run, const SurfaceSheets& sheets, Audit
   report.surface_volume = surface.volume;
   report.surface_euler_characteristic = surface.euler_characteristic;
   report.surface_num_components = surface.num_components;
+  if (sheets.has_several_bodies())
+    for (const BodyFacts& body : sheets.bodies) report.surface_body_volumes.push_back(body.volume);
+  report.body_volumes.resize(report.surface_body_volumes.size());
   if (!keeps_creases(run)) return;
   for (const CreaseFacts& crease : sheets.creases) report.surface_crease_length += crease.length;
 }

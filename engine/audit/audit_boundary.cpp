@@ -69,7 +69,8 @@ std::vector<LocalFacet> facets_at_own_points(const AuditLeaf& leaf) {
   const auto is_own = [&](LocalIndex i) { return leaf.is_own(i); };
   for (const LocalCell& cell : leaf.star) {
     for (std::size_t k = 0; k < 4; ++k) {
-      const LocalFacet facet = facet_across(cell.vertices, k);
+      LocalFacet facet = facet_across(cell.vertices, k);
+      facet.body = cell.body;
       if (std::ranges::any_of(facet.vertices, is_own)) facets.push_back(facet);
     }
   }
@@ -91,15 +92,18 @@ void for_each_group(std::span<const T> sorted, Key key, Visit visit) {
 struct LinkEdge {
   LocalIndex center;
   std::array<LocalIndex, 2> ends;
+  BodyId body = kOnlyBody;  // on one side of the facet, and on the other
+  BodyId beyond = kNoBody;
 };
 
 std::vector<LinkEdge> link_edges(const AuditLeaf& leaf, std::span<const LocalFacet> boundary) {
   std::vector<LinkEdge> edges;
   for (const LocalFacet& facet : boundary) {
     const auto& [a, b, c] = facet.vertices;
-    if (leaf.is_own(a)) edges.push_back({a, {b, c}});
-    if (leaf.is_own(b)) edges.push_back({b, {a, c}});
-    if (leaf.is_own(c)) edges.push_back({c, {a, b}});
+    const BodyId body = facet.body, beyond = facet.beyond;
+    if (leaf.is_own(a)) edges.push_back({a, {b, c}, body, beyond});
+    if (leaf.is_own(b)) edges.push_back({b, {a, c}, body, beyond});
+    if (leaf.is_own(c)) edges.push_back({c, {a, b}, body, beyond});
   }
   std::ranges::sort(edges, {}, &LinkEdge::center);
   return edges;
@@ -109,7 +113,33 @@ class LinkCheck {
  public:
   LinkCheck(const AuditLeaf& leaf, AuditFindings& findings) : leaf_(leaf), findings_(findings) {}
 
+  // All facets at a vertex.
   void check(std::span<const LinkEdge> link) {
+    const LocalIndex center = link.front().center;
+    ++findings_.report().num_boundary_vertices;
+    ++findings_.report().euler_characteristic;
+    ends_.clear();
+    for (const LinkEdge& edge : link) ends_.insert(ends_.end(), edge.ends.begin(), edge.ends.end());
+    sort_and_unite(ends_);
+    // Both ends see the same facets on an edge; the smaller one counts it.
+    findings_.report().euler_characteristic -=
+        std::ranges::count_if(ends_, [&](LocalIndex end) { return center < end; });
+    bodies_.clear();
+    for (const LinkEdge& edge : link)
+      for (const BodyId body : {edge.body, edge.beyond})
+        if (body != kNoBody) bodies_.push_back(body);
+    sort_and_unite(bodies_);
+    for (const BodyId body : bodies_) {
+      of_body_.clear();
+      std::ranges::copy_if(link, std::back_inserter(of_body_), [&](const LinkEdge& edge) {
+        return edge.body == body || edge.beyond == body;
+      });
+      check_body(of_body_);
+    }
+  }
+
+ private:
+  void check_body(std::span<const LinkEdge> link) {
     const LocalIndex center = link.front().center;
     ends_.clear();
     for (const LinkEdge& edge : link) ends_.insert(ends_.end(), edge.ends.begin(), edge.ends.end());
@@ -119,22 +149,16 @@ class LinkCheck {
     for_each_group(std::span<const LocalIndex>(ends_), std::identity(), [&](auto same) {
       nodes_.push_back(same.front());
       is_each_twice &= same.size() == 2;
-      count_edge(center, same.front(), same.size());
+      check_edge(center, same.front(), same.size());
     });
-    ++findings_.report().num_boundary_vertices;
-    ++findings_.report().euler_characteristic;
     if (is_each_twice && is_connected(link)) return;
     findings_.add(&AuditReport::num_bad_boundary_vertices,
                   "the link of this boundary vertex is not a single cycle", leaf_.key,
                   leaf_.points.position(center));
   }
 
- private:
-  // Both ends see the same facets on an edge; the smaller one counts it.
-  void count_edge(LocalIndex center, LocalIndex end, std::size_t num_facets) {
-    if (end < center) return;
-    --findings_.report().euler_characteristic;
-    if (num_facets == 2) return;
+  void check_edge(LocalIndex center, LocalIndex end, std::size_t num_facets) {
+    if (end < center || num_facets == 2) return;
     findings_.add(&AuditReport::num_bad_boundary_edges,
                   "an edge here is in " + std::to_string(num_facets) + " boundary facets, not two",
                   leaf_.key, 0.5 * (leaf_.points.position(center) + leaf_.points.position(end)));
@@ -152,6 +176,8 @@ class LinkCheck {
   const AuditLeaf& leaf_;
   AuditFindings& findings_;
   std::vector<LocalIndex> ends_, nodes_;
+  std::vector<BodyId> bodies_;
+  std::vector<LinkEdge> of_body_;
 };
 
 std::vector<Point> own_vertices(const AuditLeaf& leaf, std::span<const LocalFacet> facets) {
@@ -223,8 +249,15 @@ std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& fi
       std::span(facets), [](const LocalFacet& f) { return f.vertices; },
       [&](auto same) {
         const LocalIndex smallest = same.front().vertices[0];
-        if (same.size() == 1) {
-          boundary.push_back(same.front());
+        const bool is_between =
+            same.size() == 2 && same[0].side != same[1].side && same[0].body != same[1].body;
+        if (same.size() == 1 || is_between) {
+          LocalFacet facet = same.front();
+          if (is_between) {
+            facet = same[0].body > same[1].body ? same[0] : same[1];
+            facet.beyond = std::min(same[0].body, same[1].body);
+          }
+          boundary.push_back(facet);
           if (!leaf.is_own(smallest)) return;
           ++findings.report().num_boundary_facets;
           ++findings.report().euler_characteristic;
@@ -244,7 +277,10 @@ void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boun
   std::vector<LocalFacet> listed, expected, wrong;
   for (const auto& [vertices, labels] : leaf.facets.facets) {
     // Counterclockwise from outside, so that the cell lies where they turn clockwise.
-    LocalFacet facet{{vertex[vertices[0]], vertex[vertices[1]], vertex[vertices[2]]}, -1};
+    LocalFacet facet{{vertex[vertices[0]], vertex[vertices[1]], vertex[vertices[2]]},
+                     -1,
+                     labels.behind,
+                     labels.before};
     sort_vertices(facet);
     const bool is_labelled = labels.behind != labels.before;
     (is_labelled && facet.vertices[2] != kUnknownPoint ? listed : wrong).push_back(facet);
@@ -280,6 +316,14 @@ void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditR
     const Point &a = leaf.points.position(v[0]), &b = leaf.points.position(v[1]),
                 &c = leaf.points.position(v[2]);
     centroids.push_back(1.0 / 3 * (a + b + c));
+    if (bounds.has_bodies()) {
+      const std::array<BodyId, 2> bodies = {labels.behind, labels.before};
+      if (labels.sheet == 0 || labels.sheet > bounds.bodies_of_sheets.size() ||
+          bounds.bodies_of_sheets[labels.sheet - 1] != bodies)
+        findings.add_unless_open(&AuditReport::num_wrong_facets,
+                                 "a facet here is not between the bodies that its sheet parts",
+                                 leaf.key, centroids.back());
+    }
     sheets.push_back({labels.sheet});
     reach = std::max(reach, norm(centroids.back() - a));
   }

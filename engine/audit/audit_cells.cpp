@@ -41,11 +41,13 @@ class CellCheck {
 
   void run() {
     std::vector<std::array<LocalIndex, 4>> sorted_cells;
-    for (const auto& cell : leaf_.cells.cells) {
+    for (std::size_t i = 0; i < leaf_.cells.cells.size(); ++i) {
       ++report_.num_cells;
-      auto vertices = resolve(cell);
+      auto vertices = resolve(leaf_.cells.cells[i]);
       if (!vertices) continue;
+      const double before = volume_;
       check(*vertices);
+      add_to_body(leaf_.cells.body_of(i), volume_ - before, (*vertices)[0]);
       std::ranges::sort(*vertices);
       sorted_cells.push_back(*vertices);
       if (const LocalIndex smallest = smallest_of(*vertices); !leaf_.is_own(smallest))
@@ -62,6 +64,13 @@ class CellCheck {
       report_.worst_place = worst_place_;
     }
     report_.max_dihedral_degrees = std::max(report_.max_dihedral_degrees, in_degrees(min_cosine_));
+  }
+
+  void add_to_body(BodyId body, double volume, LocalIndex place) {
+    if (report_.body_volumes.empty() && body == kOnlyBody) return;
+    if (body == kNoBody || body > report_.body_volumes.size())
+      return add(&AuditReport::num_run_faults, "a cell is of a body that there is not", place);
+    report_.body_volumes[body - 1] += volume;
   }
 
  private:

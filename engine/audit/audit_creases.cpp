@@ -352,7 +352,8 @@ class CreaseCheck {
     for (const Point& corner : corners_)
       if (const LocalIndex i = leaf_.points.at(corner); i != kUnknownPoint)
         marks_[i] |= kCornerMark;
-    for (const auto& [v] : leaf_.star) {
+    for (const LocalCell& cell : leaf_.star) {
+      const auto& v = cell.vertices;
       if ((marks_[v[0]] | marks_[v[1]] | marks_[v[2]] | marks_[v[3]]) == 0) continue;
       for (std::size_t i = 0; i < 4; ++i) {
         if (marks_[v[i]] == 0) continue;

@@ -26,9 +26,12 @@ bool owns(const Box& box, const Point& p) {  // half-open
 }
 
 // Appends the cells that have an own point to the star, turned to positive orientation.
+// `bodies`: of the cells; none: the only one
 void append_star(std::span<const std::array<std::uint32_t, 4>> cells,
-                 std::span<const LocalIndex> table, AuditLeaf& here) {
-  for (const auto& cell : cells) {
+                 std::span<const BodyId> bodies, std::span<const LocalIndex> table,
+                 AuditLeaf& here) {
+  for (std::size_t n = 0; n < cells.size(); ++n) {
+    const auto& cell = cells[n];
     std::array<LocalIndex, 4> v = {table[cell[0]], table[cell[1]], table[cell[2]], table[cell[3]]};
     const auto is_known = [](LocalIndex i) { return i != kUnknownPoint; };
     if (!std::ranges::all_of(v, is_known)) continue;
@@ -38,7 +41,7 @@ void append_star(std::span<const std::array<std::uint32_t, 4>> cells,
         exact_orientation(p.position(v[0]), p.position(v[1]), p.position(v[2]), p.position(v[3]));
     if (sign == 0) continue;
     if (sign < 0) std::swap(v[2], v[3]);
-    here.star.push_back({v});
+    here.star.push_back({v, bodies.empty() ? kOnlyBody : bodies[n]});
   }
 }
 
@@ -228,9 +231,9 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
   report_repeated(here, findings);
 
   here.cell_vertex = here.points.find(here.cells.vertices);
-  append_star(here.cells.cells, here.cell_vertex, here);
+  append_star(here.cells.cells, here.cells.bodies, here.cell_vertex, here);
   for (const auto& border : borders) {
-    append_star(border->cells, here.points.find(border->vertices), here);
+    append_star(border->cells, border->bodies, here.points.find(border->vertices), here);
   }
   add_core_cells(here);
   return here;
@@ -244,7 +247,11 @@ std::vector<LocalPoint> AuditLoader::core_points(std::size_t leaf, const Lattice
   for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) {
     LatticeSite site = row.first;
     for (std::uint32_t n = 0; n < row.count; ++n, site.k += 2)
-      points.push_back({lattice_.position(site), site_id(site), number, true});
+      points.push_back({.position = lattice_.position(site),
+                        .id = site_id(site),
+                        .leaf = number,
+                        .is_core = true,
+                        .body = row.body});
   });
   return points;
 }
@@ -286,8 +293,15 @@ void AuditLoader::add_core_cells(AuditLeaf& here) const {
         if (std::ranges::find(corners, kUnknownPoint) != corners.end()) continue;
         const std::array cell{first + corners[0], first + corners[1], first + corners[2],
                               first + corners[3]};
-        if (here.is_own(i)) here.cells.cells.push_back(cell);
-        append_star({&cell, 1}, here.cell_vertex, here);
+        const BodyId body = here.points[i].body;
+        if (here.is_own(i)) {
+          // Listed ones have bodies if one of them has another than the only one.
+          if (body != kOnlyBody && here.cells.bodies.empty())
+            here.cells.bodies.resize(here.cells.cells.size(), kOnlyBody);
+          if (body != kOnlyBody || !here.cells.bodies.empty()) here.cells.bodies.push_back(body);
+          here.cells.cells.push_back(cell);
+        }
+        append_star({&cell, 1}, {&body, 1}, here.cell_vertex, here);
       }
   }
 }
@@ -322,9 +336,11 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
   for (const std::uint64_t id : cells.vertices) {
     is_foreign.push_back(!std::ranges::binary_search(own, id));
   }
-  for (const auto& cell : cells.cells) {
+  for (std::size_t i = 0; i < cells.cells.size(); ++i) {
+    const auto& cell = cells.cells[i];
     if (std::ranges::any_of(cell, [&](std::uint32_t v) { return is_foreign[v]; })) {
       border.cells.push_back(cell);
+      if (!cells.bodies.empty()) border.bodies.push_back(cells.bodies[i]);
     }
   }
   border.vertices = std::move(cells.vertices);

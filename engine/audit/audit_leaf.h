@@ -112,6 +112,7 @@ struct LocalPoint {
   std::uint32_t leaf = 0;
   bool is_core = false;  // known by its place in the lattice alone
   PointKind kind = PointKind::kLattice;
+  BodyId body = kOnlyBody;  // of a core point
 };
 
 // The points of a leaf and those within 2λ of its box, in lexicographic order.
@@ -142,6 +143,7 @@ class LocalPoints {
 // Four different points in positive orientation.
 struct LocalCell {
   std::array<LocalIndex, 4> vertices;
+  BodyId body = kOnlyBody;
 };
 
 // All that the checks of one leaf need. Its cells are checked one by one; the star, that is all
@@ -180,13 +182,14 @@ class AuditLoader {
     std::vector<LocalPoint> points;
     std::vector<std::uint64_t> vertices;
     std::vector<std::array<std::uint32_t, 4>> cells;
+    std::vector<BodyId> bodies;       // of the cells
     std::vector<SizeCube> cubes;      // all of the leaf, where sizes vary
     std::vector<CreaseEdge> creases;  // all of the leaf, if the run keeps them
 
     std::size_t bytes() const {
       return sizeof *this + points.capacity() * sizeof(LocalPoint) + vertices.capacity() * 8 +
-             cells.capacity() * 16 + cubes.capacity() * sizeof(SizeCube) +
-             creases.capacity() * sizeof(CreaseEdge);
+             cells.capacity() * 16 + bodies.capacity() * sizeof(BodyId) +
+             cubes.capacity() * sizeof(SizeCube) + creases.capacity() * sizeof(CreaseEdge);
     }
   };
   Border load_border(std::size_t leaf);
@@ -214,6 +217,9 @@ struct AuditBounds {
   bool has_sheets = false;   // else all is of sheet 1
   bool has_creases = false;  // which are to be kept
   double crease_floor = 0;   // what of creases is shorter is not told apart
+  // Of each sheet, the bodies on its sides, the larger first; empty: there is one body.
+  std::vector<std::array<BodyId, 2>> bodies_of_sheets = {};
+  bool has_bodies() const { return !bodies_of_sheets.empty(); }
 };
 
 class AuditCreases;
@@ -226,21 +232,25 @@ void check_cells(const AuditLeaf& leaf, const AuditCreases& creases, const Audit
 struct LocalFacet {
   std::array<LocalIndex, 3> vertices;
   std::int32_t side = 0;  // of the cell: +1 if it lies where the vertices turn counterclockwise
+  BodyId body = kOnlyBody, beyond = kNoBody;  // of the cell, and on the other side
   friend auto operator<=>(const LocalFacet&, const LocalFacet&) = default;
 };
 
-// Facets at own points that are in one cell only.
+// Facets at own points that are in one cell only, or in two of different bodies: then that of the
+// larger body.
 std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& findings);
 
 // Are the facets that the leaf lists those whose smallest vertex is own?
 void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
                          AuditFindings& findings);
 
-// Is each that it lists of the sheet of a triangle closest to its centroid?
+// Is each that it lists of the sheet of a triangle closest to its centroid, and between the bodies
+// that this sheet parts?
 void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditRecords& records,
                   const AuditBounds& bounds, AuditFindings& findings);
 
 // Edges and links of the boundary at own points.
+// Of each body by itself.
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
                           AuditFindings& findings);
 

@@ -39,22 +39,24 @@ auto fields(Maybe<ComponentPair> auto& pair) {
 
 auto fields(Maybe<AuditReport> auto& report) {
   auto& [num_leaves, num_checked_leaves, num_cells, num_vertices, num_boundary_facets,
-         num_boundary_vertices, volume, surface_volume, max_circumradius, max_radius_edge_ratio,
-         min_dihedral_degrees, max_dihedral_degrees, worst_leaf, worst_place, min_dihedral_bound,
-         num_poor_cells, max_surface_distance, euler_characteristic, surface_euler_characteristic,
-         num_components, surface_num_components, crease_length, lost_crease_length,
-         surface_crease_length, num_unresolved, num_open, num_nonempty_circumballs,
-         num_overused_facets, num_bad_boundary_edges, num_bad_boundary_vertices, num_wrong_facets,
-         num_off_surface_vertices, num_large_cells, num_badly_shaped_cells, num_lost_creases,
-         num_lost_corners, num_misoriented_cells, num_repeated_cells, num_misplaced_cells,
-         num_unknown_vertices, num_misplaced_points, num_repeated_points, num_run_faults,
-         violations] = report;
+         num_boundary_vertices, volume, surface_volume, body_volumes, surface_body_volumes,
+         max_circumradius, max_radius_edge_ratio, min_dihedral_degrees, max_dihedral_degrees,
+         worst_leaf, worst_place, min_dihedral_bound, num_poor_cells, max_surface_distance,
+         euler_characteristic, surface_euler_characteristic, num_components, surface_num_components,
+         crease_length, lost_crease_length, surface_crease_length, num_unresolved, num_open,
+         num_nonempty_circumballs, num_overused_facets, num_bad_boundary_edges,
+         num_bad_boundary_vertices, num_wrong_facets, num_off_surface_vertices, num_large_cells,
+         num_badly_shaped_cells, num_lost_creases, num_lost_corners, num_misoriented_cells,
+         num_repeated_cells, num_misplaced_cells, num_unknown_vertices, num_misplaced_points,
+         num_repeated_points, num_run_faults, violations] = report;
   return std::tuple(
       Field("num_leaves", num_leaves), Field("num_checked_leaves", num_checked_leaves),
       Field("num_cells", num_cells), Field("num_vertices", num_vertices),
       Field("num_boundary_facets", num_boundary_facets),
       Field("num_boundary_vertices", num_boundary_vertices), Field("volume", volume),
-      Field("surface_volume", surface_volume), Field("max_circumradius", max_circumradius),
+      Field("surface_volume", surface_volume), Field("body_volumes", body_volumes),
+      Field("surface_body_volumes", surface_body_volumes),
+      Field("max_circumradius", max_circumradius),
       Field("max_radius_edge_ratio", max_radius_edge_ratio),
       Field("min_dihedral_degrees", min_dihedral_degrees),
       Field("max_dihedral_degrees", max_dihedral_degrees), Field("worst_leaf", worst_leaf),
@@ -124,6 +126,8 @@ void add(const AuditReport& more, AuditReport& all) {
   for (const auto count : kSummed) all.*count += more.*count;
   for (const auto measure : kLargest) all.*measure = std::max(all.*measure, more.*measure);
   all.volume += more.volume;
+  for (std::size_t b = 0; b < all.body_volumes.size(); ++b)
+    all.body_volumes[b] += more.body_volumes[b];
   all.crease_length += more.crease_length;
   all.lost_crease_length += more.lost_crease_length;
   all.euler_characteristic += more.euler_characteristic;

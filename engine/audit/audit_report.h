@@ -16,7 +16,8 @@ struct AuditReport {
   // What was checked is counted here.
   std::uint64_t num_cells = 0, num_vertices = 0, num_boundary_facets = 0, num_boundary_vertices = 0;
   double volume = 0, surface_volume = 0;
-  double max_circumradius = 0;  // over λ
+  std::vector<double> body_volumes, surface_body_volumes;  // by body, where there are several
+  double max_circumradius = 0;                             // over λ
   double max_radius_edge_ratio = 0;
   double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
   MortonKey worst_leaf;  // of the cell with the smallest angle

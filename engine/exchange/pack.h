@@ -58,7 +58,7 @@ BOOST_CLASS_IMPLEMENTATION(locvol::MortonKey, object_serializable)
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::Point)
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeSite)
 BOOST_IS_BITWISE_SERIALIZABLE(locvol::LatticeRow)
-BOOST_IS_BITWISE_SERIALIZABLE(locvol::OthersCell)
+BOOST_IS_BITWISE_SERIALIZABLE(locvol::MeshCell)
 namespace boost::serialization {
 template <>
 struct is_bitwise_serializable<std::array<std::uint32_t, 4>> : mpl::true_ {};

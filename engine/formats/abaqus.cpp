@@ -2,10 +2,14 @@
 #include <array>
 #include <charconv>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "engine/formats/formats.h"
 #include "engine/formats/outputs.h"
 #include "engine/formats/sheet_names.h"
+#include "engine/output/by_sheet.h"
 
 namespace locvol {
 namespace {
@@ -110,6 +114,43 @@ void append_sheets(MeshSource& mesh, const std::vector<std::string>& names, Appe
   }
 }
 
+// A set of elements of each body.
+void append_bodies(MeshSource& mesh, const std::vector<std::string>& names, AppendedFile& out) {
+  struct Numbered {
+    std::uint64_t first_cell;
+    std::vector<BodyId> bodies;
+  };
+  BySheet<std::uint64_t> cells(mesh.output(), names.size());  // by body
+  do_on_all(mesh.exchange(), [&] {
+    mesh.for_each_piece(
+        {.has_cells = true},
+        [](const MeshPiece& piece) {
+          return Numbered{piece.first_cell, piece.bodies};
+        },
+        [&](const Numbered& some) {
+          for (std::size_t i = 0; i < some.bodies.size(); ++i)
+            cells.append(some.bodies[i], some.first_cell + i);
+        });
+  });
+  cells.finish(mesh.exchange());
+  for (BodyId body = 1; body <= names.size(); ++body) {
+    const auto [num_all, num_before] = cells.of_ranks(body);
+    if (num_all == 0) continue;
+    out.append("*ELSET, ELSET=" + names[body - 1] + '\n');
+    append_boundary(
+        out, mesh,
+        [&, from = std::uint64_t{0}]() mutable -> std::optional<BoundarySurface::Vertices> {
+          constexpr std::uint64_t kAtOnce = std::uint64_t{1} << 16;
+          const std::uint64_t num = std::min(kAtOnce, cells.num_own(body) - from);
+          if (num == 0) return std::nullopt;
+          BoundarySurface::Vertices some{num_before + from, cells.read(body, from, num), {}};
+          from += num;
+          return some;
+        },
+        [&](const BoundarySurface::Vertices& some) { return node_set_of(some, 0, num_all); });
+  }
+}
+
 // A set of nodes of each crease and corner that the mesh has.
 void append_creases(MeshSource& mesh, const MeshNames& names, AppendedFile& out) {
   KeptCreases& creases = mesh.creases();
@@ -159,6 +200,7 @@ std::uint64_t write_abaqus(MeshSource& mesh, PartialFile& file) {
   out.append("*SURFACE, NAME=boundary, TYPE=ELEMENT\n");
   append_boundary(out, mesh, boundary.facets({}), faces_of);
   const MeshNames names = names_of(mesh);
+  if (mesh.has_bodies()) append_bodies(mesh, names.bodies, out);
   if (!mesh.sheets().sheets.empty()) append_sheets(mesh, names.sheets, out);
   if (mesh.has_creases()) append_creases(mesh, names, out);
   return out.size();

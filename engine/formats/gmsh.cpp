@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
@@ -21,22 +22,22 @@ constexpr std::int32_t triangle_type(int order) { return order == 2 ? 9 : 2; }
 constexpr std::int32_t tetrahedron_type(int order) { return order == 2 ? 11 : 4; }
 constexpr std::array<std::size_t, 6> kGmshCellNodes = {0, 1, 2, 3, 5, 4};
 
-// An entity. Sheets are surfaces, creases curves and corners points, with their ids.
-constexpr std::int32_t kVolume = 1;
-
+// Entities have the ids of what they are: bodies are volumes, sheets surfaces, creases curves and
+// corners points.
+std::int32_t volume_of(BodyId body) { return static_cast<std::int32_t>(body); }
 std::int32_t surface_of(SheetId sheet) { return static_cast<std::int32_t>(sheet); }
 
-// Numbers of physical groups, which are all different: sheets have their ids, then comes the
-// volume, and then those creases and corners that the mesh has.
+// Numbers of physical groups, which are all different: sheets have their ids, then come the bodies,
+// and then those creases and corners that the mesh has.
 class Groups {
  public:
   explicit Groups(MeshSource& mesh) : mesh_(mesh), num_sheets_(mesh.boundary().num_sheets()) {}
-  std::int32_t volume() const { return static_cast<std::int32_t>(num_sheets_) + 1; }
+  std::int32_t of_body(BodyId body) const { return static_cast<std::int32_t>(num_sheets_ + body); }
   std::int32_t of_crease(std::uint64_t crease) const {
-    return volume() + static_cast<std::int32_t>(crease);
+    return last_of_bodies() + static_cast<std::int32_t>(crease);
   }
   std::int32_t of_corner(std::uint64_t corner) const {
-    return volume() + static_cast<std::int32_t>(mesh_.sheets().creases.size() + corner);
+    return last_of_bodies() + static_cast<std::int32_t>(mesh_.sheets().creases.size() + corner);
   }
 
   void add_names(Bytes& bytes) const {
@@ -52,7 +53,8 @@ class Groups {
     };
     for (SheetId sheet = 1; sheet <= num_sheets_; ++sheet)
       add("2", surface_of(sheet), names.sheets[sheet - 1]);
-    add("3", volume(), "volume");
+    for (BodyId body = 1; body <= mesh_.num_bodies(); ++body)
+      add("3", of_body(body), names.bodies[body - 1]);
     if (mesh_.has_creases()) {
       const auto kept = mesh_.creases().kept();
       for (std::size_t c = 0; c < kept.size(); ++c)
@@ -66,6 +68,8 @@ class Groups {
   }
 
  private:
+  std::int32_t last_of_bodies() const { return of_body(static_cast<BodyId>(mesh_.num_bodies())); }
+
   MeshSource& mesh_;
   SheetId num_sheets_;
 };
@@ -81,7 +85,8 @@ void add_format(std::string_view version, const Groups& groups, Bytes& bytes) {
 
 struct Msh4Layout {
   std::uint64_t num_vertices, num_cells, num_facets, num_edges, num_corners;
-  std::uint64_t tags, coordinates, cells, facets, end;  // places in the file
+  std::uint64_t tags = 0, coordinates = 0, facets = 0, end = 0;  // places in the file
+  std::vector<std::uint64_t> cells = {};                         // likewise, by body
 };
 
 // Numbers from 1 on, in the mesh of all ranks.
@@ -100,9 +105,7 @@ Msh4Tags tags_of(MeshSource& mesh) {
   return tags;
 }
 
-// Of a part, its own, after those of the whole.
-std::int32_t volume_of(const std::optional<MeshPart>& part) { return part ? part->rank + 2 : 1; }
-// Likewise of one of so many surfaces, curves or points.
+// Of a part, its own, after those of the whole: one of so many volumes, surfaces, curves or points.
 std::int32_t entity_of(std::uint64_t id, std::uint64_t num_all,
                        const std::optional<MeshPart>& part) {
   const auto whole = static_cast<std::int32_t>(id);
@@ -129,10 +132,11 @@ CreaseEntities crease_entities(MeshSource& mesh) {
   return entities;
 }
 
-// Points, curves, surfaces, and one volume.
-void add_entity_counts(const CreaseEntities& creases, SheetId num_sheets, Bytes& bytes) {
+// Points, curves, surfaces and volumes.
+void add_entity_counts(const CreaseEntities& creases, SheetId num_sheets, std::size_t num_bodies,
+                       Bytes& bytes) {
   for (const std::uint64_t count :
-       {creases.points.size(), creases.curves.size(), std::size_t{num_sheets}, std::size_t{1}})
+       {creases.points.size(), creases.curves.size(), std::size_t{num_sheets}, num_bodies})
     bytes.add(count);
 }
 
@@ -172,11 +176,22 @@ Box box_of(const MeshSource& mesh, SheetId sheet) {
   return sheets.empty() ? mesh.run().surface.box : sheets[sheet - 1].box;
 }
 
-// Corners bound creases, these sheets, and these the volume.
+// Of the sheets that bound a body.
+std::vector<std::int32_t> surfaces_around(BodyId body, SheetId num_sheets, const MeshSource& mesh) {
+  std::vector<std::int32_t> surfaces;
+  const auto& sheets = mesh.sheets().sheets;
+  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
+    if (!mesh.has_bodies() || sheets.empty() ||
+        std::ranges::count(sheets[sheet - 1].bodies, body) > 0)
+      surfaces.push_back(surface_of(sheet));
+  return surfaces;
+}
+
+// Corners bound creases, these sheets, and these the bodies.
 void add_entities(MeshSource& mesh, SheetId num_sheets, const Groups& groups, Bytes& bytes) {
   const CreaseEntities creases = crease_entities(mesh);
   bytes.add_text("$Entities\n");
-  add_entity_counts(creases, num_sheets, bytes);
+  add_entity_counts(creases, num_sheets, mesh.num_bodies(), bytes);
   for (const KeptCorner& corner : creases.points) {
     bytes.add(static_cast<std::int32_t>(corner.corner));
     add_place_and_group(corner.position, groups.of_corner(corner.corner), bytes);
@@ -191,10 +206,11 @@ void add_entities(MeshSource& mesh, SheetId num_sheets, const Groups& groups, By
     add_box_and_group(box_of(mesh, sheet), surface_of(sheet), bytes);
     add_bounds(curves_around(sheet, mesh, creases), bytes);
   }
-  bytes.add(kVolume);
-  add_box_and_group(mesh.run().surface.box, groups.volume(), bytes);
-  bytes.add(std::uint64_t{num_sheets});
-  for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) bytes.add(surface_of(sheet));
+  for (BodyId body = 1; body <= mesh.num_bodies(); ++body) {
+    bytes.add(volume_of(body));
+    add_box_and_group(mesh.run().surface.box, groups.of_body(body), bytes);
+    add_bounds(surfaces_around(body, num_sheets, mesh), bytes);
+  }
   bytes.add_text("\n$EndEntities\n");
 }
 
@@ -211,7 +227,7 @@ void add_partitioned_entities(MeshSource& mesh, SheetId num_sheets, const Groups
   const CreaseEntities creases = crease_entities(mesh);
   bytes.add_text("$PartitionedEntities\n");
   bytes.add(static_cast<std::uint64_t>(part.num_ranks)).add(std::uint64_t{0});
-  add_entity_counts(creases, num_sheets, bytes);
+  add_entity_counts(creases, num_sheets, mesh.num_bodies(), bytes);
   for (const KeptCorner& corner : creases.points) {
     add_part_of(0, entity_of(corner.corner, mesh.sheets().num_corners, part),
                 static_cast<std::int32_t>(corner.corner));
@@ -226,8 +242,10 @@ void add_partitioned_entities(MeshSource& mesh, SheetId num_sheets, const Groups
     add_part_of(2, entity_of(sheet, num_sheets, part), surface_of(sheet));
     add_rest(box_of(mesh, sheet), surface_of(sheet));
   }
-  add_part_of(3, volume_of(part), kVolume);
-  add_rest(mesh.run().surface.box, groups.volume());
+  for (BodyId body = 1; body <= mesh.num_bodies(); ++body) {
+    add_part_of(3, entity_of(body, mesh.num_bodies(), part), volume_of(body));
+    add_rest(mesh.run().surface.box, groups.of_body(body));
+  }
   bytes.add_text("\n$EndPartitionedEntities\n");
 }
 
@@ -277,7 +295,16 @@ Bytes corner_points(MeshSource& mesh) {
   return points;
 }
 
-// The bytes before the nodes, and before the elements. Before the triangles of each sheet come
+// Of the cells of a body; none if there are none.
+Bytes body_head(MeshSource& mesh, BodyId body) {
+  Bytes head;
+  add_block_head(3, entity_of(body, mesh.num_bodies(), mesh.part()), tetrahedron_type(mesh.order()),
+                 mesh.has_bodies() ? mesh.body_cells().num_of(body) : mesh.num_cells(), head);
+  return head;
+}
+
+// The bytes before the nodes, and before the elements, of which those of body_head() come before
+// each body's. Before the triangles of each sheet come
 // those of sheet_head(), and before the lines of each crease those of crease_head(); then
 // corner_points(), and after all, kAfter.
 struct Msh4Frame {
@@ -288,7 +315,9 @@ struct Msh4Frame {
 Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) {
   BoundarySurface& boundary = mesh.boundary();
   const SheetId num_sheets = boundary.num_sheets();
-  const std::uint64_t num_volumes = n.num_cells > 0 ? 1 : 0;
+  std::uint64_t num_volumes = 0;
+  for (BodyId body = 1; body <= mesh.num_bodies(); ++body)
+    num_volumes += body_head(mesh, body).size() > 0;
   std::uint64_t num_surfaces = 0, last_tag = tags.first_cell + n.num_cells - 1;
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet) {
     const std::uint64_t num_facets = mesh.num_boundary_facets_of(sheet);
@@ -321,14 +350,15 @@ Msh4Frame frame_of(MeshSource& mesh, const Msh4Layout& n, const Msh4Tags& tags) 
   if (const auto part = mesh.part())
     add_partitioned_entities(mesh, num_sheets, groups, *part, head);
   head.add_text("$Nodes\n");
-  add_section_head(num_volumes, n.num_vertices, tags.least_vertex, tags.most_vertex, head);
-  add_block_head(3, volume_of(mesh.part()), 0, n.num_vertices, head);
+  // All nodes are said to be of the first volume.
+  add_section_head(n.num_cells > 0 ? 1 : 0, n.num_vertices, tags.least_vertex, tags.most_vertex,
+                   head);
+  add_block_head(3, entity_of(1, mesh.num_bodies(), mesh.part()), 0, n.num_vertices, head);
   Bytes& middle = frame.before_cells;
   middle.add_text("\n$EndNodes\n$Elements\n");
   add_section_head(num_volumes + num_surfaces + num_curves + n.num_corners,
                    n.num_cells + n.num_facets + n.num_edges + n.num_corners, tags.first_cell,
                    last_tag, middle);
-  add_block_head(3, volume_of(mesh.part()), tetrahedron_type(mesh.order()), n.num_cells, middle);
   return frame;
 }
 
@@ -339,8 +369,13 @@ constexpr std::uint64_t edge_bytes4(int order) { return 8 * (1 + num_corners_of_
 void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) {
   layout.tags = frame.before_nodes.size();
   layout.coordinates = layout.tags + 8 * layout.num_vertices;
-  layout.cells = layout.coordinates + 24 * layout.num_vertices + frame.before_cells.size();
-  layout.facets = layout.cells + cell_bytes4(mesh.order()) * layout.num_cells;
+  layout.facets = layout.coordinates + 24 * layout.num_vertices + frame.before_cells.size();
+  for (BodyId body = 1; body <= mesh.num_bodies(); ++body) {
+    layout.facets += body_head(mesh, body).size();
+    layout.cells.push_back(layout.facets);
+    layout.facets += cell_bytes4(mesh.order()) *
+                     (mesh.has_bodies() ? mesh.body_cells().num_of(body) : layout.num_cells);
+  }
   layout.end = layout.facets + facet_bytes4(mesh.order()) * layout.num_facets;
   const SheetId num_sheets = mesh.boundary().num_sheets();
   for (SheetId sheet = 1; sheet <= num_sheets; ++sheet)
@@ -350,8 +385,15 @@ void place_arrays(MeshSource& mesh, const Msh4Frame& frame, Msh4Layout& layout) 
   layout.end += edge_bytes4(mesh.order()) * layout.num_edges + corner_points(mesh).size();
 }
 
-void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layout& layout,
-                  std::uint64_t first_tag, PlacedFile& out) {
+// Those of one body in one leaf, or all of a mesh of one body.
+struct PlacedCells {
+  std::uint64_t place = 0;  // in the file
+  std::vector<std::uint64_t> words = {};
+};
+
+// `body_cells`: null where there is one body
+void write_piece4(const MeshSource& mesh, const BodyCells* body_cells, const MeshPiece& piece,
+                  const Msh4Layout& layout, std::uint64_t first_tag, PlacedFile& out) {
   const auto tag_of = [&](auto point) {
     return mesh.number_of(static_cast<std::uint64_t>(point)) + 1;
   };
@@ -359,21 +401,37 @@ void write_piece4(const MeshSource& mesh, const MeshPiece& piece, const Msh4Layo
   for (std::size_t i = 0; i < tags.size(); ++i) tags[i] = tag_of(piece.first_vertex + i);
   std::vector<std::uint64_t> node_tags(piece.node_points.size());
   for (std::size_t i = 0; i < node_tags.size(); ++i) node_tags[i] = tag_of(piece.first_node + i);
-  std::vector<std::uint64_t> cells;
-  cells.reserve((1 + num_corners_of_cell(mesh.order())) * piece.cells.size());
-  for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+  const auto add_cell = [&](std::size_t i, std::vector<std::uint64_t>& cells) {
     cells.push_back(first_tag + piece.first_cell + i);
     for (const std::int64_t v : piece.cells[i]) cells.push_back(tag_of(v));
     if (!piece.nodes.empty())
       for (const std::size_t n : kGmshCellNodes) cells.push_back(tag_of(piece.nodes[i][n]));
+  };
+  const std::uint64_t cell_bytes = cell_bytes4(mesh.order());
+  std::vector<PlacedCells> cells;
+  if (body_cells == nullptr) {
+    cells.push_back({layout.cells.front() + cell_bytes * piece.first_cell});
+    cells.front().words.reserve(cell_bytes / 8 * piece.cells.size());
+    for (std::size_t i = 0; i < piece.cells.size(); ++i) add_cell(i, cells.front().words);
+  } else {
+    std::size_t i = 0;
+    for (const LeafRun& run : piece.runs) {
+      std::map<BodyId, std::vector<std::uint64_t>> of_bodies;
+      for (const std::size_t end = i + run.num_listed + run.num_core; i < end; ++i)
+        add_cell(i, of_bodies[piece.bodies[i]]);
+      const std::size_t leaf = run.leaf - mesh.first_place();
+      for (auto& [body, words] : of_bodies)
+        cells.push_back({layout.cells[body - 1] + cell_bytes * body_cells->place(leaf, body),
+                         std::move(words)});
+    }
   }
-  const std::array<PlacedFile::Part, 5> parts = {
-      {{layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},
-       {layout.coordinates + 24 * piece.first_vertex, std::as_bytes(std::span(piece.points))},
-       {layout.tags + 8 * piece.first_node, std::as_bytes(std::span(node_tags))},
-       {layout.coordinates + 24 * piece.first_node, std::as_bytes(std::span(piece.node_points))},
-       {layout.cells + cell_bytes4(mesh.order()) * piece.first_cell,
-        std::as_bytes(std::span(cells))}}};
+  std::vector<PlacedFile::Part> parts = {
+      {layout.tags + 8 * piece.first_vertex, std::as_bytes(std::span(tags))},
+      {layout.coordinates + 24 * piece.first_vertex, std::as_bytes(std::span(piece.points))},
+      {layout.tags + 8 * piece.first_node, std::as_bytes(std::span(node_tags))},
+      {layout.coordinates + 24 * piece.first_node, std::as_bytes(std::span(piece.node_points))}};
+  for (const auto& [place, words] : cells)
+    parts.push_back({place, std::as_bytes(std::span(words))});
   out.write(parts);
 }
 
@@ -403,31 +461,31 @@ std::uint64_t write_msh4(MeshSource& mesh, PartialFile& file) {
   BoundarySurface& boundary = mesh.boundary();
   boundary.sort_facets();
   if (mesh.has_creases()) mesh.creases().sort();
-  Msh4Layout layout{mesh.num_points(),
-                    mesh.num_cells(),
-                    mesh.num_boundary_facets(),
-                    mesh.num_crease_edges(),
-                    mesh.corners().size(),
-                    0,
-                    0,
-                    0,
-                    0,
-                    0};
+  Msh4Layout layout{.num_vertices = mesh.num_points(),
+                    .num_cells = mesh.num_cells(),
+                    .num_facets = mesh.num_boundary_facets(),
+                    .num_edges = mesh.num_crease_edges(),
+                    .num_corners = mesh.corners().size()};
   const Msh4Tags tags = tags_of(mesh);
   const Msh4Frame frame = frame_of(mesh, layout, tags);
   place_arrays(mesh, frame, layout);
+  const BodyCells* body_cells = mesh.has_bodies() ? &mesh.body_cells() : nullptr;
   const std::uint64_t bytes = layout.end + Msh4Frame::kAfter.size();
   PlacedFile out(file);
   do_on_all(mesh.exchange(), [&] {
     if (mesh.is_of_first_rank()) {
       file.reserve(bytes);
       file.write_at(0, frame.before_nodes.bytes());
-      file.write_at(layout.cells - frame.before_cells.size(), frame.before_cells.bytes());
+      file.write_at(layout.coordinates + 24 * layout.num_vertices, frame.before_cells.bytes());
+      for (BodyId body = 1; body <= mesh.num_bodies(); ++body) {
+        const Bytes head = body_head(mesh, body);
+        file.write_at(layout.cells[body - 1] - head.size(), head.bytes());
+      }
     }
     mesh.for_each_piece(
         {.has_points = true, .has_cells = true, .has_node_points = true},
         [&](const MeshPiece& piece) {
-          write_piece4(mesh, piece, layout, tags.first_cell, out);
+          write_piece4(mesh, body_cells, piece, layout, tags.first_cell, out);
           return true;
         },
         [](bool) {});
@@ -505,12 +563,13 @@ std::uint64_t write_msh2(MeshSource& mesh, PartialFile& file) {
   Bytes cell_head, facet_head, edge_head, points;
   add_element_head2(tetrahedron_type(order), num_cells, cell_head);
   out.append(cell_head.bytes());
-  const std::int32_t cell_group = groups.volume();
   const auto cell_lines = [&](const MeshPiece& piece) {
     Bytes cells;
     cells.reserve(cell_bytes * piece.cells.size());
     for (std::size_t i = 0; i < piece.cells.size(); ++i) {
-      add_element2(piece.first_cell + i + 1, cell_group, kVolume, piece.cells[i], cells);
+      const BodyId body = piece.body_of(i);
+      add_element2(piece.first_cell + i + 1, groups.of_body(body), volume_of(body), piece.cells[i],
+                   cells);
       if (piece.nodes.empty()) continue;
       for (const std::size_t n : kGmshCellNodes)
         cells.add(static_cast<std::int32_t>(piece.nodes[i][n]) + 1);

@@ -12,7 +12,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "written as the machine has it");
 
-// Of vertices and cells; that of a facet is its sheet, that of an edge its crease.
+// Of vertices; that of a cell is its body, that of a facet its sheet, that of an edge its crease.
 constexpr std::uint64_t kReference = 1;
 
 bool needs_64_bits(std::uint64_t num_vertices, std::uint64_t num_cells, std::uint64_t num_facets) {
@@ -47,7 +47,7 @@ Text cells_of(const MeshPiece& piece) {
   Text text;
   text.reserve(40 * piece.cells.size());
   for (std::size_t i = 0; i < piece.cells.size(); ++i)
-    add_element(piece.cells[i], nodes_at(piece.nodes, i), kReference, text);
+    add_element(piece.cells[i], nodes_at(piece.nodes, i), piece.body_of(i), text);
   return text;
 }
 
@@ -238,7 +238,7 @@ std::uint64_t write_binary_medit(MeshSource& mesh, PartialFile& file, int least_
     Bytes some;
     some.reserve(cell_bytes * piece.cells.size());
     for (std::size_t i = 0; i < piece.cells.size(); ++i)
-      widths.add_element(piece.cells[i], nodes_at(piece.nodes, i), kReference, some);
+      widths.add_element(piece.cells[i], nodes_at(piece.nodes, i), piece.body_of(i), some);
     return some;
   };
   append_pieces(out, mesh, {.has_cells = true}, cell_lines, cell_bytes * mesh.own_cells().size());

@@ -104,6 +104,8 @@ ReadItems labeled_reader(const ArrayInfo& info, const auto& pieces, auto Piece::
           });
     case ArrayName::kLeaf:
       return column(&Piece::leaves);
+    case ArrayName::kBody:
+      return zeros();
     case ArrayName::kSheet:
     case ArrayName::kCrease:
       return info.array == label ? column(labels) : zeros();
@@ -125,6 +127,7 @@ IndexWidths index_widths(const MeshCounts& n) {
 
 MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
   MeshCounts counts{mesh.num_points(), mesh.num_cells(), 0, 0, mesh.order()};
+  counts.has_bodies = mesh.has_bodies();
   if (!output.has_boundary) return counts;
   counts.num_boundary_facets = mesh.num_boundary_facets();
   add_creases(mesh, counts);
@@ -134,9 +137,12 @@ MeshCounts counts_of(MeshSource& mesh, const OutputOptions& output) {
 std::vector<VtuField> name_fields(const MeshSource& mesh, const OutputOptions& output,
                                   std::string_view forbidden) {
   std::vector<VtuField> fields;
-  if (!output.has_boundary) return fields;
   const SurfaceSheets& all = mesh.sheets();
   const MeshNames names = names_of_mesh(all, mesh.has_creases(), {.forbidden = forbidden});
+  if (mesh.has_bodies())
+    for (BodyId body = 1; body <= names.bodies.size(); ++body)
+      fields.push_back({names.bodies[body - 1], body, 3});
+  if (!output.has_boundary) return fields;
   for (SheetId sheet = 1; sheet <= all.sheets.size(); ++sheet)
     if (has_name(all, sheet)) fields.push_back({names.sheets[sheet - 1], sheet, 2});
   for (CreaseId crease = 1; crease <= names.creases.size(); ++crease) {
@@ -160,6 +166,7 @@ std::vector<ArrayInfo> mesh_arrays(const MeshCounts& n, const OutputOptions& out
   };
   if (is_part)
     arrays.push_back({ArrayName::kPointIds, kGlobalPointIds, "Int64", 1, 8, n.num_vertices});
+  if (n.has_bodies) arrays.push_back({ArrayName::kBody, "body", "UInt32", 1, 4, num_cells, true});
   if (output.has_boundary)
     arrays.push_back({ArrayName::kSheet, "sheet", "UInt32", 1, 4, num_cells, true});
   if (n.has_creases) {
@@ -292,6 +299,10 @@ ArrayBlocks::ReadItems ArrayBlocks::cell_reader(const ArrayInfo& info) {
         const auto leaves = mesh_.leaves_of_cells(first, out.size() / sizeof(std::uint32_t));
         if (!out.empty()) std::memcpy(out.data(), leaves.data(), out.size());
       };
+    case ArrayName::kBody:
+      return bytes_of_pieces<MeshPiece>(
+          mesh_.pieces({.has_cells = true}),
+          [](const MeshPiece& piece) { return std::as_bytes(std::span(piece.bodies)); });
     case ArrayName::kSheet:
     case ArrayName::kCrease:
       return zeros();
@@ -336,6 +347,7 @@ ArrayBlocks::ReadItems ArrayBlocks::corner_reader(const ArrayInfo& info) {
         leaves.push_back(static_cast<std::uint32_t>(corner.leaf));
       return read(bytes_of(leaves));
     }
+    case ArrayName::kBody:
     case ArrayName::kSheet:
     case ArrayName::kCrease:
       return zeros();

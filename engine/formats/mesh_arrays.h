@@ -28,6 +28,7 @@ enum class ArrayName {
   kRadiusEdge,
   kDihedral,
   kLeaf,
+  kBody,  // 0: of what is no tetrahedron
   kSheet,
   kCrease,
   kCorner,  // of vertices

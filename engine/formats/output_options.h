@@ -38,6 +38,7 @@ struct MeshCounts {
   int order = 1;             // of the cells, and of facets and edges as cells
   bool has_creases = false;  // the run keeps some, so files tell of them
   std::uint64_t num_crease_edges = 0, num_corners = 0;
+  bool has_bodies = false;  // several, so files tell them apart
 };
 
 // How many vertices and nodes they have.

@@ -99,7 +99,13 @@ std::vector<std::string> crease_names(const SurfaceSheets& sheets) {
 
 MeshNames names_of_mesh(const SurfaceSheets& sheets, bool has_creases, const NameRule& rule) {
   UsedNames used(rule);
-  MeshNames names{sheet_names(sheets, rule, used), {}, {}};
+  MeshNames names;
+  if (sheets.has_several_bodies())
+    for (const BodyFacts& body : sheets.bodies)
+      names.bodies.push_back(used.unused(allowed(body.name, rule)));
+  else
+    names.bodies.push_back("volume");
+  names.sheets = sheet_names(sheets, rule, used);
   if (!has_creases) return names;
   for (const std::string& name : crease_names(sheets))
     names.creases.push_back(used.unused(allowed(name, rule)));

@@ -29,11 +29,11 @@ bool has_name(const SurfaceSheets& sheets, SheetId sheet);
 // between the same two "inlet/wall_1", "inlet/wall_2", ...; other ones are "crease 12", by id.
 std::vector<std::string> crease_names(const SurfaceSheets& sheets);
 
-// Of all, by id, with none twice. Corners are "corner 5".
+// Of all, by id, with none twice. Corners are "corner 5"; a single body is "volume".
 struct MeshNames {
-  std::vector<std::string> sheets, creases, corners;
+  std::vector<std::string> bodies, sheets, creases, corners;
 };
-// `has_creases`: else without the last two.
+// Bodies are named first. `has_creases`: else without the last two.
 MeshNames names_of_mesh(const SurfaceSheets& sheets, bool has_creases, const NameRule& rule);
 
 }  // namespace locvol

@@ -30,6 +30,7 @@ Text element_lines(const MeshPiece& piece) {
     for (const std::int64_t v : piece.cells[i]) add(v);
     if (!piece.nodes.empty())
       for (const std::size_t n : kTetgenCellNodes) add(piece.nodes[i][n]);
+    if (!piece.bodies.empty()) text.add(' ').add(std::uint64_t{piece.bodies[i]});
     text.add('\n');
   }
   return text;
@@ -90,9 +91,12 @@ std::uint64_t write_tetgen(MeshSource& mesh, PartialFile& nodes, PartialFile& el
     append_pieces(node_file, mesh, {.has_node_points = true}, [](const MeshPiece& piece) {
       return node_lines(piece.node_points, piece.first_node);
     });
-  // Number of tetrahedra, points of each, attributes.
-  element_file.append(
-      Text().add(mesh.num_cells()).add(mesh.order() == 2 ? " 10 0\n" : " 4 0\n").text());
+  // Number of tetrahedra, points of each, attributes: the body, where there are several.
+  element_file.append(Text()
+                          .add(mesh.num_cells())
+                          .add(mesh.order() == 2 ? " 10 " : " 4 ")
+                          .add(mesh.has_bodies() ? "1\n" : "0\n")
+                          .text());
   append_pieces(element_file, mesh, {.has_cells = true}, element_lines);
   std::uint64_t bytes = node_file.size() + element_file.size();
   if (faces != nullptr) bytes += write_faces(mesh, *faces);

@@ -138,6 +138,7 @@ class RawArrays {
     std::vector<std::byte> ends;
     std::vector<std::uint8_t> types;
     std::vector<std::uint32_t> leaves;
+    std::vector<BodyId> bodies;
     std::vector<SheetId> sheets;
     std::vector<CreaseId> creases;
     std::vector<float> ratios, angles;
@@ -153,6 +154,7 @@ class RawArrays {
     columns.ends =
         offset_bytes(first + 1, cells.size(), info(ArrayName::kEnds).value_bytes, kinds_);
     columns.types.assign(cells.size(), kinds_[kind].vtk_type);
+    if (counts_.has_bodies) columns.bodies.resize(cells.size());
     if (output_.has_boundary) columns.sheets.resize(cells.size());
     if (counts_.has_creases) columns.creases.resize(cells.size());
     if (output_.has_quality && kind > 0) {
@@ -167,6 +169,7 @@ class RawArrays {
                                part(ArrayName::kEnds, columns.first, columns.ends),
                                part(ArrayName::kLeaf, columns.first, columns.leaves),
                                part(ArrayName::kTypes, columns.first, columns.types)});
+    if (counts_.has_bodies) parts.push_back(part(ArrayName::kBody, columns.first, columns.bodies));
     if (output_.has_boundary)
       parts.push_back(part(ArrayName::kSheet, columns.first, columns.sheets));
     if (counts_.has_creases)
@@ -181,6 +184,7 @@ class RawArrays {
     ConnectivityBuffer buffer;
     CellColumns columns = columns_of(kTetra, piece.first_cell, piece.cells, piece.nodes, buffer);
     columns.leaves = leaves_of(piece);
+    if (counts_.has_bodies) columns.bodies = piece.bodies;
     std::vector<std::int64_t> numbers, node_numbers;
     std::vector<std::uint32_t> corners, node_corners;
     std::vector<PlacedFile::Part> parts = {

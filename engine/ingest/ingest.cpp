@@ -15,6 +15,7 @@
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/start_leaves.h"
+#include "engine/ingest/surface_bodies.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_creases.h"
 #include "engine/ingest/surface_sheets.h"
@@ -363,23 +364,29 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
   run.phase = Phase::kIngest;
   std::optional<Store> store;
   try {
+    const BodyLaw law =
+        body_law(run.parameters.has_bodies, run.parameters.voids, run.surface.more_files.size());
+    raw.has_several_bodies = law.has_several();
     CheckedSurface surface =
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
                       run.parameters.weld, run.parameters.sharp_angle);
     find_given_edges(surface, {run.sharp_file, run.parameters.sharp_polylines, run.parameters.weld},
                      watch, workers, share);
     const double size = run.parameters.size;
+    std::vector<BodyFacts> bodies = number_bodies(surface, law, watch, workers);
     SurfaceSheets sheets = number_sheets(
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, share);
+    sheets.bodies = std::move(bodies);
     require_sized_sheets(run.parameters, sheets);
     const CreasesOfCells creases = find_creases(
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_extent = kLeastCreaseExtent * size},
         watch, workers, share, sheets);
-    const std::string file = std::exchange(run.surface, surface.facts).file;
-    run.surface.file = file;
+    const SurfaceFacts planned = std::exchange(run.surface, surface.facts);
+    run.surface.file = planned.file;
+    run.surface.more_files = planned.more_files;
     run.has_creases = !sheets.creases.empty() || sheets.num_corners > 0;
     calls.check(run, surface.spill.bytes());
     const std::vector<MortonKey> cells = cells_near_surface(surface, run.parameters, watch, share);

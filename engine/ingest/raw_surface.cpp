@@ -52,6 +52,11 @@ class DeferredPolygons {
     if (waiting_.size() >= kBufferWords) flush();
   }
 
+  void clear() {
+    waiting_.clear();
+    num_words_ = 0;
+  }
+
   template <class Visit>
   void for_each(const Visit& visit) {
     flush();
@@ -119,6 +124,7 @@ class RawSurfaceBuilder : public SurfaceSink {
   }
 
   void note(const std::string& text) override { surface_.notes.push_back(text); }
+  void body(std::string_view name, std::string_view file) override;
   void group(std::string_view name) override { groups_.begin(name); }
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override;
@@ -133,6 +139,8 @@ class RawSurfaceBuilder : public SurfaceSink {
  private:
   // `group`: of SurfaceGroups::current()
   void add(std::span<const std::uint64_t> corners, const FilePlace& place, std::uint32_t group);
+  void add_deferred();
+  void require_triangles_of_file() const;
   void add_polygon(std::span<const std::uint64_t> corners, const FilePlace& place,
                    std::uint32_t group);
   void add_triangle(const Point& a, const Point& b, const Point& c, std::uint32_t group);
@@ -154,7 +162,7 @@ class RawSurfaceBuilder : public SurfaceSink {
   SurfaceGroups groups_;
   ProbePicker probes_;
   TriangleWriter writer_{surface_.spill, surface_.triangles.emplace_back()};
-  std::uint64_t next_id_ = 0;
+  std::uint64_t next_id_ = 0, first_vertex_ = 0;  // the latter of the body at hand
   // Scratch of add_polygon().
   std::vector<Point> ring_;
   std::vector<std::array<std::uint32_t, 3>> ring_triangles_;
@@ -167,22 +175,43 @@ void RawSurfaceBuilder::polygon(std::span<const std::uint64_t> corners, const Fi
   if (corners.size() > kMaxPolygonCorners)
     refuse(place, fmt::format("a face has {} corners, more than {}; cut it into triangles",
                               corners.size(), kMaxPolygonCorners));
-  if (std::ranges::all_of(corners, [&](std::uint64_t c) { return c < vertices_.size(); }))
+  const std::uint64_t num_vertices = vertices_.size() - first_vertex_;
+  if (std::ranges::all_of(corners, [&](std::uint64_t c) { return c < num_vertices; }))
     add(corners, place, current_group());
   else
     deferred_.append(corners, place, current_group());
 }
 
-RawSurface RawSurfaceBuilder::finish(std::string digest) {
+void RawSurfaceBuilder::add_deferred() {
+  const std::uint64_t num_vertices = vertices_.size() - first_vertex_;
   deferred_.for_each(
       [&](std::span<const std::uint64_t> corners, const FilePlace& place, std::uint32_t group) {
         for (const std::uint64_t c : corners)
-          if (c >= vertices_.size())
+          if (c >= num_vertices)
             refuse(place, fmt::format("a face names vertex {} (counted from 0), but there are only "
                                       "{}; the file is damaged",
-                                      c, vertices_.size()));
+                                      c, num_vertices));
         add(corners, place, group);
       });
+}
+
+void RawSurfaceBuilder::require_triangles_of_file() const {
+  if (!surface_.files.empty() && surface_.files.back().first_triangle == next_id_)
+    throw InputError(surface_.files.back().file + ": has no triangles; leave it out");
+}
+
+void RawSurfaceBuilder::body(std::string_view name, std::string_view file) {
+  add_deferred();
+  deferred_.clear();
+  require_triangles_of_file();
+  first_vertex_ = vertices_.size();
+  groups_.begin_body(name);
+  surface_.files.push_back({shown_name(name), std::string(file), next_id_});
+}
+
+RawSurface RawSurfaceBuilder::finish(std::string digest) {
+  add_deferred();
+  require_triangles_of_file();
   RawSurface surface = finish_part(vertices_.size());
   require_triangles(surface);
   require_extent(surface);
@@ -198,6 +227,7 @@ RawSurface RawSurfaceBuilder::finish_part(std::uint64_t num_numbered_vertices) {
   surface_.num_numbered_vertices = num_numbered_vertices;
   surface_.probes = probes_.take();
   surface_.groups = groups_.take_names();
+  surface_.file_of_group = groups_.take_bodies();
   if (groups_.has_cut_names())
     surface_.notes.push_back(
         fmt::format("cut names of groups to {} bytes", SurfaceGroups::kMaxNameBytes));
@@ -215,8 +245,8 @@ std::uint32_t RawSurfaceBuilder::current_group() {
 void RawSurfaceBuilder::add(std::span<const std::uint64_t> corners, const FilePlace& place,
                             std::uint32_t group) {
   if (corners.size() == 3)
-    add_triangle(vertices_.at(corners[0]), vertices_.at(corners[1]), vertices_.at(corners[2]),
-                 group);
+    add_triangle(vertices_.at(first_vertex_ + corners[0]), vertices_.at(first_vertex_ + corners[1]),
+                 vertices_.at(first_vertex_ + corners[2]), group);
   else
     add_polygon(corners, place, group);
 }
@@ -225,7 +255,7 @@ void RawSurfaceBuilder::add_polygon(std::span<const std::uint64_t> corners, cons
                                     std::uint32_t group) {
   ring_.clear();
   for (const std::uint64_t c : corners) {
-    const Point p = vertices_.at(c);
+    const Point p = vertices_.at(first_vertex_ + c);
     if (ring_.empty() || ring_.back() != p) ring_.push_back(p);
   }
   while (ring_.size() > 1 && ring_.front() == ring_.back()) ring_.pop_back();

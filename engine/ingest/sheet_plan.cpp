@@ -97,28 +97,29 @@ class SheetNames {
   std::set<std::string> taken_;
 };
 
+// Several groups may have one name: those of several bodies.
 void name_sheets(std::span<const SheetId> group_of, std::span<const std::string> groups,
                  std::vector<SheetFacts>& sheets) {
-  std::vector<std::size_t> num_sheets(groups.size()), num_named(groups.size());
-  for (const SheetId group : group_of) ++num_sheets[group - 1];
+  std::map<std::string, std::size_t> num_sheets, num_named;
+  for (const SheetId group : group_of) ++num_sheets[groups[group - 1]];
   SheetNames names(groups);
   for (std::size_t s = 0; s < sheets.size(); ++s) {
-    const std::size_t group = group_of[s] - 1;
-    const std::string& name = groups[group];
+    const std::string& name = groups[group_of[s] - 1];
     sheets[s].group = name;
     if (name.empty())
       sheets[s].name = names.unused("sheet " + std::to_string(s + 1));
-    else if (num_sheets[group] == 1)
+    else if (num_sheets[name] == 1)
       sheets[s].name = name;
     else
-      sheets[s].name = names.unused(name + '_' + std::to_string(++num_named[group]));
+      sheets[s].name = names.unused(name + '_' + std::to_string(++num_named[name]));
   }
 }
 
 }  // namespace
 
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
-                      std::span<const std::string> groups, double least_area) {
+                      std::span<const std::string> groups, double least_area,
+                      std::span<const std::array<BodyId, 2>> bodies_of_group) {
   SpeckMerger merger(parts, borders, least_area);
   SheetPlan plan;
   plan.num_specks = merger.run();
@@ -134,6 +135,7 @@ SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBor
   for (const std::uint32_t root : roots) {
     SheetFacts facts;
     facts.first_triangle = merger.part(root).first_triangle;
+    if (!bodies_of_group.empty()) facts.bodies = bodies_of_group[merger.part(root).group - 1];
     plan.sheets.push_back(std::move(facts));
     number[root] = static_cast<SheetId>(plan.sheets.size());
     group_of.push_back(merger.part(root).group);

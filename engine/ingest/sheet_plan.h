@@ -2,6 +2,7 @@
 // too small to be one.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -49,7 +50,9 @@ struct SheetPlan {
 // which they share the longest border. `groups`: names, by SheetPart::group. A sheet is called as
 // its group; of several in a group, NAME_1 and so on; without a group's name, by its own number.
 // Borders may be listed several times, and join parts that are one.
+// `bodies_of_group`: on the sides of each group; empty: the only one is behind all.
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
-                      std::span<const std::string> groups, double least_area);
+                      std::span<const std::string> groups, double least_area,
+                      std::span<const std::array<BodyId, 2>> bodies_of_group = {});
 
 }  // namespace locvol

@@ -180,7 +180,8 @@ class SurfaceCellCheck {
     for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
       if (is_copy_[t]) continue;
       ComponentPart& part = report_.parts[components.of_triangle[t]];
-      add_to(part.sum, t, components.is_turned[t]);
+      part.sum.add_corners(triangles_[t]);
+      if (owns(t)) part.sum.add_volume(triangles_[t], components.is_turned[t], middle_z_);
       if (!TriangleBuckets::reaches_out(box_, triangles_[t])) continue;
       part.is_whole = false;
       report_.shared.push_back({.id = triangles_[t].id,
@@ -191,24 +192,6 @@ class SurfaceCellCheck {
                                 .is_last = buckets_.is_last_with(cell_, triangles_[t])});
     }
     is_turned_ = std::move(components.is_turned);
-  }
-
-  // The volume between a triangle and the plane z = middle_z_; only its difference from the other
-  // triangles' matters, and its value to the last bit does not depend on the cells.
-  void add_to(SurfaceComponent& sum, std::uint32_t t, bool is_turned) {
-    const auto& [a, b, c] = triangles_[t].corners;
-    for (const Point& p : triangles_[t].corners)
-      if (is_above(p, sum.top)) sum.top = p;
-    if (!owns(t)) return;
-    ++sum.num_triangles;
-    if (is_turned) ++sum.num_turned;
-    const Point u = b - a, v = c - a;
-    const double za = a.z - middle_z_, zb = b.z - middle_z_, zc = c.z - middle_z_;
-    const double term = (za + zb + zc) * (u.x * v.y - u.y * v.x);
-    sum.six_volume.add(is_turned ? -term : term);
-    sum.six_volume_error += 16 * std::numeric_limits<double>::epsilon() *
-                            (std::abs(za) + std::abs(zb) + std::abs(zc)) *
-                            (std::abs(u.x * v.y) + std::abs(u.y * v.x));
   }
 
   // ---- Vertices and pairs ----

@@ -48,19 +48,29 @@ void SurfaceGroups::begin(std::string_view name) {
   current_ = kUnknown;
 }
 
+void SurfaceGroups::begin_body(std::string_view name) {
+  body_name_ = shown_name(name);
+  ++num_bodies_;
+  name_.clear();
+  current_ = kUnknown;
+}
+
 std::uint32_t SurfaceGroups::current() {
   if (current_ != kUnknown) return current_;
   const auto next = static_cast<std::uint32_t>(numbers_.size());
-  const auto [group, is_new] = groups_.emplace(name_, next);
+  const std::uint32_t body = num_bodies_ == 0 ? 0 : num_bodies_ - 1;
+  const auto [group, is_new] = groups_.emplace(Key{body, name_.empty() ? body_name_ : name_}, next);
   if (is_new) {
     numbers_.push_back(0);
-    named_.push_back(&group->first);
+    keys_.push_back(&group->first);
   }
   return current_ = group->second;
 }
 
 void SurfaceGroups::give_number(std::uint32_t group) {
-  names_.push_back(*named_[group]);
+  const auto& [body, name] = *keys_[group];
+  names_.push_back(name);
+  bodies_.push_back(body);
   numbers_[group] = static_cast<SheetId>(names_.size());
 }
 

@@ -25,6 +25,9 @@ class SurfaceGroups {
   static constexpr std::size_t kMaxGroups = 10'000, kMaxNameBytes = 255;
 
   void begin(std::string_view name);  // of what comes from here on
+  // Groups from here on are others than those before, even if they have the same names. What has no
+  // name gets this one.
+  void begin_body(std::string_view name);
   bool has_too_many() const { return groups_.size() > kMaxGroups; }
   // Stands for the group until its number is known.
   std::uint32_t current();
@@ -35,15 +38,20 @@ class SurfaceGroups {
   }
   bool has_cut_names() const { return has_cut_names_; }
   std::vector<std::string> take_names() { return std::move(names_); }  // by number
+  // By number, how many bodies have begun before the one that the group is of; 0: the first.
+  std::vector<std::uint32_t> take_bodies() { return std::move(bodies_); }
 
  private:
   void give_number(std::uint32_t group);
 
-  std::map<std::string, std::uint32_t, std::less<>> groups_;
-  std::vector<const std::string*> named_;  // by group
-  std::vector<SheetId> numbers_;           // of groups; 0: none of its triangles has come
+  using Key = std::pair<std::uint32_t, std::string>;  // its body, its name
+  std::map<Key, std::uint32_t> groups_;
+  std::vector<const Key*> keys_;  // by group
+  std::vector<SheetId> numbers_;  // of groups; 0: none of its triangles has come
   std::vector<std::string> names_;
-  std::string name_;
+  std::vector<std::uint32_t> bodies_;
+  std::string name_, body_name_;
+  std::uint32_t num_bodies_ = 0;
   std::uint32_t current_ = kUnknown;
   bool has_cut_names_ = false;
   static constexpr std::uint32_t kUnknown = 0xffffffff;

@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "engine/ingest/surface_check.h"
@@ -136,10 +137,10 @@ class SurfacePreparation {
     if (edges.overused.count > 0)
       refuse(
           "is not manifold: {}, for example that from {}; separate the parts that touch there, or "
-          "remove inner and doubled faces",
+          "remove inner and doubled faces{}",
           counted(edges.overused.count, "edge belongs to more than two triangles",
                   "edges belong to more than two triangles"),
-          text(edges.overused));
+          text(edges.overused), about_bodies());
   }
 
   void check_orientation() const {
@@ -259,8 +260,14 @@ class SurfacePreparation {
     if (pair)
       refuse(
           "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
-          "parts",
-          text(pair->first), text(pair->second));
+          "parts{}",
+          text(pair->first), text(pair->second), about_bodies());
+  }
+
+  std::string about_bodies() const {
+    return raw_.has_several_bodies
+               ? ". Bodies may lie in each other and beside each other, but not touch or overlap"
+               : "";
   }
 
   void note_repairs() {
@@ -296,8 +303,9 @@ class SurfacePreparation {
                              : components[c].num_turned;
     }
     volume_ = volume.value();
-    note("{} toward the material, where others face away; sides are found without that", num_turned,
-         "triangle faces", "triangles face");
+    if (!raw_.has_several_bodies)  // else the material may be on both sides
+      note("{} toward the material, where others face away; sides are found without that",
+           num_turned, "triangle faces", "triangles face");
   }
 
   std::vector<bool> cavities() {
@@ -309,7 +317,7 @@ class SurfacePreparation {
         if (owns_triangle(cell, t)) nesting.add(t);
       watch_.advance(bucket.triangles.count);
     }
-    std::vector<bool> cavities = nesting.take_cavities();
+    std::vector<bool> cavities = nesting.cavities();
     share_.join_parities(cavities);
     return cavities;
   }
@@ -318,6 +326,8 @@ class SurfacePreparation {
     CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
     surface.has_copies = drops_copies_;
     surface.groups = std::move(raw_.groups);
+    surface.files = std::move(raw_.files);
+    surface.file_of_group = std::move(raw_.file_of_group);
     surface.sharp = std::move(findings_.sharp);
     surface.facts = {.file = raw_.file,
                      .num_vertices = findings_.num_vertices,
@@ -372,9 +382,18 @@ class SurfacePreparation {
 
 }  // namespace
 
+void BodyLabels::apply_to(Triangle& triangle) const {
+  const std::uint32_t part = triangle.change.body();
+  triangle.change = changes[part];
+  const std::span own(groups.data() + first[part], groups.data() + first[part + 1]);
+  triangle.sheet = std::ranges::find(own, triangle.sheet, &Group::before)->now;
+}
+
 std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
   std::vector<Triangle> triangles = spill.load(bucket.triangles);
   if (has_copies) drop_copies(triangles);
+  if (labels)
+    for (Triangle& triangle : triangles) labels->apply_to(triangle);
   if (!sheets.empty())
     for (Triangle& triangle : triangles) triangle.sheet = sheets[triangle.sheet];
   return triangles;

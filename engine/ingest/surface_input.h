@@ -7,10 +7,12 @@
 // one place are one vertex.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/ingest/given_edges.h"
@@ -31,6 +33,24 @@
 #include "storage/records.h"
 
 namespace locvol {
+
+// One of several files, each of which is a body.
+struct SurfaceFile {
+  std::string body, file;
+  std::uint64_t first_triangle = 0;
+};
+
+// What is taken for a body.
+struct BodyLaw {
+  bool has_bodies = false;  // RunParameters's
+  std::vector<std::string> voids = {};
+  bool has_files = false;  // several
+  bool has_several() const { return has_bodies || has_files; }
+};
+// `num_more`: files beside the first
+inline BodyLaw body_law(bool has_bodies, std::vector<std::string> voids, std::size_t num_more) {
+  return {.has_bodies = has_bodies, .voids = std::move(voids), .has_files = num_more > 0};
+}
 
 // What a source gives: polygons are cut into triangles, those with two equal corners are left out,
 // and no coordinate is -0.0. Ids count in its order.
@@ -55,7 +75,10 @@ struct RawSurface {
   // Names of groups of triangles, in the order of their first ones: the first is that of triangles
   // with Triangle::sheet 1. Triangles of no name are a group with an empty one.
   std::vector<std::string> groups;
-  std::vector<WallProbe> probes;  // of all triangles
+  std::vector<WallProbe> probes;             // of all triangles
+  std::vector<SurfaceFile> files;            // where there are several
+  std::vector<std::uint32_t> file_of_group;  // by group
+  bool has_several_bodies = false;           // is that asked for? Then sides are no material's
 };
 
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
@@ -76,6 +99,19 @@ RawSurface read_part_of_surface(SurfaceRanges& ranges, std::uint64_t part, std::
                                 const std::filesystem::path& directory, IngestWatch& watch);
 // Throws InputError unless double arithmetic can tell points of its box apart.
 void require_extent(const RawSurface& surface);
+
+// By what the buckets' triangles carry in place of their changes of the state: of each part of a
+// component, the change; and what its groups have become, from place `first[part]` on.
+struct BodyLabels {
+  struct Group {
+    SheetId before = 1, now = 1;
+  };
+  std::vector<DomainState> changes;
+  std::vector<std::uint32_t> first;  // one more at the end
+  std::vector<Group> groups;
+
+  void apply_to(Triangle& triangle) const;
+};
 
 // A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
 // keep the order of their corners: nothing relies on it, sides are found by parity.
@@ -101,6 +137,10 @@ struct CheckedSurface {
   std::vector<SheetId> sheets;
   GivenEdges given;         // that are sharp, whatever their angle
   bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
+  std::vector<SurfaceFile> files;                      // see RawSurface
+  std::vector<std::uint32_t> file_of_group;            // likewise; of groups before number_bodies()
+  std::vector<std::array<BodyId, 2>> bodies_of_group;  // by group; empty: the only one behind all
+  std::optional<BodyLabels> labels;  // what load() makes of the buckets' triangles
 };
 
 // The bucket's capacity decides how the work is cut, never its result.

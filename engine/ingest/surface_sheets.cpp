@@ -121,13 +121,14 @@ struct Numbered {
 };
 
 // Each group is one, whatever hangs together.
-Numbered sheets_of_groups(std::span<const std::string> groups) {
+Numbered sheets_of_groups(const CheckedSurface& surface) {
+  const std::vector<std::string>& groups = surface.groups;
   std::vector<SheetPart> parts(groups.size());
   for (std::size_t i = 0; i < parts.size(); ++i) {
     parts[i].first_triangle = i;
     parts[i].group = static_cast<SheetId>(i + 1);
   }
-  SheetPlan plan = plan_sheets(parts, {}, groups, 0);
+  SheetPlan plan = plan_sheets(parts, {}, groups, 0, surface.bodies_of_group);
   plan.of_part.insert(plan.of_part.begin(), 0);  // no triangle carries a 0
   return {std::move(plan.of_part), std::move(plan.sheets), 0};
 }
@@ -168,6 +169,7 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
         watch.advance(cell.triangles.size());
       });
   surface.has_copies = false;
+  surface.labels.reset();
   std::vector<std::uint32_t> numbers;
   pieces.joined = joiner.take(numbers);
   for (SheetBorder& border : pieces.borders) {
@@ -178,10 +180,10 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
   std::iota(pieces.places.begin(), pieces.places.end(), std::uint32_t{0});
   share.join_sheets(pieces);
 
-  SheetPlan plan =
-      plan_sheets(pieces.joined.components, pieces.borders, surface.groups, law.least_area);
+  SheetPlan plan = plan_sheets(pieces.joined.components, pieces.borders, surface.groups,
+                               law.least_area, surface.bodies_of_group);
   if (plan.num_too_many > 0) {
-    Numbered numbered = sheets_of_groups(surface.groups);
+    Numbered numbered = sheets_of_groups(surface);
     numbered.sheets = std::move(group_of);
     numbered.num_too_many = plan.num_too_many;
     return numbered;
@@ -262,7 +264,7 @@ SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, Ingest
                       .least_area = law.least_area};
   Numbered numbered = (is_angle_given || has_given) && !is_noise
                           ? sheets_of_parts(surface, some, watch, workers, share)
-                          : sheets_of_groups(surface.groups);
+                          : sheets_of_groups(surface);
   if ((is_angle_given || has_given) && (is_noise || is_edge_noise || numbered.num_too_many > 0))
     surface.facts.notes.push_back(fmt::format(
         "took no sheets from sharp edges{}, for there would be more than {}",

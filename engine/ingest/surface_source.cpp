@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -134,6 +135,79 @@ SurfaceSource surface_at(const std::filesystem::path& input,
                          const std::filesystem::path& directory) {
   return input == kFromStandardInput ? surface_in_standard_input(directory)
                                      : surface_in_file(input, directory);
+}
+
+namespace {
+
+// Begins what is hashed, so that no file has the digest of several.
+constexpr std::string_view kDigestOfFiles = "locvol bodies\n";
+
+// Without the extension, and that of a packed file.
+std::string body_name(const std::filesystem::path& file) {
+  const std::filesystem::path name = file.filename();
+  return name.extension() == ".gz" ? name.stem().stem().string() : name.stem().string();
+}
+
+struct BodyFile {
+  std::string body, file;
+  SurfaceSource source;
+};
+
+std::string digest_of_files(const std::vector<BodyFile>& files,
+                            const std::vector<std::string>& digests) {
+  Sha256 hash;
+  hash.update(kDigestOfFiles.data(), kDigestOfFiles.size());
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const std::string line = digests[i] + ' ' + files[i].body + '\n';
+    hash.update(line.data(), line.size());
+  }
+  return hash.hex_digest();
+}
+
+SurfaceSource surface_in_files(std::vector<BodyFile> bodies) {
+  std::vector<std::string> names;
+  for (const BodyFile& body : bodies) names.push_back(body.file);
+  const auto files = std::make_shared<const std::vector<BodyFile>>(std::move(bodies));
+  return {fmt::format("{}", fmt::join(names, ", ")),
+          {},
+          [files](SurfaceSink& sink, const StopToken* stop) {
+            std::vector<std::string> digests;
+            for (const auto& [body, file, source] : *files) {
+              sink.body(body, file);
+              digests.push_back(source.parse(sink, stop));
+            }
+            return digest_of_files(*files, digests);
+          },
+          [files](const StopToken* stop) {
+            std::vector<std::string> digests;
+            for (const BodyFile& body : *files) digests.push_back(body.source.digest(stop));
+            return digest_of_files(*files, digests);
+          },
+          [files] {
+            for (const BodyFile& body : *files) body.source.release();
+          }};
+}
+
+}  // namespace
+
+SurfaceSource surface_at(const std::filesystem::path& input,
+                         const std::vector<std::filesystem::path>& others,
+                         const std::filesystem::path& directory) {
+  if (others.empty()) return surface_at(input, directory);
+  std::vector<BodyFile> bodies;
+  const auto add = [&](const std::filesystem::path& file) {
+    if (file == kFromStandardInput)
+      throw InputError("the standard input is one surface: of several bodies give the files");
+    for (const BodyFile& body : bodies) {
+      std::error_code is_not_there;
+      if (std::filesystem::equivalent(body.file, file, is_not_there))
+        throw InputError(file.string() + ": this file is given twice; give each body once");
+    }
+    bodies.push_back({body_name(file), file.string(), surface_in_file(file, directory)});
+  };
+  add(input);
+  for (const std::filesystem::path& file : others) add(file);
+  return surface_in_files(std::move(bodies));
 }
 
 SurfaceSource surface_in_memory(TriangleSource triangles) {

@@ -7,6 +7,7 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "engine/ingest/surface_reader.h"
 #include "octree/geometry.h"
@@ -33,6 +34,11 @@ SurfaceSource surface_in_file(const std::filesystem::path& file,
 SurfaceSource surface_in_standard_input(const std::filesystem::path& directory);
 // The surface that MeshOptions::input means: a file, or the standard input.
 SurfaceSource surface_at(const std::filesystem::path& input,
+                         const std::filesystem::path& directory);
+// With any `others`, each file is a body of the file's name without its extension. Throws
+// InputError where a file is there twice, or the standard input is one.
+SurfaceSource surface_at(const std::filesystem::path& input,
+                         const std::vector<std::filesystem::path>& others,
                          const std::filesystem::path& directory);
 
 // Calls the visitor for each triangle: the same ones in the same order whenever it is called.

@@ -1,10 +1,12 @@
 #include "engine/ingest/surface_survey.h"
 
 #include <utility>
+#include <vector>
 
 #include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/polyline_file.h"
 #include "engine/ingest/sheet_plan.h"
+#include "engine/ingest/surface_bodies.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_sheets.h"
 #include "engine/plan/run_setup.h"
@@ -18,6 +20,7 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   survey.digest = raw.digest;
   const Frame frame = frame_of(raw.box);
   const std::optional<double> weld = weld_length(law.weld, raw.box);
+  raw.has_several_bodies = law.bodies.has_several();
   CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
                                          IngestShare(), weld, law.sharp_angle);
   find_given_edges(surface,
@@ -28,9 +31,11 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   if (law.has_sheets) {
     const double size =
         law.size ? absolute_size(*law.size, surface.facts.box) : survey.default_size();
+    std::vector<BodyFacts> bodies = number_bodies(surface, law.bodies, watch, workers);
     survey.sheets = number_sheets(
         surface, {.sharp_angle = law.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, IngestShare());
+    survey.sheets.bodies = std::move(bodies);
   }
   survey.facts = std::move(surface.facts);
   return survey;

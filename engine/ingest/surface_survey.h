@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/surface_input.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/plan/options.h"
 #include "engine/plan/run_estimate.h"
@@ -20,6 +21,7 @@ struct SurveyLaw {
   std::filesystem::path sharp_polylines = {};  // see Options
   bool has_sheets = false;                     // are asked for
   std::optional<Size> size = {};               // absent: default_size(), if sheets are asked for
+  BodyLaw bodies = {};                         // looked for if sheets are asked for
 };
 
 struct SurveyedSurface {

@@ -53,7 +53,7 @@ TriangleSoup soup_of(std::span<const Triangle> triangles) {
   VertexMerger merger(triangles.size());
   TriangleSoup soup;
   soup.triangles.reserve(triangles.size());
-  for (const auto& [id, corners, sheet] : triangles) {
+  for (const auto& [id, corners, sheet, change] : triangles) {
     const std::uint32_t a = merger.number_of(corners[0]), b = merger.number_of(corners[1]),
                         c = merger.number_of(corners[2]);
     soup.triangles.push_back({a, b, c});

@@ -178,6 +178,8 @@ MeshStatistics together(const MeshStatistics& a, const MeshStatistics& b) {
         &MeshStatistics::radius_edge_ratios, &MeshStatistics::radii_over_size})
     for (std::size_t i = 0; i < (all.*histogram).counts.size(); ++i)
       (all.*histogram).counts[i] += (b.*histogram).counts[i];
+  for (std::size_t body = 0; body < all.bodies.size(); ++body)
+    all.bodies[body] = together(a.bodies[body], b.bodies.at(body));
   return all;
 }
 

@@ -43,10 +43,11 @@ struct MeshStatistics {
   std::map<int, std::uint64_t> num_cells_by_octave;
   // Angles are in degrees, with edges at 0, 1, 3, 5, ..., 179, 180: the angles of the lattice's
   // cells, 60 and 90 degrees, are in the middle of a bin.
-  Histogram dihedral_angles;      // six a cell
-  Histogram min_dihedral_angles;  // one a cell, its smallest
-  Histogram radius_edge_ratios;   // edges at 0.6, 0.65, ..., 2, 2.05
-  Histogram radii_over_size;      // edges at 0, 0.05, ..., 1
+  Histogram dihedral_angles;                // six a cell
+  Histogram min_dihedral_angles;            // one a cell, its smallest
+  Histogram radius_edge_ratios;             // edges at 0.6, 0.65, ..., 2, 2.05
+  Histogram radii_over_size;                // edges at 0, 0.05, ..., 1
+  std::vector<MeshStatistics> bodies = {};  // of each by itself, where there are several
 };
 
 // The statistics of all cells of both meshes, but for max_neighbor_ratio, which is lost.

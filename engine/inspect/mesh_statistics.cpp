@@ -7,8 +7,10 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <tuple>
@@ -27,7 +29,9 @@
 #include "engine/shared/lattice_of_run.h"
 #include "engine/shared/workers.h"
 #include "octree/octree.h"
+#include "octree/site_block.h"
 #include "octree/size_field.h"
+#include "refine/core_index.h"
 #include "refine/forced_angles.h"
 #include "refine/predicates.h"
 
@@ -53,7 +57,7 @@ auto fields(Maybe<MeshStatistics> auto& s) {
       Field("dihedral_angles", s.dihedral_angles),
       Field("min_dihedral_angles", s.min_dihedral_angles),
       Field("radius_edge_ratios", s.radius_edge_ratios),
-      Field("radii_over_size", s.radii_over_size));
+      Field("radii_over_size", s.radii_over_size), Field("bodies", s.bodies));
 }
 
 // Of a leaf, told to ranks near it.
@@ -105,6 +109,8 @@ struct Measured {
   const std::function<void()> on_piece;
   const std::function<bool(const LeafPoorCell&)> on_poor;  // may be absent
   CellGauge all;
+  std::map<BodyId, CellGauge> bodies;  // of each, where there are several
+  bool has_bodies = false;
   std::optional<NeighborRatio> neighbors;  // where sizes vary, and all is measured
   bool is_enough = false;                  // on_poor wants no more
   IdlePool<Window> windows;
@@ -136,10 +142,13 @@ class MeasureTask : public Task {
     std::unique_ptr<Window> window =
         measured_.windows.take([&] { return std::make_unique<Window>(measured_.store, octree_); });
     for (const std::size_t leaf : leaves_) measure(leaf, *window);
+    for (const auto& [body, gauge] : bodies_) gauge_.add(gauge);
     measured_.windows.put_back(std::move(window));
   }
   void apply() override {
     measured_.all.add(gauge_);
+    for (const auto& [body, gauge] : bodies_)
+      measured_.bodies.try_emplace(body, gauge_for(run_)).first->second.add(gauge);
     if (measured_.neighbors)
       for (const LeafNeighbors& leaf : neighbors_) measured_.neighbors->add(leaf);
     measured_.on_piece();
@@ -160,30 +169,35 @@ class MeasureTask : public Task {
     std::optional<ForcedAngles> angles;  // where a cell is poor
     std::array<CellGauge::Corners, CellGauge::kAtOnce> some{};
     std::size_t num = 0;
-    const auto add_some = [&] {
+    const auto add_to = [&](CellGauge& gauge) {
       const auto these = std::span(some).first(std::exchange(num, 0));
-      const CellGauge::Added added = gauge_.add(these, sizes ? &*sizes : nullptr);
+      const CellGauge::Added added = gauge.add(these, sizes ? &*sizes : nullptr);
       if (measured_.neighbors)
         radii.insert(radii.end(), added.radii.begin(),
                      added.radii.begin() + static_cast<std::ptrdiff_t>(these.size()));
       for (std::size_t i = 0; i < these.size(); ++i) {
         if (!added.are_poor[i]) continue;
         if (!angles && keeps_creases(run_)) angles = angles_around(leaf, near, window.snapshot);
-        add_poor(key, these[i], angles && angles->are_forced(these[i]));
+        add_poor(key, these[i], angles && angles->are_forced(these[i]), gauge);
       }
     };
-    for (const auto& [a, b, c, d] : cells.cells) {
+    for (std::size_t n = 0; n < cells.cells.size(); ++n) {
+      const auto& [a, b, c, d] = cells.cells[n];
       some[num++] = {positions[a], positions[b], positions[c], positions[d]};
       for (const std::uint32_t i : {a, b, c, d})
         if (std::isnan(positions[i].x)) throw_unknown_point(cells.vertices[i], key);
-      if (num == some.size()) add_some();
+      if (measured_.has_bodies)  // one by one
+        add_to(bodies_.try_emplace(cells.body_of(n), gauge_for(run_)).first->second);
+      else if (num == some.size())
+        add_to(gauge_);
     }
-    add_some();
+    add_to(gauge_);
     if (measured_.neighbors) neighbors_.push_back(leaf_neighbors(cells, radii));
   }
 
-  void add_poor(MortonKey leaf, const CellGauge::Corners& corners, bool is_forced) {
-    if (is_forced) gauge_.add_forced();
+  void add_poor(MortonKey leaf, const CellGauge::Corners& corners, bool is_forced,
+                CellGauge& gauge) {
+    if (is_forced) gauge.add_forced();
     if (!measured_.on_poor) return;
     CellGauge one = gauge_for(run_);
     one.add({&corners, 1});
@@ -260,9 +274,41 @@ class MeasureTask : public Task {
   Lattice lattice_ = lattice_of(run_);
   SizeLaw law_ = run_.parameters.sizes();
   CellGauge gauge_ = gauge_for(run_);
+  std::map<BodyId, CellGauge> bodies_;    // likewise of each body
   std::vector<LeafNeighbors> neighbors_;  // of each leaf, if they are asked for
   std::vector<LeafPoorCell> poor_;        // likewise
 };
+
+// How many cells of the lattice core a leaf has in each body, of `num_cells` in all.
+std::map<BodyId, std::uint64_t> core_cells_of_leaf(const Reader& reader, const RunRecord& run,
+                                                   const LinearOctree& octree,
+                                                   const LeafScale& scale, std::size_t place,
+                                                   std::uint64_t num_cells) {
+  const Lattice lattice = lattice_of(run);
+  const MortonKey leaf = octree.leaves()[place];
+  const LatticeCore core = reader.points(leaf).core;
+  const SiteBox sites = lattice.sites_in(run.frame.box(leaf));
+  std::set<BodyId> bodies;
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) { bodies.insert(row.body); });
+  if (bodies.size() == 1) return {{*bodies.begin(), num_cells}};
+  CoreRows around{.lattice = lattice, .rows = {}};
+  for (const std::size_t other :
+       leaves_near(octree, run.frame, place, kCellReach * scale.of(place)))
+    for_each_core_row(reader.points(octree.leaves()[other]).core,
+                      lattice.sites_in(run.frame.box(octree.leaves()[other])), sites.expanded(2),
+                      [&](const LatticeRow& row, std::uint64_t) { around.rows.push_back(row); });
+  const CoreIndex index(around);
+  std::map<BodyId, std::uint64_t> num;
+  for_each_row(core, sites, [&](const LatticeRow& row, std::uint64_t) {
+    for (std::int32_t n = 0; n < static_cast<std::int32_t>(row.count); ++n) {
+      const LatticeSite site = row.first + LatticeSite{0, 0, 2 * n};
+      for (const LatticeCell& cell : kLatticeCells)
+        num[row.body] += index.contains(site + cell[0]) && index.contains(site + cell[1]) &&
+                         index.contains(site + cell[2]);
+    }
+  });
+  return num;
+}
 
 // Each rank is told of cells that may be neighbors of its own. Memory: these.
 void share_neighbors(const Reader& reader, NeighborRatio& neighbors, Exchange& exchange) {
@@ -295,7 +341,9 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   std::vector<std::uint64_t> num_cells;
   num_cells.reserve(octree.size());
   std::uint64_t num_listed_cells = 0, num_core_cells = 0;
+  std::vector<std::uint64_t> num_core_of_leaf;
   snapshot.for_each_leaf([&](MortonKey, const LeafInfo& info) {
+    num_core_of_leaf.push_back(info.holding == Holding::kOwn ? info.num_core_cells : 0);
     const bool is_own = info.holding == Holding::kOwn;
     num_cells.push_back(is_own ? info.num_cells : 0);
     num_listed_cells += num_cells.back();
@@ -313,6 +361,8 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
                         },
                     .on_poor = std::move(on_poor),
                     .all = gauge_for(run),
+                    .bodies = {},
+                    .has_bodies = snapshot.sheets().has_several_bodies(),
                     .neighbors = {},
                     .is_enough = false,
                     .windows = {}};
@@ -333,6 +383,16 @@ MeshStatistics measure(const Store& store, int num_threads, const StepProgress& 
   do_on_all(exchange, [&] { Workers(num_threads).run_in_order(next_piece); });
   measured.all.add_core(num_core_cells);
   MeshStatistics statistics = measured.all.statistics();
+  if (measured.has_bodies) {
+    for (std::size_t place = 0; place < num_core_of_leaf.size(); ++place)
+      if (num_core_of_leaf[place] > 0)
+        for (const auto& [body, num] : core_cells_of_leaf(snapshot, run, octree, measured.scale,
+                                                          place, num_core_of_leaf[place]))
+          measured.bodies.try_emplace(body, gauge_for(run)).first->second.add_core(num);
+    for (BodyId body = 1; body <= snapshot.sheets().bodies.size(); ++body)
+      statistics.bodies.push_back(
+          measured.bodies.try_emplace(body, gauge_for(run)).first->second.statistics());
+  }
   if (has_neighbors && exchange.num_ranks() > 1)
     share_neighbors(snapshot, *measured.neighbors, exchange);
   const auto near = [&](std::size_t place) {

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "engine/plan/phases.h"
+#include "engine/run/listed_cells.h"
 #include "engine/run/point_grid.h"
 #include "engine/run/run_state.h"
 #include "engine/run/surroundings.h"
@@ -27,7 +28,7 @@ namespace {
 
 constexpr std::size_t kCacheBytes = std::size_t{64} << 20;
 
-using Cells = std::vector<std::array<VertexRef, 4>>;  // sorted
+using Cells = std::vector<NamedCell>;  // sorted
 
 void require_refinement(const Store& store) {
   const auto run = store.snapshot().run();
@@ -46,14 +47,13 @@ RunState state_of(Store& store) try {
 Cells sorted(const CellList& list) {
   Cells cells;
   cells.reserve(list.size());
-  for (std::size_t i = 0; i < list.size(); ++i) cells.push_back(list.refs(i));
+  for (std::size_t i = 0; i < list.size(); ++i) cells.push_back({list.refs(i), list.cells[i].body});
   std::ranges::sort(cells);
   return cells;
 }
 
 Cells stored_cells(const Store& store, MortonKey leaf) {
-  LeafCells stored = store.snapshot().cells(leaf);
-  return sorted({std::move(stored.vertices), std::move(stored.cells)});
+  return sorted(listed_cells(store.snapshot().cells(leaf)));
 }
 
 // How many of `some` are not in `others`; both sorted.
@@ -68,7 +68,7 @@ class VertexTable {
   VertexTable(const Replay& replay, const LeafInput& input) {
     for (const MeshPoint& p : input.own) known_[p.id] = vertex(p, true);
     for (const MeshPoint& p : input.ghosts) known_[p.id] = vertex(p, false);
-    for (const auto& [first, count] : input.core.rows)
+    for (const auto& [first, count, body] : input.core.rows)
       for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n) {
         const MeshPoint p = input.core.lattice.point(first + LatticeSite{0, 0, 2 * n});
         known_[p.id] = vertex(p, false);
@@ -84,7 +84,7 @@ class VertexTable {
   CellMesh mesh_of(const Cells& cells) const {
     CellMesh mesh;
     std::unordered_map<VertexRef, std::uint32_t> index;
-    for (const auto& refs : cells) {
+    for (const auto& [refs, of_body] : cells) {
       auto& cell = mesh.cells.emplace_back();
       for (std::size_t i = 0; i < 4; ++i) {
         const auto next = static_cast<std::uint32_t>(mesh.vertices.size());

@@ -21,7 +21,7 @@ struct StoredVisit {
   std::uint32_t num_visits = 0;                      // before
   LeafInput input;                                   // in paper mode with all of the surface
   std::optional<std::vector<MeshPoint>> all_points;  // paper mode
-  std::vector<std::array<std::uint64_t, 4>> cells;   // the store's, by vertex ids, sorted
+  std::vector<NamedCell> cells;                      // the store's, by vertex ids, sorted
   std::uint64_t num_left_out = 0;                    // of the visit's cells, to mend the boundary
   friend bool operator==(const StoredVisit&, const StoredVisit&) = default;
 };

@@ -1,10 +1,13 @@
 #include "engine/output/mesh_chunks.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "engine/shared/leaf_name.h"
 #include "octree/lattice.h"
+#include "octree/site_block.h"
 #include "octree/sort_and_unite.h"
 
 namespace locvol {
@@ -18,6 +21,7 @@ ChunkReader::ChunkReader(const Reader& reader, const VertexNumbering& numbering,
     : reader_(reader),
       numbering_(numbering),
       pages_(pages),
+      has_bodies_(reader.sheets().has_several_bodies()),
       numbers_(reader, numbering),
       positions_(reader, numbering) {}
 
@@ -60,6 +64,8 @@ void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
     auto& numbered = out.cells.emplace_back();
     for (std::size_t i = 0; i < 4; ++i) numbered[i] = static_cast<std::uint64_t>(numbers[cell[i]]);
   }
+  if (has_bodies_)
+    for (std::size_t i = 0; i < cells.cells.size(); ++i) out.bodies.push_back(cells.body_of(i));
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     if (numbers[i] < 0) continue;  // in none of the cells
     const auto number = static_cast<std::uint64_t>(numbers[i]);
@@ -84,11 +90,14 @@ void ChunkReader::add_core_cells(std::size_t leaf, NumberedCells& out) {
     if (!sites.contains(site)) out.foreign.push_back({vertex, numbering_.lattice().position(site)});
     return vertex;
   };
+  std::optional<SiteBlock<BodyId>> bodies;
+  if (has_bodies_) bodies = bodies_of_core(*numbers_.core(leaf), sites);
   for_each_core_cell(
       sites, [&](const LatticeSite& site) { return numbers[site] >= 0; },
       [&](const LatticeSite& site, const LatticeCell& cell) {
         out.cells.push_back(
             {number(site), number(site + cell[0]), number(site + cell[1]), number(site + cell[2])});
+        if (bodies) out.bodies.push_back((*bodies)[site]);
       });
 }
 
@@ -114,6 +123,7 @@ void ChunkReader::complete(NumberedCells numbered, MeshChunk& chunk) {
   chunk.cells.reserve(numbered.cells.size());
   for (const auto& [a, b, c, d] : numbered.cells)
     chunk.cells.push_back({index_of(a), index_of(b), index_of(c), index_of(d)});
+  chunk.bodies = std::move(numbered.bodies);
 }
 
 namespace {
@@ -163,6 +173,7 @@ void for_each_chunk_of_second_order(MeshSource& mesh,
     chunk.first_node = piece->first_node;
     chunk.vertices = piece->points;
     chunk.nodes = piece->node_points;
+    chunk.bodies = piece->bodies;
     chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
     chunk.num_own_nodes = static_cast<std::uint32_t>(chunk.nodes.size());
     NumberedPoints vertices(chunk.first_vertex, chunk.vertices, chunk.numbers),

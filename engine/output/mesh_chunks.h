@@ -24,6 +24,7 @@ struct MeshChunk {
   std::vector<Vertex> vertices;
   std::vector<std::uint64_t> numbers;  // of the vertices, as in the writers' files
   std::vector<Cell> cells;             // indices into `vertices`, positively oriented
+  std::vector<BodyId> bodies;          // of the cells; empty: there is one
 
   // Of second order: nodes in the middle of edges, likewise; and those of each cell, as indices
   // into `nodes`, in the order of kCellEdges.
@@ -54,6 +55,7 @@ class ChunkReader {
   // Cells by the numbers of their vertices, and where those of other leaves lie.
   struct NumberedCells {
     std::vector<std::array<std::uint64_t, 4>> cells;
+    std::vector<BodyId> bodies;
     std::vector<Numbered> foreign;
   };
 
@@ -65,6 +67,7 @@ class ChunkReader {
   const Reader& reader_;
   const VertexNumbering& numbering_;
   PageRelease& pages_;
+  bool has_bodies_;  // several
   NumberWindow numbers_;
   VertexPositions positions_;
 };

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <string>
 
+#include "engine/exchange/pack.h"
 #include "engine/output/stored_mesh.h"
 #include "engine/shared/cell_quality.h"
 #include "engine/shared/leaf_name.h"
@@ -367,6 +368,43 @@ std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const 
       };
 }
 
+const BodyCells& MeshSource::body_cells() {
+  if (body_cells_) return *body_cells_;
+  struct BodiesOfLeaves {
+    std::vector<BodyId> bodies;
+    std::vector<LeafRun> runs;
+  };
+  body_cells_.emplace(num_bodies());
+  do_on_all(exchange(), [&] {
+    for_each_piece(
+        {.has_cells = true},
+        [](const MeshPiece& piece) {
+          return BodiesOfLeaves{piece.bodies, piece.runs};
+        },
+        [&](const BodiesOfLeaves& piece) {
+          std::span<const BodyId> left(piece.bodies);
+          for (const LeafRun& run : piece.runs) {
+            const std::uint64_t num = run.num_listed + run.num_core;
+            body_cells_->append_leaf(left.first(num));
+            left = left.subspan(num);
+          }
+        });
+  });
+  const std::vector<std::uint64_t> own(body_cells_->num_own().begin(),
+                                       body_cells_->num_own().end());
+  std::vector<std::uint64_t> all(own.size()), before(own.size());
+  int rank = 0;
+  for (const std::vector<std::uint64_t>& of_rank : gather_values(exchange(), own)) {
+    for (std::size_t b = 0; b < own.size(); ++b) {
+      all[b] += of_rank[b];
+      if (rank < exchange().rank()) before[b] += of_rank[b];
+    }
+    ++rank;
+  }
+  body_cells_->set_ranks(std::move(all), std::move(before));
+  return *body_cells_;
+}
+
 std::function<std::optional<MeshPiece>()> MeshSource::pieces(const PieceParts& parts) {
   return [this, parts, next = ranges(parts)]() -> std::optional<MeshPiece> {
     const auto range = next();
@@ -465,7 +503,23 @@ std::uint64_t MeshSource::add_core_cells(std::size_t leaf, MeshWindow& window,
       }
     }
   });
+  if (has_bodies()) add_core_bodies(leaf, window, piece);
   return piece.cells.size() - num_before;
+}
+
+// All sites of a cell are of one body. As many follow as the cells before lack.
+void MeshSource::add_core_bodies(std::size_t leaf, MeshWindow& window, MeshPiece& piece) const {
+  const SiteBox sites = numbering_.sites(leaf);
+  const SiteBlock<BodyId> bodies = bodies_of_core(*window.numbers.core(leaf), sites);
+  const SiteBlock<std::int64_t>* numbers = window.numbers.core_numbers(leaf);
+  for_each_site(sites, [&](const LatticeSite& site) {
+    if ((*numbers)[site] < 0) return;
+    for (const auto& [p, q, r] : kCellsOfLargerNeighbors)
+      if ((*numbers)[site + kLargerNeighbors[p]] >= 0 &&
+          (*numbers)[site + kLargerNeighbors[q]] >= 0 &&
+          (*numbers)[site + kLargerNeighbors[r]] >= 0)
+        piece.bodies.push_back(bodies[site]);
+  });
 }
 
 void MeshSource::add_cells(std::size_t leaf, bool has_corners, MeshWindow& window,
@@ -491,6 +545,8 @@ void MeshSource::add_cells(std::size_t leaf, bool has_corners, MeshWindow& windo
     for (const auto& [a, b, c, d] : cells.cells)
       piece.corners.push_back({positions[a], positions[b], positions[c], positions[d]});
   }
+  if (has_bodies())
+    for (std::size_t i = 0; i < cells.cells.size(); ++i) piece.bodies.push_back(cells.body_of(i));
   const std::uint64_t num_core = add_core_cells(leaf, window, edge_window, piece);
   if (num_core != numbering_.num_core_cells(leaf))
     throw CorruptRecord(leaf_name(key) + ": its count of core cells is not theirs", key);

@@ -11,6 +11,7 @@
 
 #include "engine/exchange/exchange.h"
 #include "engine/exchange/one_rank.h"
+#include "engine/output/body_cells.h"
 #include "engine/output/boundary_nodes.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/edge_numbering.h"
@@ -50,7 +51,9 @@ struct MeshPiece {
   std::uint64_t first_node = 0;
   std::vector<Vertex> node_points;
   std::vector<Nodes> nodes;
-  std::vector<LeafRun> runs;                  // of the cells
+  std::vector<LeafRun> runs;   // of the cells
+  std::vector<BodyId> bodies;  // of the cells; empty: there is one
+  BodyId body_of(std::size_t cell) const { return bodies.empty() ? kOnlyBody : bodies[cell]; }
   std::vector<std::array<Point, 4>> corners;  // of the listed cells
 };
 
@@ -114,7 +117,12 @@ class MeshSource {
              Exchange& exchange = alone(), bool is_part = false, int order = 1);
 
   const RunRecord& run() const { return run_; }
+  const std::filesystem::path& output() const { return output_; }
   const SurfaceSheets& sheets() const { return sheets_; }
+  bool has_bodies() const { return sheets_.has_several_bodies(); }
+  std::size_t num_bodies() const { return has_bodies() ? sheets_.bodies.size() : 1; }
+  // Found by a pass over the cells at the first call, which all ranks make. REQUIRES: has_bodies()
+  const BodyCells& body_cells();
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
   std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
   int order() const { return edges_ ? 2 : 1; }
@@ -122,6 +130,8 @@ class MeshSource {
   std::uint64_t num_nodes() const { return part_nodes_ ? part_nodes_->size() : num_all_nodes(); }
   std::uint64_t num_points() const { return num_vertices() + num_nodes(); }
   NumberRange own_nodes() const;
+  // Of the first own leaf, among all: see LeafRun.
+  std::uint64_t first_place() const { return numbering_.place(numbering_.first_own()); }
   // REQUIRES: it is of second order
   const BoundaryNodes& boundary_nodes() const { return *boundary_nodes_; }
   // Where vertices and nodes of own cells lie, by their numbers in the mesh of all; fast for those
@@ -220,6 +230,7 @@ class MeshSource {
                  MeshPiece& piece) const;
   std::uint64_t add_core_cells(std::size_t leaf, MeshWindow& window, EdgeWindow* edges,
                                MeshPiece& piece) const;
+  void add_core_bodies(std::size_t leaf, MeshWindow& window, MeshPiece& piece) const;
 
   const Store& store_;
   Snapshot snapshot_;
@@ -241,6 +252,7 @@ class MeshSource {
   std::unique_ptr<BoundaryNodes> boundary_nodes_;
   std::optional<LeafWindow<LeafList<NodeOnSurface>>> on_surface_;  // of boundary_nodes_
   std::unique_ptr<KeptCreases> creases_;
+  std::optional<BodyCells> body_cells_;
   std::uint64_t first_cell_ = 0, end_cell_;  // of a part, in the mesh of all
   std::optional<MeshPart> part_;
   std::optional<PartVertices> vertices_, part_nodes_;

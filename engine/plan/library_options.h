@@ -105,6 +105,12 @@ struct Options {
   /// A file of polylines along edges of the surface, which are sharp whatever their angle. Each
   /// line of it is a polyline: how many points it has, and their coordinates. Empty: none.
   std::filesystem::path sharp_polylines = {};
+  /// Of a surface whose groups have names, each group that is closed by itself is a body; without
+  /// names, each shell is one. A body that lies in another is cut out of it, and the cells of the
+  /// two share the vertices between them. Not set: all that the surface bounds is one body.
+  bool has_bodies = false;
+  /// Names of bodies that are none: cavities of those that they lie in.
+  std::vector<std::string> voids = {};
 };
 
 }  // namespace locvol

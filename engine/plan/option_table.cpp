@@ -26,9 +26,9 @@ consteval std::size_t num_members() {
 constexpr std::size_t kNumRows = std::tuple_size_v<decltype(kOptions)>;
 // Besides the rows: the surface's digest, and what is known of an image.
 static_assert(num_members<RunParameters>() == kNumRows + 2, "a parameter is missing in kOptions");
-// The bound on the radius-edge ratio cannot be given; `store`, `scratch`, `is_forced` and `input`
-// change no mesh.
-static_assert(num_members<Options>() + num_members<MeshOptions>() - 1 == kNumRows - 1 + 4,
+// The bound on the radius-edge ratio cannot be given; `store`, `scratch` and `is_forced` change no
+// mesh, and `input` and `more_inputs` are told apart by the digest.
+static_assert(num_members<Options>() + num_members<MeshOptions>() - 1 == kNumRows - 1 + 5,
               "an option is missing in kOptions");
 
 }  // namespace

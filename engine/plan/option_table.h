@@ -164,7 +164,12 @@ inline constexpr std::tuple kOptions{
          .phrase = "; it is sharp where it turns by more than {}°"}},
     // A file, too.
     Option<&MeshOptions::sharp_polylines, &RunParameters::sharp_polylines>{
-        {.name = {"--sharp", "sharp"}, .noun = "file of polylines"}}};
+        {.name = {"--sharp", "sharp"}, .noun = "file of polylines"}},
+    // These two are declared by the commands: a flag, and names.
+    Option<&MeshOptions::has_bodies, &RunParameters::has_bodies>{
+        {.name = {"--bodies", "has_bodies"}, .group = OptionGroup::kSurface}},
+    Option<&MeshOptions::voids, &RunParameters::voids>{
+        {.name = {"--void", "voids"}, .group = OptionGroup::kSurface}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "engine/formats/mesh_format.h"
 #include "engine/plan/library_options.h"
@@ -37,6 +38,9 @@ struct FilesOfOptions {
 // What the library does not offer is what the command adds.
 struct MeshOptions : Options {
   std::filesystem::path input = {};  // empty: the surface is in no file; or kFromStandardInput
+  // Each of these files is a body then, and so is the first. All are files, none the standard
+  // input.
+  std::vector<std::filesystem::path> more_inputs = {};
   Initialization init = Initialization::kCover;
 };
 

@@ -68,6 +68,11 @@ void keep(const OptionText&, std::uint64_t given, const Box&, std::uint64_t& kep
 void keep(const OptionText&, Initialization given, const Box&, Initialization& kept) {
   kept = given;
 }
+void keep(const OptionText&, bool given, const Box&, bool& kept) { kept = given; }
+void keep(const OptionText&, const std::vector<std::string>& given, const Box&,
+          std::vector<std::string>& kept) {
+  kept = given;
+}
 void keep(const OptionText&, const std::vector<SizedSheet>& given, const Box& surface,
           std::vector<SheetSize>& kept) {
   for (const SizedSheet& sheet : given) try {
@@ -179,6 +184,16 @@ void add_defaults(const MeshOptions& options, RunParameters& parameters) {
 }
 
 // What does not go together.
+void check_bodies(const RunRecord& run) {
+  const RunParameters& p = run.parameters;
+  const bool has_files = !run.surface.more_files.empty();
+  if (p.has_bodies && has_files)
+    throw InputError("several files are a body each: leave --bodies out");
+  if (!p.voids.empty() && !p.has_bodies && !has_files)
+    throw InputError("--void names one of several bodies: give --bodies, or more files");
+  if ((p.has_bodies || has_files) && p.init == Initialization::kPaper)
+    throw InputError("several bodies are meshed in cover mode only: give --init cover");
+}
 void check_sizes(const RunParameters& p) {
   if (p.growth > 0 && p.init == Initialization::kPaper)
     throw InputError("sizes vary in cover mode only: leave the growth out, or give --init cover");
@@ -222,6 +237,8 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
                       const FilesOfOptions& files) {
   RunRecord run;
   run.surface.file = name_of(options.input);
+  for (const std::filesystem::path& file : options.more_inputs)
+    run.surface.more_files.push_back(name_of(file));
   run.surface.box = surface;
   if (!options.size_image.empty())
     run.image_file = std::filesystem::absolute(options.size_image).string();
@@ -238,6 +255,7 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
   add_defaults(options, parameters);
   add_shapes(options, surface, parameters);
   check_sizes(parameters);
+  check_bodies(run);
   check_lengths(run.surface, parameters.size);
   // Ids below are those of lattice points.
   if (options.init == Initialization::kCover) run.next_point_id = kFirstOtherId;

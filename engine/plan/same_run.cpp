@@ -44,6 +44,10 @@ std::string text_of(const std::vector<SheetSize>& sheets) {
   return fmt::format("{}", fmt::join(all, ", "));
 }
 
+std::string text_of(bool value) { return value ? "given" : "not given"; }
+std::string text_of(const std::vector<std::string>& names) {
+  return names.empty() ? "for no body" : fmt::format("{}", fmt::join(names, ", "));
+}
 template <class Value>
 std::string text_of(const OptionText&, const Value& value) {
   return text_of(value);
@@ -75,6 +79,9 @@ std::string began_text(std::uint64_t started) {
 std::string surface_difference(const RunRecord& held, const RunRecord& asked,
                                std::uint64_t started) {
   const std::string& file = asked.surface.file;
+  if (held.surface.more_files != asked.surface.more_files)
+    return fmt::format("its surface is in {} files, and not in the {} of now, or not in these",
+                       1 + held.surface.more_files.size(), 1 + asked.surface.more_files.size());
   if (held.surface.file != file)
     return fmt::format("its surface is {}, and not {}{}", held.surface.file, file,
                        stamp_text(file));

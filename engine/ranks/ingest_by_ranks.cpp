@@ -82,6 +82,7 @@ class IngestByRanks {
     });
     RawSurface surface = read();
     const RunRecord run = planned_by_first(planned, surface);
+    if (run.parameters.has_bodies) throw NeedsOneProcess();
     const OctreePlan plan = plan_octree(run.parameters, surface.box);
     const Shares shares =
         shares_of_triangles(surface, first_id_, num_triangles_, plan.frame, plan.level, exchange_);

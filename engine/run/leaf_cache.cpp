@@ -25,7 +25,8 @@ std::size_t LeafCache::Entry::bytes() const {
   if (surface.record) bytes += bytes_of(*surface.record);
   if (sizes.record) bytes += bytes_of(*sizes.record);
   if (cells.record)
-    bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells);
+    bytes += vector_bytes(cells.record->vertices) + vector_bytes(cells.record->cells) +
+             vector_bytes(cells.record->bodies);
   if (facets.record)
     bytes += vector_bytes(facets.record->vertices) + vector_bytes(facets.record->facets);
   if (unresolved.record) bytes += vector_bytes(unresolved.record->sites);

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
+
+#include "engine/run/listed_cells.h"
 
 namespace locvol {
 
@@ -59,9 +62,12 @@ void LeafRecords::put_facets(MortonKey leaf, LeafFacets facets) {
 void LeafRecords::change(MortonKey leaf, const Changes<CellList>& changes) {
   if (!is_own(leaf)) return;
   LeafCells held = leaves().cells(leaf);
-  CellList list{std::move(held.vertices), std::move(held.cells)};
+  std::vector<Point> asked = std::move(held.asked);
+  CellList list = listed_cells(std::move(held));
   apply(changes, list);
-  put_cells(leaf, {std::move(list.vertices), std::move(list.cells), std::move(held.asked)});
+  LeafCells changed = stored_cells(std::move(list.vertices), list);
+  changed.asked = std::move(asked);
+  put_cells(leaf, std::move(changed));
 }
 
 void LeafRecords::change(MortonKey leaf, const Changes<FacetList>& changes) {

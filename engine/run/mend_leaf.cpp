@@ -68,6 +68,7 @@ class MendLoader {
     result.input.num_own = static_cast<std::uint32_t>(own_.size());
     result.input.is_on_surface = std::move(is_on_surface_);
     result.input.cells.reserve(cells_.size());
+    result.input.bodies = std::move(bodies_);
     for (const auto& cell : cells_) {
       auto& corners = result.input.cells.emplace_back();
       for (std::size_t i = 0; i < 4; ++i) corners[i] = index_of(cell[i]).value();
@@ -90,6 +91,9 @@ class MendLoader {
       const auto& cell = held.cells[place];
       if (std::ranges::none_of(cell, [&](std::uint32_t v) { return is_own[v]; })) continue;
       origin.places.push_back(place);
+      const BodyId body = held.body_of(place);
+      if (body != kOnlyBody && bodies_.empty()) bodies_.resize(cells_.size(), kOnlyBody);
+      if (body != kOnlyBody || !bodies_.empty()) bodies_.push_back(body);
       auto& ids = cells_.emplace_back();
       for (std::size_t i = 0; i < 4; ++i) {
         ids[i] = held.vertices[cell[i]];
@@ -113,6 +117,7 @@ class MendLoader {
   std::vector<bool> is_on_surface_;
   std::vector<Point> positions_;
   std::vector<std::array<std::uint64_t, 4>> cells_;
+  std::vector<BodyId> bodies_;  // of these; empty: one has all
   std::vector<LoadedMend::Origin> origins_;
 };
 
@@ -124,6 +129,7 @@ LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& place
   for (std::uint32_t place = 0; place < held.cells.size(); ++place) {
     if (std::ranges::binary_search(places, place)) continue;
     left.cells.push_back(held.cells[place]);
+    if (!held.bodies.empty()) left.bodies.push_back(held.bodies[place]);
     for (const std::uint32_t v : held.cells[place]) is_used[v] = true;
   }
   for (std::size_t v = 0; v < is_used.size(); ++v) {
@@ -136,8 +142,8 @@ LeafCells without(const LeafCells& held, const std::vector<std::uint32_t>& place
   return left;
 }
 
-// The facets that the leaf lists, of its cells as they were loaded: those that one cell has. A core
-// point has all of its cells in the mesh.
+// The facets that the leaf lists, of its cells as they were loaded: those that one cell has, or two
+// of different bodies. A core point has all of its cells in the mesh, and in one body.
 LeafFacets boundary_facets(const LoadedMend& loaded) {
   const auto place_of = [&](std::uint64_t id) {
     const auto end_own = loaded.ids.begin() + loaded.input.num_own;
@@ -157,18 +163,28 @@ LeafFacets boundary_facets(const LoadedMend& loaded) {
           facet.vertices, [&](std::uint32_t v) { return loaded.positions[v] == kUnknownPlace; });
       if (smallest < loaded.input.num_own && !is_core) facets.push_back(facet);
     }
+  const auto body_of = [&](const ListedFacet& facet) {
+    const auto& bodies = loaded.input.bodies;
+    return bodies.empty() ? kOnlyBody : bodies[facet.side.cell];
+  };
   std::vector<std::array<std::uint64_t, 3>> names;
+  std::vector<FacetLabels> labels;
   for_each_facet(facets, loaded.ids.size(), [&](std::span<const ListedFacet> same) {
-    if (same.size() != 1) return;
-    const auto& [cell, across] = same.front().side;
+    const ListedFacet &one = same.front(), &other = same.back();
+    const BodyId of_one = body_of(one), of_other = same.size() == 1 ? kNoBody : body_of(other);
+    if (of_one == of_other) return;
+    const auto& [cell, across] = of_one > of_other ? one.side : other.side;
+    labels.push_back({.behind = std::max(of_one, of_other), .before = std::min(of_one, of_other)});
     auto& name = names.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) name[k] = loaded.ids[cells[cell][kFacets[across][k]]];
   });
   const LeafDomain domain(loaded.domain);
   LeafFacets result;
   result.vertices = distinct_vertices(names);
-  for (const auto& name : names) {
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    const auto& name = names[n];
     MeshFacet& facet = result.facets.emplace_back();
+    facet.labels = labels[n];
     std::ranges::transform(name, facet.vertices.begin(), [&](std::uint64_t id) {
       return static_cast<std::uint32_t>(std::ranges::lower_bound(result.vertices, id) -
                                         result.vertices.begin());

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/run/core_around.h"
+#include "engine/run/listed_cells.h"
 #include "engine/run/unresolved_sites.h"
 #include "engine/stages/split_leaves.h"
 
@@ -38,7 +39,7 @@ class VisitChanges {
     for (const Point& place : delta.left) have_others_look(place, size_at(place));
     state_.records().add_visit(leaf_, delta.stats);
     if (!delta.is_overfull) {
-      state_.records().put_cells(leaf_, {ids_of(delta.cells.vertices), delta.cells.cells});
+      state_.records().put_cells(leaf_, stored_cells(ids_of(delta.cells.vertices), delta.cells));
       state_.records().put_facets(leaf_, {ids_of(delta.facets.vertices), delta.facets.facets});
       change_others(delta.others_gone, delta.others_made);
       change_others(delta.others_facets_gone, delta.others_facets_made);

@@ -10,6 +10,7 @@
 #include "engine/ranks/rank_visits.h"
 #include "engine/run/core_around.h"
 #include "engine/run/leaf_distances.h"
+#include "engine/run/listed_cells.h"
 #include "engine/run/mend_leaf.h"
 #include "engine/stages/apply_visit.h"
 #include "engine/stages/stages.h"
@@ -30,10 +31,11 @@ std::optional<LastVisit> last_visit(const RunView& run, MortonKey leaf) {
   if (info.first_new_id == 0) return std::nullopt;
   LeafCells held = run.leaves().cells(leaf);
   LeafFacets facets = run.leaves().facets(leaf);
+  std::vector<Point> asked = std::move(held.asked);
   return LastVisit{info.first_new_id,
-                   {std::move(held.vertices), std::move(held.cells)},
+                   listed_cells(std::move(held)),
                    {std::move(facets.vertices), std::move(facets.facets)},
-                   std::move(held.asked)};
+                   std::move(asked)};
 }
 
 // In cover mode few points are added to those that cover the domain; in paper mode a leaf fills up

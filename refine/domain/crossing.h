@@ -10,8 +10,7 @@ namespace locvol {
 // The query points are moved by the infinitesimal (ε, ε², ε³), so there is no "touches".
 bool segment_crosses(const Point& a, const Point& b, const Triangle& triangle);
 
-// Of all triangles of the surface.
-inline DomainState change_across(const Triangle&) { return DomainState::in(kOnlyBody); }
+inline DomainState change_across(const Triangle& triangle) { return triangle.change; }
 inline SheetId sheet_of(const Triangle& triangle) { return triangle.sheet; }
 
 }  // namespace locvol

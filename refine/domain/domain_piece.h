@@ -57,8 +57,10 @@ struct DomainPiece {
   // Of all of its surface.
   double area() const {
     double area = 0;
-    for (const auto& [id, c, sheet] : triangles)
-      area += 0.5 * norm(cross(c[1] - c[0], c[2] - c[0]));
+    for (const Triangle& t : triangles) {
+      const auto& [a, b, c] = t.corners;
+      area += 0.5 * norm(cross(b - a, c - a));
+    }
     return area;
   }
   friend bool operator==(const DomainPiece&, const DomainPiece&) = default;

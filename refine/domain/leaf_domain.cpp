@@ -380,7 +380,28 @@ void LeafDomain::Impl::for_each_cell_along(Point a, Point b, Visit visit) const 
   }
 }
 
-LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop) : impl_(std::make_unique<Impl>()) {
+namespace {
+
+// If all parts of the surface change the state alike, there are two states.
+std::optional<BodyId> only_body_of(const DomainPiece& piece) {
+  DomainState other = piece.reference_state;
+  if (!piece.triangles.empty()) {
+    const DomainState change = change_across(piece.triangles.front());
+    if (!std::ranges::all_of(piece.triangles,
+                             [&](const Triangle& t) { return change_across(t) == change; }))
+      return std::nullopt;
+    other = other.crossed(change);
+  }
+  const BodyId here = piece.reference_state.body(), there = other.body();
+  if (here == kNoBody && there == kNoBody) return kOnlyBody;
+  if (here == there || here == kNoBody || there == kNoBody) return std::max(here, there);
+  return std::nullopt;
+}
+
+}  // namespace
+
+LeafDomain::LeafDomain(DomainPiece piece, const StopToken* stop)
+    : impl_(std::make_unique<Impl>()), only_body_(only_body_of(piece)) {
   impl_->triangles = std::move(piece.triangles);
   impl_->region = piece.region;
   impl_->is_whole = piece.is_whole;

@@ -95,6 +95,9 @@ class LeafDomain {
   double crease_floor() const;  // DomainPiece's
   // The sheet of all of the surface that is loaded; null if there are several, or none.
   std::optional<SheetId> only_sheet() const;
+  // The body that all of the domain which is loaded is of; null if there are several. Where none
+  // is, the only one.
+  std::optional<BodyId> only_body() const { return only_body_; }
 
   // ---- Of a place. Null: it lies out of the region, and the piece is not the whole domain.
   std::optional<DomainState> state(const Point& p) const { return locate(p).state; }
@@ -151,6 +154,7 @@ class LeafDomain {
 
   struct Impl;
   std::unique_ptr<Impl> impl_;
+  std::optional<BodyId> only_body_;  // asked for each cell
 };
 
 }  // namespace locvol

@@ -146,6 +146,37 @@ TEST_P(RandomParts, EachOwnVertexEndsInADisk) {
   EXPECT_TRUE(mend_boundary(mended).empty());
 }
 
+// Three bodies that fill all of it, torn as random parts are: each is mended as if it were alone.
+TEST(MendBoundary, OfSeveralBodiesEachIsMendedByItself) {
+  constexpr unsigned kSeed = 84;
+  shapes::Random random(kSeed);
+  std::vector<Point> points;
+  for (int n = 0; n < 300; ++n) points.push_back(shapes::uniform_in(random, shapes::kCube));
+  Delaunay delaunay;
+  ASSERT_TRUE(delaunay.build(points));
+  Cells cells;
+  for (Delaunay::Cell c = 0; c < delaunay.cell_bound(); ++c)
+    if (delaunay.is_cell(c) && !delaunay.is_infinite(c)) cells.push_back(delaunay.vertices(c));
+  MendInput input = input_of(cells);
+  std::map<BodyId, MendInput> alone;
+  std::map<BodyId, std::vector<std::uint32_t>> places;
+  for (std::uint32_t c = 0; c < cells.size(); ++c) {
+    const auto body = static_cast<BodyId>(1 + random() % 3);
+    input.bodies.push_back(body);
+    MendInput& own = alone[body];
+    own.num_own = input.num_own;
+    own.is_on_surface = input.is_on_surface;
+    own.cells.push_back(cells[c]);
+    places[body].push_back(c);
+  }
+  std::vector<std::uint32_t> expected;
+  for (const auto& [body, own] : alone)
+    for (const std::uint32_t c : mend_boundary(own)) expected.push_back(places[body][c]);
+  std::ranges::sort(expected);
+  EXPECT_FALSE(expected.empty());
+  EXPECT_EQ(mend_boundary(input), expected) << "seed " << kSeed;
+}
+
 INSTANTIATE_TEST_SUITE_P(OfTen, RandomParts, testing::Values(5, 7, 8, 9));
 
 }  // namespace

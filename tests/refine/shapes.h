@@ -164,7 +164,8 @@ inline Mesh nested_shells(double outer, double inner, int depth) {
 // Uniform random points of the surface, rounded.
 inline std::vector<Point> random_points_on(const Mesh& mesh, std::size_t num, Random& random) {
   std::vector<double> areas;
-  for (const auto& [id, c, sheet] : mesh) areas.push_back(norm(cross(c[1] - c[0], c[2] - c[0])));
+  for (const Triangle& t : mesh)
+    areas.push_back(norm(cross(t.corners[1] - t.corners[0], t.corners[2] - t.corners[0])));
   std::discrete_distribution<std::size_t> pick(areas.begin(), areas.end());
   std::vector<Point> points;
   for (std::size_t n = 0; n < num; ++n) {

@@ -39,6 +39,9 @@ inline RunRecord sample_run() {
   run.surface.volume = 1.0 / 3;
   run.surface.box = {{-1, -2, -3}, {4, 5, 6.5}};
   run.surface.notes = {"merged 3 vertices", ""};
+  run.parameters.has_bodies = true;
+  run.parameters.voids = {"Loch", ""};
+  run.surface.more_files = {"b.stl"};
   run.surface.facing = {1024, {{-107, 3, 0, 0, 1}, {-106, 700, 2, 0, 0}, {64, 0, 0, 5, 0}}};
   run.frame = Frame({-1.5, -2.5, -3.5}, 0x1p-17);
   run.phase = Phase::kRefine;
@@ -53,7 +56,7 @@ inline RunRecord sample_run() {
 
 inline LeafInfo sample_info() {
   LeafInfo info;
-  info.center = DomainState::in(kOnlyBody);
+  info.center = DomainState::in(1u << 31);
   info.num_visits = 2;
   info.num_points = 1000;
   info.num_cells = 4000;
@@ -81,13 +84,15 @@ inline LeafPoints sample_points() {
            {6, {0.1, 5e-324, -1}, PointKind::kVolume},
            {std::uint64_t{1} << 40, {1.0 / 3, 2, 3}, PointKind::kLattice},
            {std::uint64_t{1} << 41, {1.0 / 3, 2, 4}, PointKind::kInserted}},
-          {.is_whole = false, .rows = {{{-3, 5, -7}, 4}, {{-3, 5, 9}, 1}, {{0, -2, 0}, 300}}}};
+          {.is_whole = false,
+           .rows = {{{-3, 5, -7}, 4}, {{-3, 5, 9}, 1, 2}, {{0, -2, 0}, 300, 1u << 31}}}};
 }
 
 inline LeafCells sample_cells() {
   return {{3, 8, 9, std::uint64_t{1} << 63, ~std::uint64_t{0}},
           {{{0, 1, 2, 3}}, {{4, 2, 1, 3}}},
-          {{0.5, -0.0, 3}}};
+          {{0.5, -0.0, 3}},
+          {1u << 31, 2}};
 }
 
 inline LeafFacets sample_facets() {
@@ -97,16 +102,19 @@ inline LeafFacets sample_facets() {
 
 inline LeafSurface sample_surface() {
   const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
-  return {{{2, {a, b, c}}, {3, {b, d, c}, 7}, {90, {a, a, d}, 1u << 31}},
+  return {{{2, {a, b, c}},
+           {3, {b, d, c}, 7, DomainState::between(2, 1)},
+           {90, {a, a, d}, 1u << 31, DomainState::in(1u << 31)}},
           {{{a, c}, {true, false}, {1, 7}, 3}, {{c, b}, {false, false}, {2, 2}, 1u << 31}},
           {{a, 4}, {d, 1u << 31}}};
 }
 
 inline SurfaceSheets sample_sheets() {
-  return {{{"Einlaß", "Einlaß", 0, 12, 1.0 / 3, {1, 2, 3}, {{0, 0, -1}, {1, 1, 9}}},
+  return {{{"Einlaß", "Einlaß", 0, 12, 1.0 / 3, {1, 2, 3}, {{0, 0, -1}, {1, 1, 9}}, {2, 1}},
            {"sheet 2", "", 7, 1, 1e-9, {0, -0.0, 3}, {{}, {}}}},
           {{4, 1.5, {1, 3}, {1, 2}}, {1, -0.0, {}, {2, 1u << 31}}},
-          3};
+          3,
+          {{"Gehäuse", 12, 2, 1.0 / 3, 0}, {"", 1, 1, -0.0, 1}}};
 }
 
 inline LeafUnresolved sample_unresolved() {
@@ -192,7 +200,7 @@ class Generator {
 
   LeafInfo info() {
     LeafInfo info;
-    info.center = DomainState::in(integer(2) != 0 ? kOnlyBody : kNoBody);
+    info.center = DomainState::in(static_cast<BodyId>(integer(3)));
     info.num_visits = static_cast<std::uint32_t>(bits());
     info.num_points = bits();
     info.num_cells = bits();
@@ -271,11 +279,14 @@ class Generator {
 
   // What a codec may meet: the rows need not be those of any leaf.
   LatticeCore core(std::size_t num_rows) {
-    if (integer(8) == 0) return {.is_whole = true, .rows = {}};
+    const bool has_bodies = integer(2) == 0;
+    const auto body = [&] { return has_bodies ? static_cast<BodyId>(1 + integer(3)) : kOnlyBody; };
+    if (integer(8) == 0) return {.is_whole = true, .rows = {}, .body = body()};
     LatticeCore core;
     const auto index = [this] { return static_cast<std::int32_t>(bits()); };
     for (std::size_t n = 0; n < num_rows; ++n)
-      core.rows.push_back({{index(), index(), index()}, static_cast<std::uint32_t>(bits())});
+      core.rows.push_back(
+          {{index(), index(), index()}, static_cast<std::uint32_t>(bits()), body()});
     return core;
   }
 
@@ -287,6 +298,9 @@ class Generator {
     for (std::size_t i = 0; i < count; ++i)
       record.cells.push_back({vertex(), vertex(), vertex(), vertex()});
     for (std::size_t i = 0; i < integer(3); ++i) record.asked.push_back(point());
+    if (integer(2) == 0)
+      for (std::size_t i = 0; i < count; ++i)
+        record.bodies.push_back(static_cast<BodyId>(1 + integer(3)));
     return record;
   }
 
@@ -305,7 +319,10 @@ class Generator {
     LeafSurface record;
     std::uint64_t id = 0;
     for (std::size_t i = 0; i < count; ++i)
-      record.triangles.push_back({id += 1 + integer(5), {corner(), corner(), corner()}});
+      record.triangles.push_back({id += 1 + integer(5),
+                                  {corner(), corner(), corner()},
+                                  1,
+                                  DomainState::in(static_cast<BodyId>(1 + integer(2)))});
     for (std::size_t i = 0; i < count / 3; ++i) {
       const Point a = corner(), b = corner();
       const std::uint32_t crease = 1 + static_cast<std::uint32_t>(integer(count));

@@ -21,6 +21,8 @@ inline void change(std::vector<SizeShape>& shapes) {
   shapes.push_back({.kind = ShapeKind::kBall, .size = 0.01, .a = {}, .b = {}, .radius = 1});
 }
 
+inline void change(bool& value) { value = !value; }
+inline void change(std::vector<std::string>& names) { names.push_back("hole"); }
 inline void change(std::vector<SheetSize>& sheets) { sheets.push_back({"inlet", 0.01}); }
 
 // Calls visit(option, changed) for each.

@@ -150,7 +150,7 @@ TEST_F(CoreOfARun, AroundALeafIsThatOfItsNeighbors) {
     num_in += expected.size();
 
     std::set<LatticeSite> listed;
-    for (const auto& [first, count] : rows.rows)
+    for (const auto& [first, count, body] : rows.rows)
       for (std::int32_t n = 0; n < static_cast<std::int32_t>(count); ++n)
         EXPECT_TRUE(listed.insert(first + LatticeSite{0, 0, 2 * n}).second) << "each site once";
     EXPECT_EQ(listed, expected);

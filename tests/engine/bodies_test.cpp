@@ -1,0 +1,400 @@
+// Whole runs of several bodies: what lies in what, their volumes, and what lies between them.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "engine/audit/audit.h"
+#include "engine/engine.h"
+#include "engine/exchange/thread_ranks.h"
+#include "engine/formats/writer.h"
+#include "engine/inspect/mesh_statistics.h"
+#include "engine/output/mesh_source.h"
+#include "engine/rank_engine.h"
+#include "engine/ranks/move_leaves.h"
+#include "engine/ranks/rank_store.h"
+#include "engine/shared/input_error.h"
+#include "tests/engine/closed_shapes.h"
+#include "tests/engine/store_contents.h"
+#include "tests/file_bytes.h"
+#include "tests/stops_at.h"
+#include "tests/temp_dir.h"
+
+namespace locvol {
+namespace {
+
+using testing_shapes::Shape;
+using testing_shapes::sphere;
+
+constexpr double kPi = std::numbers::pi;
+
+Shape box(const Point& low, const Point& high) {
+  Shape shape;
+  for (int k = 0; k < 8; ++k)
+    shape.vertices.push_back(
+        {k & 1 ? high.x : low.x, k & 2 ? high.y : low.y, k & 4 ? high.z : low.z});
+  shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                     {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  return shape;
+}
+
+Shape moved(Shape shape, const Point& by) {
+  for (Point& p : shape.vertices) p = p + by;
+  return shape;
+}
+
+// What a mesh with facets in balls of this size may cut off a sphere, or add around it: two thirds
+// of it, at most, over the square of the radius.
+double rounding(double radius, double size) { return 0.65 * 4 / 3 * kPi * size * size * radius; }
+constexpr double kPlane = 1e-6;  // the lattice core's volume is a formula's
+
+double volume_of(const Shape& shape) {
+  double six = 0;
+  for (const auto& [a, b, c] : shape.triangles)
+    six += dot(shape.vertices[a], cross(shape.vertices[b], shape.vertices[c]));
+  return six / 6;
+}
+
+class Bodies : public testing::Test {
+ protected:
+  std::filesystem::path off(const std::string& name, const Shape& shape) {
+    const std::filesystem::path file = dir_ / (name + ".off");
+    std::ofstream out(file);
+    out.precision(17);
+    out << "OFF\n" << shape.vertices.size() << ' ' << shape.triangles.size() << " 0\n";
+    for (const Point& p : shape.vertices) out << p.x << ' ' << p.y << ' ' << p.z << '\n';
+    for (const auto& [a, b, c] : shape.triangles) out << "3 " << a << ' ' << b << ' ' << c << '\n';
+    return file;
+  }
+
+  // One file, with a group of each name; of an empty name, none begins.
+  std::filesystem::path obj(const std::string& name,
+                            const std::vector<std::pair<std::string, Shape>>& shapes) {
+    const std::filesystem::path file = dir_ / (name + ".obj");
+    std::ofstream out(file);
+    out.precision(17);
+    std::size_t first = 1;
+    for (const auto& [group, shape] : shapes) {
+      if (!group.empty()) out << "g " << group << '\n';
+      for (const Point& p : shape.vertices) out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
+      for (const auto& [a, b, c] : shape.triangles)
+        out << "f " << first + a << ' ' << first + b << ' ' << first + c << '\n';
+      first += shape.vertices.size();
+    }
+    return file;
+  }
+
+  MeshOptions options(const std::vector<std::filesystem::path>& files, double size) {
+    MeshOptions options;
+    options.input = files.front();
+    options.more_inputs.assign(files.begin() + 1, files.end());
+    options.size = {size, false};
+    options.leaf_capacity = 400;
+    return options;
+  }
+
+  Contents meshed(MeshOptions options, const std::string& name, int num_threads = 1) {
+    options.store = dir_ / name;
+    RunControl control;
+    control.num_threads = num_threads;
+    mesh(options, control);
+    return contents_of(options.store);
+  }
+
+  // The audit finds nothing, volumes are those that are expected, and what lies between two bodies
+  // is there once. Returns how many facets each pair of bodies has.
+  std::map<std::pair<BodyId, BodyId>, std::uint64_t> check(const std::string& name,
+                                                           const std::vector<double>& volumes,
+                                                           const std::vector<double>& tolerances) {
+    const Store store = Store::open(dir_ / name, {.read_only = true});
+    const AuditReport report = audit(store);
+    EXPECT_TRUE(report.is_valid());
+    for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
+    EXPECT_EQ(report.num_poor_cells, 0U);
+    EXPECT_EQ(report.num_components, report.surface_num_components);
+    EXPECT_EQ(report.euler_characteristic, report.surface_euler_characteristic);
+    const MeshStatistics statistics = mesh_statistics(store);
+    EXPECT_EQ(statistics.bodies.size(), volumes.size());
+    std::uint64_t num_cells = 0;
+    for (std::size_t b = 0; b < statistics.bodies.size(); ++b) {
+      EXPECT_NEAR(statistics.bodies[b].volume, volumes[b], tolerances[b]) << b;
+      EXPECT_NEAR(report.body_volumes.at(b), statistics.bodies[b].volume, kPlane * volumes[b]);
+      EXPECT_NEAR(report.surface_body_volumes.at(b), volumes[b], 1e-9 * volumes[b]);
+      num_cells += statistics.bodies[b].num_cells;
+    }
+    EXPECT_EQ(num_cells, statistics.num_cells);
+
+    MeshSource source(store, dir_ / "mesh", 1);
+    std::map<std::array<std::int64_t, 3>, std::vector<BodyId>> sides;
+    std::vector<std::uint64_t> num_of_body(volumes.size());
+    source.for_each_piece(
+        {.has_cells = true}, [](const MeshPiece& piece) { return piece; },
+        [&](const MeshPiece& piece) {
+          ASSERT_EQ(piece.bodies.size(), piece.cells.size());
+          for (std::size_t i = 0; i < piece.cells.size(); ++i) {
+            ++num_of_body.at(piece.bodies[i] - 1);
+            for (std::size_t k = 0; k < 4; ++k) {
+              std::array<std::int64_t, 3> facet{};
+              for (std::size_t j = 0, n = 0; j < 4; ++j)
+                if (j != k) facet[n++] = piece.cells[i][j];
+              std::ranges::sort(facet);
+              sides[facet].push_back(piece.bodies[i]);
+            }
+          }
+        });
+    for (std::size_t b = 0; b < num_of_body.size(); ++b)
+      EXPECT_EQ(num_of_body[b], statistics.bodies.at(b).num_cells);
+    std::map<std::pair<BodyId, BodyId>, std::uint64_t> expected, found;
+    for (auto& [facet, bodies] : sides) {
+      if (bodies.size() == 1) bodies.push_back(kNoBody);
+      EXPECT_EQ(bodies.size(), 2U);
+      if (bodies[0] != bodies[1])
+        ++expected[{std::max(bodies[0], bodies[1]), std::min(bodies[0], bodies[1])}];
+    }
+    const auto facets = source.boundary().facets({});
+    while (const auto some = facets())
+      for (const BoundaryFacet& facet : some->facets)
+        ++found[{facet.labels.behind, facet.labels.before}];
+    EXPECT_EQ(found, expected);
+    return found;
+  }
+
+  std::string refusal_of(const MeshOptions& options) {
+    try {
+      meshed(options, "refused");
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "none";
+  }
+
+  TempDir dir_;
+};
+
+TEST_F(Bodies, ASphereInASphereHasTwo) {
+  const Shape outer = sphere(1, 30, 60), inner = sphere(0.5, 20, 40);
+  const MeshOptions options = this->options({off("shell", outer), off("core", inner)}, 0.15);
+  const Contents contents = meshed(options, "run");
+  ASSERT_EQ(contents.sheets.bodies.size(), 2U);
+  EXPECT_EQ(contents.sheets.bodies[0].name, "shell");
+  EXPECT_EQ(contents.sheets.bodies[1].name, "core");
+  EXPECT_EQ(contents.sheets.bodies[0].around, kNoBody);
+  EXPECT_EQ(contents.sheets.bodies[1].around, 1U);
+  const auto facets = check("run", {volume_of(outer) - volume_of(inner), volume_of(inner)},
+                            {rounding(1, 0.15), rounding(0.5, 0.15)});
+  EXPECT_EQ(facets.size(), 2U);
+  EXPECT_TRUE(facets.contains({1, 0}) && facets.contains({2, 1}));
+  EXPECT_TRUE(are_equal(contents, meshed(options, "threads", 3)));
+}
+
+TEST_F(Bodies, TheOrderOfTheFilesDecidesNoThingButNumbers) {
+  const Shape outer = sphere(1, 20, 40), inner = sphere(0.5, 12, 24);
+  const MeshOptions options = this->options({off("core", inner), off("shell", outer)}, 0.2);
+  meshed(options, "run");
+  const auto facets = check("run", {volume_of(inner), volume_of(outer) - volume_of(inner)},
+                            {rounding(0.5, 0.2), rounding(1, 0.2)});
+  EXPECT_TRUE(facets.contains({2, 0}) && facets.contains({2, 1}));
+}
+
+TEST_F(Bodies, ASphereInABoxKeepsTheBoxExactly) {
+  const Shape outer = box({-1, -1, -1}, {1, 1, 1}), inner = sphere(0.6, 20, 40);
+  const MeshOptions options = this->options({off("box", outer), off("ball", inner)}, 0.2);
+  meshed(options, "run");
+  check("run", {volume_of(outer) - volume_of(inner), volume_of(inner)},
+        {rounding(0.6, 0.2), rounding(0.6, 0.2)});
+  const AuditReport report = audit(Store::open(dir_ / "run", {.read_only = true}));
+  EXPECT_NEAR(report.volume, 8, 1e-9);
+}
+
+TEST_F(Bodies, ABoxInABoxIsExact) {
+  const Shape outer = box({-1, -1, -1}, {1, 1, 1}),
+              inner = box({-0.5, -0.4, -0.3}, {0.3, 0.4, 0.5});
+  const MeshOptions options = this->options({off("outer", outer), off("inner", inner)}, 0.2);
+  meshed(options, "run");
+  check("run", {volume_of(outer) - volume_of(inner), volume_of(inner)}, {kPlane, kPlane});
+}
+
+TEST_F(Bodies, ThreeInEachOther) {
+  const Shape a = sphere(1, 20, 40), b = sphere(0.7, 16, 32), c = sphere(0.35, 12, 24);
+  MeshOptions options = this->options({obj("three", {{"", a}, {"", b}, {"", c}})}, 0.14);
+  options.has_bodies = true;
+  const Contents contents = meshed(options, "run");
+  ASSERT_EQ(contents.sheets.bodies.size(), 3U);
+  EXPECT_EQ(contents.sheets.bodies[2].around, 2U);
+  const auto facets =
+      check("run", {volume_of(a) - volume_of(b), volume_of(b) - volume_of(c), volume_of(c)},
+            {rounding(1, 0.14), rounding(0.7, 0.14), rounding(0.35, 0.14)});
+  EXPECT_EQ(facets.size(), 3U);
+}
+
+TEST_F(Bodies, SideBySide) {
+  const Shape a = sphere(1, 16, 32), b = moved(sphere(0.8, 16, 32), {2.2, 0, 0});
+  const MeshOptions options = this->options({off("left", a), off("right", b)}, 0.2);
+  meshed(options, "run");
+  const auto facets =
+      check("run", {volume_of(a), volume_of(b)}, {rounding(1, 0.2), rounding(0.8, 0.2)});
+  EXPECT_TRUE(facets.contains({1, 0}) && facets.contains({2, 0}));
+}
+
+TEST_F(Bodies, AVoidIsACavityOfWhatItLiesIn) {
+  const Shape outer = sphere(1, 20, 40), inner = sphere(0.5, 12, 24);
+  MeshOptions options = this->options({off("shell", outer), off("hole", inner)}, 0.2);
+  options.voids = {"hole"};
+  const Contents contents = meshed(options, "void");
+  ASSERT_EQ(contents.sheets.bodies.size(), 1U);
+  EXPECT_EQ(contents.sheets.bodies[0].name, "shell");
+  // As the cavity that it is in one file.
+  MeshOptions one = this->options({obj("one", {{"", outer}, {"", inner}})}, 0.2);
+  const Contents cavity = meshed(one, "cavity");
+  ASSERT_EQ(contents.leaves.size(), cavity.leaves.size());
+  for (auto a = contents.leaves.begin(), b = cavity.leaves.begin(); b != cavity.leaves.end();
+       ++a, ++b)
+    EXPECT_TRUE(a->second.cells == b->second.cells);
+}
+
+TEST_F(Bodies, GroupsThatAreClosedByThemselvesAreBodiesOnRequest) {
+  const Shape outer = box({-1, -1, -1}, {1, 1, 1}), inner = sphere(0.5, 12, 24);
+  MeshOptions options = this->options({obj("both", {{"case", outer}, {"ball", inner}})}, 0.2);
+  const Contents cavity = meshed(options, "cavity");
+  EXPECT_TRUE(cavity.sheets.bodies.empty());
+  options.has_bodies = true;
+  const Contents contents = meshed(options, "run");
+  ASSERT_EQ(contents.sheets.bodies.size(), 2U);
+  EXPECT_EQ(contents.sheets.bodies[0].name, "case");
+  EXPECT_EQ(contents.sheets.bodies[1].name, "ball");
+  check("run", {8 - volume_of(inner), volume_of(inner)}, {rounding(0.5, 0.2), rounding(0.5, 0.2)});
+}
+
+TEST_F(Bodies, FilesThatAreClosedTogetherAloneAreSheetsOfOne) {
+  Shape lid = box({0, 0, 0}, {1, 1, 1}), rest = lid;
+  lid.triangles.erase(lid.triangles.begin() + 2, lid.triangles.end());
+  rest.triangles.erase(rest.triangles.begin(), rest.triangles.begin() + 2);
+  const MeshOptions options =
+      this->options({off("lid", lid), off("rest", rest),
+                     off("ball", moved(sphere(0.2, 10, 20), {0.5, 0.5, 0.5}))},
+                    0.15);
+  const Contents contents = meshed(options, "run");
+  ASSERT_EQ(contents.sheets.bodies.size(), 2U);
+  EXPECT_EQ(contents.sheets.bodies[0].name, "lid+rest");
+  EXPECT_EQ(contents.sheets.sheets.front().name, "lid");
+}
+
+TEST_F(Bodies, AnEmptyCavityMayHoldABody) {
+  const Shape outer = sphere(1, 20, 40), hole = sphere(0.7, 16, 32), inner = sphere(0.35, 10, 20);
+  const MeshOptions options =
+      this->options({obj("case", {{"", outer}, {"", hole}}), off("ball", inner)}, 0.18);
+  const Contents contents = meshed(options, "run");
+  ASSERT_EQ(contents.sheets.bodies.size(), 2U);
+  EXPECT_EQ(contents.sheets.bodies[0].num_shells, 2U);
+  const auto facets = check("run", {volume_of(outer) - volume_of(hole), volume_of(inner)},
+                            {rounding(1, 0.18), rounding(0.35, 0.18)});
+  EXPECT_FALSE(facets.contains({2, 1}));
+}
+
+TEST_F(Bodies, GrowAwayFromWhatLiesBetweenThem) {
+  const Shape outer = sphere(1, 30, 60), inner = sphere(0.5, 20, 40);
+  MeshOptions options = this->options({off("shell", outer), off("core", inner)}, 0.1);
+  options.growth = 0.2;
+  const Contents contents = meshed(options, "run");
+  check("run", {volume_of(outer) - volume_of(inner), volume_of(inner)},
+        {rounding(1, 0.1), rounding(0.5, 0.1)});
+  options.growth = 0;
+  EXPECT_LT(contents.run.counts.num_cells, meshed(options, "uniform").run.counts.num_cells);
+}
+
+// With cores of the lattice in two bodies, in leaves that both lie in.
+TEST_F(Bodies, HaveLatticeCoresOfTheirOwn) {
+  const Shape outer = box({-1, -1, -1}, {1, 1, 1}),
+              inner = box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  MeshOptions options = this->options({off("outer", outer), off("inner", inner)}, 0.06);
+  options.leaf_capacity = 30'000;
+  const Contents contents = meshed(options, "run", 2);
+  std::set<BodyId> of_core;
+  for (const auto& [key, leaf] : contents.leaves) {
+    if (leaf.points.core.is_whole) of_core.insert(leaf.points.core.body);
+    for (const LatticeRow& row : leaf.points.core.rows) of_core.insert(row.body);
+  }
+  EXPECT_EQ(of_core, (std::set<BodyId>{1, 2}));
+  check("run", {7, 1}, {kPlane, kPlane});
+}
+
+TEST_F(Bodies, GoOnAfterInterruptionsToTheSameRecords) {
+  const MeshOptions options =
+      this->options({off("shell", sphere(1, 16, 32)), off("core", sphere(0.5, 12, 24))}, 0.2);
+  const Contents expected = meshed(options, "whole");
+  MeshOptions again = options;
+  again.store = dir_ / "again";
+  int num_stops = 0;
+  for (std::uint64_t last = 3;; last += 7) {
+    StopsAt stops(last);
+    RunControl control;
+    control.num_threads = 1;
+    control.is_stopped = [&] { return stops.is_stopped(); };
+    if (mesh(again, control).outcome != RunOutcome::kInterrupted) break;
+    ASSERT_LT(++num_stops, 1000);
+    if (num_stops % 2 == 0) {  // from the store alone
+      StopsAt more(last);
+      control.is_stopped = [&] { return more.is_stopped(); };
+      if (resume(again.store, control).outcome != RunOutcome::kInterrupted) break;
+    }
+  }
+  EXPECT_GT(num_stops, 1);
+  EXPECT_TRUE(are_equal(expected, contents_of(again.store)));
+}
+
+TEST_F(Bodies, OfSeveralRanksAreThoseOfOneProcess) {
+  const MeshOptions options = this->options(
+      {off("outer", box({-1, -1, -1}, {1, 1, 1})), off("core", sphere(0.6, 16, 32))}, 0.2);
+  const Contents expected = meshed(options, "one");
+  run_as_ranks(3, [&](Exchange& exchange) {
+    MeshOptions all = options;
+    all.store = dir_ / "ranks-%r";
+    RunControl control;
+    control.num_threads = 1;
+    mesh_as_rank(all, control, exchange);
+    std::optional<Store> whole;
+    if (exchange.rank() == 0) whole = Store::open(dir_ / "joined", {.create = true});
+    const Store own = Store::open(store_of_rank(all.store, exchange.rank()), {.read_only = true});
+    join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
+  });
+  EXPECT_TRUE(are_equal(expected, contents_of(dir_ / "joined")));
+}
+
+TEST_F(Bodies, OddInputIsRefused) {
+  const auto a = off("a", sphere(1, 10, 20)), b = off("b", moved(sphere(1, 10, 20), {0.7, 0, 0})),
+             c = off("c", sphere(0.5, 10, 20));
+  EXPECT_NE(refusal_of(options({a, a}, 0.2)).find("given twice"), std::string::npos);
+  EXPECT_NE(refusal_of(options({a, off("copy", sphere(1, 10, 20))}, 0.2)).find("copy.off"),
+            std::string::npos);
+  EXPECT_NE(refusal_of(options({a, b}, 0.2)).find("not touch or overlap"), std::string::npos);
+  MeshOptions unknown = options({a, c}, 0.2);
+  unknown.voids = {"d"};
+  EXPECT_NE(refusal_of(unknown).find("no body that is called d"), std::string::npos);
+  unknown.voids = {"a", "c"};
+  EXPECT_NE(refusal_of(unknown).find("all void"), std::string::npos);
+  unknown.voids = {"a"};  // what lies around c is nothing, and so is what lies outside of a
+  EXPECT_NE(refusal_of(unknown).find("bounds nothing"), std::string::npos);
+  Shape open = sphere(0.4, 10, 20);
+  open.triangles.pop_back();
+  EXPECT_NE(refusal_of(options({a, off("open", open)}, 0.2)).find("not closed"), std::string::npos);
+  MeshOptions alone = options({a}, 0.2);
+  alone.voids = {"a"};
+  EXPECT_NE(refusal_of(alone).find("--void"), std::string::npos);
+  MeshOptions both = options({a, c}, 0.2);
+  both.has_bodies = true;
+  EXPECT_NE(refusal_of(both).find("leave --bodies out"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace locvol
