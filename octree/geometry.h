@@ -21,19 +21,30 @@ struct Point {
   friend bool operator==(const Point&, const Point&) = default;
 };
 
-inline Point operator+(const Point& a, const Point& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Point operator-(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Point operator*(double s, const Point& a) { return {s * a.x, s * a.y, s * a.z}; }
-inline double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Point cross(const Point& a, const Point& b) {
+// What follows is small and in every loop: GCC would leave some of it out of line in large units.
+[[gnu::always_inline]] inline Point operator+(const Point& a, const Point& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+[[gnu::always_inline]] inline Point operator-(const Point& a, const Point& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+[[gnu::always_inline]] inline Point operator*(double s, const Point& a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
+[[gnu::always_inline]] inline double dot(const Point& a, const Point& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+[[gnu::always_inline]] inline Point cross(const Point& a, const Point& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline double norm(const Point& a) { return std::sqrt(dot(a, a)); }
+[[gnu::always_inline]] inline double norm(const Point& a) { return std::sqrt(dot(a, a)); }
 // The largest coordinate, in absolute value. (Of a list, std::max takes branches.)
-inline double max_norm(const Point& a) {
+[[gnu::always_inline]] inline double max_norm(const Point& a) {
   return std::max(std::max(std::abs(a.x), std::abs(a.y)), std::abs(a.z));
 }
-inline double squared_distance(const Point& a, const Point& b) { return dot(a - b, a - b); }
+[[gnu::always_inline]] inline double squared_distance(const Point& a, const Point& b) {
+  return dot(a - b, a - b);
+}
 
 // A closed axis-parallel box. Distances are Euclidean, 0 where the two meet. Without branches,
 // which nobody could foretell: whole loops ask little else.
@@ -56,20 +67,20 @@ struct Box {
   Point center() const {
     return {0.5 * (min.x + max.x), 0.5 * (min.y + max.y), 0.5 * (min.z + max.z)};
   }
-  bool contains(const Point& p) const {
+  [[gnu::always_inline]] bool contains(const Point& p) const {
     return (min.x <= p.x) & (p.x <= max.x) & (min.y <= p.y) & (p.y <= max.y) & (min.z <= p.z) &
            (p.z <= max.z);
   }
-  bool overlaps(const Box& b) const {
+  [[gnu::always_inline]] bool overlaps(const Box& b) const {
     return (min.x <= b.max.x) & (b.min.x <= max.x) & (min.y <= b.max.y) & (b.min.y <= max.y) &
            (min.z <= b.max.z) & (b.min.z <= max.z);
   }
-  double squared_distance(const Point& p) const {
+  [[gnu::always_inline]] double squared_distance(const Point& p) const {
     const double dx = gap(min.x - p.x, p.x - max.x), dy = gap(min.y - p.y, p.y - max.y),
                  dz = gap(min.z - p.z, p.z - max.z);
     return dx * dx + dy * dy + dz * dz;
   }
-  double squared_distance(const Box& b) const {
+  [[gnu::always_inline]] double squared_distance(const Box& b) const {
     const double dx = gap(min.x - b.max.x, b.min.x - max.x),
                  dy = gap(min.y - b.max.y, b.min.y - max.y),
                  dz = gap(min.z - b.max.z, b.min.z - max.z);
@@ -90,14 +101,14 @@ struct Box {
  private:
   // How far something lies beyond the box on one axis: below it, or above it. max(.., 0) takes a
   // branch.
-  static double gap(double below, double above) {
+  [[gnu::always_inline]] static double gap(double below, double above) {
     const double larger = std::max(below, above);
     return 0.5 * (larger + std::abs(larger));
   }
 };
 
 // Tells whether p is in a leaf's half-open box.
-inline bool is_in_leaf(const Box& box, const Point& p) {
+[[gnu::always_inline]] inline bool is_in_leaf(const Box& box, const Point& p) {
   return (box.min.x <= p.x) & (p.x < box.max.x) & (box.min.y <= p.y) & (p.y < box.max.y) &
          (box.min.z <= p.z) & (p.z < box.max.z);
 }

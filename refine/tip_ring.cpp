@@ -13,7 +13,7 @@ namespace {
 // The mean of the normals there, by angle; of unit length, or 0.
 Point axis_at(const Point& tip, const std::vector<Triangle>& triangles) {
   Point sum;
-  for (const auto& [id, corners, sheet] : triangles)
+  for (const auto& [id, corners, sheet, change] : triangles)
     for (std::size_t i = 0; i < 3; ++i) {
       if (corners[i] != tip) continue;
       const Point a = corners[(i + 1) % 3] - tip, b = corners[(i + 2) % 3] - tip,
