@@ -252,12 +252,11 @@ void add_surfaces(CLI::App& app, std::filesystem::path& first,
   const auto take = [&first, &others](const std::vector<std::string>& files) {
     first = files.front();
     others.assign(files.begin() + 1, files.end());
-    return true;
   };
-  app.add_option("SURFACE", take, std::string(kSurfaceHelp) + "; of several, each is a body")
+  app.add_option_function<std::vector<std::string>>(
+         "SURFACE", take, std::string(kSurfaceHelp) + "; of several, each is a body")
       ->type_name("")
-      ->required()
-      ->expected(-1);
+      ->required();
 }
 
 CLI::Option* add_leaf(CLI::App& app, std::optional<LeafSpec>& leaf,

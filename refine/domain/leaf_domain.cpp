@@ -614,28 +614,35 @@ std::vector<Point> LeafDomain::vertices() const {
   return all;
 }
 
-// By the normals of what is near, against that of what is nearest.
+// By the normals of what is near, against that of what is nearest. Shells of two bodies that lie in
+// each other face each other, too, though both face the same way.
 bool LeafDomain::is_fold(const Point& p, double distance) const {
   constexpr double kCosineOfFold = -0.5;  // parts at less than 60° face each other
   std::vector<Triangle> near;
   triangles_near(p, distance, near);
-  std::vector<Point> normals;
+  struct Facing {
+    Point normal;
+    DomainState change;
+  };
+  std::vector<Facing> all;
   double nearest = distance * distance;
-  Point normal;
+  Facing here;
   for (const Triangle& t : near) {
     const double squared = squared_distance(t, p);
     const auto& [a, b, c] = t.corners;
     const Point area = cross(b - a, c - a);
     const double length = norm(area);
     if (!(squared < distance * distance && length > 0)) continue;
-    normals.push_back((1 / length) * area);
+    all.push_back({(1 / length) * area, change_across(t)});
     if (squared < nearest) {
       nearest = squared;
-      normal = normals.back();
+      here = all.back();
     }
   }
-  return std::ranges::any_of(
-      normals, [&](const Point& other) { return dot(normal, other) < kCosineOfFold; });
+  return std::ranges::any_of(all, [&](const Facing& other) {
+    const double cosine = dot(here.normal, other.normal);
+    return cosine < kCosineOfFold || (other.change != here.change && cosine > -kCosineOfFold);
+  });
 }
 
 }  // namespace locvol

@@ -154,9 +154,9 @@ constexpr std::size_t kVersionAt = 9, kFieldsAt = 13;  // in the content, see co
 
 TEST(Codec, RefusesOtherVersions) {
   std::string content = content_of(encode(sample_points(), sample_leaf()));
-  EXPECT_EQ(content[kVersionAt], 0);
-  content[kVersionAt] = 1;
-  expect_error_about<LeafPoints>(frame_of(content), "version 1");
+  EXPECT_EQ(content[kVersionAt], 1);
+  content[kVersionAt] = 2;
+  expect_error_about<LeafPoints>(frame_of(content), "version 2");
 }
 
 TEST(Codec, RefusesLiesAboutLengthsBeforeItAllocates) {
@@ -199,15 +199,16 @@ TEST(Codec, RefusesValuesOutOfRange) {
   LeafPoints without_core = sample_points();
   without_core.core = {};
   std::string points = content_of(encode(without_core, sample_leaf()));
-  constexpr std::size_t kBytesOfEmptyCore = 1 + sizeof(std::uint64_t);
+  constexpr std::size_t kBytesOfEmptyCore = 1 + sizeof(std::uint64_t) + 1;
   // The kind of the last point.
   points[points.size() - kBytesOfEmptyCore - 1] = static_cast<char>(kNumPointKinds);
   expect_error_about<LeafPoints>(frame_of(points), "means nothing");
   LeafCells not_asked = sample_cells();
   not_asked.asked.clear();
+  not_asked.bodies.clear();
   std::string cells = content_of(encode(not_asked, sample_leaf()));
-  constexpr std::size_t kBytesOfNoneAsked = sizeof(std::uint64_t);
-  cells[cells.size() - kBytesOfNoneAsked - 1] = 1;  // the highest byte of the last corner
+  constexpr std::size_t kBytesOfTwoEmptyLists = 2 * sizeof(std::uint64_t);
+  cells[cells.size() - kBytesOfTwoEmptyLists - 1] = 1;  // the highest byte of the last corner
   expect_error_about<LeafCells>(frame_of(cells), "unknown vertices");
   LeafFacets unknown = sample_facets();
   unknown.facets.back().vertices[2] = 5;
@@ -215,9 +216,12 @@ TEST(Codec, RefusesValuesOutOfRange) {
   LeafSurface without_creases = sample_surface();
   without_creases.creases.clear();
   without_creases.corners.clear();
+  for (Triangle& triangle : without_creases.triangles)
+    triangle.change = DomainState::in(kOnlyBody);
   std::string surface = content_of(encode(without_creases, sample_leaf()));
   const std::size_t bytes_of_sheets = 8 + 4 * without_creases.triangles.size();
-  surface[surface.size() - 1 - bytes_of_sheets - 1] = 1;
+  constexpr std::size_t kNoCreasesAndOneBody = 2;
+  surface[surface.size() - kNoCreasesAndOneBody - bytes_of_sheets - 1] = 1;
   expect_error_about<LeafSurface>(frame_of(surface), "unknown corners");
   LeafSurface bad_creases = sample_surface();
   std::swap(bad_creases.creases[0], bad_creases.creases[1]);

@@ -25,13 +25,13 @@ struct Sheeted {
   std::vector<std::string> notes;
 };
 
-struct Trial {
+struct SheetTrial {
   double sharp_angle = 40, least_area = 0;
   std::uint64_t bucket_capacity = kBucketCapacity;
   int num_threads = 1;
 };
 
-Sheeted sheets_in(const std::filesystem::path& file, const Trial& trial = {}) {
+Sheeted sheets_in(const std::filesystem::path& file, const SheetTrial& trial = {}) {
   IngestWatch watch;
   Workers workers(trial.num_threads);
   RawSurface raw = read_surface(file, std::filesystem::temp_directory_path(), watch);
@@ -190,9 +190,9 @@ TEST(SurfaceSheets, AreTheSameForAnyCellsAndThreadsAndThoseOfAFloodFill) {
     ASSERT_EQ(found.triangles.size(), shape.faces.size());
     EXPECT_EQ(found.of_triangles, flooded(found.triangles, groups, angle)) << trial;
     for (const std::uint64_t capacity : {12, 100, 1000}) {
-      const Trial cut{.sharp_angle = angle,
-                      .bucket_capacity = capacity,
-                      .num_threads = capacity == 100 ? 3 : 1};
+      const SheetTrial cut{.sharp_angle = angle,
+                           .bucket_capacity = capacity,
+                           .num_threads = capacity == 100 ? 3 : 1};
       const Sheeted other = sheets_in(file, cut);
       EXPECT_EQ(other.sheets, found.sheets) << capacity;
       EXPECT_EQ(other.of_triangles, found.of_triangles) << capacity;

@@ -18,7 +18,7 @@ namespace {
 using shapes::Mesh;
 using shapes::Random;
 
-constexpr std::uint64_t kSeed = 20261128;
+constexpr std::uint64_t kSeedOfBodies = 20261128;
 
 struct Shell {
   Mesh mesh;
@@ -71,10 +71,10 @@ TEST_F(SeveralBodies, LabelsAreThoseOfTheShellsAround) {
                            .reference_state = {},
                            .is_whole = true});
   EXPECT_EQ(domain.only_body(), std::nullopt);
-  Random random(kSeed);
+  Random random(kSeedOfBodies);
   for (int n = 0; n < 3000; ++n) {
     const Point p = shapes::uniform_in(random, region_);
-    EXPECT_EQ(domain.label(p), body_of(p, shells_)) << "seed " << kSeed << ", n " << n;
+    EXPECT_EQ(domain.label(p), body_of(p, shells_)) << "seed " << kSeedOfBodies << ", n " << n;
   }
 }
 
@@ -83,7 +83,7 @@ TEST_F(SeveralBodies, WaysLeadFromBodyToBody) {
                            .region = region_,
                            .reference = region_.center(),
                            .reference_state = DomainState::in(body_of(region_.center(), shells_))});
-  Random random(kSeed);
+  Random random(kSeedOfBodies);
   std::vector<Crossing> found;
   for (int n = 0; n < 2000; ++n) {
     const Point a = shapes::uniform_in(random, region_), b = shapes::uniform_in(random, region_);
@@ -91,17 +91,17 @@ TEST_F(SeveralBodies, WaysLeadFromBodyToBody) {
     BodyId last = body_of(a, shells_);
     const DomainState end =
         follow(*domain.state(a), found, [&](const Crossing&, BodyId before, BodyId after) {
-          EXPECT_EQ(before, last) << "seed " << kSeed << ", n " << n;
+          EXPECT_EQ(before, last) << "seed " << kSeedOfBodies << ", n " << n;
           EXPECT_NE(before, after) << "each shell parts two bodies";
           last = after;
         });
-    EXPECT_EQ(end.body(), body_of(b, shells_)) << "seed " << kSeed << ", n " << n;
+    EXPECT_EQ(end.body(), body_of(b, shells_)) << "seed " << kSeedOfBodies << ", n " << n;
     EXPECT_EQ(last, end.body());
   }
 }
 
 TEST_F(SeveralBodies, PiecesAgreeWithTheWhole) {
-  Random random(kSeed);
+  Random random(kSeedOfBodies);
   for (int n = 0; n < 40; ++n) {
     const Point low = shapes::uniform_in(random, region_);
     const Box part{low, low + Point{0.3, 0.4, 0.5}};
@@ -114,9 +114,9 @@ TEST_F(SeveralBodies, PiecesAgreeWithTheWhole) {
     for (int i = 0; i < 20; ++i) {
       const Point p = shapes::uniform_in(random, part);
       const BodyId expected = body_of(p, shells_);
-      EXPECT_EQ(domain.label(p), expected) << "seed " << kSeed << ", n " << n;
+      EXPECT_EQ(domain.label(p), expected) << "seed " << kSeedOfBodies << ", n " << n;
       if (domain.only_body() && expected != kNoBody) {
-        EXPECT_EQ(domain.only_body(), expected) << "seed " << kSeed << ", n " << n;
+        EXPECT_EQ(domain.only_body(), expected) << "seed " << kSeedOfBodies << ", n " << n;
       }
     }
     const CornerStates corners = center_to_corners(part, {surface_});
@@ -124,13 +124,13 @@ TEST_F(SeveralBodies, PiecesAgreeWithTheWhole) {
       const Point corner{(k & 1 ? part.max : part.min).x, (k & 2 ? part.max : part.min).y,
                          (k & 4 ? part.max : part.min).z};
       EXPECT_EQ(piece.reference_state.crossed(corners[k]).body(), body_of(corner, shells_))
-          << "seed " << kSeed << ", n " << n;
+          << "seed " << kSeedOfBodies << ", n " << n;
     }
   }
 }
 
 TEST(DomainStates, AddUpInAnyOrder) {
-  Random random(kSeed);
+  Random random(kSeedOfBodies);
   for (int n = 0; n < 1000; ++n) {
     const auto body = [&] { return static_cast<BodyId>(random()); };
     const BodyId a = body(), b = body(), c = body();
