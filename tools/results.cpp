@@ -394,6 +394,10 @@ std::string body_statistics_text(const SurfaceSheets& sheets, const MeshStatisti
   for (std::size_t b = 0; b < std::min(statistics.bodies.size(), kMostShown); ++b) {
     const MeshStatistics& body = statistics.bodies[b];
     const BodyFacts& facts = sheets.bodies[b];
+    if (body.num_cells == 0) {
+      text += row(b == 0 ? "bodies" : "", "{}: no cells", facts.name);
+      continue;
+    }
     text += row(b == 0 ? "bodies" : "",
                 "{}: {}, volume {:.6g}, {:+.2g}% of the input's; {:.2f}° "
                 "to {:.2f}°",

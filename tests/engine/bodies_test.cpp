@@ -329,6 +329,19 @@ TEST_F(Bodies, HaveLatticeCoresOfTheirOwn) {
   check("run", {7, 1}, {kPlane, kPlane});
 }
 
+// Closer than the spacing floor, and facing the same way.
+TEST_F(Bodies, ShellsThatAreTooCloseLeaveAManifoldEach) {
+  MeshOptions options =
+      this->options({off("outer", sphere(1, 20, 40)), off("inner", sphere(0.997, 20, 40))}, 0.2);
+  options.min_dihedral = 0;  // there is nothing to gain
+  const Contents contents = meshed(options, "run");
+  EXPECT_GT(contents.run.counts.num_unresolved, 0U);
+  EXPECT_LT(contents.run.counts.num_points, 5000U) << "folds are given up";
+  const AuditReport report = audit(Store::open(dir_ / "run", {.read_only = true}));
+  EXPECT_TRUE(report.is_valid());
+  for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
+}
+
 TEST_F(Bodies, GoOnAfterInterruptionsToTheSameRecords) {
   const MeshOptions options =
       this->options({off("shell", sphere(1, 16, 32)), off("core", sphere(0.5, 12, 24))}, 0.2);

@@ -216,8 +216,7 @@ TEST(Codec, RefusesValuesOutOfRange) {
   LeafSurface without_creases = sample_surface();
   without_creases.creases.clear();
   without_creases.corners.clear();
-  for (Triangle& triangle : without_creases.triangles)
-    triangle.change = DomainState::in(kOnlyBody);
+  for (Triangle& triangle : without_creases.triangles) triangle.change = DomainState::in(kOnlyBody);
   std::string surface = content_of(encode(without_creases, sample_leaf()));
   const std::size_t bytes_of_sheets = 8 + 4 * without_creases.triangles.size();
   constexpr std::size_t kNoCreasesAndOneBody = 2;
