@@ -362,8 +362,20 @@ std::string facts_text(const SurfaceFacts& facts) {
   return text;
 }
 
+namespace {
+
+std::string bodies_text(const RunParameters& parameters) {
+  if (!parameters.has_bodies && parameters.voids.empty()) return {};
+  return row(
+      "bodies are", "{}{}", parameters.has_bodies ? "groups or shells that are closed" : "files",
+      parameters.voids.empty() ? ""
+                               : fmt::format(", but for {}", fmt::join(parameters.voids, ", ")));
+}
+
+}  // namespace
+
 std::string parameters_text(const RunParameters& parameters) {
-  return row("size λ", "{}", parameters.size) +
+  return row("size λ", "{}", parameters.size) + bodies_text(parameters) +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +
          row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +
          row("bounds", "{}", bounds_text(parameters));
