@@ -13,6 +13,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -286,6 +287,7 @@ TEST_F(BadPolylines, ThatAreDamaged) {
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   Random random(seed);
   const std::string sound = "5 0 0 0  3 0 0  3 2 0  0 2 0  0 0 0  # below\n2  3 2 1  0 2 1\n";
+  constexpr std::string_view kBytes("0123456789 \n\r\t-+.eE#\0\xff", 22);
   int num_read = 0, num_refused = 0;
   for (int trial = 0; trial < 400; ++trial) {
     std::string text = sound;
@@ -294,7 +296,7 @@ TEST_F(BadPolylines, ThatAreDamaged) {
       if (random() % 3 == 0)
         text.erase(at, 1 + below(random, 9));
       else if (random() % 2)
-        text[at] = "0123456789 \n\r\t-+.eE#\0\xff"[below(random, 24)];
+        text[at] = kBytes[below(random, kBytes.size())];
       else
         text.insert(at, text.substr(below(random, text.size()), 1 + below(random, 30)));
     }
