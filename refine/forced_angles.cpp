@@ -7,6 +7,7 @@
 
 #include "refine/cell_shape.h"
 #include "refine/domain/closest_point.h"
+#include "refine/edge_sides.h"
 
 namespace locvol {
 namespace {
@@ -64,9 +65,10 @@ ForcedAngles::OnSurface ForcedAngles::find(const Point& p) const {
     const Point foot = closest_on_segment(edge.ends[0], edge.ends[1], p);
     if (squared_distance(foot, p) > tolerance * tolerance) return;
     double angle = 360;
-    for (const auto& [normal, way] : sides_of(edge)) {
+    const std::vector<EdgeSide> sides = sides_of(domain_, edge, tolerance);
+    for (const auto& [normal, way] : sides) {
       found.normals.push_back(normal);
-      for (const auto& [other, other_way] : sides_of(edge))
+      for (const auto& [other, other_way] : sides)
         if (way != other_way) angle = std::min(angle, angle_inside(normal, way, other_way));
     }
     if (angle < kAcuteCrease) found.acute_crease = std::max(found.acute_crease, edge.crease);
@@ -75,23 +77,6 @@ ForcedAngles::OnSurface ForcedAngles::find(const Point& p) const {
   if (const auto closest = domain_.closest_to(p, tolerance))
     found.normals.push_back((1 / norm(closest->side.normal)) * closest->side.normal);
   return found;
-}
-
-std::vector<ForcedAngles::Side> ForcedAngles::sides_of(const CreaseEdge& edge) const {
-  const auto& [a, b] = edge.ends;
-  const Point along = (1 / norm(b - a)) * (b - a);
-  std::vector<Triangle> near;
-  domain_.triangles_near(0.5 * (a + b), kOnSurface * size_, near);
-  std::vector<Side> sides;
-  for (const Triangle& t : near) {
-    const auto is_end = [&](const Point& p) { return p == a || p == b; };
-    if (std::ranges::count_if(t.corners, is_end) != 2) continue;
-    const Point& c = *std::ranges::find_if_not(t.corners, is_end);
-    const Point way = (c - a) - dot(c - a, along) * along, normal = normal_of(t.corners);
-    if (norm(way) > 0 && norm(normal) > 0)
-      sides.push_back({(1 / norm(normal)) * normal, (1 / norm(way)) * way});
-  }
-  return sides;
 }
 
 // Of the domain, between a side and another, in degrees.

@@ -29,11 +29,7 @@ class ForcedAngles {
     std::vector<Point> normals;  // of the sides there, unit, outwards; none if it is not on any
     CreaseId acute_crease = 0;   // if it is on one
   };
-  struct Side {
-    Point normal, way;  // unit; the way leads from the edge into it, at right angles to both
-  };
   OnSurface find(const Point& p) const;
-  std::vector<Side> sides_of(const CreaseEdge& edge) const;
   static double relative_width(const std::array<Point, 4>& corners,
                                const std::array<OnSurface, 4>& places);
   static double angle_inside(const Point& normal, const Point& way, const Point& other);

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "refine/domain/closest_point.h"
+#include "refine/edge_sides.h"
 
 namespace locvol {
 
@@ -92,26 +93,11 @@ Point LeafCreases::halved(const Segment& segment, const std::optional<Point>& q)
 
 double LeafCreases::angle(const Segment& segment) const {
   const CreaseEdge& edge = graph_.edges()[segment.way.heading.from.edge];
-  const auto& [a, b] = edge.ends;
-  std::vector<Triangle> near;
-  domain_.triangles_near(0.5 * (a + b), tolerance(), near);
-  std::vector<Point> ways;  // into the triangles with this edge, at right angles to it
-  const Point along = (1 / norm(b - a)) * (b - a);
-  for (const Triangle& t : near) {
-    const auto has = [&](const Point& p) {
-      return std::ranges::find(t.corners, p) != t.corners.end();
-    };
-    if (!has(a) || !has(b)) continue;
-    for (const Point& c : t.corners)
-      if (c != a && c != b) {
-        const Point way = (c - a) - dot(c - a, along) * along;
-        if (const double length = norm(way); length > 0) ways.push_back((1 / length) * way);
-      }
-  }
+  const std::vector<EdgeSide> sides = sides_of(domain_, edge, tolerance());
   double least = std::numbers::pi;
-  for (std::size_t i = 0; i < ways.size(); ++i)
-    for (std::size_t j = i + 1; j < ways.size(); ++j)
-      least = std::min(least, std::acos(std::clamp(dot(ways[i], ways[j]), -1.0, 1.0)));
+  for (std::size_t i = 0; i < sides.size(); ++i)
+    for (std::size_t j = i + 1; j < sides.size(); ++j)
+      least = std::min(least, std::acos(std::clamp(dot(sides[i].way, sides[j].way), -1.0, 1.0)));
   return least;
 }
 
