@@ -298,16 +298,50 @@ void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boun
   }
 }
 
+namespace {
+
+// How far a place is from the surface, and from one sheet of it.
+struct SheetDistance {
+  Point place;
+  SheetId listed = 0;
+  double nearest = std::numeric_limits<double>::infinity();    // of all triangles
+  double of_listed = std::numeric_limits<double>::infinity();  // of that sheet's
+};
+
+// Finds the distances of places that are at most `reach` from the leaf's box. What lies on the
+// surface finds it within `reach`; where a site is unresolved, facets may be farther off.
+void measure_sheets(std::span<SheetDistance> sheets, double reach, const AuditLeaf& leaf,
+                    const AuditLeaves& leaves, const AuditRecords& records, double size) {
+  std::vector<SheetDistance*> open;
+  for (SheetDistance& sheet : sheets) open.push_back(&sheet);
+  for (double within = reach; !open.empty(); within *= 2) {
+    std::vector<Point> places;
+    for (const SheetDistance* sheet : open) places.push_back(sheet->place);
+    const AuditGrid grid(places, size);
+    for (const std::size_t near : leaves.within(leaves.box(leaf.leaf), reach + within)) {
+      const MortonKey key = leaves.key(near);
+      for (const Triangle& triangle : records.of(key).surface(key).triangles) {
+        const Box box = triangle.box().expanded(within);
+        grid.for_each_near(box, [&](std::uint32_t i, const Point& p) {
+          if (!box.contains(p)) return;
+          const double distance = distance_to_triangle(p, triangle);
+          SheetDistance& sheet = *open[i];
+          sheet.nearest = std::min(sheet.nearest, distance);
+          if (triangle.sheet == sheet.listed) sheet.of_listed = std::min(sheet.of_listed, distance);
+        });
+      }
+    }
+    if (within >= size) return;
+    std::erase_if(open, [&](const SheetDistance* sheet) { return sheet->nearest <= within; });
+  }
+}
+
+}  // namespace
+
 void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditRecords& records,
                   const AuditBounds& bounds, AuditFindings& findings) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  struct Sheet {
-    SheetId listed = 0;
-    double nearest = kInfinity, of_listed = kInfinity;  // of all triangles, of that sheet's
-  };
-  std::vector<Sheet> sheets;
-  std::vector<Point> centroids;
-  double reach = 0;  // vertices lie on the surface
+  std::vector<SheetDistance> sheets;
+  double reach = kOnSurface * bounds.size;
   const std::vector<LocalIndex> vertex = leaf.points.find(leaf.facets.vertices);
   for (const auto& [vertices, labels] : leaf.facets.facets) {
     const std::array<LocalIndex, 3> v{vertex[vertices[0]], vertex[vertices[1]],
@@ -315,45 +349,28 @@ void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditR
     if (std::ranges::find(v, kUnknownPoint) != v.end()) continue;  // wrong, which is told
     const Point &a = leaf.points.position(v[0]), &b = leaf.points.position(v[1]),
                 &c = leaf.points.position(v[2]);
-    centroids.push_back(1.0 / 3 * (a + b + c));
+    const Point centroid = 1.0 / 3 * (a + b + c);
     if (bounds.has_bodies()) {
       const std::array<BodyId, 2> bodies = {labels.behind, labels.before};
       if (labels.sheet == 0 || labels.sheet > bounds.bodies_of_sheets.size() ||
           bounds.bodies_of_sheets[labels.sheet - 1] != bodies)
         findings.add_unless_open(&AuditReport::num_wrong_facets,
                                  "a facet here is not between the bodies that its sheet parts",
-                                 leaf.key, centroids.back());
+                                 leaf.key, centroid);
     }
-    sheets.push_back({labels.sheet});
-    reach = std::max(reach, norm(centroids.back() - a));
+    sheets.push_back({.place = centroid, .listed = labels.sheet});
+    reach = std::max(reach, norm(centroid - a));
   }
-  const auto tell_of = [&](std::size_t i) {
-    findings.add(&AuditReport::num_wrong_facets,
-                 "a facet here is not of the sheet that its centroid is closest to", leaf.key,
-                 centroids[i]);
-  };
-  if (!bounds.has_sheets) {
-    for (std::size_t i = 0; i < sheets.size(); ++i)
-      if (sheets[i].listed != 1) tell_of(i);
-    return;
+  if (bounds.has_sheets) measure_sheets(sheets, reach, leaf, leaves, records, bounds.size);
+  for (const SheetDistance& sheet : sheets) {
+    const bool is_right = bounds.has_sheets
+                              ? sheet.of_listed <= sheet.nearest + kFastDistanceError * bounds.size
+                              : sheet.listed == kOnlySheet;
+    if (!is_right)
+      findings.add(&AuditReport::num_wrong_facets,
+                   "a facet here is not of the sheet that its centroid is closest to", leaf.key,
+                   sheet.place);
   }
-  if (sheets.empty()) return;
-  const AuditGrid grid(centroids, bounds.size);
-  for (const std::size_t near : leaves.within(leaves.box(leaf.leaf), 2 * reach)) {
-    const MortonKey key = leaves.key(near);
-    for (const Triangle& triangle : records.of(key).surface(key).triangles) {
-      const Box box = triangle.box().expanded(reach);
-      grid.for_each_near(box, [&](std::uint32_t i, const Point& p) {
-        if (!box.contains(p)) return;
-        const double distance = distance_to_triangle(p, triangle);
-        sheets[i].nearest = std::min(sheets[i].nearest, distance);
-        if (triangle.sheet == sheets[i].listed)
-          sheets[i].of_listed = std::min(sheets[i].of_listed, distance);
-      });
-    }
-  }
-  for (std::size_t i = 0; i < sheets.size(); ++i)
-    if (sheets[i].of_listed > sheets[i].nearest + kFastDistanceError * bounds.size) tell_of(i);
 }
 
 void check_boundary_links(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
