@@ -188,6 +188,14 @@ std::optional<CreaseGraph::Index> CreaseGraph::add(const Point& p, double tolera
   return index;
 }
 
+void CreaseGraph::remove(Index i) {
+  const auto& [edge, along] = points_[i].place;
+  if (along <= 0 || along >= lengths_[edge])
+    point_at_[ends_[edge][along > 0]] = kNone;
+  else
+    std::erase(on_edge_[edge], i);
+}
+
 CreaseGraph::Index CreaseGraph::next_on_edge(const Heading& heading) const {
   const std::vector<Index>& there = on_edge_[heading.from.edge];
   const auto along = [&](Index i) { return points_[i].place.along; };
@@ -218,9 +226,19 @@ void CreaseGraph::neighbors(Index i, std::vector<Neighbor>& out) const {
   for (const Heading& heading : headings(points_[i].place)) out.push_back(neighbor(heading));
 }
 
-void CreaseGraph::sheets(Index i, std::vector<SheetId>& out) const {
+double CreaseGraph::turn(const Heading& start, double length) const {
+  double sum = 0, along = 0;
+  for (std::optional<Heading> heading = start; heading; heading = past(*heading)) {
+    along += heading->left(*this);
+    if (!(along < length)) break;
+    sum += turns_[heading->next(*this)];
+  }
+  return sum;
+}
+
+void CreaseGraph::sheets(const Place& place, std::vector<SheetId>& out) const {
   out.clear();
-  for (const Heading& heading : headings(points_[i].place)) {
+  for (const Heading& heading : headings(place)) {
     const auto& sheets = edges_[heading.from.edge].sheets;
     out.insert(out.end(), sheets.begin(), sheets.end());
   }

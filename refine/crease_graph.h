@@ -87,6 +87,7 @@ class CreaseGraph {
   // Takes in a point of a crease. `tolerance`: how far from it an edge may be, by rounding. Null:
   // there is none.
   std::optional<Index> add(const Point& p, double tolerance);
+  void remove(Index i);  // its index stays its own
   std::size_t num_points() const { return points_.size(); }
   const Point& point(Index i) const { return points_[i].position; }
   const Place& place(Index i) const { return points_[i].place; }
@@ -116,7 +117,10 @@ class CreaseGraph {
     }
   }
   // Of the edges that it lies on: ascending.
-  void sheets(Index i, std::vector<SheetId>& out) const;
+  void sheets(Index i, std::vector<SheetId>& out) const { sheets(points_[i].place, out); }
+  void sheets(const Place& place, std::vector<SheetId>& out) const;
+  // By how much the crease turns on the way, which is so long, in radians.
+  double turn(const Heading& start, double length) const;
   // Of the point's ball; 0 if no neighbor is known.
   double ball_radius(Index i) const;
 

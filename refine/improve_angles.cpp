@@ -10,6 +10,7 @@
 #include "octree/mix.h"
 #include "octree/sort_and_unite.h"
 #include "refine/cell_shape.h"
+#include "refine/crease_leaf.h"
 #include "refine/domain/fragment.h"
 
 namespace locvol {
@@ -44,6 +45,8 @@ constexpr std::size_t kNumMovable = 8;  // neighbors of a cell that are tried
 // the tangent of a cell's angle is at least, unless it is flat; steps over its square and the way.
 constexpr double kNarrow = 0.5;
 constexpr std::array<double, 3> kStepsInWall{0.1, 0.3, 0.03};
+// By how much points slide along creases, over the way to the closer neighbor.
+constexpr std::array<double, 5> kPartsOfStep{0.1, 0.2, 0.3, 0.4, 0.05};
 
 // Looks random, and is a function of its seeds.
 class Noise {
@@ -222,7 +225,7 @@ bool ImproveAngles::improve_in_wall(const Poor& poor) {
       if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface &&
           try_places(v, poor.cell.cell))
         return true;
-    return try_better();
+    return try_better() || slide(poor.cell.cell);
   };
   const bool is_improved = try_to();
   wall_ = 0;
@@ -258,9 +261,21 @@ bool ImproveAngles::improve_on_surface(Cell poor) {
   for (const LocalIndex v : vertices)
     if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface && try_places(v, poor))
       return true;
-  if (try_better()) return true;
+  if (try_better() || slide(poor)) return true;
+  kind_ = PointKind::kSurface;
   list_places_on_surface(poor);
   return try_insertions(poor);
+}
+
+// Along creases, between neighbors.
+bool ImproveAngles::slide(Cell poor) {
+  if (creases_ == nullptr) return false;
+  kind_ = PointKind::kCrease;
+  better_.clear();
+  for (const LocalIndex v : mesh_.delaunay().vertices(poor))
+    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kCrease && try_places(v, poor))
+      return true;
+  return try_better();
 }
 
 // To the leaf of its circumcenter.
@@ -303,7 +318,12 @@ bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
   const Point before = mesh_.delaunay().point(v);
   take_in_core(before);
   if (!move_.take_out(v)) return false;
-  wall_ > 0 ? list_places_in_wall(v, poor) : list_places(v, poor);
+  if (kind_ == PointKind::kCrease) {
+    places_.clear();
+    creases_->append_places_along(v, kPartsOfStep, places_);
+  } else {
+    wall_ > 0 ? list_places_in_wall(v, poor) : list_places(v, poor);
+  }
   if (kind_ == PointKind::kSurface)
     std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
   const double growth = surroundings_.sizes.growth();
@@ -407,6 +427,8 @@ bool ImproveAngles::put_on_surface(Point& q) const {
 // No vertex comes into the ball of one on a crease, and on the surface each stays on its sheet.
 bool ImproveAngles::may_stand(const Point& q, LocalIndex v) {
   if (creases_ == nullptr) return true;
+  if (kind_ == PointKind::kCrease)
+    return creases_->may_slide(v, q, kLongestStep * surroundings_.sizes.on_surface_at(q));
   if (creases_->is_in_ball(q)) return false;
   if (kind_ != PointKind::kSurface) return true;
   const auto closest = surroundings_.domain.closest_to(q, input_.criteria.size);
@@ -513,12 +535,12 @@ bool ImproveAngles::is_gone(Cell c) const {
 // asked by then.
 bool ImproveAngles::is_allowed(Verdict verdict) {
   return are_facets_good() && !(verdict == Verdict::kBetter && leaves_poor_to_others()) &&
-         (kind_ != PointKind::kSurface || is_insertion() || do_samples_hide_as_before());
+         (!is_on_surface(kind_) || is_insertion() || do_samples_hide_as_before());
 }
 
 // Of a surface point, its cells are good if they were counted.
 bool ImproveAngles::is_allowed_once_counted(Verdict verdict) {
-  return (kind_ == PointKind::kSurface || are_cells_good()) && is_allowed(verdict);
+  return (is_on_surface(kind_) || are_cells_good()) && is_allowed(verdict);
 }
 
 // All points that matter are there: place and radius are well within the reach.
@@ -564,7 +586,7 @@ void ImproveAngles::count(double cosine, Counts& counts) const {
 // A surface point makes cells outside, and these do not count. Null if not all cells are good:
 // which are outside need not be known then.
 std::optional<ImproveAngles::Counts> ImproveAngles::counts_of_made() {
-  const bool makes_outside = kind_ == PointKind::kSurface;
+  const bool makes_outside = is_on_surface(kind_);
   if (makes_outside && !are_cells_good()) return std::nullopt;
   Counts counts{};
   for (std::size_t n = 0; n < change_.made.size(); ++n)
@@ -583,7 +605,7 @@ ImproveAngles::Counts ImproveAngles::counts_of_gone() const {
 // Of a surface point: is a cell much below the bound that would have to be inside? Cheap, and most
 // often so. (Of volume points limits_ have told.)
 bool ImproveAngles::makes_poor_inside() const {
-  if (kind_ != PointKind::kSurface) return false;
+  if (!is_on_surface(kind_)) return false;
   for (std::size_t n = 0; n < change_.made.size(); ++n) {
     const auto& vertices = change_.made[n].vertex;
     const bool must_be_inside = std::ranges::any_of(vertices, [&](LocalIndex v) {
@@ -625,7 +647,7 @@ bool ImproveAngles::are_cells_good() {
 bool ImproveAngles::are_facets_good() {
   if (!list_facets()) return false;
   // Of the same vertices, but one of them moves.
-  const bool is_moved = kind_ == PointKind::kSurface;
+  const bool is_moved = is_on_surface(kind_);
   if ((facets_made_ != facets_gone_ || is_moved) &&
       !(are_facets_as_round() && are_creases_kept() && is_boundary_kept()))
     return false;
@@ -684,7 +706,7 @@ bool ImproveAngles::are_creases_kept() const {
                                : std::ranges::binary_search(creases_->sheets(v), sheet);
   };
   const auto is_of_one_sheet = [&](const Facet& f) {
-    if (std::ranges::find(f, change_.vertex) == f.end())
+    if (kind_ == PointKind::kCrease || std::ranges::find(f, change_.vertex) == f.end())
       return creases_->have_common_sheet(f[0], f[1], f[2]);
     return std::ranges::all_of(f, [&](LocalIndex v) { return is_of_sheet(v, sheet_); });
   };
@@ -702,6 +724,27 @@ bool ImproveAngles::are_creases_kept() const {
           num_with(facets_gone_, a, b) != num_with(facets_made_, a, b))
         return false;
     }
+  return kind_ != PointKind::kCrease || are_segments_kept();
+}
+
+// C0 at a vertex that slides: in the smallest balls around the edges to its neighbors lies no
+// vertex, for none of those lies there that have a cell with such an edge.
+bool ImproveAngles::are_segments_kept() const {
+  for (const LocalIndex w : creases_->neighbors_of(change_.vertex)) {
+    const Point &p = change_.place, &q = mesh_.delaunay().point(w), middle = 0.5 * (p + q);
+    bool is_edge = false;
+    for (const NewCell& cell : change_.made) {
+      if (std::ranges::find(cell.vertex, w) == cell.vertex.end() ||
+          std::ranges::find(cell.vertex, change_.vertex) == cell.vertex.end())
+        continue;
+      is_edge = true;
+      for (const LocalIndex v : cell.vertex)
+        if (v != w && v != change_.vertex && v != kInfiniteVertex &&
+            4 * squared_distance(mesh_.delaunay().point(v), middle) < squared_distance(p, q))
+          return false;
+    }
+    if (!is_edge) return false;
+  }
   return true;
 }
 
@@ -800,7 +843,7 @@ bool ImproveAngles::is_off_boundary(LocalIndex v, LocalIndex w) {
 
 void ImproveAngles::make() {
   OfOthers gone, made;
-  const bool changes_boundary = kind_ == PointKind::kSurface || facets_made_ != facets_gone_;
+  const bool changes_boundary = is_on_surface(kind_) || facets_made_ != facets_gone_;
   for (const Cell c : change_.gone) {
     note_others(c, gone);
     if (changes_boundary) note_others_facets(c, gone);
@@ -809,7 +852,7 @@ void ImproveAngles::make() {
   const bool is_new = is_insertion();
   PointKind kind = kind_;
   const MeshPoint before = is_new ? MeshPoint{} : mesh_.local(change_.vertex).point;
-  if (!is_new && (before.kind == PointKind::kInserted || before.kind == PointKind::kSurface)) {
+  if (!is_new && (before.kind == PointKind::kInserted || is_on_surface(before.kind))) {
     kind = before.kind;  // others may still have to look
     delta_.left.push_back(before.position);
   }
@@ -827,6 +870,7 @@ void ImproveAngles::make() {
   } else {
     ++delta_.stats.moves;
     mesh_.move(change_, kind, ref);
+    if (kind == PointKind::kCrease) creases_->slide(change_.vertex);
   }
   tell(is_new ? RefineStep::Action::kInsert : RefineStep::Action::kMove, ref,
        {0, change_.place, kind});

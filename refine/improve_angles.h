@@ -88,6 +88,7 @@ class ImproveAngles {
   }
   void ask_for(double degrees);
   void list_places_in_wall(LocalIndex v, Cell poor);
+  bool slide(Cell poor);
   bool improve_in_wall(const Poor& poor);
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);
@@ -99,7 +100,7 @@ class ImproveAngles {
 
   // Of cells at a surface point, those outside may have any shape.
   VertexMove::Limits limits() const {
-    return kind_ == PointKind::kSurface ? VertexMove::Limits{} : limits_;
+    return is_on_surface(kind_) ? VertexMove::Limits{} : limits_;
   }
   bool is_insertion() const { return change_.vertex == mesh_.num_locals(); }
   Verdict verdict_on(const std::optional<Counts>& made) const;
@@ -115,6 +116,7 @@ class ImproveAngles {
   bool changes_core();
   bool is_boundary_kept();
   bool are_creases_kept() const;
+  bool are_segments_kept() const;
   bool is_out_of_reach(const NewCell& cell, int off) const;
   bool are_facets_as_round() const;
   bool is_disk_after(LocalIndex v);

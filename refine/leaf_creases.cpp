@@ -1,9 +1,11 @@
 #include "refine/leaf_creases.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <numbers>
 
+#include "refine/crease_leaf.h"
 #include "refine/domain/closest_point.h"
 #include "refine/edge_sides.h"
 
@@ -101,6 +103,77 @@ double LeafCreases::angle(const Segment& segment) const {
   return least;
 }
 
+std::optional<std::array<CreaseGraph::Neighbor, 2>> LeafCreases::ways_to_slide(LocalIndex v) const {
+  const CreaseGraph::Index index = index_of(v);
+  if (index == CreaseGraph::kNone) return std::nullopt;
+  const CreaseGraph::Place& place = graph_.place(index);
+  const bool is_last = place.along >= graph_.length(place.edge);
+  if ((is_last || place.along <= 0) && graph_.is_fixed(graph_.ends(place.edge)[is_last]))
+    return std::nullopt;
+  graph_.neighbors(index, neighbors_);
+  const auto is_known = [&](const CreaseGraph::Neighbor& next) {
+    return next.point != CreaseGraph::kNone && next.point != index &&
+           local_[next.point] != kInfiniteVertex;
+  };
+  if (neighbors_.size() != 2 || !std::ranges::all_of(neighbors_, is_known)) return std::nullopt;
+  return std::array{neighbors_[0], neighbors_[1]};
+}
+
+void LeafCreases::append_places_along(LocalIndex v, std::span<const double> parts,
+                                      std::vector<Point>& out) const {
+  const auto ways = ways_to_slide(v);
+  if (!ways) return;
+  const double step = std::min((*ways)[0].along, (*ways)[1].along);
+  for (const double part : parts)
+    for (const CreaseGraph::Neighbor& way : *ways) {
+      Point place;
+      graph_.for_each_part(way.heading, part * step,
+                           [&](const Point&, const Point& end, double) { place = end; });
+      out.push_back(place);
+    }
+}
+
+bool LeafCreases::may_slide(LocalIndex v, const Point& q, double most_step) const {
+  const auto place = graph_.place_of(q, tolerance());
+  const auto ways = ways_to_slide(v);
+  if (!place || !ways) return false;
+  std::vector<SheetId> there;
+  graph_.sheets(*place, there);
+  if (!std::ranges::equal(there, sheets(v))) return false;
+  const auto headings = graph_.headings(*place);
+  if (headings.size() != 2) return false;
+  std::array<CreaseGraph::Neighbor, 2> to{graph_.neighbor(headings[0]),
+                                          graph_.neighbor(headings[1])};
+  if (to[1].point == index_of(v)) std::swap(to[0], to[1]);  // past where it is now
+  const bool is_first = (*ways)[0].point != to[1].point;
+  if (to[0].point != index_of(v) || (*ways)[is_first].point != to[1].point) return false;
+  const CreaseGraph::Neighbor& on = (*ways)[!is_first];
+  to[0].point = on.point;
+  to[0].along += on.along;
+  constexpr double kMost = kMostTurn * std::numbers::pi / 180;
+  return std::ranges::all_of(to,
+                             [&](const CreaseGraph::Neighbor& way) {
+                               return squared_distance(q, graph_.point(way.point)) <=
+                                          most_step * most_step &&
+                                      graph_.turn(way.heading, way.along) <= kMost;
+                             }) &&
+         !segment_at(q, v);
+}
+
+std::array<LocalIndex, 2> LeafCreases::neighbors_of(LocalIndex v) const {
+  const auto ways = ways_to_slide(v);
+  assert(ways);
+  return {local_[(*ways)[0].point], local_[(*ways)[1].point]};
+}
+
+void LeafCreases::slide(LocalIndex v) {
+  const CreaseGraph::Index before = index_of(v);
+  graph_.remove(before);
+  local_[before] = kInfiniteVertex;
+  radius_[before] = 0;
+  add(v);
+}
+
 bool LeafCreases::is_in_ball(const Point& q) const {
   return !balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
     const double radius = radius_[ball.index];
@@ -109,15 +182,18 @@ bool LeafCreases::is_in_ball(const Point& q) const {
 }
 
 // Each lies in the balls around the ends.
-std::optional<LeafCreases::Segment> LeafCreases::segment_at(const Point& q) const {
+std::optional<LeafCreases::Segment> LeafCreases::segment_at(const Point& q,
+                                                            LocalIndex but_at) const {
+  const CreaseGraph::Index but = but_at == kInfiniteVertex ? CreaseGraph::kNone : index_of(but_at);
   std::optional<Segment> deepest;
   double least = 1;  // squared distance over squared radius
   balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
     const double radius = radius_[ball.index];
-    if (squared_distance(q, ball.position) >= radius * radius) return true;
+    if (squared_distance(q, ball.position) >= radius * radius || ball.index == but) return true;
     graph_.neighbors(ball.index, neighbors_);
     for (const CreaseGraph::Neighbor& next : neighbors_) {
-      if (next.point == CreaseGraph::kNone || next.point == ball.index) continue;
+      if (next.point == CreaseGraph::kNone || next.point == ball.index || next.point == but)
+        continue;
       const Point& other = graph_.point(next.point);
       const double depth = 4 * squared_distance(q, 0.5 * (ball.position + other)) /
                            squared_distance(ball.position, other);

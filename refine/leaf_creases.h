@@ -36,12 +36,26 @@ class LeafCreases {
   // Between the sheets that meet along it, outside or inside, in radians.
   double angle(const Segment& segment) const;
 
+  // ---- Points that slide
+  // Appends the places that a vertex has along its crease at these parts of the way to its closer
+  // neighbor, towards each. None if the crease ends or is to have a vertex there, or if a neighbor
+  // is not known.
+  void append_places_along(LocalIndex v, std::span<const double> parts,
+                           std::vector<Point>& out) const;
+  // May it stand there? Its steps are at most so long and turn by at most kMostTurn, its sheets are
+  // the same, and it is in no smallest ball around another segment.
+  bool may_slide(LocalIndex v, const Point& q, double most_step) const;
+  // Its neighbors on the crease: of one that may slide, two.
+  std::array<LocalIndex, 2> neighbors_of(LocalIndex v) const;
+  // It has moved, between its neighbors.
+  void slide(LocalIndex v);
+
   // ---- Balls
   // Those around vertices: where first points and mirrors do not come, nor others that move.
   bool is_in_ball(const Point& q) const;
   // Of the smallest balls around segments, that which has q most deeply in it. Null: none has.
-  // Ends that are not in the triangulation are kInfiniteVertex.
-  std::optional<Segment> segment_at(const Point& q) const;
+  // Ends that are not in the triangulation are kInfiniteVertex. `but_at`: not of segments there
+  std::optional<Segment> segment_at(const Point& q, LocalIndex but_at = kInfiniteVertex) const;
 
   // ---- Sheets
   // That a vertex on the surface lies on: of a crease, all that meet there. Ascending.
@@ -67,6 +81,8 @@ class LeafCreases {
   };
   double tolerance() const { return kOffCrease * size_; }
   void match(LocalIndex v, CreaseGraph::Index index);
+  // To both neighbors, of one that may slide; else null.
+  std::optional<std::array<CreaseGraph::Neighbor, 2>> ways_to_slide(LocalIndex v) const;
   CreaseGraph::Index index_of(LocalIndex v) const {
     return v < index_.size() ? index_[v] : CreaseGraph::kNone;
   }

@@ -470,7 +470,7 @@ Side LeafMesh::find_side(Cell c) const {
 
 void LeafMesh::appraise(const Delaunay::Change& change, PointKind kind,
                         std::vector<Prospect>& out) const {
-  const Marks moved{true, is_hidden({0, change.place, kind}), kind == PointKind::kSurface, false};
+  const Marks moved{true, is_hidden({0, change.place, kind}), locvol::is_on_surface(kind), false};
   out.clear();
   for (const Delaunay::NewCell& cell : change.made) {
     std::array<Marks, 4> marks;
@@ -587,7 +587,7 @@ void LeafMesh::move(const Delaunay::Change& change, PointKind kind, VertexRef re
   local.point = {ref, change.place, kind};
   local.ref = ref;
   local.is_at_core = false;
-  marks_[change.vertex] = {true, is_hidden(local.point), kind == PointKind::kSurface, false};
+  marks_[change.vertex] = {true, is_hidden(local.point), locvol::is_on_surface(kind), false};
   if (is_deletable(kind) && change.vertex < num_in_grid_)
     volume_points_[grid_cell(change.place)].push_back(change.vertex);
   delaunay_.move(change);
