@@ -1,12 +1,15 @@
 #include "refine/crease_leaf.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <optional>
 #include <queue>
+#include <span>
 #include <utility>
 
 #include "refine/crease_graph.h"
@@ -14,6 +17,61 @@
 
 namespace locvol {
 namespace {
+
+// Where three creases meet and two of them do so at an acute angle: how far the first points on
+// them are, over the step, and the direction of a point on the face between two of them, if there
+// is one.
+//
+// With points at equal distances, the center of the ball through these and the corner may lie
+// beyond one of the three faces, for the point across from it is too close to that. A point on the
+// face, at the foot of that one, parts the cell there in two, which have their centers inside.
+// Where the foot is too near to a crease, the points are not as far as each other, so that the
+// center moves.
+constexpr double kBeside = 0.25;  // sine of the angle that it has at least with creases
+struct AtCorner {
+  std::array<double, 3> parts{1, 1, 1};
+  std::optional<Point> between = std::nullopt;
+};
+AtCorner at_corner(const std::array<Point, 3>& ways) {
+  constexpr double kInside = 0.1;  // of the largest weight
+  constexpr double kLeast = 0.75;  // so that none lies in the corner's ball
+  // The center is a sum of the directions, with weights that solve a system of three equations.
+  const double a = dot(ways[1], ways[2]), b = dot(ways[0], ways[2]), c = dot(ways[0], ways[1]);
+  std::array<double, 3> weights{(1 - a) * (1 + a - b - c), (1 - b) * (1 + b - a - c),
+                                (1 - c) * (1 + c - a - b)};
+  const double most = std::ranges::max(weights);
+  const auto least = std::ranges::min_element(weights);
+  if (!(most > 0) || *least >= kInside * most) return {};
+  const auto from = static_cast<std::size_t>(least - weights.begin());
+  const Point &u = ways[(from + 1) % 3], &w = ways[(from + 2) % 3], normal = cross(u, w);
+  const Point foot = ways[from] - dot(ways[from], normal) / dot(normal, normal) * normal;
+  const double beside = kBeside * norm(foot) * norm(normal);
+  if (dot(cross(u, foot), normal) > beside * norm(normal) &&
+      dot(cross(foot, w), normal) > beside * norm(normal))
+    return {.between = 1 / norm(foot) * foot};
+  for (double& weight : weights) weight = std::max(weight, kInside * most);
+  std::array<double, 3> parts{weights[0] + c * weights[1] + b * weights[2],
+                              c * weights[0] + weights[1] + a * weights[2],
+                              b * weights[0] + a * weights[1] + weights[2]};
+  const double longest = std::ranges::max(parts);
+  if (!(std::ranges::min(parts) >= kLeast * longest)) return {};
+  for (double& part : parts) part /= longest;
+  return {.parts = parts};
+}
+
+bool are_acute(std::span<const Point> ways) {
+  constexpr double kAcute = 0.5 + 1e-6;  // cosine
+  for (std::size_t i = 0; i < ways.size(); ++i)
+    for (std::size_t j = i + 1; j < ways.size(); ++j)
+      if (dot(ways[i], ways[j]) > kAcute) return true;
+  return false;
+}
+
+// May what is around the place, up to a distance over λ, lie in the leaf?
+bool is_near(const CreaseInput& input, const Point& p, double distance) {
+  const double most = distance * input.size;
+  return input.box.squared_distance(p) <= most * most;
+}
 
 class CreaseSampler {
  public:
@@ -30,6 +88,8 @@ class CreaseSampler {
       if (graph_.is_fixed(v) && !graph_.has_point_at(v)) place(graph_.position(v));
     for (const CornerPoint& corner : domain_.corners())
       if (!graph_.vertex_at(corner.position)) place_tip(corner.position);
+    for (Vertex v = 0; v < graph_.num_vertices(); ++v)
+      if (graph_.is_fixed(v)) place_around(v);
     for (Index i = 0; i < graph_.num_points(); ++i) fill_from(i);
     start_where_none_is();
     return std::move(points_);
@@ -57,6 +117,10 @@ class CreaseSampler {
   // In steps, of a way that is taken in one.
   static constexpr double kMostSteps = kLongestStep / kCreaseStep;
   static constexpr double kLeastRing = 4;  // radius, over the spacing floor
+  // Over the step: how much of a crease is left at least beyond the first point on it.
+  static constexpr double kLeastRest = 0.5;
+  // How far from the leaf, over λ, there may be a corner with points around it that matter.
+  static constexpr double kRingReach = 2.5 * kCreaseStep;
 
   double tolerance() const { return kOffCrease * input_.size; }
   bool is_own(const Point& p) const { return is_in_leaf(input_.box, p); }
@@ -185,10 +249,62 @@ class CreaseSampler {
   // Of a cone, with what is around it.
   void place_tip(const Point& tip) {
     if (is_own(tip)) points_.push_back(tip);
-    if (!is_tip_near(input_.box, tip, input_.size)) return;
+    if (!is_near(input_, tip, kTipRadius)) return;
     const double most = kTipRadius * sizes_.on_surface_at(tip);
     std::ranges::copy_if(ring_around_tip(domain_, tip, most, kLeastRing * domain_.crease_floor()),
                          std::back_inserter(points_), [&](const Point& p) { return is_own(p); });
+  }
+
+  // Where creases meet at an acute angle, the first points on them have places that are told by the
+  // corner alone: on a sphere through it whose center lies between them, not beyond one of them. So
+  // the cells at the corner have their circumcenters on the side that they are on.
+  void place_around(Vertex v) {
+    const Point& p = graph_.position(v);
+    const double step = step_at_[v];
+    if (!is_near(input_, p, kRingReach)) return;
+    std::vector<Heading> headings;
+    std::vector<Point> ways;
+    for (const Edge e : graph_.edges_at(v)) {
+      if (graph_.is_left_out(e)) continue;
+      headings.push_back(graph_.into(e, v));
+      Point there = p;
+      graph_.for_each_part(headings.back(), step,
+                           [&](const Point&, const Point& end, double) { there = end; });
+      if (there == p) return;
+      ways.push_back((1 / norm(there - p)) * (there - p));
+    }
+    if (!are_acute(ways)) return;
+    AtCorner first;
+    if (ways.size() == 3) first = at_corner({ways[0], ways[1], ways[2]});
+    for (std::size_t n = 0; n < headings.size(); ++n) {
+      const double length = step * (ways.size() == 3 ? first.parts[n] : 1),
+                   enough = length + kLeastRest * step;
+      if (length_to_next(headings[n], enough) < enough) continue;
+      Point there = p;
+      graph_.for_each_part(headings[n], length,
+                           [&](const Point&, const Point& end, double) { there = end; });
+      place(there);
+    }
+    if (!first.between) return;
+    constexpr double kOff = 0.1;  // over the step; a face that bends more is left alone
+    const auto between = domain_.closest_to(p + step * *first.between, kOff * step);
+    if (!between || !is_own(between->position)) return;
+    if (!domain_.closest_on_crease(between->position, 0.9 * kBeside * step))
+      points_.push_back(between->position);
+  }
+
+  // How far it is along a crease to the next point, or vertex that is fixed, up to a length.
+  double length_to_next(const Heading& start, double most) const {
+    double along = 0;
+    std::optional<Heading> heading = start;
+    while (heading && along < most) {
+      if (const Index next = graph_.next_on_edge(*heading); next != CreaseGraph::kNone)
+        return along + std::abs(graph_.place(next).along - heading->from.along);
+      along += heading->left(graph_);
+      if (graph_.is_fixed(heading->next(graph_))) return along;
+      heading = graph_.past(*heading);
+    }
+    return heading ? most : along;
   }
 
   void fill_from(Index i) {
@@ -275,9 +391,23 @@ class CreaseSampler {
 
 }  // namespace
 
-bool is_tip_near(const Box& box, const Point& tip, double size) {
-  const double most = kTipRadius * size;
-  return box.squared_distance(tip) <= most * most;
+bool asks_for_surface(const CreaseInput& input) {
+  std::map<Point, std::vector<Point>> ways;  // from corners
+  for (const CreaseEdge& edge : input.domain.creases)
+    for (const std::size_t k : {0, 1})
+      if (edge.is_corner[k] && is_near(input, edge.ends[k], 1)) {
+        const Point way = edge.ends[1 - k] - edge.ends[k];
+        ways[edge.ends[k]].push_back((1 / norm(way)) * way);
+      }
+  const bool asks = std::ranges::any_of(ways, [](const auto& corner) {
+    return corner.second.size() == 3 && are_acute(corner.second);
+  });
+  return asks || std::ranges::any_of(input.domain.corners, [&](const CornerPoint& corner) {
+           return is_near(input, corner.position, kTipRadius) &&
+                  std::ranges::none_of(input.domain.creases, [&](const CreaseEdge& edge) {
+                    return edge.ends[0] == corner.position || edge.ends[1] == corner.position;
+                  });
+         });
 }
 
 CreasePoints crease_leaf(CreaseInput input, const StopToken* stop) {

@@ -21,13 +21,14 @@ inline constexpr double kCreaseGrowth = 0.5;
 // In degrees: a step turns by no more, and so a hole has no fewer points.
 inline constexpr double kMostTurn = 45;
 // How far around a leaf, over λ, creases matter to it: a corner makes steps smaller up to 2
-// kCreaseStep away, and is itself given its own by chains as long as that.
-inline constexpr double kCreaseReach = 4 * kCreaseStep;
+// kCreaseStep away, and is itself given its own by chains as long as that; and it may have points
+// around it.
+inline constexpr double kCreaseReach = 6 * kCreaseStep;
 
 struct CreaseInput {
   double size = 0;  // λ; of shapes: the largest h on the surface in the leaf
   Box box;          // of the leaf, half-open
-  // Creases and corners; where a tip of a cone is near, triangles, too. The region contains the box
+  // Creases and corners; and triangles, where asks_for_surface(). The region contains the box
   // expanded by kCreaseReach λ.
   DomainPiece domain;
   std::vector<Point> nearby;  // points on creases of other leaves, as far as that
@@ -38,8 +39,10 @@ struct CreasePoints {
   std::vector<Point> positions;  // in the half-open box
 };
 
-// May the tip of a cone have points around it in the box? `size`: as of CreaseInput
-bool is_tip_near(const Box& box, const Point& tip, double size);
+// May there be points in the box that lie on no crease, but beside a corner: around the tip of a
+// cone, or on a face where creases meet at an acute angle? Asks the domain for creases and corners
+// alone.
+bool asks_for_surface(const CreaseInput& input);
 
 // Every vertex of the surface in the box where creases end, or turn by more than kFixedTurn, and
 // tips of cones with points around them (refine/tip_ring.h); between them, points along creases, so

@@ -87,10 +87,32 @@ Point LeafCreases::halved(const Segment& segment, const std::optional<Point>& q)
                          });
     if (best < kLeast * length || best > (1 - kLeast) * length) best = 0.5 * length;
   }
+  if (const auto along = as_far_as_others(segment))
+    if (*along > kLeast * length && *along < (1 - kLeast) * length) best = *along;
   Point place = mesh_.local(segment.b).point.position;
   graph_.for_each_part(segment.way.heading, best,
                        [&](const Point&, const Point& b, double) { place = b; });
   return place;
+}
+
+std::optional<double> LeafCreases::as_far_as_others(const Segment& segment) const {
+  constexpr double kAcute = 0.5 + 1e-6;  // cosine
+  std::optional<double> along;
+  for (const bool is_at_a : {true, false}) {
+    const CreaseGraph::Index corner = index_of(is_at_a ? segment.a : segment.b),
+                             beyond = index_of(is_at_a ? segment.b : segment.a);
+    const Point &p = graph_.point(corner), way = graph_.point(beyond) - p;
+    graph_.neighbors(corner, neighbors_);
+    if (neighbors_.size() < 3) continue;
+    double least = std::numeric_limits<double>::infinity();
+    for (const CreaseGraph::Neighbor& next : neighbors_) {
+      if (next.point == CreaseGraph::kNone || next.point == beyond) continue;
+      const Point other = graph_.point(next.point) - p;
+      if (dot(way, other) > kAcute * norm(way) * norm(other)) least = std::min(least, next.along);
+    }
+    if (least < segment.way.along) along = is_at_a ? least : segment.way.along - least;
+  }
+  return along;
 }
 
 double LeafCreases::angle(const Segment& segment) const {

@@ -80,6 +80,9 @@ class LeafCreases {
     CreaseGraph::Index index = 0;
   };
   double tolerance() const { return kOffCrease * size_; }
+  // Of a segment that ends at an acute corner: how far along it is as far from there as the first
+  // point on another crease, if that is closer.
+  std::optional<double> as_far_as_others(const Segment& segment) const;
   void match(LocalIndex v, CreaseGraph::Index index);
   // To both neighbors, of one that may slide; else null.
   std::optional<std::array<CreaseGraph::Neighbor, 2>> ways_to_slide(LocalIndex v) const;

@@ -37,7 +37,7 @@ class CreaseStage : public VisitingStage<CreaseInput, CreasePoints> {
     loaded.input.domain = around_.creases(leaf, distance);
     const std::size_t num_edges = loaded.input.domain.surface_size();
     if (num_edges == 0 && loaded.input.domain.corners.empty()) return loaded;
-    if (has_tip(loaded.input)) loaded.input.domain = around_.domain(leaf, distance, {});
+    if (asks_for_surface(loaded.input)) loaded.input.domain = around_.domain(leaf, distance, {});
     for (const MeshPoint& point : around_.crease_points(leaf, distance))
       loaded.input.nearby.push_back(point.position);
     if (state_.parameters().sizes().has_shapes())
@@ -62,15 +62,6 @@ class CreaseStage : public VisitingStage<CreaseInput, CreasePoints> {
   }
 
  private:
-  // A corner at which no crease ends, so near that points around it may be in the leaf.
-  static bool has_tip(const CreaseInput& input) {
-    return std::ranges::any_of(input.domain.corners, [&](const CornerPoint& corner) {
-      return is_tip_near(input.box, corner.position, input.size) &&
-             std::ranges::none_of(input.domain.creases, [&](const CreaseEdge& edge) {
-               return edge.ends[0] == corner.position || edge.ends[1] == corner.position;
-             });
-    });
-  }
   static std::uint64_t bytes_of(const SizeCubes& sizes) {
     return sizes.cubes.capacity() * sizeof(SizeCube);
   }

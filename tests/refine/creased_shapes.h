@@ -95,11 +95,11 @@ inline Creased creased(const std::vector<std::array<Point, 3>>& soup, double deg
   return shape;
 }
 
-// Between a polygon, counterclockwise, and the same at another height. The polygon is star-shaped
-// around the origin.
-inline Creased prism(const std::vector<Point>& polygon, double height) {
+// Between a polygon, counterclockwise, and the same at another height, so far aside. The polygon is
+// star-shaped around the origin.
+inline Creased prism(const std::vector<Point>& polygon, double height, const Point& aside = {}) {
   std::vector<std::array<Point, 3>> soup;
-  const Point up{0, 0, height}, below{0, 0, 0};
+  const Point up = Point{0, 0, height} + aside, below{0, 0, 0};
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const Point &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
     soup.push_back({a, b, b + up});

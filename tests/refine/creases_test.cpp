@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <ostream>
+#include <random>
 #include <set>
 #include <string>
 #include <utility>
@@ -36,8 +37,7 @@ Segment segment(const Point& a, const Point& b) { return {std::min(a, b), std::m
 std::vector<Point> points_on(const Creased& shape, double size, const Box& box,
                              const std::vector<Point>& nearby = {}) {
   CreaseInput input{.size = size, .box = box, .domain = {}, .nearby = nearby};
-  input.domain.region = shape.box().expanded(4 * size);
-  input.domain.creases = shape.creases;
+  input.domain = shape.piece(shape.box().expanded(4 * size));
   return crease_leaf(std::move(input)).positions;
 }
 
@@ -157,6 +157,83 @@ TEST(CreaseLeaf, StepsGrowFromShortCreases) {
     const auto [least, most] = std::ranges::minmax(of_point);
     EXPECT_LE(most, 2.1 * least);
   }
+}
+
+// A tetrahedron with a corner at the origin, whose creases have these directions, and which is so
+// large that nothing else is near.
+Creased corner_of(const std::array<Point, 3>& ways) {
+  std::array<Point, 3> far;
+  for (std::size_t i = 0; i < 3; ++i) far[i] = (10 / norm(ways[i])) * ways[i];
+  if (dot(far[0], cross(far[1], far[2])) < 0) std::swap(far[1], far[2]);
+  const Point o;
+  return creased({{o, far[1], far[0]}, {o, far[2], far[1]}, {o, far[0], far[2]}, far});
+}
+
+// Cells between an acute corner and the first points on its three creases have their circumcenters
+// between these.
+TEST(CreaseLeaf, CellsAtAcuteCornersHaveTheirCentersBetweenTheCreases) {
+  const auto seed = std::random_device{}();
+  SCOPED_TRACE(seed);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> angle(25, 55), lean(50, 130);
+  std::size_t num_unlike = 0, num_between = 0, num_left = 0, num = 0;
+  for (int n = 0; n < 300; ++n) {
+    // Two creases at an acute angle, and one that leans to them by angles of its own.
+    const double within = angle(random) * kPi / 180, a = lean(random) * kPi / 180,
+                 b = lean(random) * kPi / 180;
+    const double x = std::cos(a), y = (std::cos(b) - x * std::cos(within)) / std::sin(within);
+    if (x * x + y * y > 0.7) continue;
+    std::array<Point, 3> ways{Point{1, 0, 0}, Point{std::cos(within), std::sin(within), 0},
+                              Point{x, y, std::sqrt(1 - x * x - y * y)}};
+    const Creased shape = corner_of(ways);
+    if (shape.creases.size() != 6) continue;  // two faces are nearly in a plane
+    ++num;
+    std::array<Point, 3> first;  // on each crease
+    std::vector<Point> beside;   // on none
+    for (const Point& p : points_on(shape, 1, shape.box().expanded(0.1))) {
+      if (norm(p) == 0 || norm(p) > kCreaseStep + 1e-9) continue;
+      bool is_on_crease = false;
+      for (std::size_t i = 0; i < 3; ++i)
+        if (norm(cross(p, ways[i])) < 1e-9) first[i] = p, is_on_crease = true;
+      if (!is_on_crease) beside.push_back(p);
+    }
+    std::array<double, 3> length;
+    for (std::size_t i = 0; i < 3; ++i) {
+      length[i] = norm(first[i]);
+      EXPECT_GE(length[i], 0.74 * kCreaseStep);
+    }
+    // Of the ball through the corner and three points, the center as a sum of the creases.
+    const auto least_weight = [&](const std::array<Point, 3>& p) {
+      const Point c = (0.5 / dot(p[0], cross(p[1], p[2]))) *
+                      (dot(p[0], p[0]) * cross(p[1], p[2]) + dot(p[1], p[1]) * cross(p[2], p[0]) +
+                       dot(p[2], p[2]) * cross(p[0], p[1]));
+      double least = 1;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Point across = cross(ways[(i + 1) % 3], ways[(i + 2) % 3]);
+        least = std::min(least, dot(c, across) / dot(ways[i], across));
+      }
+      return least;
+    };
+    ASSERT_LE(beside.size(), 1U);
+    if (!beside.empty()) {
+      ++num_between;
+      std::size_t from = 0;  // the crease that is not of its face
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Point face = cross(ways[(i + 1) % 3], ways[(i + 2) % 3]);
+        if (std::abs(dot(beside[0], face)) < 1e-9) from = i;
+      }
+      EXPECT_NEAR(norm(beside[0]), length[0], 1e-9);
+      for (const std::size_t k : {1, 2})
+        EXPECT_GT(least_weight({first[from], first[(from + k) % 3], beside[0]}), 0) << n;
+    } else if (least_weight(first) > 0) {
+      num_unlike += std::ranges::max(length) > std::ranges::min(length) + 1e-9;
+    } else {
+      ++num_left;  // too far aside
+    }
+  }
+  EXPECT_GT(num_between, num / 10);
+  EXPECT_GT(num_unlike, num / 50);
+  EXPECT_LT(num_left, num / 5);
 }
 
 // ---- What is close is one
@@ -293,6 +370,11 @@ TEST(Mirrors, AreNotAtRightAngles) {
 
 // ---- Meshes of one leaf
 
+// With edges of 38 and 105 degrees, and acute corners.
+Creased leaning_wedge(const Point& aside) {
+  return prism({{1, -0.25, 0}, {0, 0.52, 0}, {-1, -0.25, 0}}, 2, aside);
+}
+
 struct Case {
   std::string name;
   std::function<Creased()> make;
@@ -349,11 +431,16 @@ class CreasedMesh : public testing::TestWithParam<Case> {
       positions_[kNewPoint | i] = delta_.inserted[i].position;
   }
 
+  // Without those beside corners, which lie on faces.
   std::vector<Point> crease_points() const {
     std::vector<Point> points;
-    for (const MeshPoint& p : input_.crease_points) points.push_back(p.position);
+    for (const MeshPoint& p : input_.crease_points)
+      if (std::ranges::find(delta_.moved, p.id, &MeshPoint::id) == delta_.moved.end())
+        points.push_back(p.position);
     for (const InsertedPoint& p : delta_.inserted)
       if (p.kind == PointKind::kCrease) points.push_back(p.position);
+    const LeafDomain domain(shape_.piece(leaf_.expanded(1)));
+    std::erase_if(points, [&](const Point& p) { return !domain.closest_on_crease(p, 1e-9); });
     return points;
   }
   std::array<Point, 3> corners(const MeshFacet& facet) const {
@@ -435,6 +522,22 @@ INSTANTIATE_TEST_SUITE_P(
                            return prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, 0.1);
                          },
                          0.3, true, 11},
+                    Case{"Disk", [] { return cylinder(0.5, 0.07, 48); }, 0.15, false},
+                    Case{"LeaningWedge",
+                         [] {
+                           return leaning_wedge({0, 1.5, 0});
+                         },
+                         0.3},
+                    Case{"LeaningWedge",
+                         [] {
+                           return leaning_wedge({1.5, 1.5, 0});
+                         },
+                         0.3},
+                    Case{"LeaningWedge",
+                         [] {
+                           return leaning_wedge({0.7, 1.5, 0});
+                         },
+                         0.2},
                     Case{"Cylinder", [] { return cylinder(0.5, 1, 60); }, 0.15, false}));
 
 // ---- Tips of cones

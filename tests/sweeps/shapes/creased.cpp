@@ -166,13 +166,13 @@ std::string CreasedShape::name() const {
 // Where creases that are acute meet others at other angles than their mirrors, sites are left.
 bool CreasedShape::is_to_be_whole() const {
   constexpr double kAboveFloor = 0.03;
-  if (kind == "wedge") return measure <= (is_oblique ? 90 : 150) && (!is_oblique || measure >= 25);
-  if (kind == "groove") return !is_oblique || measure >= 30;
+  if (kind == "wedge") return measure <= (is_oblique ? 120 : 150) && (!is_oblique || measure >= 25);
+  if (kind == "groove") return !is_oblique || measure >= 20;
   if (kind == "ring-groove") return measure >= 25;
   if (kind == "spike") return measure > kAboveFloor;
   if (kind == "slot" || kind == "step" || kind == "plate" || kind == "bar")
     return measure >= kAboveFloor;
-  if (kind == "star") return measure <= (is_oblique ? 10 : 16);
+  if (kind == "star") return measure <= 20;
   return true;
 }
 
