@@ -101,6 +101,17 @@ double LeafCreases::angle(const Segment& segment) const {
   return least;
 }
 
+std::size_t LeafCreases::num_sides(const Segment& segment) const {
+  const CreaseGraph::Edge edge = segment.way.heading.from.edge;
+  num_sides_.resize(graph_.edges().size());
+  if (num_sides_[edge] > 0) return num_sides_[edge] - 1;
+  std::size_t num = 0;
+  for_each_at_edge(domain_, graph_.edges()[edge], mesh_.local(segment.a).point.position,
+                   2 * tolerance(), [&](const Triangle&, const Point&) { ++num; });
+  if (num > 0) num_sides_[edge] = num + 1;
+  return num;
+}
+
 bool LeafCreases::is_in_ball(const Point& q) const {
   return !balls_->for_each_around(q, largest_radius_, [&](const Ball& ball) {
     const double radius = radius_[ball.index];

@@ -36,6 +36,11 @@ class LeafCreases {
   // Between the sheets that meet along it, outside or inside, in radians.
   double angle(const Segment& segment) const;
 
+  // May more than two triangles meet along creases here?
+  bool has_junctions() const { return !domain_.only_body(); }
+  // How many meet along the segment, beside its first vertex; 0: it is not known.
+  std::size_t num_sides(const Segment& segment) const;
+
   // ---- Balls
   // Those around vertices: where first points and mirrors do not come, nor others that move.
   bool is_in_ball(const Point& q) const;
@@ -84,6 +89,7 @@ class LeafCreases {
   std::optional<CubesOf<Ball>> balls_;
   mutable std::vector<std::vector<SheetId>> sheets_;  // of locals, as far as they were asked for
   mutable std::vector<CreaseGraph::Neighbor> neighbors_;
+  mutable std::vector<std::size_t> num_sides_;  // of edges, with one more, as far as asked for
 };
 
 }  // namespace locvol
