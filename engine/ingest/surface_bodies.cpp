@@ -105,7 +105,7 @@ class BodiesOfCell {
 
   CellBodies run() && {
     find_shells();
-    find_places();
+    if (has_contacts_) find_places();
     find_patches();
     return std::move(found_);
   }
@@ -174,7 +174,8 @@ class BodiesOfCell {
       if (triangle.id < part.first.id) {
         part.first = triangle;
         part.is_first_turned = components.is_turned[t];
-        found_.shells_of_patch[number] = shells_at_[t];
+        found_.shells_of_patch[number] =
+            has_contacts_ ? shells_at_[t] : std::vector<std::uint32_t>{shell_of_[t]};
       }
       const auto [group, is_new] = groups.try_emplace({number, triangle.sheet}, triangle.id);
       if (!is_new) group->second = std::min(group->second, triangle.id);
