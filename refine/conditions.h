@@ -4,7 +4,7 @@
 //
 //   C1  Surface Delaunay balls have radii below h at their centers.
 //   C2  A facet whose dual edge meets the surface has all three vertices on the surface.
-//   C3  The boundary facets at a surface vertex form a disk.
+//   C3  The boundary facets at a surface vertex form a disk; of several bodies, those of each.
 //   C4  The dual edge of a facet meets the surface at most once.
 //   C5  Cells of the mesh have circumradii below h at their circumcenters; no dual edge ends inside
 //       where balls are no longer known to be empty.
@@ -109,6 +109,15 @@ struct StarView {
 // A vertex without boundary facets, inside or unused, breaks nothing.
 inline std::optional<Condition> judge(const StarView& star) {
   return star.link.empty() || is_cycle(star.link) ? std::nullopt : std::optional(kC3);
+}
+
+// The same where several bodies meet at the vertex.
+struct BodyStarView {
+  std::span<const BodyLinkEdge> link;
+};
+
+inline std::optional<Condition> judge(const BodyStarView& star) {
+  return has_cycle_of_each_body(star.link) ? std::nullopt : std::optional(kC3);
 }
 
 // Of a vertex that meets C3, whose star is not known as a whole: edges of its link that a change

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "octree/sort_and_unite.h"
+#include "refine/edge_sides.h"
 
 namespace locvol {
 
@@ -176,6 +177,7 @@ std::optional<CreaseGraph::Index> CreaseGraph::add(const Point& p, double tolera
   if (!place) return std::nullopt;
   const auto index = static_cast<Index>(points_.size());
   points_.push_back({p, *place});
+  tolerance_ = std::max(tolerance_, tolerance);
   const double length = lengths_[place->edge];
   if (place->along <= 0 || place->along >= length) {
     point_at_[ends_[place->edge][place->along > 0]] = index;
@@ -241,6 +243,9 @@ void CreaseGraph::sheets(const Place& place, std::vector<SheetId>& out) const {
   for (const Heading& heading : headings(place)) {
     const auto& sheets = edges_[heading.from.edge].sheets;
     out.insert(out.end(), sheets.begin(), sheets.end());
+    if (!domain_.only_body())
+      for_each_at_edge(domain_, edges_[heading.from.edge], position(place), 2 * tolerance_,
+                       [&](const Triangle& t, const Point&) { out.push_back(t.sheet); });
   }
   sort_and_unite(out);
 }

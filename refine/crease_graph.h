@@ -116,7 +116,7 @@ class CreaseGraph {
       along += part;
     }
   }
-  // Of the edges that it lies on: ascending.
+  // Of the edges that it lies on: ascending. Where several bodies meet, of all triangles at these.
   void sheets(Index i, std::vector<SheetId>& out) const { sheets(points_[i].place, out); }
   void sheets(const Place& place, std::vector<SheetId>& out) const;
   // By how much the crease turns on the way, which is so long, in radians.
@@ -150,6 +150,7 @@ class CreaseGraph {
   std::vector<bool> is_fixed_, is_corner_;
   std::vector<bool> is_first_;  // others are one with it
   std::vector<Held> points_;
+  double tolerance_ = 0;                     // of these
   std::vector<Index> point_at_;              // of vertices
   std::vector<std::vector<Index>> on_edge_;  // between its ends, in order
   mutable std::vector<Neighbor> neighbors_;

@@ -10,26 +10,34 @@
 
 namespace locvol {
 
+// visit(triangle, corner beyond the edge) for those with both ends of the edge, in order of id.
+// `at`: a place on it, in the region; `tolerance`: how far, by rounding, it may be off the edge
+template <class Visit>
+void for_each_at_edge(const LeafDomain& domain, const CreaseEdge& edge, const Point& at,
+                      double tolerance, const Visit& visit) {
+  std::vector<Triangle> near;
+  domain.triangles_near(at, tolerance, near);
+  const auto is_end = [&](const Point& p) { return p == edge.ends[0] || p == edge.ends[1]; };
+  for (const Triangle& t : near)
+    if (std::ranges::count_if(t.corners, is_end) == 2)
+      visit(t, *std::ranges::find_if_not(t.corners, is_end));
+}
+
 struct EdgeSide {
   Point normal, way;  // unit; the way leads from the edge into it, at right angles to both
 };
 
-// `tolerance`: how far from the edge's middle, by rounding, its triangles may be.
+// `at`, `tolerance`: as above. An edge may be far longer than the region.
 inline std::vector<EdgeSide> sides_of(const LeafDomain& domain, const CreaseEdge& edge,
-                                      double tolerance) {
+                                      const Point& at, double tolerance) {
   const auto& [a, b] = edge.ends;
   const Point along = (1 / norm(b - a)) * (b - a);
-  std::vector<Triangle> near;
-  domain.triangles_near(0.5 * (a + b), tolerance, near);
   std::vector<EdgeSide> sides;
-  for (const Triangle& t : near) {
-    const auto is_end = [&](const Point& p) { return p == a || p == b; };
-    if (std::ranges::count_if(t.corners, is_end) != 2) continue;
-    const Point& c = *std::ranges::find_if_not(t.corners, is_end);
+  for_each_at_edge(domain, edge, at, tolerance, [&](const Triangle& t, const Point& c) {
     const Point way = (c - a) - dot(c - a, along) * along, normal = normal_of(t.corners);
     if (norm(way) > 0 && norm(normal) > 0)
       sides.push_back({(1 / norm(normal)) * normal, (1 / norm(way)) * way});
-  }
+  });
   return sides;
 }
 

@@ -65,7 +65,7 @@ ForcedAngles::OnSurface ForcedAngles::find(const Point& p) const {
     const Point foot = closest_on_segment(edge.ends[0], edge.ends[1], p);
     if (squared_distance(foot, p) > tolerance * tolerance) return;
     double angle = 360;
-    const std::vector<EdgeSide> sides = sides_of(domain_, edge, tolerance);
+    const std::vector<EdgeSide> sides = sides_of(domain_, edge, p, 2 * tolerance);
     for (const auto& [normal, way] : sides) {
       found.normals.push_back(normal);
       for (const auto& [other, other_way] : sides)

@@ -665,6 +665,7 @@ bool ImproveAngles::list_facets() {
     return cell & kNew ? prospects_[cell & ~kNew].state.body() : mesh_.body(cell);
   };
   facets_made_.clear();
+  bodies_at_.clear();
   facets_to_judge_.clear();
   for (std::uint32_t n = 0; n < change_.made.size(); ++n) {
     const NewCell& cell = change_.made[n];
@@ -682,15 +683,23 @@ bool ImproveAngles::list_facets() {
       if (!is_on_boundary && state.side == Side::kFar && is_out_of_reach(cell, i)) continue;
       facets_to_judge_.push_back({n, i, is_on_boundary});
       if (is_on_boundary) facets_made_.push_back(facet(cell.vertex, i));
+      if (is_on_boundary && has_bodies_)
+        bodies_at_[facets_made_.back()] = pair_of(body(kNew | n), body(beyond));
     }
   }
   facets_gone_.clear();
   for (const Cell c : change_.gone) {
     const unsigned hidden = mesh_.state(c).own & mesh_.state(c).hidden;
-    for (int i = 0; i < 4; ++i)
-      if ((hidden & ~(1u << i)) == 0 &&
-          mesh_.body(c) != mesh_.body(mesh_.delaunay().neighbor(c, i)))
-        facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
+    for (int i = 0; i < 4; ++i) {
+      if ((hidden & ~(1u << i)) != 0) continue;
+      const BodyId one = mesh_.body(c), other = mesh_.body(mesh_.delaunay().neighbor(c, i));
+      if (one == other) continue;
+      facets_gone_.push_back(facet(mesh_.delaunay().vertices(c), i));
+      if (!has_bodies_) continue;
+      // One that stays, between other bodies, would be a facet of both lists.
+      const auto [known, is_new] = bodies_at_.try_emplace(facets_gone_.back(), pair_of(one, other));
+      if (!is_new && known->second != pair_of(one, other)) return false;
+    }
   }
   std::ranges::sort(facets_made_);
   sort_and_unite(facets_gone_);  // between two that go
@@ -799,17 +808,49 @@ bool ImproveAngles::is_disk_after(LocalIndex v) {
   star_.clear();
   if (v < mesh_.num_locals()) mesh_.boundary_at(v, star_);
   std::vector<LinkEdge> link;
+  std::vector<std::array<BodyId, 2>> bodies;  // of each
   for (const LeafMesh::Facet& at : star_) {
     const Facet f = facet(mesh_.delaunay().vertices(at.cell), at.index);
-    if (!std::ranges::binary_search(facets_gone_, f)) link.push_back(link_edge(f, v));
+    if (std::ranges::binary_search(facets_gone_, f)) continue;
+    link.push_back(link_edge(f, v));
+    if (has_bodies_)
+      bodies.push_back(
+          pair_of(mesh_.body(at.cell), mesh_.body(mesh_.delaunay().neighbor(at.cell, at.index))));
   }
-  for (const Facet& f : facets_made_)
-    if (std::ranges::find(f, v) != f.end()) link.push_back(link_edge(f, v));
-  return !judge(StarView{link});
+  for (const Facet& f : facets_made_) {
+    if (std::ranges::find(f, v) == f.end()) continue;
+    link.push_back(link_edge(f, v));
+    if (has_bodies_) bodies.push_back(bodies_at_.at(f));
+  }
+  if (std::ranges::adjacent_find(bodies, std::ranges::not_equal_to()) == bodies.end())
+    return !judge(StarView{link});
+  std::vector<BodyLinkEdge> of_bodies;
+  for (std::size_t n = 0; n < link.size(); ++n) of_bodies.push_back({link[n], bodies[n]});
+  return !judge(BodyStarView{of_bodies}) && are_junctions_kept(v, link);
 }
 
-// The same of a ghost, whose star is not known as a whole.
+// Where more than two facets come to an edge, it is of a crease: are_creases_kept() has counted.
+bool ImproveAngles::are_junctions_kept(LocalIndex v, std::span<const LinkEdge> link) const {
+  const auto is_kept = [&](LocalIndex w) {
+    const auto num =
+        std::ranges::count_if(link, [&](const LinkEdge& e) { return e.a == w || e.b == w; });
+    return num == 2 || (creases_ != nullptr && v < mesh_.num_locals() && w < mesh_.num_locals() &&
+                        creases_->is_neighbor(v, w));
+  };
+  return std::ranges::all_of(link, [&](const LinkEdge& e) { return is_kept(e.a) && is_kept(e.b); });
+}
+
+// The same of a ghost, whose star is not known as a whole. Of several bodies, what changes there is
+// to be between the same two.
 bool ImproveAngles::is_disk_kept(LocalIndex v) {
+  std::optional<std::array<BodyId, 2>> first;
+  if (has_bodies_)
+    for (const auto* facets : {&facets_gone_, &facets_made_})
+      for (const Facet& f : *facets) {
+        if (std::ranges::find(f, v) == f.end()) continue;
+        if (first && *first != bodies_at_.at(f)) return false;
+        first = bodies_at_.at(f);
+      }
   const auto link_of = [&](const std::vector<Facet>& facets, const std::vector<Facet>& others) {
     std::vector<LinkEdge> link;
     for (const Facet& f : facets)

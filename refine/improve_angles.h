@@ -10,6 +10,7 @@
 // Cost: 60 µs for a cell below the bound (Lucy, 15°).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -121,6 +122,10 @@ class ImproveAngles {
   bool are_facets_as_round() const;
   bool is_disk_after(LocalIndex v);
   bool is_disk_kept(LocalIndex v);
+  bool are_junctions_kept(LocalIndex v, std::span<const LinkEdge> link) const;
+  static std::array<BodyId, 2> pair_of(BodyId one, BodyId other) {
+    return {std::max(one, other), std::min(one, other)};
+  }
   bool is_off_boundary(LocalIndex v, LocalIndex w);
   std::optional<Counts> counts_of_made();
   Counts counts_of_gone() const;
@@ -174,6 +179,8 @@ class ImproveAngles {
   std::vector<Point> places_;
   std::vector<LocalIndex> movable_;
   std::vector<Facet> facets_gone_, facets_made_;  // of the boundary
+  const bool has_bodies_ = !surroundings_.domain.only_body();
+  std::map<Facet, std::array<BodyId, 2>> bodies_at_;  // of these, where there are several
   struct FacetToJudge {
     std::uint32_t made = 0;  // place of a cell that comes
     int index = 0;           // the facet's, in it

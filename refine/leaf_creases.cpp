@@ -117,7 +117,8 @@ std::optional<double> LeafCreases::as_far_as_others(const Segment& segment) cons
 
 double LeafCreases::angle(const Segment& segment) const {
   const CreaseEdge& edge = graph_.edges()[segment.way.heading.from.edge];
-  const std::vector<EdgeSide> sides = sides_of(domain_, edge, tolerance());
+  const std::vector<EdgeSide> sides =
+      sides_of(domain_, edge, mesh_.local(segment.a).point.position, 2 * tolerance());
   double least = std::numbers::pi;
   for (std::size_t i = 0; i < sides.size(); ++i)
     for (std::size_t j = i + 1; j < sides.size(); ++j)
@@ -194,6 +195,17 @@ void LeafCreases::slide(LocalIndex v) {
   local_[before] = kInfiniteVertex;
   radius_[before] = 0;
   add(v);
+}
+
+std::size_t LeafCreases::num_sides(const Segment& segment) const {
+  const CreaseGraph::Edge edge = segment.way.heading.from.edge;
+  num_sides_.resize(graph_.edges().size());
+  if (num_sides_[edge] > 0) return num_sides_[edge] - 1;
+  std::size_t num = 0;
+  for_each_at_edge(domain_, graph_.edges()[edge], mesh_.local(segment.a).point.position,
+                   2 * tolerance(), [&](const Triangle&, const Point&) { ++num; });
+  if (num > 0) num_sides_[edge] = num + 1;
+  return num;
 }
 
 bool LeafCreases::is_in_ball(const Point& q) const {

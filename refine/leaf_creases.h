@@ -50,6 +50,11 @@ class LeafCreases {
   // It has moved, between its neighbors.
   void slide(LocalIndex v);
 
+  // May more than two triangles meet along creases here?
+  bool has_junctions() const { return !domain_.only_body(); }
+  // How many meet along the segment, beside its first vertex; 0: it is not known.
+  std::size_t num_sides(const Segment& segment) const;
+
   // ---- Balls
   // Those around vertices: where first points and mirrors do not come, nor others that move.
   bool is_in_ball(const Point& q) const;
@@ -103,6 +108,7 @@ class LeafCreases {
   std::optional<CubesOf<Ball>> balls_;
   mutable std::vector<std::vector<SheetId>> sheets_;  // of locals, as far as they were asked for
   mutable std::vector<CreaseGraph::Neighbor> neighbors_;
+  mutable std::vector<std::size_t> num_sides_;  // of edges, with one more, as far as asked for
 };
 
 }  // namespace locvol

@@ -372,7 +372,8 @@ FacetLabels LeafMesh::labels(const BoundaryFacet& facet) const {
   const auto& [a, b, c] = facet.vertices;
   return {facet.behind, facet.before,
           surroundings_.domain.sheet_of_facet(
-              {delaunay_.point(a), delaunay_.point(b), delaunay_.point(c)})};
+              {delaunay_.point(a), delaunay_.point(b), delaunay_.point(c)}, facet.behind,
+              facet.before)};
 }
 
 // What is not loaded counts as outside.

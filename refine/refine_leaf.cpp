@@ -136,6 +136,8 @@ class Refinement {
                 Condition condition);
   void tell_creases();
   bool keeps_sheets(LocalIndex v, std::span<const LinkEdge> link);
+  std::array<BodyId, 2> bodies_at(const Facet& f) const;
+  bool has_several_pairs(std::span<const Facet> star) const;
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
   void look_at(Facet facet);
@@ -473,20 +475,46 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) {
   link_.clear();
   for (const Facet& f : star)
     link_.push_back(link_edge(mesh_.delaunay().vertices(f.cell), f.index, v));
-  return !judge(StarView{link_}) && keeps_sheets(v, link_);
+  if (surroundings_.domain.only_body() || !has_several_pairs(star))
+    return !judge(StarView{link_}) && keeps_sheets(v, link_);
+  std::vector<BodyLinkEdge> link;
+  for (std::size_t n = 0; n < star.size(); ++n) link.push_back({link_[n], bodies_at(star[n])});
+  return !judge(BodyStarView{link}) && keeps_sheets(v, link_);
 }
 
-// Do all facets at v lie on one sheet each, and has v its neighbors on creases? `link`: of these
-// facets.
+std::array<BodyId, 2> Refinement::bodies_at(const Facet& f) const {
+  return {mesh_.body(f.cell), mesh_.body(mesh_.delaunay().neighbor(f.cell, f.index))};
+}
+
+// Do some of the facets part other bodies than the first?
+bool Refinement::has_several_pairs(std::span<const Facet> star) const {
+  return std::ranges::any_of(
+      star, [&](const Facet& f) { return bodies_at(f) != bodies_at(star.front()); });
+}
+
+// Do all facets at v lie on one sheet each, and has v its neighbors on creases, with as many facets
+// as triangles of the surface meet there? Elsewhere two do. `link`: of these facets.
 bool Refinement::keeps_sheets(LocalIndex v, std::span<const LinkEdge> link) {
   if (!creases_ || link.empty()) return true;
   for (const auto& [a, b] : link)
     if (!creases_->have_common_sheet(v, a, b)) return false;
   creases_->segments(v, segments_);
-  return std::ranges::all_of(segments_, [&](const LeafCreases::Segment& segment) {
-    return std::ranges::any_of(
-        link, [&](const LinkEdge& e) { return e.a == segment.b || e.b == segment.b; });
-  });
+  const auto num_at = [&](LocalIndex w) {
+    return std::ranges::count_if(link, [&](const LinkEdge& e) { return e.a == w || e.b == w; });
+  };
+  if (!creases_->has_junctions())
+    return std::ranges::all_of(
+        segments_, [&](const LeafCreases::Segment& segment) { return num_at(segment.b) > 0; });
+  std::size_t num_at_creases = 0, num_ends = 0;  // more than two of an end
+  for (const LeafCreases::Segment& segment : segments_) {
+    const auto num = static_cast<std::size_t>(num_at(segment.b)),
+               num_sides = creases_->num_sides(segment);
+    if (num == 0 || (num_sides > 0 && num != num_sides)) return false;
+    if (num > 2) num_at_creases += num;
+  }
+  for (const auto& [a, b] : link)
+    for (const LocalIndex w : {a, b}) num_ends += num_at(w) > 2;
+  return num_ends == num_at_creases;
 }
 
 void Refinement::tell_creases() {

@@ -2,6 +2,7 @@
 // Internal to refine/.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <map>
@@ -10,12 +11,20 @@
 #include <utility>
 #include <vector>
 
+#include "octree/body_id.h"
+#include "octree/sort_and_unite.h"
 #include "refine/delaunay.h"
 
 namespace locvol {
 
 struct LinkEdge {
   Delaunay::Vertex a = Delaunay::kInfinite, b = Delaunay::kInfinite;
+};
+
+// Of a facet between two bodies, the larger first; or of the boundary.
+struct BodyLinkEdge {
+  LinkEdge edge;
+  std::array<BodyId, 2> bodies = {kOnlyBody, kNoBody};
 };
 
 // Of a facet of v.
@@ -46,6 +55,22 @@ inline bool is_cycle(std::span<LinkEdge> link) {
     here = link[n].a == here ? link[n].b : link[n].a;
   }
   return here == link[0].a;
+}
+
+// Do the edges of each body make one cycle, whatever lies outside of all?
+inline bool has_cycle_of_each_body(std::span<const BodyLinkEdge> link) {
+  std::vector<BodyId> bodies;
+  for (const BodyLinkEdge& e : link)
+    for (const BodyId body : e.bodies)
+      if (body != kNoBody) bodies.push_back(body);
+  sort_and_unite(bodies);
+  std::vector<LinkEdge> of_body;
+  return std::ranges::all_of(bodies, [&](BodyId body) {
+    of_body.clear();
+    for (const BodyLinkEdge& e : link)
+      if (e.bodies[0] == body || e.bodies[1] == body) of_body.push_back(e.edge);
+    return is_cycle(of_body);
+  });
 }
 
 struct LinkPath {

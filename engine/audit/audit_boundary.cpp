@@ -304,14 +304,21 @@ namespace {
 struct SheetDistance {
   Point place;
   SheetId listed = 0;
-  double nearest = std::numeric_limits<double>::infinity();    // of all triangles
+  double nearest = std::numeric_limits<double>::infinity();    // of all between the same bodies
   double of_listed = std::numeric_limits<double>::infinity();  // of that sheet's
 };
 
 // Finds the distances of places that are at most `reach` from the leaf's box. What lies on the
 // surface finds it within `reach`; where a site is unresolved, facets may be farther off.
 void measure_sheets(std::span<SheetDistance> sheets, double reach, const AuditLeaf& leaf,
-                    const AuditLeaves& leaves, const AuditRecords& records, double size) {
+                    const AuditLeaves& leaves, const AuditRecords& records,
+                    const AuditBounds& bounds) {
+  const double size = bounds.size;
+  const auto part_the_same = [&](SheetId a, SheetId b) {
+    const auto& bodies = bounds.bodies_of_sheets;
+    const auto is_known = [&](SheetId sheet) { return 0 < sheet && sheet <= bodies.size(); };
+    return !is_known(a) || !is_known(b) || bodies[a - 1] == bodies[b - 1];
+  };
   std::vector<SheetDistance*> open;
   for (SheetDistance& sheet : sheets) open.push_back(&sheet);
   for (double within = reach; !open.empty(); within *= 2) {
@@ -324,8 +331,9 @@ void measure_sheets(std::span<SheetDistance> sheets, double reach, const AuditLe
         const Box box = triangle.box().expanded(within);
         grid.for_each_near(box, [&](std::uint32_t i, const Point& p) {
           if (!box.contains(p)) return;
-          const double distance = distance_to_triangle(p, triangle);
           SheetDistance& sheet = *open[i];
+          if (!part_the_same(triangle.sheet, sheet.listed)) return;
+          const double distance = distance_to_triangle(p, triangle);
           sheet.nearest = std::min(sheet.nearest, distance);
           if (triangle.sheet == sheet.listed) sheet.of_listed = std::min(sheet.of_listed, distance);
         });
@@ -361,7 +369,7 @@ void check_sheets(const AuditLeaf& leaf, const AuditLeaves& leaves, const AuditR
     sheets.push_back({.place = centroid, .listed = labels.sheet});
     reach = std::max(reach, norm(centroid - a));
   }
-  if (bounds.has_sheets) measure_sheets(sheets, reach, leaf, leaves, records, bounds.size);
+  if (bounds.has_sheets) measure_sheets(sheets, reach, leaf, leaves, records, bounds);
   for (const SheetDistance& sheet : sheets) {
     const bool is_right = bounds.has_sheets
                               ? sheet.of_listed <= sheet.nearest + kFastDistanceError * bounds.size

@@ -8,6 +8,7 @@
 
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
+#include "octree/mix.h"
 #include "refine/domain/triangle_box.h"
 
 namespace locvol {
@@ -54,7 +55,7 @@ class EdgesOfCell {
 
   std::vector<SharedEdge> shared(std::span<const CellEdge> edges) const {
     std::vector<SharedEdge> shared;
-    for (const auto& [edge, name, end_names, is_given] : edges)
+    for (const auto& [edge, name, end_names, is_given, junction] : edges)
       if (edge.crease != kNoPart && reaches_out(edge))
         shared.push_back({name, edge.crease, buckets_.is_last_with(cell_, edge.as_triangle())});
     return shared;
@@ -70,11 +71,13 @@ class EdgesOfCell {
 class EdgeFinder {
  public:
   EdgeFinder(std::vector<Triangle> triangles, const Box& box, const SharpAngle& angle,
-             const NeedleNormals& needles, const EdgeSet& given, double least_extent)
+             const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
+             double least_extent)
       : triangles_(std::move(triangles)),
         box_(box),
         angle_(angle),
         given_(given),
+        has_contacts_(has_contacts),
         least_at_tip_(0.25 * least_extent),
         soup_(soup_of(triangles_)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)),
@@ -86,12 +89,22 @@ class EdgeFinder {
       SurfaceName& name = names_[origin(soup_.triangles, h)];
       name = std::min(name, name_of(h));
     }
+    if (has_contacts)
+      unpair_others(mates_, [&](std::uint32_t h) {
+        return TriangleBuckets::meets_edge(box_, position(origin(soup_.triangles, h)),
+                                           position(target(soup_.triangles, h)));
+      });
   }
 
   CellCreases run() && {
     CellCreases found;
     for (std::uint32_t h = 0; h < mates_.size(); ++h)
       if (const std::uint32_t g = mates_[h]; g != kNoHalfEdge && h < g) look_at(h, g, found);
+    if (has_contacts_)
+      EdgeTable(soup_.vertices.size(), soup_.triangles)
+          .for_each_edge([&](std::span<const std::uint32_t> uses) {
+            if (uses.size() > 2) take_junction(uses, found);
+          });
     std::ranges::sort(found.edges, {}, &CellEdge::name);
     find_tips(found);
     return found;
@@ -118,6 +131,30 @@ class EdgeFinder {
                         .name = std::min(name_of(h), name_of(g)),
                         .end_names = {names_[v], names_[w]},
                         .is_given = is_given};
+    if (touches(edge.edge, box_)) found.edges.push_back(edge);
+  }
+
+  // Of an edge that is not in the closed cell, some triangles may be missing.
+  void take_junction(std::span<const std::uint32_t> uses, CellCreases& found) {
+    std::uint32_t v = origin(soup_.triangles, uses[0]), w = target(soup_.triangles, uses[0]);
+    is_sharp_[v] = is_sharp_[w] = true;
+    if (position(w) < position(v)) std::swap(v, w);
+    SurfaceName name = kNoName;
+    std::vector<SheetId> sheets;
+    for (const std::uint32_t h : uses) {
+      name = std::min(name, name_of(h));
+      sheets.push_back(triangles_[h / 3].sheet);
+    }
+    std::ranges::sort(sheets);
+    std::uint64_t junction = mix(sheets.size());
+    for (const SheetId sheet : sheets) junction = mix(junction ^ sheet);
+    const CellEdge edge{.edge = {.ends = {position(v), position(w)},
+                                 .sheets = {sheets.front(), sheets.back()},
+                                 .crease = kNoPart},
+                        .name = name,
+                        .end_names = {names_[v], names_[w]},
+                        .is_given = true,
+                        .junction = junction};
     if (touches(edge.edge, box_)) found.edges.push_back(edge);
   }
 
@@ -151,6 +188,7 @@ class EdgeFinder {
   const Box& box_;
   const SharpAngle& angle_;
   const EdgeSet& given_;
+  const bool has_contacts_;
   const double least_at_tip_;
   TriangleSoup soup_;
   Mates mates_;
@@ -182,7 +220,8 @@ void find_corners(const Box& box, CellCreases& creases) {
     const auto end =
         std::find_if(first, ends.end(), [&](const End& e) { return e.vertex != first->vertex; });
     const bool goes_on =
-        end - first == 2 && -dot(way_out(first[0]), way_out(first[1])) >= least_cosine;
+        end - first == 2 && -dot(way_out(first[0]), way_out(first[1])) >= least_cosine &&
+        creases.edges[first[0].edge].junction == creases.edges[first[1].edge].junction;
     if (!goes_on) {
       creases.corners.push_back({first->vertex, creases.edges[first->edge].edge.ends[first->end]});
       for (auto at = first; at != end; ++at) creases.edges[at->edge].edge.is_corner[at->end] = true;
@@ -195,11 +234,13 @@ void find_corners(const Box& box, CellCreases& creases) {
 
 CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const TriangleBuckets& buckets, const SharpAngle& angle,
-                        const NeedleNormals& needles, const EdgeSet& given, double least_extent) {
+                        const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
+                        double least_extent) {
   const EdgesOfCell of_cell(cell, buckets);
   CellParts found;
-  found.creases =
-      EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, given, least_extent).run();
+  found.creases = EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, given,
+                             has_contacts, least_extent)
+                      .run();
   std::vector<CellEdge>& edges = found.creases.edges;
   // Corners so far tell noise.
   const std::vector<SurfaceCorner> tips = found.creases.corners;
@@ -237,7 +278,7 @@ CellParts chains_of_cell(CellCreases creases, MortonKey cell, const TriangleBuck
   found.parts = of_cell.join(edges, [&](const CellEdge& edge, std::size_t end) {
     return of_cell.box().contains(edge.edge.ends[end]) && !edge.edge.is_corner[end];
   });
-  for (const auto& [edge, name, end_names, is_given] : found.creases.edges)
+  for (const auto& [edge, name, end_names, is_given, junction] : found.creases.edges)
     for (std::size_t end = 0; end < 2; ++end)
       if (edge.is_corner[end] && of_cell.owns(edge.ends[end]))
         found.parts[edge.crease - 1].add_corner(end_names[end]);

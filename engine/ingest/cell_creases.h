@@ -31,7 +31,8 @@ struct CellParts {
 // Two edges of a crease that meet at a larger angle, in degrees, are two creases.
 inline constexpr double kCreaseTurn = 45;
 
-// The edges that are given, and if there is an angle, those between sheets, and those where the
+// The edges that are given, those where other than two triangles meet, and if there is an angle,
+// those between sheets, and those where the
 // surface turns by more than it; and, as corners, the tips of cones: vertices without such edges,
 // around which the surface leans by more than the angle on average. Edges within a sheet that are
 // not given may be noise: they are in parts that hang together at their vertices, and parts that
@@ -39,10 +40,12 @@ inline constexpr double kCreaseTurn = 45;
 inline constexpr CreaseId kNoPart = 0;
 CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
                         const TriangleBuckets& buckets, const SharpAngle& angle,
-                        const NeedleNormals& needles, const EdgeSet& given, double least_extent);
+                        const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
+                        double least_extent);
 
 // Of these edges the parts that are chains between corners; a corner is also where other than two
-// of them meet, or two that are not of one crease.
+// of them meet, or two that are not of one crease: that turn, or part other sheets, where more than
+// two meet.
 CellParts chains_of_cell(CellCreases creases, MortonKey cell, const TriangleBuckets& buckets);
 
 }  // namespace locvol

@@ -27,6 +27,8 @@ struct CellEdge {
   SurfaceName name = kNoName;              // the same in all cells
   std::array<SurfaceName, 2> end_names{};  // the same in all cells whose closed box has the end
   bool is_given = false;                   // sharp, whatever its angle
+  // Where more than two triangles meet, a hash of their sheets; else 0.
+  std::uint64_t junction = 0;
 };
 
 struct SurfaceCorner {

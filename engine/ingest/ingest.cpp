@@ -370,10 +370,10 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     CheckedSurface surface =
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
                       run.parameters.weld, run.parameters.sharp_angle);
+    std::vector<BodyFacts> bodies = number_bodies(surface, law, watch, workers);
     find_given_edges(surface, {run.sharp_file, run.parameters.sharp_polylines, run.parameters.weld},
                      watch, workers, share);
     const double size = run.parameters.size;
-    std::vector<BodyFacts> bodies = number_bodies(surface, law, watch, workers);
     SurfaceSheets sheets = number_sheets(
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},

@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <cassert>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <tuple>
 #include <unordered_map>
@@ -23,28 +26,50 @@
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
 #include "octree/mix.h"
+#include "octree/sort_and_unite.h"
+#include "refine/domain/exact_predicates.h"
 
 namespace locvol {
 namespace {
 
 constexpr std::uint64_t kNoTriangle = std::numeric_limits<std::uint64_t>::max();
 
-// Of a component, what one cell has, or all of it.
-struct BodyPart {
+// Of a shell, what one cell has, or all of it.
+struct ShellPart {
   SurfaceComponent sum;
   std::uint64_t first_triangle = kNoTriangle;
 
-  void add(const BodyPart& other, bool is_turned) {
+  void add(const ShellPart& other, bool is_turned) {
     sum.add(other.sum, is_turned);
     first_triangle = std::min(first_triangle, other.first_triangle);
   }
 };
 
-// What a cell has of a group in one of its parts.
+// Of a patch, likewise.
+struct PatchPart {
+  SurfaceComponent sum;
+  Triangle first = {.id = kNoTriangle, .corners = {}};
+  bool is_first_turned = false;  // against the orientation that the sum is of
+
+  void add(const PatchPart& other, bool is_turned) {
+    sum.add(other.sum, is_turned);
+    if (other.first.id < first.id) {
+      first = other.first;
+      is_first_turned = other.is_first_turned != is_turned;
+    }
+  }
+};
+
+// What a cell has of a group in one of its parts of patches.
 struct PartGroup {
   std::uint32_t part = 0;
   SheetId group = 1;
   std::uint64_t first_triangle = kNoTriangle;
+};
+// Which of the bodies that are given have triangles in a part of a shell.
+struct PartBody {
+  std::uint32_t part = 0, body = 0;
+  friend auto operator<=>(const PartBody&, const PartBody&) = default;
 };
 
 struct SharedByParts {  // a triangle that other cells have, too
@@ -54,48 +79,159 @@ struct SharedByParts {  // a triangle that other cells have, too
 };
 
 struct CellBodies {
-  std::vector<Triangle> triangles;  // with the numbers of their parts in place of their changes
-  std::vector<BodyPart> parts;
+  // One of each place, with the numbers of their parts of patches in place of their changes.
+  std::vector<Triangle> triangles;
+  std::vector<ShellPart> shells;
+  std::vector<PatchPart> patches;
+  std::vector<std::vector<std::uint32_t>> shells_of_patch;  // parts
+  std::vector<PartBody> bodies;
   std::vector<PartGroup> groups;
-  std::vector<SharedByParts> shared;
+  std::vector<SharedByParts> shared_by_shells, shared_by_patches;
 };
 
-CellBodies bodies_of_cell(std::vector<Triangle> triangles, const TriangleBucket& bucket,
-                          const TriangleBuckets& buckets, double middle_z) {
-  const Box box = buckets.frame().box(bucket.cell);
-  const TriangleSoup soup = soup_of(triangles);
-  const Mates mates = paired_edges(soup.vertices.size(), soup.triangles);
-  const Components components = find_components(soup.triangles, mates);
-  CellBodies cell;
-  cell.parts.resize(components.count);
-  std::map<std::pair<std::uint32_t, SheetId>, std::uint64_t> groups;
-  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-    Triangle& triangle = triangles[t];
-    const std::uint32_t number = components.of_triangle[t];
-    BodyPart& part = cell.parts[number];
-    part.sum.add_corners(triangle);
-    if (owns_triangle(box, triangle))
-      part.sum.add_volume(triangle, components.is_turned[t], middle_z);
-    part.first_triangle = std::min(part.first_triangle, triangle.id);
-    const auto [group, is_new] = groups.try_emplace({number, triangle.sheet}, triangle.id);
-    if (!is_new) group->second = std::min(group->second, triangle.id);
-    if (TriangleBuckets::reaches_out(box, triangle))
-      cell.shared.push_back({triangle.id, number, components.is_turned[t],
-                             buckets.is_last_with(bucket.cell, triangle)});
-    triangle.change = DomainState::in(number);
-  }
-  for (const auto& [place, first_triangle] : groups)
-    cell.groups.push_back({place.first, place.second, first_triangle});
-  cell.triangles = std::move(triangles);
-  return cell;
-}
+class BodiesOfCell {
+ public:
+  BodiesOfCell(std::vector<Triangle> triangles, const TriangleBucket& bucket,
+               const TriangleBuckets& buckets, std::span<const std::uint32_t> given,
+               bool has_contacts, double middle_z)
+      : all_(std::move(triangles)),
+        cell_(bucket.cell),
+        buckets_(buckets),
+        box_(buckets.frame().box(bucket.cell)),
+        given_(given),
+        has_contacts_(has_contacts),
+        middle_z_(middle_z),
+        soup_(soup_of(all_)) {}
 
-// A component of the surface: a closed shell, with a body on either side.
+  CellBodies run() && {
+    find_shells();
+    if (has_contacts_) find_places();
+    find_patches();
+    return std::move(found_);
+  }
+
+ private:
+  void find_shells() {
+    std::vector<std::uint32_t> bodies;
+    for (const Triangle& triangle : all_) bodies.push_back(given_body(given_, triangle));
+    Mates mates = paired_edges(soup_.vertices.size(), soup_.triangles, bodies);
+    if (has_contacts_)
+      unpair_others(mates, [&](std::uint32_t h) {
+        return bodies[h / 3] == bodies[mates[h] / 3] || is_whole(h);
+      });
+    Components components = find_components(soup_.triangles, mates);
+    found_.shells.resize(components.count);
+    for (std::uint32_t t = 0; t < all_.size(); ++t) {
+      const std::uint32_t number = components.of_triangle[t];
+      ShellPart& part = found_.shells[number];
+      take(all_[t], components.is_turned[t], number, part.sum, found_.shared_by_shells);
+      part.first_triangle = std::min(part.first_triangle, all_[t].id);
+      found_.bodies.push_back({number, bodies[t]});
+    }
+    sort_and_unite(found_.bodies);
+    shell_of_ = std::move(components.of_triangle);
+  }
+
+  // Of triangles with the same vertices the first stands for all, with the shells of all.
+  void find_places() {
+    std::vector<std::pair<TriangleCorners, std::uint32_t>> sorted;
+    for (std::uint32_t t = 0; t < all_.size(); ++t) {
+      sorted.emplace_back(soup_.triangles[t], t);
+      std::ranges::sort(sorted.back().first);
+    }
+    std::ranges::sort(sorted);
+    shells_at_.resize(all_.size());
+    std::vector<bool> is_first(all_.size());
+    for (std::size_t i = 0, first = 0; i < sorted.size(); ++i) {
+      if (sorted[i].first != sorted[first].first) first = i;
+      is_first[sorted[i].second] = i == first;
+      shells_at_[sorted[first].second].push_back(shell_of_[sorted[i].second]);
+    }
+    std::size_t kept = 0;
+    for (std::size_t t = 0; t < all_.size(); ++t) {
+      if (!is_first[t]) continue;
+      soup_.triangles[kept] = soup_.triangles[t];
+      shells_at_[kept].swap(shells_at_[t]);
+      all_[kept++] = all_[t];
+    }
+    soup_.triangles.resize(kept);
+    all_.resize(kept);
+  }
+
+  // What hangs together by edges of two triangles, which are then of the same shells.
+  void find_patches() {
+    Mates mates = paired_edges(soup_.vertices.size(), soup_.triangles);
+    if (has_contacts_) unpair_others(mates, [&](std::uint32_t h) { return is_whole(h); });
+    const Components components = find_components(soup_.triangles, mates);
+    found_.patches.resize(components.count);
+    found_.shells_of_patch.resize(components.count);
+    std::map<std::pair<std::uint32_t, SheetId>, std::uint64_t> groups;
+    for (std::uint32_t t = 0; t < all_.size(); ++t) {
+      const Triangle& triangle = all_[t];
+      const std::uint32_t number = components.of_triangle[t];
+      PatchPart& part = found_.patches[number];
+      take(triangle, components.is_turned[t], number, part.sum, found_.shared_by_patches);
+      if (triangle.id < part.first.id) {
+        part.first = triangle;
+        part.is_first_turned = components.is_turned[t];
+        found_.shells_of_patch[number] =
+            has_contacts_ ? shells_at_[t] : std::vector<std::uint32_t>{shell_of_[t]};
+      }
+      const auto [group, is_new] = groups.try_emplace({number, triangle.sheet}, triangle.id);
+      if (!is_new) group->second = std::min(group->second, triangle.id);
+    }
+    for (const auto& [place, first_triangle] : groups)
+      found_.groups.push_back({place.first, place.second, first_triangle});
+    for (std::uint32_t t = 0; t < all_.size(); ++t)
+      all_[t].change = DomainState::in(components.of_triangle[t]);
+    found_.triangles = std::move(all_);
+  }
+
+  // Are all triangles at the edge here?
+  bool is_whole(std::uint32_t h) const {
+    return TriangleBuckets::meets_edge(box_, soup_.vertices[origin(soup_.triangles, h)],
+                                       soup_.vertices[target(soup_.triangles, h)]);
+  }
+
+  void take(const Triangle& triangle, bool is_turned, std::uint32_t part, SurfaceComponent& sum,
+            std::vector<SharedByParts>& shared) const {
+    sum.add_corners(triangle);
+    if (owns_triangle(box_, triangle)) sum.add_volume(triangle, is_turned, middle_z_);
+    if (TriangleBuckets::reaches_out(box_, triangle))
+      shared.push_back({triangle.id, part, is_turned, buckets_.is_last_with(cell_, triangle)});
+  }
+
+  std::vector<Triangle> all_;
+  MortonKey cell_;
+  const TriangleBuckets& buckets_;
+  Box box_;
+  std::span<const std::uint32_t> given_;
+  bool has_contacts_;
+  double middle_z_;
+  TriangleSoup soup_;
+  std::vector<std::uint32_t> shell_of_;                // of triangles, parts
+  std::vector<std::vector<std::uint32_t>> shells_at_;  // likewise, of all at its place
+  CellBodies found_;
+};
+
+// A component of what is given for a body: it is closed.
 struct Shell {
-  BodyPart all;
-  std::uint32_t of = 0;                 // which of the bodies that are given bounds it, from 0 on
-  std::optional<std::uint32_t> around;  // the innermost other shell that it lies in
-  BodyId inside = kNoBody, outside = kNoBody;
+  ShellPart all;
+  std::uint32_t of = 0;  // which of the bodies that are given it bounds, from 0 on
+};
+
+// A part of the surface with the same shells everywhere, so with one body on either side.
+struct Patch {
+  PatchPart all;
+  std::vector<std::uint32_t> shells;              // ascending
+  std::size_t front_region = 0, back_region = 0;  // the first triangle's normal points to the front
+  BodyId front = kNoBody, back = kNoBody;
+};
+
+// Places that lie in the same shells.
+struct Region {
+  std::vector<std::uint32_t> shells;  // ascending
+  BodyId body = kNoBody;
 };
 
 class BodyNumbering {
@@ -106,18 +242,23 @@ class BodyNumbering {
   std::vector<BodyFacts> run() && {
     find_parts();
     find_owners();
-    find_nesting();
     name_bodies();
+    find_regions();
+    find_nesting();
     label();
+    add_up();
     surface_.labels = labels();
     surface_.facts.volume = volume_.value();
+    if (surface_.has_contacts) measure_net();
     return std::move(bodies_);
   }
 
  private:
-  // The buckets' triangles then carry the numbers of their parts.
+  // The buckets' triangles then carry the numbers of their parts of patches.
   void find_parts() {
-    PartJoiner<BodyPart> joiner;
+    PartJoiner<ShellPart> shells;
+    PartJoiner<PatchPart> patches;
+    std::vector<std::vector<std::uint32_t>> shells_of_part;
     const double middle_z = surface_.facts.box.center().z;
     std::size_t place = 0;
     for_each_in_order(
@@ -125,46 +266,73 @@ class BodyNumbering {
         [&](const TriangleBucket& bucket) { return surface_.load(bucket); },
         [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
           throw_if_stopped(watch_.stop());
-          return bodies_of_cell(std::move(triangles), bucket, surface_.buckets, middle_z);
+          return BodiesOfCell(std::move(triangles), bucket, surface_.buckets, surface_.given_bodies,
+                              surface_.has_contacts, middle_z)
+              .run();
         },
         [&](const TriangleBucket&, CellBodies& cell) {
-          std::uint32_t first = 0;
-          for (std::size_t i = 0; i < cell.parts.size(); ++i) {
-            const std::uint32_t number = joiner.add_part(cell.parts[i]);
-            if (i == 0) first = number;
+          const std::uint32_t first_shell = num_parts_of_shells_;
+          const auto first_patch = static_cast<std::uint32_t>(shells_of_part.size());
+          for (const ShellPart& part : cell.shells)
+            num_parts_of_shells_ = shells.add_part(part) + 1;
+          for (const PatchPart& part : cell.patches) patches.add_part(part);
+          for (const auto& [id, part, is_turned, is_last] : cell.shared_by_shells)
+            shells.join(id, first_shell + part, is_turned, is_last);
+          for (const auto& [id, part, is_turned, is_last] : cell.shared_by_patches)
+            patches.join(id, first_patch + part, is_turned, is_last);
+          for (std::vector<std::uint32_t>& parts : cell.shells_of_patch) {
+            for (std::uint32_t& part : parts) part += first_shell;
+            shells_of_part.push_back(std::move(parts));
           }
-          for (const auto& [id, part, is_turned, is_last] : cell.shared)
-            joiner.join(id, first + part, is_turned, is_last);
+          for (PartBody& body : cell.bodies)
+            bodies_of_parts_.push_back({body.part + first_shell, body.body});
           for (PartGroup& group : cell.groups) {
-            group.part += first;
+            group.part += first_patch;
             groups_.push_back(group);
           }
           for (Triangle& triangle : cell.triangles)
-            triangle.change = DomainState::in(first + triangle.change.body());
+            triangle.change = DomainState::in(first_patch + triangle.change.body());
           surface_.buckets.replace(surface_.spill, place++, cell.triangles);
           watch_.advance(cell.triangles.size());
         });
     surface_.has_copies = false;
+    shell_of_part_ = in_order(
+        shells, [](const ShellPart& shell) { return shell.first_triangle; },
+        [&](ShellPart& shell) { shells_.push_back({.all = shell}); });
+    patch_of_part_ = in_order(
+        patches, [](const PatchPart& patch) { return patch.first.id; },
+        [&](PatchPart& patch) { patches_.push_back({.all = patch, .shells = {}}); });
+    for (std::size_t part = 0; part < patch_of_part_.size(); ++part) {
+      std::vector<std::uint32_t>& own = patches_[patch_of_part_[part]].shells;
+      if (!own.empty()) continue;
+      for (const std::uint32_t shell : shells_of_part[part]) own.push_back(shell_of_part_[shell]);
+      std::ranges::sort(own);
+    }
+  }
+
+  // What the parts are joined to, in the order of their first triangles; by part, its place there.
+  template <class Part>
+  static std::vector<std::uint32_t> in_order(PartJoiner<Part>& joiner, const auto& first_of,
+                                             const auto& take) {
     std::vector<std::uint32_t> numbers;
-    const JoinedParts<BodyPart> joined = joiner.take(numbers);
-    // In the order of their first triangles.
+    JoinedParts<Part> joined = joiner.take(numbers);
     std::vector<std::uint32_t> order(joined.components.size()), rank(order.size());
-    for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
-    std::ranges::sort(order, {},
-                      [&](std::uint32_t i) { return joined.components[i].first_triangle; });
+    std::iota(order.begin(), order.end(), std::uint32_t{0});
+    std::ranges::sort(order, {}, [&](std::uint32_t i) { return first_of(joined.components[i]); });
     for (std::uint32_t i = 0; i < order.size(); ++i) {
       rank[order[i]] = i;
-      shells_.push_back({.all = joined.components[order[i]], .around = std::nullopt});
+      take(joined.components[order[i]]);
     }
-    for (const std::uint32_t number : numbers) shell_of_part_.push_back(rank[number]);
+    for (std::uint32_t& number : numbers) number = rank[number];
+    return numbers;
   }
 
   bool is_by_file() const { return surface_.files.size() > 1; }
 
-  // Files are bodies; of one file, its groups; without groups, the shells themselves. Files or
-  // groups that are closed together alone are one body: they are its sheets.
+  // Without names, each shell is one. Files or groups that are closed together alone are one body:
+  // they are its sheets.
   void find_owners() {
-    if (!is_by_file() && surface_.groups.size() == 1) {
+    if (surface_.given_bodies.empty()) {
       names_.resize(shells_.size());
       for (std::uint32_t s = 0; s < shells_.size(); ++s) shells_[s].of = s;
       return require_few();
@@ -180,11 +348,9 @@ class BodyNumbering {
       while (parents[i] != i) i = parents[i] = parents[parents[i]];
       return i;
     };
-    for (const PartGroup& group : groups_) {
-      const std::uint32_t its =
-          is_by_file() ? surface_.file_of_group[group.group - 1] : group.group - 1;
+    for (const auto& [part, its] : bodies_of_parts_) {
       if (parents[its] == kNone) parents[its] = its;
-      std::uint32_t& first = first_of[shell_of_part_[group.part]];
+      std::uint32_t& first = first_of[shell_of_part_[part]];
       if (first == kNone) first = its;
       const std::uint32_t a = root_of(first), b = root_of(its);
       parents[std::max(a, b)] = std::min(a, b);
@@ -193,15 +359,17 @@ class BodyNumbering {
     for (std::uint32_t i = 0; i < given.size(); ++i) {
       if (parents[i] == kNone) {
         if (is_by_file())
-          throw InputError(fmt::format(
-              "{}: all of its triangles lie on those of other files; give each body once",
-              surface_.files[i].file));
-        continue;  // points of all of its triangles were joined
+          throw InputError(
+              fmt::format("{}: nothing is left of it, for points of all of its "
+                          "triangles were joined; leave it out",
+                          surface_.files[i].file));
+        continue;
       }
       const std::uint32_t root = root_of(i);
       if (root == i) {
         number[i] = static_cast<std::uint32_t>(names_.size());
         names_.push_back(given[i]);
+        if (is_by_file()) files_.push_back(surface_.files[i].file);
       } else {
         names_[number[root]] += '+' + given[i];
       }
@@ -213,27 +381,6 @@ class BodyNumbering {
   void require_few() const {
     if (names_.size() > kMaxBodies)
       refuse("has {} bodies, more than {}; unite some", names_.size(), kMaxBodies);
-  }
-
-  // The marks of the shells around a shell add up to those around its innermost one and that one's
-  // own.
-  void find_nesting() {
-    std::vector<SurfaceComponent> sums;
-    for (const Shell& shell : shells_) sums.push_back(shell.all.sum);
-    Nesting nesting(sums);
-    const auto mark = [](std::uint32_t shell) { return mix(shell + 1); };
-    for (const TriangleBucket& bucket : surface_.buckets.all()) {
-      throw_if_stopped(watch_.stop());
-      const Box cell = surface_.buckets.frame().box(bucket.cell);
-      for (const Triangle& t : surface_.load(bucket))
-        if (owns_triangle(cell, t)) nesting.add(t, mark(shell_of_part_[t.change.body()]));
-      watch_.advance(bucket.triangles.count);
-    }
-    const std::vector<std::uint64_t> around = nesting.sums();
-    std::unordered_map<std::uint64_t, std::uint32_t> by_sum;  // asked, never listed
-    for (std::uint32_t s = 0; s < shells_.size(); ++s) by_sum.emplace(around[s] ^ mark(s), s);
-    for (std::uint32_t s = 0; s < shells_.size(); ++s)
-      if (around[s] != 0) shells_[s].around = by_sum.at(around[s]);
   }
 
   // Names are different, and voids are none of the bodies.
@@ -262,58 +409,194 @@ class BodyNumbering {
     if (bodies_.empty()) refuse("is all void: leave a body that is none");
   }
 
-  // Of the places just inside a shell: the innermost body of those that they lie in. A shell of a
-  // body around another one of the same body bounds a cavity of it.
-  BodyId label_inside(std::uint32_t shell) const {
-    std::vector<std::uint32_t> way;  // from outside
-    for (std::optional<std::uint32_t> s = shell; s; s = shells_[*s].around) way.push_back(*s);
-    std::vector<std::uint32_t> in;
-    for (auto s = way.rbegin(); s != way.rend(); ++s) {
-      const std::uint32_t body = shells_[*s].of;
-      const auto held = std::ranges::find(in, body);
-      if (held != in.end())
-        in.erase(held);
-      else
-        in.push_back(body);
+  // Each shell has a mark, and a patch those of its shells, added up without a carry. What a ray
+  // from beside a patch upwards crosses adds up to the marks of the shells that the place lies in:
+  // so places with the same sum are in the same region. From outside, patch after patch, it is
+  // found which shells that are.
+  void find_regions() {
+    const auto mark = [](std::uint32_t shell) { return mix(shell + 1); };
+    std::vector<std::uint64_t> marks;
+    std::vector<std::array<Point, 3>> firsts;
+    for (const Patch& patch : patches_) {
+      firsts.push_back(patch.all.first.corners);
+      marks.push_back(0);
+      for (const std::uint32_t shell : patch.shells) marks.back() ^= mark(shell);
     }
-    return in.empty() ? kNoBody : ids_[in.back()];
+    Nesting nesting{std::span<const std::array<Point, 3>>(firsts)};
+    for (const TriangleBucket& bucket : surface_.buckets.all()) {
+      throw_if_stopped(watch_.stop());
+      const Box cell = surface_.buckets.frame().box(bucket.cell);
+      for (const Triangle& t : surface_.load(bucket))
+        if (owns_triangle(cell, t)) nesting.add(t, marks[patch_of_part_[t.change.body()]]);
+      watch_.advance(bucket.triangles.count);
+    }
+    const std::vector<std::uint64_t> above = nesting.sums();
+
+    std::unordered_map<std::uint64_t, std::size_t> by_sum = {{0, 0}};  // asked, never listed
+    const auto region = [&](std::uint64_t sum) {
+      return by_sum.try_emplace(sum, by_sum.size()).first->second;
+    };
+    for (std::size_t p = 0; p < patches_.size(); ++p) {
+      patches_[p].front_region = region(above[p]);
+      patches_[p].back_region = region(above[p] ^ marks[p]);
+      if (!leads_up(firsts[p])) std::swap(patches_[p].front_region, patches_[p].back_region);
+    }
+    regions_.resize(by_sum.size());
+    std::vector<std::vector<std::size_t>> patches_at(regions_.size());
+    for (std::size_t p = 0; p < patches_.size(); ++p)
+      for (const std::size_t r : {patches_[p].front_region, patches_[p].back_region})
+        patches_at[r].push_back(p);
+    std::vector<bool> is_known(regions_.size());
+    is_known[0] = true;
+    std::vector<std::size_t> known = {0};
+    for (std::size_t n = 0; n < known.size(); ++n)
+      for (const std::size_t p : patches_at[known[n]]) {
+        const std::size_t beyond = patches_[p].front_region ^ patches_[p].back_region ^ known[n];
+        if (is_known[beyond]) continue;
+        is_known[beyond] = true;
+        known.push_back(beyond);
+        std::ranges::set_symmetric_difference(regions_[known[n]].shells, patches_[p].shells,
+                                              std::back_inserter(regions_[beyond].shells));
+      }
+    assert(known.size() == regions_.size() && "all of space hangs together");
+  }
+  // Does a ray upwards that is moved a little begin in front of the triangle?
+  static bool leads_up(const std::array<Point, 3>& corners) {
+    const auto& [a, b, c] = corners;
+    for (const int axis : {2, 0, 1})
+      if (const int sign = orientation_along(axis, a, b, c); sign != 0) return sign > 0;
+    return true;
+  }
+
+  // Of each shell, which lie around all of it.
+  void find_nesting() {
+    std::size_t work = 0;
+    around_.resize(shells_.size());
+    for (const Region& region : regions_) work += region.shells.size() * region.shells.size();
+    constexpr std::size_t kMostWork = 1'000'000'000;
+    if (work > kMostWork) refuse("has shells that lie in each other too deep; leave some out");
+    std::vector<bool> is_known(shells_.size());
+    std::vector<std::uint32_t> both;
+    for (const Region& region : regions_)
+      for (const std::uint32_t shell : region.shells) {
+        if (!is_known[shell]) {
+          is_known[shell] = true;
+          around_[shell] = region.shells;
+          continue;
+        }
+        both.clear();
+        std::ranges::set_intersection(around_[shell], region.shells, std::back_inserter(both));
+        around_[shell] = both;
+      }
+  }
+  bool lies_in(std::uint32_t shell, std::uint32_t other) const {
+    return std::ranges::binary_search(around_[shell], other);
+  }
+
+  // The innermost of the bodies that the region lies in; of those that only overlap, the first. A
+  // shell of a body in another one of the same body bounds a cavity of it.
+  BodyId label_of(const Region& region) const {
+    struct Held {
+      std::uint32_t body = 0, shell = 0;  // the innermost one
+      bool is_in = false;
+    };
+    std::vector<Held> held;
+    for (const std::uint32_t shell : region.shells) {
+      const std::uint32_t body = shells_[shell].of;
+      const auto known = std::ranges::find(held, body, &Held::body);
+      if (known == held.end()) {
+        held.push_back({body, shell, true});
+        continue;
+      }
+      known->is_in = !known->is_in;
+      if (lies_in(shell, known->shell)) known->shell = shell;
+    }
+    std::erase_if(held, [](const Held& h) { return !h.is_in; });
+    if (held.empty()) return kNoBody;
+    const auto is_around_another = [&](const Held& h) {
+      return std::ranges::any_of(held, [&](const Held& other) {
+        return lies_in(other.shell, h.shell) && !lies_in(h.shell, other.shell);
+      });
+    };
+    std::vector<std::uint32_t> innermost;
+    for (const Held& h : held)
+      if (!is_around_another(h)) innermost.push_back(h.body);
+    return ids_[std::ranges::min(innermost)];
   }
 
   void label() {
-    for (std::uint32_t s = 0; s < shells_.size(); ++s) shells_[s].inside = label_inside(s);
-    for (Shell& shell : shells_) {
-      if (shell.around) shell.outside = shells_[*shell.around].inside;
-      if (shell.inside == shell.outside)
+    for (Region& region : regions_) region.body = label_of(region);
+    std::vector<bool> is_kept(bodies_.size() + 1), bounds(shells_.size());
+    for (Patch& patch : patches_) {
+      patch.front = regions_[patch.front_region].body;
+      patch.back = regions_[patch.back_region].body;
+      is_kept[patch.front] = is_kept[patch.back] = true;
+      for (const std::uint32_t shell : patch.shells)
+        bounds[shell] = bounds[shell] || patch.front != patch.back;
+    }
+    for (std::size_t s = 0; s < shells_.size(); ++s)
+      if (!bounds[s])
         refuse(
             "has a part of {}, up to {}, that bounds nothing, for the same lies on both of its "
             "sides; leave it out",
-            names_[shell.of], text(shell.all.sum.top));
-      const double enclosed = std::abs(shell.all.sum.volume());
+            names_[shells_[s].of], text(shells_[s].all.sum.top));
+    for (std::size_t b = 0; b < names_.size(); ++b)
+      if (ids_[b] != kNoBody && !is_kept[ids_[b]])
+        throw InputError(fmt::format(
+            "{}: nothing is left of the body {}, for bodies that lie in it, or were given before "
+            "it, take all of its place; leave it out",
+            files_.empty() ? surface_.facts.file : files_[b], names_[b]));
+  }
+
+  void add_up() {
+    for (const Patch& patch : patches_) {
+      const double volume =
+          patch.all.is_first_turned ? -patch.all.sum.volume() : patch.all.sum.volume();
       const auto add = [&](BodyId body, double its) {
         if (body == kNoBody) return;
         volumes_[body].add(its);
         volume_.add(its);
       };
-      add(shell.inside, enclosed);
-      add(shell.outside, -enclosed);
-      if (ids_[shell.of] == kNoBody) continue;
-      BodyFacts& body = bodies_[ids_[shell.of] - 1];
-      if (body.num_shells++ == 0 && shell.inside == ids_[shell.of]) body.around = shell.outside;
-      body.num_triangles += shell.all.sum.num_triangles;
+      if (patch.front == patch.back) continue;
+      add(patch.back, volume);
+      add(patch.front, -volume);
     }
-    for (std::size_t b = 0; b < bodies_.size(); ++b)
+    std::vector<std::optional<std::uint32_t>> first_shell(bodies_.size());
+    for (std::uint32_t s = 0; s < shells_.size(); ++s) {
+      const BodyId id = ids_[shells_[s].of];
+      if (id == kNoBody) continue;
+      BodyFacts& body = bodies_[id - 1];
+      if (body.num_shells++ == 0) first_shell[id - 1] = s;
+      body.num_triangles += shells_[s].all.sum.num_triangles;
+    }
+    std::vector<std::vector<BodyId>> beyond(bodies_.size());  // the first shell, of the body
+    for (const Patch& patch : patches_) {
+      if (patch.front == patch.back) continue;
+      for (const auto& [body, other] :
+           {std::pair(patch.front, patch.back), {patch.back, patch.front}})
+        if (body != kNoBody && first_shell[body - 1] &&
+            std::ranges::binary_search(patch.shells, *first_shell[body - 1]))
+          beyond[body - 1].push_back(other);
+    }
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
       bodies_[b].volume = volumes_[static_cast<BodyId>(b + 1)].value();
+      sort_and_unite(beyond[b]);
+      if (beyond[b].size() == 1) bodies_[b].around = beyond[b].front();
+    }
   }
 
   // Groups are cut where bodies change, and numbered anew by their first triangles.
   BodyLabels labels() {
     BodyLabels labels;
-    for (const std::uint32_t shell : shell_of_part_)
-      labels.changes.push_back(DomainState::between(shells_[shell].inside, shells_[shell].outside));
+    for (const std::uint32_t patch : patch_of_part_)
+      labels.changes.push_back(DomainState::between(patches_[patch].front, patches_[patch].back));
+    std::erase_if(groups_, [&](const PartGroup& group) {
+      return labels.changes[group.part] == DomainState();
+    });
     const auto key_of = [&](const PartGroup& group) {
-      const Shell& shell = shells_[shell_of_part_[group.part]];
-      return std::tuple(std::max(shell.inside, shell.outside),
-                        std::min(shell.inside, shell.outside), group.group);
+      const Patch& patch = patches_[patch_of_part_[group.part]];
+      return std::tuple(std::max(patch.front, patch.back), std::min(patch.front, patch.back),
+                        group.group);
     };
     std::map<std::tuple<BodyId, BodyId, SheetId>, std::uint64_t> firsts;
     for (const PartGroup& group : groups_) {
@@ -333,7 +616,7 @@ class BodyNumbering {
     }
     surface_.groups = std::move(names);
     std::ranges::sort(groups_, {}, [](const PartGroup& g) { return std::pair(g.part, g.group); });
-    labels.first.resize(shell_of_part_.size() + 1);
+    labels.first.resize(patch_of_part_.size() + 1);
     for (const PartGroup& group : groups_) {
       labels.groups.push_back({group.group, numbers.at(key_of(group))});
       labels.first[group.part + 1] = static_cast<std::uint32_t>(labels.groups.size());
@@ -341,6 +624,87 @@ class BodyNumbering {
     for (std::size_t p = 1; p < labels.first.size(); ++p)
       labels.first[p] = std::max(labels.first[p], labels.first[p - 1]);
     return labels;
+  }
+
+  // Each place once, and without what bounds nothing.
+  void measure_net() {
+    struct Nothing {
+      void add(const Nothing&, bool) {}
+    };
+    struct Net {
+      std::uint64_t num_vertices = 0, num_edges = 0, num_triangles = 0;
+      CompensatedSum area;
+      std::uint32_t num_parts = 0;
+      std::vector<SharedByParts> shared;
+    };
+    PartJoiner<Nothing> joiner;
+    Net all;
+    for_each_in_order(
+        workers_, surface_.buckets.all(),
+        [&](const TriangleBucket& bucket) { return surface_.load(bucket); },
+        [&](const TriangleBucket& bucket, const std::vector<Triangle>& triangles) {
+          throw_if_stopped(watch_.stop());
+          const Box box = surface_.buckets.frame().box(bucket.cell);
+          const TriangleSoup soup = soup_of(triangles);
+          const auto is_owned = [&](std::uint32_t v) {
+            return TriangleBuckets::owns(box, soup.vertices[v]);
+          };
+          Net net;
+          for (std::uint32_t v = 0; v < soup.vertices.size(); ++v) net.num_vertices += is_owned(v);
+          EdgeTable(soup.vertices.size(), soup.triangles)
+              .for_each_edge([&](std::span<const std::uint32_t> uses) {
+                const std::uint32_t v = origin(soup.triangles, uses[0]),
+                                    w = target(soup.triangles, uses[0]);
+                net.num_edges += is_owned(soup.vertices[v] < soup.vertices[w] ? v : w);
+              });
+          // What has vertices in common is one.
+          std::vector<std::uint32_t> parents(soup.vertices.size());
+          std::iota(parents.begin(), parents.end(), std::uint32_t{0});
+          const auto root_of = [&](std::uint32_t v) {
+            while (parents[v] != v) v = parents[v] = parents[parents[v]];
+            return v;
+          };
+          for (const auto& [a, b, c] : soup.triangles)
+            for (const std::uint32_t v : {b, c}) {
+              const std::uint32_t one = root_of(a), other = root_of(v);
+              parents[std::max(one, other)] = std::min(one, other);
+            }
+          std::map<std::uint32_t, std::uint32_t> parts;  // by root
+          for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+            const Triangle& triangle = triangles[t];
+            const auto part = parts.try_emplace(root_of(soup.triangles[t][0]), net.num_parts).first;
+            net.num_parts = static_cast<std::uint32_t>(parts.size());
+            if (owns_triangle(box, triangle)) {
+              ++net.num_triangles;
+              const auto& [a, b, c] = triangle.corners;
+              net.area.add(0.5 * norm(cross(b - a, c - a)));
+            }
+            if (TriangleBuckets::reaches_out(box, triangle))
+              net.shared.push_back({triangle.id, part->second, false,
+                                    surface_.buckets.is_last_with(bucket.cell, triangle)});
+          }
+          return net;
+        },
+        [&](const TriangleBucket& bucket, const Net& net) {
+          std::uint32_t first = 0;
+          for (std::uint32_t i = 0; i < net.num_parts; ++i)
+            if (const std::uint32_t number = joiner.add_part({}); i == 0) first = number;
+          for (const auto& [id, part, is_turned, is_last] : net.shared)
+            joiner.join(id, first + part, false, is_last);
+          all.num_vertices += net.num_vertices;
+          all.num_edges += net.num_edges;
+          all.num_triangles += net.num_triangles;
+          all.area.add(net.area);
+          watch_.advance(bucket.triangles.count);
+        });
+    SurfaceFacts& facts = surface_.facts;
+    facts.num_vertices = all.num_vertices;
+    facts.num_triangles = all.num_triangles;
+    facts.num_components = joiner.take().components.size();
+    facts.euler_characteristic = static_cast<std::int64_t>(all.num_vertices) -
+                                 static_cast<std::int64_t>(all.num_edges) +
+                                 static_cast<std::int64_t>(all.num_triangles);
+    facts.area = all.area.value();
   }
 
   template <typename... Args>
@@ -353,11 +717,17 @@ class BodyNumbering {
   const BodyLaw& law_;
   IngestWatch& watch_;
   Workers& workers_;
+  std::uint32_t num_parts_of_shells_ = 0;
+  std::vector<PartBody> bodies_of_parts_;
   std::vector<PartGroup> groups_;
-  std::vector<std::uint32_t> shell_of_part_;
+  std::vector<std::uint32_t> shell_of_part_, patch_of_part_;
   std::vector<Shell> shells_;
-  std::vector<std::string> names_;  // of the bodies that are given, with voids
-  std::vector<BodyId> ids_;         // of these
+  std::vector<Patch> patches_;
+  std::vector<Region> regions_;                     // the first is what is outside of all
+  std::vector<std::vector<std::uint32_t>> around_;  // of shells, with themselves: ascending
+  std::vector<std::string> names_;                  // of the bodies that are given, with voids
+  std::vector<std::string> files_;                  // of these, if each is one
+  std::vector<BodyId> ids_;                         // of these
   std::vector<BodyFacts> bodies_;
   std::map<BodyId, CompensatedSum> volumes_;
   CompensatedSum volume_;

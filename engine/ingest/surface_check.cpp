@@ -10,6 +10,7 @@
 
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
+#include "octree/sort_and_unite.h"
 #include "refine/domain/self_intersection.h"
 
 namespace locvol {
@@ -47,7 +48,7 @@ class SurfaceCellCheck {
   // `stop` may be null.
   SurfaceCellCheck(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
                    const WallProbes& probes, const SharpAngle& angle, double middle_z,
-                   const StopToken* stop)
+                   std::span<const std::uint32_t> given, const StopToken* stop)
       : triangles_(std::move(triangles)),
         cell_(cell),
         box_(buckets.frame().box(cell)),
@@ -55,10 +56,12 @@ class SurfaceCellCheck {
         probes_(probes),
         angle_(angle),
         middle_z_(middle_z),
+        given_(given),
         stop_(stop),
         soup_(soup_of(triangles_)),
         mates_(3 * triangles_.size(), kNoHalfEdge),
-        is_copy_(triangles_.size()) {}
+        is_copy_(triangles_.size()),
+        is_doubled_(triangles_.size()) {}
 
   // Throws Stopped.
   CellReport run(CheckScope scope) && {
@@ -89,7 +92,26 @@ class SurfaceCellCheck {
     for (std::size_t v = 0; v < is_owned_.size(); ++v)
       is_owned_[v] = TriangleBuckets::owns(box_, soup_.vertices[v]);
     EdgeTable(soup_.vertices.size(), soup_.triangles)
-        .for_each_edge([&](std::span<const std::uint32_t> uses) { take_edge(uses); });
+        .for_each_edge([&](std::span<const std::uint32_t> uses) {
+          given_.empty() ? take_edge(uses) : take_edge_of_bodies(uses);
+        });
+  }
+
+  // Of each body by itself.
+  void take_edge_of_bodies(std::span<const std::uint32_t> uses) {
+    const auto body_of = [&](std::uint32_t h) { return given_body(given_, triangles_[h / 3]); };
+    if (uses.size() == 2 && body_of(uses[0]) == body_of(uses[1])) return take_edge(uses);
+    std::size_t num_bodies = 0;
+    for_each_body_at(uses, body_of, of_body_, [&](std::span<const std::uint32_t> own) {
+      ++num_bodies;
+      if (body_of(own.front()) == body_of(own.back()) || is_whole(uses.front())) take_edge(own);
+    });
+    report_.findings.has_contacts |= num_bodies > 1;
+    for (std::size_t i = 1; i < uses.size(); ++i)
+      for (std::size_t j = 0; j < i; ++j)
+        if (apex(soup_.triangles, uses[i]) == apex(soup_.triangles, uses[j]) &&
+            body_of(uses[i]) != body_of(uses[j]))
+          is_doubled_[uses[i] / 3] = has_doubled_ = true;
   }
 
   void take_edge(std::span<const std::uint32_t> uses) {
@@ -115,6 +137,12 @@ class SurfaceCellCheck {
         report_.findings.is_copy_needed = true;
     }
     if (distinct_.size() == 2) pair(distinct_[0], distinct_[1]);
+  }
+
+  // Are all triangles at the edge here?
+  bool is_whole(std::uint32_t h) const {
+    return TriangleBuckets::meets_edge(box_, position(origin(soup_.triangles, h)),
+                                       position(target(soup_.triangles, h)));
   }
 
   void pair(std::uint32_t g, std::uint32_t h) {
@@ -207,18 +235,52 @@ class SurfaceCellCheck {
     for (std::uint32_t v = 0; v < outgoing.size(); ++v) {
       if (!is_owned(v)) continue;
       const std::uint32_t fan = fan_around(soup_.triangles, mates_, outgoing[v]);
-      if (fan == 0 || fan == num_triangles[v]) continue;
+      if (fan == 0 || fan == num_triangles[v] || !is_pinched(v)) continue;
       if (report_.findings.num_pinched++ == 0 || position(v) < report_.findings.first_pinched)
         report_.findings.first_pinched = position(v);
     }
   }
 
+  // Of a vertex with several fans: does one body have two of them?
+  bool is_pinched(std::uint32_t v) {
+    if (given_.empty()) return true;
+    if (first_at_.empty()) list_half_edges();
+    seen_at_.resize(triangles_.size(), kNoHalfEdge);
+    std::vector<std::uint32_t> bodies;  // with fans, each once a fan
+    for (std::uint32_t n = first_at_[v]; n < first_at_[v + 1]; ++n) {
+      const std::uint32_t h = at_vertex_[n];
+      if (is_copy_[h / 3] || seen_at_[h / 3] == v) continue;
+      of_fan_.clear();
+      const bool is_closed = for_each_in_fan(soup_.triangles, mates_, h, [&](std::uint32_t t) {
+        seen_at_[t] = v;
+        of_fan_.push_back(given_body(given_, triangles_[t]));
+      });
+      if (!is_closed) return false;  // an open edge, which is told
+      sort_and_unite(of_fan_);
+      bodies.insert(bodies.end(), of_fan_.begin(), of_fan_.end());
+    }
+    report_.findings.has_contacts = true;
+    std::ranges::sort(bodies);
+    return std::ranges::adjacent_find(bodies) != bodies.end();
+  }
+
+  // By their origins.
+  void list_half_edges() {
+    first_at_.resize(soup_.vertices.size() + 1);
+    const auto num = static_cast<std::uint32_t>(mates_.size());
+    for (std::uint32_t h = 0; h < num; ++h) ++first_at_[origin(soup_.triangles, h) + 1];
+    std::partial_sum(first_at_.begin(), first_at_.end(), first_at_.begin());
+    at_vertex_.resize(num);
+    std::vector<std::uint32_t> next = first_at_;
+    for (std::uint32_t h = 0; h < num; ++h) at_vertex_[next[origin(soup_.triangles, h)]++] = h;
+  }
+
   // Triangles that meet, and those that face each other.
   void look_at_pairs() {
-    if (has_copies_) {
+    if (has_copies_ || has_doubled_) {
       std::size_t kept = 0;
       for (std::size_t t = 0; t < triangles_.size(); ++t) {
-        if (is_copy_[t]) continue;
+        if (is_copy_[t] || is_doubled_[t]) continue;
         triangles_[kept] = triangles_[t];
         soup_.triangles[kept++] = soup_.triangles[t];
       }
@@ -239,14 +301,19 @@ class SurfaceCellCheck {
   const WallProbes& probes_;
   const SharpAngle& angle_;
   double middle_z_;
+  std::span<const std::uint32_t> given_;
   const StopToken* stop_;
   TriangleSoup soup_;
   Mates mates_;  // without copies
   std::vector<bool> is_copy_;
   bool has_copies_ = false;
+  std::vector<bool> is_doubled_;  // a triangle of another body lies there, too, and comes first
+  bool has_doubled_ = false;
   std::vector<std::uint8_t> is_owned_;  // by vertex
   std::vector<bool> is_turned_;         // by triangle, see Components
-  std::vector<std::uint32_t> distinct_;
+  std::vector<std::uint32_t> distinct_, of_body_, of_fan_;
+  std::vector<std::uint32_t> first_at_, at_vertex_;  // of a vertex, its half-edges
+  std::vector<std::uint32_t> seen_at_;               // of triangles, the last vertex with their fan
   CellReport report_;
 };
 
@@ -284,6 +351,7 @@ void SurfaceFindings::add(const SurfaceFindings& others) {
   if (others.num_pinched > 0 && (num_pinched == 0 || others.first_pinched < first_pinched))
     first_pinched = others.first_pinched;
   num_pinched += others.num_pinched;
+  has_contacts |= others.has_contacts;
   if (others.intersection) note_pair(intersection, *others.intersection);
   num_vertices += others.num_vertices;
   num_triangles += others.num_triangles;
@@ -326,7 +394,8 @@ struct SurfaceSummary {
 
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
                             const Box& box, const WallProbes& probes, const SharpAngle& angle,
-                            CheckScope scope, IngestWatch& watch, Workers& workers) {
+                            CheckScope scope, IngestWatch& watch, Workers& workers,
+                            std::span<const std::uint32_t> given) {
   SurfaceSummary surface;
   surface.findings.sights.resize(probes.num_lines());
   for_each_in_order(
@@ -334,7 +403,7 @@ SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& b
       [&](const TriangleBucket& bucket) { return spill.load(bucket.triangles); },
       [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
         return SurfaceCellCheck(std::move(triangles), bucket.cell, buckets, probes, angle,
-                                box.center().z, watch.stop())
+                                box.center().z, given, watch.stop())
             .run(scope);
       },
       [&](const TriangleBucket& bucket, const CellReport& report) {
@@ -345,16 +414,22 @@ SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& b
   return std::move(surface.findings);
 }
 
-void drop_copies(std::vector<Triangle>& triangles) {
-  std::vector<std::pair<std::array<Point, 3>, std::uint32_t>> sorted(triangles.size());
+void drop_copies(std::vector<Triangle>& triangles, std::span<const std::uint32_t> given) {
+  struct Place {
+    std::array<Point, 3> corners;
+    std::uint32_t body = 0, triangle = 0;
+    auto operator<=>(const Place&) const = default;
+  };
+  std::vector<Place> sorted(triangles.size());
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
-    sorted[t] = {triangles[t].corners, t};
-    std::ranges::sort(sorted[t].first);
+    sorted[t] = {triangles[t].corners, given_body(given, triangles[t]), t};
+    std::ranges::sort(sorted[t].corners);
   }
   std::ranges::sort(sorted);
   std::vector<bool> is_copy(triangles.size());
   for (std::size_t i = 1; i < sorted.size(); ++i)
-    is_copy[sorted[i].second] = sorted[i].first == sorted[i - 1].first;
+    is_copy[sorted[i].triangle] =
+        sorted[i].corners == sorted[i - 1].corners && sorted[i].body == sorted[i - 1].body;
   std::size_t kept = 0;
   for (std::size_t t = 0; t < triangles.size(); ++t)
     if (!is_copy[t]) triangles[kept++] = triangles[t];

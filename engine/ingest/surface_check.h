@@ -3,10 +3,15 @@
 // Everything is judged once, where all that matters is at hand: an edge in the cell that owns its
 // smaller vertex (in lexicographic order), a vertex in the cell that owns it, two triangles in
 // every cell that both meet. Triangles with the same vertices count once, unless said otherwise.
+//
+// Several bodies may touch in triangles, edges and vertices that they have in common: then each is
+// judged by itself, as if the others were not there, and two triangles of one place are no copies
+// if they are of two bodies.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -38,6 +43,13 @@ struct EdgeCounts {
   void add(const EdgeCounts& others);
 };
 
+// By group (Triangle::sheet), which of several bodies that are given its triangles are of, from 0
+// on; empty: all are of one.
+using GivenBodies = std::vector<std::uint32_t>;
+inline std::uint32_t given_body(std::span<const std::uint32_t> given, const Triangle& triangle) {
+  return given.empty() ? 0 : given[triangle.sheet - 1];
+}
+
 using TrianglePair = std::pair<Triangle, Triangle>;  // the first has the smaller id
 
 struct SurfaceFindings {
@@ -51,6 +63,7 @@ struct SurfaceFindings {
   std::uint64_t num_pinched = 0;  // vertices whose triangles form more than one fan
   Point first_pinched;            // the smallest
   std::optional<TrianglePair> intersection;  // the smallest pair, by first and second id
+  bool has_contacts = false;  // bodies have a triangle, an edge or a vertex in common
 
   std::uint64_t num_vertices = 0, num_triangles = 0;
   CompensatedSum area;
@@ -79,10 +92,12 @@ enum class CheckScope {
 // its own. Memory: see check_surface(). Throws as TriangleSpill, Stopped.
 SurfaceFindings check_cells(const TriangleSpill& spill, const TriangleBuckets& buckets,
                             const Box& box, const WallProbes& probes, const SharpAngle& angle,
-                            CheckScope scope, IngestWatch& watch, Workers& workers);
+                            CheckScope scope, IngestWatch& watch, Workers& workers,
+                            std::span<const std::uint32_t> given = {});
 
-// Drops all but the first of triangles with the same vertices. REQUIRES: they are in order of id
-void drop_copies(std::vector<Triangle>& triangles);
+// Drops all but the first of triangles of a body with the same vertices. REQUIRES: they are in
+// order of id
+void drop_copies(std::vector<Triangle>& triangles, std::span<const std::uint32_t> given = {});
 
 // Tells whether the triangle's smallest corner is one that the cell owns.
 bool owns_triangle(const Box& cell, const Triangle& triangle);

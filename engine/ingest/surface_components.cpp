@@ -63,6 +63,17 @@ Nesting::Nesting(std::span<const SurfaceComponent> components) {
   build(0, queries_.size(), 0);
 }
 
+Nesting::Nesting(std::span<const std::array<Point, 3>> beside) : beside_(beside) {
+  double largest = 0;
+  for (std::uint32_t t = 0; t < beside.size(); ++t) {
+    const auto& [a, b, c] = beside[t];
+    queries_.push_back({1.0 / 3 * (a + b + c), t});
+    largest = std::max({largest, max_norm(a), max_norm(b), max_norm(c)});
+  }
+  rounding_ = 16 * std::numeric_limits<double>::epsilon() * largest;
+  build(0, queries_.size(), 0);
+}
+
 void Nesting::build(std::size_t begin, std::size_t end, int axis) {
   if (end - begin < 2) return;
   const std::size_t middle = begin + (end - begin) / 2;
@@ -77,7 +88,7 @@ void Nesting::build(std::size_t begin, std::size_t end, int axis) {
 
 // A component's own triangles are never above its highest vertex.
 void Nesting::add(const Triangle& triangle, std::uint64_t mark) {
-  Box box = triangle.box();
+  Box box = triangle.box().expanded(rounding_);
   box.min.z = -std::numeric_limits<double>::infinity();
   visit(0, queries_.size(), 0, triangle, box, mark);
 }
@@ -87,10 +98,15 @@ void Nesting::visit(std::size_t begin, std::size_t end, int axis, const Triangle
   if (begin == end) return;
   const std::size_t middle = begin + (end - begin) / 2;
   Query& query = queries_[middle];
-  if (box.contains(query.point) && ray_crosses(query.point, triangle)) query.sum ^= mark;
+  if (box.contains(query.point) && is_crossed(query, triangle)) query.sum ^= mark;
   const double at = query.point[axis];
   if (box.min[axis] <= at) visit(begin, middle, (axis + 1) % 3, triangle, box, mark);
   if (box.max[axis] >= at) visit(middle + 1, end, (axis + 1) % 3, triangle, box, mark);
+}
+
+bool Nesting::is_crossed(const Query& query, const Triangle& triangle) const {
+  return beside_.empty() ? ray_crosses(query.point, triangle)
+                         : ray_from_centroid_crosses(beside_[query.component], triangle);
 }
 
 std::vector<std::uint64_t> Nesting::sums() const {

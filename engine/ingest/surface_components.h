@@ -2,6 +2,7 @@
 // enclose.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -49,6 +50,9 @@ using ComponentJoiner = PartJoiner<SurfaceComponent>;
 class Nesting {
  public:
   explicit Nesting(std::span<const SurfaceComponent> components);
+  // The same of places beside triangles, which must outlive this: those where a ray upwards from
+  // their centroids begins. A triangle of the same place is not crossed.
+  explicit Nesting(std::span<const std::array<Point, 3>> beside);
   void add(const Triangle& triangle, std::uint64_t mark = 1);
   std::vector<std::uint64_t> sums() const;  // by component
   std::vector<bool> cavities() const;
@@ -63,7 +67,11 @@ class Nesting {
   void visit(std::size_t begin, std::size_t end, int axis, const Triangle& triangle, const Box& box,
              std::uint64_t mark);
 
-  std::vector<Query> queries_;  // a k-d tree: the middle one divides the others
+  bool is_crossed(const Query& query, const Triangle& triangle) const;
+
+  std::span<const std::array<Point, 3>> beside_;  // where queries are of their centroids
+  double rounding_ = 0;                           // of these
+  std::vector<Query> queries_;                    // a k-d tree: the middle one divides the others
 };
 
 }  // namespace locvol

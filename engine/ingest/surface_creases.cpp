@@ -76,7 +76,7 @@ CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, Ing
       [&](const TriangleBucket& b, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
         throw_if_stopped(watch.stop());
         return edges_of_cell(std::move(loaded.first), b.cell, surface.buckets, angle, needles,
-                             loaded.second, law.least_extent);
+                             loaded.second, surface.has_contacts, law.least_extent);
       },
       [&](const TriangleBucket& b, CellParts& cell) {
         collector.add(cell);
@@ -206,7 +206,7 @@ void CreasesOfCells::add_to(std::size_t bucket, LeafSurface& surface) const {
 CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
                             Workers& workers, const IngestShare& share, SurfaceSheets& sheets) {
   CreasesOfCells cells(surface.spill.directory());
-  const bool has_given = surface.given.is_given();
+  const bool has_given = surface.given.is_given() || surface.has_contacts;
   const bool is_smooth =
       surface.sharp.num_edges == 0 && surface.sharp.num_pointed == 0 && sheets.sheets.size() < 2;
   if (!has_given && (!(law.sharp_angle > 0) || is_smooth)) return cells;
@@ -217,11 +217,16 @@ CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, Inges
       chains.corners.size() > law.most) {
     if (has_given && !(law.sharp_angle > 0))
       share.refuse(
-          fmt::format("{}: makes more than {} creases or corners of the surface: give less",
-                      surface.given.name(), law.most));
-    surface.facts.notes.push_back(fmt::format("took no creases{}, for there would be more than {}",
-                                              has_given ? " but those that are given" : "",
-                                              law.most));
+          surface.given.is_given()
+              ? fmt::format("{}: makes more than {} creases or corners of the surface: give less",
+                            surface.given.name(), law.most)
+              : fmt::format("{}: its bodies meet in more than {} creases or corners; unite some",
+                            surface.facts.file, law.most));
+    const char* const kept = surface.given.is_given() ? " but those that are given"
+                             : has_given              ? " but those where bodies meet"
+                                                      : "";
+    surface.facts.notes.push_back(
+        fmt::format("took no creases{}, for there would be more than {}", kept, law.most));
     CreaseLaw of_given = law;
     of_given.sharp_angle = 0;
     return has_given ? find_creases(surface, of_given, watch, workers, share, sheets)

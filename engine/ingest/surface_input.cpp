@@ -6,12 +6,14 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <span>
 #include <utility>
 
 #include "engine/ingest/surface_check.h"
+#include "engine/ingest/surface_groups.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_text.h"
 #include "engine/ingest/surface_weld.h"
@@ -39,6 +41,7 @@ class SurfacePreparation {
         workers_(workers),
         share_(share),
         weld_(weld),
+        given_(raw_.given_bodies()),
         angle_(sharp_angle),
         buckets_(frame, bucket_capacity, share.range()) {}
 
@@ -50,6 +53,7 @@ class SurfacePreparation {
     check_edges();
     check_orientation();
     if (!has_area()) {
+      check_contacts_without_area();
       distribute(flipped_triangles(), false);
       check(CheckScope::kAll);
       check_edges();
@@ -76,8 +80,8 @@ class SurfacePreparation {
 
   void check(CheckScope scope) {
     const WallProbes probes(raw_.probes, raw_.box);
-    findings_ =
-        check_cells(raw_.spill, buckets_, raw_.box, probes, angle_, scope, watch_, workers_);
+    findings_ = check_cells(raw_.spill, buckets_, raw_.box, probes, angle_, scope, watch_, workers_,
+                            given_);
     share_.join_findings(findings_);
     drops_copies_ = findings_.drops_copies();
   }
@@ -96,7 +100,7 @@ class SurfacePreparation {
 
   void weld_open_edges() {
     share_.require_whole();
-    WeldTrials trials(raw_.spill, buckets_, raw_.box, watch_, workers_);
+    WeldTrials trials(raw_.spill, buckets_, raw_.box, given_, watch_, workers_);
     if (auto closed = trials.closed_surface()) {
       adopt(*std::move(closed));
       return distribute_and_check();
@@ -147,6 +151,15 @@ class SurfacePreparation {
     if (findings_.conflicts.count > 0)
       refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside",
              text(findings_.conflicts));
+  }
+
+  // A flip is of one body's triangles, and would lay them across those of another.
+  void check_contacts_without_area() const {
+    if (findings_.has_contacts)
+      refuse(
+          "has {} without area, for example {}, and bodies that touch: there is no unambiguous "
+          "repair; remove degenerate faces",
+          counted(raw_.collinear.size(), "triangle", "triangles"), text(raw_.collinear.front()));
   }
 
   // Flips edges of triangles without area, in the piece of the surface around them, which grows
@@ -239,7 +252,7 @@ class SurfacePreparation {
 
   std::vector<Triangle> load(const TriangleBucket& bucket) const {
     std::vector<Triangle> triangles = raw_.spill.load(bucket.triangles);
-    if (drops_copies_) drop_copies(triangles);
+    if (drops_copies_) drop_copies(triangles, given_);
     return triangles;
   }
 
@@ -257,23 +270,38 @@ class SurfacePreparation {
       const auto ids = [](const TrianglePair& p) { return std::pair(p.first.id, p.second.id); };
       if (!pair || ids(*findings_.first_copy) < ids(*pair)) pair = findings_.first_copy;
     }
-    if (pair)
-      refuse(
-          "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
-          "parts{}",
-          text(pair->first), text(pair->second), about_bodies());
+    if (!pair) return;
+    const std::uint32_t one = given_body(given_, pair->first),
+                        other = given_body(given_, pair->second);
+    if (one != other)
+      refuse("the bodies {} and {} cross, or lie on each other: {} meets {}{}", name_of(one),
+             name_of(other), text(pair->first), text(pair->second), about_bodies());
+    refuse(
+        "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
+        "parts{}",
+        text(pair->first), text(pair->second), about_bodies());
+  }
+
+  // Of one that is given.
+  std::string name_of(std::uint32_t body) const {
+    return raw_.files.size() > 1 ? raw_.files[body].body : shown_name(raw_.groups[body]);
   }
 
   std::string about_bodies() const {
-    return raw_.has_several_bodies
-               ? ". Bodies may lie in each other and beside each other, but not touch or overlap"
-               : "";
+    if (!raw_.has_several_bodies) return "";
+    return given_.empty()
+               ? ". Shells of one file without names may lie in each other and beside each other; "
+                 "to have bodies that touch, give each as a file or a named group"
+               : ". Bodies may lie in each other and beside each other, and touch where they have "
+                 "the same triangles, edges or vertices: cut their faces alike, and join corners "
+                 "that are nearly one with --weld LENGTH; or move them apart";
   }
 
   void note_repairs() {
     notes_ = raw_.notes;
     const std::uint64_t num_joined = welded_ ? welded_->num_joined : 0;
-    if (raw_.num_numbered_vertices > findings_.num_vertices + num_joined)
+    // Of bodies that touch, each may have its own.
+    if (!findings_.has_contacts && raw_.num_numbered_vertices > findings_.num_vertices + num_joined)
       note("left out {} of no face, or at the same place as another",
            raw_.num_numbered_vertices - findings_.num_vertices - num_joined, "vertex", "vertices");
     note("joined {} with others up to " + joined_text(), num_joined, "point", "points");
@@ -325,6 +353,8 @@ class SurfacePreparation {
   CheckedSurface result() {
     CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
     surface.has_copies = drops_copies_;
+    surface.has_contacts = findings_.has_contacts;
+    surface.given_bodies = given_;
     surface.groups = std::move(raw_.groups);
     surface.files = std::move(raw_.files);
     surface.file_of_group = std::move(raw_.file_of_group);
@@ -370,6 +400,7 @@ class SurfacePreparation {
   Workers& workers_;
   const IngestShare& share_;
   std::optional<double> weld_;
+  const GivenBodies given_;
   SharpAngle angle_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
@@ -382,18 +413,31 @@ class SurfacePreparation {
 
 }  // namespace
 
-void BodyLabels::apply_to(Triangle& triangle) const {
-  const std::uint32_t part = triangle.change.body();
-  triangle.change = changes[part];
-  const std::span own(groups.data() + first[part], groups.data() + first[part + 1]);
-  triangle.sheet = std::ranges::find(own, triangle.sheet, &Group::before)->now;
+void BodyLabels::apply_to(std::vector<Triangle>& triangles) const {
+  std::erase_if(triangles, [&](const Triangle& triangle) {
+    return changes[triangle.change.body()] == DomainState();
+  });
+  for (Triangle& triangle : triangles) {
+    const std::uint32_t part = triangle.change.body();
+    triangle.change = changes[part];
+    const std::span own(groups.data() + first[part], groups.data() + first[part + 1]);
+    triangle.sheet = std::ranges::find(own, triangle.sheet, &Group::before)->now;
+  }
+}
+
+GivenBodies RawSurface::given_bodies() const {
+  if (!has_several_bodies) return {};
+  if (files.size() > 1) return file_of_group;
+  if (groups.size() == 1) return {};
+  GivenBodies given(groups.size());
+  std::iota(given.begin(), given.end(), std::uint32_t{0});
+  return given;
 }
 
 std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
   std::vector<Triangle> triangles = spill.load(bucket.triangles);
-  if (has_copies) drop_copies(triangles);
-  if (labels)
-    for (Triangle& triangle : triangles) labels->apply_to(triangle);
+  if (has_copies) drop_copies(triangles, given_bodies);
+  if (labels) labels->apply_to(triangles);
   if (!sheets.empty())
     for (Triangle& triangle : triangles) triangle.sheet = sheets[triangle.sheet];
   return triangles;

@@ -19,6 +19,7 @@
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/sharp_edges.h"
+#include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_source.h"
 #include "engine/ingest/triangle_buckets.h"
@@ -79,6 +80,9 @@ struct RawSurface {
   std::vector<SurfaceFile> files;            // where there are several
   std::vector<std::uint32_t> file_of_group;  // by group
   bool has_several_bodies = false;           // is that asked for? Then sides are no material's
+
+  // Files are bodies; of one file, its groups. Empty: there is one of these, or one is asked for.
+  GivenBodies given_bodies() const;
 };
 
 // Files are STL (binary, ASCII), OBJ, OFF, PLY (ASCII, both byte orders), told apart by content
@@ -101,7 +105,8 @@ RawSurface read_part_of_surface(SurfaceRanges& ranges, std::uint64_t part, std::
 void require_extent(const RawSurface& surface);
 
 // By what the buckets' triangles carry in place of their changes of the state: of each part of a
-// component, the change; and what its groups have become, from place `first[part]` on.
+// surface, the change; and what its groups have become, from place `first[part]` on. Parts that
+// change nothing, for the same lies on both of their sides, are no surface.
 struct BodyLabels {
   struct Group {
     SheetId before = 1, now = 1;
@@ -110,11 +115,12 @@ struct BodyLabels {
   std::vector<std::uint32_t> first;  // one more at the end
   std::vector<Group> groups;
 
-  void apply_to(Triangle& triangle) const;
+  void apply_to(std::vector<Triangle>& triangles) const;
 };
 
-// A closed 2-manifold without self-intersections, each edge in exactly two triangles. Triangles
-// keep the order of their corners: nothing relies on it, sides are found by parity.
+// A closed 2-manifold without self-intersections, each edge in exactly two triangles; of several
+// bodies, each by itself. Triangles keep the order of their corners: nothing relies on it, sides
+// are found by parity.
 struct CheckedSurface {
   CheckedSurface(TriangleSpill the_spill, TriangleBuckets the_buckets)
       : spill(std::move(the_spill)), buckets(std::move(the_buckets)) {}
@@ -135,8 +141,10 @@ struct CheckedSurface {
   TriangleBuckets buckets;
   // By what the buckets' triangles carry, the sheets that load() gives them. Empty: their groups.
   std::vector<SheetId> sheets;
-  GivenEdges given;         // that are sharp, whatever their angle
-  bool has_copies = false;  // the buckets hold triangles more than once, which load() leaves out
+  GivenEdges given;           // that are sharp, whatever their angle
+  bool has_copies = false;    // the buckets hold triangles more than once, which load() leaves out
+  bool has_contacts = false;  // bodies have triangles, edges or vertices in common
+  GivenBodies given_bodies;   // see RawSurface; by groups before number_bodies()
   std::vector<SurfaceFile> files;                      // see RawSurface
   std::vector<std::uint32_t> file_of_group;            // likewise; of groups before number_bodies()
   std::vector<std::array<BodyId, 2>> bodies_of_group;  // by group; empty: the only one behind all

@@ -34,12 +34,18 @@ struct CellSheets {
 class SheetsOfCell {
  public:
   SheetsOfCell(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
-               const SharpAngle& angle, const NeedleNormals& needles, const EdgeSet& given)
+               const SharpAngle& angle, const NeedleNormals& needles, const EdgeSet& given,
+               bool has_contacts)
       : cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
         soup_(soup_of(triangles)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)) {
+    if (has_contacts)
+      unpair_others(mates_, [&](std::uint32_t h) {
+        return TriangleBuckets::meets_edge(box_, position(origin(soup_.triangles, h)),
+                                           position(target(soup_.triangles, h)));
+      });
     found_.triangles = std::move(triangles);
     part_sharp_edges(angle, needles, given);
   }
@@ -150,7 +156,7 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
       [&](const TriangleBucket& bucket, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
         throw_if_stopped(watch.stop());
         return SheetsOfCell(std::move(loaded.first), bucket.cell, surface.buckets, angle, needles,
-                            loaded.second)
+                            loaded.second, surface.has_contacts)
             .run();
       },
       [&](const TriangleBucket&, CellSheets& cell) {

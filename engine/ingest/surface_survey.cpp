@@ -23,6 +23,8 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   raw.has_several_bodies = law.bodies.has_several();
   CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
                                          IngestShare(), weld, law.sharp_angle);
+  std::vector<BodyFacts> bodies;
+  if (law.has_sheets) bodies = number_bodies(surface, law.bodies, watch, workers);
   find_given_edges(surface,
                    {law.sharp_polylines, survey_polylines(law.sharp_polylines, watch.stop()), weld},
                    watch, workers, IngestShare());
@@ -31,7 +33,6 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   if (law.has_sheets) {
     const double size =
         law.size ? absolute_size(*law.size, surface.facts.box) : survey.default_size();
-    std::vector<BodyFacts> bodies = number_bodies(surface, law.bodies, watch, workers);
     survey.sheets = number_sheets(
         surface, {.sharp_angle = law.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, IngestShare());

@@ -29,6 +29,21 @@ Mates paired_edges(std::size_t num_vertices, std::span<const TriangleCorners> tr
   return mates;
 }
 
+Mates paired_edges(std::size_t num_vertices, std::span<const TriangleCorners> triangles,
+                   std::span<const std::uint32_t> body_of) {
+  Mates mates(3 * triangles.size(), kNoHalfEdge);
+  std::vector<std::uint32_t> scratch;
+  EdgeTable(num_vertices, triangles).for_each_edge([&](std::span<const std::uint32_t> uses) {
+    const auto body = [&](std::uint32_t h) { return body_of[h / 3]; };
+    for_each_body_at(uses, body, scratch, [&](std::span<const std::uint32_t> own) {
+      if (own.size() != 2) return;
+      mates[own[0]] = own[1];
+      mates[own[1]] = own[0];
+    });
+  });
+  return mates;
+}
+
 Components find_components(std::span<const TriangleCorners> triangles,
                            std::span<const std::uint32_t> mates) {
   constexpr std::uint32_t kNone = 0xffffffff;
@@ -79,16 +94,8 @@ void turn_triangles(const std::vector<bool>& is_turned, std::span<TriangleCorner
 
 std::uint32_t fan_around(std::span<const TriangleCorners> triangles,
                          std::span<const std::uint32_t> mates, std::uint32_t h) {
-  const std::uint32_t v = origin(triangles, h);
   std::uint32_t count = 0;
-  std::uint32_t leaving = previous_half_edge(h);  // each triangle is left by its other edge at v
-  do {
-    const std::uint32_t mate = mates[leaving];
-    if (mate == kNoHalfEdge) return 0;
-    ++count;
-    leaving = origin(triangles, mate) == v ? previous_half_edge(mate) : next_half_edge(mate);
-  } while (leaving / 3 != h / 3);
-  return count;
+  return for_each_in_fan(triangles, mates, h, [&](std::uint32_t) { ++count; }) ? count : 0;
 }
 
 }  // namespace locvol

@@ -69,6 +69,42 @@ void EdgeTable::for_each_edge(const Visit& visit) {
 
 // Edges of any number of triangles but two pair none.
 Mates paired_edges(std::size_t num_vertices, std::span<const TriangleCorners> triangles);
+// The same of each body by itself (for_each_body_at). `body_of`: by triangle
+Mates paired_edges(std::size_t num_vertices, std::span<const TriangleCorners> triangles,
+                   std::span<const std::uint32_t> body_of);
+
+// Leaves only those mates whose edges are whole, for which is_whole(half_edge) is asked.
+template <class IsWhole>
+void unpair_others(Mates& mates, const IsWhole& is_whole) {
+  for (std::uint32_t h = 0; h < mates.size(); ++h)
+    if (const std::uint32_t g = mates[h]; g != kNoHalfEdge && h < g && !is_whole(h))
+      mates[h] = mates[g] = kNoHalfEdge;
+}
+
+// Of an edge where several bodies meet: visit(half_edges) for each that has more than one of them,
+// and then for all the others, if there are any: where a body has two, they go together, and where
+// two have one each, these do. `of_body`: scratch
+template <class BodyOf, class Visit>
+void for_each_body_at(std::span<const std::uint32_t> half_edges, const BodyOf& body_of,
+                      std::vector<std::uint32_t>& of_body, const Visit& visit);
+
+template <class BodyOf, class Visit>
+void for_each_body_at(std::span<const std::uint32_t> half_edges, const BodyOf& body_of,
+                      std::vector<std::uint32_t>& of_body, const Visit& visit) {
+  of_body.assign(half_edges.begin(), half_edges.end());
+  std::ranges::stable_sort(of_body, {}, body_of);
+  std::vector<std::uint32_t> alone;
+  for (auto first = of_body.begin(); first != of_body.end();) {
+    const auto end =
+        std::find_if(first, of_body.end(), [&](auto h) { return body_of(h) != body_of(*first); });
+    if (end - first == 1)
+      alone.push_back(*first);
+    else
+      visit(std::span<const std::uint32_t>(first, end));
+    first = end;
+  }
+  if (!alone.empty()) visit(std::span<const std::uint32_t>(alone));
+}
 
 // Parts of a surface whose triangles hang together by their edges.
 struct Components {
@@ -84,8 +120,23 @@ Components find_components(std::span<const TriangleCorners> triangles,
 void turn_triangles(const std::vector<bool>& is_turned, std::span<TriangleCorners> triangles,
                     std::span<std::uint32_t> mates);
 
-// Counts the triangles that form the fan around the origin of half-edge h, whatever their
-// orientation; 0 if it does not close.
+// visit(triangle) for each of the fan around the origin of half-edge h, whatever their orientation.
+// False if it does not close: then not all have been.
+template <class Visit>
+bool for_each_in_fan(std::span<const TriangleCorners> triangles,
+                     std::span<const std::uint32_t> mates, std::uint32_t h, const Visit& visit) {
+  const std::uint32_t v = origin(triangles, h);
+  std::uint32_t leaving = previous_half_edge(h);  // each triangle is left by its other edge at v
+  do {
+    visit(leaving / 3);
+    const std::uint32_t mate = mates[leaving];
+    if (mate == kNoHalfEdge) return false;
+    leaving = origin(triangles, mate) == v ? previous_half_edge(mate) : next_half_edge(mate);
+  } while (leaving / 3 != h / 3);
+  return true;
+}
+
+// Counts the triangles of that fan; 0 if it does not close.
 std::uint32_t fan_around(std::span<const TriangleCorners> triangles,
                          std::span<const std::uint32_t> mates, std::uint32_t h);
 

@@ -282,6 +282,10 @@ MortonKey TriangleBuckets::last_met_by(const Triangle& triangle) const {
   }
 }
 
+bool TriangleBuckets::meets_edge(const Box& cell, const Point& a, const Point& b) {
+  return cell.contains(a) || cell.contains(b) || touches(CreaseEdge{.ends = {a, b}}, cell);
+}
+
 // Keys of points in a box lie between those of its corners.
 bool TriangleBuckets::reaches_beyond_range(const Triangle& triangle) const {
   if (range_.is_all()) return false;

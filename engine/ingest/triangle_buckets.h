@@ -64,6 +64,8 @@ class TriangleBuckets {
   }
   // Tells whether the triangle may meet cells that are not in the range.
   bool reaches_beyond_range(const Triangle& triangle) const;
+  // Does the closed cell meet the edge? Then all triangles at the edge are in its bucket.
+  static bool meets_edge(const Box& cell, const Point& a, const Point& b);
   // Tells whether the triangle lies on the cell's boundary, or beyond.
   static bool reaches_out(const Box& cell, const Triangle& triangle) {
     const Box b = triangle.box();

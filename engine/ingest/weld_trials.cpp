@@ -41,10 +41,11 @@ std::string obstacle_to(const WeldedSurface& welded) {
 }
 
 WeldTrials::WeldTrials(TriangleSpill& spill, const TriangleBuckets& buckets, const Box& box,
-                       IngestWatch& watch, Workers& workers)
+                       std::span<const std::uint32_t> given, IngestWatch& watch, Workers& workers)
     : spill_(spill),
       buckets_(buckets),
       box_(box),
+      given_(given),
       watch_(watch),
       workers_(workers),
       extent_(max_norm(box.max - box.min)) {}
@@ -111,9 +112,9 @@ std::string WeldTrials::flaw_of(WeldedSurface& surface, CheckScope scope) {
   std::vector<TriangleList> all{std::move(surface.triangles)};
   buckets.distribute(spill_, all, box_, {}, true, watch_);
   surface.triangles = std::move(all.front());
-  const SurfaceFindings findings =
-      check_cells(spill_, buckets, box_, {}, SharpAngle(0),
-                  surface.collinear.empty() ? scope : CheckScope::kNeighbors, watch_, workers_);
+  const SurfaceFindings findings = check_cells(
+      spill_, buckets, box_, {}, SharpAngle(0),
+      surface.collinear.empty() ? scope : CheckScope::kNeighbors, watch_, workers_, given_);
   buckets.release(spill_);
   const auto& [open, overused] = findings.edges_that_count();
   if (open.count > 0)

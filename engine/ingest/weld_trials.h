@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "engine/ingest/ingest_watch.h"
@@ -22,8 +23,9 @@ std::string obstacle_to(const WeldedSurface& welded);
 class WeldTrials {
  public:
   // `buckets` have the surface, whole, in `spill`; `box` is around it. The surface stays as it is.
+  // `given`, which must outlive this: see check_cells()
   WeldTrials(TriangleSpill& spill, const TriangleBuckets& buckets, const Box& box,
-             IngestWatch& watch, Workers& workers);
+             std::span<const std::uint32_t> given, IngestWatch& watch, Workers& workers);
 
   // The surface with as few points joined as close it, and those at open edges alone: points closer
   // than a tenth of all edges there but for those that are shorter than a distance, and than
@@ -48,6 +50,7 @@ class WeldTrials {
   TriangleSpill& spill_;
   const TriangleBuckets& buckets_;
   Box box_;
+  std::span<const std::uint32_t> given_;
   IngestWatch& watch_;
   Workers& workers_;
   double extent_;  // the longest side of the box

@@ -90,15 +90,16 @@ auto fields(Maybe<LineSight> auto& sight) {
 }
 auto fields(Maybe<SurfaceFindings> auto& findings) {
   auto& [edges, edges_without_copies, num_copies, first_copy, is_copy_needed, conflicts,
-         num_pinched, first_pinched, intersection, num_vertices, num_triangles, area, joined, sharp,
-         sights] = findings;
+         num_pinched, first_pinched, intersection, has_contacts, num_vertices, num_triangles, area,
+         joined, sharp, sights] = findings;
   return std::tuple(Field("edges", edges), Field("edges_without_copies", edges_without_copies),
                     Field("num_copies", num_copies), Field("first_copy", first_copy),
                     Field("is_copy_needed", is_copy_needed), Field("conflicts", conflicts),
                     Field("num_pinched", num_pinched), Field("first_pinched", first_pinched),
-                    Field("intersection", intersection), Field("num_vertices", num_vertices),
-                    Field("num_triangles", num_triangles), Field("area", area),
-                    Field("joined", joined), Field("sharp", sharp), Field("sights", sights));
+                    Field("intersection", intersection), Field("has_contacts", has_contacts),
+                    Field("num_vertices", num_vertices), Field("num_triangles", num_triangles),
+                    Field("area", area), Field("joined", joined), Field("sharp", sharp),
+                    Field("sights", sights));
 }
 auto fields(Maybe<RankComponent> auto& of_rank) {
   auto& [rank, component] = of_rank;

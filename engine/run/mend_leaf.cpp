@@ -191,7 +191,8 @@ LeafFacets boundary_facets(const LoadedMend& loaded) {
     });
     facet.vertices = smallest_first(facet.vertices);
     facet.labels.sheet =
-        domain.sheet_of_facet({place_of(name[0]), place_of(name[1]), place_of(name[2])});
+        domain.sheet_of_facet({place_of(name[0]), place_of(name[1]), place_of(name[2])},
+                              facet.labels.behind, facet.labels.before);
   }
   std::ranges::sort(result.facets);
   return result;

@@ -1,6 +1,7 @@
 #include "refine/domain/exact_predicates.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Exact_rational.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +17,80 @@ Kernel::Point_2 projected(const Point& p, int axis) {
   return {p[(axis + 1) % 3], p[(axis + 2) % 3]};
 }
 
+using Rational = CGAL::Exact_rational;
+using Vector = std::array<Rational, 3>;
+
+Vector exact(const Point& p) { return {Rational(p.x), Rational(p.y), Rational(p.z)}; }
+
+// The centroid of three points, which need not be a point of doubles.
+class Centroid {
+ public:
+  explicit Centroid(const std::array<Point, 3>& corners) : corners_(corners) {
+    const auto& [a, b, c] = corners;
+    for (const int axis : {0, 1, 2}) rounded_[axis] = a[axis] / 3 + b[axis] / 3 + c[axis] / 3;
+    largest_ = std::max({max_norm(a), max_norm(b), max_norm(c)});
+  }
+
+  // As orientation_along(2, a, b, centroid).
+  int turn(const Point& a, const Point& b) const {
+    const Point u = b - a, v = rounded_ - a;
+    const double turn = u.x * v.y - u.y * v.x;
+    if (const int sign = certain_sign(turn, max_norm(u), a, v); sign != 0) return sign;
+    const Vector p = thrice(), x = exact(a), y = exact(b);
+    return CGAL::sign((y[0] - x[0]) * (p[1] - 3 * x[1]) - (y[1] - x[1]) * (p[0] - 3 * x[0]));
+  }
+  // As orientation(a, b, c, centroid).
+  int side(const Point& a, const Point& b, const Point& c) const {
+    const Point u = b - a, v = c - a, w = rounded_ - a;
+    const double side = dot(cross(u, v), w);
+    if (const int sign = certain_sign(side, max_norm(u) * max_norm(v), a, w); sign != 0)
+      return sign;
+    const Vector p = thrice(), x = exact(a), y = exact(b), z = exact(c);
+    Rational determinant = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+      determinant +=
+          (p[i] - 3 * x[i]) * ((y[j] - x[j]) * (z[k] - x[k]) - (y[k] - x[k]) * (z[j] - x[j]));
+    }
+    return CGAL::sign(determinant);
+  }
+
+ private:
+  // Of a determinant with the vector from a to the centroid; 0 if rounding might have changed it:
+  // the centroid is off by less than three roundings of its corners' largest coordinate.
+  int certain_sign(double determinant, double others, const Point& a, const Point& from_a) const {
+    constexpr double kError = 256 * std::numeric_limits<double>::epsilon();
+    const double error = kError * others * (largest_ + max_norm(a) + max_norm(from_a)) + 1e-290;
+    return determinant > error ? 1 : determinant < -error ? -1 : 0;
+  }
+  Vector thrice() const {
+    Vector sum = exact(corners_[0]);
+    for (const std::size_t n : {1, 2})
+      for (std::size_t axis = 0; axis < 3; ++axis) sum[axis] += exact(corners_[n])[axis];
+    return sum;
+  }
+
+  const std::array<Point, 3>& corners_;
+  Point rounded_;
+  double largest_ = 0;
+};
+
 }  // namespace
+
+bool ray_from_centroid_crosses(const std::array<Point, 3>& from, const Triangle& triangle) {
+  const Centroid p(from);
+  const auto& [a, b, c] = triangle.corners;
+  // The side of the directed edge uv on which p lies, seen from above; 0 if that is one point.
+  const auto side_of_edge = [&](const Point& u, const Point& v) {
+    const int side = p.turn(u, v);
+    if (side != 0) return side;
+    if (u.y != v.y) return u.y > v.y ? 1 : -1;
+    return u.x == v.x ? 0 : v.x > u.x ? 1 : -1;
+  };
+  const int side = side_of_edge(a, b);
+  if (side == 0 || side_of_edge(b, c) != side || side_of_edge(c, a) != side) return false;
+  return p.side(a, b, c) * side < 0;
+}
 
 int orientation_along(int axis, const Point& a, const Point& b, const Point& c) {
   return CGAL::orientation(projected(a, axis), projected(b, axis), projected(c, axis));

@@ -1,6 +1,8 @@
 // Exact signs for the layers that do not know CGAL.
 #pragma once
 
+#include <array>
+
 #include "octree/geometry.h"
 
 namespace locvol {
@@ -12,6 +14,9 @@ int orientation_along(int axis, const Point& a, const Point& b, const Point& c);
 // The sign of the determinant (b - a, c - a, d - a): 1 if a, b, c turn left as seen from d's
 // opposite.
 int orientation(const Point& a, const Point& b, const Point& c, const Point& d);
+// Does the ray upwards (in z) from the centroid of `from`, moved by the infinitesimal (ε, ε²),
+// cross the triangle? Not where it begins on it.
+bool ray_from_centroid_crosses(const std::array<Point, 3>& from, const Triangle& triangle);
 bool are_collinear(const Point& a, const Point& b, const Point& c);
 
 }  // namespace locvol

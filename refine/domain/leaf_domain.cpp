@@ -534,35 +534,51 @@ bool LeafDomain::is_near(const Point& p, double distance) const {
          !impl_->for_each_held_near(p, distance, is_far);
 }
 
-// A first guess bounds where to look.
-std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distance) const {
-  std::optional<SurfacePoint> closest;
+// A first guess bounds where to look. `change`: if given, that of the triangles that count
+std::optional<LeafDomain::Closest> LeafDomain::closest_triangle(
+    const Point& p, double distance, const std::optional<DomainState>& change) const {
+  std::optional<Closest> closest;
   double least = distance * distance;
-  Impl::Index of = 0;
   const auto look_at = [&](Impl::Index t) {
     if (impl_->boxes[t].squared_distance(p) > least) return true;
+    if (change && change_across(impl_->triangles[t]) != *change) return true;
     const Point q = closest_on_triangle(impl_->triangles[t].corners, p);
     const double d = squared_distance(p, q);
-    if (d < least || (d == least && closest && t < of))
-      closest = {q, {sheet_of(impl_->triangles[t])}}, least = d, of = t;
+    if (d < least || (d == least && closest && t < closest->triangle)) closest = {q, t}, least = d;
     return true;
   };
   if (impl_->triangles.empty()) return closest;
   const auto [i, j, k] = impl_->cell_with_triangles(impl_->cell_of(p));
   for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k))) look_at(t);
   constexpr double kSlack = 1e-9;  // of those as close, the first is taken
-  impl_->for_each_held_near(p, (1 + kSlack) * std::sqrt(least), look_at);
-  if (closest) closest->side.normal = normal_of(impl_->triangles[of].corners);
+  if (std::isfinite(least))
+    impl_->for_each_held_near(p, (1 + kSlack) * std::sqrt(least), look_at);
+  else
+    for (Impl::Index t = 0; t < impl_->triangles.size(); ++t) look_at(t);
   return closest;
 }
 
-SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners) const {
+std::optional<SurfacePoint> LeafDomain::closest_to(const Point& p, double distance) const {
+  const auto closest = closest_triangle(p, distance, std::nullopt);
+  if (!closest) return std::nullopt;
+  const Triangle& triangle = impl_->triangles[closest->triangle];
+  return SurfacePoint{closest->place, {sheet_of(triangle), normal_of(triangle.corners)}};
+}
+
+SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners, BodyId behind,
+                                   BodyId before) const {
   if (impl_->only_sheet) return *impl_->only_sheet;
   std::array<Point, 3> sorted = corners;  // the same centroid in whatever order they come
   std::ranges::sort(sorted);
   const Point centroid = 1.0 / 3 * (sorted[0] + sorted[1] + sorted[2]);
-  const auto closest = closest_to(centroid, std::numeric_limits<double>::infinity());
-  return closest ? closest->side.sheet : kOnlySheet;
+  constexpr double kAnywhere = std::numeric_limits<double>::infinity();
+  auto closest = closest_triangle(centroid, kAnywhere, std::nullopt);
+  if (!closest) return kOnlySheet;
+  // Nearly always it parts these bodies; not so beside a thin layer, where facets lie deeper.
+  const DomainState change = DomainState::between(behind, before);
+  if (!only_body_ && change_across(impl_->triangles[closest->triangle]) != change)
+    if (const auto other = closest_triangle(centroid, kAnywhere, change)) closest = other;
+  return sheet_of(impl_->triangles[closest->triangle]);
 }
 
 // Edges of a crease that meet have their common end equally close: of these the first is taken.

@@ -125,10 +125,11 @@ class LeafDomain {
   // The point of it that is closest to p, of several that on the first triangle; null if none is
   // closer than `distance`. REQUIRES: the region holds all that is
   std::optional<SurfacePoint> closest_to(const Point& p, double distance) const;
-  // The sheet of a boundary facet with these corners: that of the triangle which is closest to
-  // their centroid, of several the first. So it is a function of the corners and the surface alone,
-  // whoever lists, changes or mends the facet. REQUIRES: the region holds that triangle
-  SheetId sheet_of_facet(const std::array<Point, 3>& corners) const;
+  // The sheet of a facet with these corners that parts the two bodies: that of the triangle which
+  // is closest to their centroid, of several the first; of those that part these bodies, if there
+  // are some. So it is a function of the corners, the bodies and the surface alone, whoever lists,
+  // changes or mends the facet. REQUIRES: the region holds that triangle
+  SheetId sheet_of_facet(const std::array<Point, 3>& corners, BodyId behind, BodyId before) const;
   // The point of a crease that is closest to p, of several that on the first edge; null if none is
   // closer than `distance`. REQUIRES: the region holds all that is
   std::optional<CreasePoint> closest_on_crease(const Point& p, double distance) const;
@@ -151,6 +152,12 @@ class LeafDomain {
 
  private:
   const BoxTree& crease_tree() const;
+  struct Closest {
+    Point place;
+    std::uint32_t triangle = 0;  // its place in triangles()
+  };
+  std::optional<Closest> closest_triangle(const Point& p, double distance,
+                                          const std::optional<DomainState>& change) const;
 
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -59,6 +59,27 @@ Shape moved(Shape shape, const Point& by) {
 double rounding(double radius, double size) { return 0.65 * 4 / 3 * kPi * size * size * radius; }
 constexpr double kPlane = 1e-6;  // the lattice core's volume is a formula's
 
+// What lies between two angles around the z axis, in degrees, with so many edges on its rim.
+Shape sector(double from, double to, int num) {
+  Shape shape{{{0, 0, 0}, {0, 0, 1}}, {}};
+  for (int i = 0; i <= num; ++i) {
+    const double angle = std::fmod(from + (to - from) * i / num, 360) * kPi / 180;
+    for (const double z : {0.0, 1.0})
+      shape.vertices.push_back({std::cos(angle), std::sin(angle), z});
+  }
+  const auto last = static_cast<std::uint32_t>(2 + 2 * num);
+  for (std::uint32_t p = 2; p < last; p += 2)
+    for (const auto& t : {std::array<std::uint32_t, 3>{0, p + 2, p},
+                          {1, p + 1, p + 3},
+                          {p, p + 2, p + 3},
+                          {p, p + 3, p + 1}})
+      shape.triangles.push_back(t);
+  for (const auto& t :
+       {std::array<std::uint32_t, 3>{0, 2, 3}, {0, 3, 1}, {0, last + 1, last}, {0, 1, last + 1}})
+    shape.triangles.push_back(t);
+  return shape;
+}
+
 double volume_of(const Shape& shape) {
   double six = 0;
   for (const auto& [a, b, c] : shape.triangles)
@@ -342,6 +363,172 @@ TEST_F(Bodies, ShellsThatAreTooCloseLeaveAManifoldEach) {
   for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
 }
 
+// ---- That touch
+
+TEST_F(Bodies, TouchInAFace) {
+  const MeshOptions options = this->options(
+      {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.12);
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  const auto facets = check("run", {1, 1}, {kPlane, kPlane});
+  EXPECT_EQ(facets.size(), 3U);
+  EXPECT_TRUE(facets.contains({2, 1}));
+  const AuditReport report = audit(Store::open(dir_ / "run", {.read_only = true}));
+  EXPECT_NEAR(report.surface_crease_length, 20, 1e-9);
+  EXPECT_EQ(report.num_lost_creases, 0U);
+  EXPECT_TRUE(are_equal(contents, meshed(options, "threads", 3)));
+}
+
+TEST_F(Bodies, TouchInGroupsOfOneFile) {
+  MeshOptions options = this->options(
+      {obj("pair", {{"left", box({0, 0, 0}, {1, 1, 1})}, {"right", box({1, 0, 0}, {2, 1, 1})}})},
+      0.2);
+  options.has_bodies = true;
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_TRUE(check("run", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+}
+
+TEST_F(Bodies, LieOnAFaceOfWhatTheyLieIn) {
+  // The inner one has a face of its own on the outer one's, which has its border for edges.
+  Shape outer = box({0, 0, 0}, {3, 3, 1});
+  outer.triangles.erase(outer.triangles.begin() + 2, outer.triangles.begin() + 4);
+  std::uint32_t first = static_cast<std::uint32_t>(outer.vertices.size());
+  for (std::uint32_t j = 0; j < 4; ++j)
+    for (std::uint32_t i = 0; i < 4; ++i) outer.vertices.push_back({double(i), double(j), 1});
+  for (const auto& [corner, at] : {std::pair(4U, 0U), {5U, 3U}, {6U, 12U}, {7U, 15U}})
+    for (auto& t : outer.triangles) std::ranges::replace(t, corner, first + at);
+  // The sides have edges there, too.
+  std::vector<std::array<std::uint32_t, 3>> cut;
+  for (const auto& t : outer.triangles) {
+    const auto is_top = [&](std::uint32_t v) { return v >= first; };
+    std::array<std::uint32_t, 3> r = t;
+    while (std::ranges::count_if(t, is_top) == 2 && !(is_top(r[0]) && is_top(r[1])))
+      std::ranges::rotate(r, r.begin() + 1);
+    if (std::ranges::count_if(t, is_top) < 2) {
+      cut.push_back(t);
+      continue;
+    }
+    const std::int64_t step = (std::int64_t(r[1]) - std::int64_t(r[0])) / 3;
+    for (std::int64_t n = 0; n < 3; ++n)
+      cut.push_back({static_cast<std::uint32_t>(r[0] + n * step),
+                     static_cast<std::uint32_t>(r[0] + (n + 1) * step), r[2]});
+  }
+  outer.triangles = cut;
+  for (std::uint32_t j = 0; j < 3; ++j)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      const std::uint32_t at = first + 4 * j + i;
+      outer.triangles.push_back({at, at + 1, at + 5});
+      outer.triangles.push_back({at, at + 5, at + 4});
+    }
+  const Shape inner = box({1, 1, 0.5}, {2, 2, 1});
+  const MeshOptions options = this->options({off("outer", outer), off("inner", inner)}, 0.2);
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  const auto facets = check("run", {8.5, 0.5}, {kPlane, kPlane});
+  EXPECT_TRUE(facets.contains({1, 0}) && facets.contains({2, 0}) && facets.contains({2, 1}));
+}
+
+TEST_F(Bodies, EightCubesAroundAPoint) {
+  std::vector<std::filesystem::path> files;
+  for (int k = 0; k < 8; ++k) {
+    const Point low{double(k & 1), double(k >> 1 & 1), double(k >> 2)};
+    files.push_back(off("cube" + std::to_string(k), box(low, low + Point{1, 1, 1})));
+  }
+  const Contents contents = meshed(options(files, 0.2), "run", 2);
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  const auto facets = check("run", std::vector<double>(8, 1), std::vector<double>(8, kPlane));
+  EXPECT_EQ(facets.size(), 8U + 12U);
+}
+
+TEST_F(Bodies, AStackOfPlates) {
+  std::vector<std::filesystem::path> files;
+  for (int k = 0; k < 10; ++k)
+    files.push_back(off("plate" + std::to_string(k), box({0, 0, 0.1 * k}, {1, 1, 0.1 * (k + 1)})));
+  const Contents contents = meshed(options(files, 0.12), "run", 2);
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  const auto facets = check("run", std::vector<double>(10, 0.1), std::vector<double>(10, kPlane));
+  EXPECT_EQ(facets.size(), 10U + 9U);
+}
+
+TEST_F(Bodies, WedgesAroundAnAxis) {
+  const std::vector<Shape> wedges = {sector(0, 60, 1), sector(60, 120, 1), sector(120, 360, 4)};
+  const MeshOptions options =
+      this->options({off("a", wedges[0]), off("b", wedges[1]), off("c", wedges[2])}, 0.15);
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  const auto facets =
+      check("run", {volume_of(wedges[0]), volume_of(wedges[1]), volume_of(wedges[2])},
+            {kPlane, kPlane, kPlane});
+  EXPECT_EQ(facets.size(), 6U);
+}
+
+TEST_F(Bodies, TouchInAnEdgeAndInAVertex) {
+  for (const Point& low : {Point{1, 1, 0}, Point{1, 1, 1}}) {
+    const MeshOptions options = this->options(
+        {off("one", box({0, 0, 0}, {1, 1, 1})), off("other", box(low, low + Point{1, 1, 1}))}, 0.2);
+    const std::string name = low.z == 0 ? "edge" : "vertex";
+    const Contents contents = meshed(options, name);
+    EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+    EXPECT_EQ(check(name, {1, 1}, {kPlane, kPlane}).size(), 2U);
+  }
+}
+
+TEST_F(Bodies, AVoidThatTouchesOutsideIsAPocket) {
+  MeshOptions options =
+      this->options({off("left", box({0, 0, 0}, {1, 1, 1})), off("gap", box({1, 0, 0}, {2, 1, 1})),
+                     off("right", box({2, 0, 0}, {3, 1, 1}))},
+                    0.2);
+  options.voids = {"gap"};
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_EQ(check("run", {1, 1}, {kPlane, kPlane}).size(), 2U);
+}
+
+TEST_F(Bodies, ThatTouchGrowAwayFromWhatLiesBetweenThem) {
+  MeshOptions options = this->options(
+      {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.1);
+  options.growth = 0.2;
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_TRUE(check("run", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+}
+
+TEST_F(Bodies, ThatTouchAreThoseOfOneProcessOnSeveralRanks) {
+  const MeshOptions options = this->options(
+      {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.2);
+  const Contents expected = meshed(options, "one");
+  run_as_ranks(3, [&](Exchange& exchange) {
+    MeshOptions all = options;
+    all.store = dir_ / "ranks-%r";
+    RunControl control;
+    control.num_threads = 1;
+    mesh_as_rank(all, control, exchange);
+    std::optional<Store> whole;
+    if (exchange.rank() == 0) whole = Store::open(dir_ / "joined", {.create = true});
+    const Store own = Store::open(store_of_rank(all.store, exchange.rank()), {.read_only = true});
+    join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
+  });
+  EXPECT_TRUE(are_equal(expected, contents_of(dir_ / "joined")));
+}
+
+TEST_F(Bodies, WhatLiesOnEachOtherUnlikeIsRefused) {
+  Shape other = box({1, 0, 0}, {2, 1, 1});
+  for (auto& t : other.triangles) {  // the other diagonal of the face at x = 1
+    if (t == std::array<std::uint32_t, 3>{0, 4, 6}) t = {0, 4, 2};
+    if (t == std::array<std::uint32_t, 3>{0, 6, 2}) t = {2, 4, 6};
+  }
+  const std::string told =
+      refusal_of(options({off("left", box({0, 0, 0}, {1, 1, 1})), off("right", other)}, 0.2));
+  for (const char* word : {"left", "right", "lie on each other", "cut their faces alike", "--weld"})
+    EXPECT_NE(told.find(word), std::string::npos) << told;
+  // Without names nobody can tell which triangles are whose.
+  MeshOptions unnamed = this->options(
+      {obj("pair", {{"", box({0, 0, 0}, {1, 1, 1})}, {"", box({1, 0, 0}, {2, 1, 1})}})}, 0.2);
+  unnamed.has_bodies = true;
+  EXPECT_NE(refusal_of(unnamed).find("give each as a file"), std::string::npos);
+}
+
 TEST_F(Bodies, GoOnAfterInterruptionsToTheSameRecords) {
   const MeshOptions options =
       this->options({off("shell", sphere(1, 16, 32)), off("core", sphere(0.5, 12, 24))}, 0.2);
@@ -390,7 +577,7 @@ TEST_F(Bodies, OddInputIsRefused) {
   EXPECT_NE(refusal_of(options({a, a}, 0.2)).find("given twice"), std::string::npos);
   EXPECT_NE(refusal_of(options({a, off("copy", sphere(1, 10, 20))}, 0.2)).find("copy.off"),
             std::string::npos);
-  EXPECT_NE(refusal_of(options({a, b}, 0.2)).find("not touch or overlap"), std::string::npos);
+  EXPECT_NE(refusal_of(options({a, b}, 0.2)).find("a and b cross"), std::string::npos);
   MeshOptions unknown = options({a, c}, 0.2);
   unknown.voids = {"d"};
   EXPECT_NE(refusal_of(unknown).find("no body that is called d"), std::string::npos);

@@ -164,6 +164,39 @@ TEST(Conditions, OfStarsHoldOfOneCycleOnly) {
   }
 }
 
+// As around a point of a crease with several wedges: each pair of neighbors has a path from one end
+// of the crease to the other, and the two paths of a wedge are its disk.
+TEST(Conditions, OfStarsOfSeveralBodiesHoldOfOneCycleOfEach) {
+  constexpr unsigned kSeed = 7;
+  Random random(kSeed);
+  for (BodyId num = 2; num < 13; ++num) {
+    const std::size_t between = 1 + random() % 5;
+    const Vertices vertices = some_vertices(2 + num * between, random);
+    std::vector<BodyLinkEdge> link;
+    for (BodyId sheet = 0; sheet < num; ++sheet) {
+      Vertices way = {vertices[0]};
+      for (std::size_t k = 0; k < between; ++k) way.push_back(vertices[2 + sheet * between + k]);
+      way.push_back(vertices[1]);
+      const BodyId one = sheet, other = (sheet + 1) % num;  // the first wedge is outside of all
+      for (const LinkEdge& edge : path_along(way))
+        link.push_back({edge, {std::max(one, other), std::min(one, other)}});
+    }
+    std::ranges::shuffle(link, random);
+    EXPECT_EQ(judge(BodyStarView{link}), std::nullopt) << num;
+    std::vector<BodyLinkEdge> open = link;
+    open.pop_back();
+    EXPECT_EQ(judge(BodyStarView{open}), kC3) << "a facet is missing";
+    // Outside is not asked: another body may touch there.
+    const Vertices others = {1000, 1001, 1002};
+    std::vector<BodyLinkEdge> touched = link;
+    for (const LinkEdge& edge : cycle_along(others)) touched.push_back({edge, {num, kNoBody}});
+    EXPECT_EQ(judge(BodyStarView{touched}), std::nullopt);
+    for (BodyLinkEdge& edge : touched)
+      if (edge.bodies[0] == num) edge.bodies[0] = 1;
+    EXPECT_EQ(judge(BodyStarView{touched}), kC3) << "two disks of a body";
+  }
+}
+
 // Of a part of a cycle that gives way to another path; where that comes by the rest of the cycle,
 // or ends elsewhere, the disk is none.
 TEST(Conditions, OfAStarThatIsKnownInPartAreThoseOfTheWhole) {

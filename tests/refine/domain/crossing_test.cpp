@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "refine/domain/exact_predicates.h"
 #include "tests/refine/brute_force.h"
 #include "tests/refine/shapes.h"
 
@@ -26,6 +27,47 @@ Point lattice_point(Random& random, int side) {
 int num_crossed(const Point& a, const Point& b, const Mesh& mesh) {
   return int(
       std::ranges::count_if(mesh, [&](const Triangle& t) { return segment_crosses(a, b, t); }));
+}
+
+// Of a closed surface, beside each of its triangles: an odd number above those that look down.
+TEST(RayFromCentroid, LeavesAClosedSurface) {
+  std::vector<Mesh> meshes = {shapes::box({{0, 0, 0}, {1, 1, 1}}),
+                              shapes::icosphere({0.1, 0.2, 0.3}, 1, 2),
+                              shapes::torus(1, 0.3, 9, 7)};
+  for (const Mesh& mesh : meshes)
+    for (const Triangle& from : mesh) {
+      const auto& [a, b, c] = from.corners;
+      const auto num_above = std::ranges::count_if(
+          mesh, [&](const Triangle& t) { return ray_from_centroid_crosses(from.corners, t); });
+      int sign = 0;  // of the first component of its normal that is not 0: up, then along x, y
+      for (const int axis : {2, 0, 1})
+        if (sign == 0) sign = orientation_along(axis, a, b, c);
+      EXPECT_EQ(num_above % 2, sign < 0 ? 1 : 0);
+      EXPECT_FALSE(ray_from_centroid_crosses(from.corners, from)) << "it begins there";
+    }
+}
+
+// A centroid is seldom a point of doubles, and lies exactly in its triangle's plane all the same.
+TEST(RayFromCentroid, BeginsOnItsTriangleAndOnWhatLiesThere) {
+  constexpr unsigned kSeed = 5;
+  Random random(kSeed);
+  for (int n = 0; n < 2000; ++n) {
+    const std::array<Point, 3> from = {lattice_point(random, 7), lattice_point(random, 7),
+                                       lattice_point(random, 7)};
+    const double scale = 0.1;  // so that coordinates are rounded
+    std::array<Point, 3> corners;
+    for (std::size_t k = 0; k < 3; ++k) corners[k] = scale * from[k];
+    Triangle turned{0, {corners[2], corners[1], corners[0]}};
+    EXPECT_FALSE(ray_from_centroid_crosses(corners, turned));
+    // Across it, far above and far below: seen from above, the centroid lies in all of them.
+    const Point n_up = cross(corners[1] - corners[0], corners[2] - corners[0]);
+    if (std::abs(n_up.z) < 1e-3) continue;
+    for (const double z : {-10.0, 10.0}) {
+      Triangle moved = turned;
+      for (Point& p : moved.corners) p.z += z;
+      EXPECT_EQ(ray_from_centroid_crosses(corners, moved), z > 0);
+    }
+  }
 }
 
 TEST(SegmentCrosses, ClosedForms) {
