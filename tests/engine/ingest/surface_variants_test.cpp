@@ -2,6 +2,7 @@
 // another. Also what gzip has packed, what comes through a pipe, and what is to be converted first.
 
 #include "tests/engine/ingest/surface_variants.h"
+#include "tests/engine/ingest/surface_writers.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
