@@ -2,7 +2,6 @@
 // another. Also what gzip has packed, what comes through a pipe, and what is to be converted first.
 
 #include "tests/engine/ingest/surface_variants.h"
-#include "tests/engine/ingest/surface_writers.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -30,6 +29,7 @@
 #include "engine/shared/stop_source.h"
 #include "tests/directories.h"
 #include "tests/engine/file_size_limit.h"
+#include "tests/engine/ingest/surface_writers.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
 
