@@ -81,8 +81,8 @@ class Surface {
   /// As Source.
   using GroupedSource = std::function<void(const GroupedVisitor& visit)>;
 
-  /// STL, OBJ, OFF or PLY, also packed by gzip, or a pipe with a name. What the file holds decides,
-  /// not what it is called.
+  /// STL, OBJ, OFF, PLY, VTK polydata, Gmsh, 3MF or glTF, also packed by gzip, or a pipe with a
+  /// name. What the file holds decides, not what it is called.
   static Surface file(std::filesystem::path path);
   /// Triangles in memory, which must stay where they are while they are meshed. Throws
   /// Error (kInput) for an index that is out of range.

@@ -93,6 +93,14 @@ struct InfoCommand {
   bool is_json = false;
 };
 
+struct CureCommand {
+  std::filesystem::path surface, output;
+  std::optional<Size> weld;           // repair
+  std::optional<Size> alpha, offset;  // wrap
+  std::uint64_t memory_bytes = 0;     // 0: the default
+  bool is_json = false;
+};
+
 struct GenerateCommand {
   std::string shape;
   std::uint64_t num_triangles = 0;
@@ -119,6 +127,8 @@ int run_export(const ExportCommand& command);
 int run_report(const ReportCommand& command);
 int run_audit(const AuditCommand& command);
 int run_info(const InfoCommand& command);
+int run_repair(const CureCommand& command);
+int run_wrap(const CureCommand& command);
 int run_generate(const GenerateCommand& command);
 
 }  // namespace locvol

@@ -74,6 +74,39 @@ CLI::App* declare_info(CLI::App& app, InfoCommand& command) {
   return info;
 }
 
+void add_cured(CLI::App& app, CureCommand& command) {
+  app.add_option("SURFACE", command.surface, kSurfaceHelp)->type_name("")->required();
+  add_output(app, command.output, {".ply", ".obj", ".stl"})->required();
+  add_memory(app, command.memory_bytes);
+  add_json(app, command.is_json);
+}
+
+CLI::App* declare_repair(CLI::App& app, CureCommand& command) {
+  CLI::App* repair = app.add_subcommand(
+      "repair", "Fill holes and drop doubled and loose triangles of a surface that is not closed");
+  add_cured(*repair, command);
+  add_parsed(*repair, "--weld", parse_weld, command.weld,
+             "Points at open edges that are closer become one: a length, or a percentage of the "
+             "smallest side (default: 0.0001 of the longest side, at most a tenth of the shortest "
+             "open edge)")
+      ->type_name("LENGTH");
+  return repair;
+}
+
+CLI::App* declare_wrap(CLI::App& app, CureCommand& command) {
+  CLI::App* wrap =
+      app.add_subcommand("wrap", "Wrap a closed surface around any triangles, at a small distance");
+  add_cured(*wrap, command);
+  add_parsed(*wrap, "--alpha", parse_size, command.alpha,
+             "Bridge what a ball of this radius does not go through: a length, or a percentage of "
+             "the smallest side (default: a 50th of the longest side)")
+      ->type_name("LENGTH");
+  add_parsed(*wrap, "--offset", parse_size, command.offset,
+             "Distance from the triangles (default: a 30th of --alpha)")
+      ->type_name("LENGTH");
+  return wrap;
+}
+
 std::string shape_list() {
   std::string list = "Shapes:\n";
   for (const ShapeInfo& shape : shapes()) {
@@ -130,6 +163,7 @@ int run(int argc, char** argv) {
   ReportCommand report;
   AuditCommand audit;
   InfoCommand info;
+  CureCommand repair, wrap;
   GenerateCommand generate;
   std::string reference_form;
   const std::vector<Subcommand> subcommands = {
@@ -141,6 +175,8 @@ int run(int argc, char** argv) {
       {declare_report(app, report), [&] { return run_report(report); }},
       {declare_audit(app, audit), [&] { return run_audit(audit); }},
       {declare_info(app, info), [&] { return run_info(info); }},
+      {declare_repair(app, repair), [&] { return run_repair(repair); }},
+      {declare_wrap(app, wrap), [&] { return run_wrap(wrap); }},
       {declare_generate(app, generate), [&] { return run_generate(generate); }},
       {declare_reference(app, reference_form),
        [&] { return print_reference(app, reference_form); }},

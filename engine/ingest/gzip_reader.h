@@ -9,22 +9,22 @@
 #include <vector>
 
 #include "engine/ingest/input_bytes.h"
+#include "engine/ingest/unpacked_stream.h"
 
 namespace locvol {
 
 // Holds 40 KB, and a buffer of 64 KB. Throws InputError: the packed bytes are damaged, cut off, or
 // followed by something else than zeros.
-class GzipReader {
+class GzipReader : public UnpackedStream {
  public:
   static bool is_gzip(const InputBytes& bytes);
 
   explicit GzipReader(const InputBytes& bytes);  // which outlives it
   GzipReader(GzipReader&&) noexcept;
   GzipReader& operator=(GzipReader&&) noexcept;
-  ~GzipReader();
+  ~GzipReader() override;
 
-  // The next ones, up to that many; 0 at the end only. REQUIRES: !unpacked.empty()
-  std::size_t read(std::span<char> unpacked);
+  std::size_t read(std::span<char> unpacked) override;
 
  private:
   struct Stream;

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <utility>
 
+#include "engine/ingest/gzip_reader.h"
 #include "engine/shared/input_error.h"
 
 namespace locvol {
@@ -38,16 +39,35 @@ InputFile::InputFile(const std::filesystem::path& path, const StopToken* stop)
 
 InputFile::InputFile(std::shared_ptr<const InputBytes> bytes, const StopToken* stop)
     : bytes_(std::move(bytes)), stop_(stop), buffer_(kReadBytes) {
-  if (GzipReader::is_gzip(*bytes_)) gzip_.emplace(*bytes_);
+  if (!GzipReader::is_gzip(*bytes_)) return;
+  open_ = [packed = bytes_] { return std::make_unique<GzipReader>(*packed); };
+  unpacked_ = open_();
+}
+
+InputFile::InputFile(std::shared_ptr<const InputBytes> bytes, std::string part, OpenStream open,
+                     std::uint64_t size, const StopToken* stop)
+    : bytes_(std::move(bytes)),
+      stop_(stop),
+      part_(std::move(part)),
+      open_(std::move(open)),
+      unpacked_(open_()),
+      size_(size),
+      buffer_(kReadBytes) {}
+
+InputFile InputFile::another() const {
+  if (!part_.empty()) return {bytes_, part_, open_, size(), stop_};
+  InputFile file(bytes_, stop_);
+  file.size_ = size_;
+  return file;
 }
 
 std::uint64_t InputFile::size() const {
   if (size_) return *size_;
   if (!is_unpacked()) return bytes_->size();
-  GzipReader gzip(*bytes_);
+  const auto stream = open_();
   std::vector<char> unpacked(kReadBytes);
   std::uint64_t size = 0;
-  while (const std::size_t count = gzip.read(unpacked)) {
+  while (const std::size_t count = stream->read(unpacked)) {
     throw_if_stopped(stop_);
     size += count;
   }
@@ -119,6 +139,16 @@ void InputFile::seek(std::uint64_t position) {
   has_sought_ = true;
 }
 
+void InputFile::skip_to(std::uint64_t position, std::uint64_t line_number) {
+  assert(position >= this->position());
+  line_number_ = line_number;
+  has_sought_ = true;
+  if (position > size()) refuse_truncated();
+  if (!is_unpacked() && position > loaded_) return seek(position);
+  while (this->position() < position)
+    take(std::min<std::uint64_t>(position - this->position(), kReadBytes));
+}
+
 void InputFile::read_at(std::uint64_t position, std::span<unsigned char> bytes) const {
   assert(!is_unpacked());
   while (!bytes.empty()) {
@@ -139,7 +169,7 @@ bool InputFile::load_more() {
   }
   if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
   const auto room = std::span(buffer_).subspan(end_);
-  const std::size_t count = gzip_ ? gzip_->read(room) : bytes_->read_at(loaded_, room);
+  const std::size_t count = unpacked_ ? unpacked_->read(room) : bytes_->read_at(loaded_, room);
   if (!has_sought_) hash_.update(room.data(), count);
   end_ += count;
   loaded_ += count;
@@ -153,7 +183,9 @@ std::string InputFile::digest() {
   return hash_.hex_digest();
 }
 
-void InputFile::refuse(const std::string& what) const { bytes_->refuse(what); }
+void InputFile::refuse(const std::string& what) const {
+  bytes_->refuse(part_.empty() ? what : part_ + ": " + what);
+}
 
 void InputFile::refuse_line(const std::string& what) const {
   refuse(fmt::format("line {}: {}", line_number_, what));

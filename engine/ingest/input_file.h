@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -12,9 +13,9 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/ingest/gzip_reader.h"
 #include "engine/ingest/input_bytes.h"
 #include "engine/ingest/sha256.h"
+#include "engine/ingest/unpacked_stream.h"
 #include "octree/stop.h"
 
 namespace locvol {
@@ -28,8 +29,18 @@ class InputFile {
   // throws InputError where they are damaged.
   explicit InputFile(std::shared_ptr<const InputBytes> bytes, const StopToken* stop = nullptr);
 
+  // What a part of them is unpacked, of which is known how many bytes it is: `part` is its name,
+  // for messages, and `open` begins to unpack it.
+  using OpenStream = std::function<std::unique_ptr<UnpackedStream>()>;
+  InputFile(std::shared_ptr<const InputBytes> bytes, std::string part, OpenStream open,
+            std::uint64_t size, const StopToken* stop = nullptr);
+  // The same file from its beginning, whatever has been taken from this one.
+  InputFile another() const;
+
   const std::filesystem::path& path() const { return bytes_->path(); }
-  bool is_unpacked() const { return gzip_.has_value(); }
+  const std::shared_ptr<const InputBytes>& bytes() const { return bytes_; }
+  const StopToken* stop() const { return stop_; }
+  bool is_unpacked() const { return open_ != nullptr; }
   // Bytes, when it was opened. Of a packed file this takes as long as to unpack it, the first time.
   std::uint64_t size() const;
   std::uint64_t position() const { return loaded_ - (end_ - begin_); }  // bytes taken so far
@@ -51,6 +62,9 @@ class InputFile {
   // The next byte taken is the one at `position`, at most size(). The file then has no digest().
   // REQUIRES: !is_unpacked(), also of the next
   void seek(std::uint64_t position);
+  // Goes on to `position`, which lies no less far, and in that line of a text. Of what is unpacked
+  // all up to there is. The file then has no digest(). Throws InputError if it ends before.
+  void skip_to(std::uint64_t position, std::uint64_t line_number = 0);
   // Reads the bytes at `position`, without taking them. Throws InputError if they are not there.
   void read_at(std::uint64_t position, std::span<unsigned char> bytes) const;
 
@@ -69,7 +83,9 @@ class InputFile {
 
   std::shared_ptr<const InputBytes> bytes_;
   const StopToken* stop_;
-  std::optional<GzipReader> gzip_;
+  std::string part_;  // of the bytes
+  OpenStream open_;   // null: they are not packed
+  std::unique_ptr<UnpackedStream> unpacked_;
   mutable std::optional<std::uint64_t> size_;
   LineEnd line_end_ = LineEnd::kAny;
   std::uint64_t loaded_ = 0;  // bytes read from the file

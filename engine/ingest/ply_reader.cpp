@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,12 +15,11 @@
 #include "engine/ingest/number_bytes.h"
 #include "engine/ingest/surface_formats.h"
 #include "engine/ingest/text_scanner.h"
+#include "engine/ingest/value_reader.h"
 #include "engine/ingest/vertex_cache.h"
 
 namespace locvol {
 namespace {
-
-enum class Encoding { kAscii, kLittleEndian, kBigEndian };
 
 constexpr std::array<std::pair<std::string_view, NumberType>, 18> kTypeNames = {{
     {"char", NumberType::kInt8},
@@ -160,60 +158,11 @@ class HeaderParser {
   Header header_;
 };
 
-// Reads the values that follow the header, in the file's encoding.
-class ValueReader {
- public:
-  ValueReader(InputFile& file, Encoding encoding)
-      : file_(file), encoding_(encoding), scanner_(file) {}
-
-  double number(NumberType type) {
-    if (encoding_ == Encoding::kAscii) return scanner_.coordinate_on_any_line();
-    return number_in(file_.take(bytes_of(type)), type, is_big_endian());
-  }
-
-  // REQUIRES: is_integer(type)
-  std::uint64_t count(NumberType type, const char* what) {
-    if (encoding_ == Encoding::kAscii) return scanner_.count_on_any_line(what);
-    const std::int64_t value = integer(type, what);
-    if (value < 0)
-      file_.refuse(fmt::format("the {} is negative ({}) before byte {}; the file is damaged", what,
-                               value, file_.position()));
-    return static_cast<std::uint64_t>(value);
-  }
-  // Below 0 also for what is above 2^63 - 1.
-  std::int64_t integer(NumberType type, const char* what) {
-    if (encoding_ == Encoding::kAscii) return scanner_.integer(scanner_.word_on_any_line(), what);
-    return integer_in(file_.take(bytes_of(type)), type, is_big_endian());
-  }
-
-  void skip(const Property& property) {
-    const std::uint64_t n =
-        property.count_type ? count(*property.count_type, "length of a list") : 1;
-    for (std::uint64_t i = 0; i < n; ++i) {
-      if (encoding_ == Encoding::kAscii)
-        scanner_.word_on_any_line();
-      else
-        file_.take(bytes_of(property.type));
-    }
-  }
-
-  FilePlace place(std::uint64_t face) const {
-    if (encoding_ == Encoding::kAscii) return {FilePlace::Unit::kLine, file_.line_number()};
-    return {FilePlace::Unit::kFace, face + 1};
-  }
-
-  void check_end() {
-    if (!scanner_.at_line_end() || scanner_.next_line())
-      file_.refuse("goes on after the elements that its header promises; correct the header");
-  }
-
- private:
-  bool is_big_endian() const { return encoding_ == Encoding::kBigEndian; }
-
-  InputFile& file_;
-  Encoding encoding_;
-  TextScanner scanner_;
-};
+void skip(ValueReader& values, const Property& property) {
+  const std::uint64_t n =
+      property.count_type ? values.count(*property.count_type, "length of a list") : 1;
+  for (std::uint64_t i = 0; i < n; ++i) values.skip(property.type);
+}
 
 // The least bytes that one element takes: a list may be empty; a value in ASCII is a digit and a
 // blank or the end of the line.
@@ -274,16 +223,11 @@ void read_vertices(const InputFile& file, const Element& element, NumberRange nu
     Point p;
     for (std::size_t i = 0; i < axes.size(); ++i) {
       if (axes[i] < 0)
-        values.skip(element.properties[i]);
+        skip(values, element.properties[i]);
       else
         p[axes[i]] = values.number(element.properties[i].type);
     }
-    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-      file.refuse(
-          fmt::format("vertex {} (counted from 0) has the coordinates ({}, {}, {}), which are "
-                      "not finite; remove it and its triangles, then close the holes",
-                      v, p.x, p.y, p.z));
-    sink.vertex(p);
+    give_vertex(file, v, p, sink);
   }
 }
 
@@ -301,13 +245,9 @@ std::size_t list_of_corners(const InputFile& file, const Element& element,
   return *list;
 }
 
-// The property whose values tell faces' groups apart: an integer of one of these names, of which
-// the first has it. A group is called after its property and value: "region 3".
-constexpr std::array<std::string_view, 7> kGroupNames = {
-    "sheet", "group", "region", "patch", "label", "segment", "material_index"};
-
+// The property whose values tell faces' groups apart, as "region 3".
 std::optional<std::size_t> property_of_groups(const Element& element) {
-  for (const std::string_view name : kGroupNames)
+  for (const std::string_view name : kGroupProperties)
     for (std::size_t i = 0; i < element.properties.size(); ++i) {
       const Property& p = element.properties[i];
       if (p.name == name && !p.count_type && is_integer(p.type)) return i;
@@ -334,7 +274,7 @@ void read_faces(const InputFile& file, const Element& element, NumberRange numbe
         continue;
       }
       if (i != list) {
-        values.skip(p);
+        skip(values, p);
         continue;
       }
       const std::uint64_t num_corners = values.count(*p.count_type, "number of corners");
@@ -379,7 +319,7 @@ void read_strips(const InputFile& file, const Element& element, ValueReader& val
       if (i == list)
         read_strip(values.count(*p.count_type, "length of a strip"), s, p.type, values, sink);
       else
-        values.skip(p);
+        skip(values, p);
     }
 }
 
@@ -527,9 +467,10 @@ void parse_ply(InputFile& file, SurfaceSink& sink) {
       read_strips(file, element, values, sink);
     else
       for (std::uint64_t i = 0; i < element.count; ++i)
-        for (const Property& property : element.properties) values.skip(property);
+        for (const Property& property : element.properties) skip(values, property);
   }
-  values.check_end();
+  if (values.has_more())
+    file.refuse("goes on after the elements that its header promises; correct the header");
 }
 
 }  // namespace locvol

@@ -17,6 +17,7 @@
 #include "engine/ingest/input_file.h"
 #include "engine/ingest/text_scanner.h"
 #include "engine/ingest/vtk_values.h"
+#include "engine/ingest/vtk_xml.h"
 #include "engine/ingest/xml_tags.h"
 
 namespace locvol {
@@ -41,10 +42,9 @@ struct FoundArray {
 
 // The tags of a file that say something of its sizes.
 struct ImageTags {
-  XmlTag file, image, piece;
+  VtkXml vtk;
+  XmlTag image, piece;
   std::vector<FoundArray> arrays;
-  std::optional<XmlTag> appended;
-  std::uint64_t appended_place = 0;  // of offset 0
 };
 
 // Up to the end of the file, or to its appended data.
@@ -53,39 +53,30 @@ class TagReader {
   explicit TagReader(InputFile& file) : file_(file), xml_(file) {}
 
   ImageTags read() {
-    check_start();
+    require_xml(file_, "a VTK XML image (.vti)");
     std::optional<XmlTag> tag;
     while ((tag = xml_.next())) {
-      if (tags_.file.name.empty()) check_file(*tag);
+      if (tags_.vtk.file.name.empty()) check_file(*tag);
       take(*tag);
-      if (tags_.appended) return find_appended();
+      if (tags_.vtk.appended) {
+        tags_.vtk.appended_place = place_of_appended_data(file_);
+        return std::move(tags_);
+      }
       if (tag->name == "VTKFile" && tag->is_end) return std::move(tags_);
     }
-    if (tags_.file.name.empty())
+    if (tags_.vtk.file.name.empty())
       file_.refuse("has no element VTKFile: export it as VTK XML (.vti)");
     file_.refuse_truncated();
   }
 
  private:
-  void check_start() {
-    if (file_.size() == 0) file_.refuse("is empty; export it again");
-    std::string_view start = file_.peek(256);
-    if (start.starts_with("\xef\xbb\xbf")) start.remove_prefix(3);
-    start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
-    if (!start.starts_with('<'))
-      file_.refuse(
-          fmt::format("is no XML, for it begins with \"{}\"; export it as a VTK XML image "
-                      "(.vti)",
-                      shown(start.substr(0, 20))));
-  }
-
   void check_file(const XmlTag& tag) {
     if (tag.name != "VTKFile")
       file_.refuse(
           fmt::format("its first element is {}, not VTKFile; export it as a VTK XML image "
                       "(.vti)",
                       shown(tag.name)));
-    tags_.file = tag;
+    tags_.vtk.file = tag;
     if (const std::string type = tag.get("type", ""); type != "ImageData")
       file_.refuse(
           fmt::format("is a VTK file of type \"{}\", not ImageData; resample it to an "
@@ -108,7 +99,7 @@ class TagReader {
         file_.refuse("has several pieces; save the image as one piece");
       tags_.piece = tag;
     } else if (tag.is_start && tag.name == "AppendedData") {
-      tags_.appended = tag;
+      tags_.vtk.appended = tag;
     }
     if (tag.is_end && is_section) section_.reset();
   }
@@ -132,22 +123,6 @@ class TagReader {
     array_depth_ -= tag.is_end;
   }
 
-  ImageTags find_appended() {
-    while (file_.remaining() > 0) {
-      const unsigned char c = *file_.take(1);
-      if (c == '_') {
-        tags_.appended_place = file_.position();
-        return std::move(tags_);
-      }
-      if (std::string_view(" \t\r\n").find(static_cast<char>(c)) == std::string_view::npos)
-        file_.refuse(
-            fmt::format("its appended data begin with byte {}, not with '_'; the file is "
-                        "damaged: export it again",
-                        c));
-    }
-    file_.refuse_truncated();
-  }
-
   InputFile& file_;
   XmlTags xml_;
   ImageTags tags_;
@@ -155,35 +130,13 @@ class TagReader {
   std::uint64_t array_depth_ = 0;  // of open elements, with the array's; 0: in none
 };
 
-template <std::size_t N>
-std::array<double, N> numbers(const InputFile& file, const XmlTag& tag, const char* attribute,
-                              std::string_view otherwise) {
-  const std::string text = tag.get(attribute, otherwise);
-  const auto refuse = [&] {
-    file.refuse(fmt::format("{} {}=\"{}\" is no list of {} finite numbers; correct it", tag.name,
-                            attribute, shown(text), N));
-  };
-  std::array<double, N> values{};
-  std::size_t begin = 0;
-  for (double& value : values) {
-    begin = std::min(text.find_first_not_of(" \t\r\n", begin), text.size());
-    const std::size_t end = std::min(text.find_first_of(" \t\r\n", begin), text.size());
-    const auto number = parse_number(std::string_view(text).substr(begin, end - begin));
-    if (!number || !std::isfinite(*number)) refuse();
-    value = *number;
-    begin = end;
-  }
-  if (text.find_first_not_of(" \t\r\n", begin) != text.npos) refuse();
-  return values;
-}
-
 // Of points: the first and the last along x, along y, and along z.
 std::array<double, 6> extent(const InputFile& file, const ImageTags& tags) {
   if (tags.image.name.empty() || tags.image.find("WholeExtent") == nullptr)
     file.refuse("has no element ImageData with a WholeExtent; export it again");
   if (tags.piece.name.empty()) file.refuse("has no element Piece; export it again");
-  const auto whole = numbers<6>(file, tags.image, "WholeExtent", "");
-  const auto piece = numbers<6>(file, tags.piece, "Extent", "");
+  const auto whole = numbers_in<6>(file, tags.image, "WholeExtent", "");
+  const auto piece = numbers_in<6>(file, tags.piece, "Extent", "");
   if (whole != piece)
     file.refuse(
         fmt::format("its piece has the extent \"{}\", but the image \"{}\"; save it as one "
@@ -201,9 +154,9 @@ std::array<double, 6> extent(const InputFile& file, const ImageTags& tags) {
 
 SizeImage image_of(const InputFile& file, const ImageTags& tags, bool is_point_data) {
   const std::array<double, 6> points = extent(file, tags);
-  const auto origin = numbers<3>(file, tags.image, "Origin", "0 0 0");
-  const auto spacing = numbers<3>(file, tags.image, "Spacing", "1 1 1");
-  if (numbers<9>(file, tags.image, "Direction", "1 0 0 0 1 0 0 0 1") != kNoTurn)
+  const auto origin = numbers_in<3>(file, tags.image, "Origin", "0 0 0");
+  const auto spacing = numbers_in<3>(file, tags.image, "Spacing", "1 1 1");
+  if (numbers_in<9>(file, tags.image, "Direction", "1 0 0 0 1 0 0 0 1") != kNoTurn)
     file.refuse("its Direction turns the image; resample it along the axes");
   SizeImage image;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -273,64 +226,6 @@ const FoundArray& choose_array(const InputFile& file, const std::vector<FoundArr
       fmt::format("has no one array that could be the sizes, numbers of one component: {}; "
                   "save it alone, or name it \"size\"",
                   list_of(arrays)));
-}
-
-// ---- How it is written
-
-bool choice(const InputFile& file, const XmlTag& tag, const char* attribute, std::string_view no,
-            std::string_view yes) {
-  const std::string value = tag.get(attribute, no);
-  if (value != yes && value != no)
-    file.refuse(fmt::format("{} {}=\"{}\" is unknown; it must be {} or {}", tag.name, attribute,
-                            shown(value), no, yes));
-  return value == yes;
-}
-
-bool is_compressed(const InputFile& file, const XmlTag& tag) {
-  const std::string compressor = tag.get("compressor", "");
-  if (!compressor.empty() && compressor != "vtkZLibDataCompressor")
-    file.refuse(fmt::format("is compressed by {}; save it without compression or with zlib",
-                            shown(compressor)));
-  return !compressor.empty();
-}
-
-std::uint64_t place_of_appended(const InputFile& file, const ImageTags& tags,
-                                const FoundArray& found) {
-  if (!tags.appended) file.refuse("has no element AppendedData; export it again");
-  const auto offset = numbers<1>(file, found.tag, "offset", "")[0];
-  if (!(offset >= 0) || offset != std::floor(offset))
-    file.refuse(fmt::format("DataArray offset=\"{}\" is no place; export it again", offset));
-  if (offset >= static_cast<double>(file.size() - tags.appended_place)) file.refuse_truncated();
-  return tags.appended_place + static_cast<std::uint64_t>(offset);
-}
-
-VtkArray array_of(const InputFile& file, const ImageTags& tags, const FoundArray& found,
-                  std::uint64_t num_values) {
-  VtkArray array{.name = found.name(), .type = *found.type(), .num_values = num_values};
-  const std::string format = found.tag.get("format", "ascii");
-  if (format == "appended") {
-    array.place = place_of_appended(file, tags, found);
-    array.is_inline = false;
-    array.encoding = choice(file, *tags.appended, "encoding", "base64", "raw")
-                         ? VtkArray::Encoding::kRaw
-                         : VtkArray::Encoding::kBase64;
-  } else if (format == "ascii" || format == "binary") {
-    if (!found.text)
-      file.refuse(
-          fmt::format("array \"{}\" has no values; export the file again", shown(found.name())));
-    array.place = *found.text;
-    if (format == "binary") array.encoding = VtkArray::Encoding::kBase64;
-  } else {
-    file.refuse(
-        fmt::format("DataArray format=\"{}\" is unknown; it must be ascii, binary or "
-                    "appended",
-                    shown(format)));
-  }
-  if (format == "ascii") return array;
-  array.is_big_endian = choice(file, tags.file, "byte_order", "LittleEndian", "BigEndian");
-  array.has_wide_head = choice(file, tags.file, "header_type", "UInt32", "UInt64");
-  array.is_compressed = is_compressed(file, tags.file);
-  return array;
 }
 
 // ---- The values
@@ -404,7 +299,8 @@ void read_size_image(const std::filesystem::path& path, const SizeImageSink& sin
   const FoundArray& found = choose_array(file, tags.arrays);
   const SizeImage image = image_of(file, tags, found.is_point_data);
   check(file, image);
-  SliceReader slices(file, image, array_of(file, tags, found, image.num_values()));
+  SliceReader slices(file, image,
+                     array_in(file, tags.vtk, found.tag, found.text, image.num_values()));
   sink.on_header(image);
   for (std::uint64_t k = 0; k < image.num[2]; ++k) {
     throw_if_stopped(stop);

@@ -21,6 +21,7 @@
 #include "engine/ingest/weld_trials.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/number_text.h"
+#include "engine/shared/standard_input.h"
 #include "octree/sort_and_unite.h"
 
 namespace locvol {
@@ -134,23 +135,24 @@ class SurfacePreparation {
   void check_edges() const {
     const EdgeCounts& edges = findings_.edges_that_count();
     if (edges.border.count > 0)
-      refuse("is not closed: {}, for example that from {}; close the holes{}",
+      refuse("is not closed: {}, for example that from {}; close the holes{}{}",
              counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             text(edges.border), tried_.empty() ? "" : ". " + tried_);
+             text(edges.border), cured_by(is_mostly_open() ? "wrap" : "repair"),
+             tried_.empty() ? "" : ". " + tried_);
     if (edges.overused.count > 0)
       refuse(
           "is not manifold: {}, for example that from {}; separate the parts that touch there, or "
-          "remove inner and doubled faces{}",
+          "remove inner and doubled faces{}{}",
           counted(edges.overused.count, "edge belongs to more than two triangles",
                   "edges belong to more than two triangles"),
-          text(edges.overused), about_bodies());
+          text(edges.overused), cured_by("wrap"), about_bodies());
   }
 
   void check_orientation() const {
     if (findings_.conflicts.count > 0)
-      refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside",
-             text(findings_.conflicts));
+      refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside{}",
+             text(findings_.conflicts), cured_by("wrap"));
   }
 
   // A flip is of one body's triangles, and would lay them across those of another.
@@ -258,10 +260,10 @@ class SurfacePreparation {
 
   void check_vertices() const {
     if (findings_.num_pinched > 0)
-      refuse("is not manifold: {}, for example {}; separate the parts that touch there",
+      refuse("is not manifold: {}, for example {}; separate the parts that touch there{}",
              counted(findings_.num_pinched, "vertex joins two parts that share no edge there",
                      "vertices join parts that share no edge there"),
-             text(findings_.first_pinched));
+             text(findings_.first_pinched), cured_by("wrap"));
   }
 
   void check_self_intersection() const {
@@ -278,13 +280,36 @@ class SurfacePreparation {
              name_of(other), text(pair->first), text(pair->second), about_bodies());
     refuse(
         "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
-        "parts{}",
-        text(pair->first), text(pair->second), about_bodies());
+        "parts{}{}",
+        text(pair->first), text(pair->second), cured_by("wrap"), about_bodies());
   }
 
   // Of one that is given.
   std::string name_of(std::uint32_t body) const {
     return raw_.files.size() > 1 ? raw_.files[body].body : shown_name(raw_.groups[body]);
+  }
+
+  // Then it is made of sheets, or of triangles without neighbors, more than of parts with holes.
+  bool is_mostly_open() const {
+    constexpr double kMostOpen = 0.25;  // of the corners of triangles
+    return static_cast<double>(findings_.edges_that_count().border.count) >
+           kMostOpen * 3 * static_cast<double>(findings_.num_triangles);
+  }
+
+  // How the command makes a surface of it that can be meshed. It takes one file.
+  std::string cured_by(std::string_view command) const {
+    const bool is_file = raw_.file != kInMemory && raw_.file != kStandardInput;
+    if (!is_file || !raw_.files.empty() || raw_.has_several_bodies) return "";
+    constexpr std::string_view kPlain =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._+-/";
+    std::string file = raw_.file;
+    if (file.find_first_not_of(kPlain) != file.npos) {
+      std::string quoted = "'";
+      for (const char c : file) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+      file = quoted + "'";
+    }
+    return fmt::format(", or {} it: locvol {} {} -o {}.ply", command, command, file,
+                       command == "wrap" ? "wrapped" : "repaired");
   }
 
   std::string about_bodies() const {

@@ -11,47 +11,54 @@
 #include <system_error>
 #include <utility>
 
+#include "engine/ingest/gzip_reader.h"
 #include "engine/ingest/input_file.h"
 #include "engine/ingest/surface_formats.h"
 
 namespace locvol {
 namespace {
 
-enum class SurfaceFormat { kBinaryStl, kAsciiStl, kObj, kOff, kPly };
+enum class SurfaceFormat {
+  kBinaryStl,
+  kAsciiStl,
+  kObj,
+  kOff,
+  kPly,
+  kVtk,
+  kVtp,
+  kGmsh,
+  k3mf,
+  kGlb,
+  kGltf
+};
 
 constexpr std::size_t kPeekBytes = std::size_t{1} << 16;
 constexpr std::uint64_t kLeastStlBytes = 84;  // of a binary file: its header
 
-const char* name(SurfaceFormat format) {
-  switch (format) {
-    case SurfaceFormat::kBinaryStl:
-      return "binary STL";
-    case SurfaceFormat::kAsciiStl:
-      return "ASCII STL";
-    case SurfaceFormat::kObj:
-      return "OBJ";
-    case SurfaceFormat::kOff:
-      return "OFF";
-    case SurfaceFormat::kPly:
-      return "PLY";
-  }
-  return "";
-}
+struct FormatNames {
+  SurfaceFormat format;
+  const char* name;
+  std::string_view extension;
+};
+constexpr std::array<FormatNames, 11> kFormats = {{
+    {SurfaceFormat::kBinaryStl, "binary STL", ".stl"},
+    {SurfaceFormat::kAsciiStl, "ASCII STL", ".stl"},
+    {SurfaceFormat::kObj, "OBJ", ".obj"},
+    {SurfaceFormat::kOff, "OFF", ".off"},
+    {SurfaceFormat::kPly, "PLY", ".ply"},
+    {SurfaceFormat::kVtk, "legacy VTK", ".vtk"},
+    {SurfaceFormat::kVtp, "VTK XML", ".vtp"},
+    {SurfaceFormat::kGmsh, "Gmsh", ".msh"},
+    {SurfaceFormat::k3mf, "3MF", ".3mf"},
+    {SurfaceFormat::kGlb, "binary glTF", ".glb"},
+    {SurfaceFormat::kGltf, "glTF", ".gltf"},
+}};
 
-std::string_view extension(SurfaceFormat format) {
-  switch (format) {
-    case SurfaceFormat::kBinaryStl:
-    case SurfaceFormat::kAsciiStl:
-      return ".stl";
-    case SurfaceFormat::kObj:
-      return ".obj";
-    case SurfaceFormat::kOff:
-      return ".off";
-    case SurfaceFormat::kPly:
-      return ".ply";
-  }
-  return "";
+const FormatNames& names_of(SurfaceFormat format) {
+  return *std::ranges::find(kFormats, format, &FormatNames::format);
 }
+const char* name(SurfaceFormat format) { return names_of(format).name; }
+std::string_view extension(SurfaceFormat format) { return names_of(format).extension; }
 
 // The first word that is not in a comment; empty if there is none in `text`.
 std::string_view first_word(std::string_view text) {
@@ -145,7 +152,11 @@ std::optional<SurfaceFormat> format_of_text(std::string_view text) {
   if (text.starts_with("ply") && text.size() > 3 &&
       std::isspace(static_cast<unsigned char>(text[3])))
     return SurfaceFormat::kPly;
+  if (text.starts_with("# vtk DataFile Version")) return SurfaceFormat::kVtk;
   const std::string_view word = first_word(text);
+  if (word == "$MeshFormat" || word == "$Comments") return SurfaceFormat::kGmsh;
+  if (word.starts_with('<') && text.find("<VTKFile") != text.npos) return SurfaceFormat::kVtp;
+  if (word.starts_with('{') && text.find("\"asset\"") != text.npos) return SurfaceFormat::kGltf;
   if (is_off_keyword(word)) return SurfaceFormat::kOff;
   if (!is_text(text)) return std::nullopt;
   if (has_stl_line(text)) return SurfaceFormat::kAsciiStl;
@@ -158,6 +169,8 @@ std::optional<SurfaceFormat> format_of_content(InputFile& file) {
   constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
   if (is_binary_stl(file)) return SurfaceFormat::kBinaryStl;  // before "solid": those may begin so
   const std::string_view head = file.peek(kPeekBytes);
+  if (head.starts_with("glTF")) return SurfaceFormat::kGlb;
+  if (is_3mf(file)) return SurfaceFormat::k3mf;
   refuse_packed(file, head);
   refuse_wide_text(file, head);
   if (head.starts_with(kByteOrderMark) && is_text(head)) file.take(kByteOrderMark.size());
@@ -166,9 +179,8 @@ std::optional<SurfaceFormat> format_of_content(InputFile& file) {
 
 std::optional<SurfaceFormat> format_of_extension(const std::string& extension, bool has_text) {
   if (extension == ".stl") return has_text ? SurfaceFormat::kAsciiStl : SurfaceFormat::kBinaryStl;
-  if (extension == ".obj") return SurfaceFormat::kObj;
-  if (extension == ".off") return SurfaceFormat::kOff;
-  if (extension == ".ply") return SurfaceFormat::kPly;
+  const auto named = std::ranges::find(kFormats, extension, &FormatNames::extension);
+  if (named != kFormats.end()) return named->format;
   return std::nullopt;
 }
 
@@ -185,6 +197,7 @@ std::string extension_of(std::filesystem::path path) {
 
 SurfaceFormat format_of(InputFile& file) {
   const std::string named = extension_of(file.path());
+  if (named == extension(SurfaceFormat::k3mf) && file.peek(2) == "PK") return SurfaceFormat::k3mf;
   const auto by_content = format_of_content(file);
   const bool has_text = is_text(file.peek(kPeekBytes));
   const auto by_name = format_of_extension(named, has_text);
@@ -195,7 +208,7 @@ SurfaceFormat format_of(InputFile& file) {
   if (by_name) return *by_name;
   // What has no name, as from a pipe, may be binary STL that is odd or cut off.
   if (!named.empty() || has_text || file.size() < kLeastStlBytes)
-    file.refuse("is in no known format; convert it to STL, OBJ, OFF or PLY");
+    file.refuse("is in no known format; convert it to STL, OBJ, OFF, PLY, VTP, Gmsh, 3MF or GLB");
   return SurfaceFormat::kBinaryStl;
 }
 
@@ -248,6 +261,22 @@ std::string parse_surface(std::shared_ptr<const InputBytes> bytes, SurfaceSink& 
       break;
     case SurfaceFormat::kPly:
       parse_ply(file, sink);
+      break;
+    case SurfaceFormat::kVtk:
+      parse_vtk(file, sink);
+      break;
+    case SurfaceFormat::kVtp:
+      parse_vtp(file, sink);
+      break;
+    case SurfaceFormat::kGmsh:
+      parse_gmsh(file, sink);
+      break;
+    case SurfaceFormat::k3mf:
+      parse_3mf(file, sink);
+      break;
+    case SurfaceFormat::kGlb:
+    case SurfaceFormat::kGltf:
+      parse_gltf(file, sink);
       break;
   }
   return file.digest();

@@ -31,9 +31,9 @@ constexpr bool is_blank(int c) { return c == ' ' || c == '\t' || c == '\r' || c 
 
 [[noreturn]] void refuse_more(const InputFile& file, const VtkArray& array) {
   refuse(file, array,
-         fmt::format("it goes on after the {} values that its extent has; correct the extent, or "
-                     "export the file again",
-                     array.num_values));
+         fmt::format("it goes on after the {} values that {} has; correct that, or export the file "
+                     "again",
+                     array.num_values, array.counted_by));
 }
 
 // ---- Characters
@@ -88,9 +88,9 @@ class TextValues : public VtkValues {
     if (first == kNoCharacter) file_.refuse_truncated();
     if (first == '<')
       refuse(file_, array_,
-             fmt::format("it ends after {} values, but its extent has {}; correct the extent, or "
-                         "export the file again",
-                         num_read_, array_.num_values));
+             fmt::format("it ends after {} values, but {} has {}; correct that, or export the file "
+                         "again",
+                         num_read_, array_.counted_by, array_.num_values));
     word_.clear();
     for (int c = first; c != kNoCharacter && c != '<' && !is_blank(c); c = characters_.peek()) {
       word_ += static_cast<char>(c);
@@ -191,10 +191,11 @@ class DecodedBytes : public ByteSource {
   [[noreturn]] void refuse_character(int c) const {
     const std::uint64_t place = characters_.position();
     if (c == '<')
-      refuse(file_, array_,
-             fmt::format("its base64 ends too early, at byte {}: fewer values than its extent has; "
-                         "export the file again",
-                         place));
+      refuse(
+          file_, array_,
+          fmt::format("its base64 ends too early, at byte {}: fewer values than {} has; export the "
+                      "file again",
+                      place, array_.counted_by));
     const char character = static_cast<char>(c);
     refuse(file_, array_,
            fmt::format("byte {} is '{}', which base64 does not have there; the file is damaged: "
@@ -220,9 +221,9 @@ void check_length(const InputFile& file, const VtkArray& array, std::uint64_t nu
   const std::uint64_t needed = array.num_values * bytes_of(array.type);
   if (num_bytes != needed)
     refuse(file, array,
-           fmt::format("its head says {} bytes, but its extent needs {} ({} values of {}); correct "
-                       "the extent, header_type or byte_order, or export the file again",
-                       num_bytes, needed, array.num_values,
+           fmt::format("its head says {} bytes, but {} needs {} ({} values of {}); correct that, "
+                       "header_type or byte_order, or export the file again",
+                       num_bytes, array.counted_by, needed, array.num_values,
                        kTypeNames[static_cast<std::size_t>(array.type)]));
 }
 
@@ -349,7 +350,10 @@ std::optional<NumberType> vtk_type_named(std::string_view name) {
 }
 
 std::unique_ptr<VtkValues> open_vtk_values(InputFile& file, const VtkArray& array) {
-  file.seek(array.place);
+  if (file.is_unpacked())
+    file.skip_to(array.place);
+  else
+    file.seek(array.place);
   if (array.encoding == VtkArray::Encoding::kAscii)
     return std::make_unique<TextValues>(file, array);
   return std::make_unique<ByteValues>(array, open_bytes(file, array));

@@ -30,7 +30,8 @@ struct VtkArray {
 
   std::string name;
   NumberType type = NumberType::kFloat32;
-  std::uint64_t num_values = 0;  // which the extent needs; 1 or more, 8 bytes each below 2^64
+  std::uint64_t num_values = 0;                // 1 or more, 8 bytes each below 2^64
+  std::string_view counted_by = "its extent";  // which needs so many, for messages
   Encoding encoding = Encoding::kAscii;
   std::uint64_t place = 0;  // in the file, of its first character or byte
   bool is_inline = true;    // in an element of its own: a '<' ends it

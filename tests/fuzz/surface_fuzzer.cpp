@@ -48,6 +48,18 @@ const char* extension(char format) {
       return ".off";
     case 'p':
       return ".ply";
+    case 'k':
+      return ".vtk";
+    case 'v':
+      return ".vtp";
+    case 'm':
+      return ".msh";
+    case '3':
+      return ".3mf";
+    case 'g':
+      return ".glb";
+    case 'j':
+      return ".gltf";
     default:
       return "";
   }
@@ -79,9 +91,15 @@ void expect_is_cut(const std::vector<Point>& corners,
   }
 }
 
-// How many bytes a file may hold: what gzip has packed stands for at most 1032 times as many.
-std::uint64_t most_bytes(std::string_view content) {
-  return content.size() * (content.starts_with("\x1f\x8b") ? 1032 : 1);
+// How many bytes a file may hold: what zlib has packed stands for at most 1032 times as many, and
+// objects and nodes may be placed often.
+std::uint64_t most_bytes(char format, std::string_view content) {
+  constexpr std::uint64_t kPlaced = 1'000'000;
+  if (format == '3' || format == 'g' || format == 'j' || content.starts_with("PK") ||
+      content.starts_with("glTF") || content.find("\"asset\"") != content.npos)
+    return content.size() * 1032 * kPlaced;
+  const bool is_packed = content.starts_with("\x1f\x8b") || content.find("VTKFile") != content.npos;
+  return content.size() * (is_packed ? 1032 : 1);
 }
 
 // Checks the promises of surface_reader.h, and cuts polygons.
@@ -236,7 +254,7 @@ void read_as_surface(char format, std::string_view bytes) {
   constexpr std::uint64_t kFewTriangles = 8;
   const std::string content = file_content(format, bytes);
   const fs::path path = files.write(format, content);
-  CheckingSink sink(most_bytes(content));
+  CheckingSink sink(most_bytes(format, content));
   try {
     parse_surface(path, sink);
   } catch (const InputError& error) {

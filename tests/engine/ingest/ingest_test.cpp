@@ -23,6 +23,7 @@
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"
+#include "tests/engine/ingest/surface_writers.h"
 #include "tests/temp_dir.h"
 
 namespace locvol {

@@ -257,16 +257,6 @@ struct NamedFile {
   std::string name, content;
 };
 
-inline std::vector<NamedFile> in_every_format(const Polygons& s) {
-  return {{"cube.off", to_off(s)},
-          {"cube.obj", to_obj(s)},
-          {"ascii.stl", to_ascii_stl(s)},
-          {"binary.stl", to_binary_stl(s)},
-          {"ascii.ply", to_ply(s, PlyEncoding::kAscii)},
-          {"little.ply", to_ply(s, PlyEncoding::kLittleEndian)},
-          {"big.ply", to_ply(s, PlyEncoding::kBigEndian)}};
-}
-
 // What every surface that is accepted must be: closed, each edge in two triangles.
 inline void expect_closed(const InputSurface& s) {
   std::vector<std::array<std::uint32_t, 2>> edges;

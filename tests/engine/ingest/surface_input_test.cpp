@@ -97,17 +97,26 @@ TEST_F(SurfaceInput, SheetsWithoutThicknessAreRefused) {
 TEST_F(SurfaceInput, OpenSurfaceIsRefusedWithCountAndPlace) {
   Polygons s = cube();
   s.faces.pop_back();
-  expect_refused(
-      s, {"not closed", "3 edges", "(1, 0, 1) to (1, 1, 1)", "triangle", "close the holes"});
+  expect_refused(s, {"not closed", "3 edges", "(1, 0, 1) to (1, 1, 1)", "triangle",
+                     "close the holes", "or repair it: locvol repair "});
+}
+
+TEST_F(SurfaceInput, ARefusalNamesACommandThatAShellTakes) {
+  const SurfaceFiles files;
+  Polygons sheet = cube();
+  sheet.faces.resize(2);
+  const std::string message = refusal(files, "it's a sheet.off", to_off(sheet));
+  EXPECT_NE(message.find("it'\\''s a sheet.off' -o wrapped.ply"), std::string::npos) << message;
 }
 
 TEST_F(SurfaceInput, CubesThatTouchAreRefused) {
   Polygons at_edge = cube();
   at_edge.append(box_of_triangles({1, 1, 0}, {2, 2, 1}));
-  expect_refused(at_edge, {"not manifold", "1 edge belongs", "(1, 1, 0)", "(1, 1, 1)"});
+  expect_refused(at_edge, {"not manifold", "1 edge belongs", "(1, 1, 0)", "(1, 1, 1)",
+                           "or wrap it: locvol wrap "});
   Polygons at_vertex = cube();
   at_vertex.append(box_of_triangles({1, 1, 1}, {2, 2, 2}));
-  expect_refused(at_vertex, {"not manifold", "1 vertex", "(1, 1, 1)"});
+  expect_refused(at_vertex, {"not manifold", "1 vertex", "(1, 1, 1)", "locvol wrap "});
   Polygons at_face = cube();
   at_face.append(box_of_triangles({1, 0.25, 0.25}, {2, 0.75, 0.75}));
   expect_refused(at_face, {"intersects itself", "triangle 10", "(1, 0.25, 0.25)"});
@@ -126,13 +135,13 @@ TEST_F(SurfaceInput, ProjectivePlaneIsRefusedAsNotOrientable) {
                         {3, 4, 1},
                         {4, 5, 2},
                         {5, 1, 3}}};
-  expect_refused(plane, {"not orientable"});
+  expect_refused(plane, {"not orientable", "locvol wrap "});
 }
 
 TEST_F(SurfaceInput, OverlappingCubesAreRefusedWithTheFirstPair) {
   Polygons s = cube();
   s.append(box_of_triangles({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}));
-  expect_refused(s, {"intersects itself", "triangle 2 ", "(0.5, 0.5, 0.5)"});
+  expect_refused(s, {"intersects itself", "triangle 2 ", "(0.5, 0.5, 0.5)", "locvol wrap "});
 }
 
 TEST_F(SurfaceInput, ExtremeSizesAreRefused) {

@@ -29,6 +29,7 @@
 #include "engine/shared/stop_source.h"
 #include "tests/directories.h"
 #include "tests/engine/file_size_limit.h"
+#include "tests/engine/ingest/surface_writers.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
 
