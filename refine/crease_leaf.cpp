@@ -298,10 +298,11 @@ class CreaseSampler {
     double along = 0;
     std::optional<Heading> heading = start;
     while (heading && along < most) {
-      if (const Index next = graph_.next_on_edge(*heading); next != CreaseGraph::kNone)
-        return along + std::abs(graph_.place(next).along - heading->from.along);
+      if (const Index point = graph_.next_on_edge(*heading); point != CreaseGraph::kNone)
+        return along + std::abs(graph_.place(point).along - heading->from.along);
       along += heading->left(graph_);
-      if (graph_.is_fixed(heading->next(graph_))) return along;
+      const Vertex next = heading->next(graph_);
+      if (graph_.is_fixed(next) || graph_.has_point_at(next)) return along;
       heading = graph_.past(*heading);
     }
     return heading ? most : along;

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <functional>
-#include <numeric>
 #include <optional>
 #include <set>
 #include <tuple>
 #include <utility>
+
+#include "octree/disjoint_sets.h"
 
 namespace locvol {
 namespace {
@@ -15,38 +16,16 @@ namespace {
 using Vertex = std::uint32_t;
 using CellIndex = std::uint32_t;
 
-// Places 0 … n - 1 in sets, which are named by their first place.
-class Sets {
- public:
-  void reset(std::size_t n) {
-    parents_.resize(n);
-    std::iota(parents_.begin(), parents_.end(), std::size_t{0});
-  }
-  std::size_t find(std::size_t i) {
-    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
-    return i;
-  }
-  void unite(std::size_t i, std::size_t j) {
-    i = find(i);
-    j = find(j);
-    parents_[std::max(i, j)] = std::min(i, j);
-  }
-  // The set whose places weigh most, or least; of several the first. REQUIRES: there is one, and
-  // weights are positive
-  std::size_t largest(const auto& weight) { return extreme(weight, std::ranges::greater()); }
-  std::size_t smallest(const auto& weight) { return extreme(weight, std::ranges::less()); }
-
- private:
-  std::size_t extreme(const auto& weight, const auto& is_better) {
-    std::vector<std::size_t> sums(parents_.size());
-    for (std::size_t i = 0; i < parents_.size(); ++i) sums[find(i)] += weight(i);
-    std::size_t best = 0;
-    for (std::size_t i = 0; i < parents_.size(); ++i)
-      if (sums[i] > 0 && is_better(sums[i], sums[best])) best = i;
-    return best;
-  }
-  std::vector<std::size_t> parents_;
-};
+// Of places in disjoint sets, the set whose places weigh most, or least; of several the first.
+// REQUIRES: there is one, and weights are positive
+std::size_t extreme_of(DisjointSets& sets, const auto& weight, const auto& is_better) {
+  std::vector<std::size_t> sums(sets.num_members());
+  for (std::size_t i = 0; i < sums.size(); ++i) sums[sets.find(i)] += weight(i);
+  std::size_t best = 0;
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (sums[i] > 0 && is_better(sums[i], sums[best])) best = i;
+  return best;
+}
 
 class Mending {
  public:
@@ -102,13 +81,13 @@ class Mending {
     find_parts();
     if (boundary_.empty()) return false;
     const auto weight = [&](std::size_t place) { return weight_of(star_[place]); };
-    const std::size_t largest = parts_.largest(weight);
+    const std::size_t largest = extreme_of(parts_, weight, std::ranges::greater());
     const auto is_off = [&](std::size_t place) { return parts_.find(place) != largest; };
     if (leave_out(is_off)) return true;
     if (const auto end = end_of_bad_edge()) {
       find_fans(*end);
       star_.swap(fan_);
-      const std::size_t smallest = parts_.smallest(weight);
+      const std::size_t smallest = extreme_of(parts_, weight, std::ranges::less());
       return leave_out([&](std::size_t place) { return parts_.find(place) == smallest; });
     }
     return has_one_cycle() ? false : leave_out([](std::size_t) { return true; });
@@ -213,7 +192,7 @@ class Mending {
   std::vector<CellIndex> star_, fan_;
   std::vector<LinkEdge> link_, boundary_;
   std::vector<Vertex> ends_;
-  Sets parts_;
+  DisjointSets parts_;
 };
 
 }  // namespace

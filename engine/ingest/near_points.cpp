@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <utility>
+
+#include "octree/disjoint_sets.h"
 
 namespace locvol {
 namespace {
@@ -28,8 +29,7 @@ class NearPointFinder {
 
   PointGroups run() {
     fill_cubes();
-    parents_.resize(cubes_.size());
-    std::iota(parents_.begin(), parents_.end(), 0U);
+    sets_.reset(cubes_.size());
     unite_along(0, 0);
     for (int j = 1; j <= reach_; ++j) unite_along(0, j);
     for (int i = 1; i <= reach_; ++i)
@@ -67,9 +67,7 @@ class NearPointFinder {
   }
 
   void unite(std::uint32_t a, std::uint32_t b) {
-    const std::uint32_t root_a = root_of(a), root_b = root_of(b);
-    if (root_a == root_b || !have_near_points(cubes_[a], cubes_[b])) return;
-    parents_[std::max(root_a, root_b)] = std::min(root_a, root_b);
+    if (sets_.find(a) != sets_.find(b) && have_near_points(cubes_[a], cubes_[b])) sets_.unite(a, b);
   }
 
   bool have_near_points(const FilledCube& a, const FilledCube& b) const {
@@ -79,22 +77,17 @@ class NearPointFinder {
     return false;
   }
 
-  std::uint32_t root_of(std::uint32_t cube) {
-    while (parents_[cube] != cube) cube = parents_[cube] = parents_[parents_[cube]];
-    return cube;
-  }
-
   PointGroups groups() {
     constexpr std::uint32_t kNone = 0xffffffff;
     std::vector<std::uint32_t> cube_of_point(points_.size());
     for (std::uint32_t c = 0; c < cubes_.size(); ++c)
       for (std::uint32_t p = cubes_[c].begin; p < cubes_[c].end; ++p)
         cube_of_point[by_cube_[p]] = c;
-    std::vector<std::uint32_t> number(cubes_.size(), kNone);  // by root
+    std::vector<std::uint32_t> number(cubes_.size(), kNone);  // by their sets
     PointGroups result;
     result.of_point.resize(points_.size());
     for (std::uint32_t p = 0; p < points_.size(); ++p) {
-      std::uint32_t& group = number[root_of(cube_of_point[p])];
+      std::uint32_t& group = number[sets_.find(cube_of_point[p])];
       if (group == kNone) {
         group = static_cast<std::uint32_t>(result.groups.size());
         result.groups.push_back({p, 0, Box::around(points_[p])});
@@ -112,7 +105,7 @@ class NearPointFinder {
   int reach_;                      // cubes
   std::vector<FilledCube> cubes_;  // ascending
   std::vector<std::uint32_t> by_cube_;
-  std::vector<std::uint32_t> parents_;  // union-find of cubes
+  DisjointSets sets_;  // of cubes
 };
 
 }  // namespace

@@ -138,7 +138,8 @@ class SurfacePreparation {
       refuse("is not closed: {}, for example that from {}; close the holes{}{}",
              counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             text(edges.border), cured_by(is_mostly_open() ? "wrap" : "repair"),
+             text(edges.border),
+             cured_by(is_mostly_open() || findings_.conflicts.count > 0 ? "wrap" : "repair"),
              tried_.empty() ? "" : ". " + tried_);
     if (edges.overused.count > 0)
       refuse(

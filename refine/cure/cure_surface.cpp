@@ -18,6 +18,8 @@
 #include <string>
 #include <utility>
 
+#include "octree/disjoint_sets.h"
+
 namespace locvol {
 namespace {
 
@@ -131,27 +133,10 @@ std::uint64_t drop_fins(LooseSurface& s, double& dropped_area) {
 
 // ---- Points that become one
 
-class Groups {
- public:
-  explicit Groups(std::size_t num) : parent_(num) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void unite(std::uint32_t i, std::uint32_t j) {
-    i = find(i);
-    j = find(j);
-    parent_[std::max(i, j)] = std::min(i, j);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
-
 // Unites the places in `points` of points that are closer than `distance`: of those in the 27 cubes
 // around each, as wide as that.
 void unite_near(const LooseSurface& s, const std::vector<std::uint32_t>& points, double distance,
-                Groups& groups) {
+                DisjointSets& groups) {
   using Cube = std::array<std::int64_t, 3>;
   std::vector<std::pair<Cube, std::uint32_t>> cubes;
   const auto cube_at = [&](const Point& p) {
@@ -194,7 +179,7 @@ void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
   std::ranges::sort(open);
   open.erase(std::ranges::unique(open).begin(), open.end());
   std::ranges::sort(open, {}, [&](std::uint32_t v) { return s.vertices[v]; });
-  Groups groups(open.size());
+  DisjointSets groups(open.size());
   unite_near(s, open, distance, groups);
   std::vector<std::uint32_t> becomes(s.vertices.size());
   std::iota(becomes.begin(), becomes.end(), 0U);
@@ -213,7 +198,7 @@ void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
 
 // Components of triangles that have vertices in common.
 std::uint64_t num_components(const LooseSurface& s) {
-  Groups groups(s.vertices.size());
+  DisjointSets groups(s.vertices.size());
   std::vector<bool> is_used(s.vertices.size());
   for (const Face& t : s.triangles) {
     groups.unite(t[0], t[1]);
@@ -231,7 +216,7 @@ std::uint64_t num_components(const LooseSurface& s) {
 // triangles around them are lost. A closed curve of length L bounds at least no area of L²/4π.
 void drop_loose(LooseSurface& s, RepairChanges& changes) {
   constexpr std::size_t kFew = 10;
-  Groups pieces(s.triangles.size());
+  DisjointSets pieces(s.triangles.size());
   const std::vector<EdgeUse> uses = edge_uses(s);
   for_each_edge(uses, [&](std::span<const EdgeUse> edge) {
     for (const EdgeUse& use : edge) pieces.unite(use.triangle, edge[0].triangle);
@@ -240,7 +225,7 @@ void drop_loose(LooseSurface& s, RepairChanges& changes) {
     std::size_t num = 0;
     double area = 0, border = 0;
   };
-  std::map<std::uint32_t, Piece> found;
+  std::map<std::size_t, Piece> found;
   for (std::uint32_t t = 0; t < s.triangles.size(); ++t) {
     Piece& piece = found[pieces.find(t)];
     ++piece.num;

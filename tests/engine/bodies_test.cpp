@@ -133,6 +133,22 @@ class Bodies : public testing::Test {
     return contents_of(options.store);
   }
 
+  // By three ranks, whose stores are joined.
+  Contents meshed_on_ranks(MeshOptions options) {
+    options.store = dir_ / "ranks-%r";
+    run_as_ranks(3, [&](Exchange& exchange) {
+      RunControl control;
+      control.num_threads = 1;
+      mesh_as_rank(options, control, exchange);
+      std::optional<Store> whole;
+      if (exchange.rank() == 0) whole = Store::open(dir_ / "joined", {.create = true});
+      const Store own =
+          Store::open(store_of_rank(options.store, exchange.rank()), {.read_only = true});
+      join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
+    });
+    return contents_of(dir_ / "joined");
+  }
+
   // The audit finds nothing, volumes are those that are expected, and what lies between two bodies
   // is there once. Returns how many facets each pair of bodies has.
   std::map<std::pair<BodyId, BodyId>, std::uint64_t> check(const std::string& name,
@@ -498,18 +514,7 @@ TEST_F(Bodies, ThatTouchAreThoseOfOneProcessOnSeveralRanks) {
   const MeshOptions options = this->options(
       {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.2);
   const Contents expected = meshed(options, "one");
-  run_as_ranks(3, [&](Exchange& exchange) {
-    MeshOptions all = options;
-    all.store = dir_ / "ranks-%r";
-    RunControl control;
-    control.num_threads = 1;
-    mesh_as_rank(all, control, exchange);
-    std::optional<Store> whole;
-    if (exchange.rank() == 0) whole = Store::open(dir_ / "joined", {.create = true});
-    const Store own = Store::open(store_of_rank(all.store, exchange.rank()), {.read_only = true});
-    join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
-  });
-  EXPECT_TRUE(are_equal(expected, contents_of(dir_ / "joined")));
+  EXPECT_TRUE(are_equal(expected, meshed_on_ranks(options)));
 }
 
 TEST_F(Bodies, WhatLiesOnEachOtherUnlikeIsRefused) {
@@ -557,18 +562,7 @@ TEST_F(Bodies, OfSeveralRanksAreThoseOfOneProcess) {
   const MeshOptions options = this->options(
       {off("outer", box({-1, -1, -1}, {1, 1, 1})), off("core", sphere(0.6, 16, 32))}, 0.2);
   const Contents expected = meshed(options, "one");
-  run_as_ranks(3, [&](Exchange& exchange) {
-    MeshOptions all = options;
-    all.store = dir_ / "ranks-%r";
-    RunControl control;
-    control.num_threads = 1;
-    mesh_as_rank(all, control, exchange);
-    std::optional<Store> whole;
-    if (exchange.rank() == 0) whole = Store::open(dir_ / "joined", {.create = true});
-    const Store own = Store::open(store_of_rank(all.store, exchange.rank()), {.read_only = true});
-    join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
-  });
-  EXPECT_TRUE(are_equal(expected, contents_of(dir_ / "joined")));
+  EXPECT_TRUE(are_equal(expected, meshed_on_ranks(options)));
 }
 
 TEST_F(Bodies, OddInputIsRefused) {

@@ -207,7 +207,7 @@ inline void append_bytes(std::string& out, std::uint64_t bits, int bytes,
                          bool is_big_endian = false) {
   for (int i = 0; i < bytes; ++i) {
     const int shift = 8 * (is_big_endian ? bytes - 1 - i : i);
-    out.push_back(static_cast<char>(bits >> shift & 0xff));
+    out.push_back(shift < 64 ? static_cast<char>(bits >> shift & 0xff) : '\0');
   }
 }
 

@@ -295,6 +295,7 @@ TEST(PackedSurfaces, LargeOnesAreUnpackedAsTheyAreRead) {
     boxes.append(box_of_triangles({2.0 * i, 0, 0}, {2.0 * i + 1 + 1.0 / (i + 3), 1, 1}));
   const SurfaceFiles files;
   for (const auto& [name, content] : in_every_format(boxes)) {
+    if (name.ends_with(".3mf")) continue;  // packed by itself
     SCOPED_TRACE(name);
     const InputSurface expected = files.read(name, content);
     const InputSurface s = files.read(name + ".gz", packed(content));
