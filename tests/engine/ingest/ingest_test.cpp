@@ -477,8 +477,8 @@ TEST(RawSurface, TooMuchForTheDiskIsRefused) {
   for (const auto& [name, content] : in_every_format(cube())) {
     SCOPED_TRACE(name);
     const auto file = files.write(name, content);
-    const bool has_count = name != "ascii.stl" && name != "cube.obj" && name != "cube.glb" &&
-                           name != "cube.gltf";
+    const bool has_count =
+        name != "ascii.stl" && name != "cube.obj" && name != "cube.glb" && name != "cube.gltf";
     const std::filesystem::path directory =
         has_count ? files.directory() / "missing" : files.directory();
     constexpr double kNeed = 12 * kIngestBytesPerTriangle;
