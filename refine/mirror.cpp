@@ -11,9 +11,8 @@ namespace {
 
 struct ClosestOfSheet {
   SheetId sheet = kOnlySheet;
-  Point position, normal;  // of unit length
+  Point position, normal;
   double squared_distance = 0;
-  Point normal_here = {};  // at the point, to go with it
 };
 
 Point unit(const Point& normal) {
@@ -38,19 +37,6 @@ bool is_at_one_of(const Point& place, const Point& p, const std::vector<MirrorPo
 bool turns_away(const Point& normal, const Point& other) {
   constexpr double kCosine = -0.01;
   return dot(normal, other) < kCosine;
-}
-
-// Between bodies a sheet has no outside: its normal, and that at p, are turned away from what lies
-// between them. Where that is not clear there is no acute angle.
-bool turn_apart(const Point& p, ClosestOfSheet& other) {
-  constexpr double kClear = 0.01;  // cosine
-  const Point way = p - other.position;
-  const double along = dot(other.normal, way), along_here = -dot(other.normal_here, way);
-  const double least = kClear * norm(way);
-  if (!(std::abs(along) > least && std::abs(along_here) > least)) return false;
-  if (along > 0) other.normal = -1 * other.normal;
-  if (along_here > 0) other.normal_here = -1 * other.normal_here;
-  return true;
 }
 
 // On the other side of a thin wall: how far a mirror is moved aside, so that it is not straight
@@ -90,16 +76,13 @@ SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double r
     else
       *known = {t.sheet, place, normal, distance2};
   }
-  std::erase_if(closest, [&](ClosestOfSheet& other) {
-    other.normal_here = normal_here;
-    if (!domain.only_body() && other.sheet != here.sheet && !turn_apart(p, other)) return true;
-    return !turns_away(other.normal_here, other.normal);
-  });
+  std::erase_if(
+      closest, [&](const ClosestOfSheet& other) { return !turns_away(normal_here, other.normal); });
   if (closest.empty()) return here;  // nearly always, where nothing is thin or acute
   domain.triangles_near(p, farthest, near);
   std::ranges::sort(closest, {}, &ClosestOfSheet::sheet);
   for (const ClosestOfSheet& other : closest) {
-    const Point across = other.normal_here - other.normal;
+    const Point across = normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
     const bool is_inside = off > 0;  // what lies between the two
     const Point image = p - off * across + (is_inside ? sheared(off * across, reach) : Point{});
@@ -131,12 +114,10 @@ void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double f
   for (const MirrorPoint& mirror : out) nearest.push_back(mirror.position);
   std::ranges::stable_sort(nearest, {}, [&](const Point& q) { return squared_distance(p, q); });
   constexpr std::size_t kMost = 2;
-  // Around an edge where several bodies meet they go on from sheet to sheet.
-  const bool is_orbit = !domain.only_body();
   std::vector<MirrorPoint> further;
-  for (std::size_t n = 0; n < (is_orbit ? out.size() : std::min(nearest.size(), kMost)); ++n) {
+  for (std::size_t n = 0; n < std::min(nearest.size(), kMost); ++n) {
     further.clear();
-    direct_mirrors_of(domain, is_orbit ? out[n].position : nearest[n], reach, farthest, further);
+    direct_mirrors_of(domain, nearest[n], reach, farthest, further);
     for (const MirrorPoint& mirror : further) {
       const auto is_there = [&](const MirrorPoint& known) {
         return are_same(known.side, mirror.side);

@@ -28,9 +28,7 @@ struct MirrorPoint {
 // here and at the sheet's closest place, moved to where the sheet is closest to it, unless that is
 // farther than `farthest` from the point. Likewise of its own sheet, where that faces it. Then the
 // mirrors of the nearest two of these, on sides that have none so far: beside an acute edge at a
-// gap, one lies across the gap. Where there are several bodies, normals are turned away from what
-// lies between two sheets, and all mirrors have theirs: around an edge they go from sheet to sheet.
-// REQUIRES: the domain is loaded within twice both
+// gap, one lies across the gap. REQUIRES: the domain is loaded within twice both
 void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
                 std::vector<MirrorPoint>& out);
 
