@@ -28,6 +28,8 @@ namespace locvol {
 inline constexpr double kCreaseBall = 0.7072;
 // How far from its edge a point on a crease may lie, over λ: the point is rounded.
 inline constexpr double kOffCrease = 1e-6;
+// Cosine: creases that meet at less than 60 degrees, but for rounding, make a corner acute.
+inline constexpr double kAcuteCorner = 0.5 + 1e-6;
 // Between edges of a crease, in degrees: a vertex that turns by more has a point of P.
 inline constexpr double kFixedTurn = 25;
 
@@ -115,6 +117,12 @@ class CreaseGraph {
       visit(position(from), position(to), along);
       along += part;
     }
+  }
+  // So far on the way. REQUIRES: length > 0
+  Point position_along(const Heading& start, double length) const {
+    Point place;
+    for_each_part(start, length, [&](const Point&, const Point& end, double) { place = end; });
+    return place;
   }
   // Of the edges that it lies on: ascending. Where several bodies meet, of all triangles at these.
   void sheets(Index i, std::vector<SheetId>& out) const { sheets(points_[i].place, out); }

@@ -27,7 +27,7 @@ namespace {
 // face, at the foot of that one, parts the cell there in two, which have their centers inside.
 // Where the foot is too near to a crease, the points are not as far as each other, so that the
 // center moves.
-constexpr double kBeside = 0.25;  // sine of the angle that it has at least with creases
+constexpr double kBeside = 0.25;  // its sine to creases at least, over that between them
 struct AtCorner {
   std::array<double, 3> parts{1, 1, 1};
   std::optional<Point> between = std::nullopt;
@@ -60,10 +60,9 @@ AtCorner at_corner(const std::array<Point, 3>& ways) {
 }
 
 bool are_acute(std::span<const Point> ways) {
-  constexpr double kAcute = 0.5 + 1e-6;  // cosine
   for (std::size_t i = 0; i < ways.size(); ++i)
     for (std::size_t j = i + 1; j < ways.size(); ++j)
-      if (dot(ways[i], ways[j]) > kAcute) return true;
+      if (dot(ways[i], ways[j]) > kAcuteCorner) return true;
   return false;
 }
 
@@ -267,9 +266,7 @@ class CreaseSampler {
     for (const Edge e : graph_.edges_at(v)) {
       if (graph_.is_left_out(e)) continue;
       headings.push_back(graph_.into(e, v));
-      Point there = p;
-      graph_.for_each_part(headings.back(), step,
-                           [&](const Point&, const Point& end, double) { there = end; });
+      const Point there = graph_.position_along(headings.back(), step);
       if (there == p) return;
       ways.push_back((1 / norm(there - p)) * (there - p));
     }
@@ -280,10 +277,7 @@ class CreaseSampler {
       const double length = step * (ways.size() == 3 ? first.parts[n] : 1),
                    enough = length + kLeastRest * step;
       if (length_to_next(headings[n], enough) < enough) continue;
-      Point there = p;
-      graph_.for_each_part(headings[n], length,
-                           [&](const Point&, const Point& end, double) { there = end; });
-      place(there);
+      place(graph_.position_along(headings[n], length));
     }
     if (!first.between) return;
     constexpr double kOff = 0.1;  // over the step; a face that bends more is left alone

@@ -89,14 +89,10 @@ Point LeafCreases::halved(const Segment& segment, const std::optional<Point>& q)
   }
   if (const auto along = as_far_as_others(segment))
     if (*along > kLeast * length && *along < (1 - kLeast) * length) best = *along;
-  Point place = mesh_.local(segment.b).point.position;
-  graph_.for_each_part(segment.way.heading, best,
-                       [&](const Point&, const Point& b, double) { place = b; });
-  return place;
+  return graph_.position_along(segment.way.heading, best);
 }
 
 std::optional<double> LeafCreases::as_far_as_others(const Segment& segment) const {
-  constexpr double kAcute = 0.5 + 1e-6;  // cosine
   std::optional<double> along;
   for (const bool is_at_a : {true, false}) {
     const CreaseGraph::Index corner = index_of(is_at_a ? segment.a : segment.b),
@@ -108,7 +104,8 @@ std::optional<double> LeafCreases::as_far_as_others(const Segment& segment) cons
     for (const CreaseGraph::Neighbor& next : neighbors_) {
       if (next.point == CreaseGraph::kNone || next.point == beyond) continue;
       const Point other = graph_.point(next.point) - p;
-      if (dot(way, other) > kAcute * norm(way) * norm(other)) least = std::min(least, next.along);
+      if (dot(way, other) > kAcuteCorner * norm(way) * norm(other))
+        least = std::min(least, next.along);
     }
     if (least < segment.way.along) along = is_at_a ? least : segment.way.along - least;
   }
@@ -148,12 +145,8 @@ void LeafCreases::append_places_along(LocalIndex v, std::span<const double> part
   if (!ways) return;
   const double step = std::min((*ways)[0].along, (*ways)[1].along);
   for (const double part : parts)
-    for (const CreaseGraph::Neighbor& way : *ways) {
-      Point place;
-      graph_.for_each_part(way.heading, part * step,
-                           [&](const Point&, const Point& end, double) { place = end; });
-      out.push_back(place);
-    }
+    for (const CreaseGraph::Neighbor& way : *ways)
+      out.push_back(graph_.position_along(way.heading, part * step));
 }
 
 bool LeafCreases::may_slide(LocalIndex v, const Point& q, double most_step) const {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <span>
@@ -24,11 +23,6 @@ constexpr std::uint64_t kRepairBytes = 700;       // of a triangle
 constexpr std::uint64_t kWrapInputBytes = 500;    // of a triangle that is wrapped
 constexpr std::uint64_t kWrapOutputBytes = 1500;  // of one that comes of it
 constexpr double kWrapTriangles = 16;             // times area over alpha²
-
-double longest_side(const Box& box) {
-  const Point size = box.max - box.min;
-  return std::max({size.x, size.y, size.z});
-}
 
 void require_memory(const std::string& file, const char* what, double bytes, std::uint64_t cap) {
   if (bytes <= static_cast<double>(cap)) return;
@@ -89,7 +83,7 @@ CuredSurface repaired_surface(const SurfaceSource& source, const std::optional<S
     cured.num_before = raw.num_triangles();
     require_memory(source.name, "repair",
                    static_cast<double>(kCheckBytes + kRepairBytes * cured.num_before), cap);
-    law.weld = kMostWeld * longest_side(raw.box);
+    law.weld = kMostWeld * max_norm(raw.box.max - raw.box.min);
     law.is_weld_given = weld.has_value();
     if (weld) law.weld = *weld_length(weld, raw.box);
     before = load(raw);
@@ -120,8 +114,8 @@ CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Si
   {
     RawSurface raw = read_surface(source, directory, watch);
     cured.num_before = raw.num_triangles();
-    cured.alpha =
-        alpha ? absolute_size(*alpha, raw.box, "alpha") : longest_side(raw.box) / kAlphaShare;
+    cured.alpha = alpha ? absolute_size(*alpha, raw.box, "alpha")
+                        : max_norm(raw.box.max - raw.box.min) / kAlphaShare;
     cured.offset = offset ? absolute_size(*offset, raw.box, "offset") : cured.alpha / kOffsetShare;
     double area = 0;
     for (const TriangleList& list : raw.triangles)

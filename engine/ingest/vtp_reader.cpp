@@ -92,7 +92,7 @@ class VtpTagReader {
     data_.vtk.file = tag;
     if (const std::string type = tag.get("type", ""); type != "PolyData")
       file_.refuse(
-          fmt::format("is a VTK file of type \"{}\", not VtpData; extract its surface, and save "
+          fmt::format("is a VTK file of type \"{}\", not PolyData; extract its surface, and save "
                       "that in one file (.vtp)",
                       shown(type)));
   }

@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "octree/disjoint_sets.h"
+#include "octree/sort_and_unite.h"
 
 namespace locvol {
 namespace {
@@ -176,8 +177,7 @@ void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
                           kOfShortest * norm(s.vertices[uses[0].high] - s.vertices[uses[0].low]));
   });
   if (!(distance > 0)) return;
-  std::ranges::sort(open);
-  open.erase(std::ranges::unique(open).begin(), open.end());
+  sort_and_unite(open);
   std::ranges::sort(open, {}, [&](std::uint32_t v) { return s.vertices[v]; });
   DisjointSets groups(open.size());
   unite_near(s, open, distance, groups);
