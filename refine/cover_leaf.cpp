@@ -297,6 +297,11 @@ class SampleGrids {
   double side_;  // of the first's cells
 };
 
+bool are_parallel(const Point& a, const Point& b) {
+  constexpr double kCosine = 0.99;
+  return std::abs(dot(a, b)) > kCosine * norm(a) * norm(b);
+}
+
 bool is_uniform(const CoverInput& input) { return input.sizes.cubes.empty(); }
 
 // A Poisson-disk sample that is maximal but for kSampleSpacing < kSampleRadius, by dart throwing at
@@ -314,11 +319,12 @@ class SurfaceSampler {
         spacing_((sizes.is_uniform() ? kSampleSpacing : kGradedSampleSpacing) * size_),
         first_spacing_(sizes.is_uniform() ? spacing_ : kGradedFirstSpacing * size_),
         radius_(sample_radius(sizes.is_uniform()) * size_),
-        grid_(input.box.expanded(input.are_sides_apart ? kMirrorDistance * size_ : radius_),
-              std::min(1.0, sizes.least() / size_) * farthest_query(), farthest_query()),
+        reach_(input.box.expanded(input.are_sides_apart ? kMirrorDistance * size_ : radius_)),
+        grid_(reach_, std::min(1.0, sizes.least() / size_) * farthest_query(), farthest_query()),
         stop_(stop) {
     if (input.are_sides_apart) take_in_creases(input.crease_points);
     for (const Point& sample : input.nearby_samples) add(sample, side_at(sample));
+    if (input.are_sides_apart) go_on_with(input.nearby_samples);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
@@ -351,9 +357,17 @@ class SurfaceSampler {
   }
   void take_in_creases(std::span<const Point> points);
   bool is_out_of_balls(const Point& p) const;
-  // Samples of other sides that a sample of this one comes with: false if there is no room for one
-  // of them.
-  bool find_mirrors(const Point& dart, double spacing);
+  // The orbit of a dart, which is a sample of each of its sides, as far as samples may be put.
+  // False if there is no room for one of them: they keep `spacing` from those of their sides that
+  // are there, and the dart `spacing_in_stack`, where a side that it sees is parallel to its own.
+  bool find_mirrors(const Point& dart, const SurfaceSide& side, double spacing,
+                    double spacing_in_stack);
+  static constexpr double kSameSample = 0.05;  // of the spacing
+  bool is_there(const MirrorPoint& mirror, double spacing) const {
+    return !grid_.is_free(mirror.position, mirror.side, kSameSample * spacing);
+  }
+  void add_sample(const MirrorPoint& sample);
+  void go_on_with(std::span<const Point> samples);
 
   // The longer the fewer rounds, and the more darts that could have known better.
   static constexpr double kFirstLength = 1;
@@ -398,6 +412,7 @@ class SurfaceSampler {
   const Box owned_;
   const double size_;
   const double spacing_, first_spacing_, radius_;
+  const Box reach_;   // where samples may be put, or matter
   SampleGrids grid_;  // all samples, nearby ones as well; as far as they are around the leaf
   std::vector<Point> samples_;
   std::optional<CreaseGraph> creases_;  // null: sides are not apart
@@ -433,12 +448,52 @@ bool SurfaceSampler::is_out_of_balls(const Point& p) const {
   });
 }
 
-bool SurfaceSampler::find_mirrors(const Point& dart, double spacing) {
+bool SurfaceSampler::find_mirrors(const Point& dart, const SurfaceSide& side, double spacing,
+                                  double spacing_in_stack) {
   const double size = scaled(size_, dart);
-  mirrors_of(domain_, dart, kMirrorReach * size, kMirrorDistance * size, mirrors_);
-  return std::ranges::all_of(mirrors_, [&](const MirrorPoint& mirror) {
-    return grid_.is_free(mirror.position, mirror.side, spacing) && is_out_of_balls(mirror.position);
-  });
+  mirrors_.clear();
+  bool has_room = true, is_in_stack = false;
+  const auto take = [&](const MirrorPoint& mirror, const Point& source) {
+    if (has_room && !is_in_stack && source == dart &&
+        are_parallel(side.normal, mirror.side.normal)) {
+      is_in_stack = true;
+      has_room = grid_.is_free(dart, side, spacing_in_stack);
+    }
+    if (!has_room || !reach_.contains(mirror.position)) return false;
+    const bool is_free =
+        grid_.is_free(mirror.position, mirror.side, spacing) && is_out_of_balls(mirror.position);
+    if (is_free) mirrors_.push_back(mirror);
+    has_room = is_free || is_there(mirror, spacing);
+    return is_free;
+  };
+  for_each_in_orbit(domain_, dart, kMirrorReach * size, kMirrorDistance * size, take);
+  return has_room;
+}
+
+void SurfaceSampler::add_sample(const MirrorPoint& sample) {
+  samples_.push_back(sample.position);
+  add(sample.position, sample.side);
+}
+
+// What is left to this leaf of orbits of samples around it.
+void SurfaceSampler::go_on_with(std::span<const Point> samples) {
+  SampleGrids followed(reach_, farthest_query(), farthest_query());
+  for (const Point& sample : samples) {
+    if (!reach_.contains(sample)) continue;
+    const double size = scaled(size_, sample), spacing = scaled(first_spacing_, sample);
+    const SurfaceSide side = side_at(sample);
+    if (!followed.is_free(sample, side, kSameSample * spacing)) continue;
+    for_each_in_orbit(domain_, sample, kMirrorReach * size, kMirrorDistance * size,
+                      [&](const MirrorPoint& mirror, const Point&) {
+                        const auto& [position, its_side] = mirror;
+                        if (!reach_.contains(position)) return false;
+                        followed.add(position, its_side, spacing);
+                        if (owned_.contains(position) && is_out_of_balls(position) &&
+                            grid_.is_free(position, its_side, spacing))
+                          add_sample(mirror);
+                        return true;
+                      });
+  }
 }
 
 // One at each fragment that is not covered when its turn comes. Returns those fragments.
@@ -459,17 +514,16 @@ std::vector<SurfaceSampler::Target> SurfaceSampler::throw_darts(std::span<const 
     if (is_in_ball && is_small) continue;
     targets.push_back({&fragment, radius, grid_.num_around(fragment)});
     if (is_in_ball || !grid_.is_free(dart, side, scale * spacing)) continue;
-    if (are_sides_apart()) {
-      const bool has_room = find_mirrors(dart, scale * spacing);
-      if (!has_room && !is_small) continue;
-      if (has_room)
-        for (const MirrorPoint& mirror : mirrors_) {
-          samples_.push_back(mirror.position);
-          add(mirror.position, mirror.side);
-        }
-    }
-    samples_.push_back(dart);
-    add(dart, side);
+    // A leaf that was covered before has each place within the radius of a sample. An orbit through
+    // a stack of bodies that has less room would end there.
+    const bool may_end = !is_small && !domain_.only_body();
+    const double spacing_in_stack = std::max(scale * spacing, may_end ? radius : 0);
+    const bool has_room =
+        are_sides_apart() && find_mirrors(dart, side, scale * spacing, spacing_in_stack);
+    if (are_sides_apart() && !has_room && !is_small) continue;
+    if (has_room)
+      for (const MirrorPoint& mirror : mirrors_) add_sample(mirror);
+    add_sample({dart, side});
   }
   return targets;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 
 #include "refine/domain/closest_point.h"
 
@@ -13,6 +12,7 @@ struct ClosestOfSheet {
   SheetId sheet = kOnlySheet;
   Point position, normal;
   double squared_distance = 0;
+  Point normal_here = {};  // that of the sheet it is seen from
 };
 
 Point unit(const Point& normal) {
@@ -34,9 +34,22 @@ bool is_at_one_of(const Point& place, const Point& p, const std::vector<MirrorPo
 }
 
 // A turn of a right angle is none by more, but for rounding.
-bool turns_away(const Point& normal, const Point& other) {
-  constexpr double kCosine = -0.01;
-  return dot(normal, other) < kCosine;
+constexpr double kRightAngle = -0.01;
+
+// Does the surface turn by more than 90 degrees from there to p, around what lies between? Between
+// bodies a sheet has two sides, and may be given either way: both normals are turned to what lies
+// between, as far as they tell.
+bool turns_away(const Point& p, const Point& outwards, bool is_one_body, ClosestOfSheet& there) {
+  constexpr double kTold = 0.2;
+  there.normal_here = outwards;
+  if (!is_one_body) {
+    const Point way = unit(p - there.position);
+    const double rise = dot(there.normal, way), rise_here = dot(outwards, way);
+    if (std::abs(rise) < kTold || std::abs(rise_here) < -kRightAngle) return false;
+    if (rise < 0) there.normal = -1.0 * there.normal;
+    if (rise_here > 0) there.normal_here = -1.0 * outwards;
+  }
+  return dot(there.normal_here, there.normal) < kRightAngle;
 }
 
 // On the other side of a thin wall: how far a mirror is moved aside, so that it is not straight
@@ -51,20 +64,30 @@ Point sheared(const Point& way, double size) {
   return length < kThin * size ? kShear / size * length * cross(kAxis, way) : Point{};
 }
 
-// Those of p itself. Returns its own side.
-SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double reach,
-                              double farthest, std::vector<MirrorPoint>& out) {
+// Does no other side stand between the two?
+bool sees(const LeafDomain& domain, const Point& p, const Point& place,
+          std::vector<Crossing>& met) {
+  constexpr double kEnd = 1e-3;  // beyond its ends
+  domain.crossings(p, place, met);
+  return std::ranges::none_of(met, [](const Crossing& c) { return c.t > kEnd && c.t < 1 - kEnd; });
+}
+
+}  // namespace
+
+SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
+                       std::vector<MirrorPoint>& out) {
+  out.clear();
   const auto closest_here = domain.closest_to(p, reach);
   if (!closest_here) return {};
   const SurfaceSide& here = closest_here->side;
-  const Point normal_here = unit(here.normal);
+  const Point outwards = unit(here.normal);
   std::vector<Triangle> near;
   domain.triangles_near(p, reach, near);
-  std::vector<ClosestOfSheet> closest;  // of each sheet that turns by so much
+  std::vector<ClosestOfSheet> closest;  // of each other sheet, and of what faces p of its own
   for (const Triangle& t : near) {
     const auto known = std::ranges::find(closest, t.sheet, &ClosestOfSheet::sheet);
     const double most = known == closest.end() ? reach * reach : known->squared_distance;
-    if (t.sheet == here.sheet && !(dot(normal_here, normal_of(t.corners)) < 0)) continue;
+    if (t.sheet == here.sheet && !(dot(outwards, normal_of(t.corners)) < 0)) continue;
     if (t.box().squared_distance(p) >= most) continue;
     const Point place = closest_on_triangle(t.corners, p);
     const double distance2 = squared_distance(p, place);
@@ -76,21 +99,26 @@ SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double r
     else
       *known = {t.sheet, place, normal, distance2};
   }
-  std::erase_if(
-      closest, [&](const ClosestOfSheet& other) { return !turns_away(normal_here, other.normal); });
+  const bool is_one_body = domain.only_body().has_value();
+  std::vector<Crossing> met;
+  std::erase_if(closest, [&](ClosestOfSheet& other) {
+    return !turns_away(p, outwards, is_one_body, other) || !sees(domain, p, other.position, met);
+  });
   if (closest.empty()) return here;  // nearly always, where nothing is thin or acute
   domain.triangles_near(p, farthest, near);
   std::ranges::sort(closest, {}, &ClosestOfSheet::sheet);
   for (const ClosestOfSheet& other : closest) {
-    const Point across = normal_here - other.normal;
+    const Point across = other.normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
-    const bool is_inside = off > 0;  // what lies between the two
-    const Point image = p - off * across + (is_inside ? sheared(off * across, reach) : Point{});
+    const Point way = off * across;
+    // And no gap. Through a stack of bodies, one would lead farther and farther aside.
+    const bool is_wall = is_one_body && is_in_body(domain.label(p - 0.5 * way));
+    const Point image = p - way + (is_wall ? sheared(way, reach) : Point{});
     MirrorPoint mirror;
     double least = reach * reach;
     for (const Triangle& t : near) {
       if (t.sheet != other.sheet || t.box().squared_distance(image) >= least) continue;
-      if (t.sheet == here.sheet && !(dot(normal_here, normal_of(t.corners)) < 0)) continue;
+      if (t.sheet == here.sheet && !(dot(outwards, normal_of(t.corners)) < 0)) continue;
       const Point position = closest_on_triangle(t.corners, image);
       if (squared_distance(image, position) >= least) continue;
       least = squared_distance(image, position);
@@ -101,33 +129,6 @@ SurfaceSide direct_mirrors_of(const LeafDomain& domain, const Point& p, double r
       out.push_back(mirror);
   }
   return here;
-}
-
-}  // namespace
-
-void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
-                std::vector<MirrorPoint>& out) {
-  out.clear();
-  const SurfaceSide here = direct_mirrors_of(domain, p, reach, farthest, out);
-  if (out.empty()) return;
-  std::vector<Point> nearest;  // of these the first have mirrors on what others have theirs on
-  for (const MirrorPoint& mirror : out) nearest.push_back(mirror.position);
-  std::ranges::stable_sort(nearest, {}, [&](const Point& q) { return squared_distance(p, q); });
-  constexpr std::size_t kMost = 2;
-  std::vector<MirrorPoint> further;
-  for (std::size_t n = 0; n < std::min(nearest.size(), kMost); ++n) {
-    further.clear();
-    direct_mirrors_of(domain, nearest[n], reach, farthest, further);
-    for (const MirrorPoint& mirror : further) {
-      const auto is_there = [&](const MirrorPoint& known) {
-        return are_same(known.side, mirror.side);
-      };
-      if (!are_same(here, mirror.side) && std::ranges::none_of(out, is_there) &&
-          squared_distance(p, mirror.position) <= farthest * farthest &&
-          !is_at_one_of(mirror.position, p, out))
-        out.push_back(mirror);
-    }
-  }
 }
 
 }  // namespace locvol

@@ -5,6 +5,8 @@
 // points of the other than to its own. So no facet joins the two but at their crease.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -23,13 +25,34 @@ struct MirrorPoint {
   SurfaceSide side;
 };
 
-// Of a point of the surface: for each other sheet closer than `reach` whose normal turns by more
-// than 90 degrees from that here, the point's image in the plane that bisects the tangent planes
-// here and at the sheet's closest place, moved to where the sheet is closest to it, unless that is
-// farther than `farthest` from the point. Likewise of its own sheet, where that faces it. Then the
-// mirrors of the nearest two of these, on sides that have none so far: beside an acute edge at a
-// gap, one lies across the gap. REQUIRES: the domain is loaded within twice both
-void mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
-                std::vector<MirrorPoint>& out);
+// Of a point of the surface: for each side that it sees, closer than `reach`, where the surface
+// turns by more than 90 degrees from there to here around what lies between, the point's image in
+// the plane that bisects the tangent planes here and at that side's closest place, moved to where
+// the side is closest to it, unless that is farther than `farthest` from the point. Returns the
+// point's own side. REQUIRES: the domain is loaded within both
+SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
+                       std::vector<MirrorPoint>& out);
+
+// The same with the mirrors of mirrors, and so on, on each side one: through a stack of sheets, and
+// around a crease where several meet. Calls take(mirror, of which point), which tells
+// whether those of this one follow.
+template <class Take>
+void for_each_in_orbit(const LeafDomain& domain, const Point& p, double reach, double farthest,
+                       const Take& take) {
+  std::vector<MirrorPoint> mirrors, sources;
+  std::vector<SurfaceSide> sides;  // that have one
+  Point source = p;
+  for (std::size_t next = 0;; source = sources[next++].position) {
+    const SurfaceSide here = mirrors_of(domain, source, reach, farthest, mirrors);
+    if (sides.empty()) sides.push_back(here);
+    for (const MirrorPoint& mirror : mirrors) {
+      const auto is_same = [&](const SurfaceSide& side) { return are_same(side, mirror.side); };
+      if (std::ranges::any_of(sides, is_same)) continue;
+      sides.push_back(mirror.side);
+      if (take(mirror, source)) sources.push_back(mirror);
+    }
+    if (next == sources.size()) return;
+  }
+}
 
 }  // namespace locvol

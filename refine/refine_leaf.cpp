@@ -231,7 +231,6 @@ class Refinement {
     Condition condition = kC3;  // for which its point came
   };
   std::deque<Mirror> mirrors_;  // of points on sheets that were inserted
-  std::vector<MirrorPoint> found_mirrors_;
 
   // Violations whose cure the spacing floor forbade when it was tried.
   struct Blocked {
@@ -337,11 +336,14 @@ bool Refinement::restore_next_disk() {
 // Whatever comes on a sheet comes with its mirrors, as far as this visit inserts.
 void Refinement::note_mirrors(const Point& q, Condition condition) {
   const double size = surroundings_.sizes.on_surface_at(q);
-  mirrors_of(surroundings_.domain, q, kMirrorReach * size, kMirrorDistance * size, found_mirrors_);
   const double farthest = mesh_.scaled(kInsertion * input_.criteria.size, size);
-  for (const MirrorPoint& mirror : found_mirrors_)
-    if (input_.box.squared_distance(mirror.position) <= farthest * farthest)
-      mirrors_.push_back({mirror.position, condition});
+  for_each_in_orbit(surroundings_.domain, q, kMirrorReach * size, kMirrorDistance * size,
+                    [&](const MirrorPoint& mirror, const Point&) {
+                      if (input_.box.squared_distance(mirror.position) > farthest * farthest)
+                        return false;
+                      mirrors_.push_back({mirror.position, condition});
+                      return true;
+                    });
 }
 
 // One that lies in the ball on a segment, or close to another point, is not needed.

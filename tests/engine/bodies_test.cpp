@@ -9,6 +9,7 @@
 #include <fstream>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <string>
@@ -78,6 +79,11 @@ Shape sector(double from, double to, int num) {
        {std::array<std::uint32_t, 3>{0, 2, 3}, {0, 3, 1}, {0, last + 1, last}, {0, 1, last + 1}})
     shape.triangles.push_back(t);
   return shape;
+}
+
+std::uint64_t num_insertions(const Contents& contents) {
+  const auto& by_condition = contents.run.counts.num_insertions;
+  return std::accumulate(by_condition.begin(), by_condition.end(), std::uint64_t{0});
 }
 
 double volume_of(const Shape& shape) {
@@ -153,12 +159,13 @@ class Bodies : public testing::Test {
   // is there once. Returns how many facets each pair of bodies has.
   std::map<std::pair<BodyId, BodyId>, std::uint64_t> check(const std::string& name,
                                                            const std::vector<double>& volumes,
-                                                           const std::vector<double>& tolerances) {
+                                                           const std::vector<double>& tolerances,
+                                                           std::uint64_t most_poor = 0) {
     const Store store = Store::open(dir_ / name, {.read_only = true});
     const AuditReport report = audit(store);
     EXPECT_TRUE(report.is_valid());
     for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
-    EXPECT_EQ(report.num_poor_cells, 0U);
+    EXPECT_LE(report.num_poor_cells, most_poor);
     EXPECT_EQ(report.num_components, report.surface_num_components);
     EXPECT_EQ(report.euler_characteristic, report.surface_euler_characteristic);
     const MeshStatistics statistics = mesh_statistics(store);
@@ -477,6 +484,40 @@ TEST_F(Bodies, WedgesAroundAnAxis) {
       check("run", {volume_of(wedges[0]), volume_of(wedges[1]), volume_of(wedges[2])},
             {kPlane, kPlane, kPlane});
   EXPECT_EQ(facets.size(), 6U);
+}
+
+// A little thinner than mirrors reach. Samples of all layers are above each other, also across
+// leaves: so nothing has to tell the layers apart, and hardly a point is inserted.
+TEST_F(Bodies, AStackOfThinPlatesInSeveralLeaves) {
+  std::vector<std::filesystem::path> files;
+  for (int k = 0; k < 10; ++k)
+    files.push_back(
+        off("plate" + std::to_string(k), box({0, 0, 0.02 * k}, {1, 1, 0.02 * (k + 1)})));
+  MeshOptions options = this->options(files, 0.025);
+  options.leaf_capacity = 1000;
+  const Contents contents = meshed(options, "run", 2);
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_LT(num_insertions(contents), contents.run.counts.num_points / 50);
+  constexpr std::uint64_t kFew = 4;  // of 80,000 cells
+  check("run", std::vector<double>(10, 0.02), std::vector<double>(10, kPlane), kFew);
+}
+
+// Twelve sheets in one crease: samples on all of them are images of each other.
+TEST_F(Bodies, TwelveWedgesAroundAnAxis) {
+  std::vector<std::filesystem::path> files;
+  std::vector<double> volumes;
+  for (int k = 0; k < 12; ++k) {
+    const Shape wedge = sector(30 * k, 30 * (k + 1), 1);
+    files.push_back(off("wedge" + std::to_string(k), wedge));
+    volumes.push_back(volume_of(wedge));
+  }
+  MeshOptions options = this->options(files, 0.06);
+  options.leaf_capacity = 30'000;
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_LT(num_insertions(contents), contents.run.counts.num_points / 5);
+  constexpr std::uint64_t kFew = 30;  // of 70,000 cells
+  check("run", volumes, std::vector<double>(12, kPlane), kFew);
 }
 
 TEST_F(Bodies, TouchInAnEdgeAndInAVertex) {

@@ -314,6 +314,19 @@ TEST(Mirrors, LieAcrossTheEdge) {
   EXPECT_TRUE(mirrors.empty());
 }
 
+std::vector<Point> orbit_of(const LeafDomain& domain, const Point& p, double reach) {
+  std::vector<Point> places;
+  for_each_in_orbit(domain, p, reach, 2 * reach, [&](const MirrorPoint& mirror, const Point&) {
+    places.push_back(mirror.position);
+    return true;
+  });
+  return places;
+}
+
+bool has(const std::vector<Point>& places, const Point& p) {
+  return std::ranges::any_of(places, [&](const Point& q) { return norm(p - q) < 1e-12; });
+}
+
 // A point below an acute edge at a gap: its mirror on the face above has one across the gap.
 TEST(Mirrors, OfMirrorsAreOnFurtherSides) {
   Creased both = bar(60, 3);
@@ -338,16 +351,101 @@ TEST(Mirrors, OfMirrorsAreOnFurtherSides) {
   const double along = 0.3;
   const Point below = tip + along * Point{std::cos(half), -std::sin(half), 0},
               above = tip + along * Point{std::cos(half), std::sin(half), 0};
-  std::vector<MirrorPoint> mirrors;
-  mirrors_of(domain, below, 0.35, 1, mirrors);
-  std::vector<Point> places;
-  for (const MirrorPoint& mirror : mirrors) places.push_back(mirror.position);
-  const auto has = [&](const Point& p) {
-    return std::ranges::any_of(places, [&](const Point& q) { return norm(p - q) < 1e-12; });
+  const std::vector<Point> places = orbit_of(domain, below, 0.35);
+  EXPECT_TRUE(has(places, above));
+  EXPECT_TRUE(has(places, image(above)));
+  EXPECT_FALSE(has(places, below));
+}
+
+// The bodies 1, 2, and so on, with each common triangle once, and a sheet for each pair of planes.
+Creased touching(const std::vector<Creased>& bodies) {
+  Creased all;
+  std::map<std::array<Point, 3>, std::size_t> places;
+  for (std::size_t b = 0; b < bodies.size(); ++b)
+    for (const Triangle& t : bodies[b].triangles) {
+      if (norm(normal_of(t.corners)) == 0) continue;
+      std::array<Point, 3> corners = t.corners;
+      std::ranges::sort(corners);
+      const auto body = DomainState::in(static_cast<BodyId>(b + 1));
+      const auto [known, is_new] = places.try_emplace(corners, all.triangles.size());
+      if (!is_new) {
+        all.triangles[known->second].change = all.triangles[known->second].change.crossed(body);
+        continue;
+      }
+      all.triangles.push_back(t);
+      all.triangles.back().id = known->second;
+      all.triangles.back().sheet = static_cast<SheetId>(100 * b) + t.sheet;
+      all.triangles.back().change = body;
+    }
+  return all;
+}
+
+// Whichever way its sheets are given: of layers each has the mirror straight above or below.
+TEST(Mirrors, GoThroughAStackOfBodies) {
+  constexpr double kThickness = 0.3;
+  constexpr int kNumPlates = 6;
+  const std::vector<Point> square = {{2, 2, 0}, {-2, 2, 0}, {-2, -2, 0}, {2, -2, 0}};
+  std::vector<Creased> plates;
+  for (int i = 0; i < kNumPlates; ++i) {
+    Creased plate = prism(square, kThickness);
+    for (Triangle& t : plate.triangles)
+      for (Point& p : t.corners) p.z = kThickness * (i + (p.z > 0 ? 1 : 0));
+    plates.push_back(std::move(plate));
+  }
+  const Creased stack = touching(plates);
+  const LeafDomain domain(stack.piece(stack.box().expanded(1)));
+  for (const int from : {0, 2, 6}) {
+    const auto at = [&](int layer) { return Point{0.3, 0.1, kThickness * layer}; };
+    const std::vector<Point> places = orbit_of(domain, at(from), 0.4);
+    EXPECT_EQ(places.size(), std::size_t{kNumPlates});
+    for (int layer = 0; layer <= kNumPlates; ++layer)
+      EXPECT_EQ(has(places, at(layer)), layer != from) << layer << " seen from " << from;
+  }
+}
+
+// Wedges around the z axis: half-planes between them, first, and round about what closes them.
+Creased pie(int num) {
+  const auto at = [&](int i, double z) {
+    const double angle = 2 * kPi * i / num;
+    return Point{2 * std::cos(angle), 2 * std::sin(angle), z};
   };
-  EXPECT_TRUE(has(above));
-  EXPECT_TRUE(has(image(above)));
-  EXPECT_FALSE(has(below));
+  Creased all;
+  SheetId sheet = 0;
+  const auto add_quad = [&](const std::array<Point, 4>& q, DomainState change) {
+    ++sheet;
+    all.triangles.push_back({all.triangles.size(), {q[0], q[1], q[2]}, sheet, change});
+    all.triangles.push_back({all.triangles.size(), {q[0], q[2], q[3]}, sheet, change});
+  };
+  constexpr double kHeight = 3;
+  for (int i = 0; i < num; ++i) {
+    const auto before = static_cast<BodyId>((i + num - 1) % num + 1);
+    const auto behind = static_cast<BodyId>(i + 1);
+    add_quad({Point{}, {0, 0, kHeight}, at(i, kHeight), at(i, 0)},
+             DomainState::between(before, behind));
+    add_quad({at(i, 0), at(i + 1, 0), at(i + 1, kHeight), at(i, kHeight)}, DomainState::in(behind));
+    for (const double z : {0.0, kHeight})
+      all.triangles.push_back({all.triangles.size(),
+                               {Point{0, 0, z}, at(i, z), at(i + 1, z)},
+                               ++sheet,
+                               DomainState::in(behind)});
+  }
+  return all;
+}
+
+// Around a crease it comes back to where it began.
+TEST(Mirrors, GoAroundACreaseOfSeveralBodies) {
+  for (const int num : {5, 8, 12}) {
+    const auto at = [&](int i) {
+      constexpr double kRadius = 0.5;
+      const double angle = 2 * kPi * i / num;
+      return Point{kRadius * std::cos(angle), kRadius * std::sin(angle), 1.4};
+    };
+    const Creased shape = pie(num);
+    const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+    const std::vector<Point> places = orbit_of(domain, at(1), 0.6);
+    EXPECT_EQ(places.size(), static_cast<std::size_t>(num - 1));
+    for (int i = 0; i < num; ++i) EXPECT_EQ(has(places, at(i)), i != 1) << i << " of " << num;
+  }
 }
 
 // At a right angle there is none, however its normals are rounded.
