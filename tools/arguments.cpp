@@ -139,7 +139,8 @@ Initialization parse_init(const std::string& text) {
 }
 
 std::string parse_shape(const std::string& text) {
-  if (std::ranges::find(shapes(), text, &ShapeInfo::name) == shapes().end()) {
+  if (text != kPolycrystal &&
+      std::ranges::find(shapes(), text, &ShapeInfo::name) == shapes().end()) {
     throw std::invalid_argument(
         fmt::format("'{}' is no shape: `locvol generate --help` lists all", text));
   }

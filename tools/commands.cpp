@@ -438,7 +438,10 @@ int run_info(const InfoCommand& command) {
 
 int run_generate(const GenerateCommand& command) {
   require_writable(command.output);
-  const GeneratedSurface surface = generate(command.shape, command.num_triangles, command.output);
+  const GeneratedSurface surface =
+      command.num_grains > 0
+          ? generate_polycrystal(command.num_grains, command.grains_seed, command.output)
+          : generate(command.shape, command.num_triangles, command.output);
   if (command.is_json) {
     print_json({{"file", command.output.string()},
                 {"num_vertices", surface.num_vertices},

@@ -103,7 +103,8 @@ struct CureCommand {
 
 struct GenerateCommand {
   std::string shape;
-  std::uint64_t num_triangles = 0;
+  std::uint64_t num_triangles = 0;                // 0: of a polycrystal
+  std::uint64_t num_grains = 0, grains_seed = 0;  // 0: of another shape
   std::filesystem::path output;
   bool is_json = false;
 };

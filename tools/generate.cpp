@@ -11,8 +11,10 @@
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <numbers>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -21,8 +23,11 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/surface_bodies.h"
 #include "engine/shared/unfinished_name.h"
 #include "octree/geometry.h"
+#include "octree/mix.h"
+#include "refine/grains/voronoi_grains.h"
 
 namespace locvol {
 namespace {
@@ -52,13 +57,19 @@ class SurfaceSink {
     write_triangle(a, b, c);
     ++num_triangles_;
   }
+  // The triangles that follow are of this one, in files that have groups.
+  void begin_group(std::uint32_t number) { group_ = number; }
   std::uint64_t num_vertices() const { return num_vertices_; }
   std::uint64_t num_triangles() const { return num_triangles_; }
+
+ protected:
+  std::uint32_t group() const { return group_; }
 
  private:
   virtual void write_vertex(const Point& position) = 0;
   virtual void write_triangle(const Vertex& a, const Vertex& b, const Vertex& c) = 0;
   std::uint64_t num_vertices_ = 0, num_triangles_ = 0;
+  std::uint32_t group_ = 0;
 };
 
 class CountingSink : public SurfaceSink {
@@ -195,14 +206,15 @@ class StlWriter : public SurfaceWriter {
 };
 
 // Binary PLY: a header of text, 24 bytes for each vertex (three doubles), 13 for each triangle (the
-// byte 3, three 32-bit indices). Triangles come while vertices still do, so they wait in a file of
-// their own.
+// byte 3, three 32-bit indices), 17 with the number of its group. Triangles come while vertices
+// still do, so they wait in a file of their own.
 class PlyWriter : public SurfaceWriter {
  public:
   static constexpr std::uint64_t kMaxVertices = 0xffffffff;
 
-  explicit PlyWriter(const std::filesystem::path& name)
+  explicit PlyWriter(const std::filesystem::path& name, bool has_groups = false)
       : name_(name),
+        has_groups_(has_groups),
         file_(with_suffix(name, ".partial")),
         faces_(with_suffix(name, ".partial.faces")) {
     const std::string head = header();
@@ -221,11 +233,11 @@ class PlyWriter : public SurfaceWriter {
   std::string header() const {
     constexpr std::size_t kHeaderBytes = 256;
     const std::string end = "\nend_header\n";
-    std::string text = "ply\nformat binary_little_endian 1.0\nelement vertex " +
-                       std::to_string(num_vertices()) +
-                       "\nproperty double x\nproperty double y\nproperty double z\nelement face " +
-                       std::to_string(num_triangles()) +
-                       "\nproperty list uchar uint vertex_indices\ncomment by locvol generate ";
+    std::string text =
+        "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(num_vertices()) +
+        "\nproperty double x\nproperty double y\nproperty double z\nelement face " +
+        std::to_string(num_triangles()) + "\nproperty list uchar uint vertex_indices" +
+        (has_groups_ ? "\nproperty uint region" : "") + "\ncomment by locvol generate ";
     text.resize(kHeaderBytes - end.size(), '.');
     return text + end;
   }
@@ -245,9 +257,11 @@ class PlyWriter : public SurfaceWriter {
     std::array<char, 13> record{3};
     std::memcpy(record.data() + 1, ids.data(), sizeof ids);
     faces_.append(record.data(), record.size());
+    if (const std::uint32_t number = group(); has_groups_) faces_.append(&number, sizeof number);
   }
 
   std::filesystem::path name_;
+  bool has_groups_;
   GeneratedFile file_, faces_;
 };
 
@@ -814,6 +828,100 @@ void emit_implicit(std::uint64_t num_triangles, SurfaceSink& sink) {
   std::make_unique<Marcher>(shape, cell_side_for(shape, num_triangles), sink)->run();
 }
 
+// ---- Grains -------------------------------------------------------------------------------------
+
+// A multiple of 2^-40 between -1 and 1.
+double random_coordinate(std::uint64_t seed, std::uint64_t number) {
+  constexpr int kBits = 40;
+  const std::uint64_t odd = mix(mix(seed) ^ number) >> (64 - kBits) << 1 | 1;
+  return std::ldexp(static_cast<double>(odd), -kBits) - 1;
+}
+
+// Of the ways to cut a convex polygon into triangles that whose worst triangle has the largest
+// height over its longest edge: by dynamic programming, over the polygon's parts from corner i to
+// corner k.
+class EvenTriangulation {
+ public:
+  using Corners = std::array<std::size_t, 3>;
+
+  explicit EvenTriangulation(std::span<const Point> corners)
+      : corners_(corners), n_(corners.size()), best_(n_ * n_) {
+    Point area;
+    for (std::size_t i = 1; i + 1 < n_; ++i)
+      area = area + cross(corners[i] - corners[0], corners[i + 1] - corners[0]);
+    normal_ = (1 / norm(area)) * area;
+    for (std::size_t width = 2; width < n_; ++width)
+      for (std::size_t i = 0; i + width < n_; ++i) find_best(i, i + width);
+    collect(0, n_ - 1);
+  }
+
+  // Above 0 unless some triangle is flat or turned over.
+  double quality() const { return best_[n_ - 1].quality; }
+  const std::vector<Corners>& triangles() const { return triangles_; }
+
+ private:
+  struct Best {
+    double quality = std::numeric_limits<double>::infinity();
+    std::size_t between = 0;
+  };
+  Best& best(std::size_t i, std::size_t k) { return best_[i * n_ + k]; }
+
+  double quality_of(std::size_t i, std::size_t j, std::size_t k) const {
+    const Point &a = corners_[i], &b = corners_[j], &c = corners_[k];
+    return dot(cross(b - a, c - a), normal_) /
+           std::max({squared_distance(a, b), squared_distance(b, c), squared_distance(c, a)});
+  }
+  void find_best(std::size_t i, std::size_t k) {
+    Best& found = best(i, k);
+    found.quality = -std::numeric_limits<double>::infinity();
+    for (std::size_t j = i + 1; j < k; ++j) {
+      const double quality =
+          std::min({quality_of(i, j, k), best(i, j).quality, best(j, k).quality});
+      if (quality > found.quality) found = {quality, j};
+    }
+  }
+  void collect(std::size_t i, std::size_t k) {
+    if (k - i < 2) return;
+    const std::size_t j = best(i, k).between;
+    triangles_.push_back({i, j, k});
+    collect(i, j);
+    collect(j, k);
+  }
+
+  std::span<const Point> corners_;
+  std::size_t n_;
+  std::vector<Best> best_;  // by first corner and last one
+  Point normal_;
+  std::vector<Corners> triangles_;
+};
+
+void emit_polycrystal(std::uint64_t num_grains, std::uint64_t seed, SurfaceSink& sink) {
+  std::vector<Point> seeds(num_grains);
+  for (std::uint64_t g = 0; g < num_grains; ++g)
+    for (int axis = 0; axis < 3; ++axis)
+      seeds[g][axis] = random_coordinate(seed, 3 * g + static_cast<std::uint64_t>(axis));
+  const Grains grains = voronoi_grains(seeds);
+  std::vector<Vertex> vertices;
+  for (const Point& place : grains.vertices) vertices.push_back(sink.add_vertex(place));
+  std::vector<std::vector<std::array<std::uint32_t, 3>>> triangles(num_grains);
+  std::vector<Point> corners;
+  for (const auto& [sides, ring] : grains.faces) {
+    corners.clear();
+    for (const std::uint32_t v : ring) corners.push_back(grains.vertices[v]);
+    const EvenTriangulation even(corners);
+    if (!(even.quality() > 0)) throw GrainError("a face between two grains is too thin");
+    for (const auto& [i, j, k] : even.triangles()) {
+      triangles[sides[0]].push_back({ring[i], ring[j], ring[k]});
+      if (sides[1] != kNoGrain) triangles[sides[1]].push_back({ring[i], ring[k], ring[j]});
+    }
+  }
+  for (std::uint32_t g = 0; g < num_grains; ++g) {
+    sink.begin_group(g + 1);
+    for (const auto& [a, b, c] : triangles[g])
+      sink.add_triangle(vertices[a], vertices[b], vertices[c]);
+  }
+}
+
 // ---- The shapes by name -------------------------------------------------------------------------
 
 constexpr std::array kShapes = {
@@ -887,6 +995,25 @@ GeneratedSurface generate(std::string_view shape, std::uint64_t num_triangles,
   kEmit[index](num_triangles, *writer);
   GeneratedSurface surface{writer->num_vertices(), writer->num_triangles(), 0};
   surface.bytes = writer->finish();
+  return surface;
+}
+
+GeneratedSurface generate_polycrystal(std::uint64_t num_grains, std::uint64_t seed,
+                                      const std::filesystem::path& out) {
+  if (num_grains < 1 || num_grains > kMaxBodies)
+    throw std::invalid_argument("a polycrystal has from 1 to " + std::to_string(kMaxBodies) +
+                                " grains, not " + std::to_string(num_grains));
+  if (out.extension() != ".ply")
+    throw std::invalid_argument(out.string() +
+                                ": binary STL has no names for grains; write a .ply");
+  PlyWriter writer(out, true);
+  try {
+    emit_polycrystal(num_grains, seed, writer);
+  } catch (const GrainError& e) {
+    throw std::invalid_argument(std::string(e.what()) + ": give another --seed");
+  }
+  GeneratedSurface surface{writer.num_vertices(), writer.num_triangles(), 0};
+  surface.bytes = writer.finish();
   return surface;
 }
 

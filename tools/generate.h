@@ -35,4 +35,14 @@ struct GeneratedSurface {
 GeneratedSurface generate(std::string_view shape, std::uint64_t num_triangles,
                           const std::filesystem::path& out);
 
+// What is called so is of many bodies, and has as many triangles as it needs.
+inline constexpr std::string_view kPolycrystal = "polycrystal";
+
+// Writes the Voronoi cells of random points in a cube 2 units wide, from 1 to kMaxBodies of them,
+// as binary PLY. Each grain is a group ("region 1", "region 2", ...) that is closed by itself, and
+// turned outwards. A face between two grains is given twice, once with each, in the same triangles.
+// What else is said of generate() holds here, too, but for memory: 8 kB a grain.
+GeneratedSurface generate_polycrystal(std::uint64_t num_grains, std::uint64_t seed,
+                                      const std::filesystem::path& out);
+
 }  // namespace locvol

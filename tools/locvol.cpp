@@ -113,6 +113,9 @@ std::string shape_list() {
     list += fmt::format("  {:<18} {}; at least {} triangles\n", shape.name, shape.description,
                         shape.min_triangles);
   }
+  list +=
+      fmt::format("  {:<18} a cube of grains, each a body (mesh it with --bodies): give --grains\n",
+                  kPolycrystal);
   return list;
 }
 
@@ -124,9 +127,23 @@ CLI::App* declare_generate(CLI::App& app, GenerateCommand& command) {
   add_output(*generate, command.output, {".stl", ".ply"})->required();
   add_parsed(*generate, "-n,--triangles", parse_count, command.num_triangles,
              "About how many (50000, 50k, 1.5M)")
-      ->type_name("N")
-      ->required();
+      ->type_name("N");
+  add_parsed(*generate, "--grains", parse_count, command.num_grains,
+             "How many grains a polycrystal has, at most 10,000")
+      ->type_name("N");
+  CLI::Option* seed = add_parsed(*generate, "--seed", parse_seed, command.grains_seed,
+                                 "Seed of the grains' places (default: 0)");
+  seed->type_name("N");
   add_json(*generate, command.is_json);
+  generate->final_callback([&command, seed] {
+    const bool is_polycrystal = command.shape == kPolycrystal;
+    if (is_polycrystal && command.num_triangles > 0)
+      throw CLI::ValidationError("--triangles", "a polycrystal has as many as its grains need");
+    if (!is_polycrystal && (command.num_grains > 0 || seed->count() > 0))
+      throw CLI::ValidationError("--grains, --seed", "of a polycrystal alone");
+    if (is_polycrystal && command.num_grains == 0) throw CLI::RequiredError("--grains");
+    if (!is_polycrystal && command.num_triangles == 0) throw CLI::RequiredError("--triangles");
+  });
   generate->footer(shape_list());
   return generate;
 }

@@ -57,6 +57,7 @@ Values values_named(const std::string& name) {
   if (name == "SHAPE") {
     Values values{Kind::kWords, {}};
     for (const ShapeInfo& shape : shapes()) values.words.emplace_back(shape.name);
+    values.words.emplace_back(kPolycrystal);
     return values;
   }
   if (name.find('|') != std::string::npos) return {Kind::kWords, split(name, '|')};

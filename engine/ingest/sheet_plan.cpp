@@ -119,14 +119,14 @@ void name_sheets(std::span<const SheetId> group_of, std::span<const std::string>
 
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
                       std::span<const std::string> groups, double least_area,
-                      std::span<const std::array<BodyId, 2>> bodies_of_group) {
+                      std::span<const std::array<BodyId, 2>> bodies_of_group, std::size_t most) {
   SpeckMerger merger(parts, borders, least_area);
   SheetPlan plan;
   plan.num_specks = merger.run();
   std::vector<std::uint32_t> roots;
   for (std::uint32_t part = 0; part < parts.size(); ++part)
     if (merger.root_of(part) == part) roots.push_back(part);
-  if (roots.size() > kMaxSheets) {
+  if (roots.size() > most) {
     plan.num_too_many = roots.size();
     return plan;
   }

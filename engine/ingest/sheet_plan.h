@@ -43,16 +43,17 @@ struct SheetPlan {
   std::vector<SheetId> of_part;    // from 1 on, in the order of their first triangles
   std::vector<SheetFacts> sheets;  // with names and first triangles; no more is known
   std::uint64_t num_specks = 0;    // parts that were too small
-  std::uint64_t num_too_many = 0;  // sheets; 0: not more than kMaxSheets, else none is here
+  std::uint64_t num_too_many = 0;  // sheets; 0: not more than the most, else none is here
 };
 
 // Parts smaller than `least_area`, the smallest first, become one with the part of their group with
 // which they share the longest border. `groups`: names, by SheetPart::group. A sheet is called as
 // its group; of several in a group, NAME_1 and so on; without a group's name, by its own number.
 // Borders may be listed several times, and join parts that are one.
-// `bodies_of_group`: on the sides of each group; empty: the only one is behind all.
+// `bodies_of_group`: on the sides of each group; empty: the only one is behind all. `most`: sheets.
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
                       std::span<const std::string> groups, double least_area,
-                      std::span<const std::array<BodyId, 2>> bodies_of_group = {});
+                      std::span<const std::array<BodyId, 2>> bodies_of_group = {},
+                      std::size_t most = kMaxSheets);
 
 }  // namespace locvol

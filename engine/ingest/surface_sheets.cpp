@@ -126,7 +126,8 @@ struct Numbered {
   std::uint64_t num_too_many = 0;
 };
 
-// Each group is one, whatever hangs together.
+// Each group is one, whatever hangs together. Of several bodies there may be more than kMaxSheets,
+// for a group is cut where bodies change.
 Numbered sheets_of_groups(const CheckedSurface& surface) {
   const std::vector<std::string>& groups = surface.groups;
   std::vector<SheetPart> parts(groups.size());
@@ -134,7 +135,7 @@ Numbered sheets_of_groups(const CheckedSurface& surface) {
     parts[i].first_triangle = i;
     parts[i].group = static_cast<SheetId>(i + 1);
   }
-  SheetPlan plan = plan_sheets(parts, {}, groups, 0, surface.bodies_of_group);
+  SheetPlan plan = plan_sheets(parts, {}, groups, 0, surface.bodies_of_group, parts.size());
   plan.of_part.insert(plan.of_part.begin(), 0);  // no triangle carries a 0
   return {std::move(plan.of_part), std::move(plan.sheets), 0};
 }

@@ -65,7 +65,11 @@ INSTANTIATE_TEST_SUITE_P(
         Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--store", ""}, Names{"resume"},
         Names{"inspect", "dir", "--leaf", "2"}, Names{"inspect", "dir", "--leaves", "--queue"},
         Names{"export", "dir"}, Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
-        Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"}));
+        Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"},
+        Names{"generate", "three-holes", "-o", "a.stl"},
+        Names{"generate", "three-holes", "-o", "a.stl", "-n", "5k", "--seed", "1"},
+        Names{"generate", "polycrystal", "-o", "a.ply"},
+        Names{"generate", "polycrystal", "-o", "a.ply", "--grains", "3", "-n", "5k"}));
 
 TEST(Command, SaysWhatAWordMayHaveMeant) {
   const auto err_of = [](const Names& words) { return run_locvol(words).err; };
@@ -310,6 +314,21 @@ TEST(Command, CoarseMeshesOfThinShapesPassTheAudit) {
     const ProcessResult audit = run_locvol({"audit", store, "-q"});
     EXPECT_EQ(audit.exit_code, 0) << audit.out << audit.err;
   }
+}
+
+// It has more than 10,000 faces, which would be too many sheets of sharp edges.
+TEST(Command, InfoKnowsEachGrainOfAPolycrystal) {
+  const TempDir dir;
+  const std::string grains = dir / "grains.ply";
+  ASSERT_EQ(run_locvol({"generate", "polycrystal", "-o", grains, "--grains", "1600"}).exit_code, 0);
+  const ProcessResult info = run_locvol({"info", grains, "--bodies", "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.err;
+  const nlohmann::json told = nlohmann::json::parse(info.out);
+  ASSERT_EQ(told["bodies"].size(), 1600U);
+  double volume = 0;
+  for (const nlohmann::json& body : told["bodies"]) volume += body["volume"].get<double>();
+  EXPECT_NEAR(volume, 8, 1e-9);
+  EXPECT_GT(told["sheets"].size(), 10'000U);
 }
 
 TEST(Command, InfoEstimatesEveryFormat) {

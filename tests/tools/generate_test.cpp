@@ -284,6 +284,101 @@ TEST(Generate, RefusesWhatItCannotMake) {
   EXPECT_TRUE(std::filesystem::is_empty(dir.path()));
 }
 
+// The grains of a polycrystal, each with vertices of its own; its vertices' numbers in the file are
+// in `numbers`.
+struct GeneratedGrain {
+  GeneratedMesh mesh;
+  std::vector<std::uint32_t> numbers;
+};
+std::vector<GeneratedGrain> read_grains(const std::filesystem::path& file) {
+  const std::string bytes = bytes_of(file), mark = "end_header\n";
+  const std::size_t start = bytes.find(mark) + mark.size();
+  std::size_t num_vertices = 0, num_faces = 0;
+  std::istringstream header(bytes.substr(0, start));
+  for (std::string word; header >> word;) {
+    if (word == "vertex") header >> num_vertices;
+    if (word == "face") header >> num_faces;
+  }
+  EXPECT_EQ(bytes.size(), start + 24 * num_vertices + 17 * num_faces);
+  std::vector<GeneratedGrain> grains;
+  std::vector<std::unordered_map<std::uint32_t, std::uint32_t>> places;
+  for (std::size_t f = 0; f < num_faces; ++f) {
+    const std::size_t at = start + 24 * num_vertices + 17 * f;
+    const auto number = read_at<std::uint32_t>(bytes, at + 13);
+    EXPECT_GE(number, std::max<std::size_t>(grains.size(), 1));  // they come one after another
+    grains.resize(std::max<std::size_t>(grains.size(), number));
+    places.resize(grains.size());
+    auto& [mesh, numbers] = grains.at(number - 1);
+    Indices& triangle = mesh.triangles.emplace_back();
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t v = read_at<Indices>(bytes, at + 1)[i];
+      const auto [place, is_new] =
+          places[number - 1].try_emplace(v, static_cast<std::uint32_t>(numbers.size()));
+      triangle[i] = place->second;
+      if (!is_new) continue;
+      const auto p = read_at<std::array<double, 3>>(bytes, start + 24 * v);
+      mesh.vertices.push_back({p[0], p[1], p[2]});
+      numbers.push_back(v);
+    }
+  }
+  return grains;
+}
+
+bool is_on_cube(const Point& a, const Point& b, const Point& c) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(a[axis]) == 1 && a[axis] == b[axis] && b[axis] == c[axis]) return true;
+  return false;
+}
+
+// Each is closed and turned outwards; they fill the cube; and what is not of the cube's sides is
+// there twice, once with each of two grains, turned the other way.
+TEST(Generate, APolycrystalFillsItsCube) {
+  const TempDir dir;
+  for (const std::uint64_t num : {1, 2, 30, 1000}) {
+    for (const std::uint64_t seed : {0, 7}) {
+      SCOPED_TRACE(testing::Message() << num << " grains of seed " << seed);
+      const GeneratedSurface made = generate_polycrystal(num, seed, dir / "p.ply");
+      EXPECT_EQ(made.bytes, std::filesystem::file_size(dir / "p.ply"));
+      const std::vector<GeneratedGrain> grains = read_grains(dir / "p.ply");
+      ASSERT_EQ(grains.size(), num);
+      double volume = 0;
+      std::map<Indices, int> sides;  // of a triangle between grains: one turned so, one otherwise
+      for (const auto& [mesh, numbers] : grains) {
+        ASSERT_NO_FATAL_FAILURE(expect_closed_oriented_manifold(mesh));
+        EXPECT_EQ(num_components(mesh), 1U);
+        EXPECT_EQ(genus_of(mesh), 0);
+        EXPECT_GT(mesh.volume(), 0);
+        volume += mesh.volume();
+        for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+          if (is_on_cube(mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2))) continue;
+          Indices named;
+          for (std::size_t i = 0; i < 3; ++i) named[i] = numbers[mesh.triangles[t][i]];
+          std::ranges::rotate(named, std::ranges::min_element(named));
+          const bool is_turned = named[1] > named[2];
+          if (is_turned) std::swap(named[1], named[2]);
+          int& sum = sides.try_emplace(named, 0).first->second;
+          ASSERT_EQ(sum & (is_turned ? 2 : 1), 0);
+          sum |= is_turned ? 2 : 1;
+        }
+      }
+      EXPECT_NEAR(volume, 8, 1e-12);
+      EXPECT_TRUE(std::ranges::all_of(sides, [](const auto& side) { return side.second == 3; }));
+    }
+  }
+}
+
+TEST(Generate, APolycrystalIsAFunctionOfItsSeed) {
+  const TempDir dir;
+  generate_polycrystal(50, 3, dir / "a.ply");
+  generate_polycrystal(50, 3, dir / "b.ply");
+  generate_polycrystal(50, 4, dir / "c.ply");
+  EXPECT_EQ(bytes_of(dir / "a.ply"), bytes_of(dir / "b.ply"));
+  EXPECT_NE(bytes_of(dir / "a.ply"), bytes_of(dir / "c.ply"));
+  EXPECT_THROW(generate_polycrystal(0, 3, dir / "d.ply"), std::invalid_argument);
+  EXPECT_THROW(generate_polycrystal(10'001, 3, dir / "d.ply"), std::invalid_argument);
+  EXPECT_THROW(generate_polycrystal(3, 3, dir / "d.stl"), std::invalid_argument);
+}
+
 TEST(Generate, NamesTheFileThatCannotBeWritten) {
   const TempDir dir;
   const std::string file = dir / "missing/s.stl";

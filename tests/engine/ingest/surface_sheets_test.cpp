@@ -267,6 +267,8 @@ TEST(SheetPlan, SaysWhenThereAreTooMany) {
   const SheetPlan plan = plan_sheets(parts, {}, std::vector<std::string>{""}, 0);
   EXPECT_EQ(plan.num_too_many, kMaxSheets + 1);
   EXPECT_TRUE(plan.sheets.empty());
+  const std::vector<std::string> groups = {""};
+  EXPECT_EQ(plan_sheets(parts, {}, groups, 0, {}, parts.size()).sheets.size(), kMaxSheets + 1);
 }
 
 TEST(SurfaceSheets, TooManyAreNone) {
