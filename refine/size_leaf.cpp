@@ -5,6 +5,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <optional>
 #include <span>
 #include <tuple>
 #include <unordered_map>
@@ -45,7 +46,7 @@ class SizeTree {
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
     const Point center = box.center();
-    const double distance = signed_distance(center, near);
+    const auto [distance, body] = signed_distance(center, near);
     near.bound = std::abs(distance) + kHalfDiagonal * side;
     const SizeLaw& law = input_.law;
     double most = law.surface + law.growth * (std::max(0.0, distance) + kHalfDiagonal * side);
@@ -57,7 +58,8 @@ class SizeTree {
       near_shapes = shapes_near(shapes, law.growth, box, std::min(most, bounds.most));
       shapes = near_shapes;
     }
-    const double asked = asked_at(center, shapes, near_branches, most);
+    const double asked =
+        std::min(asked_at(center, shapes, near_branches, most), size_throughout(body));
     if (!may_stay(node, side, distance, asked)) {
       for (int octant = 0; octant < 8; ++octant)
         descend(node.child(octant), near, shapes, near_branches);
@@ -75,7 +77,9 @@ class SizeTree {
     }
     if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
     if (std::ranges::any_of(cube.less, [](float less) { return less > 0; })) {
-      const float more = up_to_step(most_above(cube, box, shapes, near_branches));
+      const bool is_of_one = std::abs(distance) > kHalfDiagonal * side;
+      const float more = up_to_step(most_above(cube, box, shapes, near_branches,
+                                               is_of_one ? std::optional(body) : std::nullopt));
       for (float& less : cube.less) less += more;
     }
     // No surface passes through, and no cell lies there.
@@ -107,19 +111,30 @@ class SizeTree {
     return nodes_.size_at(branches, p, std::min(most, size_from(shapes, input_.law.growth, p)));
   }
 
-  // By how much h is above that, where that is looked at: interpolated, it is above cones' tips.
+  double size_throughout(BodyId body) const {
+    return body != kNoBody && body <= input_.body_sizes.size()
+               ? input_.body_sizes[body - 1]
+               : std::numeric_limits<double>::infinity();
+  }
+
+  // By how much h is above that, where that is looked at: interpolated, it is above cones' tips,
+  // and in a body above what it is there throughout, where that is passed by a border of the body.
+  // `body`: that all of the cube is in, if it is in one.
   // Tips of shapes are as sharp as their user made them; nodes are not much smaller than the cube.
   double most_above(const SizeCube& cube, const Box& box, std::span<const SizeShape> shapes,
-                    const SizeNodes::Branches& branches) const {
+                    const SizeNodes::Branches& branches, std::optional<BodyId> body) const {
     const double half = 0.5 * (box.max.x - box.min.x);
     double most = 0;
     for (int k = 0; k < 27; ++k) {
       const Point steps{double(k % 3), double(k / 3 % 3), double(k / 9)};
       const int num_between = (steps.x == 1) + (steps.y == 1) + (steps.z == 1);
-      if (shapes.empty() && num_between < 2) continue;
+      if (shapes.empty() && input_.body_sizes.empty() && num_between < 2) continue;
       const Point p = box.min + half * steps;
       const double size = size_in(input_.law, cube, box, p);
-      most = std::max(most, size - asked_at(p, shapes, branches, size));
+      double asked = asked_at(p, shapes, branches, size);
+      if (!input_.body_sizes.empty())
+        asked = std::min(asked, size_throughout(body ? *body : domain_.label(p).value_or(kNoBody)));
+      most = std::max(most, size - asked);
     }
     return most;
   }
@@ -128,10 +143,12 @@ class SizeTree {
     return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
 
-  double signed_distance(const Point& p, NearestSurface::Known& near) const {
+  // With the body that p is in.
+  std::pair<double, BodyId> signed_distance(const Point& p, NearestSurface::Known& near) const {
     double distance = surface_.distance(p, near);
     if (distance > input_.exact_distance) distance = far_.distance(p, distance);
-    return is_in_body(domain_.label(p)) ? distance : -distance;
+    const BodyId body = domain_.label(p).value_or(kNoBody);
+    return {body != kNoBody ? distance : -distance, body};
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
@@ -144,10 +161,12 @@ class SizeTree {
     if (!is_new) return place->second;
     const SizeLaw& law = input_.law;
     const Point p = input_.frame.position(g);
-    distance = static_cast<float>(step_ * std::floor(signed_distance(p, near) / step_));
-    if (!shapes.empty() || !branches.empty())
+    const auto [exact, body] = signed_distance(p, near);
+    distance = static_cast<float>(step_ * std::floor(exact / step_));
+    const double throughout = size_throughout(body);
+    if (!shapes.empty() || !branches.empty() || throughout < most)
       less = up_to_step(law.surface + law.growth * std::max(0.0F, distance) -
-                        asked_at(p, shapes, branches, most));
+                        std::min(asked_at(p, shapes, branches, most), throughout));
     return place->second;
   }
 

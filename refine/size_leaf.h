@@ -31,6 +31,9 @@ struct SizeInput {
   // All shapes that make h smaller in the leaf.
   std::vector<SizeShape> shapes = {};
   std::vector<SizedNode> nodes = {};
+  // By body, from id 1 on: what h is at most in all of it, as on its sides; infinite: anything.
+  // Empty: of all.
+  std::vector<double> body_sizes = {};
 };
 
 // The cubes of the leaf, in Morton order. A cube is halved as long as the circumradius of the

@@ -145,11 +145,11 @@ enum class Phase : std::uint8_t {
   kCrease
 };
 
-// Of cells on a sheet, which has this name or is of the group with this name.
-struct SheetSize {
+// Of cells on a sheet, which has this name or is of the group with this name; or of a body's.
+struct PartSize {
   std::string name;
   double size = 0;
-  friend bool operator==(const SheetSize&, const SheetSize&) = default;
+  friend bool operator==(const PartSize&, const PartSize&) = default;
 };
 
 // What the mesh is a function of (engine/PROMISES.md, 4); a store refuses to go on under others.
@@ -165,7 +165,7 @@ struct RunParameters {
   double growth = 0;  // of sizes from the surface inwards, over the way; 0: λ everywhere
   double max_size = std::numeric_limits<double>::infinity();
   std::vector<SizeShape> shapes = {};  // where cells are smaller than λ
-  std::vector<SheetSize> sheet_sizes = {};
+  std::vector<PartSize> sheet_sizes = {}, body_sizes = {};
   // By the surface's curvature and thickness; 0: none of these (refine/measure_leaf.h).
   double per_circle = 0, deviation = 0, layers = 0;
   double min_size = 0;  // what these do not go below; 0: none is given
@@ -185,12 +185,15 @@ struct RunParameters {
   std::vector<std::string> voids = {};  // bodies that are none, but what is left of the others
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
-  bool is_measured() const { return follows_shape() || !sheet_sizes.empty(); }
+  bool is_measured() const {
+    return follows_shape() || !sheet_sizes.empty() || !body_sizes.empty();
+  }
   bool has_image() const { return !size_image.empty(); }
   bool has_nodes() const { return is_measured() || has_image(); }  // LeafSizes::nodes
   SizeLaw sizes() const {
     double least = follows_shape() && min_size < size ? min_size : size;
-    for (const SheetSize& sheet : sheet_sizes) least = sheet.size < least ? sheet.size : least;
+    for (const PartSize& sheet : sheet_sizes) least = sheet.size < least ? sheet.size : least;
+    for (const PartSize& body : body_sizes) least = body.size < least ? body.size : least;
     for (const SizeShape& shape : shapes) least = shape.size < least ? shape.size : least;
     if (has_image() && image_least < least) least = image_least;
     return {.surface = size, .growth = growth, .most = max_size, .least = least};

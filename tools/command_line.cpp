@@ -54,7 +54,7 @@ void parse(Text text, const OptionText& option, std::optional<double>& value) {
 
 // See add_sizes() and add_sharp().
 void parse(Text, const OptionText&, std::vector<SizedShape>&) {}
-void parse(Text, const OptionText&, std::vector<SizedSheet>&) {}
+void parse(Text, const OptionText&, std::vector<SizedPart>&) {}
 void parse(Text, const OptionText&, std::filesystem::path&) {}
 // See add_bodies().
 void parse(Text, const OptionText&, bool&) {}
@@ -227,6 +227,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
         GivenSizes read = read_size_file(file);
         std::ranges::move(read.shapes, std::back_inserter(options.shapes));
         std::ranges::move(read.sheets, std::back_inserter(options.sheets));
+        std::ranges::move(read.bodies, std::back_inserter(options.bodies));
       } else if (!std::exchange(options.size_image, file).empty()) {
         throw CLI::ValidationError("--sizes: one image of sizes at most");
       }
@@ -235,10 +236,11 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   };
   app.add_option(
          "--sizes", take_sizes,
-         fmt::format("Points, balls, boxes, lines and sheets with sizes, or a VTK image of sizes "
-                     "(.vti), where cells are to be smaller; around them they grow by {} of "
-                     "the way, to --size, unless --growth is given. May be repeated",
-                     kDefaultGrowth))
+         fmt::format(
+             "Points, balls, boxes, lines, sheets and bodies with sizes, or a VTK image of sizes "
+             "(.vti), where cells are to be smaller; around them they grow by {} of "
+             "the way, to --size, unless --growth is given. May be repeated",
+             kDefaultGrowth))
       ->type_name("FILE")
       ->take_all();
   add_options(app, options, OptionGroup::kSurface);

@@ -166,9 +166,9 @@ Json option_json(const std::string& image) { return image.empty() ? Json() : Jso
 Json option_json(const std::vector<SizeShape>& shapes) { return shapes.size(); }
 Json option_json(bool value) { return value; }
 Json option_json(const std::vector<std::string>& names) { return names; }
-Json option_json(const std::vector<SheetSize>& sheets) {
+Json option_json(const std::vector<PartSize>& parts) {
   Json json = Json::object();
-  for (const auto& [name, size] : sheets) json[name] = size;
+  for (const auto& [name, size] : parts) json[name] = size;
   return json;
 }
 
@@ -319,6 +319,8 @@ std::string bounds_text(const RunParameters& parameters) {
                         parameters.sizes().least);
   for (const auto& [name, size] : parameters.sheet_sizes)
     text += fmt::format("; {} at {}", size, name);
+  for (const auto& [name, size] : parameters.body_sizes)
+    text += fmt::format("; {} in {}", size, name);
   return text;
 }
 
@@ -401,22 +403,19 @@ std::string bodies_text(const SurfaceSheets& sheets) {
 
 }  // namespace
 
+std::string body_text(const BodyFacts& facts, const MeshStatistics& body) {
+  if (body.num_cells == 0) return "no cells";
+  return fmt::format("{}, volume {:.6g}, {:+.2g}% of the input's; {:.2f}° to {:.2f}°",
+                     plural(body.num_cells, "cell"), body.volume,
+                     100 * (body.volume - facts.volume) / facts.volume, body.min_dihedral_degrees,
+                     body.max_dihedral_degrees);
+}
+
 std::string body_statistics_text(const SurfaceSheets& sheets, const MeshStatistics& statistics) {
   std::string text;
-  for (std::size_t b = 0; b < std::min(statistics.bodies.size(), kMostShown); ++b) {
-    const MeshStatistics& body = statistics.bodies[b];
-    const BodyFacts& facts = sheets.bodies[b];
-    if (body.num_cells == 0) {
-      text += row(b == 0 ? "bodies" : "", "{}: no cells", facts.name);
-      continue;
-    }
-    text += row(b == 0 ? "bodies" : "",
-                "{}: {}, volume {:.6g}, {:+.2g}% of the input's; {:.2f}° "
-                "to {:.2f}°",
-                facts.name, plural(body.num_cells, "cell"), body.volume,
-                100 * (body.volume - facts.volume) / facts.volume, body.min_dihedral_degrees,
-                body.max_dihedral_degrees);
-  }
+  for (std::size_t b = 0; b < std::min(statistics.bodies.size(), kMostShown); ++b)
+    text += row(b == 0 ? "bodies" : "", "{}: {}", sheets.bodies[b].name,
+                body_text(sheets.bodies[b], statistics.bodies[b]));
   return text;
 }
 

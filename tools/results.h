@@ -85,6 +85,8 @@ std::string line_text(std::string_view name, std::string_view value);  // of a t
 std::string facts_text(const SurfaceFacts& facts);
 std::string sheets_text(const SurfaceSheets& sheets);  // of the first ones, and of bodies
 // Of each body, where there are several.
+// "1,234 cells, volume 2, +0.1% of the input's, ...", of one.
+std::string body_text(const BodyFacts& facts, const MeshStatistics& body);
 std::string body_statistics_text(const SurfaceSheets& sheets, const MeshStatistics& statistics);
 // By id; none where there is one body.
 Json bodies_json(const SurfaceSheets& sheets);

@@ -20,8 +20,8 @@
 #include "engine/ingest/surface_creases.h"
 #include "engine/ingest/surface_sheets.h"
 #include "engine/plan/octree_plan.h"
+#include "engine/plan/part_sizes.h"
 #include "engine/plan/phases.h"
-#include "engine/plan/sheet_sizes.h"
 #include "engine/run/leaf_queue.h"
 #include "engine/run/leaf_states.h"
 #include "octree/sort_and_unite.h"
@@ -379,7 +379,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, share);
     sheets.bodies = std::move(bodies);
-    require_sized_sheets(run.parameters, sheets);
+    require_sized_parts(run.parameters, sheets);
     const CreasesOfCells creases = find_creases(
         surface,
         {.sharp_angle = run.parameters.sharp_angle, .least_extent = kLeastCreaseExtent * size},

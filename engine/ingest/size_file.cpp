@@ -27,10 +27,12 @@ struct Written {
   Size size;
   std::vector<Coordinates> points;
   std::optional<double> radius;
-  std::string name;  // of a sheet
+  std::string name;  // of a part
 };
 
-constexpr std::string_view kSheet = "sheet";
+// What has a name instead of a place.
+constexpr std::string_view kSheet = "sheet", kBody = "body";
+bool is_part(std::string_view kind) { return kind == kSheet || kind == kBody; }
 
 struct Kind {
   std::string_view name;
@@ -50,16 +52,17 @@ const Kind* kind_of(std::string_view name) {
 // What is wrong with it; empty: nothing.
 std::string fault_of(const Written& shape) {
   const Kind* kind = kind_of(shape.kind);
-  const bool is_sheet = shape.kind == kSheet;
-  if (kind == nullptr && !is_sheet)
-    return fmt::format("'{}' is no shape: give point, ball, box, line or sheet",
+  const bool has_name = is_part(shape.kind);
+  if (kind == nullptr && !has_name)
+    return fmt::format("'{}' is no shape: give point, ball, box, line, sheet or body",
                        shape.kind.substr(0, 40));
   if (!(shape.size.value > 0) || !std::isfinite(shape.size.value))
     return fmt::format("size {}: give a finite number above 0", shape.size.value);
-  if (is_sheet)
-    return shape.name.empty()                      ? "a sheet without a name"
-           : !shape.points.empty() || shape.radius ? "a sheet with points or a radius"
-                                                   : "";
+  if (has_name) {
+    if (shape.name.empty()) return fmt::format("a {} without a name", shape.kind);
+    if (shape.points.empty() && !shape.radius) return {};
+    return fmt::format("a {} with points or a radius", shape.kind);
+  }
   if (!shape.name.empty()) return fmt::format("a {} with a name", shape.kind);
   const std::size_t num = shape.points.size();
   if (num < kind->least_points || num > kind->most_points)
@@ -74,8 +77,8 @@ std::string fault_of(const Written& shape) {
 }
 
 void append(const Written& shape, const std::string& place, GivenSizes& all) {
-  if (shape.kind == kSheet) {
-    all.sheets.push_back({shape.name, shape.size, place});
+  if (is_part(shape.kind)) {
+    (shape.kind == kSheet ? all.sheets : all.bodies).push_back({shape.name, shape.size, place});
     return;
   }
   std::vector<SizedShape>& shapes = all.shapes;
@@ -106,7 +109,7 @@ std::string rest_of_line(TextScanner& scanner) {
 Written read_line(TextScanner& scanner, InputFile& file) {
   Written shape;
   shape.kind = scanner.word();
-  if (kind_of(shape.kind) == nullptr && shape.kind != kSheet) file.refuse_line(fault_of(shape));
+  if (kind_of(shape.kind) == nullptr && !is_part(shape.kind)) file.refuse_line(fault_of(shape));
   const auto number = [&](const char* what) {
     const std::string_view word = scanner.word();
     if (word.empty()) file.refuse_line(fmt::format("the {} is missing", what));
@@ -117,7 +120,7 @@ Written read_line(TextScanner& scanner, InputFile& file) {
   shape.size.is_percent = size.ends_with('%');
   if (shape.size.is_percent) size.remove_suffix(1);
   shape.size.value = scanner.coordinate(size);
-  if (shape.kind == kSheet) {
+  if (is_part(shape.kind)) {
     shape.name = rest_of_line(scanner);
     if (const std::string fault = fault_of(shape); !fault.empty()) file.refuse_line(fault);
     return shape;
@@ -164,11 +167,11 @@ Written shape_in(const Json& value) {
     if (name != "kind" && name != "size" && name != "points" && name != "radius" && name != "name")
       throw InputError(fmt::format("'{}' is unknown: give kind, size, points, radius, name", name));
   const bool has_kind = value.contains("kind") && value["kind"].is_string();
-  const bool is_sheet = has_kind && value["kind"].get<std::string>() == kSheet;
-  if (is_sheet &&
+  const bool has_name = has_kind && is_part(value["kind"].get<std::string>());
+  if (has_name &&
       (!value.contains("size") || !value.contains("name") || !value["name"].is_string()))
     throw InputError("give its size, and its name");
-  if (!is_sheet && (!has_kind || !value.contains("size") || !value.contains("points") ||
+  if (!has_name && (!has_kind || !value.contains("size") || !value.contains("points") ||
                     !value["points"].is_array()))
     throw InputError("give its kind, its size, and its points as a list");
   Written shape;
@@ -234,7 +237,7 @@ GivenSizes read_size_file(const std::filesystem::path& path) {
   const std::size_t first = start.find_first_not_of(" \t\r\n");
   const bool is_json = first != start.npos && start[first] == '{';
   GivenSizes all = is_json ? read_json(file) : read_text(file);
-  if (all.shapes.empty() && all.sheets.empty())
+  if (all.shapes.empty() && all.sheets.empty() && all.bodies.empty())
     file.refuse(
         "no shape in it: give one a line, such as 'ball 0.1 0 0 0 2' (size, center, radius)");
   return all;

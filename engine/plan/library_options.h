@@ -55,11 +55,10 @@ struct SizedShape {
   }
 };
 
-/// How large cells are on a sheet of the surface: the bound on circumradii is `size` there, and
-/// larger by Options::growth of the distance from it.
-struct SizedSheet {
-  std::string name = {};   ///< Of the sheet, or of the surface's group that it is of.
-  Size size = {};          ///< Of cells on it.
+/// How large cells are on a sheet of the surface, or in a body: see Options.
+struct SizedPart {
+  std::string name = {};   ///< Of the sheet, or of the surface's group that it is of; of the body.
+  Size size = {};          ///< Of cells on it, or in it.
   std::string place = {};  ///< What messages call it; empty: by its name.
 };
 
@@ -86,8 +85,14 @@ struct Options {
   Size max_size = {};  ///< What that bound does not grow beyond. Of value 0: none.
   /// With any, a growth of 0 stands for 0.2, with `size` as what the bound does not grow beyond.
   std::vector<SizedShape> shapes = {};
-  /// Likewise. A name that no sheet of the surface has is an error.
-  std::vector<SizedSheet> sheets = {};
+  /// Likewise: the bound is the size on the sheet, and larger by `growth` of the distance from it.
+  /// A name that no sheet of the surface has is an error.
+  std::vector<SizedPart> sheets = {};
+  /// Likewise: the size, below `size`, is the body's λ. The bound is the size where the body ends,
+  /// and larger outside by `growth` of the distance from it. Inside it is the size everywhere, or,
+  /// if `growth` is above 0 and `max_size` none or above `size`, grows inwards as elsewhere. A name
+  /// that no body has is an error.
+  std::vector<SizedPart> bodies = {};
   /// Likewise, a VTK image (.vti) of sizes. Empty: none.
   std::filesystem::path size_image = {};
   // Likewise with one of the next three, each 0 or of value 0 for none.

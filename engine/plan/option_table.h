@@ -109,9 +109,12 @@ inline constexpr std::tuple kOptions{
          .help = {"SIZE", "What cells do not grow beyond, as --size"},
          .noun = "largest size",
          .phrase = ", to {}"}},
-    // These three are one option, which the commands declare: files.
+    // These four are one option, which the commands declare: files.
     Option<&MeshOptions::shapes, &RunParameters::shapes>{{.name = {"--sizes", "num_shapes"}}},
-    Option<&MeshOptions::sheets, &RunParameters::sheet_sizes>{{.name = {"--sizes", "sheet_sizes"}}},
+    Option<&MeshOptions::sheets, &RunParameters::sheet_sizes>{
+        {.name = {"--sizes", "sheet_sizes"}, .noun = "sheet"}},
+    Option<&MeshOptions::bodies, &RunParameters::body_sizes>{
+        {.name = {"--sizes", "body_sizes"}, .noun = "body"}},
     Option<&MeshOptions::size_image, &RunParameters::size_image>{
         {.name = {"--sizes", "size_image"}, .noun = "image"}},
     Option<&MeshOptions::per_circle, &RunParameters::per_circle>{

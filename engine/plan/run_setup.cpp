@@ -73,13 +73,13 @@ void keep(const OptionText&, const std::vector<std::string>& given, const Box&,
           std::vector<std::string>& kept) {
   kept = given;
 }
-void keep(const OptionText&, const std::vector<SizedSheet>& given, const Box& surface,
-          std::vector<SheetSize>& kept) {
-  for (const SizedSheet& sheet : given) try {
-      kept.push_back({sheet.name, absolute_size(sheet.size, surface)});
+void keep(const OptionText& option, const std::vector<SizedPart>& given, const Box& surface,
+          std::vector<PartSize>& kept) {
+  for (const auto& [name, size, place] : given) try {
+      kept.push_back({name, absolute_size(size, surface)});
     } catch (const InputError& e) {
-      const std::string place = sheet.place.empty() ? "sheet " + sheet.name : sheet.place;
-      throw InputError(place + ": " + e.what());
+      throw InputError(fmt::format(
+          "{}: {}", place.empty() ? fmt::format("{} {}", option.noun, name) : place, e.what()));
     }
 }
 // See add_shapes() and FilesOfOptions.
@@ -191,6 +191,11 @@ void check_bodies(const RunRecord& run) {
     throw InputError("several files are a body each: leave --bodies out");
   if (!p.voids.empty() && !p.has_bodies && !has_files)
     throw InputError("--void names one of several bodies: give --bodies, or more files");
+  if (!p.body_sizes.empty() && !p.has_bodies && !has_files)
+    throw InputError(
+        fmt::format("a size is given for the body '{}', one of several: give --bodies, or more "
+                    "files; or give the size with --size",
+                    p.body_sizes.front().name));
   if ((p.has_bodies || has_files) && p.init == Initialization::kPaper)
     throw InputError("several bodies are meshed in cover mode only: give --init cover");
 }

@@ -36,14 +36,6 @@ std::string text_of(const std::vector<SizeShape>& shapes) {
                      hash);
 }
 
-std::string text_of(const std::vector<SheetSize>& sheets) {
-  if (sheets.empty()) return "for no sheet";
-  std::vector<std::string> all;
-  for (const auto& [name, size] : sheets)
-    all.push_back(fmt::format("{} at {}", decimal(size), name));
-  return fmt::format("{}", fmt::join(all, ", "));
-}
-
 std::string text_of(bool value) { return value ? "given" : "not given"; }
 std::string text_of(const std::vector<std::string>& names) {
   return names.empty() ? "for no body" : fmt::format("{}", fmt::join(names, ", "));
@@ -51,6 +43,13 @@ std::string text_of(const std::vector<std::string>& names) {
 template <class Value>
 std::string text_of(const OptionText&, const Value& value) {
   return text_of(value);
+}
+std::string text_of(const OptionText& option, const std::vector<PartSize>& parts) {
+  if (parts.empty()) return fmt::format("for no {}", option.noun);
+  std::vector<std::string> all;
+  for (const auto& [name, size] : parts)
+    all.push_back(fmt::format("{} at {}", decimal(size), name));
+  return fmt::format("{}", fmt::join(all, ", "));
 }
 std::string text_of(const OptionText& option, const std::string& digest) {
   return digest.empty() ? fmt::format("no {}", option.noun)

@@ -3,8 +3,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/plan/part_sizes.h"
 #include "engine/plan/phases.h"
-#include "engine/plan/sheet_sizes.h"
 #include "engine/run/leaf_distances.h"
 #include "engine/stages/split_leaves.h"
 #include "engine/stages/visiting_stage.h"

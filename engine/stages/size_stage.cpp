@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/plan/octree_plan.h"
+#include "engine/plan/part_sizes.h"
 #include "engine/plan/phases.h"
 #include "engine/run/leaf_distances.h"
 #include "engine/stages/split_leaves.h"
@@ -58,7 +59,9 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
  public:
   explicit SizeStage(const StageTools& tools)
       : VisitingStage(tools),
-        shapes_(state_.parameters().shapes, state_.parameters().growth, state_.frame()) {}
+        shapes_(state_.parameters().shapes, state_.parameters().growth, state_.frame()),
+        body_sizes_(
+            sizes_throughout_bodies(state_.parameters(), state_.store().snapshot().sheets())) {}
 
   std::vector<Step> steps_before() override {
     if (!state_.parameters().has_image()) return {};
@@ -150,7 +153,8 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
                       .leaf = leaf,
                       .domain = std::move(domain),
                       .shapes = {shapes.begin(), shapes.end()},
-                      .nodes = std::move(nodes)}};
+                      .nodes = std::move(nodes),
+                      .body_sizes = body_sizes_}};
   }
 
   std::vector<SizeCube> compute(SizeInput&& input) const override {
@@ -267,6 +271,7 @@ class SizeStage : public VisitingStage<SizeInput, std::vector<SizeCube>> {
   }
 
   ShapesOfNodes shapes_;
+  const std::vector<double> body_sizes_;
   std::optional<FarSurface> far_;
   std::vector<SizedNode> told_nodes_;  // by other ranks
 };

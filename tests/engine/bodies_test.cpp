@@ -25,6 +25,7 @@
 #include "engine/rank_engine.h"
 #include "engine/ranks/move_leaves.h"
 #include "engine/ranks/rank_store.h"
+#include "engine/shared/cell_quality.h"
 #include "engine/shared/input_error.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/store_contents.h"
@@ -212,6 +213,43 @@ class Bodies : public testing::Test {
         ++found[{facet.labels.behind, facet.labels.before}];
     EXPECT_EQ(found, expected);
     return found;
+  }
+
+  // Of each cell the body, the circumradius, and how far its centroid is from the plane x = 1.
+  struct SizedCell {
+    BodyId body = kNoBody;
+    double radius = 0, distance = 0;
+  };
+  std::vector<SizedCell> cells_of(const std::string& name) {
+    const Store store = Store::open(dir_ / name, {.read_only = true});
+    MeshSource source(store, dir_ / "mesh", 1);
+    std::vector<Point> points;
+    std::vector<std::pair<BodyId, MeshPiece::Cell>> cells;
+    source.for_each_piece(
+        {.has_points = true, .has_cells = true}, [](const MeshPiece& piece) { return piece; },
+        [&](const MeshPiece& piece) {
+          for (const auto& [x, y, z] : piece.points) points.push_back({x, y, z});
+          for (std::size_t i = 0; i < piece.cells.size(); ++i)
+            cells.emplace_back(piece.body_of(i), piece.cells[i]);
+        });
+    std::vector<SizedCell> sized;
+    for (const auto& [body, cell] : cells) {
+      std::array<Point, 4> corners;
+      Point sum;
+      for (std::size_t k = 0; k < 4; ++k) {
+        corners[k] = points.at(static_cast<std::size_t>(cell[k]));
+        sum = sum + corners[k];
+      }
+      sized.push_back({body, quality_of(corners).circumradius, std::abs(sum.x / 4 - 1)});
+    }
+    return sized;
+  }
+  static double largest(const std::vector<SizedCell>& cells, BodyId body, double from, double to) {
+    double most = 0;
+    for (const SizedCell& cell : cells)
+      if (cell.body == body && cell.distance >= from && cell.distance < to)
+        most = std::max(most, cell.radius);
+    return most;
   }
 
   std::string refusal_of(const MeshOptions& options) {
@@ -549,6 +587,67 @@ TEST_F(Bodies, ThatTouchGrowAwayFromWhatLiesBetweenThem) {
   const Contents contents = meshed(options, "run");
   EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
   EXPECT_TRUE(check("run", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+}
+
+// In the body with a size no cell is larger; in the other they grow from there, to λ.
+TEST_F(Bodies, HaveSizesOfTheirOwn) {
+  MeshOptions options = this->options(
+      {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.2);
+  options.bodies = {{"right", {0.06, false}, {}}};
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  EXPECT_EQ(contents.run.parameters.growth, kDefaultGrowth);
+  EXPECT_TRUE(check("run", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+  const std::vector<SizedCell> cells = cells_of("run");
+  EXPECT_LE(largest(cells, 2, 0, 2), 0.06 * (1 + 1e-9));
+  EXPECT_LT(largest(cells, 1, 0, 0.1), 0.06 + 0.2 * 0.2);
+  EXPECT_GT(largest(cells, 1, 0.7, 2), 0.15);
+  const Contents again = meshed(options, "threads", 2);
+  EXPECT_TRUE(are_equal(contents, again));
+}
+
+// With a growth that is asked for, cells grow away from the side between the two, in both.
+TEST_F(Bodies, WithSizesGrowOnBothSides) {
+  MeshOptions options = this->options(
+      {off("left", box({0, 0, 0}, {1, 1, 1})), off("right", box({1, 0, 0}, {2, 1, 1}))}, 0.2);
+  options.bodies = {{"right", {0.05, false}, {}}};
+  options.growth = 0.3;
+  meshed(options, "run");
+  check("run", {1, 1}, {kPlane, kPlane});
+  const std::vector<SizedCell> cells = cells_of("run");
+  for (const BodyId body : {1U, 2U}) {
+    EXPECT_LT(largest(cells, body, 0, 0.05), 0.05 + 0.3 * 0.15) << body;
+    EXPECT_GT(largest(cells, body, 0.4, 0.6), 0.11) << body;
+  }
+  EXPECT_LT(largest(cells, 2, 0, 2), 0.05 + 0.3 * 0.5 + 0.01);
+}
+
+TEST_F(Bodies, InOthersHaveSizesOfTheirOwn) {
+  const Shape outer = sphere(1, 20, 40), inner = sphere(0.5, 16, 32);
+  MeshOptions options = this->options({off("shell", outer), off("core", inner)}, 0.2);
+  options.bodies = {{"core", {0.07, false}, {}}};
+  const Contents expected = meshed(options, "run");
+  check("run", {volume_of(outer) - volume_of(inner), volume_of(inner)},
+        {rounding(1, 0.2), rounding(0.5, 0.07)});
+  const std::vector<SizedCell> cells = cells_of("run");
+  EXPECT_LE(largest(cells, 2, 0, 3), 0.07 * (1 + 1e-9));
+  EXPECT_GT(largest(cells, 1, 0, 3), 0.13);
+  EXPECT_TRUE(are_equal(expected, meshed_on_ranks(options)));
+}
+
+TEST_F(Bodies, SizesOfUnknownOnesAreRefused) {
+  const auto a = off("shell", sphere(1, 10, 20)), b = off("core", sphere(0.5, 10, 20));
+  MeshOptions options = this->options({a, b}, 0.3);
+  options.bodies = {{"coer", {0.1, false}, {}}};
+  EXPECT_EQ(refusal_of(options),
+            "a size is given for the body 'coer', and no body of the surface has that name: there "
+            "are shell, core; is 'core' meant?");
+  options.bodies = {{"core", {0, false}, {}}};
+  EXPECT_NE(refusal_of(options).find("body core: size 0"), std::string::npos);
+  options.bodies = {{"core", {1e-12, false}, {}}};
+  EXPECT_NE(refusal_of(options).find("choose a size of at least"), std::string::npos);
+  options.more_inputs.clear();
+  EXPECT_NE(refusal_of(options).find("give --bodies, or more files"), std::string::npos);
 }
 
 TEST_F(Bodies, ThatTouchAreThoseOfOneProcessOnSeveralRanks) {

@@ -30,6 +30,7 @@ inline RunRecord sample_run() {
   run.parameters.sharp_angle = 40;
   run.parameters.sharp_polylines = "0f0f", run.sharp_file = "given.polylines.txt";
   run.parameters.sheet_sizes = {{"inlet", 0.01}, {"Wand 2", 0.25}};
+  run.parameters.body_sizes = {{"Läufer", 0.02}};
   run.surface.file = "modèle.stl";
   run.surface.num_vertices = 10002;
   run.surface.num_triangles = 20000;

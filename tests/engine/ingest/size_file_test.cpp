@@ -51,6 +51,9 @@ void expect_all_kinds(const GivenSizes& sizes) {
   EXPECT_EQ(sizes.sheets[0].name, "inlet pipe 2");
   EXPECT_EQ(sizes.sheets[0].size.value, 0.5);
   EXPECT_TRUE(sizes.sheets[0].size.is_percent);
+  ASSERT_EQ(sizes.bodies.size(), 1U);
+  EXPECT_EQ(sizes.bodies[0].name, "rotor 1");
+  EXPECT_EQ(sizes.bodies[0].size.value, 2);
 }
 
 TEST_F(SizeFile, ReadsAllKindsAsText) {
@@ -61,7 +64,8 @@ TEST_F(SizeFile, ReadsAllKindsAsText) {
       "\n"
       "box 0.2  1 0 0  -1 2 3\n"
       "line 3e-1  0 0 0  1 0 0  1 1 0\n"
-      "sheet 0.5%  inlet pipe  2  # a name");
+      "sheet 0.5%  inlet pipe  2  # a name\n"
+      "body 2% rotor 1");
   expect_all_kinds(sizes);
   EXPECT_NE(sizes.shapes[2].place.find("line 5"), std::string::npos) << sizes.shapes[2].place;
   EXPECT_NE(sizes.sheets[0].place.find("line 7"), std::string::npos) << sizes.sheets[0].place;
@@ -73,7 +77,8 @@ TEST_F(SizeFile, ReadsAllKindsAsJson) {
       {"kind": "ball", "size": "2%", "points": [[0, 0, 0]], "radius": 4.5},
       {"kind": "box", "size": 0.2, "points": [[1, 0, 0], [-1, 2, 3]]},
       {"kind": "line", "size": 0.3, "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]},
-      {"kind": "sheet", "size": "0.5%", "name": "inlet pipe 2"}]})");
+      {"kind": "sheet", "size": "0.5%", "name": "inlet pipe 2"},
+      {"kind": "body", "size": "2%", "name": "rotor 1"}]})");
   expect_all_kinds(sizes);
   EXPECT_NE(sizes.shapes[2].place.find("shape 3"), std::string::npos) << sizes.shapes[2].place;
 }
@@ -95,6 +100,7 @@ TEST_F(SizeFile, NamesTheLineThatIsBad) {
                                     {"line 0.1 1 2 3", "a line of 1 points"},
                                     {"line 0.1 1 2 3 4 5", "the z is missing"},
                                     {"sheet 0.1", "without a name"},
+                                    {"body 0.1", "a body without a name"},
                                     {"sheet inlet 0.1", "inlet"},
                                     {"cone 0.1 1 2 3", "'cone' is no shape"}}) {
     const std::string refusal = refusal_of(good + line + "\n" + good);
@@ -120,6 +126,7 @@ TEST_F(SizeFile, NamesTheShapeThatIsBad) {
         {R"({"kind": "sheet", "size": 1})", "its name"},
         {R"({"kind": "sheet", "size": 1, "name": ""})", "without a name"},
         {R"({"kind": "sheet", "size": 1, "name": "a", "points": [[0, 0, 0]]})", "with points"},
+        {R"({"kind": "body", "size": 1, "name": "a", "radius": 1})", "a body with points or"},
         {R"({"kind": "point", "size": 1, "name": "a", "points": [[0, 0, 0]]})", "with a name"},
         {"7", "no object"}}) {
     const std::string refusal = refusal_of("{\"shapes\": [" + good + ", " + shape + "]}");

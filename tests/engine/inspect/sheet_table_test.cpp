@@ -199,7 +199,7 @@ TEST(SheetShape, WhatHasNoAreaHasNone) {
 class SheetTables : public testing::Test {
  protected:
   SheetTable table_of(const std::string& name, const std::string& surface, double size,
-                      const std::vector<SizedSheet>& sheets = {}) {
+                      const std::vector<SizedPart>& sheets = {}) {
     MeshOptions options;
     options.input = dir_ / name;
     std::ofstream(options.input) << surface;
@@ -297,7 +297,7 @@ TEST_F(SheetTables, SizesByNameAreThoseOnTheSheet) {
 TEST_F(SheetTables, ANameThatNoSheetHasIsRefusedWithThoseThereAre) {
   const std::vector<std::string> names = {"below", "above", "side", "side", "side", "side"};
   const std::string box = to_grouped_obj(box_of_quads({0, 0, 0}, {1, 1, 1}), names);
-  const auto refusal = [&](const std::string& surface, const SizedSheet& sheet) -> std::string {
+  const auto refusal = [&](const std::string& surface, const SizedPart& sheet) -> std::string {
     try {
       table_of("box.obj", surface, 0.3, {sheet});
     } catch (const InputError& e) {

@@ -23,7 +23,7 @@ inline void change(std::vector<SizeShape>& shapes) {
 
 inline void change(bool& value) { value = !value; }
 inline void change(std::vector<std::string>& names) { names.push_back("hole"); }
-inline void change(std::vector<SheetSize>& sheets) { sheets.push_back({"inlet", 0.01}); }
+inline void change(std::vector<PartSize>& sheets) { sheets.push_back({"inlet", 0.01}); }
 
 // Calls visit(option, changed) for each.
 template <class Visit>
