@@ -42,6 +42,9 @@ struct SurfaceAccess {
   static SurfaceSource source(const Surface& surface, const std::filesystem::path& directory,
                               Thrown& thrown);
   static const std::filesystem::path& file(const Surface& surface) { return surface.file_; }
+  static const std::vector<std::filesystem::path>& more_files(const Surface& surface) {
+    return surface.more_files_;
+  }
 };
 
 namespace {
@@ -161,7 +164,7 @@ RunControl run_control(const Control& control, Thrown& thrown) {
 
 MeshOptions mesh_options(const Surface& surface, const Options& options,
                          const std::filesystem::path& store) {
-  MeshOptions all{options, SurfaceAccess::file(surface)};
+  MeshOptions all{options, SurfaceAccess::file(surface), SurfaceAccess::more_files(surface)};
   all.store = store;
   for (std::size_t i = 0; i < all.shapes.size(); ++i)
     if (all.shapes[i].place.empty()) all.shapes[i].place = "shape " + std::to_string(i + 1);
@@ -240,7 +243,10 @@ Distribution by_octave(const std::map<int, std::uint64_t>& num_cells) {
 }
 
 Statistics statistics_of(const MeshStatistics& mesh, double size) {
-  return {.volume = mesh.volume,
+  std::vector<Statistics> bodies;
+  for (const MeshStatistics& body : mesh.bodies) bodies.push_back(statistics_of(body, size));
+  return {.num_cells = mesh.num_cells,
+          .volume = mesh.volume,
           .min_dihedral_degrees = mesh.min_dihedral_degrees,
           .max_dihedral_degrees = mesh.max_dihedral_degrees,
           .num_poor_cells = mesh.num_poor_cells,
@@ -253,7 +259,8 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
           .min_dihedral_angles = distribution(mesh.min_dihedral_angles),
           .radius_edge_ratios = distribution(mesh.radius_edge_ratios),
           .circumradii_over_size = distribution(mesh.radii_over_size),
-          .cells_by_size = by_octave(mesh.num_cells_by_octave)};
+          .cells_by_size = by_octave(mesh.num_cells_by_octave),
+          .bodies = std::move(bodies)};
 }
 
 Summary summary_of(const RunSummary& run) {
@@ -325,7 +332,19 @@ Sheet public_sheet(std::size_t place, const SheetFacts& surface) {
   sheet.centroid = coordinates(surface.centroid);
   sheet.box_min = coordinates(surface.box.min);
   sheet.box_max = coordinates(surface.box.max);
+  sheet.bodies = surface.bodies;
   return sheet;
+}
+
+std::vector<Body> public_bodies(const SurfaceSheets& of_surface) {
+  std::vector<Body> bodies;
+  for (const BodyFacts& facts : of_surface.bodies)
+    bodies.push_back({.id = static_cast<std::uint32_t>(bodies.size() + 1),
+                      .name = facts.name,
+                      .around = facts.around,
+                      .num_triangles = facts.num_triangles,
+                      .surface_volume = facts.volume});
+  return bodies;
 }
 
 std::vector<Sheet> public_sheets(const SurfaceSheets& of_surface) {
@@ -358,10 +377,12 @@ void pass_on(const BoundarySurface::Facets& some,
   std::vector<std::array<Coordinates, 3>> corners;
   std::vector<std::uint64_t> cells;
   std::vector<std::uint32_t> sheets;
+  std::vector<std::array<std::uint32_t, 2>> bodies;
   for (const BoundaryFacet& facet : some.facets) {
     facets.push_back(facet.vertices);
     cells.push_back(facet.cell);
     sheets.push_back(facet.labels.sheet);
+    bodies.push_back({facet.labels.behind, facet.labels.before});
   }
   for (const auto& [a, b, c] : some.corners)
     corners.push_back({coordinates(a), coordinates(b), coordinates(c)});
@@ -370,6 +391,7 @@ void pass_on(const BoundarySurface::Facets& some,
          .corners = corners,
          .cells = cells,
          .sheets = sheets,
+         .bodies = bodies,
          .nodes = some.nodes});
 }
 
@@ -384,6 +406,14 @@ bool is_second(int order) {
 Surface Surface::file(std::filesystem::path path) {
   Surface surface;
   surface.file_ = path == kFromStandardInput ? "." / path : std::move(path);
+  return surface;
+}
+
+Surface Surface::files(std::vector<std::filesystem::path> paths) {
+  if (paths.empty()) throw Error(ErrorCode::kInput, "a surface of no file: give one or more");
+  Surface surface = file(paths.front());
+  for (std::size_t i = 1; i < paths.size(); ++i)
+    surface.more_files_.push_back(file(std::move(paths[i])).file_);
   return surface;
 }
 
@@ -423,7 +453,7 @@ Surface Surface::arrays(std::span<const Coordinates> vertices,
 
 SurfaceSource SurfaceAccess::source(const Surface& surface, const std::filesystem::path& directory,
                                     Thrown& thrown) {
-  if (!surface.source_) return surface_in_file(surface.file_, directory);
+  if (!surface.source_) return surface_at(surface.file_, surface.more_files_, directory);
   return surface_in_memory(triangle_source(surface.source_, thrown));
 }
 
@@ -585,6 +615,10 @@ std::vector<Sheet> Mesh::sheets() const {
   });
 }
 
+std::vector<Body> Mesh::bodies() const {
+  return translated({}, [&] { return public_bodies(impl_->open().snapshot().sheets()); });
+}
+
 std::uint64_t Mesh::write(const std::filesystem::path& file, int order) const {
   return translated({}, [&] {
     impl_->require_complete();
@@ -622,7 +656,8 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
 
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
                          const std::filesystem::path& scratch, const std::optional<Size>& weld,
-                         double sharp_angle, const std::filesystem::path& sharp_polylines) {
+                         double sharp_angle, const std::filesystem::path& sharp_polylines,
+                         bool has_bodies, const std::vector<std::string>& voids) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -633,16 +668,18 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
     });
     Workers workers(num_streaming_threads(run.num_threads, memory_cap(run.memory_bytes)));
     const std::filesystem::path directory = scratch_directory(scratch);
-    const SurveyedSurface survey =
-        survey_surface(SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
-                       {.weld = weld,
-                        .sharp_angle = sharp_angle,
-                        .sharp_polylines = sharp_polylines,
-                        .has_sheets = true});
+    const SurveyedSurface survey = survey_surface(
+        SurfaceAccess::source(surface, directory, thrown), directory, watch, workers,
+        {.weld = weld,
+         .sharp_angle = sharp_angle,
+         .sharp_polylines = sharp_polylines,
+         .has_sheets = true,
+         .bodies = body_law(has_bodies, voids, SurfaceAccess::more_files(surface).size())});
     if (run.on_note)
       for (const std::string& note : survey.facts.notes) run.on_note(note);
     SurfaceInfo info = info_of(survey);
     info.sheets = public_sheets(survey.sheets);
+    info.bodies = public_bodies(survey.sheets);
     return info;
   });
 }

@@ -84,6 +84,10 @@ class Surface {
   /// STL, OBJ, OFF, PLY, VTK polydata, Gmsh, 3MF or glTF, also packed by gzip, or a pipe with a
   /// name. What the file holds decides, not what it is called.
   static Surface file(std::filesystem::path path);
+  /// Several files, each of which is a body, called as the file without its extension: a part of
+  /// the domain that is closed by itself, see Options::has_bodies. Files that are closed together
+  /// alone are one body. Throws Error (kInput) without any.
+  static Surface files(std::vector<std::filesystem::path> paths);
   /// Triangles in memory, which must stay where they are while they are meshed. Throws
   /// Error (kInput) for an index that is out of range.
   static Surface arrays(std::span<const Coordinates> vertices,
@@ -101,7 +105,8 @@ class Surface {
  private:
   friend struct SurfaceAccess;
   std::filesystem::path file_;
-  GroupedSource source_;  // empty: it is in the file
+  std::vector<std::filesystem::path> more_files_;
+  GroupedSource source_;  // empty: it is in the files
 };
 
 /// What a run is doing.
@@ -172,6 +177,17 @@ struct Sheet {
   double tube_radius = 0;           ///< Of a torus.
   double half_angle = 0;            ///< Of a cone, between axis and surface, in radians.
   bool is_hollow = false;           ///< Likewise: the surface faces the axis or the center.
+  /// The bodies on its sides, by Body::id, the larger one first; 0: the outside.
+  std::array<std::uint32_t, 2> bodies = {1, 0};
+};
+
+/// A part of the domain, of several: a material. Cells know theirs by Chunk::bodies.
+struct Body {
+  std::uint32_t id = 0;             ///< From 1 on: its place in Mesh::bodies(), plus one.
+  std::string name = {};            ///< Of its file or its group; else "body 2", by its number.
+  std::uint32_t around = 0;         ///< The body that it lies in; 0: none, or several.
+  std::uint64_t num_triangles = 0;  ///< Of the surface, all around it.
+  double surface_volume = 0;        ///< That they bound, without what lies in it.
 };
 
 /// What is known of a surface without a run.
@@ -204,6 +220,7 @@ struct SurfaceInfo {
   /// Those that a run with default_size would have, and with the angle that was given; none, if the
   /// surface is one without a name. Of facets nothing is known, and no form was looked for.
   std::vector<Sheet> sheets = {};
+  std::vector<Body> bodies = {};  ///< Empty: there is one.
 };
 
 /// What a run will take, told before it by laws that were fitted to runs of many models.
@@ -300,6 +317,7 @@ struct Distribution {
 /// What the cells of a mesh are like. Angles are in degrees. A cell has six dihedral angles; its
 /// radius-edge ratio is its circumradius over its shortest edge, 0.612 if it is regular.
 struct Statistics {
+  std::uint64_t num_cells = 0;       ///< Measured.
   double volume = 0;                 ///< Of all cells.
   double min_dihedral_degrees = 0;   ///< The smallest angle of all.
   double max_dihedral_degrees = 0;   ///< The largest angle of all.
@@ -322,17 +340,22 @@ struct Statistics {
   /// Of the size at their circumcenters, a length: edges are powers of two, from the least that
   /// there are cells of.
   Distribution cells_by_size = {};
+  std::vector<Statistics> bodies = {};  ///< Of each of several, by Body::id. Empty: there is one.
 };
 
-/// Some facets of the mesh's boundary, each of which is in one cell only. Spans are valid until the
-/// next chunk.
+/// Some facets of the mesh's boundary, and of what lies between two bodies: they are in one cell
+/// each, or in one cell of each body, and there once. Spans are valid until the next chunk.
 struct BoundaryChunk {
   std::uint64_t first_facet = 0;  ///< The number of facets[0] among all.
-  /// Three vertices each, by their numbers in the whole mesh, counterclockwise from outside.
+  /// Three vertices each, by their numbers in the whole mesh, counterclockwise from outside;
+  /// between bodies, from that with the smaller id.
   std::span<const std::array<std::uint64_t, 3>> facets = {};
   std::span<const std::array<Coordinates, 3>> corners = {};  ///< Where these vertices lie.
-  std::span<const std::uint64_t> cells = {};                 ///< The number of each facet's cell.
-  std::span<const std::uint32_t> sheets = {};                ///< Of which sheet each is: Sheet::id.
+  std::span<const std::uint64_t> cells = {};   ///< The number of each facet's cell; of two, that
+                                               ///< of the body with the larger id.
+  std::span<const std::uint32_t> sheets = {};  ///< Of which sheet each is: Sheet::id.
+  /// On the sides of each, by Body::id, the larger one first; 0: the outside.
+  std::span<const std::array<std::uint32_t, 2>> bodies = {};
   /// Of second order: the numbers of the nodes of each, of its edges 0 1, 1 2, 2 0.
   std::span<const std::array<std::uint64_t, 3>> nodes = {};
 };
@@ -367,15 +390,17 @@ class Mesh {
   /// a temporary file beside the store. `order`: 2 for cells with a node in the middle of each
   /// edge, which needs 60 MB more. REQUIRES: is_complete()
   void for_each_chunk(const std::function<void(const Chunk&)>& visit, int order = 1) const;
-  /// Hands out the boundary of the mesh, a closed surface with its vertices on the input's, in the
-  /// order of its cells. Needs 60 MB besides, and temporary files beside the store.
-  /// `order`: as of for_each_chunk(). REQUIRES: is_complete()
+  /// Hands out the boundary of the mesh, a closed surface with its vertices on the input's, and
+  /// what lies between bodies, in the order of its cells. Needs 60 MB besides, and temporary files
+  /// beside the store. `order`: as of for_each_chunk(). REQUIRES: is_complete()
   void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit,
                                int order = 1) const;
   /// The sheets of the surface, measured there and on the mesh's boundary. One that is called
   /// "boundary" if nothing parts it. Reads the surface twice; needs 30 MB besides, and a temporary
   /// file beside the store. REQUIRES: is_complete()
   std::vector<Sheet> sheets() const;
+  /// The bodies, of several; Statistics::bodies measures them. Empty: there is one.
+  std::vector<Body> bodies() const;
   /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
   /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
   /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws
@@ -400,12 +425,13 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control = {})
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`, `sharp_angle`, `sharp_polylines`: see Options. Throws Error.
+/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`: see Options. Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
                          const std::optional<Size>& weld = {},
                          double sharp_angle = Options().sharp_angle,
-                         const std::filesystem::path& sharp_polylines = {});
+                         const std::filesystem::path& sharp_polylines = {}, bool has_bodies = false,
+                         const std::vector<std::string>& voids = {});
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

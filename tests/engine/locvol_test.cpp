@@ -621,6 +621,97 @@ TEST(Library, PolylinesOfAFileAreSharp) {
 }
 
 // Groups of a surface in memory are sheets of the mesh, and what a store knows the surface by.
+// A cube in a cube: files, and groups of arrays, of which one has a size of its own.
+TEST(Library, SeveralBodiesShareTheirVertices) {
+  const TempDir dir;
+  const auto cube_of = [](double half) {
+    Shape shape;
+    for (int k = 0; k < 8; ++k)
+      shape.vertices.push_back({k & 1 ? half : -half, k & 2 ? half : -half, k & 4 ? half : -half});
+    shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                       {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+    return shape;
+  };
+  Shape both = cube_of(1);
+  std::vector<std::uint32_t> groups(12, 0);
+  testing_shapes::write_off(both, dir / "casing.off");
+  testing_shapes::write_off(cube_of(0.5), dir / "rotor.off");
+  for (const Point& p : cube_of(0.5).vertices) both.vertices.push_back(p);
+  for (const auto& [a, b, c] : cube_of(0.5).triangles) {
+    both.triangles.push_back({a + 8, b + 8, c + 8});
+    groups.push_back(1);
+  }
+  const Arrays arrays(both);
+  const std::vector<std::string> names = {"casing", "rotor"};
+  const Surface in_files = Surface::files({dir / "casing.off", dir / "rotor.off"}),
+                in_groups = Surface::arrays(arrays.vertices, arrays.triangles, groups, names);
+  const auto expect_bodies = [](const std::vector<Body>& bodies) {
+    ASSERT_EQ(bodies.size(), 2u);
+    EXPECT_EQ(bodies[0].name, "casing");
+    EXPECT_EQ(bodies[1].name, "rotor");
+    EXPECT_EQ(bodies[0].around, 0u);
+    EXPECT_EQ(bodies[1].around, 1u);
+    EXPECT_EQ(bodies[1].id, 2u);
+    EXPECT_EQ(bodies[1].num_triangles, 12u);
+    EXPECT_NEAR(bodies[0].surface_volume, 7, 1e-12);
+    EXPECT_NEAR(bodies[1].surface_volume, 1, 1e-12);
+  };
+  expect_bodies(surface_info(in_files).bodies);
+  EXPECT_TRUE(surface_info(in_groups).bodies.empty());
+  expect_bodies(
+      surface_info(in_groups, {}, {}, {}, Options().sharp_angle, {}, /*has_bodies=*/true).bodies);
+
+  Options options{.size = Size::length(0.4), .scratch = dir.path()};
+  options.bodies = {{"rotor", Size::length(0.15), {}}};
+  const Mesh mesh = mesh_surface(in_files, options);
+  expect_bodies(mesh.bodies());
+  for (const Sheet& sheet : mesh.sheets())
+    EXPECT_EQ(sheet.bodies, sheet.name.starts_with("rotor") ? (std::array<std::uint32_t, 2>{2, 1})
+                                                            : (std::array<std::uint32_t, 2>{1, 0}))
+        << sheet.name;
+  const Statistics all = mesh.statistics();
+  ASSERT_EQ(all.bodies.size(), 2u);
+  EXPECT_EQ(all.num_cells, mesh.summary().num_cells);
+  EXPECT_EQ(all.bodies[0].num_cells + all.bodies[1].num_cells, all.num_cells);
+  EXPECT_NEAR(all.bodies[0].volume, 7, 1e-5);
+  EXPECT_NEAR(all.bodies[1].volume, 1, 1e-5);
+  EXPECT_LE(all.bodies[1].max_circumradius, 0.15 * (1 + 1e-9));
+  EXPECT_GT(all.bodies[0].max_circumradius, 0.2);
+
+  std::array<std::uint64_t, 2> num_cells{}, num_facets{};
+  std::vector<std::uint32_t> body_of;
+  mesh.for_each_chunk([&](const Chunk& chunk) {
+    ASSERT_EQ(chunk.bodies.size(), chunk.cells.size());
+    for (const std::uint32_t body : chunk.bodies) ++num_cells.at(body - 1);
+    body_of.insert(body_of.end(), chunk.bodies.begin(), chunk.bodies.end());
+  });
+  EXPECT_EQ(num_cells[1], all.bodies[1].num_cells);
+  mesh.for_each_boundary_chunk([&](const BoundaryChunk& chunk) {
+    ASSERT_EQ(chunk.bodies.size(), chunk.facets.size());
+    for (std::size_t f = 0; f < chunk.facets.size(); ++f) {
+      const auto [behind, before] = chunk.bodies[f];
+      EXPECT_EQ(body_of.at(chunk.cells[f]), behind);
+      EXPECT_EQ(before, behind - 1);
+      ++num_facets.at(before);
+    }
+  });
+  EXPECT_GT(num_facets[0], 0u);
+  EXPECT_GT(num_facets[1], 0u);
+
+  options.has_bodies = true;
+  EXPECT_EQ(mesh_surface(in_groups, options).summary().num_cells, mesh.summary().num_cells);
+  options.bodies = {{"stator", Size::length(0.15), {}}};
+  EXPECT_EQ(code_of([&] { mesh_surface(in_groups, options); }, "there are casing, rotor"),
+            ErrorCode::kInput);
+  EXPECT_EQ(code_of([&] { Surface::files({}); }, "of no file"), ErrorCode::kInput);
+  EXPECT_EQ(code_of(
+                [&] {
+                  surface_info(Surface::files({dir / "rotor.off", dir / "rotor.off"}));
+                },
+                "given twice"),
+            ErrorCode::kInput);
+}
+
 TEST(Library, GroupsOfASurfaceAreSheetsOfTheMesh) {
   const TempDir dir;
   const std::vector<Coordinates> vertices = {{0, 0, 0}, {3, 0, 0}, {0, 2, 0}, {3, 2, 0},
