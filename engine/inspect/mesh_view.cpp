@@ -177,6 +177,7 @@ struct LeafMesh {
   std::vector<Point> positions;
   std::vector<bool> is_core;  // of each vertex
   std::vector<std::array<std::uint32_t, 4>> cells;
+  std::vector<BodyId> bodies;      // of each cell, if there are several
   std::vector<SheetFacet> facets;  // that the leaf lists, if they are asked for
 
   std::array<Point, 4> corners(std::size_t cell) const {
@@ -184,13 +185,14 @@ struct LeafMesh {
     return {positions[a], positions[b], positions[c], positions[d]};
   }
   std::size_t bytes() const {
-    return cells.size() * sizeof cells[0] + 40 * ids.size() + facets.size() * sizeof facets[0];
+    return cells.size() * sizeof cells[0] + bodies.size() * sizeof(BodyId) + 40 * ids.size() +
+           facets.size() * sizeof facets[0];
   }
 };
 auto fields(Maybe<LeafMesh> auto& mesh) {
-  auto& [ids, positions, is_core, cells, facets] = mesh;
+  auto& [ids, positions, is_core, cells, bodies, facets] = mesh;
   return std::tuple(Field("ids", ids), Field("positions", positions), Field("is_core", is_core),
-                    Field("cells", cells), Field("facets", facets));
+                    Field("cells", cells), Field("bodies", bodies), Field("facets", facets));
 }
 
 // For the first rank.
@@ -213,6 +215,7 @@ LeafMesh part_of(const LeafMesh& mesh, const IsShown& is_shown) {
   for (std::size_t cell = 0; cell < mesh.cells.size(); ++cell) {
     if (!is_shown(cell)) continue;
     part.cells.push_back(mesh.cells[cell]);
+    if (!mesh.bodies.empty()) part.bodies.push_back(mesh.bodies[cell]);
     for (std::uint32_t& vertex : part.cells.back()) {
       const std::uint32_t v = std::exchange(vertex, place[vertex]);
       if (vertex != kNew) continue;
@@ -227,11 +230,13 @@ LeafMesh part_of(const LeafMesh& mesh, const IsShown& is_shown) {
 
 class LeafMeshReader {
  public:
-  // `has_facets`: leaves come with the facets that they list.
+  // `has_facets`, `has_bodies`: leaves come with the facets that they list, and with the bodies of
+  // their cells.
   LeafMeshReader(const Reader& reader, const RunRecord& run, const LinearOctree& octree,
-                 bool has_facets)
+                 bool has_facets, bool has_bodies)
       : reader_(reader),
         has_facets_(has_facets),
+        has_bodies_(has_bodies),
         run_(run),
         octree_(octree),
         scale_(reader, run),
@@ -244,11 +249,11 @@ class LeafMeshReader {
         leaves_near(octree_, run_.frame, leaf, kCellReach * scale_.of(leaf));
     read_core(key, around);
     LeafCells cells = reader_.cells(key);
-    LeafMesh mesh{.ids = std::move(cells.vertices),
-                  .positions = {},
-                  .is_core = {},
-                  .cells = std::move(cells.cells),
-                  .facets = {}};
+    LeafMesh mesh;
+    if (has_bodies_)
+      for (std::size_t i = 0; i < cells.cells.size(); ++i) mesh.bodies.push_back(cells.body_of(i));
+    mesh.ids = std::move(cells.vertices);
+    mesh.cells = std::move(cells.cells);
     if (has_facets_) read_facets(key, mesh);
     find_positions(key, around, mesh);
     add_core_cells(key, mesh);
@@ -297,14 +302,17 @@ class LeafMeshReader {
       const auto table = tables_.get(other);
       if (table->core.is_empty()) continue;
       // Not made for leaves outside, which may be a thousand λ wide.
-      if (!has_core_) core_ = {sites(leaf).expanded(2), 0};
+      if (!has_core_) core_ = {sites(leaf).expanded(2), kNoBody};
       has_core_ = true;
-      for_each_core_site(table->core, sites(octree_.leaves()[other]), core_.box(),
-                         [&](const LatticeSite& site, std::uint64_t) { core_[site] = 1; });
+      for_each_core_row(table->core, sites(octree_.leaves()[other]), core_.box(),
+                        [&](const LatticeRow& row, std::uint64_t) {
+                          for (std::int32_t n = 0; n < static_cast<std::int32_t>(row.count); ++n)
+                            core_[row.first + LatticeSite{0, 0, 2 * n}] = row.body;
+                        });
     }
   }
   bool is_core(const LatticeSite& site) const {
-    return has_core_ && core_.box().contains(site) && core_[site] != 0;
+    return has_core_ && core_.box().contains(site) && core_[site] != kNoBody;
   }
 
   void find_positions(MortonKey leaf, std::span<const std::size_t> around, LeafMesh& mesh) {
@@ -346,17 +354,18 @@ class LeafMeshReader {
         [&](const LatticeSite& site, const LatticeCell& cell) {
           mesh.cells.push_back({vertex(site), vertex(site + cell[0]), vertex(site + cell[1]),
                                 vertex(site + cell[2])});
+          if (has_bodies_) mesh.bodies.push_back(core_[site]);
         });
   }
 
   const Reader& reader_;
-  bool has_facets_;
+  bool has_facets_, has_bodies_;
   const RunRecord& run_;
   const LinearOctree& octree_;
   LeafScale scale_;
   Lattice lattice_;
   LeafWindow<Table> tables_;
-  SiteBlock<std::uint8_t> core_;  // around the leaf in hand
+  SiteBlock<BodyId> core_;  // around the leaf in hand
   bool has_core_ = false;
 };
 
@@ -380,6 +389,8 @@ class CellGatherer {
     out_.boundary.assign(out_.cells.size(), 0);
     for (const auto& [facet, place] : open_)  // in any order: each sets a bit of its own
       out_.boundary[place >> 2] |= static_cast<std::uint8_t>(1U << (place & 3));
+    for (const auto& [facet, place] : between_)
+      out_.boundary[place >> 2] |= static_cast<std::uint8_t>(0x11U << (place & 3));
     if (!sheets_.empty()) find_sheets();
   }
 
@@ -388,13 +399,15 @@ class CellGatherer {
 
   void find_sheets() {
     std::vector<std::pair<std::uint32_t, SheetId>> by_place;
-    for (const auto& [facet, place] : open_) {
+    const auto find = [&](const Facet& facet, std::uint32_t place) {
       std::array<std::uint64_t, 3> ids{};
       std::ranges::transform(facet, ids.begin(), [&](std::uint32_t v) { return ids_[v]; });
       std::ranges::sort(ids);
       const auto listed = sheets_.find(ids);
       by_place.emplace_back(place, listed == sheets_.end() ? 0 : listed->second);
-    }
+    };
+    for (const auto& [facet, place] : open_) find(facet, place);
+    for (const auto& [facet, place] : between_) find(facet, place);
     std::ranges::sort(by_place);
     for (const auto& [place, sheet] : by_place) out_.sheets.push_back(sheet);
   }
@@ -413,6 +426,12 @@ class CellGatherer {
     }
     out_.cells.push_back(named);
     ++out_.leaves.back()[1];
+    if (!mesh.bodies.empty()) {
+      const BodyId body = mesh.bodies[cell];
+      if (out_.bodies.empty() || out_.bodies.back()[0] != body) out_.bodies.push_back({body, 0});
+      ++out_.bodies.back()[1];
+      body_of_.push_back(body);
+    }
     const CellQuality quality = quality_of(mesh.corners(cell));
     out_.min_dihedral_degrees.push_back(static_cast<float>(quality.min_dihedral_degrees));
     out_.radius_edge_ratios.push_back(static_cast<float>(quality.radius_edge_ratio));
@@ -420,7 +439,8 @@ class CellGatherer {
     if (finds_boundary_) toggle_facets(mesh, cell);
   }
 
-  // A facet that comes twice is inside. Those of core points alone always are.
+  // A facet that comes twice is inside, or between two bodies. Those of core points alone are
+  // always inside.
   void toggle_facets(const LeafMesh& mesh, std::size_t cell) {
     const auto place = static_cast<std::uint32_t>(out_.cells.size() - 1);
     const auto& named = out_.cells.back();
@@ -435,7 +455,12 @@ class CellGatherer {
       if (is_of_core) continue;
       std::ranges::sort(facet);
       const auto [held, is_new] = open_.try_emplace(facet, 4 * place + opposite);
-      if (!is_new) open_.erase(held);
+      if (is_new) continue;
+      const std::uint32_t other = held->second;
+      open_.erase(held);
+      if (mesh.bodies.empty() || body_of_[other >> 2] == body_of_[place]) continue;
+      between_.emplace_back(facet, other);
+      between_.emplace_back(facet, 4 * place + opposite);
     }
   }
 
@@ -443,6 +468,8 @@ class CellGatherer {
   bool finds_boundary_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;    // of vertices, by id; never listed
   std::unordered_map<Facet, std::uint32_t, TableHash> open_;  // 4 * cell + opposite vertex
+  std::vector<std::pair<Facet, std::uint32_t>> between_;      // likewise, twice each
+  std::vector<BodyId> body_of_;                               // of the cells, if there are several
   std::vector<std::uint64_t> ids_;                            // of the vertices
   std::unordered_map<std::array<std::uint64_t, 3>, SheetId, TableHash> sheets_;  // never listed
 };
@@ -625,7 +652,8 @@ class Viewer {
   // All cells, or those that meet one of the planes. False: these are too many.
   bool gather_cells(std::span<const ViewPlane> planes, bool has_all) {
     SetGatherer sets(view_.cells, has_all, exchange_);
-    LeafMeshReader meshes(reader_, run_, octree_, has_all && view_.sheets.sheets.size() > 1);
+    LeafMeshReader meshes(reader_, run_, octree_, has_all && view_.sheets.sheets.size() > 1,
+                          view_.sheets.bodies.size() > 1);
     std::uint64_t num_gathered = 0;
     for (std::size_t leaf = 0; leaf < octree_.size(); ++leaf) {
       if (num_cells_[leaf] == 0) continue;

@@ -55,8 +55,10 @@ struct ViewCells {
   // Whose the cells are: places in MeshView::leaves, and how many cells each has, in order.
   std::vector<std::array<std::uint32_t, 2>> leaves;
   std::vector<float> min_dihedral_degrees, radius_edge_ratios, circumradii;  // of each cell
-  // Bit i: the facet opposite vertex i is on the boundary of the mesh. Empty unless all cells are
-  // there.
+  // Where there are several: bodies, and how many cells each has, in order.
+  std::vector<std::array<std::uint32_t, 2>> bodies;
+  // Bit i: the facet opposite vertex i is on the boundary of the mesh, or, with bit i + 4, between
+  // two bodies. Empty unless all cells are there.
   std::vector<std::uint8_t> boundary;
   // Of these facets, in the order of their bits: the sheet of each, where there are several; 0:
   // that is not known.

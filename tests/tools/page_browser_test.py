@@ -19,6 +19,13 @@ g below\nf 1 3 4 2\ng above <b>\nf 5 6 8 7\ng front\nf 1 2 6 5\ng back\nf 3 7 8 
 g inlet\nf 1 5 7 3\ng outlet\nf 2 4 8 6
 """
 
+# Two boxes that touch in a face.
+PAIR = """v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1
+v 3 0 0\nv 3 1 0\nv 3 0 1\nv 3 1 1
+g rotor\nf 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8\nf 2 8 6
+g <stator>\nf 2 4 10 9\nf 6 11 12 8\nf 2 9 11 6\nf 4 8 12 10\nf 9 10 12 11\nf 2 8 4\nf 2 6 8
+"""
+
 
 def locvol(*arguments):
     subprocess.run([LOCVOL, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
@@ -41,6 +48,12 @@ class PageTest(unittest.TestCase):
                "--store", cls.dir / "box", "--quiet")
         locvol("report", cls.dir / "box", "-o", cls.dir / "sheets.html")
         locvol("report", cls.dir / "box", "-o", cls.dir / "sheets-of-planes.html", "--cells", "1500")
+        (cls.dir / "pair.obj").write_text(PAIR, encoding="utf-8")
+        locvol("mesh", cls.dir / "pair.obj", "-o", cls.dir / "pair.vtu", "--size", "20%",
+               "--bodies", "--store", cls.dir / "pair", "--quiet")
+        locvol("report", cls.dir / "pair", "-o", cls.dir / "bodies.html")
+        locvol("report", cls.dir / "pair", "-o", cls.dir / "bodies-of-planes.html", "--cells",
+               "600")
         locvol("report", store, "-o", cls.dir / "whole.html")
         locvol("report", store, "-o", cls.dir / "planes.html", "--cells", "15000")
         cls.browser = browser.Browser(1200, 800).__enter__()
@@ -138,6 +151,35 @@ class PageTest(unittest.TestCase):
                 self.assertRegex(self.browser.run("return document.body.innerText"),
                                  r"5 inlet\s+\d+ facets, area .*plane")
                 self.check_quiet()
+
+    def test_hides_bodies(self):
+        for page in "bodies.html", "bodies-of-planes.html":
+            with self.subTest(page):
+                self.open(page)
+                shown = self.browser.run("return document.getElementById('bodies').innerText")
+                self.assertEqual(shown.split(), ["rotor", "<stator>"])
+                run = self.browser.run
+                count = "return locvolReport.triangles()"
+                whole, picture = run(count), self.picture()
+                box = "document.querySelectorAll('#bodies input')[{}].click()"
+                run(box.format(1))
+                self.assertNotEqual(self.picture(), picture)
+                rotor = run(count)
+                run(box.format(0) + ";" + box.format(1))
+                stator = run(count)
+                # What lies between the two is of each alone, and not seen of both.
+                self.assertGreater(rotor["shell"] + stator["shell"], whole["shell"])
+                self.assertEqual((rotor["shell"] + stator["shell"] - whole["shell"]) % 2, 0)
+                self.assertGreater(stator["shell"], rotor["shell"] if page == "bodies.html" else 0)
+                self.assertLessEqual(rotor["cut"] + stator["cut"], 2 * whole["cut"])
+                run("document.getElementById('noBodies').click()")
+                self.assertEqual(run(count)["shell"], 0)
+                run("document.getElementById('allBodies').click()")
+                self.assertEqual(run(count), whole)
+                self.check_quiet()
+        self.open("bodies.html")
+        self.picture("locvolReport.set({color: 'body'})")
+        self.assertIn("by body", self.browser.run("return document.body.innerText"))
 
     def texts_along(self, fraction):
         """What the pointer is told on its way across the view, at this part of its height."""

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <numeric>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -284,15 +286,44 @@ class Page {
                             "angles of 60° and 90°, ratio 0.645.",
                             100 * share);
     return fmt::format(
-        "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic "
-        "scale.{}</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to "
-        "{:.2f}°</h3>{}"
-        "</figure>\n<figure><h3>Smallest dihedral angle of each cell{}</h3>{}</figure>\n"
-        "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure>{}</div></section>\n",
-        core, statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
-        histogram_svg(statistics_->dihedral_angles, "°"), below_bound(),
-        histogram_svg(statistics_->min_dihedral_angles, "°"), statistics_->max_radius_edge_ratio,
-        histogram_svg(statistics_->radius_edge_ratios, ""), sizes());
+               "<section><h2>Quality of the cells</h2><p>Shares of all cells, on a logarithmic "
+               "scale.{}</p>\n<div class=\"figures\"><figure><h3>Dihedral angles, {:.2f}° to "
+               "{:.2f}°</h3>{}"
+               "</figure>\n<figure><h3>Smallest dihedral angle of each cell{}</h3>{}</figure>\n"
+               "<figure><h3>Radius-edge ratios, at most {:.4g}</h3>{}</figure>{}</div></section>\n",
+               core, statistics_->min_dihedral_degrees, statistics_->max_dihedral_degrees,
+               histogram_svg(statistics_->dihedral_angles, "°"), below_bound(),
+               histogram_svg(statistics_->min_dihedral_angles, "°"),
+               statistics_->max_radius_edge_ratio,
+               histogram_svg(statistics_->radius_edge_ratios, ""), sizes()) +
+           bodies_by_angle();
+  }
+
+  // Of several bodies, those with the smallest angles first.
+  std::string bodies_by_angle() const {
+    constexpr std::size_t kMostDrawn = 12;
+    const std::vector<MeshStatistics>& bodies = statistics_->bodies;
+    if (bodies.size() < 2) return "";
+    std::vector<std::size_t> order(bodies.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, {}, [&](std::size_t b) {
+      return bodies[b].num_cells > 0 ? bodies[b].min_dihedral_degrees : 180;
+    });
+    const std::size_t num = std::min(bodies.size(), kMostDrawn);
+    std::string text = fmt::format(
+        "<section><h2>Quality by body</h2><p>Smallest dihedral angle of each cell: {}.</p>\n"
+        "<div class=\"figures\">",
+        num < bodies.size() ? fmt::format("the {} bodies with the smallest angles, of {}", num,
+                                          grouped(bodies.size()))
+                            : "bodies with the smallest angles first");
+    for (const std::size_t b : std::span(order).first(num)) {
+      if (bodies[b].num_cells == 0) continue;
+      text += fmt::format("<figure><h3>{}: {} cells, {:.2f}° to {:.2f}°</h3>{}</figure>\n",
+                          html_text(view_.sheets.bodies[b].name), grouped(bodies[b].num_cells),
+                          bodies[b].min_dihedral_degrees, bodies[b].max_dihedral_degrees,
+                          histogram_svg(bodies[b].min_dihedral_angles, "°"));
+    }
+    return text + "</div></section>\n";
   }
 
   bool has_sizes() const { return !run_.parameters.sizes().is_uniform(); }
@@ -398,8 +429,8 @@ class Page {
       mesh.emplace_back("circumradius", fmt::format("at most {:.4f} λ", m.max_circumradius));
       if (has_sizes()) add_sizes(mesh);
     }
-    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + sheets() +
-           sites() + poor_cells();
+    return table("Surface", surface) + table("Mesh", mesh) + table("Run", run) + bodies() +
+           sheets() + sites() + poor_cells();
   }
 
   void add_sizes(Rows& mesh) const {
@@ -425,6 +456,21 @@ class Page {
   }
   static std::string mebibytes(std::uint64_t bytes) {
     return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / (1 << 20));
+  }
+
+  std::string bodies() const {
+    constexpr std::size_t kMaxListed = 50;
+    const std::vector<BodyFacts>& all = view_.sheets.bodies;
+    if (all.size() < 2) return "";
+    Rows rows;
+    for (std::size_t b = 0; b < std::min(all.size(), kMaxListed); ++b)
+      rows.emplace_back(fmt::format("{} {}", b + 1, all[b].name),
+                        statistics_ ? body_text(all[b], statistics_->bodies.at(b))
+                                    : fmt::format("volume {:.6g} of the input", all[b].volume));
+    if (all.size() > kMaxListed)
+      rows.emplace_back("", fmt::format("and {} more: locvol inspect DIR --json",
+                                        grouped(all.size() - kMaxListed)));
+    return table("Bodies", rows);
   }
 
   std::string sheets() const {

@@ -75,6 +75,10 @@ class ViewWriter {
     json["sites"] = sites(view.sites);
     has_sheets_ = view.sheets.sheets.size() > 1;
     if (has_sheets_) json["sheets"] = sheets(view.sheets);
+    if (view.sheets.bodies.size() > 1) {
+      json["bodies"] = Json::array();
+      for (const BodyFacts& body : view.sheets.bodies) json["bodies"].push_back(body.name);
+    }
     if (!view.creases.empty() || !view.corners.empty()) json["creases"] = creases(view);
     json["cells"] = Json::array();
     const bool has_all = view.has_all_cells();
@@ -111,10 +115,11 @@ class ViewWriter {
   }
 
   static Json sheets(const SurfaceSheets& sheets) {
-    Json json = {{"name", Json::array()}, {"area", Json::array()}};
+    Json json = {{"name", Json::array()}, {"area", Json::array()}, {"bodies", Json::array()}};
     for (const SheetFacts& sheet : sheets.sheets) {
       json["name"].push_back(sheet.name);
       json["area"].push_back(sheet.area);
+      json["bodies"].push_back(sheet.bodies);
     }
     return json;
   }
@@ -159,6 +164,7 @@ class ViewWriter {
     json["vertices"] = array(packed_positions(set.vertices, grid_));
     json["cells"] = array(packed_references(std::span(set.cells)));
     json["leaves"] = array(bytes_of(set.leaves));
+    if (!set.bodies.empty()) json["bodies"] = array(bytes_of(set.bodies));
     json["min_dihedral_degrees"] =
         array(packed_levels(set.min_dihedral_degrees, kAngleBounds[0], kAngleBounds[1]));
     json["radius_edge_ratios"] =

@@ -67,14 +67,20 @@
     cells.angle = await inflate(set.min_dihedral_degrees);
     cells.ratio = await inflate(set.radius_edge_ratios);
     if (set.circumradii) cells.radius = await inflate(set.circumradii);
-    cells.leaf = new Uint32Array(set.num_cells);
-    const runs = new Uint32Array((await inflate(set.leaves)).buffer);
-    for (let i = 0, cell = 0; i < runs.length; i += 2)
-      for (let n = 0; n < runs[i + 1]; ++n) cells.leaf[cell++] = runs[i];
+    cells.leaf = await runsOf(set.leaves, set.num_cells);
+    cells.body = set.bodies ? await runsOf(set.bodies, set.num_cells) : null;
     if (set.boundary) cells.boundary = await inflate(set.boundary);
     if (set.sheets) cells.sheets = await sheetsOf(set.sheets);
     cells.blocks = blocksOf(cells);
     return cells;
+  }
+
+  // A value of each cell, from pairs of a value and how many cells have it.
+  async function runsOf(id, count) {
+    const runs = new Uint32Array((await inflate(id)).buffer), values = new Uint32Array(count);
+    for (let i = 0, cell = 0; i < runs.length; i += 2)
+      for (let n = 0; n < runs[i + 1]; ++n) values[cell++] = runs[i];
+    return values;
   }
 
   async function sheetsOf(id) { return new Uint32Array((await inflate(id)).buffer); }
@@ -177,6 +183,9 @@
             ...measured('ratio', 2, 0.612, '', 'radius-edge ratio of the cell')},
     ...(view.radius_octaves ? {radius: {title: 'size', ...sized(view.radius_octaves)}} : {}),
     ...(view.sheets ? {sheet: {title: 'sheet', sheet: sheetColor, legend: sheetLegend}} : {}),
+    ...(view.bodies && view.cells.length > 0 ? {body: {title: 'body',
+      cell: (cells, i) => sheetColor(cells.body[i]),
+      legend: () => note('Their names are below, where they can be hidden')}} : {}),
     plain: {title: 'none', legend: () => ''},
   };
 
@@ -260,6 +269,7 @@
     azimuth: 30, elevation: 20, color: view.default_color, edges: true, boxes: false,
     sites: true, creases: true,
     up: 'z',
+    hidden: [],  // bodies, by id
   };
   const initial = {...state};
   let renderer, scene, camera, controls, uniforms, shell, cut, cap, boxes, sites, creases, lookup;
@@ -269,6 +279,11 @@
   const diagonal = Math.hypot(...extent);
 
   const isCapped = () => !whole;
+
+  // Outside, body 0, nothing is.
+  const isShown = body => body > 0 && !state.hidden.includes(body);
+  // For many: by id.
+  const shownBodies = () => [0, ...(view.bodies || [''])].map((_, id) => isShown(id));
 
   function normal() {
     if (state.axis < 3) return [0, 1, 2].map(i => +(i === state.axis));
@@ -328,15 +343,23 @@
 
   const OPPOSITE = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
 
+  // What lies between two bodies is there once some are hidden.
   function shellOfCells(cells) {
+    const shown = shownBodies(), isAll = state.hidden.length === 0;
+    const isDrawn = (i, f) => (cells.boundary[i] >> f & 1) &&
+      (isAll ? !(cells.boundary[i] >> f & 16) : shown[cells.body[i]]);
     let count = 0;
     for (let i = 0; i < cells.count; ++i)
-      for (let f = 0; f < 4; ++f) count += cells.boundary[i] >> f & 1;
+      for (let f = 0; f < 4; ++f) if (isDrawn(i, f)) ++count;
     const places = new Uint16Array(12 * count), owner = new Uint32Array(count);
-    let at = 0;
+    const sheets = cells.sheets && new Uint32Array(count);
+    let at = 0, facet = 0;
     for (let i = 0; i < cells.count; ++i)
       for (let f = 0; f < 4; ++f) {
         if (!(cells.boundary[i] >> f & 1)) continue;
+        const sheet = cells.sheets ? cells.sheets[facet++] : 0;
+        if (!isDrawn(i, f)) continue;
+        if (sheets) sheets[at] = sheet;
         OPPOSITE[f].forEach((corner, k) => {
           const v = 3 * cells.corners[4 * i + corner], p = 12 * at + 4 * k;
           for (let axis = 0; axis < 3; ++axis) places[p + axis] = cells.positions[v + axis];
@@ -345,8 +368,20 @@
         owner[at++] = i;
       }
     const mesh = triangles(places, new Uint8Array(12 * count), material({}, {isCut: uniforms.isCut}));
-    mesh.userData = {owner, cells, sheet: cells.sheets};
+    mesh.userData = {owner, cells, sheet: sheets};
     return mesh;
+  }
+
+  // What bounds the bodies that are shown, together.
+  function partOfSurface({positions, corners, sheets}) {
+    if (!view.bodies || !sheets) return {positions, corners, sheets};
+    const shown = shownBodies();
+    const isBorder = sheets.map(sheet => {
+      const [behind, before] = sheet > 0 ? view.sheets.bodies[sheet - 1] : [0, 0];
+      return shown[behind] !== shown[before];
+    });
+    return {positions, corners: corners.filter((_, i) => isBorder[Math.floor(i / 3)]),
+            sheets: sheets.filter((_, i) => isBorder[i])};
   }
 
   function shellOfSurface({positions, corners, sheets}) {
@@ -384,6 +419,7 @@
   // Cells with corners on both sides, each with the heights of its corners over the plane.
   function forEachMet(cells, {n, d}, visit) {
     const h = [0, 0, 0, 0], {blocks, corners, positions} = cells;
+    const shown = cells.body && state.hidden.length > 0 ? shownBodies() : null;
     for (let block = 0; 6 * block < blocks.length; ++block) {
       let low = -d, high = -d;
       for (let i = 0; i < 3; ++i) {
@@ -394,6 +430,7 @@
       if (low > 0 || high < 0) continue;
       const end = Math.min(cells.count, (block + 1) * BLOCK);
       for (let i = block * BLOCK; i < end; ++i) {
+        if (shown && !shown[cells.body[i]]) continue;
         let below = false, above = false;
         for (let k = 0; k < 4; ++k) {
           const v = 3 * corners[4 * i + k];
@@ -487,7 +524,8 @@
   }
 
   // Where the winding number of the kept part of the surface is not zero, seen along each ray: the
-  // plane's points inside. Drawn only where no stored cells are.
+  // plane's points inside. Of several bodies, of which a side may be turned either way, where it is
+  // odd. Drawn only where no stored cells are.
   function buildCap() {
     const count = (side, operation) => {
       const m = material({side, depthWrite: false, depthTest: false, colorWrite: false,
@@ -499,8 +537,9 @@
       place(mesh);
       return mesh;
     };
-    const back = count(THREE.BackSide, THREE.IncrementWrapStencilOp);
-    const front = count(THREE.FrontSide, THREE.DecrementWrapStencilOp);
+    const [more, less] = view.bodies ? [THREE.InvertStencilOp, THREE.InvertStencilOp] :
+      [THREE.IncrementWrapStencilOp, THREE.DecrementWrapStencilOp];
+    const back = count(THREE.BackSide, more), front = count(THREE.FrontSide, less);
     const face = material({stencilWrite: true, stencilFunc: THREE.NotEqualStencilFunc,
                            stencilRef: 0},
                           {isLookedUp: {value: true}, isLit: {value: false},
@@ -876,7 +915,9 @@
       view.quality[name][0]) + view.quality[name][0]);
     const named = sheet ? `sheet ${sheet}, ${view.sheets.name[sheet - 1]}: area ` +
       `${view.sheets.area[sheet - 1].toPrecision(6)}\n` : '';
-    box.textContent = `${named}leaf ${leaves.key[leaf]}, level ${leaves.level[leaf]}: ` +
+    const body = cells && cells.body ? `body ${cells.body[cell]}, ` +
+      `${view.bodies[cells.body[cell] - 1]}\n` : '';
+    box.textContent = `${body}${named}leaf ${leaves.key[leaf]}, level ${leaves.level[leaf]}: ` +
       `${number(leaves.cells[leaf])} cells, ${leaves.visits[leaf]} visits` +
       (cells ? `\ncell: smallest angle ${quality('angle').toFixed(1)}°, ` +
         `radius-edge ratio ${quality('ratio').toFixed(2)}` : '');
@@ -944,6 +985,9 @@
     for (const id of ['offset', 'azimuth', 'elevation', 'color', 'up']) $(id).value = state[id];
     for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites', 'creases'])
       $(id).checked = state[id];
+    document.querySelectorAll('#bodies input').forEach(input => {
+      input.checked = isShown(+input.value);
+    });
     showStations();
   }
 
@@ -963,8 +1007,23 @@
       standUp();
       resetCamera();
     }
-    if (state.color !== before.color) recolor();
+    if (String(state.hidden) !== String(before.hidden)) rebuildShell();
+    else if (state.color !== before.color) recolor();
     else update();
+  }
+
+  // Other bodies are shown.
+  function rebuildShell() {
+    scene.remove(shell);
+    shell.geometry.dispose();
+    shell = whole ? shellOfCells(whole) : shellOfSurface(partOfSurface(surface));
+    place(shell);
+    scene.add(shell);
+    if (cap) {
+      scene.remove(...cap.parts);
+      buildCap();
+    }
+    recolor();
   }
 
   function jump(step) {
@@ -976,7 +1035,9 @@
   }
 
   function reset() {
+    const isAll = state.hidden.length === 0;
     Object.assign(state, initial);
+    if (!isAll) rebuildShell();
     standUp();
     resetCamera();
     showState();
@@ -1024,6 +1085,12 @@
     for (const id of ['color', 'up']) $(id).addEventListener('change', () => set({[id]: $(id).value}));
     for (const id of ['isCut', 'isFlipped', 'isFlat', 'edges', 'boxes', 'sites', 'creases'])
       $(id).addEventListener('change', () => set({[id]: $(id).checked}));
+    $('bodies').addEventListener('change', event => {
+      const body = +event.target.value, others = state.hidden.filter(id => id !== body);
+      set({hidden: event.target.checked ? others : [...others, body].sort((a, b) => a - b)});
+    });
+    $('allBodies').addEventListener('click', () => set({hidden: []}));
+    $('noBodies').addEventListener('click', () => set({hidden: view.bodies.map((_, i) => i + 1)}));
     $('reset').addEventListener('click', reset);
     $('fromView').addEventListener('click', cutFromView);
     $('before').addEventListener('click', () => jump(-1));
@@ -1057,6 +1124,14 @@
       name => `<option value="${name}">${COLORS[name].title}</option>`).join('');
   }
 
+  function offerBodies() {
+    $('ofBodies').hidden = !view.bodies;
+    if (!view.bodies) return;
+    $('bodies').innerHTML = view.bodies.map((name, i) =>
+      `<label class="check"><input type="checkbox" value="${i + 1}"> <i style="background:` +
+      `${css(sheetColor(i + 1))}"></i>${escaped(name)}</label>`).join('');
+  }
+
   async function start() {
     const canvas = $('canvas');
     const context = canvas.getContext('webgl2', {antialias: true, stencil: true});
@@ -1079,7 +1154,7 @@
       surface = {positions: await positionsOf(view.surface),
                  corners: await indicesOf(view.surface.triangles, view.surface.num_triangles, 3),
                  sheets: view.surface.sheets && await sheetsOf(view.surface.sheets)};
-      shell = shellOfSurface(surface);
+      shell = shellOfSurface(partOfSurface(surface));
     }
     place(shell);
     scene.add(shell);
@@ -1089,6 +1164,7 @@
     await buildCreases();
     if (!creases) $('creases').parentElement.style.display = 'none';
     offerColors();
+    offerBodies();
     standUp();
     resize();
     resetCamera();

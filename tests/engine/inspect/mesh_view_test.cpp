@@ -8,6 +8,7 @@
 
 #include "engine/engine.h"
 #include "engine/inspect/leaf_report.h"
+#include "engine/inspect/mesh_statistics.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/temp_dir.h"
 
@@ -90,6 +91,43 @@ class MeshViewTest : public testing::Test {
   TempDir scratch_;
   std::filesystem::path input_ = scratch_ / "input.off";
 };
+
+// With parts of the lattice core in both, and what lies between them on the boundary of each.
+TEST_F(MeshViewTest, KnowsTheBodyOfEachCell) {
+  const Shape inner = sphere(0.5, 16, 32);
+  write_off(inner, scratch_ / "core.off");
+  write_off(sphere(1, 31, 64), input_);
+  MeshOptions options;
+  options.input = input_;
+  options.more_inputs = {scratch_ / "core.off"};
+  options.store = scratch_ / "store";
+  options.size = {0.06, false};
+  options.leaf_capacity = 2000;
+  mesh(options, {});
+  const Store store = Store::open(options.store, {.read_only = true});
+  const MeshView view = mesh_view(store);
+  ASSERT_TRUE(view.has_all_cells());
+  const ViewCells& set = view.cells[0];
+  std::vector<BodyId> body_of;
+  for (const auto& [body, num] : set.bodies) body_of.insert(body_of.end(), num, body);
+  ASSERT_EQ(body_of.size(), set.cells.size());
+  std::array<std::uint64_t, 2> num_cells{}, num_between{}, num_outside{};
+  for (std::size_t i = 0; i < set.cells.size(); ++i) {
+    ++num_cells.at(body_of[i] - 1);
+    for (int f = 0; f < 4; ++f) {
+      if ((set.boundary[i] >> f & 1) == 0) continue;
+      ++(set.boundary[i] >> f & 16 ? num_between : num_outside).at(body_of[i] - 1);
+    }
+  }
+  const MeshStatistics statistics = mesh_statistics(store);
+  EXPECT_GT(statistics.num_core_cells, 0U);
+  for (std::size_t b = 0; b < 2; ++b) EXPECT_EQ(num_cells[b], statistics.bodies.at(b).num_cells);
+  EXPECT_GT(num_between[0], 100U);
+  EXPECT_EQ(num_between[0], num_between[1]);
+  EXPECT_GT(num_outside[0], 100U);
+  EXPECT_EQ(num_outside[1], 0U);
+  EXPECT_EQ(set.sheets.size(), num_between[0] + num_between[1] + num_outside[0]);
+}
 
 // κ such that several leaves have part of the lattice core.
 class MeshViewOf : public MeshViewTest, public testing::WithParamInterface<std::uint64_t> {};
