@@ -60,7 +60,9 @@ std::string ShapeReport::table() const {
   text +=
       fmt::format("{:>9}{:>9}{:>8}{:>10}{:>8}\n", "median s", "max s", "shift", "creases", "lost");
   std::vector<const Run*> all;
-  for (const Family& family : families()) {
+  std::vector<Family> every(families().begin(), families().end());
+  every.insert(every.end(), families_of_bodies().begin(), families_of_bodies().end());
+  for (const Family& family : every) {
     std::vector<const Run*> of_family;
     for (const Run& run : runs_)
       if (run.family == family.name) of_family.push_back(&run);

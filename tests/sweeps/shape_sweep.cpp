@@ -31,6 +31,7 @@ struct CaseName {
   std::uint64_t seed = 0, number = 0;
   bool has_sizes = false;
   double share = 1;
+  bool has_bodies = false;
 };
 
 // On which the command failed once, beside those of seed 1: two had no end in sight, then rounding
@@ -49,7 +50,7 @@ struct Options {
   std::uint64_t seed = 0;
   std::uint64_t num_cases = ~std::uint64_t{0};
   std::optional<std::uint64_t> only_case;
-  bool has_sizes = false;
+  bool has_sizes = false, has_bodies = false;
   double share = 1;
   std::vector<CaseName> others;  // to be meshed first
   double minutes = 0;            // 0: no end but that of the cases
@@ -80,7 +81,8 @@ class ShapeSweep {
 
   // One case, with all there is to say about it.
   bool run_only(std::uint64_t number) {
-    const ShapeCase made = make_case(options_.seed, number, options_.has_sizes, options_.share);
+    const ShapeCase made =
+        make_case(options_.seed, number, options_.has_sizes, options_.share, options_.has_bodies);
     const Shape& shape = made.solid.shape;
     Dice dice(0);
     fmt::print("{}: {} triangles, area {:.6g}, volume {:.6g}, thickness {:.3g} λ; {}\n",
@@ -101,7 +103,8 @@ class ShapeSweep {
   void work() try {
     const TempDir directory;
     while (const auto next = next_case()) {
-      const ShapeCase made = make_case(next->seed, next->number, next->has_sizes, next->share);
+      const ShapeCase made =
+          make_case(next->seed, next->number, next->has_sizes, next->share, next->has_bodies);
       add(made, try_case(made, directory.path(), options_.limit));
     }
   } catch (...) {
@@ -112,15 +115,16 @@ class ShapeSweep {
   std::optional<CaseName> next_case() {
     const std::lock_guard lock(mutex_);
     if (num_others_ < options_.others.size()) return options_.others[num_others_++];
+    const auto all = options_.has_bodies ? families_of_bodies() : families();
     const auto is_wanted = [&] {
-      return options_.family.empty() ||
-             families()[next_ % families().size()].name == options_.family;
+      return options_.family.empty() || all[next_ % all.size()].name == options_.family;
     };
     while (!is_wanted()) ++next_;
     const bool is_late = options_.minutes > 0 && seconds() > 60 * options_.minutes;
     if (num_begun_ >= options_.num_cases || is_late || error_) return std::nullopt;
     ++num_begun_;
-    return CaseName{options_.seed, next_++, options_.has_sizes, options_.share};
+    return CaseName{options_.seed, next_++, options_.has_sizes, options_.share,
+                    options_.has_bodies};
   }
 
   void add(const ShapeCase& made, const TrialResult& result) {
@@ -128,9 +132,10 @@ class ShapeSweep {
     report_.add(made, result);
     if (is_failure(result.verdict)) {
       keep(made);
-      fmt::print("{}: {} case {}: {} [{}]\n  shape_sweep --seed {} --case {} --share {}{}; {}\n",
+      fmt::print("{}: {} case {}: {} [{}]\n  shape_sweep --seed {} --case {} --share {}{}{}; {}\n",
                  name(result.verdict), made.family, made.number, result.reason, made.changes,
                  made.seed, made.number, made.share, made.sizes.empty() ? "" : " --sizes",
+                 made.solid.bodies.empty() ? "" : " --bodies",
                  command_text(mesh_command(made, options_.keep, made.num_threads)));
     }
     if (seconds() < next_progress_) return;
@@ -166,12 +171,14 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--minutes", options.minutes, "How long (default: until all cases are done)");
   app.add_option("--case", options.only_case, "This one alone");
   app.add_flag("--sizes", options.has_sizes, "With sizes that vary");
+  app.add_flag("--bodies", options.has_bodies, "Of two to five bodies each");
   app.add_option("--share", options.share, "With so many times the cells (default: 1)")
       ->check(CLI::PositiveNumber);
   app.add_option("--family", options.family, "Only such shapes")
       ->check([](const std::string& name) {
-        for (const Family& family : families())
-          if (family.name == name) return std::string();
+        for (const auto& all : {families(), families_of_bodies()})
+          for (const Family& family : all)
+            if (family.name == name) return std::string();
         return std::string("there is no such family");
       });
   app.add_option("--jobs", options.num_jobs, "Cases at a time (default: 2)")
@@ -199,6 +206,8 @@ int main(int argc, char** argv) {
     options.others.assign(kFoundCases.begin(), kFoundCases.end());
     for (std::uint64_t number = 0; number < families().size(); ++number)
       options.others.push_back({1, number, true, options.share});
+    for (std::uint64_t number = 0; number < 3 * families_of_bodies().size(); ++number)
+      options.others.push_back({1, number, number % 3 == 2, options.share, true});
   }
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {

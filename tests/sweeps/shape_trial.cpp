@@ -146,16 +146,31 @@ class Trial {
     result_.volume_shift = std::abs(mesh.at("volume").get<double>() - volume) / (area * case_.size);
     check_claimed_volume(volume);
     if (!case_.is_resolved()) return;
+    compare_bodies(mesh, input);
     for (const char* what : {"num_components", "euler_characteristic"})
       if (mesh.at(what) != input.at(what))
         conclude(Verdict::kDiffers,
                  fmt::format("{} is {}, the input's {}", what, mesh.at(what).get<std::int64_t>(),
                              input.at(what).get<std::int64_t>()));
-    // Edges are beveled, over a width of about λ.
-    constexpr double kMaxVolumeShift = 0.15;
     if (result_.volume_shift > kMaxVolumeShift)
       conclude(Verdict::kDiffers, fmt::format("volume is {}, the input's {}",
                                               mesh.at("volume").get<double>(), volume));
+  }
+
+  void compare_bodies(const Json& mesh, const Json& input) {
+    if (case_.solid.bodies.empty()) return;
+    const Json &volumes = mesh.at("body_volumes"), &expected = input.at("body_volumes");
+    const std::size_t num = std::ranges::max(case_.solid.bodies);
+    if (volumes.size() != num || expected.size() != num)
+      conclude(Verdict::kDiffers, fmt::format("{} bodies, of {}", volumes.size(), num));
+    for (std::size_t b = 0; b < std::min(volumes.size(), expected.size()); ++b) {
+      const double shift = std::abs(volumes[b].get<double>() - expected[b].get<double>()) /
+                           (area_of(case_.solid.shape) * case_.size);
+      if (shift > kMaxVolumeShift)
+        conclude(Verdict::kDiffers,
+                 fmt::format("volume of body {} is {}, the input's {}", b + 1,
+                             volumes[b].get<double>(), expected[b].get<double>()));
+    }
   }
 
   // What the program takes the input's volume to be.
@@ -188,6 +203,8 @@ class Trial {
 
   std::filesystem::path output() const { return directory_ / "mesh.vtu"; }
   std::filesystem::path store() const { return directory_ / "mesh.vtu.locvol"; }
+
+  static constexpr double kMaxVolumeShift = 0.15;  // over area and λ
 
   const ShapeCase& case_;
   std::filesystem::path directory_;

@@ -18,8 +18,16 @@ constexpr std::array kFamilies = {
     Family{"nested", make_nested},
 };
 
+constexpr std::array kFamiliesOfBodies = {
+    Family{"bricks", make_bricks},
+    Family{"onion", make_onion},
+    Family{"apart", make_apart},
+    Family{"grains", make_grains},
+};
+
 }  // namespace
 
 std::span<const Family> families() { return kFamilies; }
+std::span<const Family> families_of_bodies() { return kFamiliesOfBodies; }
 
 }  // namespace locvol::sweeps

@@ -14,6 +14,8 @@ struct Family {
   Solid (*make)(Dice& dice);  // some units across, up to some dozens
 };
 std::span<const Family> families();
+// Of several bodies.
+std::span<const Family> families_of_bodies();
 
 // Unions of boxes.
 Solid make_box(Dice& dice);
@@ -50,5 +52,11 @@ Solid make_scan(Dice& dice);    // a rough sphere
 Solid make_hull(Dice& dice);    // the convex hull of some points
 Solid make_pair(Dice& dice);    // two parts that nearly touch
 Solid make_nested(Dice& dice);  // a part in the cavity of another, which it nearly touches
+
+// Several bodies.
+Solid make_bricks(Dice& dice);  // side by side
+Solid make_onion(Dice& dice);   // in each other
+Solid make_apart(Dice& dice);   // without contact
+Solid make_grains(Dice& dice);  // of a polycrystal
 
 }  // namespace locvol::sweeps

@@ -250,10 +250,12 @@ std::vector<std::string> some_sizes(double size, Dice& dice) {
   return sizes;
 }
 
-ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, double share) {
+ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, double share,
+                    bool has_bodies) {
   Dice dice(seed, number);
   // In turn, so that a short sweep has them all.
-  const Family& family = families()[number % families().size()];
+  const auto all = has_bodies ? families_of_bodies() : families();
+  const Family& family = all[number % all.size()];
   ShapeCase made{.seed = seed,
                  .number = number,
                  .share = share,
@@ -261,7 +263,7 @@ ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, do
                  .solid = family.make(dice)};
   Changes changes(made, dice);
   changes.stretch();
-  changes.refine_triangulation();
+  if (!has_bodies) changes.refine_triangulation();  // it would have to be the same on two sides
   changes.turn();
   changes.scale();
   made.size = maybe_rounded(choose_size(made.solid, share, dice), dice);
@@ -279,11 +281,15 @@ ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes, do
 }
 
 std::string ShapeCase::file_name() const {
-  return fmt::format("{}-{}-{}.{}", family, seed, number, is_float ? "stl" : "off");
+  return fmt::format("{}-{}-{}.{}", family, seed, number,
+                     !solid.bodies.empty() ? "obj"
+                     : is_float            ? "stl"
+                                           : "off");
 }
 
 void ShapeCase::write_surface(const std::filesystem::path& directory) const {
   const auto file = directory / file_name();
+  if (!solid.bodies.empty()) return write_obj(solid, file);
   is_float ? write_stl(solid.shape, file) : write_off(solid.shape, file);
 }
 
@@ -293,6 +299,7 @@ std::vector<std::string> ShapeCase::mesh_arguments() const {
   if (refine_seed > 0)
     arguments.insert(arguments.end(), {"--seed", fmt::format("{}", refine_seed)});
   arguments.insert(arguments.end(), sizes.begin(), sizes.end());
+  if (!solid.bodies.empty()) arguments.push_back("--bodies");
   if (!memory.empty()) arguments.insert(arguments.end(), {"--memory", memory});
   return arguments;
 }

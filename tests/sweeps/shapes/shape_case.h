@@ -37,8 +37,9 @@ struct ShapeCase {
 };
 
 // `has_sizes`: the same, with sizes that vary. `share`: with λ for so many times the cells.
+// `has_bodies`: another, of several bodies.
 ShapeCase make_case(std::uint64_t seed, std::uint64_t number, bool has_sizes = false,
-                    double share = 1);
+                    double share = 1, bool has_bodies = false);
 
 // How much there is to mesh.
 class MeshingWork {

@@ -1,6 +1,7 @@
 // What the sweep of shapes relies on: surfaces that are what they claim to be.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <ostream>
@@ -53,6 +54,13 @@ bool has_disks_at_vertices(const Shape& shape) {
     if (num_met != around.size()) return false;
   }
   return true;
+}
+
+Shape body_of(const Solid& solid, std::uint32_t body) {
+  Shape shape{solid.shape.vertices, {}};
+  for (std::size_t t = 0; t < solid.bodies.size(); ++t)
+    if (solid.bodies[t] == body) shape.triangles.push_back(solid.shape.triangles[t]);
+  return shape;
 }
 
 bool has_different_points(const Shape& shape) {
@@ -177,6 +185,29 @@ TEST(Changes, KeepTheVolumeAndTheTopology) {
     EXPECT_NEAR(volume_of(changed), volume, 1e-12 * volume);
     EXPECT_EQ(euler_characteristic(changed), euler_characteristic(shape));
   }
+}
+
+// Each is closed by itself and turned outwards; what two have in common is the same triangles.
+TEST(FamiliesOfBodies, AreClosedEachByItself) {
+  for (const Family& family : families_of_bodies())
+    for (std::uint64_t seed = 0; seed < kNumSeeds; ++seed) {
+      SCOPED_TRACE(testing::Message() << family.name << ' ' << seed);
+      Dice dice(seed);
+      const Solid solid = family.make(dice);
+      ASSERT_EQ(solid.bodies.size(), solid.shape.triangles.size());
+      const std::uint32_t num = std::ranges::max(solid.bodies);
+      EXPECT_GE(num, 2U);
+      EXPECT_LE(num, 5U);
+      EXPECT_TRUE(has_different_points(solid.shape));
+      double sum = 0;
+      for (std::uint32_t body = 1; body <= num; ++body) {
+        const Shape shape = body_of(solid, body);
+        EXPECT_TRUE(is_closed(shape)) << body;
+        EXPECT_GT(volume_of(shape), 0) << body;
+        if (family.name != "onion" || body == 1) sum += volume_of(shape);
+      }
+      EXPECT_NEAR(sum, solid.volume.value_or(sum), 1e-9 * sum);
+    }
 }
 
 }  // namespace

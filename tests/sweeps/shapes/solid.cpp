@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -189,6 +190,19 @@ Shape rounded_to_float(Shape shape) {
   for (Point& p : shape.vertices)
     for (int axis = 0; axis < 3; ++axis) p[axis] = static_cast<float>(p[axis]);
   return shape;
+}
+
+void write_obj(const Solid& solid, const std::filesystem::path& file) {
+  std::ofstream out(file);
+  out.precision(std::numeric_limits<double>::max_digits10);
+  for (const Point& p : solid.shape.vertices)
+    out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
+  std::uint32_t body = 0;
+  for (std::size_t t = 0; t < solid.shape.triangles.size(); ++t) {
+    if (solid.bodies[t] != body) out << "g body_" << (body = solid.bodies[t]) << '\n';
+    const auto& [a, b, c] = solid.shape.triangles[t];
+    out << "f " << a + 1 << ' ' << b + 1 << ' ' << c + 1 << '\n';
+  }
 }
 
 void write_stl(const Shape& shape, const std::filesystem::path& file) {

@@ -31,6 +31,9 @@ struct Solid {
   std::optional<double> volume = {};
   std::optional<int> genus = {};  // of all components together
   std::optional<int> num_components = {};
+  // Which body each triangle is of, from 1 on; empty: there is one. Each is closed by itself, and
+  // shares vertices with others.
+  std::vector<std::uint32_t> bodies = {};
 };
 
 inline Solid with_thickness(Solid solid, double thickness) {
@@ -82,6 +85,8 @@ Shape with_split_edges(const Shape& shape, double fraction, Dice& dice);
 Shape with_noise(Shape shape, double amplitude, Dice& dice);
 Shape rounded_to_float(Shape shape);
 
+// OBJ, each body a group.
+void write_obj(const Solid& solid, const std::filesystem::path& file);
 // Binary STL: float32.
 void write_stl(const Shape& shape, const std::filesystem::path& file);
 
