@@ -207,7 +207,7 @@ int main(int argc, char** argv) {
     for (std::uint64_t number = 0; number < families().size(); ++number)
       options.others.push_back({1, number, true, options.share});
     for (std::uint64_t number = 0; number < 3 * families_of_bodies().size(); ++number)
-      options.others.push_back({1, number, number % 3 == 2, options.share, true});
+      options.others.push_back({2, number, number % 3 == 2, options.share, true});
   }
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   try {

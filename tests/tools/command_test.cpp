@@ -943,6 +943,34 @@ TEST(Command, SizesGoByNames) {
   EXPECT_NE(refused.err.find("is 'inlet' meant?"), std::string::npos) << refused.err;
 }
 
+TEST(Command, SizesGoByBodies) {
+  const TempDir dir;
+  const std::string grains = dir / "grains.ply", sizes = dir / "sizes.txt",
+                    output = dir / "grains.vtu", store = dir / "store";
+  ASSERT_EQ(run_locvol({"generate", "polycrystal", "-o", grains, "--grains", "2"}).exit_code, 0);
+  std::ofstream(sizes) << "body 0.15 region 2\n";
+  const Names mesh = {"mesh",    grains, "--bodies", "-o",  output,   "-s", "0.5",
+                      "--sizes", sizes,  "--store",  store, "--json", "-q"};
+  const ProcessResult meshed = run_locvol(mesh);
+  ASSERT_EQ(meshed.exit_code, 0) << meshed.err;
+  const nlohmann::json json = nlohmann::json::parse(meshed.out);
+  EXPECT_EQ(json.at("parameters").at("body_sizes"), (nlohmann::json{{"region 2", 0.15}}));
+  const nlohmann::json bodies = json.at("statistics").at("bodies");
+  EXPECT_LE(bodies.at(1).at("max_circumradius").get<double>(), 0.15 * (1 + 1e-9));
+  EXPECT_GT(bodies.at(0).at("max_circumradius").get<double>(), 0.25);
+  EXPECT_NE(run_locvol({"inspect", store}).out.find("; 0.15 in region 2"), std::string::npos);
+  // The size is a part of what the run is; and names have to be there.
+  std::ofstream(sizes) << "body 0.2 region 2\n";
+  EXPECT_NE(
+      run_locvol(mesh).err.find("--sizes is 0.15 at region 2 in it, and 0.2 at region 2 here"),
+      std::string::npos);
+  std::ofstream(sizes) << "body 0.2 region 3\n";
+  const ProcessResult refused =
+      run_locvol({"mesh", grains, "--bodies", "-o", output, "-s", "0.5", "--sizes", sizes});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_NE(refused.err.find("there are region 1, region 2"), std::string::npos) << refused.err;
+}
+
 TEST(Command, SizesComeFromAnImageAndAFile) {
   const TempDir dir;
   const std::string cube = make_cube(dir), image = (dir / "field.vti").string(),
