@@ -12,6 +12,7 @@
 #include <span>
 #include <utility>
 
+#include "engine/ingest/body_cuts.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_groups.h"
 #include "engine/ingest/surface_repair.h"
@@ -29,6 +30,10 @@ namespace {
 
 // Around triangles without area, repaired in memory.
 constexpr std::size_t kMaxPieceTriangles = 1'000'000;
+
+// Rounding that lays pieces across others ends after one or two, or not at all.
+constexpr int kMostCutRounds = 6;
+constexpr std::size_t kMostToldMeetings = 20;  // of pairs of bodies
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.
@@ -61,6 +66,7 @@ class SurfacePreparation {
       check_orientation();
     }
     check_vertices();
+    cut_bodies();
     check_self_intersection();
     note_repairs();
     measure();
@@ -112,16 +118,20 @@ class SurfacePreparation {
   }
 
   void adopt(WeldedSurface welded) {
-    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
-    raw_.triangles = {std::exchange(welded.triangles, {})};
-    raw_.collinear = std::exchange(welded.collinear, {});
+    adopt(std::exchange(welded.triangles, {}), std::exchange(welded.collinear, {}));
     raw_.num_collapsed += welded.num_collapsed;
+    welded_ = std::move(welded);
+  }
+
+  void adopt(TriangleList triangles, std::vector<Triangle> collinear) {
+    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
+    raw_.triangles = {std::move(triangles)};
+    raw_.collinear = std::move(collinear);
     // Places of before lie beside their own triangles now, as if walls were there.
     ProbePicker probes;
     for (const TriangleList& list : raw_.triangles)
       raw_.spill.for_each(list, [&](const Triangle& triangle) { probes.add(triangle); });
     raw_.probes = probes.take();
-    welded_ = std::move(welded);
   }
 
   // Where both sides of a wall became one, what was between them would count as inside.
@@ -138,7 +148,7 @@ class SurfacePreparation {
       refuse("is not closed: {}, for example that from {}; close the holes{}{}",
              counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             text(edges.border),
+             shown(edges.border),
              cured_by(is_mostly_open() || findings_.conflicts.count > 0 ? "wrap" : "repair"),
              tried_.empty() ? "" : ". " + tried_);
     if (edges.overused.count > 0)
@@ -147,13 +157,13 @@ class SurfacePreparation {
           "remove inner and doubled faces{}{}",
           counted(edges.overused.count, "edge belongs to more than two triangles",
                   "edges belong to more than two triangles"),
-          text(edges.overused), cured_by("wrap"), about_bodies());
+          shown(edges.overused), cured_by("wrap"), about_bodies());
   }
 
   void check_orientation() const {
     if (findings_.conflicts.count > 0)
       refuse("is not orientable, as a Klein bottle is, at the edge from {}; it has no inside{}",
-             text(findings_.conflicts), cured_by("wrap"));
+             shown(findings_.conflicts), cured_by("wrap"));
   }
 
   // A flip is of one body's triangles, and would lay them across those of another.
@@ -267,6 +277,38 @@ class SurfacePreparation {
              text(findings_.first_pinched), cured_by("wrap"));
   }
 
+  // Bodies that cross, or lie on each other with other triangles, get vertices and edges where they
+  // do. Rounding these may lay pieces across others by the last bit: then pieces are cut again.
+  void cut_bodies() {
+    for (int round = 0; round < kMostCutRounds && is_of_two_bodies(findings_.intersection);
+         ++round) {
+      share_.require_whole();
+      CutSurface cut = locvol::cut_bodies(raw_.spill, buckets_, drops_copies_, given_,
+                                          raw_.has_pieces, watch_, workers_);
+      if (cut.too_often)
+        refuse(
+            "{} is met by {} of other bodies, more than it can be cut along; make smaller ones "
+            "of it",
+            shown(*cut.too_often), counted(cut.num_cutters, "triangle", "triangles"));
+      if (cut.num_cut == 0) return;
+      if (round == 0) meetings_ = std::move(cut.meetings);
+      num_dropped_pieces_ += cut.num_collapsed;
+      adopt(std::move(cut.triangles), std::move(cut.collinear));
+      raw_.has_pieces = true;
+      if (!has_area())
+        refuse("cutting bodies along each other would leave {} without area: {}{}",
+               counted(raw_.collinear.size(), "triangle", "triangles"),
+               shown(raw_.collinear.front()), about_bodies());
+      distribute_and_check();
+      check_edges();
+      check_orientation();
+      check_vertices();
+    }
+  }
+  bool is_of_two_bodies(const std::optional<TrianglePair>& pair) const {
+    return pair && given_body(given_, pair->first) != given_body(given_, pair->second);
+  }
+
   void check_self_intersection() const {
     auto pair = findings_.intersection;
     if (!drops_copies_ && findings_.first_copy) {
@@ -278,11 +320,21 @@ class SurfacePreparation {
                         other = given_body(given_, pair->second);
     if (one != other)
       refuse("the bodies {} and {} cross, or lie on each other: {} meets {}{}", name_of(one),
-             name_of(other), text(pair->first), text(pair->second), about_bodies());
+             name_of(other), shown(pair->first), shown(pair->second), about_bodies());
     refuse(
         "intersects itself: {} meets {}; repair the surface there, or unite the overlapping "
         "parts{}{}",
-        text(pair->first), text(pair->second), cured_by("wrap"), about_bodies());
+        shown(pair->first), shown(pair->second), cured_by("wrap"), about_bodies());
+  }
+
+  // By its number in the file.
+  std::string shown(Triangle triangle) const {
+    triangle.id = number_in_file(triangle.id, raw_.has_pieces);
+    return text(triangle);
+  }
+  std::string shown(EdgeFlaws flaws) const {
+    flaws.half_edge = 3 * number_in_file(flaws.half_edge / 3, raw_.has_pieces);
+    return text(flaws);
   }
 
   // Of one that is given.
@@ -335,6 +387,22 @@ class SurfacePreparation {
     if (drops_copies_)
       note("dropped {} that repeated another", findings_.num_copies, "triangle", "triangles");
     note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
+    note_meetings();
+  }
+
+  void note_meetings() {
+    std::size_t num_told = 0;
+    for (const auto& [bodies, meeting] : meetings_) {
+      if (num_told++ == kMostToldMeetings) break;
+      notes_.push_back(fmt::format(
+          "{} and {} cross, or lie on each other: cut {} of {} and {} of {}{}", name_of(bodies.one),
+          name_of(bodies.other), counted(meeting.num_cut[0], "triangle", "triangles"),
+          name_of(bodies.one), meeting.num_cut[1], name_of(bodies.other),
+          meeting.place ? fmt::format(", the first at {}", text(*meeting.place)) : ""));
+    }
+    if (meetings_.size() > kMostToldMeetings)
+      note("so do {} more of bodies", meetings_.size() - kMostToldMeetings, "pair", "pairs");
+    note("dropped {} that rounding left without width", num_dropped_pieces_, "piece", "pieces");
   }
 
   // The volume is that of the material: less in cavities. Orientation is the file's own affair; the
@@ -379,6 +447,7 @@ class SurfacePreparation {
   CheckedSurface result() {
     CheckedSurface surface(std::move(raw_.spill), std::move(buckets_));
     surface.has_copies = drops_copies_;
+    surface.has_pieces = raw_.has_pieces;
     surface.has_contacts = findings_.has_contacts;
     surface.given_bodies = given_;
     surface.groups = std::move(raw_.groups);
@@ -433,6 +502,8 @@ class SurfacePreparation {
   bool drops_copies_ = false;
   std::optional<WeldedSurface> welded_;  // without its triangles
   std::string tried_;                    // to close it
+  std::map<MeetingBodies, Meeting> meetings_;
+  std::uint64_t num_dropped_pieces_ = 0;
   double volume_ = 0;
   std::vector<std::string> notes_;
 };

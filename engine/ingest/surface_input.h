@@ -35,6 +35,13 @@
 
 namespace locvol {
 
+// Where bodies are cut along each other, ids count pieces: the number in the file, times this, and
+// the piece's.
+inline constexpr std::uint64_t kMostPieces = std::uint64_t{1} << 20;
+inline std::uint64_t number_in_file(std::uint64_t id, bool has_pieces) {
+  return has_pieces ? id / kMostPieces : id;
+}
+
 // One of several files, each of which is a body.
 struct SurfaceFile {
   std::string body, file;
@@ -80,6 +87,7 @@ struct RawSurface {
   std::vector<SurfaceFile> files;            // where there are several
   std::vector<std::uint32_t> file_of_group;  // by group
   bool has_several_bodies = false;           // is that asked for? Then sides are no material's
+  bool has_pieces = false;                   // see CheckedSurface
 
   // Files are bodies; of one file, its groups. Empty: there is one of these, or one is asked for.
   GivenBodies given_bodies() const;
@@ -134,7 +142,13 @@ struct CheckedSurface {
     return given.of_bucket(number_of(bucket));
   }
 
+  // Of a triangle with this id, the number in the file.
+  std::uint64_t number_in_file(std::uint64_t id) const {
+    return locvol::number_in_file(id, has_pieces);
+  }
+
   SurfaceFacts facts;
+  bool has_pieces = false;          // bodies were cut along each other: ids are those of pieces
   std::vector<std::string> groups;  // see RawSurface
   SharpEdges sharp;
   TriangleSpill spill;

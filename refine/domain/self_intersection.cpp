@@ -96,7 +96,8 @@ class PairTest {
   PairTest(std::span<const Point> vertices, std::span<const Corners> triangles)
       : vertices_(vertices), triangles_(triangles) {}
 
-  bool intersect(std::uint32_t first, std::uint32_t second) const {
+  // `has_copies`: do those with the same vertices?
+  bool intersect(std::uint32_t first, std::uint32_t second, bool has_copies = true) const {
     Corners s = triangles_[first], t = triangles_[second];
     switch (move_shared_to_front(s, t)) {
       case 0:
@@ -106,7 +107,7 @@ class PairTest {
       case 2:
         return is_folded(s, t);
       default:
-        return true;  // the same triangle twice
+        return has_copies;  // the same triangle twice
     }
   }
 
@@ -181,6 +182,21 @@ std::optional<IntersectingPair> find_self_intersection(std::span<const Point> ve
     limit = pair.first;
   });
   return smallest;
+}
+
+void for_each_intersection(std::span<const Point> vertices, std::span<const Corners> triangles,
+                           const TriangleTree& tree,
+                           const std::function<bool(std::uint32_t, std::uint32_t)>& is_asked,
+                           const std::function<void(std::uint32_t, std::uint32_t)>& visit,
+                           const StopToken* stop) {
+  const PairTest test(vertices, triangles);
+  StopPoll poll(stop);
+  tree.for_each_pair(std::numeric_limits<std::uint32_t>::max(),
+                     [&](std::uint32_t s, std::uint32_t t) {
+                       if (!is_asked(s, t)) return;
+                       poll();
+                       if (test.intersect(s, t, false)) visit(s, t);
+                     });
 }
 
 }  // namespace locvol

@@ -4,6 +4,7 @@
 #include <array>
 #include <compare>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 
@@ -27,5 +28,14 @@ struct IntersectingPair {
 std::optional<IntersectingPair> find_self_intersection(
     std::span<const Point> vertices, std::span<const std::array<std::uint32_t, 3>> triangles,
     const TriangleTree& tree, const StopToken* stop = nullptr);
+
+// visit(s, t) for every such pair of which is_asked(s, t), in either order, but for those with the
+// same vertices. The same is required, and thrown.
+void for_each_intersection(std::span<const Point> vertices,
+                           std::span<const std::array<std::uint32_t, 3>> triangles,
+                           const TriangleTree& tree,
+                           const std::function<bool(std::uint32_t, std::uint32_t)>& is_asked,
+                           const std::function<void(std::uint32_t, std::uint32_t)>& visit,
+                           const StopToken* stop = nullptr);
 
 }  // namespace locvol

@@ -1,0 +1,59 @@
+// Cuts the triangles of different bodies along each other, so that they meet in vertices, edges and
+// whole triangles alone.
+//
+// A cell finds which triangles meet in it. Each triangle is then cut by itself, along all that meet
+// it: neighbors agree on their edges, and triangles that lie on each other on their pieces, for new
+// points are functions of exact places alone (refine/domain/cut_triangle).
+#pragma once
+
+#include <array>
+#include <compare>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/triangle_buckets.h"
+#include "engine/ingest/triangle_spill.h"
+#include "engine/shared/workers.h"
+#include "octree/geometry.h"
+
+namespace locvol {
+
+// Two of the bodies that are given, by their places, which have triangles that meet.
+struct MeetingBodies {
+  std::uint32_t one = 0, other = 0;  // one < other
+  friend auto operator<=>(const MeetingBodies&, const MeetingBodies&) = default;
+};
+struct Meeting {
+  std::array<std::uint64_t, 2> num_cut{};  // triangles of each
+  std::optional<Point> place;              // a new vertex of the first of these
+  void add(const Meeting& other);
+};
+
+struct CutSurface {
+  TriangleList triangles;           // in order of id
+  std::vector<Triangle> collinear;  // those without area; one more than kMaxCollinear: too many
+  std::uint64_t num_cut = 0;        // triangles that became others; 0: all else is empty
+  std::uint64_t num_collapsed = 0;  // pieces that are missing: corners became one, when rounded
+  // It is met by more than kMostCutters, or would become more than kMostPieces: nothing is done.
+  std::optional<Triangle> too_often;
+  std::uint64_t num_cutters = 0;  // of that
+  std::map<MeetingBodies, Meeting> meetings;
+};
+
+// So many may meet one triangle.
+inline constexpr std::uint64_t kMostCutters = 20'000;
+
+// `buckets` have the surface, whole, in `spill`, with copies if `has_copies`. `given`, not empty:
+// see given_body(). Those that are closed together alone are one here, and not cut along each
+// other. `has_pieces`: ids are those of pieces, as they are afterwards (surface_input.h). Memory:
+// 24 MB, what a cell takes for each thread, and 4 KB for each that meets the triangles that are cut
+// at once: up to kMostCutters for each thread. Throws std::system_error, Stopped.
+CutSurface cut_bodies(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
+                      std::span<const std::uint32_t> given, bool has_pieces, IngestWatch& watch,
+                      Workers& workers);
+
+}  // namespace locvol
