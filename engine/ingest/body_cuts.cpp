@@ -1,12 +1,13 @@
 #include "engine/ingest/body_cuts.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <memory>
 #include <utility>
 
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_input.h"
-#include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
 #include "engine/shared/sorted_spill.h"
@@ -96,35 +97,97 @@ class MeetingsOfCell {
   CellMeetings found_;
 };
 
+double height_of(const std::array<Point, 3>& t) {
+  const double longest = std::sqrt(std::max(
+      {squared_distance(t[0], t[1]), squared_distance(t[1], t[2]), squared_distance(t[2], t[0])}));
+  return longest > 0 ? norm(cross(t[1] - t[0], t[2] - t[0])) / longest : 0;
+}
+
+// How far `other` is from the plane of a triangle that it lies on, but for less than `least`;
+// nothing: it lies in that plane, or beside the triangle, or not on it.
+std::optional<double> distance_of_near(const std::array<Point, 3>& triangle,
+                                       const std::array<Point, 3>& other, double least) {
+  constexpr double kBroad = 1000;  // times that: how far they are to overlap
+  const auto& [a, b, c] = triangle;
+  const Point across = cross(b - a, c - a);
+  const double length = norm(across);
+  double distance = 0;
+  for (const Point& p : other) distance = std::max(distance, std::abs(dot(across, p - a)) / length);
+  if (distance > least ||
+      std::ranges::all_of(other, [&](const Point& p) { return orientation(a, b, c, p) == 0; }))
+    return std::nullopt;
+  for (const auto& corners : {triangle, other})
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Point axis = cross(across, corners[(k + 1) % 3] - corners[k]);
+      const auto reach = [&](const std::array<Point, 3>& of) {
+        const auto [low, high] =
+            std::minmax({dot(axis, of[0] - a), dot(axis, of[1] - a), dot(axis, of[2] - a)});
+        return std::pair(low, high);
+      };
+      const auto [low, high] = reach(triangle);
+      const auto [others_low, others_high] = reach(other);
+      if (std::min(high, others_high) - std::max(low, others_low) < kBroad * least * norm(axis))
+        return std::nullopt;
+    }
+  return distance;
+}
+
 // A triangle, and all that it is cut along.
 struct MetTriangle {
   Triangle triangle;
   std::uint32_t body = 0;
-  std::vector<std::array<Point, 3>> cutters;
-  std::vector<std::uint32_t> bodies;  // of these; ascending
+  std::vector<std::array<Point, 3>> cutters = {};
+  std::vector<std::uint32_t> bodies = {};  // of these
+  std::uint64_t num_cutters = 0;           // of which there are kMostCutters at most here
 
-  Meeting meeting_along(const TrianglePieces& pieces, bool is_first) const {
-    Meeting meeting;
-    meeting.num_cut[is_first ? 0 : 1] = 1;
+  bool is_cut_into(const TrianglePieces& pieces) const {
+    return pieces.corners.size() != 1 || pieces.num_collapsed > 0;
+  }
+
+  std::optional<CutObstacle> obstacle(const TrianglePieces& pieces, double least) const {
+    CutObstacle obstacle{.triangle = triangle, .num_cutters = num_cutters};
+    if (num_cutters > kMostCutters || pieces.corners.size() > kMostPieces) return obstacle;
+    obstacle.kind = CutObstacle::Kind::kThin;
+    for (std::size_t i = 0; i < cutters.size(); ++i)
+      if (const auto distance = distance_of_near(triangle.corners, cutters[i], least)) {
+        obstacle.other = bodies[i];
+        obstacle.width = *distance;
+        return obstacle;
+      }
+    if (!is_cut_into(pieces)) return std::nullopt;
+    obstacle.other = bodies.front();
+    if (pieces.num_collapsed > 0) return obstacle;
+    for (const auto& corners : pieces.corners)
+      if (const double height = height_of(corners); height < least) {
+        obstacle.triangle.corners = corners;
+        obstacle.width = height;
+        return obstacle;
+      }
+    return std::nullopt;
+  }
+
+  // The smallest new vertex.
+  std::optional<Point> place(const TrianglePieces& pieces) const {
+    std::optional<Point> place;
     for (const auto& corners : pieces.corners)
       for (const Point& p : corners)
         if (std::ranges::find(triangle.corners, p) == triangle.corners.end() &&
-            (!meeting.place || p < *meeting.place))
-          meeting.place = p;
-    return meeting;
+            (!place || p < *place))
+          place = p;
+    return place;
   }
 };
 
 class BodyCutter {
  public:
   BodyCutter(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-             std::span<const std::uint32_t> given, bool has_pieces, IngestWatch& watch,
+             std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
              Workers& workers)
       : spill_(spill),
         buckets_(buckets),
         has_copies_(has_copies),
         given_(given),
-        has_pieces_(has_pieces),
+        least_width_(kLeastWidth * std::max(max_norm(box.min), max_norm(box.max))),
         watch_(watch),
         workers_(workers),
         parts_(*std::ranges::max_element(given) + std::size_t{1}),
@@ -138,12 +201,9 @@ class BodyCutter {
     writer_.emplace(spill_, result_.triangles);
     workers_.run_in_order([&] { return next_task(); });
     writer_->flush();
-    if (result_.num_cut > 0 && !result_.too_often) return std::move(result_);
+    if (result_.num_cut > 0 && !result_.obstacle) return std::move(result_);
     spill_.release(std::move(result_.triangles));
-    CutSurface nothing;
-    nothing.too_often = result_.too_often;
-    nothing.num_cutters = result_.num_cutters;
-    return nothing;
+    return {.obstacle = result_.obstacle};
   }
 
  private:
@@ -173,22 +233,28 @@ class BodyCutter {
     void compute() override {
       for (const MetTriangle& met : triangles) {
         throw_if_stopped(cutter.watch_.stop());
-        pieces.push_back(met.cutters.empty() ? TrianglePieces{{met.triangle.corners}}
-                                             : cut_triangle(met.triangle.corners, met.cutters));
+        const bool is_met = !met.cutters.empty() && met.num_cutters <= kMostCutters;
+        pieces.push_back(is_met ? cut_triangle(met.triangle.corners, met.cutters)
+                                : TrianglePieces{{met.triangle.corners}});
+        obstacles.push_back(met.obstacle(pieces.back(), cutter.least_width_));
       }
     }
     void apply() override {
-      for (std::size_t i = 0; i < triangles.size(); ++i) cutter.add(triangles[i], pieces[i]);
+      for (std::size_t i = 0; i < triangles.size() && !cutter.result_.obstacle; ++i) {
+        cutter.result_.obstacle = obstacles[i];
+        cutter.add(triangles[i], pieces[i]);
+      }
       cutter.watch_.advance(triangles.size());
     }
 
     BodyCutter& cutter;
     std::vector<MetTriangle> triangles;
     std::vector<TrianglePieces> pieces;
+    std::vector<std::optional<CutObstacle>> obstacles;
   };
 
   std::unique_ptr<Task> next_task() {
-    if (triangles_.is_empty() || result_.too_often) return nullptr;
+    if (triangles_.is_empty() || result_.obstacle) return nullptr;
     auto batch = std::make_unique<Batch>(*this);
     std::size_t num_cutters = 0;
     while (!triangles_.is_empty() && num_cutters < kBatchCutters &&
@@ -200,53 +266,37 @@ class BodyCutter {
   }
 
   MetTriangle next_triangle() {
-    MetTriangle met;
-    met.triangle = triangles_.front();
+    MetTriangle met{.triangle = triangles_.front()};
     triangles_.pop();
     met.body = given_body(given_, met.triangle);
-    std::uint64_t num_cutters = 0, last = ~std::uint64_t{0};
+    std::uint64_t last = ~std::uint64_t{0};
     for (; !cutters_.is_empty() && cutters_.front().triangle == met.triangle.id; cutters_.pop()) {
       const Cutter& cutter = cutters_.front();
       if (cutter.id == std::exchange(last, cutter.id)) continue;  // another cell told, too
       if (parts_.find(cutter.body) == parts_.find(met.body)) continue;
-      if (++num_cutters > kMostCutters) continue;
+      if (++met.num_cutters > kMostCutters) continue;
       met.cutters.push_back(cutter.corners);
-      const auto place = std::ranges::lower_bound(met.bodies, cutter.body);
-      if (place == met.bodies.end() || *place != cutter.body) met.bodies.insert(place, cutter.body);
-    }
-    if (num_cutters > kMostCutters && num_cutters > result_.num_cutters) {
-      result_.too_often = met.triangle;
-      result_.num_cutters = num_cutters;
-      met.cutters.clear();
+      met.bodies.push_back(cutter.body);
     }
     return met;
   }
 
-  // Piece after piece of the same triangle of the file is numbered on.
   void add(const MetTriangle& met, const TrianglePieces& pieces) {
-    const std::uint64_t in_file = number_in_file(met.triangle.id, has_pieces_);
-    if (in_file != last_in_file_) num_pieces_ = 0;
-    last_in_file_ = in_file;
-    if (num_pieces_ + pieces.corners.size() > kMostPieces) {
-      result_.too_often = met.triangle;
-      result_.num_cutters = met.cutters.size();
-      return;
-    }
-    result_.num_collapsed += pieces.num_collapsed;
     Triangle piece = met.triangle;
-    for (const auto& corners : pieces.corners) {
-      piece.id = in_file * kMostPieces + num_pieces_++;
-      piece.corners = corners;
-      if (result_.collinear.size() <= kMaxCollinear &&
-          are_collinear(corners[0], corners[1], corners[2]))
-        result_.collinear.push_back(piece);
+    for (std::size_t i = 0; i < pieces.corners.size(); ++i) {
+      piece.id = kMostPieces * met.triangle.id + i;
+      piece.corners = pieces.corners[i];
       writer_->append(piece);
     }
-    if (pieces.corners.size() == 1 && pieces.num_collapsed == 0) return;
+    if (!met.is_cut_into(pieces)) return;
     ++result_.num_cut;
-    for (const std::uint32_t body : met.bodies)
-      result_.meetings[{std::min(met.body, body), std::max(met.body, body)}].add(
-          met.meeting_along(pieces, met.body < body));
+    std::vector<std::uint32_t> others = met.bodies;
+    sort_and_unite(others);
+    for (const std::uint32_t other : others) {
+      Meeting& meeting = result_.meetings[{std::min(met.body, other), std::max(met.body, other)}];
+      ++meeting.num_cut[met.body < other ? 0 : 1];
+      if (!meeting.place) meeting.place = met.place(pieces);
+    }
   }
 
   static constexpr std::size_t kBatchTriangles = 4000, kBatchCutters = 2000;
@@ -255,28 +305,22 @@ class BodyCutter {
   const TriangleBuckets& buckets_;
   bool has_copies_;
   std::span<const std::uint32_t> given_;
-  bool has_pieces_;
+  double least_width_;
   IngestWatch& watch_;
   Workers& workers_;
   DisjointSets parts_;  // of bodies that are given
   Triangles triangles_;
   Cutters cutters_;
   std::optional<TriangleWriter> writer_;
-  std::uint64_t last_in_file_ = ~std::uint64_t{0}, num_pieces_ = 0;
   CutSurface result_;
 };
 
 }  // namespace
 
-void Meeting::add(const Meeting& other) {
-  for (std::size_t k = 0; k < 2; ++k) num_cut[k] += other.num_cut[k];
-  if (!place) place = other.place;
-}
-
 CutSurface cut_bodies(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-                      std::span<const std::uint32_t> given, bool has_pieces, IngestWatch& watch,
+                      std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
                       Workers& workers) {
-  return BodyCutter(spill, buckets, has_copies, given, has_pieces, watch, workers).run();
+  return BodyCutter(spill, buckets, has_copies, given, box, watch, workers).run();
 }
 
 }  // namespace locvol

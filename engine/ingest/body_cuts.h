@@ -30,30 +30,40 @@ struct MeetingBodies {
 struct Meeting {
   std::array<std::uint64_t, 2> num_cut{};  // triangles of each
   std::optional<Point> place;              // a new vertex of the first of these
-  void add(const Meeting& other);
+};
+
+// Why a triangle cannot be cut.
+struct CutObstacle {
+  enum class Kind {
+    kMany,  // more than kMostCutters meet it, or it would become more than kMostPieces
+    kThin,  // a piece of it would be thinner than rounding can tell, or the other one lies on it so
+  };
+  Kind kind = Kind::kMany;
+  Triangle triangle;        // or the piece of it
+  std::uint32_t other = 0;  // a body that is given, which meets it
+  std::uint64_t num_cutters = 0;
+  double width = 0;
 };
 
 struct CutSurface {
-  TriangleList triangles;           // in order of id
-  std::vector<Triangle> collinear;  // those without area; one more than kMaxCollinear: too many
-  std::uint64_t num_cut = 0;        // triangles that became others; 0: all else is empty
-  std::uint64_t num_collapsed = 0;  // pieces that are missing: corners became one, when rounded
-  // It is met by more than kMostCutters, or would become more than kMostPieces: nothing is done.
-  std::optional<Triangle> too_often;
-  std::uint64_t num_cutters = 0;  // of that
-  std::map<MeetingBodies, Meeting> meetings;
+  TriangleList triangles = {};          // in order of id
+  std::uint64_t num_cut = 0;            // triangles that became others; 0: all else is empty
+  std::optional<CutObstacle> obstacle;  // to the first that has one: nothing is done
+  std::map<MeetingBodies, Meeting> meetings = {};
 };
 
 // So many may meet one triangle.
 inline constexpr std::uint64_t kMostCutters = 20'000;
+// Of the largest coordinate: what is thinner comes from rounding.
+inline constexpr double kLeastWidth = 1e-12;
 
-// `buckets` have the surface, whole, in `spill`, with copies if `has_copies`. `given`, not empty:
-// see given_body(). Those that are closed together alone are one here, and not cut along each
-// other. `has_pieces`: ids are those of pieces, as they are afterwards (surface_input.h). Memory:
-// 24 MB, what a cell takes for each thread, and 4 KB for each that meets the triangles that are cut
-// at once: up to kMostCutters for each thread. Throws std::system_error, Stopped.
+// `buckets` have the surface, whole, in `spill`, with copies if `has_copies`; `box` is around it.
+// `given`, not empty: see given_body(). Those that are closed together alone are one here, and not
+// cut along each other. Afterwards ids are those of pieces (surface_input.h). Memory: 24 MB, what a
+// cell takes for each thread, and 4 KB for each that meets the triangles that are cut at once: up
+// to kMostCutters for each thread. Throws std::system_error, Stopped.
 CutSurface cut_bodies(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-                      std::span<const std::uint32_t> given, bool has_pieces, IngestWatch& watch,
+                      std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
                       Workers& workers);
 
 }  // namespace locvol

@@ -31,8 +31,6 @@ namespace {
 // Around triangles without area, repaired in memory.
 constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
-// Rounding that lays pieces across others ends after one or two, or not at all.
-constexpr int kMostCutRounds = 6;
 constexpr std::size_t kMostToldMeetings = 20;  // of pairs of bodies
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
@@ -118,15 +116,15 @@ class SurfacePreparation {
   }
 
   void adopt(WeldedSurface welded) {
-    adopt(std::exchange(welded.triangles, {}), std::exchange(welded.collinear, {}));
+    adopt(std::exchange(welded.triangles, {}));
+    raw_.collinear = std::exchange(welded.collinear, {});
     raw_.num_collapsed += welded.num_collapsed;
     welded_ = std::move(welded);
   }
 
-  void adopt(TriangleList triangles, std::vector<Triangle> collinear) {
+  void adopt(TriangleList triangles) {
     for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
     raw_.triangles = {std::move(triangles)};
-    raw_.collinear = std::move(collinear);
     // Places of before lie beside their own triangles now, as if walls were there.
     ProbePicker probes;
     for (const TriangleList& list : raw_.triangles)
@@ -278,35 +276,41 @@ class SurfacePreparation {
   }
 
   // Bodies that cross, or lie on each other with other triangles, get vertices and edges where they
-  // do. Rounding these may lay pieces across others by the last bit: then pieces are cut again.
+  // do.
   void cut_bodies() {
-    for (int round = 0; round < kMostCutRounds && is_of_two_bodies(findings_.intersection);
-         ++round) {
-      share_.require_whole();
-      CutSurface cut = locvol::cut_bodies(raw_.spill, buckets_, drops_copies_, given_,
-                                          raw_.has_pieces, watch_, workers_);
-      if (cut.too_often)
-        refuse(
-            "{} is met by {} of other bodies, more than it can be cut along; make smaller ones "
-            "of it",
-            shown(*cut.too_often), counted(cut.num_cutters, "triangle", "triangles"));
-      if (cut.num_cut == 0) return;
-      if (round == 0) meetings_ = std::move(cut.meetings);
-      num_dropped_pieces_ += cut.num_collapsed;
-      adopt(std::move(cut.triangles), std::move(cut.collinear));
-      raw_.has_pieces = true;
-      if (!has_area())
-        refuse("cutting bodies along each other would leave {} without area: {}{}",
-               counted(raw_.collinear.size(), "triangle", "triangles"),
-               shown(raw_.collinear.front()), about_bodies());
-      distribute_and_check();
-      check_edges();
-      check_orientation();
-      check_vertices();
-    }
+    if (!findings_.intersection) return;
+    const auto& [first, second] = *findings_.intersection;
+    if (given_body(given_, first) == given_body(given_, second)) return;
+    share_.require_whole();
+    CutSurface cut =
+        locvol::cut_bodies(raw_.spill, buckets_, drops_copies_, given_, raw_.box, watch_, workers_);
+    if (cut.obstacle) refuse_to_cut(*cut.obstacle);
+    if (cut.num_cut == 0) return;
+    meetings_ = std::move(cut.meetings);
+    raw_.has_pieces = true;
+    num_copies_ = drops_copies_ ? findings_.num_copies : 0;
+    adopt(std::move(cut.triangles));
+    distribute({}, false);
+    check(CheckScope::kAll);
+    check_edges();
+    check_orientation();
+    check_vertices();
   }
-  bool is_of_two_bodies(const std::optional<TrianglePair>& pair) const {
-    return pair && given_body(given_, pair->first) != given_body(given_, pair->second);
+
+  [[noreturn]] void refuse_to_cut(const CutObstacle& obstacle) const {
+    const Triangle& triangle = obstacle.triangle;
+    const std::string name = name_of(given_body(given_, triangle));
+    if (obstacle.kind == CutObstacle::Kind::kMany)
+      refuse(
+          "{} of {} is met by {} of other bodies, and can be cut along {} at most; give it smaller "
+          "triangles",
+          text(triangle), name, counted(obstacle.num_cutters, "triangle", "triangles"),
+          kMostCutters);
+    refuse(
+        "the bodies {} and {} nearly lie on each other: at {} only {} is between them, which comes "
+        "from rounding; let faces that touch have the same vertices, join corners that are nearly "
+        "one with --weld LENGTH, or move the bodies apart",
+        name, name_of(obstacle.other), text(triangle), rounded(obstacle.width));
   }
 
   void check_self_intersection() const {
@@ -384,8 +388,8 @@ class SurfacePreparation {
            raw_.num_numbered_vertices - findings_.num_vertices - num_joined, "vertex", "vertices");
     note("joined {} with others up to " + joined_text(), num_joined, "point", "points");
     note("dropped {} with two equal corners", raw_.num_collapsed, "triangle", "triangles");
-    if (drops_copies_)
-      note("dropped {} that repeated another", findings_.num_copies, "triangle", "triangles");
+    note("dropped {} that repeated another",
+         num_copies_ + (drops_copies_ ? findings_.num_copies : 0), "triangle", "triangles");
     note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
     note_meetings();
   }
@@ -402,7 +406,6 @@ class SurfacePreparation {
     }
     if (meetings_.size() > kMostToldMeetings)
       note("so do {} more of bodies", meetings_.size() - kMostToldMeetings, "pair", "pairs");
-    note("dropped {} that rounding left without width", num_dropped_pieces_, "piece", "pieces");
   }
 
   // The volume is that of the material: less in cavities. Orientation is the file's own affair; the
@@ -503,7 +506,7 @@ class SurfacePreparation {
   std::optional<WeldedSurface> welded_;  // without its triangles
   std::string tried_;                    // to close it
   std::map<MeetingBodies, Meeting> meetings_;
-  std::uint64_t num_dropped_pieces_ = 0;
+  std::uint64_t num_copies_ = 0;  // that were dropped before bodies were cut
   double volume_ = 0;
   std::vector<std::string> notes_;
 };
