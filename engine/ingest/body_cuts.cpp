@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -39,17 +40,21 @@ struct CellMeetings {
 class MeetingsOfCell {
  public:
   MeetingsOfCell(std::vector<Triangle> triangles, const Box& box,
-                 std::span<const std::uint32_t> given, const StopToken* stop)
+                 std::span<const std::uint32_t> given, const NearLaw& near, const StopToken* stop)
       : triangles_(std::move(triangles)),
         box_(box),
         given_(given),
+        near_(near),
         stop_(stop),
         soup_(soup_of(triangles_)) {}
 
   CellMeetings run() && {
     throw_if_stopped(stop_);
     find_parts();
-    find_cutters();
+    if (near_.distance > 0)
+      find_near();
+    else
+      find_cutters();
     std::ranges::copy_if(triangles_, std::back_inserter(found_.owned),
                          [&](const Triangle& t) { return owns_triangle(box_, t); });
     return std::move(found_);
@@ -82,26 +87,42 @@ class MeetingsOfCell {
         soup_.vertices, soup_.triangles, tree,
         [&](std::uint32_t s, std::uint32_t t) { return body_of(s) != body_of(t); },
         [&](std::uint32_t s, std::uint32_t t) {
-          for (const auto& [of, by] : {std::pair(s, t), {t, s}})
-            found_.cutters.push_back(
-                {triangles_[of].id, triangles_[by].id, triangles_[by].corners, body_of(by)});
+          add_cutter(s, t);
+          add_cutter(t, s);
         },
         stop_);
+  }
+
+  void find_near() {
+    const double distance = near_.distance;
+    const TriangleTree tree(soup_.vertices, soup_.triangles, box_.expanded(distance), distance);
+    std::vector<bool> is_needle(triangles_.size());
+    for (std::size_t t = 0; near_.has_needles && t < is_needle.size(); ++t)
+      is_needle[t] = height_of(triangles_[t].corners) < distance;
+    StopPoll poll(stop_);
+    tree.for_each_pair(
+        std::numeric_limits<std::uint32_t>::max(), [&](std::uint32_t s, std::uint32_t t) {
+          poll();
+          for (const auto& [of, by] : {std::pair(s, t), {t, s}})
+            if ((body_of(s) != body_of(t) || is_needle[by]) &&
+                leaves_print(triangles_[of].corners, triangles_[by].corners, distance))
+              add_cutter(of, by);
+        });
+  }
+
+  void add_cutter(std::uint32_t of, std::uint32_t by) {
+    found_.cutters.push_back(
+        {triangles_[of].id, triangles_[by].id, triangles_[by].corners, body_of(by)});
   }
 
   std::vector<Triangle> triangles_;
   Box box_;
   std::span<const std::uint32_t> given_;
+  NearLaw near_;
   const StopToken* stop_;
   TriangleSoup soup_;
   CellMeetings found_;
 };
-
-double height_of(const std::array<Point, 3>& t) {
-  const double longest = std::sqrt(std::max(
-      {squared_distance(t[0], t[1]), squared_distance(t[1], t[2]), squared_distance(t[2], t[0])}));
-  return longest > 0 ? norm(cross(t[1] - t[0], t[2] - t[0])) / longest : 0;
-}
 
 // How far `other` is from the plane of a triangle that it lies on, but for less than `least`;
 // nothing: it lies in that plane, or beside the triangle, or not on it.
@@ -144,9 +165,11 @@ struct MetTriangle {
     return pieces.corners.size() != 1 || pieces.num_collapsed > 0;
   }
 
-  std::optional<CutObstacle> obstacle(const TrianglePieces& pieces, double least) const {
+  std::optional<CutObstacle> obstacle(const TrianglePieces& pieces, const NearLaw& near,
+                                      double least) const {
     CutObstacle obstacle{.triangle = triangle, .num_cutters = num_cutters};
-    if (num_cutters > kMostCutters || pieces.corners.size() > kMostPieces) return obstacle;
+    if (num_cutters > kMostCutters) return obstacle;
+    if (near.distance > 0) return std::nullopt;
     obstacle.kind = CutObstacle::Kind::kThin;
     for (std::size_t i = 0; i < cutters.size(); ++i)
       if (const auto distance = distance_of_near(triangle.corners, cutters[i], least)) {
@@ -181,13 +204,15 @@ struct MetTriangle {
 class BodyCutter {
  public:
   BodyCutter(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-             std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
-             Workers& workers)
+             std::span<const std::uint32_t> given, const Box& box, bool has_pieces,
+             const NearLaw& near, IngestWatch& watch, Workers& workers)
       : spill_(spill),
         buckets_(buckets),
         has_copies_(has_copies),
         given_(given),
         least_width_(kLeastWidth * std::max(max_norm(box.min), max_norm(box.max))),
+        has_pieces_(has_pieces),
+        near_(near),
         watch_(watch),
         workers_(workers),
         parts_(*std::ranges::max_element(given) + std::size_t{1}),
@@ -217,7 +242,7 @@ class BodyCutter {
         },
         [&](const TriangleBucket& bucket, std::vector<Triangle> triangles) {
           return MeetingsOfCell(std::move(triangles), buckets_.frame().box(bucket.cell), given_,
-                                watch_.stop())
+                                near_, watch_.stop())
               .run();
         },
         [&](const TriangleBucket& bucket, const CellMeetings& found) {
@@ -233,10 +258,8 @@ class BodyCutter {
     void compute() override {
       for (const MetTriangle& met : triangles) {
         throw_if_stopped(cutter.watch_.stop());
-        const bool is_met = !met.cutters.empty() && met.num_cutters <= kMostCutters;
-        pieces.push_back(is_met ? cut_triangle(met.triangle.corners, met.cutters)
-                                : TrianglePieces{{met.triangle.corners}});
-        obstacles.push_back(met.obstacle(pieces.back(), cutter.least_width_));
+        pieces.push_back(cutter.pieces_of(met));
+        obstacles.push_back(met.obstacle(pieces.back(), cutter.near_, cutter.least_width_));
       }
     }
     void apply() override {
@@ -281,11 +304,28 @@ class BodyCutter {
     return met;
   }
 
+  TrianglePieces pieces_of(const MetTriangle& met) const {
+    const std::array<Point, 3>& corners = met.triangle.corners;
+    const bool is_met = !met.cutters.empty() && met.num_cutters <= kMostCutters;
+    if (near_.distance == 0)
+      return is_met ? cut_triangle(corners, met.cutters) : TrianglePieces{{corners}};
+    return is_met || (near_.has_needles && height_of(corners) < near_.distance)
+               ? imprinted_triangle(corners, met.cutters, near_.distance)
+               : TrianglePieces{{corners}};
+  }
+
+  // Piece after piece of one triangle of the file is numbered.
   void add(const MetTriangle& met, const TrianglePieces& pieces) {
     Triangle piece = met.triangle;
-    for (std::size_t i = 0; i < pieces.corners.size(); ++i) {
-      piece.id = kMostPieces * met.triangle.id + i;
-      piece.corners = pieces.corners[i];
+    const std::uint64_t in_file = number_in_file(met.triangle.id, has_pieces_);
+    if (in_file != std::exchange(last_in_file_, in_file)) num_pieces_ = 0;
+    for (const auto& corners : pieces.corners) {
+      if (num_pieces_ == kMostPieces) {
+        result_.obstacle = {.triangle = met.triangle, .num_cutters = met.num_cutters};
+        return;
+      }
+      piece.id = kMostPieces * in_file + num_pieces_++;
+      piece.corners = corners;
       writer_->append(piece);
     }
     if (!met.is_cut_into(pieces)) return;
@@ -306,21 +346,24 @@ class BodyCutter {
   bool has_copies_;
   std::span<const std::uint32_t> given_;
   double least_width_;
+  bool has_pieces_;
+  NearLaw near_;
   IngestWatch& watch_;
   Workers& workers_;
   DisjointSets parts_;  // of bodies that are given
   Triangles triangles_;
   Cutters cutters_;
   std::optional<TriangleWriter> writer_;
+  std::uint64_t last_in_file_ = std::numeric_limits<std::uint64_t>::max(), num_pieces_ = 0;
   CutSurface result_;
 };
 
 }  // namespace
 
 CutSurface cut_bodies(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-                      std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
-                      Workers& workers) {
-  return BodyCutter(spill, buckets, has_copies, given, box, watch, workers).run();
+                      std::span<const std::uint32_t> given, const Box& box, bool has_pieces,
+                      const NearLaw& near, IngestWatch& watch, Workers& workers) {
+  return BodyCutter(spill, buckets, has_copies, given, box, has_pieces, near, watch, workers).run();
 }
 
 }  // namespace locvol

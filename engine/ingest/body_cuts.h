@@ -45,6 +45,12 @@ struct CutObstacle {
   double width = 0;
 };
 
+// What is nearer than a distance is made the same, instead of cut (refine/domain/cut_triangle).
+struct NearLaw {
+  double distance = 0;       // 0: it is cut
+  bool has_needles = false;  // triangles lower than that go, whatever they meet
+};
+
 struct CutSurface {
   TriangleList triangles = {};          // in order of id
   std::uint64_t num_cut = 0;            // triangles that became others; 0: all else is empty
@@ -59,11 +65,12 @@ inline constexpr double kLeastWidth = 1e-12;
 
 // `buckets` have the surface, whole, in `spill`, with copies if `has_copies`; `box` is around it.
 // `given`, not empty: see given_body(). Those that are closed together alone are one here, and not
-// cut along each other. Afterwards ids are those of pieces (surface_input.h). Memory: 24 MB, what a
+// cut along each other. Afterwards ids are those of pieces (surface_input.h), as they are before if
+// `has_pieces`. If things are to be near, buckets are of a margin as wide. Memory: 24 MB, what a
 // cell takes for each thread, and 4 KB for each that meets the triangles that are cut at once: up
 // to kMostCutters for each thread. Throws std::system_error, Stopped.
 CutSurface cut_bodies(TriangleSpill& spill, const TriangleBuckets& buckets, bool has_copies,
-                      std::span<const std::uint32_t> given, const Box& box, IngestWatch& watch,
-                      Workers& workers);
+                      std::span<const std::uint32_t> given, const Box& box, bool has_pieces,
+                      const NearLaw& near, IngestWatch& watch, Workers& workers);
 
 }  // namespace locvol

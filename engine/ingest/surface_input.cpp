@@ -33,6 +33,10 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
 constexpr std::size_t kMostToldMeetings = 20;  // of pairs of bodies
 
+// Of the largest coordinate: what is nearer was one, before it was rounded.
+constexpr double kNear = 1e-11;
+constexpr int kMostNearRounds = 10;
+
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.
 class SurfacePreparation {
@@ -64,6 +68,7 @@ class SurfacePreparation {
       check_orientation();
     }
     check_vertices();
+    join_near_bodies();
     cut_bodies();
     check_self_intersection();
     note_repairs();
@@ -74,8 +79,9 @@ class SurfacePreparation {
  private:
   bool has_area() const { return raw_.collinear.empty(); }
 
+  // Of bodies the triangles are needed again.
   void distribute_and_check() {
-    distribute({}, !has_area());
+    distribute({}, !has_area() || !given_.empty());
     check(has_area() ? CheckScope::kAll : CheckScope::kNeighbors);
   }
 
@@ -275,6 +281,54 @@ class SurfacePreparation {
              text(findings_.first_pinched), cured_by("wrap"));
   }
 
+  // What rounding alone parts, of bodies, is made the same: cut along each other it would be dust.
+  void join_near_bodies() {
+    if (given_.empty() || !has_area()) return;
+    const double distance = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
+    bool is_changed = false;
+    for (int round = 0; round < kMostNearRounds; ++round) {
+      const std::uint64_t num_changed =
+          imprint_bodies({.distance = distance, .has_needles = is_changed});
+      if (num_changed == 0) break;
+      is_changed = true;
+      distribute({}, true);
+      WeldedSurface welded =
+          welded_surface(raw_.spill, buckets_, WeldPoints::kAll, distance, watch_, workers_);
+      if (welded.num_joined > 0 && obstacle_to(welded).empty())
+        adopt(std::move(welded.triangles));
+      else
+        raw_.spill.release(std::move(welded.triangles));
+    }
+    if (is_changed) return check_again();
+    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
+    raw_.triangles.clear();
+  }
+
+  // Returns how many triangles have changed.
+  std::uint64_t imprint_bodies(const NearLaw& near) {
+    TriangleBuckets buckets = buckets_.empty_ones();
+    buckets.distribute(raw_.spill, raw_.triangles, raw_.box, {}, true, watch_, near.distance);
+    CutSurface cut = locvol::cut_bodies(raw_.spill, buckets, drops_copies_, given_, raw_.box,
+                                        raw_.has_pieces, near, watch_, workers_);
+    buckets.release(raw_.spill);
+    if (cut.obstacle) refuse_to_cut(*cut.obstacle);
+    if (cut.num_cut == 0) return 0;
+    share_.require_whole();
+    if (meetings_.empty()) meetings_ = std::move(cut.meetings);
+    adopt(std::move(cut.triangles));
+    raw_.has_pieces = true;
+    return cut.num_cut;
+  }
+
+  void check_again() {
+    num_copies_ += drops_copies_ ? findings_.num_copies : 0;
+    distribute({}, false);
+    check(CheckScope::kAll);
+    check_edges();
+    check_orientation();
+    check_vertices();
+  }
+
   // Bodies that cross, or lie on each other with other triangles, get vertices and edges where they
   // do.
   void cut_bodies() {
@@ -282,19 +336,14 @@ class SurfacePreparation {
     const auto& [first, second] = *findings_.intersection;
     if (given_body(given_, first) == given_body(given_, second)) return;
     share_.require_whole();
-    CutSurface cut =
-        locvol::cut_bodies(raw_.spill, buckets_, drops_copies_, given_, raw_.box, watch_, workers_);
+    CutSurface cut = locvol::cut_bodies(raw_.spill, buckets_, drops_copies_, given_, raw_.box,
+                                        raw_.has_pieces, {}, watch_, workers_);
     if (cut.obstacle) refuse_to_cut(*cut.obstacle);
     if (cut.num_cut == 0) return;
-    meetings_ = std::move(cut.meetings);
-    raw_.has_pieces = true;
-    num_copies_ = drops_copies_ ? findings_.num_copies : 0;
+    for (const auto& [bodies, meeting] : cut.meetings) meetings_[bodies] = meeting;
     adopt(std::move(cut.triangles));
-    distribute({}, false);
-    check(CheckScope::kAll);
-    check_edges();
-    check_orientation();
-    check_vertices();
+    raw_.has_pieces = true;
+    check_again();
   }
 
   [[noreturn]] void refuse_to_cut(const CutObstacle& obstacle) const {

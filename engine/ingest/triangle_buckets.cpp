@@ -105,10 +105,8 @@ class CellGrid {
 
 // A part of a cell while it is cut.
 struct Part {
-  explicit Part(TriangleSpill& spill, const Triangle& first, const Box& cell)
-      : list(std::make_unique<TriangleList>()),
-        writer(spill, *list),
-        box(first.box().common(cell)) {}
+  explicit Part(TriangleSpill& spill, const Box& around)
+      : list(std::make_unique<TriangleList>()), writer(spill, *list), box(around) {}
 
   std::unique_ptr<TriangleList> list;
   TriangleWriter writer;
@@ -118,8 +116,13 @@ struct Part {
 class Distribution {
  public:
   Distribution(TriangleSpill& spill, const Frame& frame, std::uint64_t capacity,
-               const KeyRange& range, IngestWatch& watch)
-      : spill_(spill), frame_(frame), capacity_(capacity), range_(range), watch_(watch) {}
+               const KeyRange& range, IngestWatch& watch, double margin)
+      : spill_(spill),
+        frame_(frame),
+        capacity_(capacity),
+        range_(range),
+        watch_(watch),
+        margin_(margin) {}
 
   struct Cell {
     MortonKey key;
@@ -207,7 +210,7 @@ class Distribution {
 
   void place(const Triangle& t, const CellGrid& grid, const std::vector<bool>& is_ours,
              std::vector<std::optional<Part>>& parts) {
-    const Box box = t.box();
+    const Box box = margin_ > 0 ? t.box().expanded(margin_) : t.box();
     const CellRange x = grid.range(0, box.min.x, box.max.x),
                     y = grid.range(1, box.min.y, box.max.y),
                     z = grid.range(2, box.min.z, box.max.z);
@@ -217,12 +220,14 @@ class Distribution {
         for (std::uint32_t i = x.first; i <= x.last; ++i) {
           if (!is_ours[grid.index(i, j, k)]) continue;
           const Box cell = grid.box(i, j, k);
-          if (is_in_one ? !box.overlaps(cell) : !touches(t, cell)) continue;
+          if (is_in_one ? !box.overlaps(cell)
+                        : !touches(t, margin_ > 0 ? cell.expanded(margin_) : cell))
+            continue;
           auto& part = parts[grid.index(i, j, k)];
           if (part)
             part->box = part->box.joined(box.common(cell));
           else
-            part.emplace(spill_, t, cell);
+            part.emplace(spill_, box.common(cell));
           part->writer.append(t);
         }
   }
@@ -232,16 +237,18 @@ class Distribution {
   std::uint64_t capacity_;
   const KeyRange& range_;
   IngestWatch& watch_;
+  double margin_;
 };
 
 }  // namespace
 
 void TriangleBuckets::distribute(TriangleSpill& spill, std::vector<TriangleList>& all,
                                  const Box& box, const TriangleChanges& changes, bool keeps_all,
-                                 IngestWatch& watch) {
+                                 IngestWatch& watch, double margin) {
   release(spill);
-  Distribution::Cell root{MortonKey::root(), keeps_all ? all : std::move(all), box};
-  Distribution(spill, frame_, capacity_, range_, watch)
+  Distribution::Cell root{MortonKey::root(), keeps_all ? all : std::move(all),
+                          margin > 0 ? box.expanded(margin) : box};
+  Distribution(spill, frame_, capacity_, range_, watch, margin)
       .cut(std::move(root), changes, keeps_all, buckets_);
 }
 

@@ -38,9 +38,11 @@ class TriangleBuckets {
   // of cells as large as `capacity` allows. Cells that more triangles meet are cut again, in passes
   // over their triangles that each write to up to 512 lists; not where that cannot help, as at a
   // point where all of them meet. `box` is around all of them. `keeps_all`: `all` is needed again.
-  // Memory: 16 MB while it runs.
+  // `margin`: a cell gets what is as near as that, too; what is asked of cells below knows nothing
+  // of it. Memory: 16 MB while it runs.
   void distribute(TriangleSpill& spill, std::vector<TriangleList>& all, const Box& box,
-                  const TriangleChanges& changes, bool keeps_all, IngestWatch& watch);
+                  const TriangleChanges& changes, bool keeps_all, IngestWatch& watch,
+                  double margin = 0);
 
   TriangleBuckets empty_ones() const { return {frame_, capacity_, range_}; }  // for other triangles
   void release(TriangleSpill& spill);  // then there are no cells

@@ -10,8 +10,12 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <map>
 #include <optional>
+#include <type_traits>
 #include <utility>
+
+#include "refine/domain/closest_point.h"
 
 namespace locvol {
 namespace {
@@ -19,7 +23,7 @@ namespace {
 using Kernel = CGAL::Exact_predicates_exact_constructions_kernel;
 using Number = Kernel::FT;
 using Place = Kernel::Point_2;  // in the plane, without one coordinate
-using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<Point, Kernel>;
+using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<std::optional<Point>, Kernel>;
 using FaceBase =
     CGAL::Triangulation_face_base_with_info_2<bool, Kernel,
                                               CGAL::Constrained_triangulation_face_base_2<Kernel>>;
@@ -51,6 +55,56 @@ double rounded(const Number& number) {
     }
   return best + 0.0;
 }
+
+// With its ends in order, so that all triangles that have it compute the same.
+struct Edge {
+  Point low, high;
+  friend auto operator<=>(const Edge&, const Edge&) = default;
+};
+Edge edge_of(const Corners& triangle, std::size_t k) {
+  const Point &a = triangle[k], &b = triangle[(k + 1) % 3];
+  return a < b ? Edge{a, b} : Edge{b, a};
+}
+
+bool are_near(const Point& a, const Point& b, double distance) {
+  return squared_distance(a, b) < distance * distance;
+}
+bool is_near(const Edge& edge, const Point& point, double distance) {
+  return are_near(point, closest_on_segment(edge.low, edge.high, point), distance);
+}
+
+// Where on the edge a point near it lies, from 0 to 1; not if it is near an end.
+std::optional<double> place_along(const Edge& edge, const Point& point, double distance) {
+  const Point along = edge.high - edge.low;
+  const double place = dot(point - edge.low, along) / dot(along, along);
+  if (!(place > 0 && place < 1) || !are_near(point, edge.low + place * along, distance) ||
+      are_near(point, edge.low, distance) || are_near(point, edge.high, distance))
+    return std::nullopt;
+  return place;
+}
+
+// Where two edges are near each other, and no end of one is near the other.
+std::optional<Point> crossing_of(Edge e, Edge f, double distance) {
+  constexpr double kLeastSine = 1e-6;
+  if (f < e) std::swap(e, f);
+  const Point u = e.high - e.low, v = f.high - f.low, w = f.low - e.low, across = cross(u, v);
+  const double square = dot(across, across);
+  if (square <= kLeastSine * kLeastSine * dot(u, u) * dot(v, v)) return std::nullopt;
+  const double s = dot(cross(w, v), across) / square, t = dot(cross(w, u), across) / square;
+  if (!(s > 0 && s < 1 && t > 0 && t < 1)) return std::nullopt;
+  const Point p = e.low + s * u, q = f.low + t * v;
+  if (!are_near(p, q, distance) || is_near(e, f.low, distance) || is_near(e, f.high, distance) ||
+      is_near(f, e.low, distance) || is_near(f, e.high, distance))
+    return std::nullopt;
+  return 0.5 * (p + q) + Point{};  // no -0.0
+}
+
+// A point that an edge gets.
+struct Print {
+  double along = 0;
+  Point point;
+  friend auto operator<=>(const Print&, const Print&) = default;
+};
 
 // The plane of a triangle, seen along the axis that it is steepest to. So all triangles of a plane
 // have the same view of it.
@@ -117,6 +171,56 @@ class TriangleCutter {
     if (!ends.empty()) cut_along(ends.front(), ends.back());
   }
 
+  // What is close is there from now on, where it would be if the triangle were plane.
+  void imprint(std::span<const Corners> others, double distance) {
+    std::map<Point, Place> places;
+    for (int k = 0; k < 3; ++k) places.emplace(corners_[static_cast<std::size_t>(k)], triangle_[k]);
+    std::vector<Print> on_edges;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Edge edge = edge_of(corners_, k);
+      const Place low = places.at(edge.low), high = places.at(edge.high);
+      on_edges.clear();
+      for (const Corners& other : others)
+        for (std::size_t j = 0; j < 3; ++j) {
+          if (const auto along = place_along(edge, other[j], distance))
+            on_edges.push_back({*along, other[j]});
+          if (const auto point = crossing_of(edge, edge_of(other, j), distance))
+            on_edges.push_back({*place_along(edge, *point, 2 * distance), *point});
+        }
+      std::ranges::sort(on_edges);
+      double last = 0;
+      for (const auto& [along, point] : on_edges) {
+        if (along == std::exchange(last, along) || places.contains(point)) continue;
+        places.emplace(point, insert(low + Number(along) * (high - low), point));
+      }
+    }
+    for (const Corners& other : others)
+      for (const Point& point : other) {
+        if (places.contains(point)) continue;
+        if (const auto place = place_inside(point, distance))
+          places.emplace(point, insert(*place, point));
+      }
+    std::vector<Print> on_edge;
+    for (const Corners& other : others)
+      for (std::size_t j = 0; j < 3; ++j) {
+        const Edge edge = edge_of(other, j);
+        on_edge = {{0, edge.low}, {1, edge.high}};
+        for (std::size_t k = 0; k < 3; ++k) {
+          if (const auto along = place_along(edge, corners_[k], distance))
+            on_edge.push_back({*along, corners_[k]});
+          if (const auto point = crossing_of(edge, edge_of(corners_, k), distance))
+            on_edge.push_back({*place_along(edge, *point, 2 * distance), *point});
+        }
+        std::erase_if(on_edge, [&](const Print& print) { return !places.contains(print.point); });
+        std::ranges::sort(on_edge);
+        for (std::size_t i = 1; i < on_edge.size(); ++i)
+          if (const Place& from = places.at(on_edge[i - 1].point),
+              &to = places.at(on_edge[i].point);
+              from != to)
+            cuts_.insert_constraint(from, to);
+      }
+  }
+
   TrianglePieces pieces() {
     TrianglePieces pieces;
     if (cuts_.number_of_vertices() == 3) {
@@ -124,19 +228,37 @@ class TriangleCutter {
       return pieces;
     }
     for (const auto vertex : cuts_.finite_vertex_handles())
-      vertex->info() = view_.rounded_point(vertex->point());
+      if (!vertex->info()) vertex->info() = view_.rounded_point(vertex->point());
     for (const auto face : cuts_.finite_face_handles()) face->info() = false;
     for (const auto face : cuts_.finite_face_handles()) {
       if (face->info()) continue;
       const std::vector<Triangulation::Vertex_handle> polygon = polygon_with(face);
       for (std::size_t i = 2; i < polygon.size(); ++i)
-        add(polygon[0]->info(), polygon[i - 1]->info(), polygon[i]->info(), pieces);
+        add(*polygon[0]->info(), *polygon[i - 1]->info(), *polygon[i]->info(), pieces);
     }
     std::ranges::sort(pieces.corners);
     return pieces;
   }
 
  private:
+  Place insert(const Place& place, const Point& point) {
+    cuts_.insert(place)->info() = point;
+    return place;
+  }
+
+  // Of a point that is near the triangle, and not near its edges.
+  std::optional<Place> place_inside(const Point& point, double distance) const {
+    const auto& [a, b, c] = corners_;
+    const Point normal = cross(b - a, c - a);
+    const double height = dot(point - a, normal) / norm(normal);
+    if (std::abs(height) >= distance) return std::nullopt;
+    for (std::size_t k = 0; k < 3; ++k)
+      if (is_near(edge_of(corners_, k), point, distance)) return std::nullopt;
+    const Place place = view_.place(exact(point - (height / norm(normal)) * normal));
+    if (!triangle_.has_on_bounded_side(place)) return std::nullopt;
+    return place;
+  }
+
   void cut_along(const Place& from, const Place& to) {
     if (from == to) {
       if (!triangle_.has_on_unbounded_side(from)) cuts_.insert(from);
@@ -207,6 +329,43 @@ TrianglePieces cut_triangle(const std::array<Point, 3>& triangle,
   TriangleCutter cutter(triangle);
   for (const std::array<Point, 3>& other : others) cutter.cut_along(other);
   return cutter.pieces();
+}
+
+bool leaves_print(const std::array<Point, 3>& triangle, const std::array<Point, 3>& other,
+                  double distance) {
+  const auto& [a, b, c] = triangle;
+  const Point normal = cross(b - a, c - a);
+  const double reach = distance * norm(normal);
+  const std::array<double, 3> heights{dot(other[0] - a, normal), dot(other[1] - a, normal),
+                                      dot(other[2] - a, normal)};
+  if (std::ranges::min(heights) > reach || std::ranges::max(heights) < -reach) return false;
+  for (const Point& p : other)
+    if (std::ranges::find(triangle, p) == triangle.end() &&
+        are_near(p, closest_on_triangle(triangle, p), distance))
+      return true;
+  for (std::size_t k = 0; k < 3; ++k)
+    for (std::size_t j = 0; j < 3; ++j)
+      if (crossing_of(edge_of(triangle, k), edge_of(other, j), distance)) return true;
+  return false;
+}
+
+TrianglePieces imprinted_triangle(const std::array<Point, 3>& triangle,
+                                  std::span<const std::array<Point, 3>> others, double distance) {
+  if (height_of(triangle) < distance) {
+    for (std::size_t k = 0; k < 3; ++k)
+      if (place_along(edge_of(triangle, k), triangle[(k + 2) % 3], distance))
+        return {.corners = {}, .num_collapsed = 1};
+    return {.corners = {triangle}};
+  }
+  TriangleCutter cutter(triangle);
+  cutter.imprint(others, distance);
+  return cutter.pieces();
+}
+
+double height_of(const std::array<Point, 3>& t) {
+  const double longest = std::sqrt(std::max(
+      {squared_distance(t[0], t[1]), squared_distance(t[1], t[2]), squared_distance(t[2], t[0])}));
+  return longest > 0 ? norm(cross(t[1] - t[0], t[2] - t[0])) / longest : 0;
 }
 
 }  // namespace locvol

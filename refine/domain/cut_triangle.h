@@ -28,4 +28,23 @@ struct TrianglePieces {
 TrianglePieces cut_triangle(const std::array<Point, 3>& triangle,
                             std::span<const std::array<Point, 3>> others);
 
+// ---- What is nearly so ----
+//
+// Where rounding parts what was one, cuts would leave dust. So first triangles take over each
+// other's vertices and edges where these come closer than a distance: edges get vertices that are
+// near them, and one vertex where two come near to each other; faces get vertices and edges. All of
+// that is a function of edges and points alone, so that neighbors agree. What is made so comes
+// nearer to others, and is to be looked at again, until nothing is near that is not the same.
+
+// Would `other` leave anything on the triangle?
+bool leaves_print(const std::array<Point, 3>& triangle, const std::array<Point, 3>& other,
+                  double distance);
+// A triangle with a corner so near to the opposite edge has no pieces: its neighbors meet. Those of
+// its plane that leave nothing may be among `others`. Time and memory: as of cut_triangle().
+// REQUIRES: the distance is far above what rounding does, and far below what edges are long
+TrianglePieces imprinted_triangle(const std::array<Point, 3>& triangle,
+                                  std::span<const std::array<Point, 3>> others, double distance);
+// Its height over its longest edge.
+double height_of(const std::array<Point, 3>& triangle);
+
 }  // namespace locvol

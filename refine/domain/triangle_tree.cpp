@@ -20,7 +20,7 @@ std::uint64_t spread_bits(double v, double low, double extent) {
 
 TriangleTree::TriangleTree(std::span<const Point> vertices,
                            std::span<const std::array<std::uint32_t, 3>> triangles,
-                           const Box& region)
+                           const Box& region, double margin)
     : levels_(1) {
   if (triangles.empty()) return;
   std::vector<Node> nodes;
@@ -28,7 +28,7 @@ TriangleTree::TriangleTree(std::span<const Point> vertices,
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
     const auto& [a, b, c] = triangles[t];
     const Box box = Box::around(vertices[a]).joined(vertices[b]).joined(vertices[c]);
-    nodes.push_back({box.common(region), t});
+    nodes.push_back({(margin > 0 ? box.expanded(margin) : box).common(region), t});
   }
   sort_along_curve(nodes);
   build_levels();

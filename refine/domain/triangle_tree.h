@@ -23,9 +23,10 @@ inline constexpr Box kEverywhere{{-kEndless, -kEndless, -kEndless}, {kEndless, k
 // Memory: about 80 bytes a triangle.
 class TriangleTree {
  public:
+  // `margin`: by how much the triangles' boxes are wider than they are, on each side.
   TriangleTree(std::span<const Point> vertices,
                std::span<const std::array<std::uint32_t, 3>> triangles,
-               const Box& region = kEverywhere);
+               const Box& region = kEverywhere, double margin = 0);
 
   // visit(s, t) for every two triangles whose boxes overlap, once, in either order; not for pairs
   // without a number up to `limit`, which visits may lower.
