@@ -232,6 +232,9 @@ struct Patch {
 struct Region {
   std::vector<std::uint32_t> shells;  // ascending
   BodyId body = kNoBody;
+  // Of the bodies that are given, the innermost there: one, unless some only overlap. Ascending.
+  std::vector<std::uint32_t> innermost;
+  CompensatedSum volume;
 };
 
 class BodyNumbering {
@@ -247,6 +250,7 @@ class BodyNumbering {
     find_nesting();
     label();
     add_up();
+    note_overlaps();
     surface_.labels = labels();
     surface_.facts.volume = volume_.value();
     if (surface_.has_contacts) measure_net();
@@ -493,9 +497,9 @@ class BodyNumbering {
     return std::ranges::binary_search(around_[shell], other);
   }
 
-  // The innermost of the bodies that the region lies in; of those that only overlap, the first. A
-  // shell of a body in another one of the same body bounds a cavity of it.
-  BodyId label_of(const Region& region) const {
+  // The innermost of the bodies that the region lies in. A shell of a body in another one of the
+  // same body bounds a cavity of it.
+  std::vector<std::uint32_t> innermost_of(const Region& region) const {
     struct Held {
       std::uint32_t body = 0, shell = 0;  // the innermost one
       bool is_in = false;
@@ -512,7 +516,6 @@ class BodyNumbering {
       if (lies_in(shell, known->shell)) known->shell = shell;
     }
     std::erase_if(held, [](const Held& h) { return !h.is_in; });
-    if (held.empty()) return kNoBody;
     const auto is_around_another = [&](const Held& h) {
       return std::ranges::any_of(held, [&](const Held& other) {
         return lies_in(other.shell, h.shell) && !lies_in(h.shell, other.shell);
@@ -521,11 +524,15 @@ class BodyNumbering {
     std::vector<std::uint32_t> innermost;
     for (const Held& h : held)
       if (!is_around_another(h)) innermost.push_back(h.body);
-    return ids_[std::ranges::min(innermost)];
+    std::ranges::sort(innermost);
+    return innermost;
   }
 
   void label() {
-    for (Region& region : regions_) region.body = label_of(region);
+    for (Region& region : regions_) {
+      region.innermost = innermost_of(region);
+      if (!region.innermost.empty()) region.body = ids_[region.innermost.front()];
+    }
     std::vector<bool> is_kept(bodies_.size() + 1), bounds(shells_.size());
     for (Patch& patch : patches_) {
       patch.front = regions_[patch.front_region].body;
@@ -557,6 +564,8 @@ class BodyNumbering {
         volumes_[body].add(its);
         volume_.add(its);
       };
+      regions_[patch.back_region].volume.add(volume);
+      regions_[patch.front_region].volume.add(-volume);
       if (patch.front == patch.back) continue;
       add(patch.back, volume);
       add(patch.front, -volume);
@@ -583,6 +592,24 @@ class BodyNumbering {
       sort_and_unite(beyond[b]);
       if (beyond[b].size() == 1) bodies_[b].around = beyond[b].front();
     }
+  }
+
+  // Of bodies that only overlap, the first has the place.
+  void note_overlaps() {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, CompensatedSum> volumes;
+    for (const Region& region : regions_)
+      for (std::size_t i = 1; i < region.innermost.size(); ++i)
+        volumes[{region.innermost.front(), region.innermost[i]}].add(region.volume);
+    std::size_t num_told = 0;
+    for (const auto& [bodies, volume] : volumes) {
+      if (num_told++ == kMostToldPairs) break;
+      surface_.facts.notes.push_back(fmt::format(
+          "{} and {} overlap, in a volume of {:.6g}: {} has the place", names_[bodies.first],
+          names_[bodies.second], volume.value(), names_[bodies.first]));
+    }
+    if (volumes.size() > kMostToldPairs)
+      surface_.facts.notes.push_back(
+          fmt::format("{} more pairs of bodies overlap", volumes.size() - kMostToldPairs));
   }
 
   // Groups are cut where bodies change, and numbered anew by their first triangles.

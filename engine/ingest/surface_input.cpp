@@ -31,8 +31,6 @@ namespace {
 // Around triangles without area, repaired in memory.
 constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
-constexpr std::size_t kMostToldMeetings = 20;  // of pairs of bodies
-
 // Of the largest coordinate: what is nearer was one, before it was rounded.
 constexpr double kNear = 1e-11;
 constexpr int kMostNearRounds = 10;
@@ -314,10 +312,18 @@ class SurfacePreparation {
     if (cut.obstacle) refuse_to_cut(*cut.obstacle);
     if (cut.num_cut == 0) return 0;
     share_.require_whole();
-    if (meetings_.empty()) meetings_ = std::move(cut.meetings);
+    add_meetings(cut.meetings);
     adopt(std::move(cut.triangles));
     raw_.has_pieces = true;
     return cut.num_cut;
+  }
+
+  void add_meetings(const std::map<MeetingBodies, Meeting>& found) {
+    for (const auto& [bodies, more] : found) {
+      Meeting& meeting = meetings_[bodies];
+      for (std::size_t k = 0; k < 2; ++k) meeting.num_cut[k] += more.num_cut[k];
+      if (!meeting.place) meeting.place = more.place;
+    }
   }
 
   void check_again() {
@@ -340,7 +346,7 @@ class SurfacePreparation {
                                         raw_.has_pieces, {}, watch_, workers_);
     if (cut.obstacle) refuse_to_cut(*cut.obstacle);
     if (cut.num_cut == 0) return;
-    for (const auto& [bodies, meeting] : cut.meetings) meetings_[bodies] = meeting;
+    add_meetings(cut.meetings);
     adopt(std::move(cut.triangles));
     raw_.has_pieces = true;
     check_again();
@@ -446,15 +452,15 @@ class SurfacePreparation {
   void note_meetings() {
     std::size_t num_told = 0;
     for (const auto& [bodies, meeting] : meetings_) {
-      if (num_told++ == kMostToldMeetings) break;
+      if (num_told++ == kMostToldPairs) break;
       notes_.push_back(fmt::format(
           "{} and {} cross, or lie on each other: cut {} of {} and {} of {}{}", name_of(bodies.one),
           name_of(bodies.other), counted(meeting.num_cut[0], "triangle", "triangles"),
           name_of(bodies.one), meeting.num_cut[1], name_of(bodies.other),
           meeting.place ? fmt::format(", the first at {}", text(*meeting.place)) : ""));
     }
-    if (meetings_.size() > kMostToldMeetings)
-      note("so do {} more of bodies", meetings_.size() - kMostToldMeetings, "pair", "pairs");
+    if (meetings_.size() > kMostToldPairs)
+      note("so do {} of bodies", meetings_.size() - kMostToldPairs, "more pair", "more pairs");
   }
 
   // The volume is that of the material: less in cavities. Orientation is the file's own affair; the

@@ -42,6 +42,9 @@ inline std::uint64_t number_in_file(std::uint64_t id, bool has_pieces) {
   return has_pieces ? id / kMostPieces : id;
 }
 
+// Of bodies, in notes.
+inline constexpr std::size_t kMostToldPairs = 20;
+
 // One of several files, each of which is a body.
 struct SurfaceFile {
   std::string body, file;

@@ -99,6 +99,17 @@ std::optional<Point> crossing_of(Edge e, Edge f, double distance) {
   return 0.5 * (p + q) + Point{};  // no -0.0
 }
 
+Box box_of(const Corners& t) { return Box::around(t[0]).joined(t[1]).joined(t[2]); }
+
+// Does the other triangle lie on one side of this one's plane, farther than the distance?
+bool is_beyond_plane(const Corners& triangle, const Corners& other, double distance) {
+  const Point normal = cross(triangle[1] - triangle[0], triangle[2] - triangle[0]);
+  const double reach = distance * norm(normal);
+  const auto height = [&](const Point& p) { return dot(p - triangle[0], normal); };
+  const auto [low, high] = std::minmax({height(other[0]), height(other[1]), height(other[2])});
+  return low > reach || high < -reach;
+}
+
 // A point that an edge gets.
 struct Print {
   double along = 0;
@@ -333,19 +344,24 @@ TrianglePieces cut_triangle(const std::array<Point, 3>& triangle,
 
 bool leaves_print(const std::array<Point, 3>& triangle, const std::array<Point, 3>& other,
                   double distance) {
-  const auto& [a, b, c] = triangle;
-  const Point normal = cross(b - a, c - a);
-  const double reach = distance * norm(normal);
-  const std::array<double, 3> heights{dot(other[0] - a, normal), dot(other[1] - a, normal),
-                                      dot(other[2] - a, normal)};
-  if (std::ranges::min(heights) > reach || std::ranges::max(heights) < -reach) return false;
+  if (is_beyond_plane(triangle, other, distance) || is_beyond_plane(other, triangle, distance))
+    return false;
+  const Box reach = box_of(triangle).expanded(distance);
   for (const Point& p : other)
-    if (std::ranges::find(triangle, p) == triangle.end() &&
+    if (reach.contains(p) && std::ranges::find(triangle, p) == triangle.end() &&
         are_near(p, closest_on_triangle(triangle, p), distance))
       return true;
-  for (std::size_t k = 0; k < 3; ++k)
-    for (std::size_t j = 0; j < 3; ++j)
-      if (crossing_of(edge_of(triangle, k), edge_of(other, j), distance)) return true;
+  for (std::size_t j = 0; j < 3; ++j) {
+    const Edge edge = edge_of(other, j);
+    const Box around = Box::around(edge.low).joined(edge.high).expanded(distance);
+    if (!around.overlaps(reach)) continue;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Edge own = edge_of(triangle, k);
+      if (around.overlaps(Box::around(own.low).joined(own.high)) &&
+          crossing_of(own, edge, distance))
+        return true;
+    }
+  }
   return false;
 }
 

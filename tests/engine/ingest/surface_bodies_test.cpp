@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <random>
 #include <set>
@@ -89,6 +91,22 @@ BodyId label_of(const Voxel& voxel, const std::vector<Block>& blocks) {
     if (is_innermost) return static_cast<BodyId>(b + 1);
   }
   return kNoBody;
+}
+
+// The block as a box of two triangles a face, whatever lies beside it; with its corners moved.
+std::string plain_off(const Block& block, const std::function<Point(const Point&)>& moved) {
+  std::string text = "OFF\n8 12 0\n";
+  for (int k = 0; k < 8; ++k) {
+    const auto at = [&](std::size_t axis) {
+      return double((k >> axis & 1 ? block.high : block.low)[axis]);
+    };
+    const Point p = moved({at(0), at(1), at(2)});
+    text += fmt::format("{} {} {}\n", p.x, p.y, p.z);
+  }
+  for (const char* triangle : {"0 2 3", "0 3 1", "4 5 7", "4 7 6", "0 1 5", "0 5 4", "2 6 7",
+                               "2 7 3", "0 4 6", "0 6 2", "1 3 7", "1 7 5"})
+    text += fmt::format("3 {}\n", triangle);
+  return text;
 }
 
 using Corners = std::array<Point, 3>;  // ascending
@@ -197,6 +215,200 @@ TEST_F(SurfaceBodies, AreThoseOfVoxels) {
   }
   EXPECT_GT(num_meshed, 20);
   EXPECT_GT(num_touching, 15);
+}
+
+// Faces that lie in each other, cross and have other triangulations; with coordinates as they come,
+// of thirds that are rounded in several ways, and turned, so that no two faces are of one plane.
+TEST_F(SurfaceBodies, AreCutAlongEachOther) {
+  constexpr unsigned kSeed = 43;
+  std::mt19937_64 random(kSeed);
+  SCOPED_TRACE(fmt::format("seed {}", kSeed));
+  const auto pick = [&](int below) { return static_cast<int>(random() % std::uint64_t(below)); };
+  // A turn about (1, 2, 2) / 3 by an angle of 1.
+  const auto turned = [](const Point& p) {
+    const Point axis{1.0 / 3, 2.0 / 3, 2.0 / 3};
+    return std::cos(1.0) * p + std::sin(1.0) * cross(axis, p) +
+           ((1 - std::cos(1.0)) * dot(axis, p)) * axis;
+  };
+  int num_cut = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    std::vector<Block> blocks;
+    const auto num = static_cast<std::size_t>(2 + pick(4));
+    while (blocks.size() < num) {
+      Block block;
+      for (std::size_t k = 0; k < 3; ++k) {
+        block.low[k] = pick(kSide);
+        block.high[k] = block.low[k] + 1 + pick(kSide - block.low[k]);
+      }
+      if (std::ranges::find(blocks, block) == blocks.end()) blocks.push_back(block);
+    }
+    std::map<BodyId, int> volumes;
+    for_each_square([&](const Voxel&, std::size_t axis, const Voxel&, const Voxel& above) {
+      if (axis == 0) ++volumes[label_of(above, blocks)];
+    });
+    const bool is_refused = [&] {
+      for (BodyId b = 1; b <= blocks.size(); ++b)
+        if (!volumes.contains(b)) return true;
+      return false;
+    }();
+    for (int way = 0; way < 3; ++way) {
+      SCOPED_TRACE(fmt::format("trial {}, way {}", trial, way));
+      const double scale = way == 0 ? 1 : 1.0 / 3;
+      std::vector<std::filesystem::path> inputs;
+      for (std::size_t b = 0; b < blocks.size(); ++b) {
+        // Each from a corner of its own: sums of thirds.
+        const Point low{blocks[b].low[0] / 3.0, blocks[b].low[1] / 3.0, blocks[b].low[2] / 3.0};
+        const auto moved = [&](const Point& p) {
+          if (way == 0) return p;
+          const Point third =
+              low + Point{(p.x - blocks[b].low[0]) / 3, (p.y - blocks[b].low[1]) / 3,
+                          (p.z - blocks[b].low[2]) / 3};
+          return way == 1 ? third : turned(third);
+        };
+        inputs.push_back(files_.write(fmt::format("block{}_{}_{}.off", trial, way, b),
+                                      plain_off(blocks[b], moved)));
+      }
+      if (is_refused) {
+        EXPECT_THROW(numbered(inputs, 50'000), InputError);
+        continue;
+      }
+      const Numbered found = numbered(inputs, 50'000);
+      ASSERT_EQ(found.bodies.size(), blocks.size());
+      for (BodyId b = 1; b <= blocks.size(); ++b)
+        EXPECT_NEAR(found.bodies[b - 1].volume, volumes[b] * scale * scale * scale, 1e-10);
+      num_cut += std::ranges::any_of(found.facts.notes, [](const std::string& note) {
+        return note.find("cross, or lie on each other: cut") != note.npos;
+      });
+      // However the surface is cut into cells.
+      const Numbered of_small_cells = numbered(inputs, 24);
+      EXPECT_EQ(found.triangles, of_small_cells.triangles);
+      EXPECT_EQ(found.facts.notes, of_small_cells.facts.notes);
+    }
+  }
+  EXPECT_GT(num_cut, 60);
+}
+
+// What two turned boxes have in common, by cutting one of them at the other's faces.
+double common_volume(const std::array<Point, 8>& one, const std::array<Point, 8>& other) {
+  using Cell = std::array<Point, 4>;
+  const auto volume = [](const Cell& c) {
+    return std::abs(dot(c[1] - c[0], cross(c[2] - c[0], c[3] - c[0]))) / 6;
+  };
+  std::vector<Cell> cells;
+  for (const auto& [i, j] : {std::pair(1, 3), {3, 2}, {2, 6}, {6, 4}, {4, 5}, {5, 1}})
+    cells.push_back({other[0], other[std::size_t(i)], other[std::size_t(j)], other[7]});
+  for (const auto& [a, b] : {std::pair(0, 1), {1, 0}, {0, 2}, {2, 0}, {0, 4}, {4, 0}}) {
+    const Point in = one[std::size_t(b)] - one[std::size_t(a)];
+    const auto depth = [&](const Point& p) { return dot(p - one[std::size_t(a)], in); };
+    std::vector<Cell> kept;
+    for (Cell c : cells) {
+      std::ranges::sort(c, std::ranges::greater(), depth);
+      const auto num =
+          static_cast<std::size_t>(std::ranges::count_if(c, [&](auto& p) { return depth(p) > 0; }));
+      const auto at = [&](std::size_t i, std::size_t j) {
+        const double u = depth(c[i]), v = depth(c[j]);
+        return c[i] + (u / (u - v)) * (c[j] - c[i]);
+      };
+      if (num == 4) kept.push_back(c);
+      if (num == 1) kept.push_back({c[0], at(0, 1), at(0, 2), at(0, 3)});
+      if (num == 3) {
+        const Point p = at(0, 3), q = at(1, 3), r = at(2, 3);
+        kept.insert(kept.end(), {{c[0], c[1], c[2], p}, {c[1], c[2], p, q}, {c[2], p, q, r}});
+      }
+      if (num == 2) {
+        const Point p = at(0, 2), q = at(0, 3), r = at(1, 2), s = at(1, 3);
+        kept.insert(kept.end(), {{c[0], p, q, c[1]}, {c[1], p, q, r}, {c[1], q, r, s}});
+      }
+    }
+    cells = kept;
+  }
+  double sum = 0;
+  for (const Cell& c : cells) sum += volume(c);
+  return sum;
+}
+
+TEST_F(SurfaceBodies, OverlapInWhatTwoTurnedBoxesHaveInCommon) {
+  constexpr unsigned kSeed = 47;
+  std::mt19937_64 random(kSeed);
+  SCOPED_TRACE(fmt::format("seed {}", kSeed));
+  std::uniform_real_distribution<double> side(0.5, 2), about(-0.6, 0.6);
+  std::normal_distribution<double> normal;
+  const auto unit = [&] {
+    const Point p{normal(random), normal(random), normal(random)};
+    return (1 / norm(p)) * p;
+  };
+  int num_overlapping = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    SCOPED_TRACE(fmt::format("trial {}", trial));
+    std::array<std::array<Point, 8>, 2> boxes;
+    std::vector<std::filesystem::path> inputs;
+    std::array<double, 2> volumes{};
+    for (std::size_t b = 0; b < 2; ++b) {
+      const Point u = unit(), across = cross(u, unit()), v = (1 / norm(across)) * across,
+                  w = cross(u, v), center{about(random), about(random), about(random)};
+      const double x = side(random), y = side(random), z = side(random);
+      volumes[b] = x * y * z;
+      const auto moved = [&](const Point& p) {
+        return center + ((p.x - 0.5) * x) * u + ((p.y - 0.5) * y) * v + ((p.z - 0.5) * z) * w;
+      };
+      for (std::size_t k = 0; k < 8; ++k)
+        boxes[b][k] = moved({double(k & 1), double(k >> 1 & 1), double(k >> 2)});
+      inputs.push_back(files_.write(fmt::format("box{}_{}.off", trial, b),
+                                    plain_off({.low = {0, 0, 0}, .high = {1, 1, 1}}, moved)));
+    }
+    const double common = common_volume(boxes[0], boxes[1]);
+    if (common > 0.999 * std::min(volumes[0], volumes[1])) continue;  // it lies in the other
+    const Numbered found = numbered(inputs, 50'000);
+    EXPECT_NEAR(found.bodies[0].volume, volumes[0], 1e-12);
+    EXPECT_NEAR(found.bodies[1].volume, volumes[1] - common, 1e-12);
+    num_overlapping += common > 0;
+    if (common > 0) {
+      EXPECT_NE(found.facts.notes.back().find("overlap"), std::string::npos);
+    }
+    EXPECT_EQ(found.triangles, numbered(inputs, 12).triangles);
+  }
+  EXPECT_GT(num_overlapping, 25);
+}
+
+TEST_F(SurfaceBodies, ThatAreTooManyForATriangleAreRefused) {
+  // A plate of two triangles, and needles of a body through one of them.
+  const Block plate{.low = {0, 0, 0}, .high = {4, 4, 1}};
+  std::string corners, triangles;
+  constexpr int kNum = 90;  // each of 12 triangles, of which 8 cross one face of the plate
+  int num = 0;
+  for (int i = 0; i < kNum; ++i)
+    for (int j = 0; j + i < kNum; ++j, ++num) {
+      const Point low{0.1 + 0.04 * i, 0.05 + 0.04 * j, 0.5};
+      for (int k = 0; k < 8; ++k)
+        corners += fmt::format("{} {} {}\n", low.x + (k & 1 ? 0.02 : 0), low.y + (k & 2 ? 0.02 : 0),
+                               k & 4 ? 1.5 : 0.5);
+      for (const auto& [a, b, c] : std::vector<std::array<int, 3>>{{0, 2, 3},
+                                                                   {0, 3, 1},
+                                                                   {4, 5, 7},
+                                                                   {4, 7, 6},
+                                                                   {0, 1, 5},
+                                                                   {0, 5, 4},
+                                                                   {2, 6, 7},
+                                                                   {2, 7, 3},
+                                                                   {0, 4, 6},
+                                                                   {0, 6, 2},
+                                                                   {1, 3, 7},
+                                                                   {1, 7, 5}})
+        triangles += fmt::format("3 {} {} {}\n", 8 * num + a, 8 * num + b, 8 * num + c);
+    }
+  const auto inputs =
+      std::vector{files_.write("plate.off", plain_off(plate, [](const Point& p) { return p; })),
+                  files_.write("needles.off", fmt::format("OFF\n{} {} 0\n", 8 * num, 12 * num) +
+                                                  corners + triangles)};
+  try {
+    numbered(inputs, 50'000);
+    ADD_FAILURE() << "not refused";
+  } catch (const InputError& e) {
+    const std::string what = e.what();
+    for (const char* word :
+         {"of plate is met by", "other bodies", "20000 at most", "smaller triangles"})
+      EXPECT_NE(what.find(word), std::string::npos) << what;
+  }
 }
 
 }  // namespace
