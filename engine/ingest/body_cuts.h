@@ -22,6 +22,13 @@
 
 namespace locvol {
 
+// Where bodies are cut along each other, ids count pieces: the number in the file, times this, and
+// the piece's.
+inline constexpr std::uint64_t kMostPieces = std::uint64_t{1} << 20;
+inline std::uint64_t number_in_file(std::uint64_t id, bool has_pieces) {
+  return has_pieces ? id / kMostPieces : id;
+}
+
 // Two of the bodies that are given, by their places, which have triangles that meet.
 struct MeetingBodies {
   std::uint32_t one = 0, other = 0;  // one < other
@@ -65,7 +72,7 @@ inline constexpr double kLeastWidth = 1e-12;
 
 // `buckets` have the surface, whole, in `spill`, with copies if `has_copies`; `box` is around it.
 // `given`, not empty: see given_body(). Those that are closed together alone are one here, and not
-// cut along each other. Afterwards ids are those of pieces (surface_input.h), as they are before if
+// cut along each other. Afterwards ids are those of pieces, as they are before if
 // `has_pieces`. If things are to be near, buckets are of a margin as wide. Memory: 24 MB, what a
 // cell takes for each thread, and 4 KB for each that meets the triangles that are cut at once: up
 // to kMostCutters for each thread. Throws std::system_error, Stopped.

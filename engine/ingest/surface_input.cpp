@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -284,11 +285,14 @@ class SurfacePreparation {
     if (given_.empty() || !has_area()) return;
     const double distance = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
     bool is_changed = false;
+    std::uint64_t most = std::numeric_limits<std::uint64_t>::max();  // to end, there are fewer
     for (int round = 0; round < kMostNearRounds; ++round) {
       const std::uint64_t num_changed =
           imprint_bodies({.distance = distance, .has_needles = is_changed});
       if (num_changed == 0) break;
       is_changed = true;
+      if (num_changed > most) break;
+      most = num_changed;
       distribute({}, true);
       WeldedSurface welded =
           welded_surface(raw_.spill, buckets_, WeldPoints::kAll, distance, watch_, workers_);

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/body_cuts.h"
 #include "engine/ingest/given_edges.h"
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
@@ -34,13 +35,6 @@
 #include "storage/records.h"
 
 namespace locvol {
-
-// Where bodies are cut along each other, ids count pieces: the number in the file, times this, and
-// the piece's.
-inline constexpr std::uint64_t kMostPieces = std::uint64_t{1} << 20;
-inline std::uint64_t number_in_file(std::uint64_t id, bool has_pieces) {
-  return has_pieces ? id / kMostPieces : id;
-}
 
 // Of bodies, in notes.
 inline constexpr std::size_t kMostToldPairs = 20;

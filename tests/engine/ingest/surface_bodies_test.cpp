@@ -374,11 +374,11 @@ TEST_F(SurfaceBodies, ThatAreTooManyForATriangleAreRefused) {
   // A plate of two triangles, and needles of a body through one of them.
   const Block plate{.low = {0, 0, 0}, .high = {4, 4, 1}};
   std::string corners, triangles;
-  constexpr int kNum = 90;  // each of 12 triangles, of which 8 cross one face of the plate
+  constexpr int kNum = 72;  // of each, 8 triangles cross a face of the plate
   int num = 0;
   for (int i = 0; i < kNum; ++i)
-    for (int j = 0; j + i < kNum; ++j, ++num) {
-      const Point low{0.1 + 0.04 * i, 0.05 + 0.04 * j, 0.5};
+    for (int j = 0; j <= i; ++j, ++num) {
+      const Point low{0.5 + 0.04 * i, 0.25 + 0.04 * j, 0.5};
       for (int k = 0; k < 8; ++k)
         corners += fmt::format("{} {} {}\n", low.x + (k & 1 ? 0.02 : 0), low.y + (k & 2 ? 0.02 : 0),
                                k & 4 ? 1.5 : 0.5);
