@@ -34,7 +34,6 @@ struct CellMeetings {
   std::vector<Triangle> owned;
   std::vector<Cutter> cutters;
   std::vector<MeetingBodies> parts;  // of one body: they are closed together alone
-  bool is_near = false;              // some are near each other
 };
 
 class MeetingsOfCell {
@@ -100,20 +99,14 @@ class MeetingsOfCell {
     for (std::size_t t = 0; near_.has_needles && t < is_needle.size(); ++t)
       is_needle[t] = height_of(triangles_[t].corners) < distance;
     StopPoll poll(stop_);
-    tree.for_each_pair(std::numeric_limits<std::uint32_t>::max(), [&](std::uint32_t s,
-                                                                      std::uint32_t t) {
-      poll();
-      const bool is_of_two = body_of(s) != body_of(t);
-      if (!is_of_two && !is_needle[s] && !is_needle[t]) return;
-      const bool may_cross_other =
-          is_of_two && may_cross(triangles_[s].corners, triangles_[t].corners, distance);
-      for (const auto& [of, by] : {std::pair(s, t), {t, s}}) {
-        if (!is_of_two && !is_needle[by]) continue;
-        const bool is_near = leaves_print(triangles_[of].corners, triangles_[by].corners, distance);
-        found_.is_near |= is_near;
-        if (is_near || may_cross_other) add_cutter(of, by);
-      }
-    });
+    tree.for_each_pair(
+        std::numeric_limits<std::uint32_t>::max(), [&](std::uint32_t s, std::uint32_t t) {
+          poll();
+          for (const auto& [of, by] : {std::pair(s, t), {t, s}})
+            if ((body_of(s) != body_of(t) || is_needle[by]) &&
+                leaves_print(triangles_[of].corners, triangles_[by].corners, distance))
+              add_cutter(of, by);
+        });
   }
 
   void add_cutter(std::uint32_t of, std::uint32_t by) {
@@ -227,7 +220,6 @@ class BodyCutter {
 
   CutSurface run() {
     find_meetings();
-    if (near_.distance > 0 && !is_near_) return {};
     triangles_.finish();
     cutters_.finish();
     writer_.emplace(spill_, result_.triangles);
@@ -256,7 +248,6 @@ class BodyCutter {
           for (const Triangle& triangle : found.owned) triangles_.append(triangle);
           for (const Cutter& cutter : found.cutters) cutters_.append(cutter);
           for (const auto& [one, other] : found.parts) parts_.unite(one, other);
-          is_near_ |= found.is_near;
           watch_.advance(bucket.triangles.count);
         });
   }
@@ -353,7 +344,6 @@ class BodyCutter {
   const TriangleBuckets& buckets_;
   bool has_copies_;
   std::span<const std::uint32_t> given_;
-  bool is_near_ = false;
   double least_width_;
   bool has_pieces_;
   NearLaw near_;

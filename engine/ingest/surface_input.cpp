@@ -35,6 +35,7 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 // Of the largest coordinate: what is nearer was one, before it was rounded.
 constexpr double kNear = 1e-11;
 constexpr int kMostNearRounds = 10;
+constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.
@@ -285,14 +286,12 @@ class SurfacePreparation {
     if (given_.empty() || !has_area()) return;
     const double distance = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
     bool is_changed = false;
-    std::uint64_t most = std::numeric_limits<std::uint64_t>::max();  // to end, there are fewer
+    std::uint64_t most = std::numeric_limits<std::uint64_t>::max();  // each time fewer, to end
     for (int round = 0; round < kMostNearRounds; ++round) {
       const std::uint64_t num_changed =
           imprint_bodies({.distance = distance, .has_needles = is_changed});
       if (num_changed == 0) break;
       is_changed = true;
-      if (num_changed > most) break;
-      most = num_changed;
       distribute({}, true);
       WeldedSurface welded =
           welded_surface(raw_.spill, buckets_, WeldPoints::kAll, distance, watch_, workers_);
@@ -300,6 +299,8 @@ class SurfacePreparation {
         adopt(std::move(welded.triangles));
       else
         raw_.spill.release(std::move(welded.triangles));
+      if (num_changed > std::max(most, kFewChanges)) break;
+      most = num_changed;
     }
     if (is_changed) return check_again();
     for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));

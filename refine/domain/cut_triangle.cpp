@@ -44,11 +44,11 @@ double rounded(const Number& number) {
     const Exact difference = value - Exact(d);
     return difference < 0 ? Exact(-difference) : difference;
   };
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  constexpr double kEndless = std::numeric_limits<double>::infinity();
   const double near = CGAL::to_double(value);
-  double best = std::nextafter(near, -kInfinity);
+  double best = std::nextafter(near, -kEndless);
   Exact least = error(best);
-  for (const double other : {near, std::nextafter(near, kInfinity)})
+  for (const double other : {near, std::nextafter(near, kEndless)})
     if (Exact its = error(other); its < least) {
       best = other;
       least = std::move(its);
@@ -101,25 +101,14 @@ std::optional<Point> crossing_of(Edge e, Edge f, double distance) {
 
 Box box_of(const Corners& t) { return Box::around(t[0]).joined(t[1]).joined(t[2]); }
 
-// The lowest and the highest corner over the triangle's plane; no numbers, if it has no area.
-std::pair<double, double> heights_over(const Corners& triangle, const Corners& other) {
-  const Point normal = cross(triangle[1] - triangle[0], triangle[2] - triangle[0]);
-  const double length = norm(normal);
-  const auto height = [&](const Point& p) { return dot(p - triangle[0], normal) / length; };
-  return std::minmax({height(other[0]), height(other[1]), height(other[2])});
-}
+// Does the other triangle lie on one side of this one's plane, farther than the distance?
 bool is_beyond_plane(const Corners& triangle, const Corners& other, double distance) {
-  const auto [low, high] = heights_over(triangle, other);
-  return low > distance || high < -distance;
+  const Point normal = cross(triangle[1] - triangle[0], triangle[2] - triangle[0]);
+  const double reach = distance * norm(normal);
+  const auto height = [&](const Point& p) { return dot(p - triangle[0], normal); };
+  const auto [low, high] = std::minmax({height(other[0]), height(other[1]), height(other[2])});
+  return low > reach || high < -reach;
 }
-bool is_on_both_sides(const Corners& triangle, const Corners& other, double distance) {
-  const auto [low, high] = heights_over(triangle, other);
-  return low < -distance && high > distance;
-}
-
-constexpr double kEndless = std::numeric_limits<double>::infinity();
-// Where something crosses that is near, in distances: how far apart what was found so may be.
-constexpr double kSnap = 4;
 
 // A point that an edge gets.
 struct Print {
@@ -174,21 +163,15 @@ class TriangleCutter {
   }
 
   void cut_along(const Corners& other) {
-    const std::vector<Place> ends = ends_in_plane(other);
-    for (std::size_t k = 1; k < ends.size(); ++k) cut_along(ends[k - 1], ends[k]);
-  }
-
-  // Of what the plane has of the other one: a way along its edges if it lies there, else a segment
-  // or, twice, a point.
-  std::vector<Place> ends_in_plane(const Corners& other) const {
     const std::array<Kernel::Point_3, 3> points{exact(other[0]), exact(other[1]), exact(other[2])};
     const std::array<Number, 3> heights{view_.height(points[0]), view_.height(points[1]),
                                         view_.height(points[2])};
-    std::vector<Place> ends;
     if (std::ranges::all_of(heights, [](const Number& h) { return h == 0; })) {
-      for (const std::size_t k : {0, 1, 2, 0}) ends.push_back(view_.place(points[k]));
-      return ends;
+      for (std::size_t k = 0; k < 3; ++k)
+        cut_along(view_.place(points[k]), view_.place(points[(k + 1) % 3]));
+      return;
     }
+    std::vector<Place> ends;  // of what the plane has of the other one
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t next = (k + 1) % 3;
       if (heights[k] == 0) ends.push_back(view_.place(points[k]));
@@ -196,8 +179,7 @@ class TriangleCutter {
       const Place a = view_.place(points[k]), b = view_.place(points[next]);
       ends.push_back(a + heights[k] / (heights[k] - heights[next]) * (b - a));
     }
-    if (ends.size() == 1) ends.push_back(ends.front());
-    return ends;
+    if (!ends.empty()) cut_along(ends.front(), ends.back());
   }
 
   // What is close is there from now on, where it would be if the triangle were plane.
@@ -248,8 +230,6 @@ class TriangleCutter {
               from != to)
             cuts_.insert_constraint(from, to);
       }
-    for (const Corners& other : others)
-      if (may_cross(corners_, other, distance)) cut_along_snapped(other, places, distance);
   }
 
   TrianglePieces pieces() {
@@ -272,28 +252,6 @@ class TriangleCutter {
   }
 
  private:
-  // Along what crosses the plane, from and to places that are known where these are near.
-  void cut_along_snapped(const Corners& other, std::map<Point, Place>& places, double distance) {
-    const std::vector<Place> ends = ends_in_plane(other);
-    if (ends.empty() || ends.front() == ends.back()) return;
-    const auto common = CGAL::intersection(Kernel::Segment_2(ends.front(), ends.back()), triangle_);
-    if (!common) return;
-    const auto snapped = [&](const Place& place) {
-      const Point point = view_.rounded_point(place);
-      const double reach = kSnap * distance;
-      for (auto near = places.lower_bound({point.x - reach, -kEndless, -kEndless});
-           near != places.end() && near->first.x <= point.x + reach; ++near)
-        if (are_near(near->first, point, reach)) return near->second;
-      return places.emplace(point, place).first->second;
-    };
-    if (const auto* segment = boost::get<Kernel::Segment_2>(&*common)) {
-      const Place from = snapped(segment->source()), to = snapped(segment->target());
-      if (from != to) cuts_.insert_constraint(from, to);
-    } else if (const auto* point = boost::get<Place>(&*common)) {
-      cuts_.insert(snapped(*point));
-    }
-  }
-
   Place insert(const Place& place, const Point& point) {
     cuts_.insert(place)->info() = point;
     return place;
@@ -405,11 +363,6 @@ bool leaves_print(const std::array<Point, 3>& triangle, const std::array<Point, 
     }
   }
   return false;
-}
-
-bool may_cross(const std::array<Point, 3>& one, const std::array<Point, 3>& other,
-               double distance) {
-  return is_on_both_sides(one, other, distance) && is_on_both_sides(other, one, distance);
 }
 
 TrianglePieces imprinted_triangle(const std::array<Point, 3>& triangle,
