@@ -22,8 +22,9 @@ struct TrianglePieces {
   std::uint64_t num_collapsed = 0;  // that are missing: two corners became one, when rounded
 };
 
-// Time: some 80 µs for each of `others`; those that do not meet the triangle may be among them. REQUIRES: no triangle is collinear; coordinates are finite, differ by at most
-// 1e50, and none is -0.0
+// Time: some 80 µs for each of `others`; those that do not meet the triangle may be among them.
+// REQUIRES: no triangle is collinear; coordinates are finite, differ by at most 1e50, and none is
+// -0.0
 TrianglePieces cut_triangle(const std::array<Point, 3>& triangle,
                             std::span<const std::array<Point, 3>> others);
 
