@@ -111,11 +111,12 @@ class TipRing {
 
 std::vector<Point> ring_around_tip(const LeafDomain& domain, const Point& tip, double most,
                                    double least) {
+  constexpr double kShare = 0.45;  // of the way to another tip: at a half, rings of both would meet
   double radius = most;
   if (const auto crease = domain.closest_on_crease(tip, 2 * most))
     radius = std::min(radius, 0.5 * norm(crease->position - tip));
   for (const CornerPoint& corner : domain.corners())
-    if (corner.position != tip) radius = std::min(radius, 0.5 * norm(corner.position - tip));
+    if (corner.position != tip) radius = std::min(radius, kShare * norm(corner.position - tip));
   const TipRing ring(domain, tip, most);
   if (!ring.has_axis()) return {};
   for (; radius >= least; radius *= 0.5)

@@ -663,6 +663,31 @@ std::vector<Point> ring_of(const Creased& shape, double most) {
   return ring_around_tip(LeafDomain(shape.piece(shape.box().expanded(1))), {}, most, 0.01);
 }
 
+// A spindle is alike on both sides: where its rings are as far from one tip as from the other, they
+// are one.
+TEST(TipRing, IsNotThatOfAnotherTip) {
+  const Point other{0, 0, -4};
+  Creased spindle = cone(30, 2);
+  std::erase_if(spindle.triangles, [](const Triangle& t) { return t.corners[0] != Point{}; });
+  for (std::size_t i = 0, num = spindle.triangles.size(); i < num; ++i) {
+    Triangle t = spindle.triangles[i];
+    t.id += num;
+    for (Point& p : t.corners) p.z = other.z - p.z;
+    std::swap(t.corners[1], t.corners[2]);
+    spindle.triangles.push_back(t);
+  }
+  spindle.creases.clear();
+  DomainPiece piece = spindle.piece(spindle.box().expanded(1));
+  piece.corners = {{.position = other, .corner = 1}, {.position = {}, .corner = 2}};
+  const LeafDomain domain(std::move(piece));
+  const std::vector<Point> here = ring_around_tip(domain, {}, 5, 0.01),
+                           there = ring_around_tip(domain, other, 5, 0.01);
+  ASSERT_EQ(here.size(), 5U);
+  ASSERT_EQ(there.size(), 5U);
+  for (const Point& p : here)
+    for (const Point& q : there) EXPECT_GT(norm(p - q), 0.1);
+}
+
 TEST(TipRing, IsOnTheConeAtOneDistanceAndAtEqualAngles) {
   for (const double degrees : {3.0, 20.0, 60.0, 120.0})
     for (const bool is_pit : {false, true}) {
