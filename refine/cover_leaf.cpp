@@ -324,7 +324,7 @@ class SurfaceSampler {
         stop_(stop) {
     if (input.are_sides_apart) take_in_creases(input.crease_points);
     for (const Point& sample : input.nearby_samples) add(sample, side_at(sample));
-    if (input.are_sides_apart) go_on_with(input.nearby_samples);
+    if (input.are_sides_apart && !domain_.only_body()) go_on_with(input.nearby_samples);
   }
 
   std::vector<Point> sample(std::vector<Fragment> fragments) {
@@ -365,6 +365,10 @@ class SurfaceSampler {
   static constexpr double kSameSample = 0.05;  // of the spacing
   bool is_there(const MirrorPoint& mirror, double spacing) const {
     return !grid_.is_free(mirror.position, mirror.side, kSameSample * spacing);
+  }
+  // Of one body, walls and gaps are told apart by what is near them.
+  bool is_of_orbit(const Point& dart, const Point& mirror, double farthest) const {
+    return !domain_.only_body() || squared_distance(dart, mirror) <= farthest * farthest;
   }
   void add_sample(const MirrorPoint& sample);
   void go_on_with(std::span<const Point> samples);
@@ -450,7 +454,7 @@ bool SurfaceSampler::is_out_of_balls(const Point& p) const {
 
 bool SurfaceSampler::find_mirrors(const Point& dart, const SurfaceSide& side, double spacing,
                                   double spacing_in_stack) {
-  const double size = scaled(size_, dart);
+  const double size = scaled(size_, dart), farthest = kMirrorDistance * size;
   mirrors_.clear();
   bool has_room = true, is_in_stack = false;
   const auto take = [&](const MirrorPoint& mirror, const Point& source) {
@@ -459,14 +463,16 @@ bool SurfaceSampler::find_mirrors(const Point& dart, const SurfaceSide& side, do
       is_in_stack = true;
       has_room = grid_.is_free(dart, side, spacing_in_stack);
     }
-    if (!has_room || !reach_.contains(mirror.position)) return false;
+    if (!has_room || !reach_.contains(mirror.position) ||
+        !is_of_orbit(dart, mirror.position, farthest))
+      return false;
     const bool is_free =
         grid_.is_free(mirror.position, mirror.side, spacing) && is_out_of_balls(mirror.position);
     if (is_free) mirrors_.push_back(mirror);
     has_room = is_free || is_there(mirror, spacing);
     return is_free;
   };
-  for_each_in_orbit(domain_, dart, kMirrorReach * size, kMirrorDistance * size, take);
+  for_each_in_orbit(domain_, dart, kMirrorReach * size, farthest, take);
   return has_room;
 }
 

@@ -1,11 +1,14 @@
 #include "tools/start_process.h"
 
+#include <gmp.h>
 #include <pthread.h>
 #include <signal.h>
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdlib>
+#include <new>
 #include <system_error>
 
 #include "engine/locvol.h"
@@ -33,6 +36,19 @@ void set_stack_of_threads() {
   pthread_attr_destroy(&attributes);
 }
 
+// GMP ends the process where it finds no memory for an exact number.
+void* allocate(std::size_t size) {
+  void* memory = std::malloc(size);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+void* reallocate(void* old, std::size_t, std::size_t size) {
+  void* memory = std::realloc(old, size);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+void release(void* memory, std::size_t) { std::free(memory); }
+
 }  // namespace
 
 void start_process() {
@@ -49,6 +65,7 @@ void start_process() {
   signal(SIGXFSZ, SIG_IGN);
   set_stack_of_threads();
   share_one_heap();
+  mp_set_memory_functions(allocate, reallocate, release);
 }
 
 }  // namespace locvol

@@ -10,6 +10,7 @@ namespace locvol {
 //     files, the stack. Threads have stacks of 8 MiB, but for those that ask for another size,
 //     whatever the limit on that of the first one.
 //   - All threads share one heap (share_one_heap()).
+//   - Where there is no memory for an exact number, that is an error (std::bad_alloc), too.
 // What cannot be had is left as it is: whoever needs it says so.
 void start_process();
 
