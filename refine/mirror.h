@@ -34,8 +34,8 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
                        std::vector<MirrorPoint>& out);
 
 // The same with the mirrors of mirrors, and so on, on each side one: through a stack of sheets, and
-// around a crease where several meet. Calls take(mirror, of which point), which tells
-// whether those of this one follow.
+// around a crease where several meet. Calls take(mirror, of which point), which tells whether those
+// of this one follow.
 template <class Take>
 void for_each_in_orbit(const LeafDomain& domain, const Point& p, double reach, double farthest,
                        const Take& take) {

@@ -41,6 +41,20 @@ struct Block {
   friend auto operator<=>(const Block&, const Block&) = default;
 };
 
+// Different ones. `pick`: a number below another, at random.
+std::vector<Block> random_blocks(std::size_t num, const std::function<int(int)>& pick) {
+  std::vector<Block> blocks;
+  while (blocks.size() < num) {
+    Block block;
+    for (std::size_t k = 0; k < 3; ++k) {
+      block.low[k] = pick(kSide);
+      block.high[k] = block.low[k] + 1 + pick(kSide - block.low[k]);
+    }
+    if (std::ranges::find(blocks, block) == blocks.end()) blocks.push_back(block);
+  }
+  return blocks;
+}
+
 // The unit square of the grid at `low` across an axis, in two triangles: the same for all.
 std::array<std::array<Point, 3>, 2> square(Voxel low, std::size_t axis) {
   const auto at = [&](int u, int v) {
@@ -151,16 +165,7 @@ TEST_F(SurfaceBodies, AreThoseOfVoxels) {
   const auto pick = [&](int below) { return static_cast<int>(random() % std::uint64_t(below)); };
   int num_meshed = 0, num_touching = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    std::vector<Block> blocks;
-    const auto num = static_cast<std::size_t>(2 + pick(5));
-    while (blocks.size() < num) {
-      Block block;
-      for (std::size_t k = 0; k < 3; ++k) {
-        block.low[k] = pick(kSide);
-        block.high[k] = block.low[k] + 1 + pick(kSide - block.low[k]);
-      }
-      if (std::ranges::find(blocks, block) == blocks.end()) blocks.push_back(block);
-    }
+    const std::vector<Block> blocks = random_blocks(static_cast<std::size_t>(2 + pick(5)), pick);
     std::map<BodyId, int> volumes;
     std::map<Corners, std::array<BodyId, 2>> expected;
     std::set<Point> vertices;
@@ -232,16 +237,7 @@ TEST_F(SurfaceBodies, AreCutAlongEachOther) {
   };
   int num_cut = 0;
   for (int trial = 0; trial < 60; ++trial) {
-    std::vector<Block> blocks;
-    const auto num = static_cast<std::size_t>(2 + pick(4));
-    while (blocks.size() < num) {
-      Block block;
-      for (std::size_t k = 0; k < 3; ++k) {
-        block.low[k] = pick(kSide);
-        block.high[k] = block.low[k] + 1 + pick(kSide - block.low[k]);
-      }
-      if (std::ranges::find(blocks, block) == blocks.end()) blocks.push_back(block);
-    }
+    const std::vector<Block> blocks = random_blocks(static_cast<std::size_t>(2 + pick(4)), pick);
     std::map<BodyId, int> volumes;
     for_each_square([&](const Voxel&, std::size_t axis, const Voxel&, const Voxel& above) {
       if (axis == 0) ++volumes[label_of(above, blocks)];
