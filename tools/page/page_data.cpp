@@ -49,6 +49,11 @@ class ViewWriter {
   ViewWriter(const RunRecord& run, const PutArray& put_array)
       : run_(run), put_array_(put_array), grid_(run.surface.box) {}
 
+  const char* default_color(const MeshView& view) const {
+    if (view.cells.empty()) return run_.phase == Phase::kDone ? "leaf" : "state";
+    return view.sheets.has_several_bodies() ? "body" : "leaf";
+  }
+
   Json write(MeshView&& view) {
     const Frame& frame = run_.frame;
     Json json;
@@ -62,7 +67,7 @@ class ViewWriter {
       json["root_min"].push_back(grid_.steps(frame.origin()[axis], axis));
     const auto extent = grid_.extent();
     json["best_axis"] = std::ranges::min_element(extent) - extent.begin();
-    json["default_color"] = view.cells.empty() && !json["is_done"].get<bool>() ? "state" : "leaf";
+    json["default_color"] = default_color(view);
     json["quality"] = {{"angle", kAngleBounds}, {"ratio", kRatioBounds}};
     has_sizes_ = !run_.parameters.sizes().is_uniform() && !view.cells.empty();
     if (has_sizes_) {
