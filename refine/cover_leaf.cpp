@@ -366,10 +366,6 @@ class SurfaceSampler {
   bool is_there(const MirrorPoint& mirror, double spacing) const {
     return !grid_.is_free(mirror.position, mirror.side, kSameSample * spacing);
   }
-  // Of one body, walls and gaps are told apart by what is near them.
-  bool is_of_orbit(const Point& dart, const Point& mirror, double farthest) const {
-    return !domain_.only_body() || squared_distance(dart, mirror) <= farthest * farthest;
-  }
   void add_sample(const MirrorPoint& sample);
   void go_on_with(std::span<const Point> samples);
 
@@ -454,7 +450,7 @@ bool SurfaceSampler::is_out_of_balls(const Point& p) const {
 
 bool SurfaceSampler::find_mirrors(const Point& dart, const SurfaceSide& side, double spacing,
                                   double spacing_in_stack) {
-  const double size = scaled(size_, dart), farthest = kMirrorDistance * size;
+  const double size = scaled(size_, dart);
   mirrors_.clear();
   bool has_room = true, is_in_stack = false;
   const auto take = [&](const MirrorPoint& mirror, const Point& source) {
@@ -463,16 +459,14 @@ bool SurfaceSampler::find_mirrors(const Point& dart, const SurfaceSide& side, do
       is_in_stack = true;
       has_room = grid_.is_free(dart, side, spacing_in_stack);
     }
-    if (!has_room || !reach_.contains(mirror.position) ||
-        !is_of_orbit(dart, mirror.position, farthest))
-      return false;
+    if (!has_room || !reach_.contains(mirror.position)) return false;
     const bool is_free =
         grid_.is_free(mirror.position, mirror.side, spacing) && is_out_of_balls(mirror.position);
     if (is_free) mirrors_.push_back(mirror);
     has_room = is_free || is_there(mirror, spacing);
     return is_free;
   };
-  for_each_in_orbit(domain_, dart, kMirrorReach * size, farthest, take);
+  for_each_in_orbit(domain_, dart, kMirrorReach * size, kMirrorDistance * size, take);
   return has_room;
 }
 

@@ -34,13 +34,15 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
                        std::vector<MirrorPoint>& out);
 
 // The same with the mirrors of mirrors, and so on, on each side one: through a stack of sheets, and
-// around a crease where several meet. Calls take(mirror, of which point), which tells whether those
-// of this one follow.
+// around a crease where several meet. Of one body alone, whose walls and gaps are told apart by
+// what is near them, none is farther than `farthest` from the point. Calls take(mirror, of which
+// point), which tells whether those of this one follow.
 template <class Take>
 void for_each_in_orbit(const LeafDomain& domain, const Point& p, double reach, double farthest,
                        const Take& take) {
   std::vector<MirrorPoint> mirrors, sources;
   std::vector<SurfaceSide> sides;  // that have one
+  const bool is_one_body = domain.only_body().has_value();
   Point source = p;
   for (std::size_t next = 0;; source = sources[next++].position) {
     const SurfaceSide here = mirrors_of(domain, source, reach, farthest, mirrors);
@@ -49,6 +51,7 @@ void for_each_in_orbit(const LeafDomain& domain, const Point& p, double reach, d
       const auto is_same = [&](const SurfaceSide& side) { return are_same(side, mirror.side); };
       if (std::ranges::any_of(sides, is_same)) continue;
       sides.push_back(mirror.side);
+      if (is_one_body && squared_distance(p, mirror.position) > farthest * farthest) continue;
       if (take(mirror, source)) sources.push_back(mirror);
     }
     if (next == sources.size()) return;

@@ -336,18 +336,14 @@ bool Refinement::restore_next_disk() {
 // Whatever comes on a sheet comes with its mirrors, as far as this visit inserts.
 void Refinement::note_mirrors(const Point& q, Condition condition) {
   const double size = surroundings_.sizes.on_surface_at(q);
-  const double inserts = mesh_.scaled(kInsertion * input_.criteria.size, size),
-               farthest = kMirrorDistance * size;
-  const bool is_one_body = surroundings_.domain.only_body().has_value();
-  for_each_in_orbit(
-      surroundings_.domain, q, kMirrorReach * size, farthest,
-      [&](const MirrorPoint& mirror, const Point&) {
-        if (input_.box.squared_distance(mirror.position) > inserts * inserts ||
-            (is_one_body && squared_distance(q, mirror.position) > farthest * farthest))
-          return false;
-        mirrors_.push_back({mirror.position, condition});
-        return true;
-      });
+  const double farthest = mesh_.scaled(kInsertion * input_.criteria.size, size);
+  for_each_in_orbit(surroundings_.domain, q, kMirrorReach * size, kMirrorDistance * size,
+                    [&](const MirrorPoint& mirror, const Point&) {
+                      if (input_.box.squared_distance(mirror.position) > farthest * farthest)
+                        return false;
+                      mirrors_.push_back({mirror.position, condition});
+                      return true;
+                    });
 }
 
 // One that lies in the ball on a segment, or close to another point, is not needed.
