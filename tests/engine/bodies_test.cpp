@@ -36,20 +36,11 @@
 namespace locvol {
 namespace {
 
+using testing_shapes::box;
 using testing_shapes::Shape;
 using testing_shapes::sphere;
 
 constexpr double kPi = std::numbers::pi;
-
-Shape box(const Point& low, const Point& high) {
-  Shape shape;
-  for (int k = 0; k < 8; ++k)
-    shape.vertices.push_back(
-        {k & 1 ? high.x : low.x, k & 2 ? high.y : low.y, k & 4 ? high.z : low.z});
-  shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
-                     {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
-  return shape;
-}
 
 Shape moved(Shape shape, const Point& by) {
   for (Point& p : shape.vertices) p = p + by;
@@ -154,6 +145,30 @@ class Bodies : public testing::Test {
       join_leaves({&own, 1}, whole ? &*whole : nullptr, exchange);
     });
     return contents_of(dir_ / "joined");
+  }
+
+  // Of a run that is stopped again and again, each time `step` looks later, and goes on by the same
+  // command, every other time from the store alone, too.
+  Contents meshed_with_stops(MeshOptions options, std::uint64_t step) {
+    options.store = dir_ / "again";
+    int num_stops = 0;
+    for (std::uint64_t last = 3;; last += step) {
+      StopsAt stops(last);
+      RunControl control;
+      control.num_threads = 1;
+      control.is_stopped = [&] { return stops.is_stopped(); };
+      if (mesh(options, control).outcome != RunOutcome::kInterrupted) break;
+      if (++num_stops == 1000) {
+        ADD_FAILURE() << "it does not end";
+        break;
+      }
+      if (num_stops % 2 != 0) continue;
+      StopsAt more(last);
+      control.is_stopped = [&] { return more.is_stopped(); };
+      if (resume(options.store, control).outcome != RunOutcome::kInterrupted) break;
+    }
+    EXPECT_GT(num_stops, 1);
+    return contents_of(options.store);
   }
 
   // The audit finds nothing, volumes are those that are expected, and what lies between two bodies
@@ -778,19 +793,7 @@ TEST_F(Bodies, ThatAreCutGoOnAfterInterruptionsAndOnRanks) {
       {off("left", kLeftCube), off("right", right_cube_with_the_other_diagonal())}, 0.2);
   const Contents expected = meshed(options, "whole");
   EXPECT_TRUE(are_equal(expected, meshed_on_ranks(options)));
-  MeshOptions again = options;
-  again.store = dir_ / "again";
-  int num_stops = 0;
-  for (std::uint64_t last = 3;; last += 5) {
-    StopsAt stops(last);
-    RunControl control;
-    control.num_threads = 1;
-    control.is_stopped = [&] { return stops.is_stopped(); };
-    if (mesh(again, control).outcome != RunOutcome::kInterrupted) break;
-    ASSERT_LT(++num_stops, 1000);
-  }
-  EXPECT_GT(num_stops, 1);
-  EXPECT_TRUE(are_equal(expected, contents_of(again.store)));
+  EXPECT_TRUE(are_equal(expected, meshed_with_stops(options, 5)));
 }
 
 TEST_F(Bodies, ShellsThatNobodyCanTellApartAreNotCut) {
@@ -814,24 +817,7 @@ TEST_F(Bodies, GoOnAfterInterruptionsToTheSameRecords) {
   const MeshOptions options =
       this->options({off("shell", sphere(1, 16, 32)), off("core", sphere(0.5, 12, 24))}, 0.2);
   const Contents expected = meshed(options, "whole");
-  MeshOptions again = options;
-  again.store = dir_ / "again";
-  int num_stops = 0;
-  for (std::uint64_t last = 3;; last += 7) {
-    StopsAt stops(last);
-    RunControl control;
-    control.num_threads = 1;
-    control.is_stopped = [&] { return stops.is_stopped(); };
-    if (mesh(again, control).outcome != RunOutcome::kInterrupted) break;
-    ASSERT_LT(++num_stops, 1000);
-    if (num_stops % 2 == 0) {  // from the store alone
-      StopsAt more(last);
-      control.is_stopped = [&] { return more.is_stopped(); };
-      if (resume(again.store, control).outcome != RunOutcome::kInterrupted) break;
-    }
-  }
-  EXPECT_GT(num_stops, 1);
-  EXPECT_TRUE(are_equal(expected, contents_of(again.store)));
+  EXPECT_TRUE(are_equal(expected, meshed_with_stops(options, 7)));
 }
 
 TEST_F(Bodies, OfSeveralRanksAreThoseOfOneProcess) {

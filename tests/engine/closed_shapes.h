@@ -45,6 +45,18 @@ inline Shape torus(double major, double minor, std::uint32_t n, std::uint32_t m)
   return shape;
 }
 
+// Its sides are cut from the lower to the upper corner, so that two boxes cut one between them
+// alike.
+inline Shape box(const Point& low, const Point& high) {
+  Shape shape;
+  for (int k = 0; k < 8; ++k)
+    shape.vertices.push_back(
+        {k & 1 ? high.x : low.x, k & 2 ? high.y : low.y, k & 4 ? high.z : low.z});
+  shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                     {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  return shape;
+}
+
 // A sphere around the origin, of n rings of m vertices between the poles.
 inline Shape sphere(double radius, std::uint32_t n, std::uint32_t m) {
   Shape shape;

@@ -13,6 +13,8 @@
 namespace locvol::sweeps {
 namespace {
 
+using testing_shapes::box;
+
 // What bodies have in common is there once with each, in the same triangles.
 class Bodies {
  public:
@@ -35,18 +37,6 @@ class Bodies {
   std::vector<std::uint32_t> bodies_;
   std::uint32_t num_ = 0;
 };
-
-// Its sides are cut from the lower to the upper corner, so that two boxes cut one between them
-// alike.
-Shape box(const Point& low, const Point& high) {
-  Shape shape;
-  for (int k = 0; k < 8; ++k)
-    shape.vertices.push_back(
-        {k & 1 ? high.x : low.x, k & 2 ? high.y : low.y, k & 4 ? high.z : low.z});
-  shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
-                     {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
-  return shape;
-}
 
 double least_side(const Box& box) {
   const Point sides = box.max - box.min;
