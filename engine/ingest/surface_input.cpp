@@ -152,8 +152,7 @@ class SurfacePreparation {
       refuse("is not closed: {}, for example that from {}; close the holes{}{}",
              counted(edges.border.count, "edge belongs to one triangle only",
                      "edges belong to one triangle only"),
-             shown(edges.border),
-             cured_by(is_mostly_open() || findings_.conflicts.count > 0 ? "wrap" : "repair"),
+             shown(edges.border), cured_by(has_only_holes() ? "repair" : "wrap"),
              tried_.empty() ? "" : ". " + tried_);
     if (edges.overused.count > 0)
       refuse(
@@ -404,6 +403,13 @@ class SurfacePreparation {
   // Of one that is given.
   std::string name_of(std::uint32_t body) const {
     return raw_.files.size() > 1 ? raw_.files[body].body : shown_name(raw_.groups[body]);
+  }
+
+  // Are holes all that is wrong with it? Where more triangles share an edge, some cells have two of
+  // them alone, so that what is found of the orientation depends on the cells.
+  bool has_only_holes() const {
+    return !is_mostly_open() && findings_.edges_without_copies.overused.count == 0 &&
+           findings_.conflicts.count == 0;
   }
 
   // Then it is made of sheets, or of triangles without neighbors, more than of parts with holes.

@@ -57,6 +57,22 @@ TEST(IngestBuckets, DecideNeitherFactsNorRefusals) {
   EXPECT_FALSE(are_few()) << num_accepted << " accepted, " << num_refused << " refused";
 }
 
+// Where three triangles share an edge, a cell may have two of them alone; with this seed it named
+// another cure than the whole did.
+TEST(IngestBuckets, CureOfFinsIsThatOfTheWhole) {
+  const SurfaceFiles files;
+  Random random(1001252628);
+  for (int round = 0; round < 2; ++round)
+    for (const auto& [name, surface] : random_samples(random, files)) {
+      if (name != "fins") continue;
+      const auto file = files.write("surface.off", to_off(surface));
+      const std::string whole = judge(file, 1'000'000).refusal;
+      EXPECT_NE(whole.find("locvol wrap"), whole.npos) << whole;
+      for (const std::uint64_t capacity : {400u, 60u, 12u})
+        EXPECT_EQ(judge(file, capacity).refusal, whole) << capacity;
+    }
+}
+
 // With these seeds all voxels touched themselves once: no surface was repaired and accepted.
 TEST(IngestBuckets, SamplesAreOftenGoodWithAnySeed) {
   const SurfaceFiles files;
