@@ -649,7 +649,8 @@ bool ImproveAngles::are_facets_good() {
   // Of the same vertices, but one of them moves.
   const bool is_moved = is_on_surface(kind_);
   if ((facets_made_ != facets_gone_ || is_moved) &&
-      !(are_facets_as_round() && are_creases_kept() && is_boundary_kept()))
+      !(are_facets_as_round() && are_creases_kept() && is_boundary_kept() &&
+        are_between_their_bodies()))
     return false;
   return std::ranges::all_of(facets_to_judge_, [&](const FacetToJudge& f) {  // what takes longest
     const FacetView view = mesh_.view(change_, prospects_, f.made, f.index);
@@ -704,6 +705,17 @@ bool ImproveAngles::list_facets() {
   std::ranges::sort(facets_made_);
   sort_and_unite(facets_gone_);  // between two that go
   return true;
+}
+
+// The vertices of each new facet lie where the surface parts its bodies.
+bool ImproveAngles::are_between_their_bodies() const {
+  return !has_bodies_ || std::ranges::all_of(facets_made_, [&](const Facet& f) {
+    const std::array<BodyId, 2>& bodies = bodies_at_.at(f);
+    return std::ranges::all_of(f, [&](LocalIndex v) {
+      return v == change_.vertex ? mesh_.is_between(change_.place, bodies)
+                                 : mesh_.is_between(v, bodies);
+    });
+  });
 }
 
 // Each new facet lies on one sheet. Of a crease's edges none goes: one between two facets that go

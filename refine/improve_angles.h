@@ -117,6 +117,7 @@ class ImproveAngles {
   bool changes_core();
   bool is_boundary_kept();
   bool are_creases_kept() const;
+  bool are_between_their_bodies() const;
   bool are_segments_kept() const;
   bool is_out_of_reach(const NewCell& cell, int off) const;
   bool are_facets_as_round() const;

@@ -376,6 +376,22 @@ FacetLabels LeafMesh::labels(const BoundaryFacet& facet) const {
               facet.before)};
 }
 
+bool LeafMesh::is_between(LocalIndex v, const std::array<BodyId, 2>& bodies) const {
+  if (surroundings_.domain.only_body()) return true;
+  if (changes_.size() <= v) changes_.resize(locals_.size());
+  if (changes_[v].empty())
+    surroundings_.domain.changes_at(locals_[v].point.position, off_surface(), changes_[v]);
+  return std::ranges::find(changes_[v], DomainState::between(bodies[0], bodies[1])) !=
+         changes_[v].end();
+}
+
+bool LeafMesh::is_between(const Point& p, const std::array<BodyId, 2>& bodies) const {
+  if (surroundings_.domain.only_body()) return true;
+  std::vector<DomainState> changes;
+  surroundings_.domain.changes_at(p, off_surface(), changes);
+  return std::ranges::find(changes, DomainState::between(bodies[0], bodies[1])) != changes.end();
+}
+
 // What is not loaded counts as outside.
 DomainState LeafMesh::state_at(const Point& p) const {
   return surroundings_.domain.state(p).value_or(DomainState());
@@ -588,6 +604,7 @@ void LeafMesh::move(const Delaunay::Change& change, PointKind kind, VertexRef re
   local.point = {ref, change.place, kind};
   local.ref = ref;
   local.is_at_core = false;
+  if (change.vertex < changes_.size()) changes_[change.vertex].clear();
   marks_[change.vertex] = {true, is_hidden(local.point), locvol::is_on_surface(kind), false};
   if (is_deletable(kind) && change.vertex < num_in_grid_)
     volume_points_[grid_cell(change.place)].push_back(change.vertex);

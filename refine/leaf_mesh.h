@@ -168,6 +168,10 @@ class LeafMesh {
     BodyId behind = kNoBody, before = kNoBody;
   };
   std::optional<BoundaryFacet> boundary_facet(Facet f) const;
+  // Does a vertex, or a place of one, lie where the surface parts these bodies? One body has all of
+  // the surface.
+  bool is_between(LocalIndex v, const std::array<BodyId, 2>& bodies) const;
+  bool is_between(const Point& p, const std::array<BodyId, 2>& bodies) const;
   FacetLabels labels(const BoundaryFacet& facet) const;
   // REQUIRES: neither cell of the facet is kNotLoaded
   DualCrossings dual_crossings(Facet f) const;
@@ -297,6 +301,8 @@ class LeafMesh {
   bool is_off_surface(BodyId here, BodyId there, const Point& from, const Point& to,
                       const Point& corner) const;
   bool is_axis_near(const Axis& axis) const;
+  // How far points on the surface may be off it, by rounding.
+  double off_surface() const { return 1e-6 * input_.criteria.size; }
   double least_reach_in(const Point& center, double radius) const;
   Point far_end(const Point& axis_center, const Point& direction,
                 double squared_circumradius) const;
@@ -333,6 +339,8 @@ class LeafMesh {
   bool are_all_fresh_ = false;
   mutable std::vector<Cell> around_;
   mutable std::vector<LocalIndex> neighbors_;
+  // Of locals on the surface, as far as they were asked for: LeafDomain::changes_at().
+  mutable std::vector<std::vector<DomainState>> changes_;
   // Of the cells with an own vertex that went, the body; null: there are none. Or are there others?
   std::optional<BodyId> gone_body_;
   bool has_gone_others_ = false;

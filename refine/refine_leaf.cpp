@@ -137,6 +137,7 @@ class Refinement {
   void tell_creases();
   bool keeps_sheets(LocalIndex v, std::span<const LinkEdge> link);
   std::array<BodyId, 2> bodies_at(const Facet& f) const;
+  bool is_between_its_bodies(const Facet& f) const;
   bool has_several_pairs(std::span<const Facet> star) const;
   void look_at_fresh_cells();
   void look_at(Cell cell, bool is_boundary_changed);
@@ -402,16 +403,19 @@ void Refinement::pass_disks() {
   const Delaunay& delaunay = mesh_.delaunay();
   std::vector<std::pair<LocalIndex, LinkEdge>> found;           // with the vertex
   std::vector<std::uint32_t> first(mesh_.num_locals() + 2, 0);  // of a vertex, in `edges`
+  std::vector<LocalIndex> elsewhere;  // with a facet that is not where the surface parts its bodies
   for (const auto& [cell, stamp] : mesh_.fresh_cells()) {
     if (!mesh_.is_member(cell)) continue;
     const unsigned corners = mesh_.state(cell).own & mesh_.state(cell).on_surface;
     for (int i = 0; i < 4 && corners != 0; ++i) {
       if (!mesh_.is_behind(Facet{cell, i})) continue;
+      const bool is_between = is_between_its_bodies({cell, i});
       for (int at = 0; at < 4; ++at) {
         if (at == i || (corners >> at & 1) == 0) continue;
         const LocalIndex v = delaunay.vertex(cell, at);
         found.emplace_back(v, link_edge(delaunay.vertices(cell), i, v));
         ++first[v + 2];
+        if (!is_between) elsewhere.push_back(v);
       }
     }
   }
@@ -419,7 +423,9 @@ void Refinement::pass_disks() {
   std::vector<LinkEdge> edges(found.size());
   for (const auto& [v, edge] : found) edges[first[v + 1]++] = edge;
 
+  sort_and_unite(elsewhere);
   std::erase_if(c3_, [&](LocalIndex v) {
+    if (std::ranges::binary_search(elsewhere, v)) return false;
     const std::span link(edges.data() + first[v], edges.data() + first[v + 1]);
     if (link.empty() || judge(StarView{link}) || !keeps_sheets(v, link)) return false;
     is_in_c3_[v] = false;
@@ -477,6 +483,8 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) {
   link_.clear();
   for (const Facet& f : star)
     link_.push_back(link_edge(mesh_.delaunay().vertices(f.cell), f.index, v));
+  if (!std::ranges::all_of(star, [&](const Facet& f) { return is_between_its_bodies(f); }))
+    return false;
   if (surroundings_.domain.only_body() || !has_several_pairs(star))
     return !judge(StarView{link_}) && keeps_sheets(v, link_);
   std::vector<BodyLinkEdge> link;
@@ -486,6 +494,16 @@ bool Refinement::is_disk(LocalIndex v, std::vector<Facet>& star) {
 
 std::array<BodyId, 2> Refinement::bodies_at(const Facet& f) const {
   return {mesh_.body(f.cell), mesh_.body(mesh_.delaunay().neighbor(f.cell, f.index))};
+}
+
+// Do all of its vertices lie where the surface parts its bodies? Where balls are larger than bodies
+// are wide, a dual edge may lead through all of one that none of its facets is of.
+bool Refinement::is_between_its_bodies(const Facet& f) const {
+  if (surroundings_.domain.only_body()) return true;
+  const std::array<BodyId, 2> bodies = bodies_at(f);
+  for (int i = 0; i < 4; ++i)
+    if (i != f.index && !mesh_.is_between(mesh_.delaunay().vertex(f.cell, i), bodies)) return false;
+  return true;
 }
 
 // Do some of the facets part other bodies than the first?
@@ -576,16 +594,24 @@ Refinement::Outcome Refinement::halve(const LeafCreases::Segment& segment,
 
 Refinement::Outcome Refinement::restore_disk(LocalIndex v) {
   if (is_disk(v, star_)) return star_.empty() ? restore_lost_part(v) : Outcome::kChanged;
+  // Facets that are not where the surface parts their bodies come first.
+  const auto first_of_others = std::ranges::stable_partition(star_, [&](const Facet& f) {
+                                 return !is_between_its_bodies(f);
+                               }).begin();
   DualCrossings largest;
   Cell hint = LeafMesh::kNoCell;
-  for (const Facet& f : star_) {
-    const auto dual = mesh_.dual_crossings(f);
-    if (dual.count > 0 &&
-        (hint == LeafMesh::kNoCell || dual.squared_radius > largest.squared_radius)) {
-      largest = dual;
-      hint = f.cell;
+  const auto look_at_balls = [&](std::span<const Facet> facets) {
+    for (const Facet& f : facets) {
+      const auto dual = mesh_.dual_crossings(f);
+      if (dual.count > 0 &&
+          (hint == LeafMesh::kNoCell || dual.squared_radius > largest.squared_radius)) {
+        largest = dual;
+        hint = f.cell;
+      }
     }
-  }
+  };
+  look_at_balls({star_.begin(), first_of_others});
+  if (hint == LeafMesh::kNoCell) look_at_balls({first_of_others, star_.end()});
   attempt_ = {kC3, mesh_.local(v).point.position, 0};
   if (hint == LeafMesh::kNoCell) return Outcome::kBlocked;
   attempt_ = {kC3, largest.ball_center, std::sqrt(largest.squared_radius)};

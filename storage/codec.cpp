@@ -70,7 +70,7 @@
 //                 index; 0 is the next new one] [sheet u32]; creases or corners: present u8 and, if
 //                 so, [x | y | z changed bits u64, of each end | is a corner u8, of each | sheet
 //                 u32, of each side | crease u32] [x | y | z changed bits u64 | id u32]; has
-//                 other bodies than the only one u8 and, if so, [change of the state u32]
+//                 other bodies than the only one u8 and, if so, [change of the state u32, a code]
 //   6 unresolved  [condition u8 | x | y | z | radius changed bits u64]
 //   7 queue       position, leaf
 //   8 memory      the fields of MemoryRecord
@@ -577,7 +577,11 @@ void serialize(Archive& archive, LeafInfo& info, unsigned version) {
        info.least_size, info.largest_size, info.surface_size, info.reached_size);
   if (version >= 1) each(archive, info.holding);
   if (version >= 2) each(archive, columns(info.ranks, Plain(field<>)));
-  if (version >= 3) each(archive, DomainState::member(info.center));
+  if (version < 3) return;
+  BodyId center = info.center.body();
+  each(archive, center);
+  if (center > DomainState::kMostBody) throw DecodeError("a body with too large a number");
+  info.center = DomainState::in(center);
 }
 
 // Of items that the record has listed: nothing more, if all are of the only body.
@@ -690,6 +694,8 @@ void serialize(Archive& archive, LeafSurface& record, unsigned version) {
   serialize_bodies(archive, has_others, record.triangles, Plain([](auto& triangle) -> auto& {
                      return DomainState::member(triangle.change);
                    }));
+  if (has_others && version < 4)
+    throw DecodeError("several bodies, as an earlier version told them apart");
 }
 
 void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
@@ -821,7 +827,7 @@ BOOST_CLASS_VERSION(locvol::RunRecord, 7)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 3)
 BOOST_CLASS_VERSION(locvol::LeafPoints, 1)
 BOOST_CLASS_VERSION(locvol::LeafCells, 1)
-BOOST_CLASS_VERSION(locvol::LeafSurface, 3)
+BOOST_CLASS_VERSION(locvol::LeafSurface, 4)
 BOOST_CLASS_VERSION(locvol::SurfaceSheets, 2)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)

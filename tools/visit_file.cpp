@@ -29,11 +29,11 @@ auto fields(Maybe<StoredVisit> auto& visit) {
 
 namespace {
 
-// {"format": "locvol visit", "version": 12, "visit": {...}}: a struct is an object of its fields()
+// {"format": "locvol visit", "version": 13, "visit": {...}}: a struct is an object of its fields()
 // (refine/leaf_fields.h), or an array of them where there are many; an infinite number is null, and
 // so is a last visit that there was not.
 constexpr const char* kFormat = "locvol visit";
-constexpr int kVersion = 12;
+constexpr int kVersion = 13;
 
 template <class T>
 concept Row = Maybe<T, Point> || Maybe<T, MeshPoint> || Maybe<T, Triangle> ||

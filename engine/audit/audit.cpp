@@ -128,6 +128,7 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
     check_sheets(*leaf, leaves, records, bounds, findings);
     check_boundary_links(*leaf, boundary, findings);
     check_boundary_on_surface(*leaf, boundary, leaves, records, bounds, findings);
+    check_between_bodies(*leaf, boundary, leaves, records, bounds, findings);
     components.add(*leaf, boundary, leaves);
   }
   report.num_components = components.size();

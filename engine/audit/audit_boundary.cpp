@@ -5,6 +5,7 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <string>
 
 #include "engine/audit/audit_leaf.h"
@@ -16,6 +17,8 @@ namespace {
 
 // Beyond it a boundary vertex is off the surface; fraction of λ, to which rounding is added.
 constexpr double kOnSurface = 1e-9;
+// The same of the surface between two bodies: what is closer to each other is on both.
+constexpr double kBetweenBodies = 2e-6;
 // What the fast distance to a needle of a triangle may be wrong by; fraction of λ.
 constexpr double kFastDistanceError = 1e-6;
 
@@ -422,6 +425,40 @@ void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet
     std::snprintf(text, sizeof text, "this boundary vertex is %.3g of the size off the surface",
                   distances[i] / bounds.size);
     findings.add_unless_open(&AuditReport::num_off_surface_vertices, text, leaf.key, vertices[i]);
+  }
+}
+
+void check_between_bodies(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                          const AuditLeaves& leaves, const AuditRecords& records,
+                          const AuditBounds& bounds, AuditFindings& findings) {
+  if (!bounds.has_bodies()) return;
+  std::map<std::array<BodyId, 2>, std::vector<LocalFacet>> by_bodies;
+  for (const LocalFacet& facet : boundary)
+    by_bodies[{std::max(facet.body, facet.beyond), std::min(facet.body, facet.beyond)}].push_back(
+        facet);
+  const double tolerance = kBetweenBodies * bounds.size + bounds.rounding;
+  std::vector<Triangle> all;
+  for (const std::size_t near : leaves.within(leaves.box(leaf.leaf), tolerance)) {
+    const MortonKey key = leaves.key(near);
+    const auto more = records.of(key).surface(key).triangles;
+    all.insert(all.end(), more.begin(), more.end());
+  }
+  for (const auto& [bodies, facets] : by_bodies) {
+    std::vector<Triangle> between;
+    std::ranges::copy_if(all, std::back_inserter(between), [&](const Triangle& t) {
+      return 0 < t.sheet && t.sheet <= bounds.bodies_of_sheets.size() &&
+             bounds.bodies_of_sheets[t.sheet - 1] == bodies;
+    });
+    const std::vector<Point> vertices = own_vertices(leaf, facets);
+    const std::vector<double> distances =
+        distances_within(vertices, between, tolerance, bounds.size);
+    for (std::size_t i = 0; i < vertices.size(); ++i)
+      if (std::isinf(distances[i]) &&
+          careful_distance(vertices[i], between, kFastDistanceError * bounds.size) > tolerance)
+        findings.add_unless_open(&AuditReport::num_wrong_facets,
+                                 "this vertex has a facet between bodies that the surface does not "
+                                 "part there",
+                                 leaf.key, vertices[i]);
   }
 }
 

@@ -259,6 +259,11 @@ void check_boundary_on_surface(const AuditLeaf& leaf, std::span<const LocalFacet
                                const AuditLeaves& leaves, const AuditRecords& records,
                                const AuditBounds& bounds, AuditFindings& findings);
 
+// Vertices of a facet between two bodies lie where the surface parts these two.
+void check_between_bodies(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                          const AuditLeaves& leaves, const AuditRecords& records,
+                          const AuditBounds& bounds, AuditFindings& findings);
+
 // Disjoint sets of 0 … n-1.
 class UnionFind {
  public:

@@ -183,7 +183,7 @@ class BodiesOfCell {
     for (const auto& [place, first_triangle] : groups)
       found_.groups.push_back({place.first, place.second, first_triangle});
     for (std::uint32_t t = 0; t < all_.size(); ++t)
-      all_[t].change = DomainState::in(components.of_triangle[t]);
+      all_[t].change = DomainState::instead_of(components.of_triangle[t]);
     found_.triangles = std::move(all_);
   }
 
@@ -295,7 +295,7 @@ class BodyNumbering {
             groups_.push_back(group);
           }
           for (Triangle& triangle : cell.triangles)
-            triangle.change = DomainState::in(first_patch + triangle.change.body());
+            triangle.change = DomainState::instead_of(first_patch + triangle.change.number());
           surface_.buckets.replace(surface_.spill, place++, cell.triangles);
           watch_.advance(cell.triangles.size());
         });
@@ -431,7 +431,7 @@ class BodyNumbering {
       throw_if_stopped(watch_.stop());
       const Box cell = surface_.buckets.frame().box(bucket.cell);
       for (const Triangle& t : surface_.load(bucket))
-        if (owns_triangle(cell, t)) nesting.add(t, marks[patch_of_part_[t.change.body()]]);
+        if (owns_triangle(cell, t)) nesting.add(t, marks[patch_of_part_[t.change.number()]]);
       watch_.advance(bucket.triangles.count);
     }
     const std::vector<std::uint64_t> above = nesting.sums();

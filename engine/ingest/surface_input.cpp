@@ -581,10 +581,10 @@ class SurfacePreparation {
 
 void BodyLabels::apply_to(std::vector<Triangle>& triangles) const {
   std::erase_if(triangles, [&](const Triangle& triangle) {
-    return changes[triangle.change.body()] == DomainState();
+    return changes[triangle.change.number()] == DomainState();
   });
   for (Triangle& triangle : triangles) {
-    const std::uint32_t part = triangle.change.body();
+    const std::uint32_t part = triangle.change.number();
     triangle.change = changes[part];
     const std::span own(groups.data() + first[part], groups.data() + first[part + 1]);
     triangle.sheet = std::ranges::find(own, triangle.sheet, &Group::before)->now;

@@ -581,6 +581,18 @@ SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners, BodyId b
   return sheet_of(impl_->triangles[closest->triangle]);
 }
 
+void LeafDomain::changes_at(const Point& p, double tolerance, std::vector<DomainState>& out) const {
+  out.clear();
+  impl_->for_each_held_near(p, tolerance, [&](Impl::Index t) {
+    const DomainState change = change_across(impl_->triangles[t]);
+    if (std::ranges::find(out, change) == out.end() &&
+        impl_->boxes[t].squared_distance(p) < tolerance * tolerance &&
+        squared_distance(impl_->triangles[t], p) < tolerance * tolerance)
+      out.push_back(change);
+    return true;
+  });
+}
+
 // Edges of a crease that meet have their common end equally close: of these the first is taken.
 std::optional<CreasePoint> LeafDomain::closest_on_crease(const Point& p, double distance) const {
   constexpr double kSlack = 1e-12;

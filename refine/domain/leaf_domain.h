@@ -130,6 +130,9 @@ class LeafDomain {
   // are some. So it is a function of the corners, the bodies and the surface alone, whoever lists,
   // changes or mends the facet. REQUIRES: the region holds that triangle
   SheetId sheet_of_facet(const std::array<Point, 3>& corners, BodyId behind, BodyId before) const;
+  // What crossing the surface at p changes: of all triangles that are closer than `tolerance`, each
+  // change once.
+  void changes_at(const Point& p, double tolerance, std::vector<DomainState>& out) const;
   // The point of a crease that is closest to p, of several that on the first edge; null if none is
   // closer than `distance`. REQUIRES: the region holds all that is
   std::optional<CreasePoint> closest_on_crease(const Point& p, double distance) const;

@@ -1,6 +1,7 @@
 // Whole runs of several bodies: what lies in what, their volumes, and what lies between them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -437,6 +438,50 @@ TEST_F(Bodies, ShellsThatAreTooCloseLeaveAManifoldEach) {
   const AuditReport report = audit(Store::open(dir_ / "run", {.read_only = true}));
   EXPECT_TRUE(report.is_valid());
   for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
+}
+
+// Cells as large as all of them: a dual edge leads through three shells at once. One cell between
+// points of the inner shells, of the outermost body, was a mesh without the three others once, with
+// no word about it: what parts 3 from 0 was what parts 2 from 1.
+TEST_F(Bodies, NoFacetPartsTwoWhereTheSurfaceDoesNot) {
+  std::vector<std::filesystem::path> files;
+  for (const double radius : {1.5, 0.5, 0.3, 0.2})
+    files.push_back(off("ball" + std::to_string(files.size()), sphere(radius, 10, 20)));
+  for (const double size : {3.0, 1.0, 0.5}) {
+    const std::string name = "run" + std::to_string(size);
+    const Contents contents = meshed(options(files, size), name);
+    const AuditReport report = audit(Store::open(dir_ / name, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid()) << size;
+    for (const std::string& violation : report.violations) ADD_FAILURE() << violation;
+    if (contents.run.counts.num_unresolved > 0) continue;  // it is told where
+    for (const double volume : report.body_volumes) EXPECT_GT(volume, 0) << size;
+  }
+}
+
+TEST_F(Bodies, TheAuditFindsFacetsWhereTheSurfacePartsOthers) {
+  meshed(options({off("shell", sphere(1, 12, 24)), off("core", sphere(0.5, 8, 16))}, 0.25), "run");
+  {
+    // The shell's outer sheet stands for a part of what lies between the two.
+    Store store = Store::open(dir_ / "run");
+    std::vector<MortonKey> leaves;
+    store.snapshot().for_each_leaf([&](MortonKey leaf, const LeafInfo&) {
+      leaves.push_back(leaf);
+      return true;
+    });
+    Batch batch = store.begin();
+    for (const MortonKey leaf : leaves) {
+      LeafSurface surface = batch.surface(leaf);
+      for (Triangle& triangle : surface.triangles)
+        if (triangle.sheet == 2 && triangle.corners[0].z > 0.3) triangle.sheet = 1;
+      batch.put_surface(leaf, surface);
+    }
+    batch.commit();
+  }
+  const AuditReport report = audit(Store::open(dir_ / "run", {.read_only = true}));
+  EXPECT_GT(report.num_wrong_facets, 0U);
+  EXPECT_TRUE(std::ranges::any_of(report.violations, [](const std::string& violation) {
+    return violation.find("does not part there") != violation.npos;
+  }));
 }
 
 // ---- That touch

@@ -57,7 +57,7 @@ inline RunRecord sample_run() {
 
 inline LeafInfo sample_info() {
   LeafInfo info;
-  info.center = DomainState::in(1u << 31);
+  info.center = DomainState::in(DomainState::kMostBody);
   info.num_visits = 2;
   info.num_points = 1000;
   info.num_cells = 4000;
@@ -105,7 +105,7 @@ inline LeafSurface sample_surface() {
   const Point a{0, 0, 0}, b{1, 0, -0.0}, c{0, 1, 0.1}, d{1, 1, 7};
   return {{{2, {a, b, c}},
            {3, {b, d, c}, 7, DomainState::between(2, 1)},
-           {90, {a, a, d}, 1u << 31, DomainState::in(1u << 31)}},
+           {90, {a, a, d}, 1u << 31, DomainState::in(DomainState::kMostBody)}},
           {{{a, c}, {true, false}, {1, 7}, 3}, {{c, b}, {false, false}, {2, 2}, 1u << 31}},
           {{a, 4}, {d, 1u << 31}}};
 }

@@ -1,6 +1,8 @@
 // Domains of several bodies: shells in shells and beside each other, each between two bodies.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -46,9 +48,9 @@ Mesh surface_of(const std::vector<Shell>& shells) {
   return all;
 }
 
-// 3 in 7 in 2^31, a cavity in that, 5 in the cavity, and 2 beside.
+// 3 in 7 in the largest, a cavity in that, 5 in the cavity, and 2 beside.
 std::vector<Shell> shells() {
-  constexpr BodyId kLargest = 1u << 31;
+  constexpr BodyId kLargest = DomainState::kMostBody;
   return {{shapes::icosphere({0, 0, 0}, 1, 2), kLargest, kNoBody},
           {shapes::icosphere({0.3, 0, 0}, 0.5, 2), 7, kLargest},
           {shapes::box({{0.1, -0.2, -0.2}, {0.5, 0.2, 0.2}}), 3, 7},
@@ -132,7 +134,7 @@ TEST_F(SeveralBodies, PiecesAgreeWithTheWhole) {
 TEST(DomainStates, AddUpInAnyOrder) {
   Random random(kSeedOfBodies);
   for (int n = 0; n < 1000; ++n) {
-    const auto body = [&] { return static_cast<BodyId>(random()); };
+    const auto body = [&] { return static_cast<BodyId>(random() % (DomainState::kMostBody + 1)); };
     const BodyId a = body(), b = body(), c = body();
     const DomainState ab = DomainState::between(a, b), bc = DomainState::between(b, c);
     EXPECT_EQ(DomainState::in(a).crossed(ab).crossed(bc), DomainState::in(c));
@@ -140,6 +142,33 @@ TEST(DomainStates, AddUpInAnyOrder) {
     EXPECT_EQ(DomainState::in(c).crossed(bc).body(), b) << "from both sides alike";
     EXPECT_EQ(DomainState::between(a, b), DomainState::between(b, a));
   }
+}
+
+// Not so with the numbers of the bodies alone: 3 and 0 would be as 1 and 2.
+TEST(DomainStates, TellWhichBodiesAChangeParts) {
+  constexpr BodyId kNum = 2000;
+  std::vector<std::uint32_t> changes;
+  for (BodyId a = 0; a < kNum; ++a)
+    for (BodyId b = 0; b < a; ++b) {
+      const DomainState change = DomainState::between(a, b);
+      changes.push_back(DomainState::member(change));
+    }
+  for (BodyId a = DomainState::kMostBody; a > DomainState::kMostBody - kNum; --a)
+    for (BodyId b = 0; b < 300; ++b) {
+      const DomainState change = DomainState::between(a, b);
+      changes.push_back(DomainState::member(change));
+    }
+  std::ranges::sort(changes);
+  EXPECT_EQ(std::ranges::adjacent_find(changes), changes.end());
+  EXPECT_NE(changes.front(), 0u);
+}
+
+// One body is a parity, and nothing that has it takes more bytes than that.
+TEST(DomainStates, OfOneBodyIsOneBit) {
+  const DomainState in = DomainState::in(kOnlyBody), change = DomainState::between(0, kOnlyBody);
+  EXPECT_EQ(DomainState::member(in), 1u);
+  EXPECT_EQ(DomainState::member(change), 1u);
+  EXPECT_EQ(in.crossed(change), DomainState());
 }
 
 }  // namespace
