@@ -174,31 +174,35 @@ class Patch(unittest.TestCase):
                     self.assertAlmostEqual(a, b, delta=2e-3)
 
 
+def run_section(heading, directory, num_commands):
+    """Runs the commands of a section of the tutorial, as they stand there."""
+    for script in EXAMPLES.glob("*.py"):
+        shutil.copy(script, directory)
+    section = TUTORIAL.read_text(encoding="utf-8").split(heading)[1].split("\n## ")[0]
+    commands = re.findall(r"^```\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
+    if len(commands) != num_commands:
+        raise AssertionError(f"{heading}: {len(commands)} blocks of commands")
+    path = f"{LOCVOL.resolve().parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-e", "-c", "\n".join(commands)], cwd=directory, capture_output=True,
+        text=True, check=False, env={**os.environ, "PATH": path},
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise AssertionError(done.stdout + done.stderr)
+    return done.stdout
+
+
 class Bracket(unittest.TestCase):
-    """The commands of the tutorial's section, as they stand there."""
-
-    SECTION = "## A part by the names of its faces"
-
     def test_is_loaded_and_held_by_names(self):
         with tempfile.TemporaryDirectory() as name:
             directory = pathlib.Path(name)
-            for script in EXAMPLES.glob("*.py"):
-                shutil.copy(script, directory)
-            section = TUTORIAL.read_text(encoding="utf-8").split(self.SECTION)[1].split("\n## ")[0]
-            commands = re.findall(r"^```\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
-            self.assertEqual(len(commands), 2)
-            path = f"{LOCVOL.resolve().parent}:{os.environ['PATH']}"
-            done = subprocess.run(
-                ["bash", "-e", "-c", "\n".join(commands)], cwd=directory, capture_output=True,
-                text=True, check=False, env={**os.environ, "PATH": path},
-            )  # fmt: skip
-            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-            self.assertIn("fillet: 24 triangles", done.stdout)
+            told = run_section("## A part by the names of its faces", directory, 2)
+            self.assertIn("fillet: 24 triangles", told)
             forces = (directory / "bracket-case.dat").read_text(encoding="ascii").split()[-3:]
             self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
             # Where the fillet begins, the shelf is a beam of 40 by 8 with a moment of 10,500 N mm:
             # 25 N/mm². Quadratic elements have 30 in the fillet, linear ones less.
-            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", done.stdout)[0])
+            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", told)[0])
             self.assertGreater(stress, 22)
             self.assertLess(stress, 31)
             faces = json.loads((directory / "bracket.inp.faces.json").read_text(encoding="utf-8"))
@@ -216,6 +220,35 @@ class Bracket(unittest.TestCase):
                 sys.executable, "-B", EXAMPLES / "case.py", "bar2.inp", "-o", "case.inp",
                 "--hold", "top", "--load", "x>7.5", "--force", "1,0,0",
             )  # fmt: skip
+
+
+class Layers(unittest.TestCase):
+    """Three bodies, of which the heat flows through one after another, as in the closed form."""
+
+    THICKNESS, CONDUCTIVITY, AREA = (0.02, 0.08, 0.1), (0.5, 0.04, 0.8), 0.04
+
+    def test_conduct_heat_as_fourier_says(self):
+        resistance = [d / k for d, k in zip(self.THICKNESS, self.CONDUCTIVITY)]
+        flux = 30 / sum(resistance)
+        with tempfile.TemporaryDirectory() as name:
+            directory = pathlib.Path(name)
+            run_section("## Heat through layers", directory, 1)
+            text = (directory / "wall-case.dat").read_text(encoding="ascii")
+            temperatures = {}
+            for block in text.split(" temperatures for set ")[1:]:
+                rows = [line.split() for line in block.split(" total ")[0].splitlines()[1:]]
+                temperatures[block.split()[0]] = [float(row[1]) for row in rows if len(row) == 2]
+            expected = {"PLASTER_6": 20 - flux * resistance[0],
+                        "FOAM_5": -10 + flux * resistance[2]}  # fmt: skip
+            self.assertEqual(temperatures.keys(), expected.keys())
+            for sheet, values in temperatures.items():
+                self.assertGreater(len(values), 50)
+                for value in values:
+                    self.assertAlmostEqual(value, expected[sheet], delta=1e-5)
+            heat = [float(block.split()[-1]) for block in re.split(" total heat.*\n", text)[1:]]
+            self.assertEqual(len(heat), 2)
+            self.assertAlmostEqual(heat[0], flux * self.AREA, delta=1e-6)
+            self.assertAlmostEqual(heat[1], -flux * self.AREA, delta=1e-6)
 
 
 if __name__ == "__main__":
