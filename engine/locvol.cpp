@@ -657,7 +657,7 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
                          const std::filesystem::path& scratch, const std::optional<Size>& weld,
                          double sharp_angle, const std::filesystem::path& sharp_polylines,
-                         bool has_bodies, const std::vector<std::string>& voids) {
+                         bool has_bodies, const std::vector<std::string>& voids, const Size& gap) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -674,7 +674,8 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
          .sharp_angle = sharp_angle,
          .sharp_polylines = sharp_polylines,
          .has_sheets = true,
-         .bodies = body_law(has_bodies, voids, SurfaceAccess::more_files(surface).size())});
+         .bodies = body_law(has_bodies, voids, SurfaceAccess::more_files(surface).size()),
+         .gap = gap});
     if (run.on_note)
       for (const std::string& note : survey.facts.notes) run.on_note(note);
     SurfaceInfo info = info_of(survey);

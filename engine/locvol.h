@@ -425,13 +425,14 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control = {})
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`: see Options. Throws Error.
+/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`, `gap`: see Options. Throws
+/// Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
                          const std::optional<Size>& weld = {},
                          double sharp_angle = Options().sharp_angle,
                          const std::filesystem::path& sharp_polylines = {}, bool has_bodies = false,
-                         const std::vector<std::string>& voids = {});
+                         const std::vector<std::string>& voids = {}, const Size& gap = {});
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

@@ -56,7 +56,7 @@
 //   1 run         parameters, surface facts (notes: their number u64, texts), frame, progress; weld:
 //                 present u8 and, if so, a number; sharp angle; [size changed bits u64, of sheets]
 //                 and the name of each; has creases u8; bodies are asked for u8, names of voids and
-//                 of more files, each list as notes; sizes of bodies as of sheets
+//                 of more files, each list as notes; sizes of bodies as of sheets; gap
 //   2 leaf        the fields of LeafInfo; `queued` as present u8 and, if so, epoch u32, color u32;
 //                 the center's body as inside u8, and at last its number u32
 //   3 points      [id steps u64 | x | y | z changed bits u64 | kind u8], and the core: whole u8,
@@ -563,6 +563,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
     each(archive, run.parameters.sharp_polylines, run.sharp_file, run.parameters.has_bodies,
          run.parameters.voids, run.surface.more_files);
   if (version >= 7) serialize_part_sizes(archive, run.parameters.body_sizes);
+  if (version >= 8) each(archive, run.parameters.gap);
 }
 
 template <class Archive>
@@ -823,7 +824,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 7)
+BOOST_CLASS_VERSION(locvol::RunRecord, 8)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 3)
 BOOST_CLASS_VERSION(locvol::LeafPoints, 1)
 BOOST_CLASS_VERSION(locvol::LeafCells, 1)

@@ -183,6 +183,7 @@ struct RunParameters {
   // Of one file: is each group that is closed by itself a body, or each shell?
   bool has_bodies = false;
   std::vector<std::string> voids = {};  // bodies that are none, but what is left of the others
+  double gap = 0;  // bodies nearer than that are made to touch; 0: only what rounding parts
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const {

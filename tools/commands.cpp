@@ -388,7 +388,8 @@ int run_info(const InfoCommand& command) {
                       options.sharp_polylines,
                       true,
                       command.size,
-                      body_law(options.has_bodies, options.voids, options.more_inputs.size())};
+                      body_law(options.has_bodies, options.voids, options.more_inputs.size()),
+                      options.gap};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);

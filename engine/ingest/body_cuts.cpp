@@ -13,6 +13,7 @@
 #include "engine/shared/sorted_spill.h"
 #include "octree/disjoint_sets.h"
 #include "octree/sort_and_unite.h"
+#include "refine/domain/closest_point.h"
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/exact_predicates.h"
 #include "refine/domain/self_intersection.h"
@@ -191,12 +192,25 @@ struct MetTriangle {
   // The smallest new vertex.
   std::optional<Point> place(const TrianglePieces& pieces) const {
     std::optional<Point> place;
+    for_each_new_vertex(pieces, [&](const Point& p) {
+      if (!place || p < *place) place = p;
+    });
+    return place;
+  }
+
+  double widest(const TrianglePieces& pieces) const {
+    double squared = 0;
+    for_each_new_vertex(pieces, [&](const Point& p) {
+      squared = std::max(squared, squared_distance(triangle, p));
+    });
+    return std::sqrt(squared);
+  }
+
+  template <class Visit>
+  void for_each_new_vertex(const TrianglePieces& pieces, const Visit& visit) const {
     for (const auto& corners : pieces.corners)
       for (const Point& p : corners)
-        if (std::ranges::find(triangle.corners, p) == triangle.corners.end() &&
-            (!place || p < *place))
-          place = p;
-    return place;
+        if (std::ranges::find(triangle.corners, p) == triangle.corners.end()) visit(p);
   }
 };
 
@@ -329,6 +343,7 @@ class BodyCutter {
     }
     if (!met.is_cut_into(pieces)) return;
     ++result_.num_cut;
+    if (near_.distance > 0) result_.widest = std::max(result_.widest, met.widest(pieces));
     std::vector<std::uint32_t> others = met.bodies;
     sort_and_unite(others);
     for (const std::uint32_t other : others) {

@@ -61,6 +61,7 @@ struct NearLaw {
 struct CutSurface {
   TriangleList triangles = {};          // in order of id
   std::uint64_t num_cut = 0;            // triangles that became others; 0: all else is empty
+  double widest = 0;                    // how far a new vertex is from the triangle that got it
   std::optional<CutObstacle> obstacle;  // to the first that has one: nothing is done
   std::map<MeetingBodies, Meeting> meetings = {};
 };

@@ -32,6 +32,8 @@
 namespace locvol {
 namespace {
 
+static_assert(kMaxBodies <= DomainState::kMostBody);
+
 constexpr std::uint64_t kNoTriangle = std::numeric_limits<std::uint64_t>::max();
 
 // Of a shell, what one cell has, or all of it.

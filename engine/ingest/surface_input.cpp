@@ -43,12 +43,13 @@ class SurfacePreparation {
  public:
   SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
                      std::uint64_t bucket_capacity, const IngestShare& share,
-                     const std::optional<double>& weld, double sharp_angle)
+                     const std::optional<double>& weld, double sharp_angle, double gap)
       : raw_(std::move(raw)),
         watch_(watch),
         workers_(workers),
         share_(share),
         weld_(weld),
+        gap_(gap),
         given_(raw_.given_bodies()),
         angle_(sharp_angle),
         buckets_(frame, bucket_capacity, share.range()) {}
@@ -68,6 +69,7 @@ class SurfacePreparation {
       check_orientation();
     }
     check_vertices();
+    close_gaps();
     join_near_bodies();
     cut_bodies();
     check_self_intersection();
@@ -280,30 +282,77 @@ class SurfacePreparation {
              text(findings_.first_pinched), cured_by("wrap"));
   }
 
+  // Bodies nearer than a gap are made to touch. Their triangles are needed again.
+  void close_gaps() {
+    if (gap_ == 0) return;
+    if (!raw_.has_several_bodies)
+      refuse("is one body, and --gap is what may be between bodies: give --bodies, or more files");
+    if (given_.empty())
+      refuse(
+          "has bodies without names, which --gap cannot tell apart: give each as a file or a "
+          "group");
+    if (!has_area())
+      refuse(
+          "has {} without area, for example {}, beside which --gap brings no bodies together; "
+          "remove degenerate faces",
+          counted(raw_.collinear.size(), "triangle", "triangles"), text(raw_.collinear.front()));
+    share_.require_whole();
+    bring_together(gap_, true);
+    distribute_and_check();
+    const EdgeCounts& edges = findings_.edges_that_count();
+    if (edges.border.count + edges.overused.count > 0)
+      refuse_gap(fmt::format("leaves a body that is not closed, at the edge from {}",
+                             shown(edges.border.count > 0 ? edges.border : edges.overused)));
+    if (findings_.num_pinched > 0)
+      refuse_gap(
+          fmt::format("makes parts of a body meet in a vertex, {}", text(findings_.first_pinched)));
+  }
+
+  [[noreturn]] void refuse_gap(const std::string& what) const {
+    refuse("bringing together what is nearer than {} of another body (--gap) {}; give less",
+           decimal(gap_), what);
+  }
+
   // What rounding alone parts, of bodies, is made the same: cut along each other it would be dust.
   void join_near_bodies() {
     if (given_.empty() || !has_area()) return;
-    const double distance = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
+    if (bring_together(kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max)), false))
+      return check_again();
+    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
+    raw_.triangles.clear();
+  }
+
+  // Until nothing of two bodies is nearer than the distance, but is the same. Returns whether
+  // something has changed.
+  bool bring_together(double distance, bool is_asked_for) {
     bool is_changed = false;
     std::uint64_t most = std::numeric_limits<std::uint64_t>::max();  // each time fewer, to end
     for (int round = 0; round < kMostNearRounds; ++round) {
       const std::uint64_t num_changed =
           imprint_bodies({.distance = distance, .has_needles = is_changed});
-      if (num_changed == 0) break;
-      is_changed = true;
+      // What lies on each other but for the distance needs no vertices, but to be joined.
+      if (num_changed == 0 && !(is_asked_for && round == 0)) break;
+      is_changed = is_changed || num_changed > 0;
       distribute({}, true);
-      WeldedSurface welded =
-          welded_surface(raw_.spill, buckets_, WeldPoints::kAll, distance, watch_, workers_);
-      if (welded.num_joined > 0 && obstacle_to(welded).empty())
+      WeldedSurface welded = welded_surface(
+          raw_.spill, buckets_, is_asked_for ? WeldPoints::kBetweenBodies : WeldPoints::kAll,
+          distance, watch_, workers_, given_);
+      const std::string obstacle = welded.num_joined > 0 ? obstacle_to(welded) : std::string();
+      if (is_asked_for && !obstacle.empty()) refuse_gap(obstacle);
+      if (welded.num_joined > 0 && obstacle.empty()) {
+        if (is_asked_for) {
+          num_joined_bodies_ += welded.num_joined;
+          widest_gap_ = std::max(widest_gap_, welded.width);
+        }
         adopt(std::move(welded.triangles));
-      else
+        is_changed = true;
+      } else {
         raw_.spill.release(std::move(welded.triangles));
+      }
       if (num_changed > std::max(most, kFewChanges)) break;
       most = num_changed;
     }
-    if (is_changed) return check_again();
-    for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
-    raw_.triangles.clear();
+    return is_changed;
   }
 
   // Returns how many triangles have changed.
@@ -319,6 +368,10 @@ class SurfacePreparation {
     add_meetings(cut.meetings);
     adopt(std::move(cut.triangles));
     raw_.has_pieces = true;
+    if (near.distance == gap_) {
+      num_brought_ += cut.num_cut;
+      widest_gap_ = std::max(widest_gap_, cut.widest);
+    }
     return cut.num_cut;
   }
 
@@ -457,6 +510,12 @@ class SurfacePreparation {
     note("dropped {} that repeated another",
          num_copies_ + (drops_copies_ ? findings_.num_copies : 0), "triangle", "triangles");
     note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
+    if (num_brought_ + num_joined_bodies_ > 0)
+      notes_.push_back(fmt::format(
+          "brought bodies together that were nearer than {} (--gap): {} became one with those of "
+          "others, and {} took their vertices, up to {} away",
+          decimal(gap_), counted(num_joined_bodies_, "point", "points"),
+          counted(num_brought_, "triangle", "triangles"), rounded(widest_gap_)));
     note_meetings();
   }
 
@@ -564,6 +623,7 @@ class SurfacePreparation {
   Workers& workers_;
   const IngestShare& share_;
   std::optional<double> weld_;
+  double gap_;
   const GivenBodies given_;
   SharpAngle angle_;
   TriangleBuckets buckets_;
@@ -573,6 +633,10 @@ class SurfacePreparation {
   std::string tried_;                    // to close it
   std::map<MeetingBodies, Meeting> meetings_;
   std::uint64_t num_copies_ = 0;  // that were dropped before bodies were cut
+  // Where bodies were nearer than gap_: triangles that took vertices, points that became others,
+  // and how far these were away.
+  std::uint64_t num_brought_ = 0, num_joined_bodies_ = 0;
+  double widest_gap_ = 0;
   double volume_ = 0;
   std::vector<std::string> notes_;
 };
@@ -612,9 +676,9 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity,
                              const IngestShare& share, const std::optional<double>& weld,
-                             double sharp_angle) {
+                             double sharp_angle, double gap) {
   return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share, weld,
-                            sharp_angle)
+                            sharp_angle, gap)
       .run();
 }
 

@@ -172,12 +172,13 @@ inline constexpr std::uint64_t kBucketCapacity = 50'000;
 // Of several processes each gives the triangles that meet its share's cells, and gets these in
 // buckets; all that is known of the surface is known to each. REQUIRES: then nothing is to be
 // repaired
-// `weld`, `sharp_angle`: see RunParameters. At an angle of 0, CheckedSurface::sharp has none.
+// `weld`, `sharp_angle`, `gap`: see RunParameters. At an angle of 0, CheckedSurface::sharp has
+// none.
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
                              const IngestShare& share = IngestShare(),
                              const std::optional<double>& weld = std::nullopt,
-                             double sharp_angle = 0);
+                             double sharp_angle = 0, double gap = 0);
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);

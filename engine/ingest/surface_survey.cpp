@@ -20,9 +20,10 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   survey.digest = raw.digest;
   const Frame frame = frame_of(raw.box);
   const std::optional<double> weld = weld_length(law.weld, raw.box);
+  const double gap = gap_length(law.gap, raw.box);
   raw.has_several_bodies = law.bodies.has_several();
   CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
-                                         IngestShare(), weld, law.sharp_angle);
+                                         IngestShare(), weld, law.sharp_angle, gap);
   std::vector<BodyFacts> bodies;
   if (law.has_sheets) bodies = number_bodies(surface, law.bodies, watch, workers);
   find_given_edges(surface,

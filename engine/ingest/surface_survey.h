@@ -22,6 +22,7 @@ struct SurveyLaw {
   bool has_sheets = false;                     // are asked for
   std::optional<Size> size = {};               // absent: default_size(), if sheets are asked for
   BodyLaw bodies = {};                         // looked for if sheets are asked for
+  Size gap = {};                               // see Options
 };
 
 struct SurveyedSurface {

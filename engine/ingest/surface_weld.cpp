@@ -62,8 +62,9 @@ std::optional<std::vector<Triangle>> triangles_of(const WeldCell& cell,
 
 // By vertex: is it one of those that may be joined?
 std::vector<bool> eligible_vertices(const TriangleSoup& soup, WeldPoints points) {
-  std::vector<bool> is_eligible(soup.vertices.size(), points == WeldPoints::kAll);
-  if (points == WeldPoints::kAll) return is_eligible;
+  const bool are_all = points != WeldPoints::kOfOpenEdges;
+  std::vector<bool> is_eligible(soup.vertices.size(), are_all);
+  if (are_all) return is_eligible;
   EdgeTable(soup.vertices.size(), soup.triangles)
       .for_each_edge([&](std::span<const std::uint32_t> uses) {
         const std::uint32_t beyond = apex(soup.triangles, uses.front());
@@ -76,10 +77,28 @@ std::vector<bool> eligible_vertices(const TriangleSoup& soup, WeldPoints points)
   return is_eligible;
 }
 
+// Of a point, the body that is given which has it; or kSeveral.
+constexpr std::uint32_t kSeveral = std::numeric_limits<std::uint32_t>::max();
+
+// By vertex.
+std::vector<std::uint32_t> bodies_of(const TriangleSoup& soup, std::span<const Triangle> triangles,
+                                     std::span<const std::uint32_t> given, WeldPoints points) {
+  if (points != WeldPoints::kBetweenBodies) return std::vector<std::uint32_t>(soup.vertices.size());
+  constexpr std::uint32_t kNone = kSeveral - 1;
+  std::vector<std::uint32_t> bodies(soup.vertices.size(), kNone);
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::uint32_t body = given_body(given, triangles[t]);
+    for (const std::uint32_t v : soup.triangles[t])
+      bodies[v] = bodies[v] == kNone || bodies[v] == body ? body : kSeveral;
+  }
+  return bodies;
+}
+
 // A point that another cell has to know.
 struct Guest {
   std::uint32_t cell = 0;  // the other one's place
   Point point;
+  std::uint32_t body = 0;
   friend auto operator<=>(const Guest&, const Guest&) = default;
 };
 using GuestSpill = SortedSpill<Guest>;
@@ -101,13 +120,15 @@ using KnownTriangles = SortedSpill<KnownTriangle, &KnownTriangle::id>;
 class SurfaceWelder {
  public:
   SurfaceWelder(TriangleSpill& spill, const TriangleBuckets& buckets, WeldPoints points,
-                double distance, IngestWatch& watch, Workers& workers)
+                double distance, IngestWatch& watch, Workers& workers,
+                std::span<const std::uint32_t> given)
       : spill_(spill),
         buckets_(buckets),
         points_(points),
         distance_(distance),
         watch_(watch),
         workers_(workers),
+        given_(given),
         cells_(cells_for(buckets, distance)) {}
 
   WeldedSurface run() {
@@ -160,13 +181,14 @@ class SurfaceWelder {
     });
     const TriangleSoup soup = soup_of(triangles);
     const std::vector<bool> is_eligible = eligible_vertices(soup, points_);
+    const std::vector<std::uint32_t> bodies = bodies_of(soup, triangles, given_, points_);
     std::vector<Guest> guests;
     for (std::size_t v = 0; v < soup.vertices.size(); ++v) {
       const Point& p = soup.vertices[v];
       if (!is_eligible[v] || !is_near_border(p)) continue;
       const Box reach = Box::around(p).expanded(kSeen * distance_);
       for_each_cell_in(reach, MortonKey::root(), [&](std::uint32_t other) {
-        if (cells_[other].node != cell.node) guests.push_back({other, p});
+        if (cells_[other].node != cell.node) guests.push_back({other, p, bodies[v]});
       });
     }
     return guests;
@@ -187,7 +209,7 @@ class SurfaceWelder {
 
   struct Loaded {
     std::vector<Triangle> triangles;
-    std::vector<Point> guests;
+    std::vector<Guest> guests;
   };
   struct Joined {
     std::vector<MovedCorner> corners;
@@ -219,15 +241,16 @@ class SurfaceWelder {
   }
 
   // Those near points of the cell: others cannot matter, and there may be any number.
-  std::vector<Point> guests_of(const WeldCell& cell, const std::vector<Triangle>& triangles,
+  std::vector<Guest> guests_of(const WeldCell& cell, const std::vector<Triangle>& triangles,
                                GuestSpill& all) const {
     const auto number = static_cast<std::uint32_t>(&cell - cells_.data());
-    std::vector<Point> guests;
+    std::vector<Guest> guests;
     if (all.is_empty() || all.front().cell != number) return guests;
     const std::vector<GridCube> cubes = cubes_seen(cell, triangles);
     for (; !all.is_empty() && all.front().cell == number; all.pop()) {
-      const Point& p = all.front().point;
-      if (std::ranges::binary_search(cubes, cube_of(p, cube_side()))) guests.push_back(p);
+      const Guest& guest = all.front();
+      if (std::ranges::binary_search(cubes, cube_of(guest.point, cube_side())))
+        guests.push_back(guest);
     }
     return guests;
   }
@@ -260,13 +283,23 @@ class SurfaceWelder {
     const Box box = buckets_.frame().box(cell.node);
     const TriangleSoup soup = soup_of(loaded.triangles);
     const std::vector<bool> is_eligible = eligible_vertices(soup, points_);
-    std::vector<Point> points = loaded.guests;
+    const std::vector<std::uint32_t> bodies = bodies_of(soup, loaded.triangles, given_, points_);
+    std::vector<Guest> known_points = loaded.guests;
     for (std::size_t v = 0; v < soup.vertices.size(); ++v)
       if (is_eligible[v] && TriangleBuckets::owns(box, soup.vertices[v]))
-        points.push_back(soup.vertices[v]);
-    std::ranges::sort(points);
+        known_points.push_back({0, soup.vertices[v], bodies[v]});
+    std::ranges::sort(known_points, {}, &Guest::point);
+    std::vector<Point> points;
+    points.reserve(known_points.size());
+    for (const Guest& known : known_points) points.push_back(known.point);
 
     const PointGroups near = near_groups(points, distance_);
+    std::vector<bool> is_of_several(near.groups.size(), points_ != WeldPoints::kBetweenBodies);
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      const std::uint32_t group = near.of_point[p], body = known_points[p].body;
+      if (body == kSeveral || body != known_points[near.groups[group].first].body)
+        is_of_several[group] = true;
+    }
     const Box known = box.expanded(kKnown * distance_);
     const auto is_narrow = [&](const PointGroup& group) {
       return known.contains(group.box.min) && known.contains(group.box.max) &&
@@ -276,7 +309,9 @@ class SurfaceWelder {
     std::vector<std::pair<Point, Point>> moves;  // ascending
     for (std::size_t p = 0; p < points.size(); ++p) {
       const PointGroup& group = near.groups[near.of_point[p]];
-      if (group.count == 1 || !TriangleBuckets::owns(box, points[p])) continue;
+      if (group.count == 1 || !is_of_several[near.of_point[p]] ||
+          !TriangleBuckets::owns(box, points[p]))
+        continue;
       if (!is_narrow(group)) {
         if (!result.too_wide) result.too_wide = points[p];
         continue;
@@ -367,6 +402,7 @@ class SurfaceWelder {
   double distance_;
   IngestWatch& watch_;
   Workers& workers_;
+  std::span<const std::uint32_t> given_;
   std::vector<WeldCell> cells_;  // in Morton order
   WeldedSurface result_;
 };
@@ -428,8 +464,8 @@ EdgeLengths edge_lengths(const TriangleSpill& spill, const TriangleBuckets& buck
 
 WeldedSurface welded_surface(TriangleSpill& spill, const TriangleBuckets& buckets,
                              WeldPoints points, double distance, IngestWatch& watch,
-                             Workers& workers) {
-  return SurfaceWelder(spill, buckets, points, distance, watch, workers).run();
+                             Workers& workers, std::span<const std::uint32_t> given) {
+  return SurfaceWelder(spill, buckets, points, distance, watch, workers, given).run();
 }
 
 }  // namespace locvol

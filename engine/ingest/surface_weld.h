@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -28,6 +29,7 @@ namespace locvol {
 enum class WeldPoints {
   kOfOpenEdges,  // the ends of edges in one triangle only
   kAll,
+  kBetweenBodies,  // of all, groups with points of two bodies
 };
 
 // Lengths of edges, of which only those matter that lie far from others.
@@ -72,8 +74,9 @@ struct WeldedSurface {
   std::uint64_t num_copies = 0;     // of triangles, which there had been before
 };
 
+// `given`: see given_body(); asked for bodies.
 WeldedSurface welded_surface(TriangleSpill& spill, const TriangleBuckets& buckets,
                              WeldPoints points, double distance, IngestWatch& watch,
-                             Workers& workers);
+                             Workers& workers, std::span<const std::uint32_t> given = {});
 
 }  // namespace locvol

@@ -116,6 +116,9 @@ struct Options {
   bool has_bodies = false;
   /// Names of bodies that are none: cavities of those that they lie in.
   std::vector<std::string> voids = {};
+  /// Of several bodies, what is nearer than this to another one is made to touch it, whether there
+  /// is a gap between them or they overlap so little. Of value 0: only what rounding alone parts.
+  Size gap = {};
 };
 
 }  // namespace locvol

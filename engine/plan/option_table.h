@@ -172,7 +172,15 @@ inline constexpr std::tuple kOptions{
     Option<&MeshOptions::has_bodies, &RunParameters::has_bodies>{
         {.name = {"--bodies", "has_bodies"}, .group = OptionGroup::kSurface}},
     Option<&MeshOptions::voids, &RunParameters::voids>{
-        {.name = {"--void", "voids"}, .group = OptionGroup::kSurface}}};
+        {.name = {"--void", "voids"}, .group = OptionGroup::kSurface}},
+    Option<&MeshOptions::gap, &RunParameters::gap>{
+        {.name = {"--gap", "gap"},
+         .group = OptionGroup::kSurface,
+         .help = {"LENGTH",
+                  "Bodies that are nearer to each other than this are made to touch: a length or a "
+                  "percentage, as --size (default: only what rounding parts)"},
+         .noun = "gap",
+         .phrase = "; bodies nearer than {} touch"}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

@@ -191,6 +191,8 @@ void check_bodies(const RunRecord& run) {
     throw InputError("several files are a body each: leave --bodies out");
   if (!p.voids.empty() && !p.has_bodies && !has_files)
     throw InputError("--void names one of several bodies: give --bodies, or more files");
+  if (p.gap > 0 && !p.has_bodies && !has_files)
+    throw InputError("--gap is what may be between bodies: give --bodies, or more files");
   if (!p.body_sizes.empty() && !p.has_bodies && !has_files)
     throw InputError(
         fmt::format("a size is given for the body '{}', one of several: give --bodies, or more "
@@ -236,6 +238,10 @@ double absolute_size(const Size& spec, const Box& box, const std::string& name) 
 std::optional<double> weld_length(const std::optional<Size>& weld, const Box& box) {
   if (!weld) return std::nullopt;
   return weld->value == 0 ? 0 : absolute_size(*weld, box, "weld");
+}
+
+double gap_length(const Size& gap, const Box& box) {
+  return gap.value == 0 ? 0 : absolute_size(gap, box, "gap");
 }
 
 RunRecord planned_run(const MeshOptions& options, const std::string& digest, const Box& surface,

@@ -20,6 +20,7 @@ double absolute_size(const Size& size, const Box& box, const std::string& name =
 
 // MeshOptions::weld in these units. Throws as absolute_size().
 std::optional<double> weld_length(const std::optional<Size>& weld, const Box& box);
+double gap_length(const Size& gap, const Box& box);  // likewise of MeshOptions::gap
 
 // The record of a run that has yet to ingest the surface whose file has this digest, and which has
 // this bounding box. Throws InputError, with the cure, for options out of range and for sizes that

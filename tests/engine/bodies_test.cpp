@@ -833,6 +833,56 @@ TEST_F(Bodies, ABoltInAPlateOfOtherTriangles) {
   EXPECT_EQ(audit(Store::open(dir_ / "run", {.read_only = true})).num_lost_creases, 0U);
 }
 
+// What lies between two of them becomes the second's, whose corners move to the first's.
+TEST_F(Bodies, NearerThanAGapTouch) {
+  for (const bool is_cut_alike : {true, false}) {
+    for (const double from : {1.01, 0.99}) {
+      SCOPED_TRACE(std::to_string(is_cut_alike) + ", from " + std::to_string(from));
+      const Shape right =
+          is_cut_alike ? box({from, 0, 0}, {2, 1, 1}) : box({from, 0.25, 0.25}, {2, 0.75, 0.75});
+      MeshOptions options = this->options({off("left", kLeftCube), off("right", right)}, 0.2);
+      options.gap = {0.02, false};
+      const std::string run = std::to_string(is_cut_alike) + std::to_string(from);
+      const Contents contents = meshed(options, run);
+      EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+      ASSERT_EQ(contents.sheets.bodies.size(), 2U);
+      const double left = contents.sheets.bodies[0].volume, both = is_cut_alike ? 2 : 1.25;
+      EXPECT_NEAR(left, 1, 0.011);
+      // Of a part of a face the vertices alone move: what is around it leans.
+      const double tolerance = is_cut_alike ? kPlane : 1e-3;
+      const double right_volume = contents.sheets.bodies[1].volume;
+      EXPECT_NEAR(left + right_volume, both, is_cut_alike ? 1e-12 : 0.01);
+      EXPECT_TRUE(check(run, {left, right_volume}, {tolerance, tolerance}).contains({2, 1}));
+      bool is_told = false;
+      for (const std::string& note : contents.run.surface.notes)
+        is_told |= note.find("--gap") != note.npos && note.find("up to 0.01 away") != note.npos;
+      EXPECT_TRUE(is_told);
+      EXPECT_TRUE(are_equal(contents, meshed(options, run + "again", 3)));
+      if (is_cut_alike && from > 1) {
+        EXPECT_TRUE(are_equal(contents, meshed_on_ranks(options)));
+      }
+      options.gap = {0.005, false};
+      if (from > 1) {
+        EXPECT_EQ(meshed(options, run + "apart").sheets.sheets.size(), 12U);
+      }
+    }
+  }
+}
+
+TEST_F(Bodies, AGapAsWideAsOneOfThemIsRefused) {
+  MeshOptions options =
+      this->options({off("left", kLeftCube), off("between", box({1, 0, 0}, {1.01, 1, 1})),
+                     off("right", box({1.01, 0, 0}, {2, 1, 1}))},
+                    0.2);
+  options.gap = {0.02, false};
+  const std::string told = refusal_of(options);
+  for (const char* word : {"--gap", "not closed", "(1", "give less"})
+    EXPECT_NE(told.find(word), std::string::npos) << told;
+  MeshOptions alone = this->options({off("alone", kLeftCube)}, 0.2);
+  alone.gap = {0.02, false};
+  EXPECT_NE(refusal_of(alone).find("--bodies"), std::string::npos);
+}
+
 TEST_F(Bodies, ThatAreCutGoOnAfterInterruptionsAndOnRanks) {
   const MeshOptions options = this->options(
       {off("left", kLeftCube), off("right", right_cube_with_the_other_diagonal())}, 0.2);

@@ -278,8 +278,10 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v0", StoreFormat{5}, MortonKey());
-  expect_golden("run.v7", sample_run(), MortonKey());
+  expect_golden("run.v8", sample_run(), MortonKey());
   RunRecord of_one_body = sample_run();
+  of_one_body.parameters.gap = 0;
+  expect_golden("run.v7", of_one_body, MortonKey());
   of_one_body.parameters.body_sizes.clear();
   expect_golden("run.v6", of_one_body, MortonKey());
   of_one_body.parameters.has_bodies = false;

@@ -42,6 +42,7 @@ inline RunRecord sample_run() {
   run.surface.notes = {"merged 3 vertices", ""};
   run.parameters.has_bodies = true;
   run.parameters.voids = {"Loch", ""};
+  run.parameters.gap = 0.001;
   run.surface.more_files = {"b.stl"};
   run.surface.facing = {1024, {{-107, 3, 0, 0, 1}, {-106, 700, 2, 0, 0}, {64, 0, 0, 5, 0}}};
   run.frame = Frame({-1.5, -2.5, -3.5}, 0x1p-17);
