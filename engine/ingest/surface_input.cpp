@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "engine/ingest/body_cuts.h"
+#include "engine/ingest/shared_faces.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_groups.h"
 #include "engine/ingest/surface_repair.h"
@@ -57,6 +58,7 @@ class SurfacePreparation {
   CheckedSurface run() {
     if (weld_.value_or(0) > 0) weld_all_points();
     distribute_and_check();
+    if (gives_faces_once()) part_by_regions();
     if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
     check_walls();
     check_edges();
@@ -83,7 +85,7 @@ class SurfacePreparation {
 
   // Of bodies the triangles are needed again.
   void distribute_and_check() {
-    distribute({}, !has_area() || !given_.empty());
+    distribute({}, !has_area() || raw_.has_several_bodies);
     check(has_area() ? CheckScope::kAll : CheckScope::kNeighbors);
   }
 
@@ -280,6 +282,42 @@ class SurfacePreparation {
              counted(findings_.num_pinched, "vertex joins two parts that share no edge there",
                      "vertices join parts that share no edge there"),
              text(findings_.first_pinched), cured_by("wrap"));
+  }
+
+  // Are there edges of several bodies where a body has not two triangles?
+  bool gives_faces_once() const {
+    const EdgeCounts& edges = findings_.edges_that_count();
+    return raw_.has_several_bodies && has_area() &&
+           edges.overused.count + (given_.empty() ? 0 : edges.border.count) > 0;
+  }
+
+  // Faces between two bodies may stand once. Then what they enclose are the bodies, and each gets
+  // the faces around it. What encloses nothing is left as it is, to be refused.
+  void part_by_regions() {
+    share_.require_whole();
+    RegionFaces faces =
+        faces_of_regions(raw_.spill, buckets_, given_, raw_.box, raw_.has_pieces, watch_, workers_);
+    if (faces.obstacle && faces.obstacle->kind == FaceObstacle::Kind::kWithin)
+      refuse("{} has the same body on both of its sides; leave it out",
+             shown(faces.obstacle->triangle));
+    if (faces.obstacle || faces.given_body.size() < 2)
+      return raw_.spill.release(std::move(faces.triangles));
+    std::vector<SurfaceFile> regions;
+    for (const std::optional<std::uint32_t>& given : faces.given_body)
+      regions.push_back({given && !given_.empty() ? name_of(*given) : std::string(), raw_.file, 0});
+    std::vector<std::string> groups;
+    for (const SheetId before : faces.group_before) groups.push_back(raw_.groups[before - 1]);
+    raw_.files = std::move(regions);
+    raw_.groups = std::move(groups);
+    raw_.file_of_group = std::move(faces.region_of_group);
+    raw_.notes.push_back(
+        fmt::format("{} between two bodies stand once: what they and the others enclose are {}",
+                    counted(faces.num_shared, "triangle", "triangles"),
+                    counted(raw_.files.size(), "body", "bodies")));
+    adopt(std::move(faces.triangles));
+    raw_.has_pieces = true;
+    given_ = raw_.given_bodies();
+    distribute_and_check();
   }
 
   // Bodies nearer than a gap are made to touch. Their triangles are needed again.
@@ -624,7 +662,7 @@ class SurfacePreparation {
   const IngestShare& share_;
   std::optional<double> weld_;
   double gap_;
-  const GivenBodies given_;
+  GivenBodies given_;
   SharpAngle angle_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;

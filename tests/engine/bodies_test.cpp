@@ -833,6 +833,68 @@ TEST_F(Bodies, ABoltInAPlateOfOtherTriangles) {
   EXPECT_EQ(audit(Store::open(dir_ / "run", {.read_only = true})).num_lost_creases, 0U);
 }
 
+// A stack of three, with the faces between them given once; in groups that are closed only
+// together; and in two files, of which the second lacks what the first has.
+TEST_F(Bodies, MayShareFacesThatAreGivenOnce) {
+  const std::filesystem::path layers = dir_ / "layers.off";
+  std::ofstream out(layers);
+  out << "OFF\n16 32 0\n";
+  for (int v = 0; v < 16; ++v)
+    out << (v & 2 ? 4 : 0) << ' ' << (v & 1 ? 4 : 0) << ' ' << v / 4 << '\n';
+  for (int z = 0; z < 4; ++z)
+    out << "3 " << 4 * z << ' ' << 4 * z + 2 << ' ' << 4 * z + 3 << "\n3 " << 4 * z << ' '
+        << 4 * z + 3 << ' ' << 4 * z + 1 << '\n';
+  for (int z = 0; z < 3; ++z)
+    for (const auto& [a, b] : {std::pair(0, 1), {1, 3}, {3, 2}, {2, 0}}) {
+      const int p = 4 * z + a, q = 4 * z + b;
+      out << "3 " << p << ' ' << q << ' ' << q + 4 << "\n3 " << p << ' ' << q + 4 << ' ' << p + 4
+          << '\n';
+    }
+  out.close();
+  MeshOptions stack = options({layers}, 0.8);
+  stack.has_bodies = true;
+  const Contents contents = meshed(stack, "stack", 2);
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  ASSERT_EQ(contents.sheets.bodies.size(), 3U);
+  EXPECT_EQ(contents.sheets.bodies[0].name, "body 1");
+  const auto facets = check("stack", {16, 16, 16}, {1e-5, 1e-5, 1e-5});
+  EXPECT_EQ(facets.size(), 5U);
+  EXPECT_TRUE(are_equal(contents, meshed_on_ranks(stack)));
+
+  Shape right = box({1, 0, 0}, {2, 1, 1});
+  std::erase_if(right.triangles, [&](const auto& t) {
+    return std::ranges::all_of(t, [&](std::uint32_t v) { return right.vertices[v].x == 1; });
+  });
+  ASSERT_EQ(right.triangles.size(), 10U);
+  const auto left_and_right = [&](const Contents& both) {
+    ASSERT_EQ(both.sheets.bodies.size(), 2U);
+    EXPECT_EQ(both.sheets.bodies[0].name, "left");
+    EXPECT_EQ(both.sheets.bodies[1].name, "right");
+    EXPECT_NEAR(both.sheets.bodies[0].volume, 1, 1e-12);
+    EXPECT_NEAR(both.sheets.bodies[1].volume, 1, 1e-12);
+  };
+  MeshOptions groups = options({obj("groups", {{"left", kLeftCube}, {"right", right}})}, 0.2);
+  groups.has_bodies = true;
+  left_and_right(meshed(groups, "groups"));
+  EXPECT_TRUE(check("groups", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+  left_and_right(meshed(options({off("left", kLeftCube), off("right", right)}, 0.2), "files"));
+  EXPECT_TRUE(check("files", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+
+  // Without names, two that have the same triangles where they touch.
+  MeshOptions unnamed =
+      options({obj("pair", {{"", kLeftCube}, {"", box({1, 0, 0}, {2, 1, 1})}})}, 0.2);
+  unnamed.has_bodies = true;
+  meshed(unnamed, "unnamed");
+  EXPECT_TRUE(check("unnamed", {1, 1}, {kPlane, kPlane}).contains({2, 1}));
+
+  // A hole stays one.
+  Shape open = right;
+  open.triangles.pop_back();
+  EXPECT_NE(
+      refusal_of(options({off("left", kLeftCube), off("open", open)}, 0.2)).find("not closed"),
+      std::string::npos);
+}
+
 // What lies between two of them becomes the second's, whose corners move to the first's.
 TEST_F(Bodies, NearerThanAGapTouch) {
   for (const bool is_cut_alike : {true, false}) {
@@ -894,7 +956,7 @@ TEST_F(Bodies, ThatAreCutGoOnAfterInterruptionsAndOnRanks) {
 TEST_F(Bodies, ShellsThatNobodyCanTellApartAreNotCut) {
   // Without names nobody can tell which triangles are whose.
   MeshOptions unnamed = this->options(
-      {obj("pair", {{"", box({0, 0, 0}, {1, 1, 1})}, {"", box({1, 0, 0}, {2, 1, 1})}})}, 0.2);
+      {obj("pair", {{"", kLeftCube}, {"", right_cube_with_the_other_diagonal()}})}, 0.2);
   unnamed.has_bodies = true;
   EXPECT_NE(refusal_of(unnamed).find("give each as a file"), std::string::npos);
   // Files that are closed together alone are one body, which may not cross itself.

@@ -147,7 +147,8 @@ class SurfaceBodies : public testing::Test {
     const Frame frame = frame_of(raw.box);
     CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, capacity);
     Numbered result;
-    result.bodies = number_bodies(surface, body_law(false, {}, inputs.size() - 1), watch, workers);
+    result.bodies =
+        number_bodies(surface, body_law(inputs.size() == 1, {}, inputs.size() - 1), watch, workers);
     result.facts = surface.facts;
     for (const TriangleBucket& bucket : surface.buckets.all())
       for (const Triangle& t : surface.load(bucket))
@@ -220,6 +221,95 @@ TEST_F(SurfaceBodies, AreThoseOfVoxels) {
   }
   EXPECT_GT(num_meshed, 20);
   EXPECT_GT(num_touching, 15);
+}
+
+// One file without names, each face between two regions once, turned at random.
+TEST_F(SurfaceBodies, AreTheRegionsWhereFacesStandOnce) {
+  constexpr unsigned kSeed = 43;
+  std::mt19937_64 random(kSeed);
+  SCOPED_TRACE(fmt::format("seed {}", kSeed));
+  const auto pick = [&](int below) { return static_cast<int>(random() % std::uint64_t(below)); };
+  int num_meshed = 0, num_shared = 0;
+  for (int trial = 0; trial < 80; ++trial) {
+    const std::vector<Block> blocks = random_blocks(static_cast<std::size_t>(2 + pick(3)), pick);
+    // What hangs together by faces is a region, and 0 what goes on outside.
+    std::map<Voxel, int> region_of;
+    std::vector<double> volumes;
+    const auto flood = [&](const Voxel& first, int region) {
+      std::vector<Voxel> open = {first};
+      double volume = 0;
+      while (!open.empty()) {
+        const Voxel v = open.back();
+        open.pop_back();
+        if (std::ranges::any_of(v, [](int c) { return c < -1 || c > kSide; }) ||
+            label_of(v, blocks) != label_of(first, blocks) ||
+            !region_of.try_emplace(v, region).second)
+          continue;
+        ++volume;
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          for (const int step : {-1, 1}) {
+            open.push_back(v);
+            open.back()[axis] += step;
+          }
+      }
+      return volume;
+    };
+    flood({-1, -1, -1}, 0);
+    for (int n = 0; n < kSide * kSide * kSide; ++n) {
+      const Voxel v = {n % kSide, n / kSide % kSide, n / (kSide * kSide)};
+      if (!region_of.contains(v)) volumes.push_back(flood(v, static_cast<int>(volumes.size()) + 1));
+    }
+    std::map<Corners, std::array<int, 2>> expected;
+    std::string corners, triangles;
+    for_each_square(
+        [&](const Voxel& place, std::size_t axis, const Voxel& below, const Voxel& above) {
+          if (region_of[below] == region_of[above]) return;
+          for (auto triangle : square(place, axis)) {
+            if (pick(2) == 0) std::swap(triangle[0], triangle[1]);
+            const std::size_t first = 3 * expected.size();
+            expected[sorted(triangle)] = {region_of[below], region_of[above]};
+            for (const Point& p : triangle) corners += fmt::format("{} {} {}\n", p.x, p.y, p.z);
+            triangles += fmt::format("3 {} {} {}\n", first, first + 1, first + 2);
+          }
+        });
+    const auto file = files_.write(
+        fmt::format("regions{}.off", trial),
+        fmt::format("OFF\n{} {} 0\n", 3 * expected.size(), expected.size()) + corners + triangles);
+    for (const std::uint64_t capacity : {std::uint64_t{50'000}, std::uint64_t{24}}) {
+      SCOPED_TRACE(fmt::format("trial {}, capacity {}", trial, capacity));
+      Numbered found;
+      try {
+        found = numbered({file}, capacity);
+      } catch (const InputError& e) {  // of one that touches itself in an edge or a vertex
+        EXPECT_NE(std::string(e.what()).find("manifold"), std::string::npos) << e.what();
+        break;
+      }
+      ++num_meshed;
+      std::vector<double> found_volumes, all = volumes;
+      for (const BodyFacts& body : found.bodies) found_volumes.push_back(body.volume);
+      std::ranges::sort(found_volumes);
+      std::ranges::sort(all);
+      ASSERT_EQ(found_volumes.size(), all.size());
+      for (std::size_t b = 0; b < all.size(); ++b) EXPECT_NEAR(found_volumes[b], all[b], 1e-12);
+      ASSERT_EQ(found.triangles.size(), expected.size());
+      std::map<int, std::set<BodyId>> bodies;  // that all faces of a region have
+      for (const auto& [place, regions] : expected) {
+        const auto [change, sides] = found.triangles.at(place);
+        EXPECT_EQ(change, DomainState::between(sides[0], sides[1]));
+        const std::set<BodyId> both = {sides[0], sides[1]};
+        ASSERT_EQ(both.size(), 2U);
+        for (const int region : regions) {
+          std::set<BodyId>& its = bodies.try_emplace(region, both).first->second;
+          std::erase_if(its, [&](BodyId body) { return !both.contains(body); });
+        }
+        num_shared += regions[0] > 0 && regions[1] > 0;
+      }
+      EXPECT_TRUE(bodies[0].contains(kNoBody));
+      for (const auto& [region, its] : bodies) EXPECT_FALSE(its.empty()) << region;
+    }
+  }
+  EXPECT_GT(num_meshed, 60);
+  EXPECT_GT(num_shared, 500);
 }
 
 // Faces that lie in each other, cross and have other triangulations; with coordinates as they come,
