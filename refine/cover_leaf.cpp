@@ -625,13 +625,14 @@ CoverPoints cover_leaf(CoverInput input, const StopToken* stop) {
   CoverPoints points;
   if (!domain.has_surface() && is_uniform(input)) {
     const BodyId body = domain.label(input.box.center()).value_or(kNoBody);
-    points.core.is_whole = body != kNoBody;
+    points.core.is_whole = body != kNoBody && !input.is_surface_only;
     if (points.core.is_whole) points.core.body = body;
     return points;
   }
   const SizeField sizes = is_uniform(input) ? SizeField(input.size) : SizeField(input.sizes);
   SurfaceSampler sampler(input, domain, sizes, stop);
   points.samples = sampler.sample(fragments_in(input.box, domain, input.seed, stop));
+  if (input.is_surface_only) return points;
   const auto cover = is_uniform(input)            ? cover_with_lattice
                      : input.sizes.law.has_core() ? cover_inside
                                                   : cover_with_cubes;

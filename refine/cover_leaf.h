@@ -65,6 +65,7 @@ struct CoverInput {
                                           // where sides are apart, all within kCreasedReach
   std::vector<Point> crease_points = {};  // of P on creases, the leaf's and around it
   bool are_sides_apart = false;           // sampled each by itself; so where creases are near
+  bool is_surface_only = false;           // no point comes inside
   // The cubes of sizes that meet the closed box, and where these samples are; none: λ everywhere.
   // With them r_s and distances between samples are over h.
   SizeCubes sizes = {};

@@ -54,6 +54,9 @@ struct Criteria {
   // Every point of the surface is this close to a point of P, or closer. Spares questions of the
   // surface farther from P; infinite: none.
   double cover_radius = std::numeric_limits<double>::infinity();
+  // All of P is on the surface, and only facets are asked for and listed: C1 to C4. REQUIRES: the
+  // reach and the cover radius are finite
+  bool is_surface_only = false;
   friend bool operator==(const Criteria&, const Criteria&) = default;
 };
 

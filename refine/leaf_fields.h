@@ -118,10 +118,12 @@ auto fields(Maybe<SizeCubes> auto& sizes) {
 }
 
 auto fields(Maybe<Criteria> auto& criteria) {
-  auto& [size, radius_edge_bound, reach, min_dihedral, spacing_floor, cover_radius] = criteria;
+  auto& [size, radius_edge_bound, reach, min_dihedral, spacing_floor, cover_radius,
+         is_surface_only] = criteria;
   return std::tuple(Field("size", size), Field("radius_edge_bound", radius_edge_bound),
                     Field("reach", reach), Field("min_dihedral", min_dihedral),
-                    Field("spacing_floor", spacing_floor), Field("cover_radius", cover_radius));
+                    Field("spacing_floor", spacing_floor), Field("cover_radius", cover_radius),
+                    Field("is_surface_only", is_surface_only));
 }
 auto fields(Maybe<MeshCell> auto& cell) {
   auto& [vertices, body] = cell;

@@ -61,6 +61,12 @@ bool has_edge_longer_than(double length, const std::array<Point, 3>& corners) {
          length * length;
 }
 
+// Does it take an odd number of exchanges to sort them?
+bool is_oddly_sorted(const std::array<Point, 3>& corners) {
+  const auto& [a, b, c] = corners;
+  return (a > b) != ((b > c) != (a > c));
+}
+
 [[noreturn]] void throw_coincident(std::vector<Point> points) {
   std::ranges::sort(points);
   const auto place = std::ranges::adjacent_find(points);
@@ -415,7 +421,7 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
                                        const CellAtFacet& there, bool is_past_surface) const {
   DualCrossings result;
   const Side side_here = here.state->side, side_there = there.state->side;
-  const bool is_here_near = side_here != Side::kFar, is_there_near = side_there != Side::kFar;
+  const bool is_here_near = !is_far(side_here), is_there_near = !is_far(side_there);
   double clear = 0;
   if (!is_past_surface)
     clear = (is_here_near ? clearance(*here.state, *here.ball) : 0) +
@@ -432,9 +438,7 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
       return result;
     // axis.direction is right-handed for the sorted corners; count the sort's parity to know on
     // which side of the facet it points.
-    const bool is_odd =
-        (corners[0] > corners[1]) != ((corners[1] > corners[2]) != (corners[0] > corners[2]));
-    const Point outwards = is_odd ? axis.direction : -1.0 * axis.direction;
+    const Point outwards = is_oddly_sorted(corners) ? axis.direction : -1.0 * axis.direction;
     if (!is_here_near) from = far_end(axis.center, -1.0 * outwards, axis.squared_radius);
     if (!is_there_near) to = far_end(axis.center, outwards, axis.squared_radius);
     if (!is_here_near && !is_past_surface) clear += surroundings_.domain.distance_bound(from);
@@ -446,8 +450,9 @@ DualCrossings LeafMesh::dual_crossings(const std::array<Point, 3>& corners, cons
   else  // always in one direction, so that both cells see the same bits
     surroundings_.domain.crossings(std::min(from, to), std::max(from, to), crossings_);
 
-  // The state is that of the cell here, where that is near, and changes on the way.
-  const DomainState at_from = is_here_near ? DomainState::in(body_at(side_here)) : state_at(from);
+  // The state is that of the cell here, where that is known, and changes on the way.
+  const bool is_known = is_here_near || input_.criteria.is_surface_only;
+  const DomainState at_from = is_known ? DomainState::in(body_at(side_here)) : state_at(from);
   const DomainState at_to = follow(at_from, crossings_);
   const Point& corner = *std::ranges::min_element(corners);
   follow(to < from ? at_to : at_from, crossings_,
@@ -481,8 +486,74 @@ void LeafMesh::boundary_at(LocalIndex v, std::vector<Facet>& out) const {
 }
 
 Side LeafMesh::find_side(Cell c) const {
-  if (delaunay_.is_infinite(c)) return states_[c].side = Side::kFar;
-  return find_side(corners(c), states_[c], balls_[c]);
+  CellState& state = states_[c];
+  if (delaunay_.is_infinite(c))
+    state.side = Side::kFar;
+  else
+    find_side(corners(c), state, balls_[c]);
+  if (input_.criteria.is_surface_only && state.side == Side::kFar && state.own != 0)
+    state.side = far_in(body_of_far(c));
+  return state.side;
+}
+
+// Of a cell with an own vertex. Its circumcenter may be an artifact, but it lies beyond where a
+// Voronoi edge, or the way there from an own vertex, is cut. From there to the circumcenter the
+// closest points of P are the same, and farther than any is from the surface: so the place of the
+// cut is in the body that the circumcenter is in.
+BodyId LeafMesh::body_of_far(Cell c) const {
+  for (int i = 0; i < 4; ++i)
+    if (const Facet facet{c, i}; has_own_vertex(facet) && !delaunay_.is_infinite(facet))
+      if (const auto place = far_place_by(facet)) return state_at(*place).body();
+  const auto place = far_place(c);
+  return place ? state_at(*place).body() : kNoBody;
+}
+
+// Whether a cell is far, before its body is asked for.
+bool LeafMesh::is_far_away(Cell c) const {
+  CellState& state = states_[c];
+  if (state.side != Side::kUnknown) return is_far(state.side);
+  if (delaunay_.is_infinite(c)) return true;
+  CellState found = state;
+  CellBall ball;
+  if (is_far(find_side(corners(c), found, ball))) return true;
+  state = found;
+  balls_[c] = ball;
+  return false;
+}
+
+// Where the facet's dual edge is cut on the side of its cell, which is far; null if it is not.
+std::optional<Point> LeafMesh::far_place_by(Facet f) const {
+  std::array<Point, 3> corners;
+  for (std::size_t k = 0; k < 3; ++k)
+    corners[k] = point(f.cell, kFacetCorners[std::size_t(f.index)][k]);
+  if (has_edge_longer_than(2.001 * far_radius_, corners)) return std::nullopt;
+  const Axis axis = axis_of(corners);
+  if (!is_axis_near(axis) || !leads_past(at_facet(f).off, corners)) return std::nullopt;
+  const Cell there = delaunay_.neighbor(f.cell, f.index);
+  const Facet back{there, delaunay_.index_of_neighbor(there, f.cell)};
+  if (is_far_away(there) && !leads_past(at_facet(back).off, corners)) return std::nullopt;
+  const Point inwards = is_oddly_sorted(corners) ? -1.0 * axis.direction : axis.direction;
+  return far_end(axis.center, inwards, axis.squared_radius);
+}
+
+// The same on the way from an own vertex, which is the closest point of P to all of that way. For
+// well-shaped cells alone it is as good; flat ones need an exact circumcenter.
+std::optional<Point> LeafMesh::far_place(Cell c) const {
+  int own = 0;
+  while ((states_[c].own >> own & 1) == 0) ++own;
+  const Point& p = point(c, own);
+  Point way;
+  if (delaunay_.is_infinite(c)) {
+    const int infinite = delaunay_.index_of(c, kInfiniteVertex);
+    const auto& [i, j, k] = kFacetCorners[std::size_t(infinite)];
+    // The corners turn counterclockwise seen from the infinite vertex.
+    way = cross(point(c, j) - point(c, i), point(c, k) - point(c, i));
+  } else {
+    way = circumball(corners(c)).center - p;
+  }
+  const double length = norm(way);
+  if (!(length > 0) || !std::isfinite(length)) return std::nullopt;
+  return p + far_radius_at(p) / length * way;
 }
 
 void LeafMesh::appraise(const Delaunay::Change& change, PointKind kind,

@@ -29,16 +29,22 @@ inline constexpr LocalIndex kInfiniteVertex = Delaunay::kInfinite;
 // none is known. One number, for it is asked for over and over.
 enum class Side : BodyId {
   kOutside = kNoBody,
+  // The circumradius is infinite, or beyond what is known to be empty (Criteria::reach). In runs of
+  // the surface alone, this plus the body that the circumcenter is in.
+  kFar = BodyId{1} << 31,
   // Near, but out of what is loaded of the domain and not deep: of cells without own vertex only.
-  kNotLoaded = std::numeric_limits<BodyId>::max() - 2,
-  // The circumradius is infinite, or beyond what is known to be empty (Criteria::reach).
-  kFar,
+  kNotLoaded = std::numeric_limits<BodyId>::max() - 1,
   kUnknown  // not asked yet
 };
 constexpr Side side_in(BodyId body) { return static_cast<Side>(body); }
+constexpr Side far_in(BodyId body) {
+  return static_cast<Side>(static_cast<BodyId>(Side::kFar) | body);
+}
+constexpr bool is_far(Side side) { return side >= Side::kFar && side < Side::kNotLoaded; }
 // Of the mesh's cells. No other cell is in a body.
 constexpr BodyId body_at(Side side) {
-  return side < Side::kNotLoaded ? static_cast<BodyId>(side) : kNoBody;
+  return side < Side::kNotLoaded ? static_cast<BodyId>(side) & ~static_cast<BodyId>(Side::kFar)
+                                 : kNoBody;
 }
 
 // What the checks ask of a cell and its neighbors over and over, in few bytes.
@@ -56,7 +62,7 @@ struct CellState {
 };
 static_assert(sizeof(CellState) == 12);
 
-struct CellBall {  // once the side is known, if that is not kFar
+struct CellBall {  // once the side is known, if the cell is not far
   Point center;
   double squared_radius = 0;
   double clearance = 0;  // of the center, once it was asked for: no surface closer
@@ -148,8 +154,8 @@ class LeafMesh {
   // vertex, where that is the nearest point to all of it as in find_side(): far cheaper than to ask
   // for crossings.
   bool is_hidden(Facet f) const {
-    return has_hidden_own_vertex(f) && side(f.cell) != Side::kFar &&
-           side(delaunay_.neighbor(f.cell, f.index)) != Side::kFar;
+    return has_hidden_own_vertex(f) && !is_far(side(f.cell)) &&
+           !is_far(side(delaunay_.neighbor(f.cell, f.index)));
   }
   // Do all own vertices of the facet lie on the surface, or near it? Of the others it is known that
   // all cells around them are in the mesh.
@@ -269,6 +275,10 @@ class LeafMesh {
   void make_fresh(Cell c);
   void make_all_fresh();
   Side find_side(Cell c) const;
+  BodyId body_of_far(Cell c) const;
+  bool is_far_away(Cell c) const;
+  std::optional<Point> far_place_by(Facet f) const;
+  std::optional<Point> far_place(Cell c) const;
   DomainState state_at(const Point& p) const;
   Side find_side(const std::array<Point, 4>& corners, CellState& state, CellBall& ball) const;
   void note_gone(Cell c);

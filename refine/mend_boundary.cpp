@@ -33,6 +33,7 @@ class Mending {
       : cells_(input.cells),
         bodies_(input.bodies),
         is_on_surface_(input.is_on_surface),
+        is_kept_(input.is_kept),
         num_own_(input.num_own),
         is_left_out_(input.cells.size()) {
     first_.resize(num_own_ + 1);
@@ -90,20 +91,24 @@ class Mending {
       const std::size_t smallest = extreme_of(parts_, weight, std::ranges::less());
       return leave_out([&](std::size_t place) { return parts_.find(place) == smallest; });
     }
-    return has_one_cycle() ? false : leave_out([](std::size_t) { return true; });
+    if (has_one_cycle()) return false;
+    return leave_out([](std::size_t) { return true; });
   }
 
   std::size_t weight_of(CellIndex c) const {
     constexpr std::size_t kOfVolume = 1 << 16;
+    if (is_kept(c)) return kOfVolume;
     return std::ranges::all_of(cells_[c], [&](Vertex v) { return is_on_surface_[v]; }) ? 1
                                                                                        : kOfVolume;
   }
+
+  bool is_kept(CellIndex c) const { return !is_kept_.empty() && is_kept_[c]; }
 
   // Those in star_ at whose places it holds; false if there are none.
   bool leave_out(const auto& is_to_go) {
     bool has_some = false;
     for (std::size_t place = 0; place < star_.size(); ++place) {
-      if (!is_to_go(place)) continue;
+      if (!is_to_go(place) || is_kept(star_[place])) continue;
       has_some = is_left_out_[star_[place]] = true;
       for (const Vertex v : cells_[star_[place]])
         if (v < num_own_) waiting_.insert(v);
@@ -182,6 +187,7 @@ class Mending {
   const std::vector<std::array<Vertex, 4>>& cells_;
   const std::vector<BodyId>& bodies_;
   const std::vector<bool>& is_on_surface_;
+  const std::vector<bool>& is_kept_;
   const Vertex num_own_;
   std::vector<bool> is_left_out_;
   std::vector<std::size_t> first_;  // of an own vertex, in at_

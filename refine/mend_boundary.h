@@ -17,6 +17,8 @@ struct MendInput {
   std::vector<bool> is_on_surface;                  // of all vertices
   std::vector<std::array<std::uint32_t, 4>> cells;  // each has an own vertex
   std::vector<BodyId> bodies = {};                  // of the cells; empty: one has all
+  // Of the cells, those that cannot be left out, whatever becomes of the boundary; empty: none.
+  std::vector<bool> is_kept = {};
 };
 
 // The places of the cells to be left out, ascending: then each own vertex that has cells of a body
@@ -26,7 +28,8 @@ struct MendInput {
 //   - of fans of cells that meet at an edge of four or more boundary facets, the smallest goes;
 //   - where the boundary has two cycles of facets around the vertex (a tunnel as thin as a point),
 //     the star goes.
-// Cells with a volume vertex, which would be laid bare, count before all others.
+// Cells with a volume vertex, which would be laid bare, count before all others; so do those that
+// are kept.
 // A pure function; ends, for each step takes a cell. Time and memory: linear in the cells.
 std::vector<std::uint32_t> mend_boundary(const MendInput& input);
 

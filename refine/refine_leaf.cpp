@@ -213,6 +213,7 @@ class Refinement {
   const LeafInput& input_;
   const Surroundings& surroundings_;
   const OnStep& on_step_;
+  const bool is_surface_only_ = input_.criteria.is_surface_only;
   const Bounds bounds_{surroundings_.sizes, input_.criteria.radius_edge_bound};
   LeafMesh mesh_;
   std::optional<LeafCreases> creases_;  // null: sides are not told apart
@@ -279,7 +280,7 @@ LeafDelta Refinement::finish() {
   delta_.stats.cells_made = mesh_.num_cells_made();
   if (!delta_.is_overfull) {
     if (mesh_.has_cells()) list_unresolved();
-    list_cells();
+    if (!is_surface_only_) list_cells();
     if (mesh_.has_cells()) list_facets();
   }
   return std::move(delta_);
@@ -450,7 +451,7 @@ void Refinement::look_at(Cell cell, bool is_boundary_changed) {
         !mesh_.is_hidden(Facet{cell, i}))
       look_at(Facet{cell, i});
   }
-  if (!mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
+  if (is_surface_only_ || !mesh_.is_member(cell) || mesh_.is_hollow(cell)) return;
   if (const auto broken = judge(mesh_.view(cell), bounds_);
       broken && !(broken == kC6 && creases_ &&
                   creases_->is_exempt(mesh_.delaunay().vertices(cell), mesh_.corners(cell))))
@@ -465,7 +466,8 @@ void Refinement::look_at(Facet facet) {
   if (delaunay.is_infinite(facet)) return;
   const FacetView view = mesh_.view(facet);
   const FacetRef ref{mesh_.ref(here), mesh_.ref(there), facet.index};
-  if (const auto broken = judge_end(view)) facets_[*broken].push_back(ref);
+  if (const auto broken = judge_end(view); broken && !is_surface_only_)
+    facets_[*broken].push_back(ref);
   if (const auto broken = judge(view, bounds_)) facets_[*broken].push_back(ref);
 }
 

@@ -563,7 +563,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
     each(archive, run.parameters.sharp_polylines, run.sharp_file, run.parameters.has_bodies,
          run.parameters.voids, run.surface.more_files);
   if (version >= 7) serialize_part_sizes(archive, run.parameters.body_sizes);
-  if (version >= 8) each(archive, run.parameters.gap);
+  if (version >= 8) each(archive, run.parameters.gap, run.parameters.is_surface_only);
 }
 
 template <class Archive>

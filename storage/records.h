@@ -42,7 +42,7 @@ struct LeafInfo {
   DomainState center;  // of the center of the leaf's box, the reference point
   std::uint32_t num_visits = 0;
   std::uint64_t num_points = 0;
-  std::uint64_t num_cells = 0;
+  std::uint64_t num_cells = 0;  // in runs of the surface alone, facets; so in RunCounts
   std::uint64_t num_triangles = 0;
   std::array<std::uint64_t, kNumConditions> num_insertions{};  // by condition, over all visits
   std::uint64_t num_deletions = 0;
@@ -184,6 +184,7 @@ struct RunParameters {
   bool has_bodies = false;
   std::vector<std::string> voids = {};  // bodies that are none, but what is left of the others
   double gap = 0;  // bodies nearer than that are made to touch; 0: only what rounding parts
+  bool is_surface_only = false;         // the mesh has facets alone: no cells, nothing inside
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const {

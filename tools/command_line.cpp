@@ -88,6 +88,11 @@ void add_bodies(CLI::App& app, MeshOptions& options) {
       ->allow_extra_args(false);
 }
 
+void add_surface_only(CLI::App& app, MeshOptions& options) {
+  app.add_flag("--surface-only", options.is_surface_only,
+               "Mesh the surface alone: triangles, and no cells. All points lie on the surface");
+}
+
 // Those of the table that have help.
 void add_options(CLI::App& app, MeshOptions& options, OptionGroup group) {
   for_each_given_option([&](const auto& option) {
@@ -247,6 +252,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
   add_no_sharp(app, options);
   add_sharp(app, options);
   add_bodies(app, options);
+  add_surface_only(app, options);
 }
 
 void add_surfaces(CLI::App& app, std::filesystem::path& first,

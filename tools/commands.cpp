@@ -157,6 +157,14 @@ void require_pieces(const RunCommand& command) {
                                info_of(format).name, fmt::join(names, ", ")));
 }
 
+// Throws InputError.
+void require_triangles(const MeshCommand& command) {
+  if (!command.options.is_surface_only || command.control.output.empty()) return;
+  of_surface(command.control.output_options);
+  if (command.control.is_in_pieces)
+    throw InputError("--pieces are of cells, of which --surface-only makes none: write one file");
+}
+
 // Called by all ranks. `surface()`: of which the first one must not lose the file.
 void require_output(const RunPlace& place, const RunControl& control,
                     const std::function<std::filesystem::path()>& surface) {
@@ -193,6 +201,7 @@ int mesh_at(const RunPlace& place, const MeshCommand& command) {
   const StopSignal& stop = StopSignal::install();
   try {
     require_pieces(command);
+    require_triangles(command);
     MeshCommand own = command;
     own.is_quiet = command.is_quiet || !place.is_first();
     require_output(place, command.control, [&] { return file_of(command.options.input); });

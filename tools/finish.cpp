@@ -207,9 +207,13 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
   const Store store = open_to_read(place.own());
   MeasuredMesh mesh;
   mesh.memory = store.snapshot().memory();
+  // There are no cells to measure in a run of the surface alone.
+  const bool has_cells = !run.summary.run.parameters.is_surface_only;
   mesh.statistics = timed(RunStage::kMeasure, line, seconds, [&](const StepProgress& on_step) {
     if (keeps_creases(run.summary.run)) mesh.creases = crease_table(store, &stop, exchange);
-    return mesh_statistics(store, run.num_writers, on_step, &stop, exchange);
+    std::optional<MeshStatistics> statistics;
+    if (has_cells) statistics = mesh_statistics(store, run.num_writers, on_step, &stop, exchange);
+    return statistics;
   });
   if (!command.control.output.empty())
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
@@ -225,7 +229,7 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
     if (place.is_first()) tell_unresolved(sites, num_all, place, command.is_json, line);
   }
   // To find them takes time. Ranks but the first are quiet.
-  if (mesh.statistics->num_poor_cells > 0 && any(exchange, !command.is_quiet)) {
+  if (mesh.statistics && mesh.statistics->num_poor_cells > 0 && any(exchange, !command.is_quiet)) {
     const auto cells = first_poor_cells(store, kMaxListedSites, run.num_writers, exchange);
     if (place.is_first()) tell_poor_cells(cells, *mesh.statistics, place.program(), line);
   }
@@ -340,7 +344,7 @@ int exit_code(RunOutcome outcome) {
 std::string written_text(const std::filesystem::path& output, const OutputOptions& options,
                          const WriteSummary& written) {
   const std::string names = fmt::format("{}", fmt::join(names_of(output, options), ", "));
-  if (info_of(options.format).is_surface)
+  if (info_of(options.format).is_surface || written.num_cells == 0)
     return fmt::format("{:<16} {}: {} boundary triangles, {}\n", "written", names,
                        written.num_boundary_facets, bytes_text(written.bytes));
   if (options.order == 1)

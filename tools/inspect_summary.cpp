@@ -289,7 +289,9 @@ std::optional<MeshStatistics> measured(const RunPart& part, int num_threads,
                                        std::vector<Fault>& faults) {
   Exchange& exchange = part.is_of_ranks() ? part.exchange : alone();
   try {
-    MeshStatistics statistics = mesh_statistics(*part.store, num_threads, {}, nullptr, exchange);
+    std::optional<MeshStatistics> statistics;  // of cells
+    if (!run_of(*part.store).parameters.is_surface_only)
+      statistics = mesh_statistics(*part.store, num_threads, {}, nullptr, exchange);
     if (keeps_creases(run_of(*part.store))) creases = crease_table(*part.store, nullptr, exchange);
     return statistics;
   } catch (const CorruptRecord& e) {

@@ -194,6 +194,10 @@ constexpr std::array kChecks = {
           &AuditReport::num_bad_boundary_vertices},
     Check{"wrong_facets", "boundary facets listed wrong or not at all",
           &AuditReport::num_wrong_facets},
+    Check{"large_facets", "facets with a circumradius of λ or more",
+          &AuditReport::num_large_facets},
+    Check{"misoriented_edges", "edges whose two facets do not face the same way",
+          &AuditReport::num_misoriented_edges},
     Check{"off_surface_vertices", "boundary vertices off the surface",
           &AuditReport::num_off_surface_vertices},
     Check{"large_cells", "cells with a circumradius of λ or more", &AuditReport::num_large_cells},
@@ -378,6 +382,7 @@ std::string bodies_text(const RunParameters& parameters) {
 
 std::string parameters_text(const RunParameters& parameters) {
   return row("size λ", "{}", parameters.size) + bodies_text(parameters) +
+         (parameters.is_surface_only ? row("mesh of", "the surface alone") : "") +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +
          row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +
          row("bounds", "{}", bounds_text(parameters));
@@ -479,7 +484,9 @@ std::string crease_list_text(const SurfaceSheets& sheets, std::optional<std::uin
 
 std::string summary_text(const RunSummary& summary, const CreaseTable* kept) {
   return row("phase", "{}", phase_name(summary.run.phase)) +
-         row("mesh", "{}, {}", plural(summary.run.counts.num_cells, "cell"),
+         row("mesh", "{}, {}",
+             plural(summary.run.counts.num_cells,
+                    summary.run.parameters.is_surface_only ? "triangle" : "cell"),
              plural(summary.run.counts.num_points, "point")) +
          row("visits", "{}, at most {} to one of {} leaves", summary.run.counts.num_visits,
              summary.max_visits_of_a_leaf, summary.num_leaves) +
@@ -515,16 +522,23 @@ std::string audit_text(const AuditReport& report) {
   std::string text = report.is_sample() ? fmt::format("a sample: {} of {} leaves, and of these\n",
                                                       report.num_checked_leaves, report.num_leaves)
                                         : topology_text(report);
+  text += report.is_surface_only ? fmt::format(
+                                       "triangles {}, vertices {}\n"
+                                       "largest circumradius {:.6g} λ, smallest angle {:.2f}°\n",
+                                       report.num_boundary_facets, report.num_boundary_vertices,
+                                       report.max_circumradius, report.min_facet_degrees)
+                                 : fmt::format(
+                                       "cells {}, vertices {}; boundary facets {}, vertices {}\n"
+                                       "largest circumradius {:.6g} λ, radius-edge ratio {:.6g}\n"
+                                       "dihedral angles {:.2f}° to {:.2f}°\n",
+                                       report.num_cells, report.num_vertices,
+                                       report.num_boundary_facets, report.num_boundary_vertices,
+                                       report.max_circumradius, report.max_radius_edge_ratio,
+                                       report.min_dihedral_degrees, report.max_dihedral_degrees);
   text += fmt::format(
-      "cells {}, vertices {}; boundary facets {}, vertices {}\n"
-      "largest circumradius {:.6g} λ, radius-edge ratio {:.6g}\n"
-      "dihedral angles {:.2f}° to {:.2f}°\n"
       "boundary vertices at most {:.3g} λ off the surface\n"
       "unresolved sites {}\n",
-      report.num_cells, report.num_vertices, report.num_boundary_facets,
-      report.num_boundary_vertices, report.max_circumradius, report.max_radius_edge_ratio,
-      report.min_dihedral_degrees, report.max_dihedral_degrees, report.max_surface_distance,
-      report.num_unresolved);
+      report.max_surface_distance, report.num_unresolved);
   if (report.crease_length > 0)
     text += fmt::format("creases kept {:.6g}%\n",
                         100 * kept_crease_length(report) / report.crease_length);
@@ -608,7 +622,8 @@ std::string estimate_text(const RunEstimate& estimate, MeshFormat format, int nu
   const double seconds = estimate.total_seconds();
   std::string text =
       row("size λ", "{}", estimate.size) +
-      row("cells", "{}{}", estimate.is_least ? "at least " : "",
+      row(estimate.is_surface_only ? "triangles" : "cells", "{}{}",
+          estimate.is_least ? "at least " : "",
           range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text)) +
       row("store", "{}",
           range_text(estimate.store_bytes, kBytesFactor * estimate.doubt, disk_text)) +
@@ -647,14 +662,15 @@ Json to_json(const SizeReport& report) {
 }
 
 std::string brief_estimate_text(const RunEstimate& estimate, int num_threads) {
+  const std::string_view noun = estimate.is_surface_only ? "triangles" : "tetrahedra";
   if (estimate.is_least)
     return fmt::format(
-        "λ = {:.6g}: how many tetrahedra it takes is known once the surface has "
+        "λ = {:.6g}: how many {} it takes is known once the surface has "
         "been measured; at that size alone {}",
-        estimate.size, count_text(estimate.num_cells));
+        estimate.size, noun, count_text(estimate.num_cells));
   std::string text =
-      fmt::format("λ = {:.6g}: {} tetrahedra, a file of {}, a store of {}", estimate.size,
-                  range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text),
+      fmt::format("λ = {:.6g}: {} {}, a file of {}, a store of {}", estimate.size,
+                  range_text(estimate.num_cells, kCellsFactor * estimate.doubt, count_text), noun,
                   disk_text(estimate.output.file_bytes), disk_text(estimate.store_bytes));
   if (const double seconds = estimate.total_seconds(); seconds > 0)
     text += fmt::format(", {} on {}",
@@ -914,6 +930,7 @@ Json to_json(const AuditReport& report) {
           {"min_dihedral_degrees", report.min_dihedral_degrees},
           {"max_dihedral_degrees", report.max_dihedral_degrees},
           {"min_dihedral_bound", report.min_dihedral_bound},
+          {"min_facet_degrees", report.is_surface_only ? Json(report.min_facet_degrees) : Json()},
           {"num_poor_cells", report.num_poor_cells},
           {"smallest_angle_at", worst},
           {"max_surface_distance_over_size", report.max_surface_distance},

@@ -35,7 +35,9 @@ AuditBounds bounds_of(const RunRecord& run, const SurfaceSheets& sheets) {
                      kRoundingErrors * std::numeric_limits<double>::epsilon() * largest,
                      sheets.sheets.size() > 1,
                      keeps_creases(run),
-                     run.parameters.spacing_floor * run.parameters.sizes().least};
+                     run.parameters.spacing_floor * run.parameters.sizes().least,
+                     run.parameters.growth,
+                     root.center()};
   if (sheets.has_several_bodies())
     for (const SheetFacts& sheet : sheets.sheets) bounds.bodies_of_sheets.push_back(sheet.bodies);
   return bounds;
@@ -43,9 +45,12 @@ AuditBounds bounds_of(const RunRecord& run, const SurfaceSheets& sheets) {
 
 std::uint64_t num_used_own_points(const AuditLeaf& leaf) {
   std::vector<bool> is_used(leaf.points.size());
-  for (const LocalCell& cell : leaf.star) {
-    for (const LocalIndex i : cell.vertices) is_used[i] = is_used[i] || leaf.is_own(i);
-  }
+  const auto use_those_of = [&](const auto& items) {
+    for (const auto& item : items)
+      for (const LocalIndex i : item.vertices) is_used[i] = is_used[i] || leaf.is_own(i);
+  };
+  use_those_of(leaf.star);
+  use_those_of(leaf.star_facets);
   return static_cast<std::uint64_t>(std::ranges::count(is_used, true));
 }
 
@@ -74,6 +79,7 @@ bool check_run(const std::optional<RunRecord>& run, const AuditLeaves& leaves, c
 
 void copy_surface_facts(const RunRecord& run, const SurfaceSheets& sheets, AuditReport& report) {
   const SurfaceFacts& surface = run.surface;
+  report.is_surface_only = run.parameters.is_surface_only;
   report.surface_volume = surface.volume;
   report.surface_euler_characteristic = surface.euler_characteristic;
   report.surface_num_components = surface.num_components;
@@ -125,6 +131,7 @@ BoundaryComponents check_leaves(const Store& store, const AuditRecords& records,
     check_creases(*leaf, creases, leaves.box(i), bounds, findings);
     const std::vector<LocalFacet> boundary = boundary_facets(*leaf, findings);
     check_listed_facets(*leaf, boundary, findings);
+    if (leaf->is_surface_only) check_facets(*leaf, boundary, bounds, findings);
     check_sheets(*leaf, leaves, records, bounds, findings);
     check_boundary_links(*leaf, boundary, findings);
     check_boundary_on_surface(*leaf, boundary, leaves, records, bounds, findings);

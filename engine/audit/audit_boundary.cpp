@@ -243,9 +243,31 @@ UnionFind own_components(const AuditLeaf& leaf, std::span<const LocalFacet> boun
   return sets;
 }
 
+// Each once.
+std::vector<LocalFacet> listed_boundary(const AuditLeaf& leaf, AuditFindings& findings) {
+  std::vector<LocalFacet> boundary;
+  const std::vector<LocalFacet> facets = sorted_by_vertices(leaf.star_facets, leaf.points.size());
+  for_each_group(
+      std::span(facets), [](const LocalFacet& f) { return f.vertices; },
+      [&](auto same) {
+        boundary.push_back(same.front());
+        const auto& [a, b, c] = same.front().vertices;
+        if (!leaf.is_own(a)) return;
+        ++findings.report().num_boundary_facets;
+        ++findings.report().euler_characteristic;
+        if (same.size() > 1 || a == b || b == c)
+          findings.add(
+              &AuditReport::num_overused_facets,
+              same.size() > 1 ? "a facet here is listed twice" : "a facet here has a vertex twice",
+              leaf.key, leaf.points.position(a));
+      });
+  return boundary;
+}
+
 }  // namespace
 
 std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& findings) {
+  if (leaf.is_surface_only) return listed_boundary(leaf, findings);
   std::vector<LocalFacet> boundary;
   const std::vector<LocalFacet> facets = facets_at_own_points(leaf);
   for_each_group(

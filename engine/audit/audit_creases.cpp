@@ -352,17 +352,20 @@ class CreaseCheck {
     for (const Point& corner : corners_)
       if (const LocalIndex i = leaf_.points.at(corner); i != kUnknownPoint)
         marks_[i] |= kCornerMark;
-    for (const LocalCell& cell : leaf_.star) {
-      const auto& v = cell.vertices;
-      if ((marks_[v[0]] | marks_[v[1]] | marks_[v[2]] | marks_[v[3]]) == 0) continue;
-      for (std::size_t i = 0; i < 4; ++i) {
-        if (marks_[v[i]] == 0) continue;
-        marks_[v[i]] |= kUsedMark;
-        for (std::size_t j = i + 1; j < 4; ++j)
-          if (marks_[v[i]] & marks_[v[j]] & kOnCreaseMark) edges_.push_back(ascending(v[i], v[j]));
-      }
-    }
+    for (const LocalCell& cell : leaf_.star) read(cell.vertices);
+    for (const LocalFacet& facet : leaf_.star_facets) read(facet.vertices);
     sort_and_unite(edges_);
+  }
+
+  // Of a cell, or of a facet.
+  void read(std::span<const LocalIndex> v) {
+    if (std::ranges::all_of(v, [&](LocalIndex i) { return marks_[i] == 0; })) return;
+    for (std::size_t i = 0; i < v.size(); ++i) {
+      if (marks_[v[i]] == 0) continue;
+      marks_[v[i]] |= kUsedMark;
+      for (std::size_t j = i + 1; j < v.size(); ++j)
+        if (marks_[v[i]] & marks_[v[j]] & kOnCreaseMark) edges_.push_back(ascending(v[i], v[j]));
+    }
   }
 
   void add_loss(double length, const Point& place) {

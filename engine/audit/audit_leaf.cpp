@@ -45,6 +45,21 @@ void append_star(std::span<const std::array<std::uint32_t, 4>> cells,
   }
 }
 
+// Appends the facets that have an own point. As they are listed, they turn counterclockwise from
+// outside.
+void append_facets(const LeafFacets& listed, AuditLeaf& here) {
+  const std::vector<LocalIndex> table = here.points.find(listed.vertices);
+  for (const auto& [vertices, labels] : listed.facets) {
+    std::array<LocalIndex, 3> v = {table[vertices[0]], table[vertices[1]], table[vertices[2]]};
+    if (std::ranges::find(v, kUnknownPoint) != v.end()) continue;
+    if (std::ranges::none_of(v, [&](LocalIndex i) { return here.is_own(i); })) continue;
+    std::ranges::rotate(v, std::ranges::min_element(v));
+    const bool is_turned = v[1] > v[2];
+    if (is_turned) std::swap(v[1], v[2]);
+    here.star_facets.push_back({v, is_turned ? 1 : -1, labels.behind, labels.before});
+  }
+}
+
 void report_misplaced(const LeafPoints& points, const Box& box, MortonKey key,
                       AuditFindings& findings) {
   for (const MeshPoint& point : points.points) {
@@ -179,6 +194,7 @@ AuditLoader::AuditLoader(const Store& store, const AuditRecords& records, const 
       frame_(run.frame),
       scale_(records.own(), run),
       has_creases_(keeps_creases(run)),
+      is_surface_only_(run.parameters.is_surface_only),
       pages_(store),
       pages_beside_(records.store_beside() != nullptr ? *records.store_beside() : store),
       borders_(kBorderBytes, [this](std::size_t leaf) { return load_border(leaf); }) {}
@@ -236,6 +252,10 @@ std::optional<AuditLeaf> AuditLoader::load(std::size_t leaf, AuditFindings& find
     append_star(border->cells, border->bodies, here.points.find(border->vertices), here);
   }
   add_core_cells(here);
+  here.is_surface_only = is_surface_only_;
+  if (!is_surface_only_) return here;
+  append_facets(here.facets, here);
+  for (const auto& border : borders) append_facets(border->facets, here);
   return here;
 }
 
@@ -342,6 +362,15 @@ AuditLoader::Border AuditLoader::load_border(std::size_t leaf) {
       border.cells.push_back(cell);
       if (!cells.bodies.empty()) border.bodies.push_back(cells.bodies[i]);
     }
+  }
+  if (is_surface_only_) {
+    border.facets = reader.facets(key);
+    is_foreign.clear();
+    for (const std::uint64_t id : border.facets.vertices)
+      is_foreign.push_back(!std::ranges::binary_search(own, id));
+    std::erase_if(border.facets.facets, [&](const MeshFacet& facet) {
+      return std::ranges::none_of(facet.vertices, [&](std::uint32_t v) { return is_foreign[v]; });
+    });
   }
   border.vertices = std::move(cells.vertices);
   if (!law_.is_uniform()) border.cubes = reader.sizes(key).cubes;

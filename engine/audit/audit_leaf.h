@@ -146,6 +146,14 @@ struct LocalCell {
   BodyId body = kOnlyBody;
 };
 
+// A facet of the star with some own vertex; vertices ascend.
+struct LocalFacet {
+  std::array<LocalIndex, 3> vertices;
+  std::int32_t side = 0;  // of the cell: +1 if it lies where the vertices turn counterclockwise
+  BodyId body = kOnlyBody, beyond = kNoBody;  // of the cell, and on the other side
+  friend auto operator<=>(const LocalFacet&, const LocalFacet&) = default;
+};
+
 // All that the checks of one leaf need. Its cells are checked one by one; the star, that is all
 // cells at its own points, whichever leaf keeps them, for how they fit together.
 struct AuditLeaf {
@@ -156,8 +164,12 @@ struct AuditLeaf {
   std::vector<LocalIndex> cell_vertex;  // index of each of cells.vertices
   LeafFacets facets;                    // as stored
   std::vector<LocalCell> star;          // without flat cells and those with unknown vertices
-  AuditSizes sizes;                     // around them
-  double reach = 0;                     // so far around the leaf's box points are known
+  // In a run of the surface alone, which has no cells: the facets at own points, whichever leaf
+  // lists them, without those with unknown vertices.
+  bool is_surface_only = false;
+  std::vector<LocalFacet> star_facets;
+  AuditSizes sizes;  // around them
+  double reach = 0;  // so far around the leaf's box points are known
   // If the run keeps them: the crease edges that come so close, and the leaf's own corners.
   std::vector<CreaseEdge> creases;
   std::vector<CornerPoint> corners;
@@ -183,12 +195,14 @@ class AuditLoader {
     std::vector<std::uint64_t> vertices;
     std::vector<std::array<std::uint32_t, 4>> cells;
     std::vector<BodyId> bodies;       // of the cells
+    LeafFacets facets;                // in a run of the surface alone, likewise
     std::vector<SizeCube> cubes;      // all of the leaf, where sizes vary
     std::vector<CreaseEdge> creases;  // all of the leaf, if the run keeps them
 
     std::size_t bytes() const {
       return sizeof *this + points.capacity() * sizeof(LocalPoint) + vertices.capacity() * 8 +
              cells.capacity() * 16 + bodies.capacity() * sizeof(BodyId) +
+             facets.vertices.capacity() * 8 + facets.facets.capacity() * sizeof(MeshFacet) +
              cubes.capacity() * sizeof(SizeCube) + creases.capacity() * sizeof(CreaseEdge);
     }
   };
@@ -204,7 +218,7 @@ class AuditLoader {
   SizeLaw law_;
   Frame frame_;
   LeafScale scale_;
-  bool has_creases_;
+  bool has_creases_, is_surface_only_;
   PageRelease pages_, pages_beside_;
   LeafWindow<Border> borders_;
 };
@@ -217,6 +231,8 @@ struct AuditBounds {
   bool has_sheets = false;   // else all is of sheet 1
   bool has_creases = false;  // which are to be kept
   double crease_floor = 0;   // what of creases is shorter is not told apart
+  double growth = 0;         // of h
+  Point origin = {};         // of volumes
   // Of each sheet, the bodies on its sides, the larger first; empty: there is one body.
   std::vector<std::array<BodyId, 2>> bodies_of_sheets = {};
   bool has_bodies() const { return !bodies_of_sheets.empty(); }
@@ -228,17 +244,14 @@ class AuditCreases;
 void check_cells(const AuditLeaf& leaf, const AuditCreases& creases, const AuditBounds& bounds,
                  AuditFindings& findings);
 
-// A facet of the star with some own vertex; vertices ascend.
-struct LocalFacet {
-  std::array<LocalIndex, 3> vertices;
-  std::int32_t side = 0;  // of the cell: +1 if it lies where the vertices turn counterclockwise
-  BodyId body = kOnlyBody, beyond = kNoBody;  // of the cell, and on the other side
-  friend auto operator<=>(const LocalFacet&, const LocalFacet&) = default;
-};
-
 // Facets at own points that are in one cell only, or in two of different bodies: then that of the
-// larger body.
+// larger body. In a run of the surface alone, those that are listed.
 std::vector<LocalFacet> boundary_facets(const AuditLeaf& leaf, AuditFindings& findings);
+
+// Of a run of the surface alone, each facet whose smallest vertex is own by itself: size and shape.
+// Do those that meet at an edge face the same way?
+void check_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,
+                  const AuditBounds& bounds, AuditFindings& findings);
 
 // Are the facets that the leaf lists those whose smallest vertex is own?
 void check_listed_facets(const AuditLeaf& leaf, std::span<const LocalFacet> boundary,

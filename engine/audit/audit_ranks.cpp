@@ -38,25 +38,26 @@ auto fields(Maybe<ComponentPair> auto& pair) {
 }
 
 auto fields(Maybe<AuditReport> auto& report) {
-  auto& [num_leaves, num_checked_leaves, num_cells, num_vertices, num_boundary_facets,
-         num_boundary_vertices, volume, surface_volume, body_volumes, surface_body_volumes,
-         max_circumradius, max_radius_edge_ratio, min_dihedral_degrees, max_dihedral_degrees,
-         worst_leaf, worst_place, min_dihedral_bound, num_poor_cells, max_surface_distance,
-         euler_characteristic, surface_euler_characteristic, num_components, surface_num_components,
-         crease_length, lost_crease_length, surface_crease_length, num_unresolved, num_open,
-         num_nonempty_circumballs, num_overused_facets, num_bad_boundary_edges,
-         num_bad_boundary_vertices, num_wrong_facets, num_off_surface_vertices, num_large_cells,
+  auto& [num_leaves, num_checked_leaves, is_surface_only, num_cells, num_vertices,
+         num_boundary_facets, num_boundary_vertices, volume, surface_volume, body_volumes,
+         surface_body_volumes, max_circumradius, min_facet_degrees, max_radius_edge_ratio,
+         min_dihedral_degrees, max_dihedral_degrees, worst_leaf, worst_place, min_dihedral_bound,
+         num_poor_cells, max_surface_distance, euler_characteristic, surface_euler_characteristic,
+         num_components, surface_num_components, crease_length, lost_crease_length,
+         surface_crease_length, num_unresolved, num_open, num_nonempty_circumballs,
+         num_overused_facets, num_bad_boundary_edges, num_bad_boundary_vertices, num_wrong_facets,
+         num_large_facets, num_misoriented_edges, num_off_surface_vertices, num_large_cells,
          num_badly_shaped_cells, num_lost_creases, num_lost_corners, num_misoriented_cells,
          num_repeated_cells, num_misplaced_cells, num_unknown_vertices, num_misplaced_points,
          num_repeated_points, num_run_faults, violations] = report;
   return std::tuple(
       Field("num_leaves", num_leaves), Field("num_checked_leaves", num_checked_leaves),
-      Field("num_cells", num_cells), Field("num_vertices", num_vertices),
-      Field("num_boundary_facets", num_boundary_facets),
+      Field("is_surface_only", is_surface_only), Field("num_cells", num_cells),
+      Field("num_vertices", num_vertices), Field("num_boundary_facets", num_boundary_facets),
       Field("num_boundary_vertices", num_boundary_vertices), Field("volume", volume),
       Field("surface_volume", surface_volume), Field("body_volumes", body_volumes),
       Field("surface_body_volumes", surface_body_volumes),
-      Field("max_circumradius", max_circumradius),
+      Field("max_circumradius", max_circumradius), Field("min_facet_degrees", min_facet_degrees),
       Field("max_radius_edge_ratio", max_radius_edge_ratio),
       Field("min_dihedral_degrees", min_dihedral_degrees),
       Field("max_dihedral_degrees", max_dihedral_degrees), Field("worst_leaf", worst_leaf),
@@ -73,7 +74,8 @@ auto fields(Maybe<AuditReport> auto& report) {
       Field("num_overused_facets", num_overused_facets),
       Field("num_bad_boundary_edges", num_bad_boundary_edges),
       Field("num_bad_boundary_vertices", num_bad_boundary_vertices),
-      Field("num_wrong_facets", num_wrong_facets),
+      Field("num_wrong_facets", num_wrong_facets), Field("num_large_facets", num_large_facets),
+      Field("num_misoriented_edges", num_misoriented_edges),
       Field("num_off_surface_vertices", num_off_surface_vertices),
       Field("num_large_cells", num_large_cells),
       Field("num_badly_shaped_cells", num_badly_shaped_cells),
@@ -105,6 +107,8 @@ constexpr std::array kSummed = {
     &AuditReport::num_bad_boundary_edges,
     &AuditReport::num_bad_boundary_vertices,
     &AuditReport::num_wrong_facets,
+    &AuditReport::num_large_facets,
+    &AuditReport::num_misoriented_edges,
     &AuditReport::num_off_surface_vertices,
     &AuditReport::num_large_cells,
     &AuditReport::num_badly_shaped_cells,
@@ -131,6 +135,7 @@ void add(const AuditReport& more, AuditReport& all) {
   all.crease_length += more.crease_length;
   all.lost_crease_length += more.lost_crease_length;
   all.euler_characteristic += more.euler_characteristic;
+  all.min_facet_degrees = std::min(all.min_facet_degrees, more.min_facet_degrees);
   if (more.min_dihedral_degrees < all.min_dihedral_degrees) {
     all.min_dihedral_degrees = more.min_dihedral_degrees;
     all.worst_leaf = more.worst_leaf;

@@ -13,11 +13,14 @@ namespace locvol {
 struct AuditReport {
   std::uint64_t num_leaves = 0, num_checked_leaves = 0;  // fewer, if it is a sample
   bool is_sample() const { return num_checked_leaves < num_leaves; }
+  // Facets alone: what is said of cells is not asked.
+  bool is_surface_only = false;
   // What was checked is counted here.
   std::uint64_t num_cells = 0, num_vertices = 0, num_boundary_facets = 0, num_boundary_vertices = 0;
   double volume = 0, surface_volume = 0;
   std::vector<double> body_volumes, surface_body_volumes;  // by body, where there are several
-  double max_circumradius = 0;                             // over λ
+  double max_circumradius = 0;     // over λ, of cells, or in runs of the surface alone of facets
+  double min_facet_degrees = 180;  // the smallest angle of a facet there
   double max_radius_edge_ratio = 0;
   double min_dihedral_degrees = 180, max_dihedral_degrees = 0;
   MortonKey worst_leaf;  // of the cell with the smallest angle
@@ -46,8 +49,11 @@ struct AuditReport {
   std::uint64_t num_bad_boundary_edges = 0;     // not in exactly two boundary facets
   std::uint64_t num_bad_boundary_vertices = 0;  // link is not a single cycle
   std::uint64_t num_wrong_facets = 0;           // listed as boundary and none, or not listed
-  std::uint64_t num_off_surface_vertices = 0;   // boundary vertices not on the surface
-  std::uint64_t num_large_cells = 0;            // circumradius >= λ
+  // Of runs of the surface alone: facets whose circumradius is above h, by h within it; edges whose
+  // two facets face other ways.
+  std::uint64_t num_large_facets = 0, num_misoriented_edges = 0;
+  std::uint64_t num_off_surface_vertices = 0;  // boundary vertices not on the surface
+  std::uint64_t num_large_cells = 0;           // circumradius >= λ
   // Radius-edge ratio above the bound, if the shortest edge does not lead from sheet to sheet.
   std::uint64_t num_badly_shaped_cells = 0;
   std::uint64_t num_lost_creases = 0;       // between two points, or two leaves: no edge
@@ -65,13 +71,15 @@ struct AuditReport {
 
   std::uint64_t num_violations() const {
     return num_nonempty_circumballs + num_overused_facets + num_bad_boundary_edges +
-           num_bad_boundary_vertices + num_wrong_facets + num_off_surface_vertices +
-           num_large_cells + num_badly_shaped_cells + num_lost_creases + num_lost_corners +
-           num_misoriented_cells + num_repeated_cells + num_misplaced_cells + num_unknown_vertices +
-           num_misplaced_points + num_repeated_points + num_run_faults;
+           num_bad_boundary_vertices + num_wrong_facets + num_large_facets + num_misoriented_edges +
+           num_off_surface_vertices + num_large_cells + num_badly_shaped_cells + num_lost_creases +
+           num_lost_corners + num_misoriented_cells + num_repeated_cells + num_misplaced_cells +
+           num_unknown_vertices + num_misplaced_points + num_repeated_points + num_run_faults;
   }
-  // No violation, and at least one cell, unless it is a sample.
-  bool is_valid() const { return num_violations() == 0 && (num_cells > 0 || is_sample()); }
+  // No violation, and at least one cell or facet, unless it is a sample.
+  bool is_valid() const {
+    return num_violations() == 0 && (num_cells + num_boundary_facets > 0 || is_sample());
+  }
 };
 
 }  // namespace locvol

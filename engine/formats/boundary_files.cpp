@@ -1,8 +1,11 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "engine/formats/formats.h"
+#include "engine/formats/mesh_arrays.h"
 #include "engine/formats/mesh_format.h"
 #include "engine/formats/outputs.h"
 #include "engine/formats/sheet_names.h"
@@ -167,6 +170,84 @@ std::uint64_t write_obj(MeshSource& mesh, PartialFile& file) {
     if (has_sheets(mesh)) out.append("g " + names[sheet - 1] + '\n');
     append_boundary(out, mesh, boundary.facets_of(sheet, {.has_places = true}), triangles_of);
   }
+  return out.size();
+}
+
+// Arrays are appended one after another, each with its length in bytes before it.
+std::uint64_t write_vtp(MeshSource& mesh, PartialFile& file) {
+  BoundarySurface& boundary = mesh.boundary();
+  const std::uint64_t num_vertices = boundary.num_vertices(), num = boundary.num_facets(),
+                      num_own = boundary.num_own_facets();
+  constexpr std::uint64_t kIndex = sizeof(std::int64_t), kLabel = sizeof(std::uint32_t);
+  std::vector<VtuArrayEntry> arrays;
+  std::uint64_t end = 0;
+  const auto add_array = [&](VtuSection section, const char* name, const char* type,
+                             std::uint64_t num_components, std::uint64_t num_bytes) {
+    arrays.push_back({section, name, type, num_components, end});
+    end += sizeof(std::uint64_t) + num_bytes;
+    return num_bytes;
+  };
+  using Labels = std::uint32_t FacetLabels::*;
+  std::vector<std::pair<const char*, Labels>> labels;
+  if (has_sheets(mesh)) labels.emplace_back("sheet", &FacetLabels::sheet);
+  if (mesh.has_bodies())
+    labels.insert(labels.end(),
+                  {{"behind", &FacetLabels::behind}, {"before", &FacetLabels::before}});
+  const std::uint64_t point_bytes =
+      add_array(VtuSection::kPoints, "Points", "Float64", 3, kPlyVertexBytes * num_vertices);
+  const std::uint64_t corner_bytes =
+      add_array(VtuSection::kCells, "connectivity", "Int64", 1, 3 * kIndex * num);
+  const std::uint64_t end_bytes =
+      add_array(VtuSection::kCells, "offsets", "Int64", 1, kIndex * num);
+  for (const auto& [name, member] : labels)
+    add_array(VtuSection::kCellData, name, "UInt32", 1, kLabel * num);
+
+  AppendedFile out(file, mesh.exchange());
+  out.append(vtp_header(num_vertices, num, arrays, name_fields(mesh, {.has_boundary = true})));
+  const auto append_count = [&](std::uint64_t num_bytes) {
+    out.append(Bytes().add(num_bytes).bytes());
+  };
+  append_count(point_bytes);
+  append_boundary(
+      out, mesh, boundary.vertices(),
+      [](const BoundarySurface::Vertices& some) {
+        Bytes vertices;
+        for (const Point& p : some.positions) vertices.add(p.x).add(p.y).add(p.z);
+        return vertices;
+      },
+      kPlyVertexBytes * boundary.num_own_vertices());
+  append_count(corner_bytes);
+  append_boundary(
+      out, mesh, boundary.facets({.has_places = true}),
+      [](const BoundarySurface::Facets& some) {
+        Bytes corners;
+        for (const auto& places : some.places)
+          for (const std::uint64_t place : places) corners.add(static_cast<std::int64_t>(place));
+        return corners;
+      },
+      3 * kIndex * num_own);
+  append_count(end_bytes);
+  append_boundary(
+      out, mesh, boundary.facets({}),
+      [](const BoundarySurface::Facets& some) {
+        Bytes ends;
+        for (std::uint64_t i = 1; i <= some.facets.size(); ++i)
+          ends.add(static_cast<std::int64_t>(3 * (some.first + i)));
+        return ends;
+      },
+      kIndex * num_own);
+  for (const auto& [name, member] : labels) {
+    append_count(kLabel * num);
+    append_boundary(
+        out, mesh, boundary.facets({}),
+        [member = member](const BoundarySurface::Facets& some) {
+          Bytes values;
+          for (const BoundaryFacet& facet : some.facets) values.add(facet.labels.*member);
+          return values;
+        },
+        kLabel * num_own);
+  }
+  out.append(kVtuFooter);
   return out.size();
 }
 

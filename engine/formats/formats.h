@@ -77,5 +77,8 @@ std::uint64_t write_stl(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_stl_text(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_ply(MeshSource& mesh, PartialFile& file);
 std::uint64_t write_obj(MeshSource& mesh, PartialFile& file);
+// With `sheet` of each triangle, and of several bodies those `behind` and `before` it, 0: none.
+// Field data as write_vtu() has them.
+std::uint64_t write_vtp(MeshSource& mesh, PartialFile& file);
 
 }  // namespace locvol

@@ -136,6 +136,7 @@ std::vector<FormatInfo> table_of_formats() {
        .extensions = {".inp"},
        .description = "Abaqus and CalculiX, text",
        .has_boundary = true,
+       .holds_triangles_alone = false,
        .waits_for_its_place = true,
        .limits =
            [](const MeshCounts& n) {
@@ -157,6 +158,7 @@ std::vector<FormatInfo> table_of_formats() {
        .name = "tetgen",
        .extensions = {".node", ".ele"},
        .description = "TetGen, text, a file each",
+       .holds_triangles_alone = false,
        .waits_for_its_place = true,
        .limits =
            [](const MeshCounts& n) {
@@ -217,6 +219,17 @@ std::vector<FormatInfo> table_of_formats() {
              return 24 * num_boundary_vertices(n) + 13 * n.num_boundary_facets;
            },
        .write = written<write_ply>},
+      {.format = MeshFormat::kVtp,
+       .name = "vtp",
+       .extensions = {".vtp"},
+       .description = "the boundary, VTK XML polydata, raw",
+       .is_surface = true,
+       .has_boundary = true,
+       .bytes =
+           [](const MeshSizes& n, const OutputOptions&) {
+             return 24 * num_boundary_vertices(n) + 36 * n.num_boundary_facets;
+           },
+       .write = written<write_vtp>},
       {.format = MeshFormat::kObj,
        .name = "obj",
        .extensions = {".obj"},
@@ -289,6 +302,26 @@ void require_order(const OutputOptions& output) {
     if (other.has_second_order()) names.push_back(other.name);
   throw InputError(fmt::format("{} has no cells of order {}: write {}", info.name, output.order,
                                fmt::join(names, ", ")));
+}
+
+OutputOptions of_surface(OutputOptions output) {
+  const FormatInfo& info = info_of(output.format);
+  const auto refuse = [](const std::string& what) {
+    throw InputError(what + ": --surface-only makes triangles, and no cells");
+  };
+  if (output.order != 1) refuse(fmt::format("--order {}", output.order));
+  if (output.has_quality) refuse("--cell-data quality");
+  if (!info.holds_triangles_alone) {
+    std::vector<std::string_view> names;
+    for (const FormatInfo& other : mesh_formats())
+      if (other.holds_triangles_alone) names.push_back(other.name);
+    throw InputError(
+        fmt::format("{} has triangles as facets of cells, and --surface-only makes "
+                    "none: write {}",
+                    info.name, fmt::join(names, ", ")));
+  }
+  output.has_boundary = true;
+  return output;
 }
 
 bool holds_boundary(const OutputOptions& output) {

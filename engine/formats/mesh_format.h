@@ -28,6 +28,7 @@ struct FormatInfo {
   bool is_surface = false;    // holds the boundary alone
   bool has_boundary = false;  // always, alone or with the cells; others have it on request
   bool has_second_order() const { return !is_surface; }
+  bool holds_triangles_alone = true;  // as elements of their own, without cells
   // Some of it has no known place in a file that several processes write: see AppendedFile.
   bool waits_for_its_place = false;
   struct Limit {
@@ -65,6 +66,10 @@ void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesy
 
 // Throws InputError if the format has no cells of the order; the message names those that have.
 void require_order(const OutputOptions& output);
+
+// Of a run of the surface alone: what is to be written, with the boundary where the format has it
+// on request. Throws InputError if the format, or what is asked of it, has no sense without cells.
+OutputOptions of_surface(OutputOptions output);
 
 // The files that an output is made of: TetGen's are two, or three.
 std::vector<std::filesystem::path> files_of(const OutputOptions& options,

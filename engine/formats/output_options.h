@@ -19,6 +19,7 @@ enum class MeshFormat {
   kStlText,
   kPly,
   kObj,
+  kVtp,
 };
 
 // What is written of a mesh.

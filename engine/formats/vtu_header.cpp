@@ -62,29 +62,53 @@ void add_fields(const std::vector<VtuField>& fields, Text& text) {
   text.add("    </FieldData>\n");
 }
 
+std::string head_of(std::string_view kind, bool is_compressed,
+                    const std::vector<VtuField>& fields) {
+  Text text;
+  text.add("<?xml version=\"1.0\"?>\n<VTKFile type=\"").add(kind);
+  text.add("\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\"");
+  if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
+  text.add(">\n  <").add(kind).add(">\n");
+  add_fields(fields, text);
+  return text.text();
+}
+
+std::string finished(Text& text, std::string_view kind) {
+  text.add("    </Piece>\n  </").add(kind).add(">\n  <AppendedData encoding=\"raw\">\n");
+  std::string result = text.text();
+  result.append(7 - result.size() % 8, ' ');
+  return result + '_';
+}
+
 }  // namespace
 
 std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
                        const std::vector<VtuArrayEntry>& arrays, bool is_compressed,
                        const std::vector<VtuField>& fields) {
+  constexpr std::string_view kKind = "UnstructuredGrid";
   Text text;
-  text.add(
-      "<?xml version=\"1.0\"?>\n"
-      "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
-      "header_type=\"UInt64\"");
-  if (is_compressed) text.add(" compressor=\"vtkZLibDataCompressor\"");
-  text.add(">\n  <UnstructuredGrid>\n");
-  add_fields(fields, text);
+  text.add(head_of(kKind, is_compressed, fields));
   text.add("    <Piece NumberOfPoints=\"").add(num_points);
   text.add("\" NumberOfCells=\"").add(num_cells).add("\">\n");
   add_section(VtuSection::kPoints, "Points", arrays, text);
   add_section(VtuSection::kCells, "Cells", arrays, text);
   add_section(VtuSection::kPointData, "PointData", arrays, text);
   add_section(VtuSection::kCellData, "CellData", arrays, text);
-  text.add("    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n");
-  std::string result = text.text();
-  result.append(7 - result.size() % 8, ' ');
-  return result + '_';
+  return finished(text, kKind);
+}
+
+std::string vtp_header(std::uint64_t num_points, std::uint64_t num_triangles,
+                       const std::vector<VtuArrayEntry>& arrays,
+                       const std::vector<VtuField>& fields) {
+  constexpr std::string_view kKind = "PolyData";
+  Text text;
+  text.add(head_of(kKind, false, fields));
+  text.add("    <Piece NumberOfPoints=\"").add(num_points);
+  text.add("\" NumberOfPolys=\"").add(num_triangles).add("\">\n");
+  add_section(VtuSection::kPoints, "Points", arrays, text);
+  add_section(VtuSection::kCells, "Polys", arrays, text);
+  add_section(VtuSection::kCellData, "CellData", arrays, text);
+  return finished(text, kKind);
 }
 
 }  // namespace locvol

@@ -34,6 +34,11 @@ std::string vtu_header(std::uint64_t num_points, std::uint64_t num_cells,
                        const std::vector<VtuArrayEntry>& arrays, bool is_compressed = false,
                        const std::vector<VtuField>& fields = {});
 
+// The same of triangles alone, as VTK's PolyData (.vtp).
+std::string vtp_header(std::uint64_t num_points, std::uint64_t num_triangles,
+                       const std::vector<VtuArrayEntry>& arrays,
+                       const std::vector<VtuField>& fields);
+
 inline constexpr std::string_view kVtuFooter = "\n  </AppendedData>\n</VTKFile>\n";
 
 }  // namespace locvol

@@ -23,7 +23,7 @@ namespace {
 MeshCounts mesh_counts(MeshSource& mesh, const OutputOptions& options) {
   MeshCounts counts{mesh.num_points(), mesh.num_cells(), 0, 0, mesh.order()};
   if (holds_boundary(options)) counts.num_boundary_facets = mesh.num_boundary_facets();
-  if (options.format == MeshFormat::kPly)
+  if (options.format == MeshFormat::kPly || options.format == MeshFormat::kVtp)
     counts.num_boundary_vertices = mesh.boundary().num_vertices();
   if (holds_boundary(options) && !info_of(options.format).is_surface) add_creases(mesh, counts);
   return counts;
@@ -109,10 +109,11 @@ void require_seen_by_all(const std::filesystem::path& file, Exchange& exchange) 
 }
 
 WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
-                        const OutputOptions& options, int num_threads, const StepProgress& on_step,
+                        const OutputOptions& asked, int num_threads, const StepProgress& on_step,
                         const StopToken* stop, Exchange& exchange) {
-  require_order(options);
-  MeshSource mesh(store, file, num_threads, on_step, stop, exchange, false, options.order);
+  require_order(asked);
+  MeshSource mesh(store, file, num_threads, on_step, stop, exchange, false, asked.order);
+  const OutputOptions options = mesh.is_surface_only() ? of_surface(asked) : asked;
   const MeshCounts counts = mesh_counts(mesh, options);
   check_on_all(exchange, [&] { check_limits(options.format, counts, file); });
   const auto names = files_of(options, file);
@@ -160,6 +161,10 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
                                  const OutputOptions& options, Exchange& exchange,
                                  int num_threads) {
   const std::filesystem::path name = piece_of(file, options.format, exchange.rank());
+  if (store.snapshot().run().value_or(RunRecord()).parameters.is_surface_only)
+    throw InputError(
+        "pieces are of cells, of which a run with --surface-only has none: write one "
+        "file");
   MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true, options.order);
   const MeshCounts counts = mesh_counts(mesh, options);
   const std::vector<PieceFile> pieces = piece_files(file, options.format, counts, exchange);

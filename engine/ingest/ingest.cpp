@@ -246,15 +246,15 @@ std::vector<DomainState> states_of(const LinearOctree& octree, const CutLeaves& 
   return center_states(octree, corners);
 }
 
-// Leaves away from the surface are as large as can be outside, and of `level` inside, where lattice
-// points are to come.
-StartLeaves completed(const CutLeaves& near, int level) {
+// Leaves away from the surface are as large as can be outside, and of `level` inside, if lattice
+// points are to come there.
+StartLeaves completed(const CutLeaves& near, int level, bool has_volume) {
   const LinearOctree octree = LinearOctree::coarsest_with(near.keys);
   const std::vector<DomainState> states = states_of(octree, near);
   StartLeaves leaves;
   for (std::size_t i = 0; i < octree.size(); ++i) {
     const MortonKey leaf = octree.leaves()[i];
-    if (states[i].body() == kNoBody || leaf.level() >= level)
+    if (!has_volume || states[i].body() == kNoBody || leaf.level() >= level)
       leaves.add(leaf, states[i]);
     else
       add_parts(leaf, level, states[i], leaves);
@@ -307,12 +307,15 @@ StartLeaves completed_by_size(const CutLeaves& near, const Frame& frame, StartSi
 void store_leaves(const StartLeaves& leaves, const RunRecord& run, BoundedBatches& batches) {
   const QueuePosition waiting{0, kNoColor};
   const bool is_cover = run.parameters.init == Initialization::kCover;
+  // Those inside are as large as can be then, and have nothing to be visited for.
+  const bool has_surface_alone =
+      run.parameters.is_surface_only && run.parameters.sizes().is_uniform();
   for (std::size_t i = 0; i < leaves.keys.size(); ++i) {
     const MortonKey leaf = leaves.keys[i];
     Batch& batch = batches.next();
     LeafInfo info = batch.leaf(leaf).value_or(LeafInfo{});
     info.center = leaves.centers[i];
-    if (is_cover && info.meets_domain()) {
+    if (is_cover && (has_surface_alone ? info.has_surface() : info.meets_domain())) {
       info.queued = waiting;
       batch.put_queue_entry({waiting, leaf});
     }
@@ -402,8 +405,9 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     share.join_leaves(cut);
     const bool is_uniform = run.parameters.sizes().is_uniform();
     StartSides sides(run.parameters, plan);
-    StartLeaves leaves =
-        is_uniform ? completed(cut, plan.level) : completed_by_size(cut, run.frame, sides);
+    const bool has_volume = !run.parameters.is_surface_only;
+    StartLeaves leaves = is_uniform ? completed(cut, plan.level, has_volume)
+                                    : completed_by_size(cut, run.frame, sides);
     leaves.keep(range);
     store_leaves(leaves, run, batches);
     if (run.parameters.has_image()) store_image_nodes(leaves.keys, run, batches, watch.stop());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <iterator>
+#include <string>
 #include <utility>
 
 #include "engine/shared/encode_in_order.h"
@@ -66,6 +67,11 @@ std::vector<BoundarySurface::ListedFacet> BoundarySurface::load_facets(std::size
   const std::vector<std::int64_t> number = numbers.numbers(leaf, listed.vertices);
   facets.reserve(listed.facets.size());
   for (const auto& [vertices, labels] : listed.facets) {
+    for (const std::uint32_t v : vertices)
+      if (number[v] < 0)
+        throw CorruptRecord(leaf_name(numbering_->leaves()[leaf]) + ": a facet has the point " +
+                                std::to_string(listed.vertices[v]) + ", which is not of the mesh",
+                            numbering_->leaves()[leaf]);
     std::array<std::uint64_t, 3> corners;
     std::ranges::transform(vertices, corners.begin(),
                            [&](std::uint32_t v) { return static_cast<std::uint64_t>(number[v]); });
@@ -124,7 +130,21 @@ std::vector<BoundaryFacet> BoundarySurface::facets_of_cells(const CellsAndFacets
   return found;
 }
 
+void BoundarySurface::take_listed_facets() {
+  NumberWindow numbers(*reader_, *numbering_);
+  for (std::size_t leaf = numbering_->first_own(); leaf < numbering_->end_own(); ++leaf) {
+    throw_if_stopped(stop_);
+    std::uint64_t next = numbering_->first_cell(leaf);
+    std::vector<BoundaryFacet> facets;
+    for (const auto& [vertices, labels] : load_facets(leaf, numbers))
+      facets.push_back({vertices, next++, 0, labels});
+    facets_.append(facets);
+  }
+  num_facets_ = sum(exchange_, facets_.size());
+}
+
 void BoundarySurface::find_facets(Workers& workers) {
+  if (numbering_->is_surface_only()) return take_listed_facets();
   const std::size_t first_own = numbering_->first_own(), end_own = numbering_->end_own();
   // Of own leaves, and then of those beside them, each by key.
   LeafLists<ListedFacet> listed(output_);

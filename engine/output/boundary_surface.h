@@ -28,12 +28,13 @@ namespace locvol {
 
 struct BoundaryFacet {
   std::array<std::uint64_t, 3> vertices{};  // counterclockwise from outside, the smallest first
-  std::uint64_t cell = 0;                   // whose facet it is
+  std::uint64_t cell = 0;                   // whose facet it is; without cells: its own number
   std::uint32_t across = 0;                 // from which of the cell's vertices, 0 to 3
   FacetLabels labels;
 };
 
-// Facets come in the order of their cells, vertices in that of their numbers in the mesh.
+// Facets come in the order of their cells, vertices in that of their numbers in the mesh. In a run
+// of the surface alone, facets come leaf by leaf, in the order of their vertices' numbers.
 //
 // A facet is listed by the leaf of its smallest vertex, its cell by that of the cell's, which is
 // within 2λ. Leaf by leaf, facets go to a nameless file beside the output; from there, those of the
@@ -138,6 +139,7 @@ class BoundarySurface {
   static std::vector<std::uint64_t> flat(std::span<const ListedFacet> facets);
   static std::vector<ListedFacet> facets_in(std::span<const std::uint64_t> values);
   void find_facets(Workers& workers);
+  void take_listed_facets();  // the same without cells
   void find_vertices();
   // Of a leaf's list among those of own leaves, one after another, and then of those in `beside`.
   std::optional<std::size_t> place_of_list(std::size_t leaf,

@@ -197,7 +197,7 @@ NumberRange MeshSource::own_nodes() const {
 }
 
 NumberRange MeshSource::own_cells() const {
-  if (numbering_.first_own() == numbering_.end_own()) return {};
+  if (numbering_.first_own() == numbering_.end_own() || is_surface_only()) return {};
   return {numbering_.first_cell(numbering_.first_own()) - first_cell_,
           numbering_.first_cell(numbering_.end_own()) - first_cell_};
 }
@@ -318,7 +318,8 @@ std::vector<KeptCorner> MeshSource::corners_by_vertex() {
 std::uint64_t MeshSource::bytes_of(std::size_t leaf, const PieceParts& parts) const {
   const std::uint64_t num_vertices =
       numbering_.first_vertex(leaf + 1) - numbering_.first_vertex(leaf);
-  const std::uint64_t num_cells = numbering_.first_cell(leaf + 1) - numbering_.first_cell(leaf);
+  const std::uint64_t num_cells =
+      is_surface_only() ? 0 : numbering_.first_cell(leaf + 1) - numbering_.first_cell(leaf);
   const std::uint64_t num_listed = num_cells - numbering_.num_core_cells(leaf);
   const std::uint64_t bytes_of_cell =
       sizeof(MeshPiece::Cell) + (edges_ ? sizeof(MeshPiece::Nodes) : 0);
@@ -361,7 +362,7 @@ std::function<std::optional<MeshSource::PieceRange>()> MeshSource::ranges(const 
         pages_.count(bytes);
         const NumberRange own = own_cells();
         const std::uint64_t num_before = edges_ ? own.size() : 0;
-        if (parts.has_cells)
+        if (parts.has_cells && own.size() > 0)
           tell_step(num_before + numbering_.first_cell(leaf) - first_cell_ - own.first,
                     num_before + own.size());
         return range;
@@ -435,7 +436,7 @@ MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
   MeshPiece piece;
   const std::uint64_t first_vertex = numbering_.first_vertex(range.first);
   piece.first_vertex = vertices_ ? vertices_->place_of_own(first_vertex) : first_vertex;
-  piece.first_cell = numbering_.first_cell(range.first) - first_cell_;
+  if (!is_surface_only()) piece.first_cell = numbering_.first_cell(range.first) - first_cell_;
   if (edges_) piece.first_node = edges_->first(range.first);
   if (part_nodes_)
     piece.first_node = vertices_->size() + part_nodes_->place_of_own(piece.first_node);
@@ -449,7 +450,8 @@ MeshPiece MeshSource::read(const PieceRange& range, const PieceParts& parts) {
             [&](const Point& p) {
               piece.node_points.push_back({p.x, p.y, p.z});
             });
-      if (parts.has_cells) add_cells(leaf, parts.has_corners, window, edges, piece);
+      if (parts.has_cells && !is_surface_only())
+        add_cells(leaf, parts.has_corners, window, edges, piece);
     }
   };
   windows_.with([&](MeshWindow& window) {

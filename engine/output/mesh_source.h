@@ -124,7 +124,8 @@ class MeshSource {
   // Found by a pass over the cells at the first call, which all ranks make. REQUIRES: has_bodies()
   const BodyCells& body_cells();
   std::uint64_t num_vertices() const { return vertices_ ? vertices_->size() : num_all_vertices(); }
-  std::uint64_t num_cells() const { return end_cell_ - first_cell_; }
+  bool is_surface_only() const { return numbering_.is_surface_only(); }
+  std::uint64_t num_cells() const { return is_surface_only() ? 0 : end_cell_ - first_cell_; }
   int order() const { return edges_ ? 2 : 1; }
   // Of second order: nodes, which have the numbers after those of the vertices.
   std::uint64_t num_nodes() const { return part_nodes_ ? part_nodes_->size() : num_all_nodes(); }
@@ -149,7 +150,7 @@ class MeshSource {
   // Of a part, what it is of the mesh of all ranks; else that is the same. Safe from many threads.
   std::optional<MeshPart> part() const { return part_; }
   std::uint64_t num_all_vertices() const { return numbering_.num_vertices(); }
-  std::uint64_t num_all_cells() const { return numbering_.num_cells(); }
+  std::uint64_t num_all_cells() const { return is_surface_only() ? 0 : numbering_.num_cells(); }
   std::uint64_t num_all_nodes() const { return edges_ ? edges_->size() : 0; }
   std::uint64_t first_of_all_cells() const { return first_cell_; }
   // Of vertices and nodes.
@@ -181,7 +182,7 @@ class MeshSource {
   std::vector<KeptCorner> corners();  // of a part, its own; else of all ranks
   // Those whose vertices the mesh has, by these; a part may have one whose cell it has not.
   std::vector<KeptCorner> corners_by_vertex();
-  // By its number in the mesh of all.
+  // By its number in the mesh of all. In a run of the surface alone, as BoundaryFacet::cell has it.
   bool has_cell(std::uint64_t cell) const { return first_cell_ <= cell && cell < end_cell_; }
   // REQUIRES: they are sorted by sheet
   std::uint64_t num_boundary_facets_of(SheetId sheet) {

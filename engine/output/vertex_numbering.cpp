@@ -37,13 +37,31 @@ void require_ascending(std::span<const std::uint64_t> ids, MortonKey leaf, const
   }
 }
 
-// Which entries of the vertex table the cells name.
-std::vector<bool> named_vertices(const LeafCells& cells) {
-  std::vector<bool> is_named(cells.vertices.size());
-  for (const auto& cell : cells.cells) {
-    for (const std::uint32_t v : cell) is_named[v] = true;
-  }
-  return is_named;
+// Those that the cells name, ascending, and how many cells there are.
+struct NamedBy {
+  std::vector<std::uint64_t> vertices;
+  std::uint64_t num_cells = 0;
+};
+template <class Item, class VerticesOf>
+NamedBy named_by(const std::vector<std::uint64_t>& vertices, const std::vector<Item>& items,
+                 const VerticesOf& vertices_of, MortonKey leaf) {
+  require_ascending(vertices, leaf, "the vertices of the cells");
+  std::vector<bool> is_named(vertices.size());
+  for (const Item& item : items)
+    for (const std::uint32_t v : vertices_of(item)) is_named[v] = true;
+  NamedBy named{{}, items.size()};
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    if (is_named[i]) named.vertices.push_back(vertices[i]);
+  return named;
+}
+NamedBy named_by(const LeafCells& listed, MortonKey leaf) {
+  return named_by(
+      listed.vertices, listed.cells, [](const auto& cell) -> auto& { return cell; }, leaf);
+}
+NamedBy named_by(const LeafFacets& listed, MortonKey leaf) {
+  return named_by(
+      listed.vertices, listed.facets,
+      [](const MeshFacet& facet) -> auto& { return facet.vertices; }, leaf);
 }
 
 // Own ones are one after another.
@@ -62,7 +80,8 @@ std::pair<std::size_t, std::size_t> own_leaves(const Reader& reader,
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const std::filesystem::path& output, PageRelease& pages,
                                  const StopToken* stop, Exchange& exchange)
-    : frame_(run.frame),
+    : is_surface_only_(run.parameters.is_surface_only),
+      frame_(run.frame),
       lattice_(lattice_of(run)),
       scale_(reader, run),
       octree_(reader.leaf_keys()),
@@ -203,9 +222,9 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
                                                    std::size_t leaf) const {
   const MortonKey key = leaves()[leaf];
   const LeafPoints points = reader.points(key);
-  const LeafCells cells = reader.cells(key);
-  pages.count(points.points.size() * sizeof(MeshPoint) + cells.cells.size() * 16);
-  require_ascending(cells.vertices, key, "the vertices of the cells");
+  const NamedBy named =
+      is_surface_only_ ? named_by(reader.facets(key), key) : named_by(reader.cells(key), key);
+  pages.count(points.points.size() * sizeof(MeshPoint) + named.num_cells * 16);
 
   Names names;
   if (const auto beside = names_beside_.find(leaf); beside != names_beside_.end()) {
@@ -215,7 +234,7 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
                         std::as_writable_bytes(std::span(names.foreign)));
     return names;
   }
-  names.num_cells = cells.cells.size();
+  names.num_cells = named.num_cells;
   if (!points.core.is_empty()) {
     check_core(leaf, points.core);
     const LeafInfo info = reader.leaf(key).value_or(LeafInfo());
@@ -226,15 +245,13 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
   for (const MeshPoint& point : points.points) names.own.push_back(point.id);
   require_ascending(names.own, key, "the points");
   names.is_named.resize(names.own.size());
-  const std::vector<bool> is_named = named_vertices(cells);
   auto own = names.own.begin();
-  for (std::size_t i = 0; i < cells.vertices.size(); ++i) {
-    if (!is_named[i]) continue;
-    own = std::lower_bound(own, names.own.end(), cells.vertices[i]);
-    if (own != names.own.end() && *own == cells.vertices[i]) {
+  for (const std::uint64_t vertex : named.vertices) {
+    own = std::lower_bound(own, names.own.end(), vertex);
+    if (own != names.own.end() && *own == vertex) {
       names.is_named[static_cast<std::size_t>(own - names.own.begin())] = true;
     } else {
-      names.foreign.push_back(cells.vertices[i]);
+      names.foreign.push_back(vertex);
     }
   }
   return names;

@@ -23,7 +23,8 @@
 namespace locvol {
 
 // Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
-// those of the lattice core, by site.
+// those of the lattice core, by site. In a run of the surface alone, what is said of cells is true
+// of facets, in the order of their vertices' ids in each leaf.
 // A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
 // from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
 // of their numbers, in a nameless file of 8 bytes per vertex beside the output.
@@ -44,6 +45,7 @@ class VertexNumbering {
   VertexNumbering(const VertexNumbering&) = delete;
   VertexNumbering& operator=(const VertexNumbering&) = delete;
 
+  bool is_surface_only() const { return is_surface_only_; }
   std::span<const MortonKey> leaves() const { return octree_.leaves(); }
   // The rank's own leaves, from `first` to before `end`; and the place of one among all leaves.
   std::size_t first_own() const { return first_own_; }
@@ -140,6 +142,7 @@ class VertexNumbering {
   void number(std::span<const Numbered> own,
               std::span<const std::pair<std::size_t, Numbered>> beside, std::uint64_t num_all);
 
+  bool is_surface_only_;
   Frame frame_;
   Lattice lattice_;
   LeafScale scale_;

@@ -119,6 +119,8 @@ struct Options {
   /// Of several bodies, what is nearer than this to another one is made to touch it, whether there
   /// is a gap between them or they overlap so little. Of value 0: only what rounding alone parts.
   Size gap = {};
+  /// The mesh is the boundary alone: triangles, and no cells. All points lie on the surface.
+  bool is_surface_only = false;
 };
 
 }  // namespace locvol

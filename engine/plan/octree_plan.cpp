@@ -34,9 +34,11 @@ double side_of_lattice(const RunParameters& parameters) {
 
 double start_leaf_side(const RunParameters& parameters) {
   const auto capacity = static_cast<double>(parameters.leaf_capacity);
-  if (parameters.sizes().is_uniform()) return side_of_lattice(parameters) * parameters.size;
   constexpr double kPointsPerArea = 2;  // to λ²
   const double side = std::sqrt(0.25 * capacity / kPointsPerArea);
+  if (parameters.sizes().is_uniform())
+    return parameters.size * (parameters.is_surface_only ? std::max(side, kMinLeafSide)
+                                                         : side_of_lattice(parameters));
   // Where h grows no more, cubes are as large as fits that.
   const double whole = kLatticeSpacing *
                        (std::isfinite(parameters.max_size) ? parameters.max_size : parameters.size);

@@ -180,7 +180,10 @@ inline constexpr std::tuple kOptions{
                   "Bodies that are nearer to each other than this are made to touch: a length or a "
                   "percentage, as --size (default: only what rounding parts)"},
          .noun = "gap",
-         .phrase = "; bodies nearer than {} touch"}}};
+         .phrase = "; bodies nearer than {} touch"}},
+    // Likewise.
+    Option<&MeshOptions::is_surface_only, &RunParameters::is_surface_only>{
+        {.name = {"--surface-only", "surface_only"}, .group = OptionGroup::kSizes}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>

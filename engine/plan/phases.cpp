@@ -10,6 +10,9 @@ namespace {
 bool any_run(const RunRecord&) { return true; }
 bool run_of_paper(const RunRecord& run) { return run.parameters.init == Initialization::kPaper; }
 bool run_of_cover(const RunRecord& run) { return run.parameters.init == Initialization::kCover; }
+bool run_of_volume(const RunRecord& run) {
+  return run_of_cover(run) && !run.parameters.is_surface_only;
+}
 bool run_with_sizes(const RunRecord& run) {
   return run_of_cover(run) && !run.parameters.sizes().is_uniform();
 }
@@ -27,7 +30,7 @@ constexpr PhaseFacts kPhases[] = {
     {Phase::kCrease, "initialize", RunStage::kInitialize, run_with_creases,
      LeavesMove::kOnceSized},  // copies reach as far as sizes ask for
     {Phase::kCover, "initialize", RunStage::kInitialize, run_of_cover, LeavesMove::kOnceSized},
-    {Phase::kFill, "initialize", RunStage::kInitialize, run_of_cover},
+    {Phase::kFill, "initialize", RunStage::kInitialize, run_of_volume},
     {Phase::kRefine, "refine", RunStage::kRefine, any_run,
      LeavesMove::kUnlessBalanced},                       // most of the work begins
     {Phase::kMend, "mend", RunStage::kRefine, any_run},  // if it is called for

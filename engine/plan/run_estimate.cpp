@@ -41,6 +41,9 @@ constexpr double kBytesPerPaperCell = 40;
 constexpr double kIngestTriangle = 4.1e-6, kCoverTriangle = 0.7e-6, kCoverCell = 1.85e-6,
                  kRefineTriangle = 1e-6, kRefineCell = 3.1e-6, kMeasureCell = 0.12e-6,
                  kNumberCell = 0.3e-6, kEncodeCell = 0.05e-6;
+// Of the surface alone.
+constexpr double kBytesPerListedFacet = 21, kCoverFacet = 2.2e-6, kRefineFacet = 3e-6,
+                 kWriteFacet = 0.6e-6;
 // Of second order besides, with the nodes.
 constexpr double kNumberEdges = 1.1e-6, kEncodeNodes = 0.12e-6;
 // Where sizes vary: with the sizes, and with more holes to fill.
@@ -257,12 +260,43 @@ double rounded_to_two_digits(double v) {
 }
 
 MeshSizes sizes_of(const RunEstimate& estimate, const RunRecord& run) {
+  const bool has_cells = !estimate.is_surface_only;
   return {.num_vertices = estimate.num_vertices,
-          .num_cells = estimate.num_cells,
-          .num_listed_cells = estimate.num_listed_cells,
+          .num_cells = has_cells ? estimate.num_cells : 0,
+          .num_listed_cells = has_cells ? estimate.num_listed_cells : 0,
           .num_boundary_facets = estimate.num_boundary_facets,
           .has_creases = run.has_creases,
           .box = run.surface.box};
+}
+
+// `area`: over h²
+RunEstimate estimate_surface(const RunRecord& run, double area, const OutputOptions& output,
+                             int num_threads) {
+  const bool is_uniform = run.parameters.sizes().is_uniform();
+  const auto num_triangles = static_cast<double>(run.surface.num_triangles);
+  RunEstimate estimate;
+  estimate.size = run.parameters.size;
+  estimate.is_surface_only = true;
+  estimate.is_narrow_known = run.surface.facing.num_places > 0;
+  estimate.is_least = !run.sizes.are_known() && run.parameters.has_nodes();
+  if (!run.sizes.are_known() && !run.parameters.shapes.empty()) estimate.doubt = kDoubtOfShapes;
+  const bool is_done = run.phase == Phase::kDone;
+  const double num_facets = is_done ? static_cast<double>(run.counts.num_cells)
+                                    : (is_uniform ? kFacetsPerArea : kGradedFacetsPerArea) * area;
+  estimate.num_cells = estimate.num_listed_cells = estimate.num_boundary_facets = num_facets;
+  estimate.num_vertices = is_done ? static_cast<double>(run.counts.num_points) : num_facets / 2;
+  estimate.store_bytes =
+      kLeastBytes + kBytesPerTriangle * num_triangles + kBytesPerListedFacet * num_facets;
+  estimate.output = estimate_output(output, sizes_of(estimate, run));
+  const double threads = 1 + kFurtherThread * (std::max(1, num_threads) - 1);
+  const auto set = [&](RunStage stage, double cpu_seconds) {
+    estimate.seconds[static_cast<std::size_t>(stage)] = cpu_seconds / threads;
+  };
+  set(RunStage::kIngest, kIngestTriangle * num_triangles);
+  set(RunStage::kInitialize, kCoverTriangle * num_triangles + kCoverFacet * num_facets);
+  set(RunStage::kRefine, kRefineTriangle * num_triangles + kRefineFacet * num_facets);
+  set(RunStage::kWrite, kWriteFacet * num_facets);
+  return estimate;
 }
 
 }  // namespace
@@ -343,6 +377,7 @@ RunEstimate estimate_run(const RunRecord& run, const OutputOptions& output, int 
   const SizeTotals totals =
       are_sizes_known ? run.sizes : estimated_totals(parameters.sizes(), surface);
   const double area = totals.of_area;
+  if (parameters.is_surface_only) return estimate_surface(run, area, output, num_threads);
   const auto num_triangles = static_cast<double>(surface.num_triangles);
   const bool is_cover = parameters.init == Initialization::kCover;
   RunEstimate estimate;

@@ -47,6 +47,7 @@ struct RunEstimate {
   double doubt = 1;
   // Of the size λ alone: more comes where the surface asks for less, which is not known yet.
   bool is_least = false;
+  bool is_surface_only = false;  // then cells are triangles
   // These may be infinite.
   double num_cells = 0, num_vertices = 0;
   double num_listed_cells = 0;  // not of the lattice core: nearly all the work is in them

@@ -174,7 +174,7 @@ void add_shapes(const MeshOptions& options, const Box& surface, RunParameters& p
 // What stands for options that are not given, and depends on others.
 void add_defaults(const MeshOptions& options, RunParameters& parameters) {
   if (options.leaf_capacity == 0) parameters.leaf_capacity = kDefaultLeafCapacity;
-  if (!options.min_dihedral && options.init == Initialization::kCover)
+  if (!options.min_dihedral && options.init == Initialization::kCover && !options.is_surface_only)
     parameters.min_dihedral = kDefaultMinDihedral;
   if (options.min_size.value == 0 && parameters.follows_shape())
     parameters.min_size = kDefaultLeast * parameters.size;
@@ -200,6 +200,15 @@ void check_bodies(const RunRecord& run) {
                     p.body_sizes.front().name));
   if ((p.has_bodies || has_files) && p.init == Initialization::kPaper)
     throw InputError("several bodies are meshed in cover mode only: give --init cover");
+}
+void check_surface_only(const RunParameters& p) {
+  if (!p.is_surface_only) return;
+  if (p.init == Initialization::kPaper)
+    throw InputError("a surface alone is meshed in cover mode only: give --init cover");
+  if (p.min_dihedral > 0)
+    throw InputError(
+        "--min-dihedral bounds angles of cells, of which --surface-only makes none: leave one of "
+        "the two out");
 }
 void check_sizes(const RunParameters& p) {
   if (p.growth > 0 && p.init == Initialization::kPaper)
@@ -265,6 +274,7 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
   parameters.sharp_polylines = files.sharp_polylines;
   add_defaults(options, parameters);
   add_shapes(options, surface, parameters);
+  check_surface_only(parameters);
   check_sizes(parameters);
   check_bodies(run);
   check_lengths(run.surface, parameters.size);

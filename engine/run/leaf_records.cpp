@@ -51,12 +51,16 @@ void LeafRecords::put_cells(MortonKey leaf, LeafCells cells) {
 }
 
 void LeafRecords::put_shared_cells(MortonKey leaf, LeafCells cells) {
-  data_.put_count(leaf, &LeafInfo::num_cells, cells.cells.size(), &RunCounts::num_cells);
+  if (!parameters().is_surface_only)
+    data_.put_count(leaf, &LeafInfo::num_cells, cells.cells.size(), &RunCounts::num_cells);
   data_.leaves.put_cells(leaf, std::move(cells));
 }
 
 void LeafRecords::put_facets(MortonKey leaf, LeafFacets facets) {
-  if (is_own(leaf)) data_.leaves.put_facets(leaf, std::move(facets));
+  if (!is_own(leaf)) return;
+  if (parameters().is_surface_only)
+    data_.put_count(leaf, &LeafInfo::num_cells, facets.facets.size(), &RunCounts::num_cells);
+  data_.leaves.put_facets(leaf, std::move(facets));
 }
 
 void LeafRecords::change(MortonKey leaf, const Changes<CellList>& changes) {
@@ -81,7 +85,10 @@ void LeafRecords::change(MortonKey leaf, const Changes<FacetList>& changes) {
 void LeafRecords::leave_out_cells(MortonKey leaf, LeafCells left) {
   if (is_beyond(leaf)) return;
   LeafInfo& info = data_.leaves.edit_info(leaf);
-  info.num_left_out += info.num_cells - left.cells.size();
+  if (parameters().is_surface_only)  // which facets are gone is seen when they are listed anew
+    info.num_left_out = left.cells.size();
+  else
+    info.num_left_out += info.num_cells - left.cells.size();
   put_shared_cells(leaf, std::move(left));
 }
 

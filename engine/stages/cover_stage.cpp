@@ -8,6 +8,7 @@
 
 #include "engine/plan/phases.h"
 #include "engine/run/leaf_distances.h"
+#include "engine/stages/apply_visit.h"
 #include "engine/stages/visiting_stage.h"
 #include "refine/cover_leaf.h"
 
@@ -68,7 +69,11 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
   double conflict_distance(MortonKey leaf) const override {
     return conflict_of_cover(state_, leaf);
   }
-  Phase end() override { return next_phase(state_.run(), Phase::kCover); }
+  Phase end() override {
+    const Phase next = next_phase(state_.run(), Phase::kCover);
+    if (next == Phase::kRefine) begin_refinement(state_, &tools_.stop);
+    return next;
+  }
 
  protected:
   Loaded<CoverInput> load_input(MortonKey leaf) override {
@@ -85,7 +90,9 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
       around = around_.samples(leaf, farthest);
     else if (has_surface)
       around = samples_around(leaf);
-    double distance = kDistanceSlack * (state_.is_uniform() ? kCoreDepth : 1.0) * size;
+    const bool has_volume = !state_.parameters().is_surface_only;
+    const bool has_deep_points = has_volume && state_.is_uniform();
+    double distance = kDistanceSlack * (has_deep_points ? kCoreDepth : 1.0) * size;
     if (are_sides_apart) distance = std::max(distance, farthest);
     const double least = state_.least_size(leaf);
     DomainPiece domain = around_.domain(leaf, distance, fineness(kFinenessOfCover, least));
@@ -93,7 +100,8 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
     SizeCubes sizes = are_sides_apart && has_shapes
                           ? around_.sizes_within(leaf, farthest)
                           : around_.sizes(leaf, has_shapes ? sample_radius(false) : 0);
-    const std::uint64_t num_lattice = state_.is_uniform() ? most_lattice_points(box, size)
+    const std::uint64_t num_lattice = !has_volume           ? 0
+                                      : state_.is_uniform() ? most_lattice_points(box, size)
                                       : sizes.law.has_core()
                                           ? most_lattice_points(box, sizes.law.most)
                                           : 9 * sizes.cubes.size();
@@ -111,6 +119,7 @@ class CoverStage : public VisitingStage<CoverInput, CoverPoints> {
                     .nearby_samples = positions_of(around),
                     .crease_points = positions_of(crease_points),
                     .are_sides_apart = are_sides_apart,
+                    .is_surface_only = !has_volume,
                     .sizes = std::move(sizes)};
     return loaded;
   }

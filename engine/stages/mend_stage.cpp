@@ -34,6 +34,7 @@ class MendStage : public VisitingStage<LoadedMend, MendedCells> {
 }  // namespace
 
 std::unique_ptr<LeafStage> mend_stage(const StageTools& tools) {
+  if (tools.state.parameters().is_surface_only) return mend_surface_stage(tools);
   return std::make_unique<MendStage>(tools);
 }
 

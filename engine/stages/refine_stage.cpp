@@ -50,10 +50,12 @@ std::uint64_t most_points_of_visit(const RunView& run, std::uint64_t num_own,
 
 Criteria criteria(const RunView& run, MortonKey leaf) {
   const RunParameters& p = run.parameters();
-  return run.is_cover()
-             ? Criteria::of_cover(run.surface_size(leaf), p.radius_edge_bound, p.spacing_floor,
-                                  p.min_dihedral, p.growth)
-             : Criteria::of_paper(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
+  if (!run.is_cover())
+    return Criteria::of_paper(p.size, p.radius_edge_bound, p.spacing_floor, p.min_dihedral);
+  Criteria criteria = Criteria::of_cover(run.surface_size(leaf), p.radius_edge_bound,
+                                         p.spacing_floor, p.min_dihedral, p.growth);
+  criteria.is_surface_only = p.is_surface_only;
+  return criteria;
 }
 
 // κ, or no bound where the children would be too small: below some λ, or a tenth of what leaves are
@@ -98,7 +100,7 @@ class RefineStage : public VisitingStage<LeafInput, LeafDelta> {
   Phase end() override {
     if (!any(tools_.exchange, state_.run().counts.num_unresolved > 0)) return Phase::kDone;
     enqueue_for_mending(state_);
-    share_cells(state_, tools_.exchange);
+    if (!state_.parameters().is_surface_only) share_cells(state_, tools_.exchange);
     return Phase::kMend;
   }
 

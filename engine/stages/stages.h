@@ -35,5 +35,6 @@ std::unique_ptr<LeafStage> cover_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> fill_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> refine_stage(const StageTools& tools);
 std::unique_ptr<LeafStage> mend_stage(const StageTools& tools);
+std::unique_ptr<LeafStage> mend_surface_stage(const StageTools& tools);  // of the surface alone
 
 }  // namespace locvol

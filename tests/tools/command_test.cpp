@@ -119,6 +119,55 @@ TEST(Command, AFailedTryDoesNotBlockTheNext) {
   EXPECT_EQ(changed.err.find("digest"), std::string::npos) << changed.err;
 }
 
+TEST(Command, TheSurfaceAloneIsMeshedAndAudited) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir), output = (dir / "a.stl").string();
+  const std::string store = output + ".locvol";
+  const auto mesh_as = [&](Names more) {
+    Names words = {"mesh", cube, "-o", output, "--size", "0.2", "--keep-store"};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_locvol(words);
+  };
+  const ProcessResult done = mesh_as({"--surface-only"});
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_NE(done.out.find(" triangles, "), std::string::npos) << done.out;
+  EXPECT_EQ(done.out.find("dihedral"), std::string::npos) << done.out;
+  EXPECT_EQ((std::filesystem::file_size(output) - 84) % 50, 0U);
+
+  const ProcessResult audited = run_locvol({"audit", store});
+  EXPECT_EQ(audited.exit_code, 0) << audited.out;
+  EXPECT_NE(audited.out.find("smallest angle"), std::string::npos) << audited.out;
+  const ProcessResult inspected = run_locvol({"inspect", store});
+  EXPECT_EQ(inspected.exit_code, 0) << inspected.err;
+  EXPECT_NE(inspected.out.find("the surface alone"), std::string::npos) << inspected.out;
+  const ProcessResult page = run_locvol({"report", store, "-o", (dir / "a.html").string()});
+  EXPECT_EQ(page.exit_code, 1);
+  EXPECT_NE(page.err.find("has none"), std::string::npos) << page.err;
+
+  const ProcessResult other = mesh_as({});
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_NE(other.err.find("--surface-only is given in it, and not given here"), std::string::npos)
+      << other.err;
+}
+
+// Before anything is done.
+TEST(Command, WhatHasNoSenseWithoutCellsIsRefused) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir);
+  const auto refusal_of = [&](const char* file, Names more) {
+    const std::string output = (dir / file).string();
+    Names words = {"mesh", cube, "-o", output, "--size", "0.2", "--surface-only"};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProcessResult refused = run_locvol(words);
+    EXPECT_EQ(refused.exit_code, 1) << file;
+    EXPECT_FALSE(std::filesystem::exists(output + ".locvol")) << file;
+    return refused.err;
+  };
+  EXPECT_NE(refusal_of("a.inp", {}).find("write vtu"), std::string::npos);
+  EXPECT_NE(refusal_of("a.vtu", {"--order", "2"}).find("no cells"), std::string::npos);
+  EXPECT_NE(refusal_of("a.vtu", {"--cell-data", "quality"}).find("no cells"), std::string::npos);
+}
+
 TEST(Command, ShapesOutsideTheModelAreTold) {
   const TempDir dir;
   const std::string cube = make_cube(dir), sizes = (dir / "sizes.txt").string();

@@ -568,6 +568,10 @@ class Page {
 
 PageSummary write_page(const Store& store, const std::filesystem::path& file,
                        const ViewLimits& limits, int num_threads, Exchange& exchange) {
+  if (locvol::run_of(store).parameters.is_surface_only)
+    throw InputError(
+        "a page shows cells, and a run with --surface-only has none: look at its mesh, which "
+        "`locvol export` writes");
   Page page(store, limits, num_threads, exchange);
   const bool is_first = exchange.rank() == 0;
   return is_first ? page.write(file) : PageSummary();
