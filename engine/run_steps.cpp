@@ -73,7 +73,7 @@ IngestCalls ingest_calls(const std::filesystem::path& directory, std::function<S
     planned_memory(run, memory_cap(control.memory_bytes));
     if (control.on_run) control.on_run(run);
   };
-  return {check, begin, std::move(open_store)};
+  return {check, begin, std::move(open_store), memory_cap(control.memory_bytes)};
 }
 
 Store ingested(const SurfaceSource& surface, const std::filesystem::path& directory,

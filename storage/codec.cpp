@@ -111,6 +111,7 @@ constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
 constexpr PointKind last_of(PointKind) { return PointKind::kCrease; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
+constexpr InsideRule last_of(InsideRule) { return InsideRule::kWinding; }
 constexpr Phase last_of(Phase) { return Phase::kCrease; }
 constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }
 constexpr Holding last_of(Holding) { return Holding::kBeyond; }
@@ -563,7 +564,8 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
     each(archive, run.parameters.sharp_polylines, run.sharp_file, run.parameters.has_bodies,
          run.parameters.voids, run.surface.more_files);
   if (version >= 7) serialize_part_sizes(archive, run.parameters.body_sizes);
-  if (version >= 8) each(archive, run.parameters.gap, run.parameters.is_surface_only);
+  if (version >= 8)
+    each(archive, run.parameters.gap, run.parameters.is_surface_only, run.parameters.inside);
 }
 
 template <class Archive>

@@ -126,6 +126,9 @@ struct QueueEntry {
 };
 
 enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
+// What is inside: what the surface encloses, which has to be closed; or where its winding number is
+// above 1/2, whatever it is.
+enum class InsideRule : std::uint8_t { kClosed = 0, kWinding = 1 };
 // One after another. The surface is measured if sizes depend on it, and sizes if they vary. The
 // first points are scattered in paper mode; in cover mode they come on creases, if there are any;
 // then leaves are covered, and once all of these points are known, the holes between them filled.
@@ -184,7 +187,8 @@ struct RunParameters {
   bool has_bodies = false;
   std::vector<std::string> voids = {};  // bodies that are none, but what is left of the others
   double gap = 0;  // bodies nearer than that are made to touch; 0: only what rounding parts
-  bool is_surface_only = false;         // the mesh has facets alone: no cells, nothing inside
+  bool is_surface_only = false;  // the mesh has facets alone: no cells, nothing inside
+  InsideRule inside = InsideRule::kClosed;
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const {

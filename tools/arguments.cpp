@@ -138,6 +138,13 @@ Initialization parse_init(const std::string& text) {
       fmt::format("'{}' is no initialization: give {}", text, fmt::join(kInitNames, " or ")));
 }
 
+InsideRule parse_inside(const std::string& text) {
+  for (const InsideRule inside : {InsideRule::kClosed, InsideRule::kWinding})
+    if (inside_name(inside) == text) return inside;
+  throw std::invalid_argument(fmt::format("'{}' does not tell what is inside: give {}", text,
+                                          fmt::join(kInsideNames, " or ")));
+}
+
 std::string parse_shape(const std::string& text) {
   if (text != kPolycrystal &&
       std::ranges::find(shapes(), text, &ShapeInfo::name) == shapes().end()) {

@@ -42,6 +42,7 @@ using Text = const std::string&;
 void parse(Text text, const OptionText&, Size& value) { value = parse_size(text); }
 void parse(Text text, const OptionText&, std::optional<Size>& value) { value = parse_weld(text); }
 void parse(Text text, const OptionText&, Initialization& value) { value = parse_init(text); }
+void parse(Text text, const OptionText&, InsideRule& value) { value = parse_inside(text); }
 void parse(Text text, const OptionText& option, std::uint64_t& value) {
   value = option.range.least > 0 ? parse_count(text) : parse_seed(text);
 }

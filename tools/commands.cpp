@@ -82,7 +82,9 @@ Size chosen_size(const SurfaceSource& surface, const MeshOptions& options, std::
   const SurveyedSurface survey = surveyed(surface,
                                           {.weld = options.weld,
                                            .sharp_angle = options.sharp_angle,
-                                           .sharp_polylines = options.sharp_polylines},
+                                           .sharp_polylines = options.sharp_polylines,
+                                           .inside = options.inside,
+                                           .memory_cap = cap},
                                           cap);
   const double size = survey.default_size();
   if (!(size > 0))
@@ -398,7 +400,9 @@ int run_info(const InfoCommand& command) {
                       true,
                       command.size,
                       body_law(options.has_bodies, options.voids, options.more_inputs.size()),
-                      options.gap};
+                      options.gap,
+                      options.inside,
+                      memory_cap(0)};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;
   Json json = to_json(facts);

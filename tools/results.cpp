@@ -161,6 +161,7 @@ Json to_json(const Histogram& histogram) {
 Json option_json(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 Json option_json(std::uint64_t value) { return value; }
 Json option_json(Initialization init) { return init_name(init); }
+Json option_json(InsideRule inside) { return inside_name(inside); }
 Json option_json(const std::optional<double>& weld) { return weld ? Json(*weld) : Json("auto"); }
 Json option_json(const std::string& image) { return image.empty() ? Json() : Json(image); }
 Json option_json(const std::vector<SizeShape>& shapes) { return shapes.size(); }

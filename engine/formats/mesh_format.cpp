@@ -227,7 +227,7 @@ std::vector<FormatInfo> table_of_formats() {
        .has_boundary = true,
        .bytes =
            [](const MeshSizes& n, const OutputOptions&) {
-             return 24 * num_boundary_vertices(n) + 36 * n.num_boundary_facets;
+             return 24 * num_boundary_vertices(n) + 32 * n.num_boundary_facets;
            },
        .write = written<write_vtp>},
       {.format = MeshFormat::kObj,

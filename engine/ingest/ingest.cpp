@@ -372,7 +372,8 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     raw.has_several_bodies = law.has_several();
     CheckedSurface surface =
         check_surface(std::move(raw), plan.frame, watch, workers, bucket_capacity, share,
-                      run.parameters.weld, run.parameters.sharp_angle, run.parameters.gap);
+                      run.parameters.weld, run.parameters.sharp_angle, run.parameters.gap,
+                      {run.parameters.inside, run.parameters.size, calls.memory_cap});
     std::vector<BodyFacts> bodies = number_bodies(surface, law, watch, workers);
     find_given_edges(surface, {run.sharp_file, run.parameters.sharp_polylines, run.parameters.weld},
                      watch, workers, share);

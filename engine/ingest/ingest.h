@@ -15,6 +15,7 @@ struct IngestCalls {
   std::function<void(const RunRecord&, std::uint64_t temporary_bytes)> check;
   std::function<void(const RunRecord&)> begin;  // its leaves can be planned
   std::function<Store()> open_store;
+  std::uint64_t memory_cap = 0;  // of the run
 };
 
 // Checks the surface, then starts `run` in the store that open_store() gives. Erases what the store

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <tuple>
 #include <utility>
 
 #include "engine/ingest/surface_topology.h"
@@ -66,11 +67,12 @@ class SurfaceCellCheck {
   // Throws Stopped.
   CellReport run(CheckScope scope) && {
     throw_if_stopped(stop_);
+    faces_away_ = scope == CheckScope::kFacingAway;
     pair_edges();
     count_owned();
     throw_if_stopped(stop_);
     find_components();
-    if (scope == CheckScope::kAll) {
+    if (scope != CheckScope::kNeighbors) {
       check_fans();
       if (angle_.is_given())
         report_.findings.sharp = sharp_edges_of(
@@ -93,7 +95,9 @@ class SurfaceCellCheck {
       is_owned_[v] = TriangleBuckets::owns(box_, soup_.vertices[v]);
     EdgeTable(soup_.vertices.size(), soup_.triangles)
         .for_each_edge([&](std::span<const std::uint32_t> uses) {
-          given_.empty() ? take_edge(uses) : take_edge_of_bodies(uses);
+          faces_away_      ? take_edge_by_wedges(uses)
+          : given_.empty() ? take_edge(uses)
+                           : take_edge_of_bodies(uses);
         });
   }
 
@@ -112,6 +116,46 @@ class SurfaceCellCheck {
         if (apex(soup_.triangles, uses[i]) == apex(soup_.triangles, uses[j]) &&
             body_of(uses[i]) != body_of(uses[j]))
           is_doubled_[uses[i] / 3] = has_doubled_ = true;
+  }
+
+  // Where several parts meet, two triangles with the inside between them go together.
+  void take_edge_by_wedges(std::span<const std::uint32_t> uses) {
+    if (!is_whole(uses.front())) return;
+    if (uses.size() <= 2) return take_edge(uses);
+    const Point &from = position(origin(soup_.triangles, uses[0])),
+                &to = position(target(soup_.triangles, uses[0]));
+    const Point along = to - from, side = position(apex(soup_.triangles, uses[0])) - from,
+                across = cross(along, side), flat = cross(across, along);
+    struct Leaf {
+      double angle = 0;
+      bool is_before = false;  // the inside follows it, on the way around the edge
+      std::uint32_t half_edge = 0;
+    };
+    std::vector<Leaf> leaves;
+    for (const std::uint32_t h : uses) {
+      const Point its = position(apex(soup_.triangles, h)) - from;
+      leaves.push_back({std::atan2(dot(its, across) / norm(across), dot(its, flat) / norm(flat)),
+                        position(origin(soup_.triangles, h)) != from, h});
+    }
+    std::ranges::sort(leaves, {},
+                      [](const Leaf& l) { return std::tuple(l.angle, l.is_before, l.half_edge); });
+    std::vector<std::uint32_t> waiting;  // whose inside is to end, as brackets close
+    for (std::size_t round = 0; round < 2; ++round)
+      for (Leaf& leaf : leaves) {
+        if (leaf.half_edge == kNoHalfEdge) continue;
+        if (leaf.is_before && round == 0) {
+          waiting.push_back(leaf.half_edge);
+        } else if (!leaf.is_before && !waiting.empty()) {
+          pair(waiting.back(), std::exchange(leaf.half_edge, kNoHalfEdge));
+          waiting.pop_back();
+        }
+      }
+    report_.findings.has_contacts = true;
+    if (!owner_of_edge(uses[0])) return;
+    if (uses.size() % 2 != 0 || !waiting.empty()) {
+      add_flaw(report_.findings.edges.overused, uses[0]);
+      add_flaw(report_.findings.edges_without_copies.overused, uses[0]);
+    }
   }
 
   void take_edge(std::span<const std::uint32_t> uses) {
@@ -235,7 +279,12 @@ class SurfaceCellCheck {
     for (std::uint32_t v = 0; v < outgoing.size(); ++v) {
       if (!is_owned(v)) continue;
       const std::uint32_t fan = fan_around(soup_.triangles, mates_, outgoing[v]);
-      if (fan == 0 || fan == num_triangles[v] || !is_pinched(v)) continue;
+      if (fan == 0 || fan == num_triangles[v]) continue;
+      if (faces_away_) {
+        report_.findings.has_contacts = true;
+        continue;
+      }
+      if (!is_pinched(v)) continue;
       if (report_.findings.num_pinched++ == 0 || position(v) < report_.findings.first_pinched)
         report_.findings.first_pinched = position(v);
     }
@@ -287,6 +336,10 @@ class SurfaceCellCheck {
       soup_.triangles.resize(kept);
     }
     const TriangleTree tree(soup_.vertices, soup_.triangles, box_);
+    if (faces_away_) {
+      report_.hits = probes_.hits_in(box_, tree, soup_.vertices, soup_.triangles);
+      return;
+    }
     const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_);
     if (pair)
       note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
@@ -303,6 +356,7 @@ class SurfaceCellCheck {
   double middle_z_;
   std::span<const std::uint32_t> given_;
   const StopToken* stop_;
+  bool faces_away_ = false;
   TriangleSoup soup_;
   Mates mates_;  // without copies
   std::vector<bool> is_copy_;

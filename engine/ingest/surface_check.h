@@ -86,6 +86,9 @@ struct SurfaceFindings {
 enum class CheckScope {
   kNeighbors,  // edges and orientation only: all that can be said while triangles have no area
   kAll,
+  // All but that nothing meets anything else, of one that faces away from the only body: parts that
+  // meet in an edge or a vertex are judged by what lies behind them.
+  kFacingAway,
 };
 
 // Checks the cells of the buckets' range. `box` is around the surface. Each thread is at a cell of

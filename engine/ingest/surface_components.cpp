@@ -7,28 +7,6 @@
 #include "refine/domain/exact_predicates.h"
 
 namespace locvol {
-namespace {
-
-// The side of the directed edge ab on which p lies, seen from above, with p moved by an
-// infinitesimal (ε, ε²): 0 only if a and b are one point from there.
-int side_of_edge(const Point& a, const Point& b, const Point& p) {
-  const int side = orientation_along(2, a, b, p);
-  if (side != 0) return side;
-  if (a.y != b.y) return a.y > b.y ? 1 : -1;
-  return a.x == b.x ? 0 : b.x > a.x ? 1 : -1;
-}
-
-// Does the ray from p upward, so moved, cross the triangle? Not where it begins on it.
-bool ray_crosses(const Point& p, const Triangle& triangle) {
-  const auto& [a, b, c] = triangle.corners;
-  const int side = side_of_edge(a, b, p);
-  if (side == 0 || side_of_edge(b, c, p) != side || side_of_edge(c, a, p) != side) return false;
-  // The triangle turns left (right) as seen from above, so p is below it if abcp is negative
-  // (positive).
-  return orientation(a, b, c, p) * side < 0;
-}
-
-}  // namespace
 
 void SurfaceComponent::add(const SurfaceComponent& other, bool is_turned) {
   if (is_above(other.top, top)) top = other.top;
@@ -105,7 +83,7 @@ void Nesting::visit(std::size_t begin, std::size_t end, int axis, const Triangle
 }
 
 bool Nesting::is_crossed(const Query& query, const Triangle& triangle) const {
-  return beside_.empty() ? ray_crosses(query.point, triangle)
+  return beside_.empty() ? ray_crosses(query.point, triangle) != 0
                          : ray_from_centroid_crosses(beside_[query.component], triangle);
 }
 

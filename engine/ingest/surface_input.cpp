@@ -23,9 +23,12 @@
 #include "engine/ingest/triangle_soup.h"
 #include "engine/ingest/weld_trials.h"
 #include "engine/plan/run_setup.h"
+#include "engine/shared/memory_budget.h"
 #include "engine/shared/number_text.h"
 #include "engine/shared/standard_input.h"
 #include "octree/sort_and_unite.h"
+#include "refine/domain/exact_predicates.h"
+#include "refine/winding/inside_surface.h"
 
 namespace locvol {
 namespace {
@@ -44,7 +47,8 @@ class SurfacePreparation {
  public:
   SurfacePreparation(RawSurface raw, const Frame& frame, IngestWatch& watch, Workers& workers,
                      std::uint64_t bucket_capacity, const IngestShare& share,
-                     const std::optional<double>& weld, double sharp_angle, double gap)
+                     const std::optional<double>& weld, double sharp_angle, double gap,
+                     const WindingLaw& winding)
       : raw_(std::move(raw)),
         watch_(watch),
         workers_(workers),
@@ -53,6 +57,7 @@ class SurfacePreparation {
         gap_(gap),
         given_(raw_.given_bodies()),
         angle_(sharp_angle),
+        winding_(winding),
         buckets_(frame, bucket_capacity, share.range()) {}
 
   CheckedSurface run() {
@@ -60,6 +65,12 @@ class SurfacePreparation {
     distribute_and_check();
     if (gives_faces_once()) part_by_regions();
     if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
+    if (has_winding() && !encloses_something()) {
+      take_what_is_wound_around();
+      note_repairs();
+      measure();
+      return result();
+    }
     check_walls();
     check_edges();
     check_orientation();
@@ -83,9 +94,11 @@ class SurfacePreparation {
  private:
   bool has_area() const { return raw_.collinear.empty(); }
 
+  bool has_winding() const { return winding_.inside == InsideRule::kWinding; }
+
   // Of bodies the triangles are needed again.
   void distribute_and_check() {
-    distribute({}, !has_area() || raw_.has_several_bodies);
+    distribute({}, !has_area() || raw_.has_several_bodies || has_winding());
     check(has_area() ? CheckScope::kAll : CheckScope::kNeighbors);
   }
 
@@ -99,6 +112,59 @@ class SurfacePreparation {
                             given_);
     share_.join_findings(findings_);
     drops_copies_ = findings_.drops_copies();
+  }
+
+  // Is it what is meshed without winding numbers?
+  bool encloses_something() const {
+    const EdgeCounts& edges = findings_.edges_that_count();
+    return edges.border.count == 0 && edges.overused.count == 0 && findings_.conflicts.count == 0 &&
+           findings_.num_pinched == 0 && !findings_.intersection &&
+           (drops_copies_ || !findings_.first_copy);
+  }
+
+  void take_what_is_wound_around() {
+    share_.require_whole();
+    require_memory_for(raw_.num_triangles());
+    LooseSurface found;
+    {
+      std::vector<Triangle> triangles;
+      triangles.reserve(raw_.num_triangles());
+      for (const TriangleList& list : raw_.triangles)
+        raw_.spill.for_each(list, [&](const Triangle& t) { triangles.push_back(t); });
+      TriangleSoup soup = soup_of(triangles);
+      LooseSurface all{std::move(soup.vertices), std::move(soup.triangles), {}};
+      for (const Triangle& t : triangles) all.groups.push_back(t.sheet);
+      triangles = {};
+      found = winding_surface(all, winding_.spacing, wound_, watch_.stop());
+    }
+    if (found.triangles.empty())
+      refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
+    TriangleList list;
+    TriangleWriter writer(raw_.spill, list);
+    std::uint64_t id = 0;
+    for (std::size_t t = 0; t < found.triangles.size(); ++t) {
+      const auto& [a, b, c] = found.triangles[t];
+      writer.append(
+          {id++, {found.vertices[a], found.vertices[b], found.vertices[c]}, found.groups[t]});
+    }
+    writer.flush();
+    adopt(std::move(list));
+    raw_.collinear.clear();
+    drops_copies_ = false;
+    distribute({}, false);
+    check(CheckScope::kFacingAway);
+    check_edges();
+  }
+
+  void require_memory_for(std::uint64_t num_triangles) const {
+    constexpr std::uint64_t kBytes = 1200;  // of a triangle, measured; see README.md
+    const std::uint64_t bytes = kBytes * num_triangles;
+    if (bytes <= winding_.cap) return;
+    throw OverBudget(
+        fmt::format("{}: to find what its triangles wind around may take {} MiB of memory, but the "
+                    "cap is {} MiB; raise it, by --memory {}M",
+                    raw_.file, (bytes >> 20) + 1, winding_.cap >> 20, (bytes >> 20) + 1),
+        bytes);
   }
 
   void weld_all_points() {
@@ -499,9 +565,10 @@ class SurfacePreparation {
   // Are holes all that is wrong with it? Where more triangles share an edge, some cells have two of
   // them alone, so that what is found of the orientation depends on the cells.
   bool has_only_holes() const {
-    return !is_mostly_open() && findings_.edges_without_copies.overused.count == 0 &&
-           findings_.conflicts.count == 0;
+    return !is_mostly_open() && !is_overused() && findings_.conflicts.count == 0;
   }
+  bool is_overused() const { return findings_.edges_without_copies.overused.count > 0; }
+  bool is_orientable() const { return is_overused() || findings_.conflicts.count == 0; }
 
   // Then it is made of sheets, or of triangles without neighbors, more than of parts with holes.
   bool is_mostly_open() const {
@@ -522,8 +589,13 @@ class SurfacePreparation {
       for (const char c : file) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
       file = quoted + "'";
     }
-    return fmt::format(", or {} it: locvol {} {} -o {}.ply", command, command, file,
-                       command == "wrap" ? "wrapped" : "repaired");
+    // What is mostly open has little inside.
+    const std::string_view winding =
+        has_winding() || is_mostly_open() || !is_orientable()
+            ? ""
+            : ", or mesh what its triangles wind around: --inside winding";
+    return fmt::format(", or {} it: locvol {} {} -o {}.ply{}", command, command, file,
+                       command == "wrap" ? "wrapped" : "repaired", winding);
   }
 
   std::string about_bodies() const {
@@ -554,8 +626,29 @@ class SurfacePreparation {
           "others, and {} took their vertices, up to {} away",
           decimal(gap_), counted(num_joined_bodies_, "point", "points"),
           counted(num_brought_, "triangle", "triangles"), rounded(widest_gap_)));
+    note_winding();
     note_meetings();
   }
+
+  void note_winding() {
+    if (wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 && wound_.left_out_area == 0)
+      return;
+    note("by winding numbers: turned {}", wound_.num_turned, "triangle", "triangles");
+    note("by winding numbers: cut {} along others", wound_.num_cut, "triangle", "triangles");
+    if (wound_.left_out_area >= 1e-9)
+      notes_.push_back(
+          fmt::format("by winding numbers: left out {} of the area, with the same on both sides",
+                      percent(wound_.left_out_area)));
+    if (wound_.num_holes > 0)
+      notes_.push_back(
+          fmt::format("by winding numbers: closed {}, the largest of {}; that is {} of the area",
+                      counted(wound_.num_holes, "hole", "holes"),
+                      counted(wound_.largest_hole, "edge", "edges"), percent(wound_.closing_area)));
+    if (wound_.doubt > 0)
+      notes_.push_back(
+          fmt::format("by winding numbers: in doubt is {} of the box", percent(wound_.doubt)));
+  }
+  static std::string percent(double share) { return fmt::format("{:.3g}%", 100 * share); }
 
   void note_meetings() {
     std::size_t num_told = 0;
@@ -579,7 +672,8 @@ class SurfacePreparation {
     CompensatedSum volume;
     std::uint64_t num_turned = 0;
     for (std::size_t c = 0; c < components.size(); ++c) {
-      if (!components[c].has_certain_volume())
+      // Of what winding numbers part, some may be as thin as rounding.
+      if (!components[c].has_certain_volume() && !has_winding())
         refuse("bounds no volume, to within rounding errors{}",
                components.size() == 1
                    ? ""
@@ -664,6 +758,8 @@ class SurfacePreparation {
   double gap_;
   GivenBodies given_;
   SharpAngle angle_;
+  WindingLaw winding_;
+  WindingChanges wound_;
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;
@@ -714,9 +810,9 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity,
                              const IngestShare& share, const std::optional<double>& weld,
-                             double sharp_angle, double gap) {
+                             double sharp_angle, double gap, const WindingLaw& winding) {
   return SurfacePreparation(std::move(raw), frame, watch, workers, bucket_capacity, share, weld,
-                            sharp_angle, gap)
+                            sharp_angle, gap, winding)
       .run();
 }
 

@@ -36,6 +36,14 @@
 
 namespace locvol {
 
+// How the surface of what triangles wind around is found (refine/winding), where they are no
+// surface that encloses something.
+struct WindingLaw {
+  InsideRule inside = InsideRule::kClosed;
+  double spacing = 0;     // of vertices over wide holes
+  std::uint64_t cap = 0;  // of memory
+};
+
 // Of bodies, in notes.
 inline constexpr std::size_t kMostToldPairs = 20;
 
@@ -172,13 +180,16 @@ inline constexpr std::uint64_t kBucketCapacity = 50'000;
 // Of several processes each gives the triangles that meet its share's cells, and gets these in
 // buckets; all that is known of the surface is known to each. REQUIRES: then nothing is to be
 // repaired
+// By winding numbers, all triangles are in memory where they enclose nothing, unless that is more
+// than the law's cap: then OverBudget is thrown.
 // `weld`, `sharp_angle`, `gap`: see RunParameters. At an angle of 0, CheckedSurface::sharp has
 // none.
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity = kBucketCapacity,
                              const IngestShare& share = IngestShare(),
                              const std::optional<double>& weld = std::nullopt,
-                             double sharp_angle = 0, double gap = 0);
+                             double sharp_angle = 0, double gap = 0,
+                             const WindingLaw& winding = {});
 
 // A frame for a surface that is checked only.
 Frame frame_of(const Box& surface);

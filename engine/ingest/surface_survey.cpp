@@ -22,8 +22,13 @@ SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesyste
   const std::optional<double> weld = weld_length(law.weld, raw.box);
   const double gap = gap_length(law.gap, raw.box);
   raw.has_several_bodies = law.bodies.has_several();
-  CheckedSurface surface = check_surface(std::move(raw), frame, watch, workers, kBucketCapacity,
-                                         IngestShare(), weld, law.sharp_angle, gap);
+  // Of a size that is not given, the surface decides; around holes something has to be taken.
+  constexpr double kUsual = 0.01;
+  const double spacing =
+      law.size ? absolute_size(*law.size, raw.box) : kUsual * max_norm(raw.box.max - raw.box.min);
+  CheckedSurface surface =
+      check_surface(std::move(raw), frame, watch, workers, kBucketCapacity, IngestShare(), weld,
+                    law.sharp_angle, gap, {law.inside, spacing, law.memory_cap});
   std::vector<BodyFacts> bodies;
   if (law.has_sheets) bodies = number_bodies(surface, law.bodies, watch, workers);
   find_given_edges(surface,

@@ -23,6 +23,8 @@ struct SurveyLaw {
   std::optional<Size> size = {};               // absent: default_size(), if sheets are asked for
   BodyLaw bodies = {};                         // looked for if sheets are asked for
   Size gap = {};                               // see Options
+  InsideRule inside = InsideRule::kClosed;
+  std::uint64_t memory_cap = 0;
 };
 
 struct SurveyedSurface {

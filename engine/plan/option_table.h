@@ -183,7 +183,14 @@ inline constexpr std::tuple kOptions{
          .phrase = "; bodies nearer than {} touch"}},
     // Likewise.
     Option<&MeshOptions::is_surface_only, &RunParameters::is_surface_only>{
-        {.name = {"--surface-only", "surface_only"}, .group = OptionGroup::kSizes}}};
+        {.name = {"--surface-only", "surface_only"}, .group = OptionGroup::kSizes}},
+    Option<&MeshOptions::inside, &RunParameters::inside>{
+        {.name = {"--inside", "inside"},
+         .group = OptionGroup::kSurface,
+         .help = {"closed|winding",
+                  "Inside is what a closed surface encloses; or what triangles of any kind wind "
+                  "around by more than half, so that holes close, what overlaps is united, and "
+                  "doubled and inner walls vanish (default: closed)"}}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>
@@ -206,6 +213,12 @@ std::string filled(const char* text, const OptionText& option);
 inline constexpr std::array<std::string_view, 2> kInitNames = {"cover", "paper"};
 inline std::string_view init_name(Initialization init) {
   return kInitNames[static_cast<std::size_t>(init)];
+}
+
+// What can be typed for --inside, by InsideRule.
+inline constexpr std::array<std::string_view, 2> kInsideNames = {"closed", "winding"};
+inline std::string_view inside_name(InsideRule inside) {
+  return kInsideNames[static_cast<std::size_t>(inside)];
 }
 
 }  // namespace locvol

@@ -42,6 +42,7 @@ struct MeshOptions : Options {
   // input.
   std::vector<std::filesystem::path> more_inputs = {};
   Initialization init = Initialization::kCover;
+  InsideRule inside = InsideRule::kClosed;
 };
 
 struct Progress {

@@ -68,6 +68,7 @@ void keep(const OptionText&, std::uint64_t given, const Box&, std::uint64_t& kep
 void keep(const OptionText&, Initialization given, const Box&, Initialization& kept) {
   kept = given;
 }
+void keep(const OptionText&, InsideRule given, const Box&, InsideRule& kept) { kept = given; }
 void keep(const OptionText&, bool given, const Box&, bool& kept) { kept = given; }
 void keep(const OptionText&, const std::vector<std::string>& given, const Box&,
           std::vector<std::string>& kept) {
@@ -198,6 +199,10 @@ void check_bodies(const RunRecord& run) {
         fmt::format("a size is given for the body '{}', one of several: give --bodies, or more "
                     "files; or give the size with --size",
                     p.body_sizes.front().name));
+  if ((p.has_bodies || has_files) && p.inside == InsideRule::kWinding)
+    throw InputError(
+        "winding numbers are of one body: leave --inside winding out, or give one file without "
+        "--bodies");
   if ((p.has_bodies || has_files) && p.init == Initialization::kPaper)
     throw InputError("several bodies are meshed in cover mode only: give --init cover");
 }

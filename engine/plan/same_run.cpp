@@ -23,6 +23,7 @@ namespace {
 std::string text_of(double value) { return decimal(value); }
 std::string text_of(std::uint64_t value) { return std::to_string(value); }
 std::string text_of(Initialization init) { return std::string(init_name(init)); }
+std::string text_of(InsideRule inside) { return std::string(inside_name(inside)); }
 std::string text_of(const std::optional<double>& weld) { return weld ? decimal(*weld) : "auto"; }
 std::string text_of(const std::vector<SizeShape>& shapes) {
   if (shapes.empty()) return "none";

@@ -2,10 +2,8 @@
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/orient_polygon_soup.h>
-#include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/alpha_wrap_3.h>
-#include <CGAL/utility.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,6 +18,7 @@
 
 #include "octree/disjoint_sets.h"
 #include "octree/sort_and_unite.h"
+#include "refine/cure/fill_loop.h"
 
 namespace locvol {
 namespace {
@@ -351,7 +350,7 @@ class HoleFiller {
       refuse(fmt::format("has more than {}", law_.most_hole_edges));
     if (loop.size() < 3) refuse("has no room for a triangle");
     std::vector<Face> filling = triangles_of(loop);
-    if (filling.size() + 2 != loop.size() || has_edge_twice(loop, filling)) filling = fan_of(loop);
+    if (filling.empty() || has_edge_twice(loop, filling)) filling = fan_of(loop);
     // Each gets the group of a neighbor, from the rim inwards.
     const std::size_t first = s_.triangles.size();
     s_.triangles.insert(s_.triangles.end(), filling.begin(), filling.end());
@@ -365,23 +364,19 @@ class HoleFiller {
   static Edge edge(std::uint32_t a, std::uint32_t b) { return {std::min(a, b), std::max(a, b)}; }
 
   std::vector<Face> triangles_of(const Loop& loop) const {
-    constexpr std::size_t kMostCubicEdges = 300;
-    if (loop.size() == 3) return {{loop[0].from, loop[1].from, loop[2].from}};
-    std::vector<Kernel::Point_3> points, beyond;
-    for (const BorderEdge& e : loop) {
-      points.push_back(to_cgal(s_.vertices[e.from]));
+    std::vector<Point> beyond;
+    for (const BorderEdge& e : loop)
       for (const std::uint32_t v : s_.triangles[e.triangle])
-        if (v != e.from && v != e.to) beyond.push_back(to_cgal(s_.vertices[v]));
-    }
-    std::vector<CGAL::Triple<int, int, int>> found;
-    PMP::triangulate_hole_polyline(
-        points, beyond, std::back_inserter(found),
-        CGAL::parameters::use_delaunay_triangulation(true).do_not_use_cubic_algorithm(
-            loop.size() > kMostCubicEdges));
-    std::vector<Face> filling;
-    const auto at = [&](int i) { return loop[static_cast<std::size_t>(i)].from; };
-    for (const auto& t : found) filling.push_back({at(t.first), at(t.second), at(t.third)});
+        if (v != e.from && v != e.to) beyond.push_back(s_.vertices[v]);
+    std::vector<Face> filling = triangles_in_loop(points_of(loop), beyond);
+    for (Face& t : filling)
+      for (std::uint32_t& v : t) v = loop[v].from;
     return filling;
+  }
+  std::vector<Point> points_of(const Loop& loop) const {
+    std::vector<Point> points;
+    for (const BorderEdge& e : loop) points.push_back(s_.vertices[e.from]);
+    return points;
   }
 
   // Is an edge across the hole there already?
@@ -401,16 +396,8 @@ class HoleFiller {
 
   // Around a new vertex in the middle of the edges.
   std::vector<Face> fan_of(const Loop& loop) {
-    Point sum;
-    double length = 0;
-    for (const BorderEdge& e : loop) {
-      const Point &p = s_.vertices[e.from], &q = s_.vertices[e.to];
-      const double weight = norm(q - p);
-      sum = sum + 0.5 * weight * (p + q);
-      length += weight;
-    }
     const auto center = static_cast<std::uint32_t>(s_.vertices.size());
-    s_.vertices.push_back((1 / length) * sum);
+    s_.vertices.push_back(center_of_loop(points_of(loop)));
     std::vector<Face> fan;
     for (const BorderEdge& e : loop) fan.push_back({e.from, e.to, center});
     return fan;

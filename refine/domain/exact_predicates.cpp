@@ -75,21 +75,37 @@ class Centroid {
   double largest_ = 0;
 };
 
-}  // namespace
-
-bool ray_from_centroid_crosses(const std::array<Point, 3>& from, const Triangle& triangle) {
-  const Centroid p(from);
+// From a place p: turn(u, v) and side(a, b, c) are orientation_along(2, u, v, p) and
+// orientation(a, b, c, p).
+template <class Turn, class Side>
+int ray_crosses(const Triangle& triangle, const Turn& turn, const Side& side) {
   const auto& [a, b, c] = triangle.corners;
   // The side of the directed edge uv on which p lies, seen from above; 0 if that is one point.
   const auto side_of_edge = [&](const Point& u, const Point& v) {
-    const int side = p.turn(u, v);
-    if (side != 0) return side;
+    if (const int its = turn(u, v); its != 0) return its;
     if (u.y != v.y) return u.y > v.y ? 1 : -1;
     return u.x == v.x ? 0 : v.x > u.x ? 1 : -1;
   };
-  const int side = side_of_edge(a, b);
-  if (side == 0 || side_of_edge(b, c) != side || side_of_edge(c, a) != side) return false;
-  return p.side(a, b, c) * side < 0;
+  const int turns = side_of_edge(a, b);
+  if (turns == 0 || side_of_edge(b, c) != turns || side_of_edge(c, a) != turns) return 0;
+  // The triangle turns left (right) as seen from above, so p is below it if abcp is negative
+  // (positive).
+  return side(a, b, c) * turns < 0 ? turns : 0;
+}
+
+}  // namespace
+
+int ray_crosses(const Point& p, const Triangle& triangle) {
+  return ray_crosses(
+      triangle, [&](const Point& u, const Point& v) { return orientation_along(2, u, v, p); },
+      [&](const Point& a, const Point& b, const Point& c) { return orientation(a, b, c, p); });
+}
+
+bool ray_from_centroid_crosses(const std::array<Point, 3>& from, const Triangle& triangle) {
+  const Centroid p(from);
+  return ray_crosses(
+             triangle, [&](const Point& u, const Point& v) { return p.turn(u, v); },
+             [&](const Point& a, const Point& b, const Point& c) { return p.side(a, b, c); }) != 0;
 }
 
 int orientation_along(int axis, const Point& a, const Point& b, const Point& c) {

@@ -41,9 +41,12 @@ class TriangleTree {
     Point place, inverse;  // the latter of the direction's coordinates
     double first = -kEndless, last = kEndless;
 
-    Stretch(const Point& from, const Point& direction)
+    Stretch(const Point& from, const Point& direction, double the_first = -kEndless,
+            double the_last = kEndless)
         : place(from),
-          inverse{inverse_of(direction.x), inverse_of(direction.y), inverse_of(direction.z)} {}
+          inverse{inverse_of(direction.x), inverse_of(direction.y), inverse_of(direction.z)},
+          first(the_first),
+          last(the_last) {}
     // Tells whether it comes closer to the box than `margin` along each axis, by the stretches that
     // lie between the box' sides.
     bool meets(const Box& box, double margin) const {

@@ -281,6 +281,7 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("run.v8", sample_run(), MortonKey());
   RunRecord of_one_body = sample_run();
   of_one_body.parameters.gap = 0;
+  of_one_body.parameters.inside = InsideRule::kClosed;
   of_one_body.parameters.is_surface_only = false;
   expect_golden("run.v7", of_one_body, MortonKey());
   of_one_body.parameters.body_sizes.clear();

@@ -43,6 +43,7 @@ inline RunRecord sample_run() {
   run.parameters.has_bodies = true;
   run.parameters.voids = {"Loch", ""};
   run.parameters.gap = 0.001;
+  run.parameters.inside = InsideRule::kWinding;
   run.parameters.is_surface_only = true;
   run.surface.more_files = {"b.stl"};
   run.surface.facing = {1024, {{-107, 3, 0, 0, 1}, {-106, 700, 2, 0, 0}, {64, 0, 0, 5, 0}}};

@@ -15,6 +15,7 @@ inline void change(std::uint64_t& value) { ++value; }
 inline void change(Initialization& init) {
   init = init == Initialization::kCover ? Initialization::kPaper : Initialization::kCover;
 }
+inline void change(InsideRule& inside) { inside = InsideRule::kWinding; }
 inline void change(std::optional<double>& weld) { weld = 7; }
 inline void change(std::string& image) { image += "ef"; }
 inline void change(std::vector<SizeShape>& shapes) {

@@ -1,0 +1,36 @@
+// The surface of what triangles wind around, whatever they are: where the generalized winding
+// number exceeds 1/2 is inside.
+//
+//   triangles ── one orientation ── cut along each other ── kept where the label changes ──
+//     holes closed by the level 1/2 ── the same again of what is closed ── the surface
+//
+// So holes close, what overlaps is united, and doubled and inner walls vanish.
+#pragma once
+
+#include <cstdint>
+
+#include "octree/stop.h"
+#include "refine/cure/cure_surface.h"
+
+namespace locvol {
+
+struct WindingChanges {
+  std::uint64_t num_turned = 0;  // triangles, against most of their patch, or all against them
+  std::uint64_t num_cut = 0;     // along others
+  double left_out_area = 0;      // inside or outside on both sides, over all area
+  std::uint64_t num_holes = 0;
+  std::uint64_t largest_hole = 0;  // edges of it
+  double closing_area = 0;         // over the surface's
+  // The share of the box where the number is farther than 0.1 from an integer.
+  double doubt = 0;
+};
+
+// A closed surface: each edge is in an even number of triangles, and they face away from what is
+// inside; where rounding does not let it close, some edges stay open. It may meet itself as much
+// as rounding does. Groups of what closes holes are those around
+// them. `spacing`: holes more than three times as wide get vertices as far apart. No triangles:
+// nothing is inside. Throws Stopped.
+LooseSurface winding_surface(const LooseSurface& surface, double spacing, WindingChanges& changes,
+                             const StopToken* stop);
+
+}  // namespace locvol

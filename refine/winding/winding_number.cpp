@@ -1,0 +1,178 @@
+#include "refine/winding/winding_number.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <numeric>
+
+#include "octree/disjoint_sets.h"
+#include "refine/domain/exact_predicates.h"
+
+namespace locvol {
+namespace {
+
+Point area_of(const std::array<Point, 3>& t) { return 0.5 * cross(t[1] - t[0], t[2] - t[0]); }
+
+// On which side of the triangle the place is, moved: 1 behind it, -1 before it.
+int side_of(const Point& p, const std::array<Point, 3>& t, double determinant, double extent) {
+  constexpr double kError = 1e-14;
+  if (determinant > kError * extent) return 1;
+  if (determinant < -kError * extent) return -1;
+  if (const int exact = orientation(p, t[0], t[1], t[2]); exact != 0) return exact;
+  for (const int axis : {0, 1, 2})
+    if (const int along = orientation_along(axis, t[0], t[1], t[2]); along != 0) return -along;
+  return 0;
+}
+
+// The signed solid angle, positive seen from behind (Van Oosterom, Strackee, 1983).
+double solid_angle(const Point& p, const std::array<Point, 3>& t) {
+  const Point a = t[0] - p, b = t[1] - p, c = t[2] - p;
+  const double la = norm(a), lb = norm(b), lc = norm(c);
+  const double determinant = dot(a, cross(b, c));
+  const double rest = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+  const double angle = 2 * std::atan2(std::abs(determinant), rest);
+  return side_of(p, t, determinant, la * lb * lc) * angle;
+}
+
+}  // namespace
+
+// Each connected part of the edges gets an apex beside the middle of its box: on a plane hole's
+// plane cones would lie on what is there.
+Cones::Cones(const Chain& chain, std::span<const OpenEdge> edges) {
+  if (edges.empty()) return;
+  std::map<std::uint32_t, std::uint32_t> number;
+  for (const OpenEdge& e : edges)
+    for (const std::uint32_t v : {e.from, e.to}) number.emplace(v, 0);
+  std::uint32_t next = 0;
+  for (auto& [vertex, its] : number) its = next++;
+  DisjointSets parts(number.size());
+  for (const OpenEdge& e : edges) parts.unite(number.at(e.from), number.at(e.to));
+  std::vector<Box> boxes(number.size());
+  std::vector<bool> has_box(number.size());
+  for (const auto& [vertex, its] : number) {
+    const std::size_t part = parts.find(its);
+    const Point& p = chain.vertices[vertex];
+    boxes[part] = has_box[part] ? boxes[part].joined(p) : Box::around(p);
+    has_box[part] = true;
+  }
+  for (const OpenEdge& e : edges) {
+    const Box& box = boxes[parts.find(number.at(e.from))];
+    const Point sides = box.max - box.min;
+    const double extent = max_norm(sides);
+    const Point apex = box.center() + Point{0.0618 * extent, 0.0414 * extent, 0.0732 * extent};
+    cones_.push_back({{chain.vertices[e.to], chain.vertices[e.from], apex}, e.times});
+  }
+  build(0, static_cast<std::uint32_t>(cones_.size()));
+}
+
+std::uint32_t Cones::build(std::uint32_t begin, std::uint32_t end) {
+  constexpr std::uint32_t kInLeaf = 4;
+  const auto at = static_cast<std::uint32_t>(nodes_.size());
+  nodes_.emplace_back();
+  Node node;
+  node.begin = begin;
+  node.end = end;
+  double area = 0;
+  Point sum;
+  Box box = Box::around(cones_[begin].corners[0]);
+  for (std::uint32_t i = begin; i < end; ++i) {
+    const auto& [corners, times] = cones_[i];
+    const Point vector = area_of(corners);
+    const double weight = std::abs(times) * norm(vector);
+    const Point center = 1.0 / 3 * (corners[0] + corners[1] + corners[2]);
+    node.moment = node.moment + times * vector;
+    sum = sum + weight * center;
+    area += weight;
+    box = box.joined(center);
+  }
+  node.center = area > 0 ? (1 / area) * sum : box.center();
+  for (std::uint32_t i = begin; i < end; ++i)
+    for (const Point& p : cones_[i].corners)
+      node.radius = std::max(node.radius, norm(p - node.center));
+  if (end - begin > kInLeaf) {
+    const Point sides = box.max - box.min;
+    const int axis = sides.x >= sides.y && sides.x >= sides.z ? 0 : sides.y >= sides.z ? 1 : 2;
+    const std::uint32_t middle = begin + (end - begin) / 2;
+    const auto place = [&](std::uint32_t i) { return cones_.begin() + std::ptrdiff_t{i}; };
+    std::nth_element(place(begin), place(middle), place(end), [&](const Cone& a, const Cone& b) {
+      const auto key = [&](const Cone& c) {
+        return c.corners[0][axis] + c.corners[1][axis] + c.corners[2][axis];
+      };
+      return key(a) != key(b) ? key(a) < key(b) : a.corners < b.corners;
+    });
+    build(begin, middle);
+    node.second = build(middle, end);
+  }
+  nodes_[at] = node;
+  return at;
+}
+
+double Cones::angle_at(const Point& p, double far) const {
+  return nodes_.empty() ? 0 : angle_of(nodes_[0], p, far) / (4 * std::numbers::pi);
+}
+
+double Cones::angle_of(const Node& node, const Point& p, double far) const {
+  const Point d = node.center - p;
+  const double squared = dot(d, d);
+  if (squared > far * far * node.radius * node.radius)
+    return dot(node.moment, d) / (squared * std::sqrt(squared));
+  if (node.second != 0)
+    return angle_of(*(&node + 1), p, far) + angle_of(nodes_[node.second], p, far);
+  double sum = 0;
+  for (std::uint32_t i = node.begin; i < node.end; ++i)
+    sum += cones_[i].times * solid_angle(p, cones_[i].corners);
+  return sum;
+}
+
+WindingNumber::WindingNumber(const Chain& chain) : open_(open_edges(chain)), cones_(chain, open_) {
+  for (const ChainTriangle& t : chain.triangles) {
+    triangles_.push_back({.corners = chain.points_of(t)});
+    times_.push_back(t.times);
+  }
+  for (const Cones::Cone& cone : cones_.all()) {
+    triangles_.push_back({.corners = cone.corners});
+    times_.push_back(cone.times);
+  }
+  std::vector<Point> vertices;
+  std::vector<std::array<std::uint32_t, 3>> corners;
+  for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+    const auto& [a, b, c] = triangles_[t].corners;
+    triangles_[t].id = t;
+    if (orientation_along(2, a, b, c) == 0) continue;  // upright: no ray upwards crosses it
+    const auto first = static_cast<std::uint32_t>(vertices.size());
+    vertices.insert(vertices.end(), {a, b, c});
+    corners.push_back({first, first + 1, first + 2});
+    in_tree_.push_back(t);
+  }
+  tree_.emplace_back(vertices, corners);
+}
+
+// Of the ray upwards, each with the side that it comes out on.
+int WindingNumber::whole_at(const Point& p) const {
+  int sum = 0;
+  tree_[0].for_each_along(TriangleTree::Stretch(p, {0, 0, 1}, 0), 0, [&](std::uint32_t n) {
+    const std::uint32_t t = in_tree_[n];
+    sum += ray_crosses(p, triangles_[t]) * times_[t];
+  });
+  return sum;
+}
+
+// At a place on it that lies above no edge but by chance; rounding moves it to one side.
+BesideNumbers WindingNumber::beside(std::size_t t) const {
+  const auto& [a, b, c] = triangles_[t].corners;
+  const Point u = b - a, v = c - a;
+  const Point p = a + (0.3178 * u + 0.3391 * v);
+  int side = orientation(a, b, c, p);
+  for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
+  const int whole = whole_at(p);
+  double there = whole - cones_.angle_at(p, kFar);
+  constexpr double kNear = 1e-2;
+  const double part = there - std::floor(there);
+  if (std::abs(part - 0.5) < kNear) there = whole - cones_.angle_at(p, kFarther);
+  return side > 0 ? BesideNumbers{there + times_[t], there}
+                  : BesideNumbers{there, there - times_[t]};
+}
+
+}  // namespace locvol

@@ -1,0 +1,122 @@
+// Surfaces that enclose nothing, taken in by winding numbers.
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "engine/ingest/surface_input.h"
+#include "engine/shared/memory_budget.h"
+#include "tests/engine/ingest/random_surfaces.h"
+#include "tests/engine/ingest/surface_fixtures.h"
+#include "tests/engine/ingest/surface_writers.h"
+
+namespace locvol {
+namespace {
+
+// What is known of a surface, or why it is refused.
+struct Taken {
+  SurfaceFacts facts;
+  std::string refusal;
+};
+Taken taken(const SurfaceFiles& files, const Polygons& shape, const WindingLaw& law,
+            std::uint64_t capacity = kBucketCapacity) {
+  IngestWatch watch;
+  Workers workers(2);
+  try {
+    RawSurface raw = read_surface(files.write("any.off", to_off(shape)), files.directory(), watch);
+    const Frame frame = frame_of(raw.box);
+    return {check_surface(std::move(raw), frame, watch, workers, capacity, IngestShare(),
+                          std::nullopt, 0, 0, law)
+                .facts,
+            ""};
+  } catch (const std::runtime_error& error) {
+    return {{}, error.what()};
+  }
+}
+
+constexpr std::uint64_t kMuch = std::uint64_t{4} << 30;
+constexpr WindingLaw kWound{InsideRule::kWinding, 0.5, kMuch};
+
+// Twelve triangles; `num` of them.
+Polygons box(std::size_t num, const Point& at = {}) {
+  Polygons s;
+  for (int k = 0; k < 8; ++k)
+    s.vertices.push_back(at + Point{k & 1 ? 2. : 0., k & 2 ? 2. : 0., k & 4 ? 2. : 0.});
+  s.faces = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+             {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  s.faces.resize(num);
+  return s;
+}
+
+bool has_note(const SurfaceFacts& facts, const std::string& part) {
+  return std::ranges::any_of(facts.notes,
+                             [&](const std::string& note) { return note.find(part) != note.npos; });
+}
+
+TEST(WindingInput, OfWhatEnclosesSomethingIsThatItself) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  const SurfaceFiles files;
+  int num_accepted = 0;
+  for (const auto& [name, surface] : random_samples(random, files)) {
+    SCOPED_TRACE(name);
+    const Taken closed = taken(files, surface, {});
+    if (!closed.refusal.empty()) continue;
+    ++num_accepted;
+    const Taken wound = taken(files, surface, kWound);
+    EXPECT_EQ(wound.refusal, "");
+    EXPECT_EQ(wound.facts.num_triangles, closed.facts.num_triangles);
+    EXPECT_EQ(wound.facts.volume, closed.facts.volume);
+    EXPECT_EQ(wound.facts.notes, closed.facts.notes);
+  }
+  EXPECT_GT(num_accepted, 0);
+}
+
+TEST(WindingInput, TakesWhatIsOpenOverlapsOrIsDoubled) {
+  const SurfaceFiles files;
+  const Polygons open = box(10);
+  EXPECT_NE(taken(files, open, {}).refusal.find("--inside winding"), std::string::npos);
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{12}}) {
+    const Taken closed = taken(files, open, kWound, capacity);
+    EXPECT_EQ(closed.refusal, "");
+    EXPECT_NEAR(closed.facts.volume, 8, 1e-2);
+    EXPECT_TRUE(has_note(closed.facts, "closed 1 hole, the largest of 4 edges"));
+    EXPECT_TRUE(has_note(closed.facts, "in doubt"));
+    EXPECT_EQ(closed.facts.euler_characteristic, 2);
+
+    Polygons two = box(12);
+    two.append(box(12, {1, 1, 1}));
+    EXPECT_NE(taken(files, two, {}, capacity).refusal.find("intersects itself"), std::string::npos);
+    const Taken united = taken(files, two, kWound, capacity);
+    EXPECT_EQ(united.refusal, "");
+    EXPECT_NEAR(united.facts.volume, 15, 1e-9);
+    EXPECT_EQ(united.facts.num_components, 1u);
+    EXPECT_TRUE(has_note(united.facts, "along others"));
+
+    // Where parts touch in an edge each is closed by itself.
+    Polygons edge = box(12);
+    edge.append(box(12, {2, 2, 0}));
+    const Taken touching = taken(files, edge, kWound, capacity);
+    EXPECT_EQ(touching.refusal, "");
+    EXPECT_NEAR(touching.facts.volume, 16, 1e-9);
+    EXPECT_EQ(touching.facts.num_components, 2u);
+  }
+}
+
+TEST(WindingInput, RefusesSheetsAndTooLittleMemory) {
+  const SurfaceFiles files;
+  Polygons square;
+  square.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0.1}};
+  square.faces = {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}};
+  const std::string refusal = taken(files, square, kWound).refusal;
+  EXPECT_NE(refusal.find("wind around nothing"), std::string::npos) << refusal;
+  EXPECT_NE(refusal.find("locvol wrap"), std::string::npos) << refusal;
+  const std::string budget = taken(files, box(10), {InsideRule::kWinding, 0.5, 1000}).refusal;
+  EXPECT_NE(budget.find("--memory"), std::string::npos) << budget;
+}
+
+}  // namespace
+}  // namespace locvol

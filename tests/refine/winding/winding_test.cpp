@@ -1,0 +1,256 @@
+// Winding numbers against sums of solid angles, and what is made of triangles that enclose nothing.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <numbers>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "refine/winding/chain.h"
+#include "refine/winding/inside_surface.h"
+#include "refine/winding/winding_number.h"
+
+namespace locvol {
+namespace {
+
+using Face = std::array<std::uint32_t, 3>;
+
+LooseSurface box(const Point& low, const Point& high) {
+  LooseSurface s;
+  for (int k = 0; k < 8; ++k)
+    s.vertices.push_back({(k & 1 ? high : low).x, (k & 2 ? high : low).y, (k & 4 ? high : low).z});
+  s.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                 {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  s.groups.assign(12, 1);
+  return s;
+}
+
+// Of radius 1, with 8 · 4ⁿ triangles.
+LooseSurface ball(int n, const Point& center = {}) {
+  LooseSurface s;
+  s.vertices = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  s.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
+                 {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  for (int step = 0; step < n; ++step) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
+    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
+      const auto [known, is_new] =
+          middles.emplace(std::minmax(a, b), static_cast<std::uint32_t>(s.vertices.size()));
+      if (is_new) {
+        const Point p = 0.5 * (s.vertices[a] + s.vertices[b]);
+        s.vertices.push_back((1 / norm(p)) * p);
+      }
+      return known->second;
+    };
+    std::vector<Face> finer;
+    for (const auto& [a, b, c] : s.triangles) {
+      const std::uint32_t ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+      finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+    }
+    s.triangles = std::move(finer);
+  }
+  for (Point& p : s.vertices) p = p + center;
+  s.groups.assign(s.triangles.size(), 1);
+  return s;
+}
+
+LooseSurface both(LooseSurface one, const LooseSurface& other) {
+  const auto first = static_cast<std::uint32_t>(one.vertices.size());
+  one.vertices.insert(one.vertices.end(), other.vertices.begin(), other.vertices.end());
+  for (const auto& [a, b, c] : other.triangles)
+    one.triangles.push_back({a + first, b + first, c + first});
+  one.groups.insert(one.groups.end(), other.groups.begin(), other.groups.end());
+  return one;
+}
+
+Chain chain_of(const LooseSurface& s) {
+  Chain chain{s.vertices, {}};
+  for (const Face& t : s.triangles) chain.triangles.push_back({t, 1, 1});
+  return chain;
+}
+
+double volume_of(const LooseSurface& s) {
+  double volume = 0;
+  for (const auto& [a, b, c] : s.triangles)
+    volume += dot(s.vertices[a], cross(s.vertices[b], s.vertices[c])) / 6;
+  return volume;
+}
+
+LooseSurface wound(const LooseSurface& s, double spacing, WindingChanges& changes) {
+  LooseSurface found = winding_surface(s, spacing, changes, nullptr);
+  EXPECT_TRUE(open_edges(chain_of(found)).empty());
+  return found;
+}
+LooseSurface wound(const LooseSurface& s, double spacing = 0.1) {
+  WindingChanges changes;
+  return wound(s, spacing, changes);
+}
+
+double sum_of_angles(const Chain& chain, const Point& p) {
+  double sum = 0;
+  for (const ChainTriangle& t : chain.triangles) {
+    const auto [a, b, c] = chain.points_of(t);
+    const Point u = a - p, v = b - p, w = c - p;
+    const double lu = norm(u), lv = norm(v), lw = norm(w);
+    sum += t.times * 2 *
+           std::atan2(dot(u, cross(v, w)),
+                      lu * lv * lw + dot(u, v) * lw + dot(v, w) * lu + dot(w, u) * lv);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
+// ---- Numbers
+
+TEST(WindingNumberOf, TrianglesAtRandomIsTheSumOfTheirAngles) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> at(-1, 1);
+  const auto point = [&] { return Point{at(random), at(random), at(random)}; };
+  for (int round = 0; round < 20; ++round) {
+    Chain chain;
+    for (int n = 0; n < 12; ++n) chain.vertices.push_back(point());
+    std::uniform_int_distribution<std::uint32_t> vertex(0, 11);
+    while (chain.triangles.size() < 20) {
+      const Face t{vertex(random), vertex(random), vertex(random)};
+      if (t[0] != t[1] && t[1] != t[2] && t[2] != t[0]) chain.triangles.push_back({t, 1, 1});
+    }
+    unite_equal(chain);
+    const WindingNumber number(chain);
+    for (int n = 0; n < 50; ++n) {
+      const Point p = 2.0 * point();
+      EXPECT_NEAR(number.at(p), sum_of_angles(chain, p), 5e-3);
+    }
+    for (std::size_t t = 0; t < chain.triangles.size(); ++t) {
+      const auto [behind, before] = number.beside(t);
+      EXPECT_DOUBLE_EQ(behind - before, chain.triangles[t].times);
+    }
+  }
+}
+
+TEST(WindingNumberOf, WhatIsClosedIsWhole) {
+  const WindingNumber number(chain_of(both(ball(2), box({-2, -2, -2}, {2, 2, 2}))));
+  EXPECT_EQ(number.at({0, 0, 0}), 2);
+  EXPECT_EQ(number.at({1, 0, 0}), 2 - (number.at({1, 0, 0}) == 1));  // a vertex: moved, one of both
+  EXPECT_EQ(number.at({1.5, 0, 0}), 1);
+  EXPECT_EQ(number.at({2.5, 0, 0}), 0);
+}
+
+TEST(WindingNumberOf, AnOpenBoxIsAHalfOnThePlaneOfItsHole) {
+  LooseSurface open = box({0, 0, 0}, {1, 1, 1});
+  open.triangles.resize(10);
+  open.groups.resize(10);
+  const WindingNumber number(chain_of(open));
+  EXPECT_NEAR(number.at({1, 0.4, 0.6}), 0.5, 1e-9);
+  EXPECT_GT(number.at({0.9, 0.4, 0.6}), 0.5);
+  EXPECT_LT(number.at({1.1, 0.4, 0.6}), 0.5);
+}
+
+// ---- Surfaces
+
+TEST(WindingSurface, OfWhatIsSoundIsThatItself) {
+  WindingChanges changes;
+  const LooseSurface ball_3 = ball(3);
+  const LooseSurface found = wound(ball_3, 0.1, changes);
+  EXPECT_EQ(found.triangles.size(), ball_3.triangles.size());
+  EXPECT_DOUBLE_EQ(volume_of(found), volume_of(ball_3));
+  EXPECT_EQ(changes.num_turned + changes.num_cut + changes.num_holes, 0u);
+  EXPECT_EQ(changes.doubt, 0);
+}
+
+TEST(WindingSurface, UnitesWhatOverlaps) {
+  // In general position, face in face, and with a common face.
+  EXPECT_NEAR(volume_of(wound(both(box({0, 0, 0}, {2, 2, 2}), box({1, 1, 1}, {3, 3, 3})))), 15,
+              1e-12);
+  EXPECT_NEAR(volume_of(wound(both(box({0, 0, 0}, {2, 2, 2}), box({1, 0, 0}, {3, 2, 2})))), 12,
+              1e-12);
+  EXPECT_NEAR(volume_of(wound(both(box({0, 0, 0}, {2, 2, 2}), box({2, 0, 0}, {3, 2, 2})))), 12,
+              1e-12);
+  // One in the other is gone; faced inwards it is a cavity.
+  LooseSurface inner = box({1, 1, 1}, {2, 2, 2});
+  EXPECT_NEAR(volume_of(wound(both(box({0, 0, 0}, {3, 3, 3}), inner))), 27, 1e-12);
+  for (Face& t : inner.triangles) std::swap(t[1], t[2]);
+  EXPECT_NEAR(volume_of(wound(both(box({0, 0, 0}, {3, 3, 3}), inner))), 26, 1e-12);
+}
+
+TEST(WindingSurface, DropsDoubledAndInnerWallsAndTurnsTriangles) {
+  const LooseSurface one = box({0, 0, 0}, {2, 2, 2});
+  EXPECT_NEAR(volume_of(wound(both(one, one))), 8, 1e-12);
+  LooseSurface wall = one;  // inside, from side to side
+  wall.vertices.insert(wall.vertices.end(), {{1, 0, 0}, {1, 2, 0}, {1, 2, 2}, {1, 0, 2}});
+  wall.triangles.insert(wall.triangles.end(), {{8, 9, 10}, {8, 10, 11}});
+  wall.groups.assign(14, 1);
+  WindingChanges changes;
+  EXPECT_NEAR(volume_of(wound(wall, 0.1, changes)), 8, 1e-12);
+  EXPECT_NEAR(changes.left_out_area, 4. / 28, 1e-9);
+  LooseSurface turned = ball(3);
+  for (std::size_t t = 0; t < turned.triangles.size(); t += 3)
+    std::swap(turned.triangles[t][1], turned.triangles[t][2]);
+  EXPECT_DOUBLE_EQ(volume_of(wound(turned)), volume_of(ball(3)));
+}
+
+// A flat hole closes by its plane, whatever its size; of the sphere, what a cap leaves.
+TEST(WindingSurface, ClosesHoles) {
+  LooseSurface open = box({0, 0, 0}, {1, 1, 1});
+  open.triangles.resize(10);
+  open.groups.resize(10);
+  WindingChanges changes;
+  for (const double spacing : {0.05, 0.3, 2.0}) {
+    EXPECT_NEAR(volume_of(wound(open, spacing, changes)), 1, 1e-3);
+    EXPECT_EQ(changes.num_holes, 1u);
+    EXPECT_EQ(changes.largest_hole, 4u);
+  }
+  LooseSurface cap = ball(4);
+  std::erase_if(cap.triangles, [&](const Face& t) { return cap.vertices[t[0]].z > 0.8; });
+  cap.groups.resize(cap.triangles.size());
+  const double whole = volume_of(ball(4)), lost = std::numbers::pi * 0.04 * (3 - 0.2) / 3;
+  const double found = volume_of(wound(cap, 0.05));
+  EXPECT_GT(found, whole - lost);  // it bulges
+  EXPECT_LT(found, whole);
+}
+
+TEST(WindingSurface, OfDamagedBallsIsClosedAndNearTheBall) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const auto draw = [&](double share) { return std::bernoulli_distribution(share)(random); };
+  for (int round = 0; round < 6; ++round) {
+    LooseSurface s = ball(3);
+    const double volume = volume_of(s);
+    if (round % 2 == 1) s = both(s, ball(3, {1e-3, 2e-3, 3e-3}));
+    std::erase_if(s.triangles, [&](const Face&) { return draw(0.03); });
+    const std::size_t num = s.triangles.size();
+    for (std::size_t t = 0; t < num; ++t) {
+      if (draw(0.02)) s.triangles.push_back(s.triangles[t]);
+      if (draw(0.05)) std::swap(s.triangles[t][1], s.triangles[t][2]);
+    }
+    s.groups.assign(s.triangles.size(), 1);
+    EXPECT_NEAR(volume_of(wound(s, 0.1)), volume, 0.02 * volume) << round;
+  }
+}
+
+TEST(WindingSurface, OfSheetsIsNothing) {
+  LooseSurface square;
+  square.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+  square.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}};  // both sides
+  square.groups.assign(4, 1);
+  EXPECT_TRUE(wound(square).triangles.empty());
+}
+
+TEST(WindingSurface, KeepsGroups) {
+  LooseSurface open = box({0, 0, 0}, {1, 1, 1});
+  open.triangles.resize(10);
+  open.groups = {1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
+  for (const SheetId group : wound(open, 0.2).groups) {
+    EXPECT_GE(group, 1u);
+    EXPECT_LE(group, 5u);
+  }
+}
+
+}  // namespace
+}  // namespace locvol
