@@ -383,6 +383,9 @@ std::string bodies_text(const RunParameters& parameters) {
 
 std::string parameters_text(const RunParameters& parameters) {
   return row("size λ", "{}", parameters.size) + bodies_text(parameters) +
+         (parameters.inside == InsideRule::kWinding
+              ? row("inside is", "where the winding number is above 1/2")
+              : "") +
          (parameters.is_surface_only ? row("mesh of", "the surface alone") : "") +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +
          row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +

@@ -209,7 +209,7 @@ void sweep(const Sample& sample, const Samples& samples, const std::filesystem::
   const auto mask = [&] { return static_cast<char>(1 << random() % 8); };
   // How many bytes are passed over, on average: a resume costs more than an export.
   const std::uint64_t factor =
-      is_brief ? (sample.is_finished ? 240 : 600) : (sample.is_finished ? 1 : 10);
+      is_brief ? (sample.is_finished ? 480 : 1200) : (sample.is_finished ? 1 : 10);
   for (std::size_t page = 0; page < sample.data.size(); page += kPageBytes) {
     const bool is_dense = is_structure(sample.data, page);
     const std::size_t header = page < 2 * kPageBytes ? 160 : 32;

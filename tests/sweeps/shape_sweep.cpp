@@ -197,12 +197,12 @@ int main(int argc, char** argv) {
   Options options;
   add_options(app, options);
   bool is_brief = false;
-  app.add_flag("--brief", is_brief, "The same 200 cases or so each time, in a few minutes");
+  app.add_flag("--brief", is_brief, "The same 160 cases or so each time, in a few minutes");
   CLI11_PARSE(app, argc, argv);
   if (is_brief) {
     options.seed = 1;
     options.share = 0.2;
-    options.num_cases = 7 * families().size();
+    options.num_cases = 4 * families().size();
     options.others.assign(kFoundCases.begin(), kFoundCases.end());
     for (std::uint64_t number = 0; number < families().size(); ++number)
       options.others.push_back({1, number, true, options.share});
