@@ -19,6 +19,7 @@
 #include "octree/disjoint_sets.h"
 #include "octree/sort_and_unite.h"
 #include "refine/cure/fill_loop.h"
+#include "refine/cure/near_points.h"
 
 namespace locvol {
 namespace {
@@ -133,35 +134,6 @@ std::uint64_t drop_fins(LooseSurface& s, double& dropped_area) {
 
 // ---- Points that become one
 
-// Unites the places in `points` of points that are closer than `distance`: of those in the 27 cubes
-// around each, as wide as that.
-void unite_near(const LooseSurface& s, const std::vector<std::uint32_t>& points, double distance,
-                DisjointSets& groups) {
-  using Cube = std::array<std::int64_t, 3>;
-  std::vector<std::pair<Cube, std::uint32_t>> cubes;
-  const auto cube_at = [&](const Point& p) {
-    const Point d = (1 / distance) * (p - s.vertices[points[0]]);
-    return Cube{std::llround(std::floor(d.x)), std::llround(std::floor(d.y)),
-                std::llround(std::floor(d.z))};
-  };
-  for (std::uint32_t i = 0; i < points.size(); ++i)
-    cubes.emplace_back(cube_at(s.vertices[points[i]]), i);
-  std::ranges::sort(cubes);
-  for (const auto& [cube, i] : cubes)
-    for (std::int64_t dx = -1; dx <= 1; ++dx)
-      for (std::int64_t dy = -1; dy <= 1; ++dy) {
-        // Cubes that differ in z alone follow each other.
-        const Cube low = {cube[0] + dx, cube[1] + dy, cube[2] - 1};
-        for (auto it = std::ranges::lower_bound(cubes, std::pair(low, std::uint32_t{0}));
-             it != cubes.end() && it->first[0] == low[0] && it->first[1] == low[1] &&
-             it->first[2] <= cube[2] + 1;
-             ++it)
-          if (it->second < i &&
-              norm(s.vertices[points[it->second]] - s.vertices[points[i]]) < distance)
-            groups.unite(it->second, i);
-      }
-}
-
 // Joins points at open edges to the lexicographically smallest one of all that hang together by
 // steps below `distance`.
 void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
@@ -179,7 +151,9 @@ void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
   sort_and_unite(open);
   std::ranges::sort(open, {}, [&](std::uint32_t v) { return s.vertices[v]; });
   DisjointSets groups(open.size());
-  unite_near(s, open, distance, groups);
+  std::vector<Point> points;
+  for (const std::uint32_t v : open) points.push_back(s.vertices[v]);
+  unite_near(points, distance, groups);
   std::vector<std::uint32_t> becomes(s.vertices.size());
   std::iota(becomes.begin(), becomes.end(), 0U);
   for (std::uint32_t i = 0; i < open.size(); ++i) {

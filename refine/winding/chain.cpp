@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <map>
 #include <numeric>
 #include <unordered_map>
@@ -10,6 +9,7 @@
 
 #include "octree/disjoint_sets.h"
 #include "octree/mix.h"
+#include "refine/cure/near_points.h"
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/exact_predicates.h"
 #include "refine/domain/self_intersection.h"
@@ -174,38 +174,6 @@ namespace {
 
 using ChainWay = std::pair<std::uint32_t, std::uint32_t>;  // the smaller vertex first
 
-// Gives each vertex the number of the first that hangs together with it by steps below the
-// distance.
-std::vector<std::uint32_t> first_of_near(const std::vector<Point>& vertices, double distance) {
-  using Cube = std::array<std::int64_t, 3>;
-  std::vector<std::pair<Cube, std::uint32_t>> cubes;
-  cubes.reserve(vertices.size());
-  for (std::uint32_t v = 0; v < vertices.size(); ++v) {
-    const Point p = (1 / distance) * vertices[v];
-    cubes.push_back({{std::llround(std::floor(p.x)), std::llround(std::floor(p.y)),
-                      std::llround(std::floor(p.z))},
-                     v});
-  }
-  std::ranges::sort(cubes);
-  DisjointSets sets(vertices.size());
-  for (const auto& [cube, v] : cubes)
-    for (std::int64_t dx = -1; dx <= 1; ++dx)
-      for (std::int64_t dy = -1; dy <= 1; ++dy) {
-        // Cubes that differ in z alone follow each other.
-        const Cube low = {cube[0] + dx, cube[1] + dy, cube[2] - 1};
-        for (auto it = std::ranges::lower_bound(cubes, std::pair(low, std::uint32_t{0}));
-             it != cubes.end() && it->first[0] == low[0] && it->first[1] == low[1] &&
-             it->first[2] <= cube[2] + 1;
-             ++it)
-          if (it->second < v && norm(vertices[it->second] - vertices[v]) < distance)
-            sets.unite(it->second, v);
-      }
-  std::vector<std::uint32_t> first(vertices.size());
-  for (std::uint32_t v = 0; v < first.size(); ++v)
-    first[v] = static_cast<std::uint32_t>(sets.find(v));
-  return first;
-}
-
 bool has_vertex_twice(const ChainTriangle& t) {
   const auto& [a, b, c] = t.corners;
   return a == b || b == c || c == a;
@@ -268,9 +236,10 @@ bool lead_edges(Chain& chain, double distance) {
 
 void snap(Chain& chain, double distance) {
   constexpr int kMostPasses = 20;
-  const std::vector<std::uint32_t> first = first_of_near(chain.vertices, distance);
+  DisjointSets vertices(chain.vertices.size());
+  unite_near(chain.vertices, distance, vertices);
   for (ChainTriangle& t : chain.triangles)
-    for (std::uint32_t& v : t.corners) v = first[v];
+    for (std::uint32_t& v : t.corners) v = static_cast<std::uint32_t>(vertices.find(v));
   std::erase_if(chain.triangles, has_vertex_twice);
   for (int pass = 0; pass < kMostPasses && lead_edges(chain, distance); ++pass) unite_equal(chain);
 }
