@@ -8,7 +8,7 @@
 #include <string_view>
 #include <utility>
 
-#include "engine/ingest/triangle_soup.h"
+#include "engine/ingest/loose_surface.h"
 #include "engine/plan/run_setup.h"
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
@@ -33,17 +33,6 @@ void require_memory(const std::string& file, const char* what, double bytes, std
                   file, what, mib, cap >> 20, mib,
                   std::string_view(what) == "wrap" ? ", or give a larger --alpha" : ""),
       static_cast<std::uint64_t>(bytes));
-}
-
-LooseSurface load(const RawSurface& raw) {
-  std::vector<Triangle> triangles;
-  triangles.reserve(raw.num_triangles());
-  for (const TriangleList& list : raw.triangles)
-    raw.spill.for_each(list, [&](const Triangle& t) { triangles.push_back(t); });
-  TriangleSoup soup = soup_of(triangles);
-  LooseSurface surface{std::move(soup.vertices), std::move(soup.triangles), {}};
-  for (const Triangle& t : triangles) surface.groups.push_back(t.sheet);
-  return surface;
 }
 
 // Those of the result, which has to be a surface that can be meshed.
@@ -86,7 +75,7 @@ CuredSurface repaired_surface(const SurfaceSource& source, const std::optional<S
     law.weld = kMostWeld * max_norm(raw.box.max - raw.box.min);
     law.is_weld_given = weld.has_value();
     if (weld) law.weld = *weld_length(weld, raw.box);
-    before = load(raw);
+    before = loose_surface(raw.spill, raw.triangles);
     cured.groups = std::move(raw.groups);
   }
   try {
@@ -127,7 +116,7 @@ CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Si
                    static_cast<double>(kCheckBytes + kWrapInputBytes * cured.num_before) +
                        static_cast<double>(kWrapOutputBytes) * num_after,
                    cap);
-    before = load(raw);
+    before = loose_surface(raw.spill, raw.triangles);
   }
   cured.surface = wrap_surface(before.vertices, before.triangles, cured.alpha, cured.offset);
   if (cured.surface.triangles.empty())

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "engine/ingest/body_cuts.h"
+#include "engine/ingest/loose_surface.h"
 #include "engine/ingest/shared_faces.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_groups.h"
@@ -27,7 +28,6 @@
 #include "engine/shared/number_text.h"
 #include "engine/shared/standard_input.h"
 #include "octree/sort_and_unite.h"
-#include "refine/domain/exact_predicates.h"
 #include "refine/winding/inside_surface.h"
 
 namespace locvol {
@@ -125,18 +125,8 @@ class SurfacePreparation {
   void take_what_is_wound_around() {
     share_.require_whole();
     require_memory_for(raw_.num_triangles());
-    LooseSurface found;
-    {
-      std::vector<Triangle> triangles;
-      triangles.reserve(raw_.num_triangles());
-      for (const TriangleList& list : raw_.triangles)
-        raw_.spill.for_each(list, [&](const Triangle& t) { triangles.push_back(t); });
-      TriangleSoup soup = soup_of(triangles);
-      LooseSurface all{std::move(soup.vertices), std::move(soup.triangles), {}};
-      for (const Triangle& t : triangles) all.groups.push_back(t.sheet);
-      triangles = {};
-      found = winding_surface(all, winding_.spacing, wound_, watch_.stop());
-    }
+    const LooseSurface found = winding_surface(loose_surface(raw_.spill, raw_.triangles),
+                                               winding_.spacing, wound_, watch_.stop());
     if (found.triangles.empty())
       refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
     TriangleList list;
@@ -157,7 +147,7 @@ class SurfacePreparation {
   }
 
   void require_memory_for(std::uint64_t num_triangles) const {
-    constexpr std::uint64_t kBytes = 1200;  // of a triangle, measured; see README.md
+    constexpr std::uint64_t kBytes = 1200;  // of a triangle; see README.md
     const std::uint64_t bytes = kBytes * num_triangles;
     if (bytes <= winding_.cap) return;
     throw OverBudget(
