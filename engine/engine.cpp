@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/cad_input.h"
 #include "engine/ingest/option_files.h"
 #include "engine/plan/run_setup.h"
 #include "engine/plan/same_run.h"
@@ -71,9 +72,11 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
   return summary;
 }
 
-RunSummary mesh(const SurfaceSource& surface, const MeshOptions& options, const RunControl& control,
+RunSummary mesh(const SurfaceSource& surface, const MeshOptions& asked, const RunControl& control,
                 const StopSource& stop, Phase until = Phase::kDone) {
   const WorkClock clock;
+  MeshOptions options = asked;
+  settle_faces(surface, options, memory_cap(control.memory_bytes), &stop);
   if (const auto held = run_to_go_on_with(surface, options, stop)) {
     Store store = Store::open(options.store);
     if (control.on_run) control.on_run(*held);
@@ -121,6 +124,7 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
             ? surface_in_standard_input(directory)
             : surface_at(held->surface.file, {more.begin(), more.end()}, directory);
     try {
+      cut_faces_for(surface, held->parameters, memory_cap(control.memory_bytes), &stop);
       store = ingested(
           surface, directory,
           [&](const std::string& digest, const Box&) {

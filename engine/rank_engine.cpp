@@ -11,6 +11,7 @@
 
 #include "engine/exchange/hosted_ranks.h"
 #include "engine/exchange/recorded_exchange.h"
+#include "engine/ingest/cad_input.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/phases.h"
 #include "engine/plan/run_setup.h"
@@ -270,12 +271,17 @@ RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, E
       options, control, exchange);
 }
 
-RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& options,
+RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& asked,
                         const RunControl& control, Exchange& exchange) {
-  require_for_ranks(options);
+  require_for_ranks(asked);
   return in_turns(
       for_rank(control, exchange), [&](const RunControl& in_turn, const StopSource& stop) {
         const WorkClock clock;
+        MeshOptions options = asked;  // the first rank's are those of the run
+        do_on_all(exchange, [&] {
+          if (exchange.rank() == 0)
+            settle_faces(surface, options, memory_cap(in_turn.memory_bytes), &stop);
+        });
         std::optional<HeldRun> held = run_to_go_on_with(surface, options, exchange, stop);
         if (!held) ingest_for_ranks(surface, options, in_turn, exchange, stop);
         surface.release();

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "engine/ingest/cad_file.h"
 #include "engine/ingest/gzip_reader.h"
 #include "engine/ingest/input_file.h"
 #include "engine/ingest/surface_formats.h"
@@ -29,7 +30,10 @@ enum class SurfaceFormat {
   kGmsh,
   k3mf,
   kGlb,
-  kGltf
+  kGltf,
+  kStep,  // these three are read by CadFile
+  kIges,
+  kBrep
 };
 
 constexpr std::size_t kPeekBytes = std::size_t{1} << 16;
@@ -40,7 +44,7 @@ struct FormatNames {
   const char* name;
   std::string_view extension;
 };
-constexpr std::array<FormatNames, 11> kFormats = {{
+constexpr std::array<FormatNames, 17> kFormats = {{
     {SurfaceFormat::kBinaryStl, "binary STL", ".stl"},
     {SurfaceFormat::kAsciiStl, "ASCII STL", ".stl"},
     {SurfaceFormat::kObj, "OBJ", ".obj"},
@@ -52,6 +56,12 @@ constexpr std::array<FormatNames, 11> kFormats = {{
     {SurfaceFormat::k3mf, "3MF", ".3mf"},
     {SurfaceFormat::kGlb, "binary glTF", ".glb"},
     {SurfaceFormat::kGltf, "glTF", ".gltf"},
+    {SurfaceFormat::kStep, "STEP", ".step"},
+    {SurfaceFormat::kStep, "STEP", ".stp"},
+    {SurfaceFormat::kIges, "IGES", ".igs"},
+    {SurfaceFormat::kIges, "IGES", ".iges"},
+    {SurfaceFormat::kBrep, "BREP", ".brep"},
+    {SurfaceFormat::kBrep, "BREP", ".brp"},
 }};
 
 const FormatNames& names_of(SurfaceFormat format) {
@@ -164,12 +174,25 @@ std::optional<SurfaceFormat> format_of_text(std::string_view text) {
   return std::nullopt;
 }
 
+SurfaceFormat format_of_cad(CadFormat format) {
+  switch (format) {
+    case CadFormat::kStep:
+      return SurfaceFormat::kStep;
+    case CadFormat::kIges:
+      return SurfaceFormat::kIges;
+    case CadFormat::kBrep:
+      break;
+  }
+  return SurfaceFormat::kBrep;
+}
+
 // Takes a byte order mark off what is text.
 std::optional<SurfaceFormat> format_of_content(InputFile& file) {
   constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
   if (is_binary_stl(file)) return SurfaceFormat::kBinaryStl;  // before "solid": those may begin so
   const std::string_view head = file.peek(kPeekBytes);
   if (head.starts_with("glTF")) return SurfaceFormat::kGlb;
+  if (const auto cad = cad_format_of(head)) return format_of_cad(*cad);
   if (is_3mf(file)) return SurfaceFormat::k3mf;
   refuse_packed(file, head);
   refuse_wide_text(file, head);
@@ -201,15 +224,25 @@ SurfaceFormat format_of(InputFile& file) {
   const auto by_content = format_of_content(file);
   const bool has_text = is_text(file.peek(kPeekBytes));
   const auto by_name = format_of_extension(named, has_text);
-  if (by_content && by_name && extension(*by_content) != named)
+  if (by_content && by_name && extension(*by_content) != extension(*by_name))
     file.refuse(fmt::format("holds {} data but is named {}; rename it to {}", name(*by_content),
                             named, extension(*by_content)));
   if (by_content) return *by_content;
   if (by_name) return *by_name;
   // What has no name, as from a pipe, may be binary STL that is odd or cut off.
   if (!named.empty() || has_text || file.size() < kLeastStlBytes)
-    file.refuse("is in no known format; convert it to STL, OBJ, OFF, PLY, VTP, Gmsh, 3MF or GLB");
+    file.refuse(
+        "is in no known format; convert it to STEP, STL, OBJ, OFF, PLY, VTP, Gmsh, 3MF "
+        "or GLB");
   return SurfaceFormat::kBinaryStl;
+}
+
+// What holds faces goes to CadFile; here comes what is only named so.
+[[noreturn]] void refuse_faces(const InputFile& file, const char* format, const char* begin) {
+  file.refuse(
+      fmt::format("is named as a {} file, but holds none: it does not begin with {}; fetch or "
+                  "export it again",
+                  format, begin));
 }
 
 InputFile opened(std::shared_ptr<const InputBytes> bytes, const StopToken* stop) {
@@ -278,6 +311,12 @@ std::string parse_surface(std::shared_ptr<const InputBytes> bytes, SurfaceSink& 
     case SurfaceFormat::kGltf:
       parse_gltf(file, sink);
       break;
+    case SurfaceFormat::kStep:
+      refuse_faces(file, "STEP", "ISO-10303-21;");
+    case SurfaceFormat::kIges:
+      refuse_faces(file, "IGES", "a line of section S");
+    case SurfaceFormat::kBrep:
+      refuse_faces(file, "BREP", "DBRep_DrawableShape, or CASCADE Topology");
   }
   return file.digest();
 }

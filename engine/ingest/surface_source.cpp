@@ -7,12 +7,15 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/cad_file.h"
 #include "engine/ingest/input_bytes.h"
 #include "engine/ingest/input_file.h"
 #include "engine/plan/disk_room.h"
@@ -99,34 +102,88 @@ std::string digest_of_triangles(const TriangleSource& triangles, const StopToken
 
 using OpenInput = std::function<InputBytes(const StopToken* stop)>;
 
-// Opened anew each time, but for what can be read only once.
-SurfaceSource source_of_input(std::string name, std::filesystem::path file, const OpenInput& open) {
-  const auto copy = std::make_shared<std::shared_ptr<const InputBytes>>();
-  const auto bytes = [open, copy](const StopToken* stop) {
-    if (*copy) return *copy;
-    auto opened = std::make_shared<const InputBytes>(open(stop));
-    if (opened->is_copy()) *copy = opened;
+// An input's bytes, opened anew each time, but for what can be read only once; and of a CAD file,
+// its bodies.
+class InputState {
+ public:
+  InputState(OpenInput open, std::filesystem::path directory)
+      : open_(std::move(open)), directory_(std::move(directory)) {}
+
+  std::string parse(SurfaceSink& sink, const StopToken* stop) {
+    if (CadFile* const file = cad_file(0, stop)) {
+      file->parse(cut_, sink, stop);
+      return file->digest();
+    }
+    return parse_surface(bytes(stop), sink, stop);
+  }
+  std::string digest(const StopToken* stop) {
+    if (cad_) return cad_->digest();
+    const auto opened = bytes(stop);
+    return cad_format_of(opened) ? digest_of_cad(opened, stop) : InputFile(opened, stop).digest();
+  }
+  // Null: it is none.
+  CadFile* cad_file(std::uint64_t cap, const StopToken* stop) {
+    if (cad_) return &*cad_;
+    const auto opened = bytes(stop);
+    if (const auto format = cad_format_of(opened))
+      cad_.emplace(opened, *format, existing_directory(directory_), cap, stop);
+    return cad_ ? &*cad_ : nullptr;
+  }
+  void cut_faces(const CadCut& cut) { cut_ = cut; }
+  void release() {
+    copy_.reset();
+    cad_.reset();
+  }
+
+ private:
+  std::shared_ptr<const InputBytes> bytes(const StopToken* stop) {
+    if (copy_) return copy_;
+    auto opened = std::make_shared<const InputBytes>(open_(stop));
+    if (opened->is_copy()) copy_ = opened;
     return opened;
-  };
-  return {std::move(name), std::move(file),
-          [bytes](SurfaceSink& sink, const StopToken* stop) {
-            return parse_surface(bytes(stop), sink, stop);
-          },
-          [bytes](const StopToken* stop) { return InputFile(bytes(stop), stop).digest(); },
-          [copy] { copy->reset(); }};
+  }
+
+  OpenInput open_;
+  std::filesystem::path directory_;
+  std::shared_ptr<const InputBytes> copy_;
+  std::optional<CadFile> cad_;
+  CadCut cut_;
+};
+
+Box box_of(const CadFacts& facts) {
+  return {{facts.min[0], facts.min[1], facts.min[2]}, {facts.max[0], facts.max[1], facts.max[2]}};
+}
+
+SurfaceSource source_of_input(std::string name, std::filesystem::path file,
+                              const std::filesystem::path& directory, const OpenInput& open) {
+  const auto state = std::make_shared<InputState>(open, directory);
+  return {.name = std::move(name),
+          .file = std::move(file),
+          .parse = [state](SurfaceSink& sink,
+                           const StopToken* stop) { return state->parse(sink, stop); },
+          .digest = [state](const StopToken* stop) { return state->digest(stop); },
+          .release = [state] { state->release(); },
+          .curved =
+              [state](std::uint64_t cap, const StopToken* stop) {
+                const CadFile* const cad = state->cad_file(cap, stop);
+                return cad == nullptr ? std::nullopt
+                                      : std::optional(CurvedFaces{box_of(cad->facts()),
+                                                                  cad->facts().num_bodies});
+              },
+          .cut_faces = [state](const CadCut& cut) { state->cut_faces(cut); }};
 }
 
 }  // namespace
 
 SurfaceSource surface_in_file(const std::filesystem::path& file,
                               const std::filesystem::path& directory) {
-  return source_of_input(file.string(), file, [file, directory](const StopToken* stop) {
+  return source_of_input(file.string(), file, directory, [file, directory](const StopToken* stop) {
     return InputBytes(file, existing_directory(directory), stop);
   });
 }
 
 SurfaceSource surface_in_standard_input(const std::filesystem::path& directory) {
-  return source_of_input(kStandardInput, {}, [directory](const StopToken* stop) {
+  return source_of_input(kStandardInput, {}, directory, [directory](const StopToken* stop) {
     return InputBytes::of_standard_input(existing_directory(directory), stop);
   });
 }
@@ -164,28 +221,77 @@ std::string digest_of_files(const std::vector<BodyFile>& files,
   return hash.hex_digest();
 }
 
+// The box of what is parsed.
+class BoxSink : public SurfaceSink {
+ public:
+  void vertex(const Point& position) override { add(position); }
+  void polygon(std::span<const std::uint64_t>, const FilePlace&) override {}
+  void facet(const std::array<Point, 3>& corners) override {
+    for (const Point& p : corners) add(p);
+  }
+  std::optional<Box> box;
+
+ private:
+  void add(const Point& p) { box = box ? box->joined({p, p}) : Box{p, p}; }
+};
+
+// If one has curved faces; the box is of all.
+std::optional<CurvedFaces> curved_faces(const std::vector<BodyFile>& files, std::uint64_t cap,
+                                        const StopToken* stop) {
+  std::vector<const SurfaceSource*> others;
+  BoxSink all;
+  std::uint64_t num_bodies = 0;
+  for (const BodyFile& file : files) {
+    const auto curved = file.source.curved(cap, stop);
+    if (!curved) {
+      others.push_back(&file.source);
+      continue;
+    }
+    num_bodies += curved->num_bodies;
+    all.box = all.box ? all.box->joined(curved->box) : curved->box;
+  }
+  if (others.size() == files.size()) return std::nullopt;
+  for (const SurfaceSource* other : others) other->parse(all, stop);
+  return CurvedFaces{*all.box, num_bodies + others.size()};
+}
+
+// A file of several bodies tells of each itself.
+bool has_own_bodies(const SurfaceSource& source, const StopToken* stop) {
+  const auto curved = source.curved(0, stop);
+  return curved && curved->num_bodies > 1;
+}
+
 SurfaceSource surface_in_files(std::vector<BodyFile> bodies) {
   std::vector<std::string> names;
   for (const BodyFile& body : bodies) names.push_back(body.file);
   const auto files = std::make_shared<const std::vector<BodyFile>>(std::move(bodies));
-  return {fmt::format("{}", fmt::join(names, ", ")),
-          {},
-          [files](SurfaceSink& sink, const StopToken* stop) {
-            std::vector<std::string> digests;
-            for (const auto& [body, file, source] : *files) {
-              sink.body(body, file);
-              digests.push_back(source.parse(sink, stop));
-            }
-            return digest_of_files(*files, digests);
-          },
-          [files](const StopToken* stop) {
-            std::vector<std::string> digests;
-            for (const BodyFile& body : *files) digests.push_back(body.source.digest(stop));
-            return digest_of_files(*files, digests);
-          },
-          [files] {
-            for (const BodyFile& body : *files) body.source.release();
-          }};
+  return {.name = fmt::format("{}", fmt::join(names, ", ")),
+          .file = {},
+          .parse =
+              [files](SurfaceSink& sink, const StopToken* stop) {
+                std::vector<std::string> digests;
+                for (const auto& [body, file, source] : *files) {
+                  if (!has_own_bodies(source, stop)) sink.body(body, file);
+                  digests.push_back(source.parse(sink, stop));
+                }
+                return digest_of_files(*files, digests);
+              },
+          .digest =
+              [files](const StopToken* stop) {
+                std::vector<std::string> digests;
+                for (const BodyFile& body : *files) digests.push_back(body.source.digest(stop));
+                return digest_of_files(*files, digests);
+              },
+          .release =
+              [files] {
+                for (const BodyFile& body : *files) body.source.release();
+              },
+          .curved = [files](std::uint64_t cap,
+                            const StopToken* stop) { return curved_faces(*files, cap, stop); },
+          .cut_faces =
+              [files](const CadCut& cut) {
+                for (const BodyFile& body : *files) body.source.cut_faces(cut);
+              }};
 }
 
 }  // namespace
@@ -211,12 +317,13 @@ SurfaceSource surface_at(const std::filesystem::path& input,
 }
 
 SurfaceSource surface_in_memory(TriangleSource triangles) {
-  return {kInMemory,
-          {},
-          [triangles](SurfaceSink& sink, const StopToken* stop) {
-            return parse_triangles(triangles, sink, stop);
-          },
-          [triangles](const StopToken* stop) { return digest_of_triangles(triangles, stop); }};
+  return {.name = kInMemory,
+          .file = {},
+          .parse = [triangles](
+                       SurfaceSink& sink,
+                       const StopToken* stop) { return parse_triangles(triangles, sink, stop); },
+          .digest =
+              [triangles](const StopToken* stop) { return digest_of_triangles(triangles, stop); }};
 }
 
 }  // namespace locvol

@@ -3,16 +3,25 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "engine/ingest/cad_file.h"
 #include "engine/ingest/surface_reader.h"
 #include "octree/geometry.h"
 
 namespace locvol {
+
+// What is known of curved faces before they are cut into triangles.
+struct CurvedFaces {
+  Box box;
+  std::uint64_t num_bodies = 0;
+};
 
 struct SurfaceSource {
   std::string name;            // for messages
@@ -24,6 +33,13 @@ struct SurfaceSource {
   std::function<std::string(const StopToken* stop)> digest;
   // Nobody is going to call them again: a copy of what came through a pipe can go.
   std::function<void()> release = [] {};
+  // Nothing: it has triangles. Else bodies with curved faces are in memory from now on; of several
+  // files, the box is that of all. `cap`: on the memory of the process; 0: any. Throws InputError,
+  // OverBudget, Stopped.
+  std::function<std::optional<CurvedFaces>(std::uint64_t cap, const StopToken* stop)> curved =
+      [](std::uint64_t, const StopToken*) { return std::optional<CurvedFaces>(); };
+  // How parse() is to cut them; nothing of triangles. See settle_faces().
+  std::function<void(const CadCut&)> cut_faces = [](const CadCut&) {};
 };
 
 // See parse_surface() and InputBytes. The digest is that of parse_surface(). What is read through a

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/ingest/cad_input.h"
 #include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/polyline_file.h"
 #include "engine/ingest/sheet_plan.h"
@@ -14,7 +15,9 @@
 namespace locvol {
 
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
-                               IngestWatch& watch, Workers& workers, const SurveyLaw& law) {
+                               IngestWatch& watch, Workers& workers, const SurveyLaw& asked) {
+  SurveyLaw law = asked;
+  settle_faces(source, law, watch.stop());
   RawSurface raw = read_surface(source, directory, watch);
   SurveyedSurface survey;
   survey.digest = raw.digest;

@@ -1,0 +1,408 @@
+#include "cad/shape_file.h"
+
+#include <BRepBuilderAPI_Sewing.hxx>
+#include <BRepTools.hxx>
+#include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
+#include <IGESCAFControl_Reader.hxx>
+#include <IGESControl_Controller.hxx>
+#include <IGESData_IGESEntity.hxx>
+#include <IGESData_IGESModel.hxx>
+#include <Interface_Static.hxx>
+#include <Quantity_Color.hxx>
+#include <STEPCAFControl_Reader.hxx>
+#include <STEPControl_Controller.hxx>
+#include <ShapeFix_Shell.hxx>
+#include <StepRepr_RepresentationItem.hxx>
+#include <TColStd_SequenceOfAsciiString.hxx>
+#include <TCollection_HAsciiString.hxx>
+#include <TDF_LabelSequence.hxx>
+#include <TDataStd_Name.hxx>
+#include <TDocStd_Document.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Compound.hxx>
+#include <TopoDS_Iterator.hxx>
+#include <TransferBRep.hxx>
+#include <Transfer_TransientProcess.hxx>
+#include <XCAFApp_Application.hxx>
+#include <XCAFDoc_ColorTool.hxx>
+#include <XCAFDoc_DocumentTool.hxx>
+#include <XCAFDoc_ShapeTool.hxx>
+#include <XSControl_TransferReader.hxx>
+#include <XSControl_WorkSession.hxx>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+#include <string_view>
+
+#include "cad/watched.h"
+
+namespace locvol::cad {
+namespace {
+
+// What writers put where a name is to be, and none is.
+std::string real_name(std::string_view name) {
+  const auto is_blank = [](char c) { return c == ' ' || c == '\t'; };
+  while (!name.empty() && is_blank(name.front())) name.remove_prefix(1);
+  while (!name.empty() && is_blank(name.back())) name.remove_suffix(1);
+  if (name == "NONE" || name == "None" || name == "none" || name == "UNKNOWN") return {};
+  return std::string(name);
+}
+
+std::string text_of(const TCollection_ExtendedString& name) {
+  std::string text(static_cast<std::size_t>(name.LengthOfCString()) + 1, '\0');
+  Standard_PCharacter place = text.data();
+  name.ToUTF8CString(place);
+  return real_name(text.c_str());
+}
+
+std::string name_of(const TDF_Label& label) {
+  Handle(TDataStd_Name) name;
+  if (!label.FindAttribute(TDataStd_Name::GetID(), name)) return {};
+  const std::string text = text_of(name->Get());
+  // What OpenCASCADE gives to what has no name.
+  for (const char* made_up : {"SOLID", "COMPOUND", "SHELL", "COMPSOLID", "Open CASCADE STEP"})
+    if (text.starts_with(made_up)) return {};
+  return text;
+}
+
+CadColor color_of(const Quantity_Color& color) {
+  double red = 0, green = 0, blue = 0;
+  color.Values(red, green, blue, Quantity_TOC_sRGB);
+  const auto byte = [](double v) {
+    return static_cast<std::uint8_t>(std::lround(255 * std::clamp(v, 0.0, 1.0)));
+  };
+  return {byte(red), byte(green), byte(blue)};
+}
+
+// ---- The document
+
+// Solids, and shells that are closed, bound a body each. Faces that are in none are sewn where they
+// nearly meet; what is closed then is one body. If there is none at all, they are taken as they
+// are.
+class PartCollector {
+ public:
+  PartCollector(ShapeFile& file, CadWatch& watch) : file_(file), watch_(watch) {
+    BRep_Builder().MakeCompound(loose_);
+  }
+
+  void add_part(const TopoDS_Shape& placed, const std::string& name,
+                const std::optional<CadColor>& color) {
+    require_time(watch_);
+    const TopoDS_Shape shape = placed.Located(TopLoc_Location());
+    Part part{{}, placed.Location().Transformation()};
+    const auto add = [&](const TopoDS_Shape& body) {
+      Body added{body, name, color};
+      const void* key = body.TShape().get();
+      if (const auto own = file_.names.find(key); own != file_.names.end())
+        added.name = own->second;
+      if (const auto own = file_.colors.find(key); own != file_.colors.end())
+        added.color = own->second;
+      part.bodies.push_back(added);
+    };
+    for (TopExp_Explorer s(shape, TopAbs_SOLID); s.More(); s.Next())
+      if (TopExp_Explorer(s.Current(), TopAbs_FACE).More()) add(s.Current());
+    for (TopExp_Explorer s(shape, TopAbs_SHELL, TopAbs_SOLID); s.More(); s.Next())
+      if (BRep_Tool::IsClosed(s.Current()))
+        add(s.Current());
+      else
+        add_loose(s.Current().Moved(placed.Location()), TopAbs_SHAPE);
+    add_loose(placed, TopAbs_SHELL);
+    if (!part.bodies.empty()) file_.parts.push_back(part);
+  }
+
+  void finish() {
+    if (num_loose_ == 0) return;
+    const TopoDS_Shape sewn = sewn_faces();
+    if (!sewn.IsNull())
+      file_.parts.push_back({{{sewn, {}, {}}}, gp_Trsf()});
+    else if (file_.parts.empty())
+      file_.parts.push_back({{{loose_, {}, {}}}, gp_Trsf()});
+    else
+      watch_.note("left out " + std::to_string(num_loose_) +
+                  (num_loose_ == 1 ? " face that bounds" : " faces that bound") + " no body");
+  }
+
+ private:
+  void add_loose(const TopoDS_Shape& shape, TopAbs_ShapeEnum avoid) {
+    for (TopExp_Explorer f(shape, TopAbs_FACE, avoid); f.More(); f.Next()) {
+      BRep_Builder().Add(loose_, f.Current());
+      ++num_loose_;
+    }
+  }
+
+  // Null: that closes nothing. The tolerance is the file's own.
+  TopoDS_Shape sewn_faces() {
+    constexpr double kLeast = 1e-6;  // millimeters
+    double tolerance = kLeast;
+    for (TopExp_Explorer e(loose_, TopAbs_EDGE); e.More(); e.Next())
+      tolerance = std::max(tolerance, BRep_Tool::Tolerance(TopoDS::Edge(e.Current())));
+    BRepBuilderAPI_Sewing sewing(tolerance);
+    for (TopoDS_Iterator f(loose_); f.More(); f.Next()) sewing.Add(f.Value());
+    const Handle(WatchedProgress) progress = new WatchedProgress(watch_);
+    sewing.Perform(progress->Start());
+    require_time(watch_);
+    TopoDS_Compound closed;
+    BRep_Builder().MakeCompound(closed);
+    int num_closed = 0;
+    for (TopExp_Explorer s(sewing.SewedShape(), TopAbs_SHELL); s.More(); s.Next())
+      if (BRep_Tool::IsClosed(s.Current())) {
+        BRep_Builder().Add(closed, s.Current());
+        ++num_closed;
+      }
+    if (num_closed == 0) return {};
+    for (TopoDS_Iterator f(loose_); f.More(); f.Next()) keep_name(f.Value(), sewing);
+    std::ostringstream text;
+    text << "sewed " << num_loose_ << " faces that were in no solid, where they are closer than "
+         << tolerance / file_.unit_mm;
+    watch_.note(text.str());
+    return closed;
+  }
+
+  void keep_name(const TopoDS_Shape& face, BRepBuilderAPI_Sewing& sewing) {
+    const void* before = face.TShape().get();
+    const void* now = sewing.Modified(face).TShape().get();
+    if (const auto name = file_.names.find(before); name != file_.names.end())
+      file_.names.emplace(now, std::string(name->second));
+    if (const auto color = file_.colors.find(before); color != file_.colors.end())
+      file_.colors.emplace(now, CadColor(color->second));
+  }
+
+  ShapeFile& file_;
+  CadWatch& watch_;
+  TopoDS_Compound loose_;
+  std::size_t num_loose_ = 0;
+};
+
+class DocumentReader {
+ public:
+  DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, CadWatch& watch,
+                 ShapeFile& file)
+      : shapes_(XCAFDoc_DocumentTool::ShapeTool(document->Main())),
+        colors_(XCAFDoc_DocumentTool::ColorTool(document->Main())),
+        parts_(parts),
+        watch_(watch),
+        file_(file) {}
+
+  void run() {
+    TDF_LabelSequence labels;
+    shapes_->GetFreeShapes(labels);
+    for (int i = 1; i <= labels.Length(); ++i) visit(labels.Value(i), TopLoc_Location(), {}, {});
+  }
+
+ private:
+  void visit(const TDF_Label& label, const TopLoc_Location& place, std::string name,
+             std::optional<CadColor> color) {
+    require_time(watch_);
+    if (const std::string own = name_of(label); !own.empty()) name = own;
+    if (const auto own = color_at(label)) color = own;
+    TDF_Label referred;
+    if (XCAFDoc_ShapeTool::IsReference(label) &&
+        XCAFDoc_ShapeTool::GetReferredShape(label, referred))
+      return visit(referred, place * XCAFDoc_ShapeTool::GetLocation(label), name, color);
+    if (XCAFDoc_ShapeTool::IsAssembly(label)) {
+      TDF_LabelSequence components;
+      XCAFDoc_ShapeTool::GetComponents(label, components);
+      for (int i = 1; i <= components.Length(); ++i) visit(components.Value(i), place, name, color);
+      return;
+    }
+    const TopoDS_Shape shape = XCAFDoc_ShapeTool::GetShape(label);
+    if (shape.IsNull()) return;
+    take_subshapes(label);
+    parts_.add_part(shape.Located(place * shape.Location()), name, color);
+  }
+
+  void take_subshapes(const TDF_Label& label) {
+    TDF_LabelSequence labels;
+    XCAFDoc_ShapeTool::GetSubShapes(label, labels);
+    for (int i = 1; i <= labels.Length(); ++i) {
+      const void* key = XCAFDoc_ShapeTool::GetShape(labels.Value(i)).TShape().get();
+      if (const std::string name = name_of(labels.Value(i)); !name.empty()) file_.names[key] = name;
+      if (const auto color = color_at(labels.Value(i))) file_.colors[key] = *color;
+    }
+  }
+
+  std::optional<CadColor> color_at(const TDF_Label& label) const {
+    Quantity_Color color;
+    for (const XCAFDoc_ColorType type : {XCAFDoc_ColorSurf, XCAFDoc_ColorGen})
+      if (colors_->GetColor(label, type, color)) return color_of(color);
+    return std::nullopt;
+  }
+
+  Handle(XCAFDoc_ShapeTool) shapes_;
+  Handle(XCAFDoc_ColorTool) colors_;
+  PartCollector& parts_;
+  CadWatch& watch_;
+  ShapeFile& file_;
+};
+
+Handle(TDocStd_Document) new_document() {
+  Handle(TDocStd_Document) document;
+  XCAFApp_Application::GetApplication()->NewDocument("MDTV-XCAF", document);
+  return document;
+}
+
+// Names that entities have, for the faces and solids that were made of them.
+template <class NameOf>
+void take_names(const Handle(XSControl_WorkSession) & session, ShapeFile& file,
+                const NameOf& name_of_entity) {
+  const Handle(Transfer_TransientProcess)& process = session->TransferReader()->TransientProcess();
+  if (process.IsNull()) return;
+  for (int i = 1; i <= process->NbMapped(); ++i) {
+    const std::string name = name_of_entity(process->Mapped(i));
+    if (name.empty()) continue;
+    const TopoDS_Shape shape = TransferBRep::ShapeResult(process, process->Mapped(i));
+    if (shape.IsNull()) continue;
+    if (shape.ShapeType() == TopAbs_FACE || shape.ShapeType() == TopAbs_SOLID)
+      file.names.emplace(shape.TShape().get(), name);
+  }
+}
+
+// ---- STEP
+
+struct Unit {
+  std::string_view spelled, name;
+  double millimeters;
+};
+constexpr std::array<Unit, 16> kUnits = {{{"millimetre", "mm", 1},
+                                          {"MILLIMETRE", "mm", 1},
+                                          {"centimetre", "cm", 10},
+                                          {"decimetre", "dm", 100},
+                                          {"metre", "m", 1000},
+                                          {"METRE", "m", 1000},
+                                          {"kilometre", "km", 1e6},
+                                          {"micrometre", "µm", 1e-3},
+                                          {"nanometre", "nm", 1e-6},
+                                          {"inch", "inch", 25.4},
+                                          {"INCH", "inch", 25.4},
+                                          {"INCHES", "inch", 25.4},
+                                          {"foot", "ft", 304.8},
+                                          {"FOOT", "ft", 304.8},
+                                          {"MILLIMETER", "mm", 1},
+                                          {"mile", "mile", 1609344}}};
+
+// OpenCASCADE gives millimeters. If all of the file is in another unit, its own are made of them.
+void take_unit(STEPControl_Reader& reader, ShapeFile& file, CadWatch& watch) {
+  TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
+  reader.FileUnits(lengths, angles, solid_angles);
+  file.unit = "mm";
+  if (lengths.IsEmpty()) return;
+  const std::string_view first = lengths.First().ToCString();
+  for (int i = 2; i <= lengths.Length(); ++i)
+    if (lengths.Value(i).ToCString() != first) {
+      watch.note("has lengths of several units: its coordinates are taken in millimeters");
+      return;
+    }
+  const auto unit = std::ranges::find(kUnits, first, &Unit::spelled);
+  if (unit == kUnits.end()) {
+    watch.note("has lengths in '" + std::string(first) +
+               "': its coordinates are taken in millimeters");
+    return;
+  }
+  file.unit = unit->name;
+  file.unit_mm = unit->millimeters;
+}
+
+[[noreturn]] void refuse_unread(const char* format, const KeptMessages& messages) {
+  const std::string place = messages.first_failure();
+  throw Refusal("is no " + std::string(format) + " file that OpenCASCADE can read" +
+                (place.empty() ? "" : " (" + place + ")") +
+                ": it is cut off, or damaged; fetch or export it again");
+}
+
+void read_step(const std::string& path, ShapeFile& file, PartCollector& parts, CadWatch& watch) {
+  const KeptMessages messages;
+  STEPCAFControl_Reader reader;
+  reader.SetLayerMode(false);
+  reader.SetPropsMode(false);
+  Interface_Static::SetCVal("xstep.cascade.unit", "MM");
+  WatchedFile bytes(path, watch);
+  std::istream stream(&bytes);
+  const IFSelect_ReturnStatus status = reader.ChangeReader().ReadStream(path.c_str(), stream);
+  require_time(watch);
+  if (status != IFSelect_RetDone) refuse_unread("STEP", messages);
+  take_unit(reader.ChangeReader(), file, watch);
+  Handle(TDocStd_Document) document = new_document();
+  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
+  const bool is_done = reader.Transfer(document, progress->Start());
+  require_time(watch);
+  if (!is_done) throw Refusal("has no shape: export the solids of the model");
+  take_names(reader.Reader().WS(), file, [](const Handle(Standard_Transient) & entity) {
+    const auto item = Handle(StepRepr_RepresentationItem)::DownCast(entity);
+    return item.IsNull() || item->Name().IsNull() ? std::string()
+                                                  : real_name(item->Name()->ToCString());
+  });
+  DocumentReader(document, parts, watch, file).run();
+  document->Close();
+}
+
+// ---- IGES
+
+void read_iges(const std::string& path, ShapeFile& file, PartCollector& parts, CadWatch& watch) {
+  const KeptMessages messages;
+  IGESCAFControl_Reader reader;
+  Interface_Static::SetCVal("xstep.cascade.unit", "MM");
+  const IFSelect_ReturnStatus status = reader.ReadFile(path.c_str());
+  require_time(watch);
+  if (status != IFSelect_RetDone) refuse_unread("IGES", messages);
+  const Handle(IGESData_IGESModel) model = reader.IGESModel();
+  const double unit = model->GlobalSection().UnitValue();
+  file.unit = "mm";
+  if (unit > 0) {
+    const auto known = std::ranges::find(kUnits, unit, &Unit::millimeters);
+    file.unit_mm = unit;
+    file.unit = known == kUnits.end() ? std::to_string(unit) + " mm" : std::string(known->name);
+  }
+  Handle(TDocStd_Document) document = new_document();
+  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
+  const bool is_done = reader.Transfer(document, progress->Start());
+  require_time(watch);
+  if (!is_done) throw Refusal("has no shape: export the solids of the model");
+  take_names(reader.WS(), file, [](const Handle(Standard_Transient) & entity) {
+    const auto item = Handle(IGESData_IGESEntity)::DownCast(entity);
+    return item.IsNull() || !item->HasName() ? std::string()
+                                             : real_name(item->NameValue()->ToCString());
+  });
+  DocumentReader(document, parts, watch, file).run();
+  document->Close();
+}
+
+// ---- BREP
+
+void read_brep(const std::string& path, PartCollector& parts, CadWatch& watch) {
+  const KeptMessages messages;
+  WatchedFile bytes(path, watch);
+  std::istream stream(&bytes);
+  TopoDS_Shape shape;
+  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
+  BRepTools::Read(shape, stream, BRep_Builder(), progress->Start());
+  require_time(watch);
+  if (shape.IsNull()) refuse_unread("BREP", messages);
+  parts.add_part(shape, {}, {});
+}
+
+}  // namespace
+
+ShapeFile read_shapes(const std::string& path, CadFormat format, CadWatch& watch) {
+  ShapeFile file;
+  PartCollector parts(file, watch);
+  switch (format) {
+    case CadFormat::kStep:
+      read_step(path, file, parts, watch);
+      break;
+    case CadFormat::kIges:
+      read_iges(path, file, parts, watch);
+      break;
+    case CadFormat::kBrep:
+      read_brep(path, parts, watch);
+      break;
+  }
+  parts.finish();
+  if (file.parts.empty())
+    throw Refusal("has no faces: export the solids of the model, not its lines or drawings");
+  return file;
+}
+
+}  // namespace locvol::cad

@@ -1,0 +1,74 @@
+#include "engine/ingest/cad_input.h"
+
+#include <algorithm>
+
+#include "engine/plan/run_setup.h"
+
+namespace locvol {
+namespace {
+
+// Over λ and the deviation. With a hundredth of λ, triangles are as many as the mesh's facets where
+// the surface is flat to λ/8 within λ, and the mesh's own distance from the surface is larger.
+constexpr double kOfSize = 0.01, kOfDeviation = 0.2;
+// Degrees: small circles have 18 edges, and no edge within a face is taken for a sharp one.
+constexpr double kMostAngle = 20;
+// Over the longest side of the box: λ, where none is given.
+constexpr double kUsualSize = 0.01;
+
+CadLaw law_for(double size, double deviation, double per_circle) {
+  CadLaw law{kOfSize * size, kMostAngle};
+  if (deviation > 0) law.deflection = std::min(law.deflection, kOfDeviation * deviation);
+  if (per_circle > 0) law.angle_degrees = std::min(law.angle_degrees, 180 / per_circle);
+  return law;
+}
+
+void make_length(Size& size, const Box& box) {
+  if (size.is_percent && size.value > 0) size = Size::length(absolute_size(size, box));
+}
+
+double usual_size(const Box& box) { return kUsualSize * max_norm(box.max - box.min); }
+
+}  // namespace
+
+void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64_t cap,
+                  const StopToken* stop) {
+  const auto curved = source.curved(cap, stop);
+  if (!curved) return;
+  make_length(options.size, curved->box);
+  make_length(options.deviation, curved->box);
+  double least = options.size.value > 0 ? options.size.value : usual_size(curved->box);
+  const auto take = [&](Size& size) {
+    make_length(size, curved->box);
+    if (size.value > 0) least = std::min(least, size.value);
+  };
+  for (SizedPart& sheet : options.sheets) take(sheet.size);
+  for (SizedPart& body : options.bodies) take(body.size);
+  for (SizedShape& shape : options.shapes) take(shape.size);
+  // Winding numbers and paper mode know one body.
+  const bool may_have_bodies =
+      options.inside == InsideRule::kClosed && options.init == Initialization::kCover;
+  if (options.more_inputs.empty()) options.has_bodies = may_have_bodies && curved->num_bodies > 1;
+  source.cut_faces({law_for(least, options.deviation.value, options.per_circle), may_have_bodies});
+}
+
+void settle_faces(const SurfaceSource& source, SurveyLaw& law, const StopToken* stop) {
+  MeshOptions options;
+  options.size = law.size.value_or(Size{});
+  options.inside = law.inside;
+  settle_faces(source, options, law.memory_cap, stop);
+  if (law.size) law.size = options.size;
+  law.bodies.has_bodies |= options.has_bodies && !law.bodies.has_files;
+}
+
+void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::uint64_t cap,
+                   const StopToken* stop) {
+  if (!source.curved(cap, stop)) return;
+  double least = run.size;
+  for (const PartSize& sheet : run.sheet_sizes) least = std::min(least, sheet.size);
+  for (const PartSize& body : run.body_sizes) least = std::min(least, body.size);
+  for (const SizeShape& shape : run.shapes) least = std::min(least, shape.size);
+  source.cut_faces({law_for(least, run.deviation, run.per_circle),
+                    run.inside == InsideRule::kClosed && run.init == Initialization::kCover});
+}
+
+}  // namespace locvol
