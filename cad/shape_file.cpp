@@ -1,18 +1,19 @@
 #include "cad/shape_file.h"
 
+#include <BRepBndLib.hxx>
 #include <BRepBuilderAPI_Sewing.hxx>
+#include <BRepClass3d_SolidClassifier.hxx>
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <Bnd_Box.hxx>
 #include <IGESCAFControl_Reader.hxx>
-#include <IGESControl_Controller.hxx>
 #include <IGESData_IGESEntity.hxx>
 #include <IGESData_IGESModel.hxx>
 #include <Interface_Static.hxx>
+#include <Precision.hxx>
 #include <Quantity_Color.hxx>
 #include <STEPCAFControl_Reader.hxx>
-#include <STEPControl_Controller.hxx>
-#include <ShapeFix_Shell.hxx>
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
@@ -63,7 +64,8 @@ std::string name_of(const TDF_Label& label) {
   if (!label.FindAttribute(TDataStd_Name::GetID(), name)) return {};
   const std::string text = text_of(name->Get());
   // What OpenCASCADE gives to what has no name.
-  for (const char* made_up : {"SOLID", "COMPOUND", "SHELL", "COMPSOLID", "Open CASCADE STEP"})
+  for (const char* made_up :
+       {"SOLID", "COMPOUND", "SHELL", "COMPSOLID", "Open CASCADE STEP", "=>["})
     if (text.starts_with(made_up)) return {};
   return text;
 }
@@ -115,10 +117,8 @@ class PartCollector {
 
   void finish() {
     if (num_loose_ == 0) return;
-    const TopoDS_Shape sewn = sewn_faces();
-    if (!sewn.IsNull())
-      file_.parts.push_back({{{sewn, {}, {}}}, gp_Trsf()});
-    else if (file_.parts.empty())
+    if (sew_faces()) return;
+    if (file_.parts.empty())
       file_.parts.push_back({{{loose_, {}, {}}}, gp_Trsf()});
     else
       watch_.note("left out " + std::to_string(num_loose_) +
@@ -133,8 +133,8 @@ class PartCollector {
     }
   }
 
-  // Null: that closes nothing. The tolerance is the file's own.
-  TopoDS_Shape sewn_faces() {
+  // False: that closes nothing. The tolerance is the file's own.
+  bool sew_faces() {
     constexpr double kLeast = 1e-6;  // millimeters
     double tolerance = kLeast;
     for (TopExp_Explorer e(loose_, TopAbs_EDGE); e.More(); e.Next())
@@ -144,21 +144,57 @@ class PartCollector {
     const Handle(WatchedProgress) progress = new WatchedProgress(watch_);
     sewing.Perform(progress->Start());
     require_time(watch_);
-    TopoDS_Compound closed;
-    BRep_Builder().MakeCompound(closed);
-    int num_closed = 0;
+    std::vector<TopoDS_Shape> shells;
     for (TopExp_Explorer s(sewing.SewedShape(), TopAbs_SHELL); s.More(); s.Next())
-      if (BRep_Tool::IsClosed(s.Current())) {
-        BRep_Builder().Add(closed, s.Current());
-        ++num_closed;
-      }
-    if (num_closed == 0) return {};
+      if (BRep_Tool::IsClosed(s.Current())) shells.push_back(s.Current());
+    if (shells.empty()) return false;
+    file_.parts.push_back({bodies_of(shells), gp_Trsf()});
     for (TopoDS_Iterator f(loose_); f.More(); f.Next()) keep_name(f.Value(), sewing);
     std::ostringstream text;
     text << "sewed " << num_loose_ << " faces that were in no solid, where they are closer than "
          << tolerance / file_.unit_mm;
     watch_.note(text.str());
-    return closed;
+    return true;
+  }
+
+  // A shell in another is a cavity of it.
+  std::vector<Body> bodies_of(const std::vector<TopoDS_Shape>& shells) {
+    std::vector<Bnd_Box> boxes(shells.size());
+    for (std::size_t s = 0; s < shells.size(); ++s) BRepBndLib::Add(shells[s], boxes[s]);
+    const auto lies_in = [&](std::size_t s, std::size_t other) {
+      require_time(watch_);
+      double x0 = 0, y0 = 0, z0 = 0, x1 = 0, y1 = 0, z1 = 0;
+      boxes[s].Get(x0, y0, z0, x1, y1, z1);
+      if (boxes[other].IsOut(gp_Pnt(x0, y0, z0)) || boxes[other].IsOut(gp_Pnt(x1, y1, z1)))
+        return false;
+      const gp_Pnt p =
+          BRep_Tool::Pnt(TopoDS::Vertex(TopExp_Explorer(shells[s], TopAbs_VERTEX).Current()));
+      TopoDS_Solid solid;
+      BRep_Builder().MakeSolid(solid);
+      BRep_Builder().Add(solid, shells[other]);
+      BRepClass3d_SolidClassifier classifier(solid);
+      classifier.PerformInfinitePoint(Precision::Confusion());
+      const TopAbs_State outside = classifier.State();
+      classifier.Perform(p, Precision::Confusion());
+      return classifier.State() != TopAbs_ON && classifier.State() != outside;
+    };
+    std::vector<std::size_t> outer;  // by shell: the one around it, or none
+    for (std::size_t s = 0; s < shells.size(); ++s) {
+      std::size_t around = 0;
+      while (around < shells.size() && (around == s || !lies_in(s, around))) ++around;
+      outer.push_back(around);
+    }
+    std::vector<Body> made;
+    for (std::size_t s = 0; s < shells.size(); ++s) {
+      if (outer[s] < shells.size()) continue;
+      TopoDS_Compound body;
+      BRep_Builder().MakeCompound(body);
+      BRep_Builder().Add(body, shells[s]);
+      for (std::size_t in = 0; in < shells.size(); ++in)
+        if (outer[in] == s) BRep_Builder().Add(body, shells[in]);
+      made.push_back({body, {}, {}});
+    }
+    return made;
   }
 
   void keep_name(const TopoDS_Shape& face, BRepBuilderAPI_Sewing& sewing) {
