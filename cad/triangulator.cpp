@@ -7,8 +7,12 @@
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Bnd_Box.hxx>
+#include <IMeshData_Curve.hxx>
+#include <IMeshData_Edge.hxx>
 #include <IMeshData_Face.hxx>
 #include <IMeshData_Model.hxx>
+#include <IMeshData_PCurve.hxx>
+#include <IMeshData_Wire.hxx>
 #include <Poly_Triangulation.hxx>
 #include <Precision.hxx>
 #include <TopExp.hxx>
@@ -163,22 +167,53 @@ class PartTriangulator {
       ++num_failed_;
       return {};
     }
+    const std::vector<gp_Pnt> nodes = nodes_of(*triangles, location, cut);
     std::vector<Corners> corners;
     corners.reserve(static_cast<std::size_t>(triangles->NbTriangles()));
     const bool is_turned = face.Orientation() == TopAbs_REVERSED;
     for (int t = 1; t <= triangles->NbTriangles(); ++t) {
-      std::array<int, 3> nodes{};
-      triangles->Triangle(t).Get(nodes[0], nodes[1], nodes[2]);
-      if (is_turned) std::swap(nodes[0], nodes[1]);
+      std::array<int, 3> of{};
+      triangles->Triangle(t).Get(of[0], of[1], of[2]);
+      if (is_turned) std::swap(of[0], of[1]);
       Corners& c = corners.emplace_back();
       for (std::size_t i = 0; i < 3; ++i) {
-        gp_Pnt p = triangles->Node(nodes[i]);
-        if (!location.IsIdentity()) p.Transform(location.Transformation());
+        const gp_Pnt& p = nodes[static_cast<std::size_t>(of[i])];
         c[3 * i] = p.X(), c[3 * i + 1] = p.Y(), c[3 * i + 2] = p.Z();
       }
     }
     BRep_Builder().UpdateFace(face, Handle(Poly_Triangulation)());
     return corners;
+  }
+
+  // By number, from 1 on. Those on edges are the edges' own points, whatever the face's surface has
+  // there, so that neighbors agree to the last bit; an edge without length is a point.
+  static std::vector<gp_Pnt> nodes_of(const Poly_Triangulation& triangles,
+                                      const TopLoc_Location& location,
+                                      const IMeshData::IFaceHandle& face) {
+    std::vector<gp_Pnt> nodes(static_cast<std::size_t>(triangles.NbNodes()) + 1);
+    for (int n = 1; n <= triangles.NbNodes(); ++n) {
+      nodes[static_cast<std::size_t>(n)] = triangles.Node(n);
+      if (!location.IsIdentity())
+        nodes[static_cast<std::size_t>(n)].Transform(location.Transformation());
+    }
+    for (int w = 0; w < face->WiresNb(); ++w) {
+      const IMeshData::IWireHandle& wire = face->GetWire(w);
+      for (int e = 0; e < wire->EdgesNb(); ++e) {
+        const IMeshData::IEdgePtr& edge = wire->GetEdge(e);
+        const IMeshData::IPCurveHandle& points =
+            edge->GetPCurve(face.get(), wire->GetEdgeOrientation(e));
+        const IMeshData::ICurveHandle& curve = edge->GetCurve();
+        const bool is_point = edge->GetDegenerated();
+        if (!is_point && curve->ParametersNb() != points->ParametersNb()) continue;
+        for (int i = 0; i < points->ParametersNb(); ++i) {
+          const int node = points->GetIndex(i);
+          if (node < 1 || node > triangles.NbNodes()) continue;
+          nodes[static_cast<std::size_t>(node)] =
+              is_point ? BRep_Tool::Pnt(TopExp::FirstVertex(edge->GetEdge())) : curve->GetPoint(i);
+        }
+      }
+    }
+    return nodes;
   }
 
   std::vector<Corners> placed(std::vector<Corners> triangles, const gp_Trsf& place) const {

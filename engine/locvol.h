@@ -81,8 +81,9 @@ class Surface {
   /// As Source.
   using GroupedSource = std::function<void(const GroupedVisitor& visit)>;
 
-  /// STL, OBJ, OFF, PLY, VTK polydata, Gmsh, 3MF or glTF, also packed by gzip, or a pipe with a
-  /// name. What the file holds decides, not what it is called.
+  /// STEP, IGES, BREP (by the package locvol-cad), STL, OBJ, OFF, PLY, VTK polydata, Gmsh, 3MF or
+  /// glTF, also packed by gzip, or a pipe with a name. What the file holds decides, not what it is
+  /// called.
   static Surface file(std::filesystem::path path);
   /// Several files, each of which is a body, called as the file without its extension: a part of
   /// the domain that is closed by itself, see Options::has_bodies. Files that are closed together

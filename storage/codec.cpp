@@ -90,7 +90,8 @@
 //                 number of edges u64 | length changed bits u64 | corner u32, of each end | sheet
 //                 u32, of each side], number of corners u64; [body u32, of each side of a sheet]
 //                 [a body's number of triangles u64 | of shells u64 | volume changed bits u64 | the
-//                 body around it u32], and the name of each
+//                 body around it u32], and the name of each; of each sheet, its color: present u8
+//                 and, if so, red, green, blue u8; [sheet u32, that a size is given for by a place]
 // clang-format on
 //
 // A new field is serialized last, and read if `version` has it; BOOST_CLASS_VERSION raises the
@@ -701,6 +702,14 @@ void serialize(Archive& archive, LeafSurface& record, unsigned version) {
     throw DecodeError("several bodies, as an earlier version told them apart");
 }
 
+void serialize_color(auto& archive, std::optional<Color>& color) {
+  bool is_present = color.has_value();
+  each(archive, is_present);
+  if (!is_present) return;
+  if (!color) color.emplace();
+  each(archive, color->red, color->green, color->blue);
+}
+
 void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
   constexpr auto kCentroid = &SheetFacts::centroid;
   constexpr auto kBox = &SheetFacts::box;
@@ -733,6 +742,9 @@ void serialize(auto& archive, SurfaceSheets& record, unsigned version) {
                         Plain(field<&BodyFacts::num_shells>),
                         ChangedBits(field<&BodyFacts::volume>), Plain(field<&BodyFacts::around>)));
   for (BodyFacts& body : record.bodies) each(archive, body.name);
+  if (version < 3) return;
+  for (SheetFacts& sheet : record.sheets) serialize_color(archive, sheet.color);
+  each(archive, columns(record.nearest, Plain([](auto& sheet) -> auto& { return sheet; })));
 }
 
 void serialize(auto& archive, LeafUnresolved& record, unsigned) {
@@ -831,7 +843,7 @@ BOOST_CLASS_VERSION(locvol::LeafInfo, 3)
 BOOST_CLASS_VERSION(locvol::LeafPoints, 1)
 BOOST_CLASS_VERSION(locvol::LeafCells, 1)
 BOOST_CLASS_VERSION(locvol::LeafSurface, 4)
-BOOST_CLASS_VERSION(locvol::SurfaceSheets, 2)
+BOOST_CLASS_VERSION(locvol::SurfaceSheets, 3)
 BOOST_CLASS_VERSION(locvol::RankRecord, 1)
 BOOST_CLASS_IMPLEMENTATION(locvol::Point, object_serializable)
 BOOST_CLASS_IMPLEMENTATION(locvol::Box, object_serializable)

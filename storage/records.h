@@ -243,6 +243,11 @@ struct SurfaceFacts {
   friend bool operator==(const SurfaceFacts&, const SurfaceFacts&) = default;
 };
 
+struct Color {
+  std::uint8_t red = 0, green = 0, blue = 0;
+  friend bool operator==(const Color&, const Color&) = default;
+};
+
 // A sheet of the input surface. Its name is that of its group, which ends in _1, _2, ... if the
 // group is several sheets; without a name in the file, it is "sheet 7".
 struct SheetFacts {
@@ -254,6 +259,7 @@ struct SheetFacts {
   Point centroid;
   Box box;
   std::array<BodyId, 2> bodies = {kOnlyBody, kNoBody};  // on its sides, the larger first
+  std::optional<Color> color = {};                      // that the file gives it
   friend bool operator==(const SheetFacts&, const SheetFacts&) = default;
 };
 
@@ -284,6 +290,9 @@ struct SurfaceSheets {
   std::vector<CreaseFacts> creases = {};
   std::uint64_t num_corners = 0;
   std::vector<BodyFacts> bodies = {};
+  // By RunParameters::sheet_sizes: the sheet that is meant by a place; 0: it is meant by a name.
+  // Empty: all are.
+  std::vector<SheetId> nearest = {};
   bool has_several_bodies() const { return bodies.size() > 1; }
   friend bool operator==(const SurfaceSheets&, const SurfaceSheets&) = default;
 };

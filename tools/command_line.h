@@ -20,9 +20,8 @@ inline constexpr const char* kFooter =
     "Exit codes: 0 done; 1 error (audit: not valid); 2 usage; 3 done, but with unresolved sites;\n"
     "4 interrupted, and resumable.";
 inline constexpr const char* kSurfaceHelp =
-    "Closed surface: STL, OBJ, OFF, PLY, VTK (.vtp, .vtk), Gmsh (.msh), 3MF or glTF, which gzip "
-    "may "
-    "have packed; -: from the standard input";
+    "Closed surface: STEP, IGES, BREP (by the package locvol-cad), STL, OBJ, OFF, PLY, VTK (.vtp, "
+    ".vtk), Gmsh (.msh), 3MF or glTF, which gzip may have packed; -: from the standard input";
 inline constexpr const char* kSizeHelp =
     "Bound λ of circumradii and surface balls: a length (0.01), or a percentage of the smallest "
     "side of the bounding box (2%)";

@@ -86,7 +86,7 @@ std::string shape_text(const SheetShape& shape) {
 
 Json to_json(const SheetTable& table) {
   Json faces = Json::array();
-  for (const SheetRow& row : table.rows)
+  for (const SheetRow& row : table.rows) {
     faces.push_back({{"id", faces.size() + 1},
                      {"name", row.surface.name},
                      {"group", row.surface.group},
@@ -100,6 +100,8 @@ Json to_json(const SheetTable& table) {
                        {"area", row.surface.area},
                        {"centroid", to_json(row.surface.centroid)},
                        {"box", to_json(row.surface.box)}}}});
+    if (row.surface.color) faces.back()["color"] = color_text(*row.surface.color);
+  }
   return {{"tolerance", table.tolerance}, {"faces", faces}};
 }
 

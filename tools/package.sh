@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes Debian packages in build/packages: locvol, the command; liblocvol-dev, the library; where there
-# is MPI locvol-mpi.
+# is MPI locvol-mpi; where there is OpenCASCADE locvol-cad.
 # Usage: tools/package.sh
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -713,9 +713,13 @@ Json bodies_json(const SurfaceSheets& sheets) {
   return all;
 }
 
+std::string color_text(const Color& color) {
+  return fmt::format("#{:02x}{:02x}{:02x}", color.red, color.green, color.blue);
+}
+
 Json to_json(const SurfaceSheets& sheets) {
   Json all = Json::array();
-  for (const SheetFacts& sheet : sheets.sheets)
+  for (const SheetFacts& sheet : sheets.sheets) {
     all.push_back({{"id", all.size() + 1},
                    {"name", sheet.name},
                    {"group", sheet.group},
@@ -725,6 +729,8 @@ Json to_json(const SurfaceSheets& sheets) {
                    {"centroid", to_json(sheet.centroid)},
                    {"box", to_json(sheet.box)},
                    {"bodies", sheet.bodies}});
+    if (sheet.color) all.back()["color"] = color_text(*sheet.color);
+  }
   return all;
 }
 

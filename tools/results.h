@@ -33,7 +33,8 @@ struct LeafSite {
 Json to_json(const Point& point);
 Json to_json(const Box& box);
 Json to_json(const SurfaceFacts& facts);
-Json to_json(const SurfaceSheets& sheets);  // an array
+std::string color_text(const Color& color);  // "#rrggbb"
+Json to_json(const SurfaceSheets& sheets);   // an array
 // `kept`: of a finished mesh; null: not known.
 Json creases_json(const SurfaceSheets& sheets, const CreaseTable* kept = nullptr);
 // "97.31%"; not 100% where something is lost.

@@ -8,6 +8,7 @@ packages=(
   libcgal-dev libqd-dev                   # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
   libfmt-dev libssl-dev libhdf5-dev libdeflate-dev zlib1g-dev  # engine/
+  libocct-data-exchange-dev               # cad/
   libcli11-dev nlohmann-json3-dev libjs-three  # tools/
   libgtest-dev libbenchmark-dev python3   # tests/
   "$@"

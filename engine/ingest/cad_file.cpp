@@ -142,13 +142,14 @@ class FacesTaken : public Guarded<CadSink> {
     return guarded(
         [&] { sink_.body(name.empty() ? fmt::format("body {}", num_bodies_) : name, file_); });
   }
-  bool face(const std::string& name, const CadColor*) override {
+  bool face(const std::string& name, const CadColor* color) override {
     ++num_faces_;
     return guarded([&] {
       if (!name.empty() || !has_numbers_)
         sink_.group(name);
       else
         sink_.group(fmt::format("face {}", num_faces_));
+      if (color != nullptr) sink_.color({color->red, color->green, color->blue});
     });
   }
   bool triangles(std::span<const std::array<double, 9>> triangles) override {
@@ -225,8 +226,13 @@ bool is_iges(std::string_view head) {
 
 std::optional<CadFormat> cad_format_of(std::string_view head) {
   if (is_iges(head)) return CadFormat::kIges;
-  while (!head.empty() && std::isspace(static_cast<unsigned char>(head.front())))
-    head.remove_prefix(1);
+  for (bool is_comment = true; is_comment;) {
+    while (!head.empty() && std::isspace(static_cast<unsigned char>(head.front())))
+      head.remove_prefix(1);
+    const std::size_t end = head.starts_with("/*") ? head.find("*/") : head.npos;
+    is_comment = end != head.npos;
+    if (is_comment) head.remove_prefix(end + 2);
+  }
   if (head.starts_with("ISO-10303-21")) return CadFormat::kStep;
   if (head.starts_with("DBRep_DrawableShape") || head.starts_with("CASCADE Topology V"))
     return CadFormat::kBrep;
@@ -234,7 +240,7 @@ std::optional<CadFormat> cad_format_of(std::string_view head) {
 }
 
 std::optional<CadFormat> cad_format_of(const std::shared_ptr<const InputBytes>& bytes) {
-  constexpr std::size_t kHeadBytes = 256;
+  constexpr std::size_t kHeadBytes = 4096;
   return cad_format_of(InputFile(bytes).peek(kHeadBytes));
 }
 

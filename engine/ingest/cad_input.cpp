@@ -22,8 +22,11 @@ CadLaw law_for(double size, double deviation, double per_circle) {
   return law;
 }
 
+// What is flat has no percentages: it bounds no volume, which is told once it is read.
 void make_length(Size& size, const Box& box) {
-  if (size.is_percent && size.value > 0) size = Size::length(absolute_size(size, box));
+  const Point sides = box.max - box.min;
+  if (size.is_percent && size.value > 0 && std::min({sides.x, sides.y, sides.z}) > 0)
+    size = Size::length(absolute_size(size, box));
 }
 
 double usual_size(const Box& box) { return kUsualSize * max_norm(box.max - box.min); }
@@ -36,10 +39,11 @@ void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64
   if (!curved) return;
   make_length(options.size, curved->box);
   make_length(options.deviation, curved->box);
-  double least = options.size.value > 0 ? options.size.value : usual_size(curved->box);
+  const bool has_length = options.size.value > 0 && !options.size.is_percent;
+  double least = has_length ? options.size.value : usual_size(curved->box);
   const auto take = [&](Size& size) {
     make_length(size, curved->box);
-    if (size.value > 0) least = std::min(least, size.value);
+    if (size.value > 0 && !size.is_percent) least = std::min(least, size.value);
   };
   for (SizedPart& sheet : options.sheets) take(sheet.size);
   for (SizedPart& body : options.bodies) take(body.size);

@@ -13,6 +13,7 @@
 
 #include "engine/ingest/image_sizes.h"
 #include "engine/ingest/ingest_share.h"
+#include "engine/ingest/nearest_sheets.h"
 #include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/start_leaves.h"
 #include "engine/ingest/surface_bodies.h"
@@ -383,6 +384,7 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         {.sharp_angle = run.parameters.sharp_angle, .least_area = kLeastSheetArea * size * size},
         watch, workers, share);
     sheets.bodies = std::move(bodies);
+    sheets.nearest = nearest_sheets(surface, run.parameters.sheet_sizes, watch, share);
     require_sized_parts(run.parameters, sheets);
     const CreasesOfCells creases = find_creases(
         surface,

@@ -126,6 +126,9 @@ class RawSurfaceBuilder : public SurfaceSink {
   void note(const std::string& text) override { surface_.notes.push_back(text); }
   void body(std::string_view name, std::string_view file) override;
   void group(std::string_view name) override { groups_.begin(name); }
+  void color(const Color& color) override {
+    surface_.colors.try_emplace(groups_.current_name(), color);
+  }
   void vertex(const Point& position) override { vertices_.append(without_negative_zero(position)); }
   void polygon(std::span<const std::uint64_t> corners, const FilePlace& place) override;
   void facet(const std::array<Point, 3>& corners) override {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -106,6 +107,13 @@ std::string rest_of_line(TextScanner& scanner) {
   return rest;
 }
 
+// "#7" is an id where a name is to be, and else a comment; empty: it is one.
+std::string id_in(std::string_view comment) {
+  std::size_t end = 1;
+  while (end < comment.size() && std::isdigit(static_cast<unsigned char>(comment[end]))) ++end;
+  return end > 1 ? std::string(comment.substr(0, end)) : std::string();
+}
+
 Written read_line(TextScanner& scanner, InputFile& file) {
   Written shape;
   shape.kind = scanner.word();
@@ -122,6 +130,7 @@ Written read_line(TextScanner& scanner, InputFile& file) {
   shape.size.value = scanner.coordinate(size);
   if (is_part(shape.kind)) {
     shape.name = rest_of_line(scanner);
+    if (shape.name.empty()) shape.name = id_in(scanner.comment());
     if (const std::string fault = fault_of(shape); !fault.empty()) file.refuse_line(fault);
     return shape;
   }

@@ -31,6 +31,7 @@ class SurfaceGroups {
   bool has_too_many() const { return groups_.size() > kMaxGroups; }
   // Stands for the group until its number is known.
   std::uint32_t current();
+  const std::string& current_name() const { return name_.empty() ? body_name_ : name_; }
   // From 1 on, given when it is first asked for. `group`: of current()
   SheetId number_of(std::uint32_t group) {
     if (numbers_[group] == 0) give_number(group);

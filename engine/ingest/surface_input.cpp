@@ -701,6 +701,7 @@ class SurfacePreparation {
     surface.has_contacts = findings_.has_contacts;
     surface.given_bodies = given_;
     surface.groups = std::move(raw_.groups);
+    surface.colors = std::move(raw_.colors);
     surface.files = std::move(raw_.files);
     surface.file_of_group = std::move(raw_.file_of_group);
     surface.sharp = std::move(findings_.sharp);

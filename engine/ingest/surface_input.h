@@ -10,6 +10,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -88,6 +89,7 @@ struct RawSurface {
   // Names of groups of triangles, in the order of their first ones: the first is that of triangles
   // with Triangle::sheet 1. Triangles of no name are a group with an empty one.
   std::vector<std::string> groups;
+  std::map<std::string, Color> colors;       // of groups that have one, by name
   std::vector<WallProbe> probes;             // of all triangles
   std::vector<SurfaceFile> files;            // where there are several
   std::vector<std::uint32_t> file_of_group;  // by group
@@ -155,6 +157,7 @@ struct CheckedSurface {
   SurfaceFacts facts;
   bool has_pieces = false;          // bodies were cut along each other: ids are those of pieces
   std::vector<std::string> groups;  // see RawSurface
+  std::map<std::string, Color> colors;
   SharpEdges sharp;
   TriangleSpill spill;
   TriangleBuckets buckets;

@@ -281,8 +281,11 @@ SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, Ingest
   measure_sheets(surface, watch, share, numbered.facts);
   drop_empty(numbered);
   surface.sheets = std::move(numbered.sheets);
-  for (SheetFacts& sheet : numbered.facts)
+  for (SheetFacts& sheet : numbered.facts) {
     sheet.first_triangle = surface.number_in_file(sheet.first_triangle);
+    if (const auto color = surface.colors.find(sheet.group); color != surface.colors.end())
+      sheet.color = color->second;
+  }
   if (numbered.facts.size() == 1 && numbered.facts.front().group.empty()) return {};
   return {std::move(numbered.facts)};
 }

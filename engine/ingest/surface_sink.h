@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "octree/geometry.h"
+#include "storage/records.h"
 
 namespace locvol {
 
@@ -33,6 +34,8 @@ class SurfaceSink {
   // Polygons and facets belong to the group of this name, as the file has it, until the next call.
   // Those before the first call have no name, and an empty one is none.
   virtual void group(std::string_view /*name*/) {}
+  // The color of that group.
+  virtual void color(const Color& /*color*/) {}
   // Vertices are numbered 0, 1, 2, … in the order of the calls. Their coordinates are finite.
   virtual void vertex(const Point& position) = 0;
   // Any number of corners, with any numbers: they may name a vertex that comes later, or never.

@@ -57,7 +57,12 @@ std::optional<double> parse_number(std::string_view word) {
 
 bool TextScanner::next_line() {
   while (file_.next_line(rest_)) {
-    if (comment_ != '\0') rest_ = rest_.substr(0, rest_.find(comment_));
+    cut_ = {};
+    if (comment_ != '\0') {
+      const std::string_view line = rest_;
+      rest_ = line.substr(0, line.find(comment_));
+      cut_ = line.substr(rest_.size());
+    }
     if (!at_line_end()) return true;
   }
   rest_ = {};

@@ -26,7 +26,8 @@ class TextScanner {
   bool next_line();    // to the next line with a word on it; false at the end of the file
   bool at_line_end();  // no further word on this line
   void skip_line() { rest_ = {}; }
-  std::string_view rest() const { return rest_; }  // of this line
+  std::string_view rest() const { return rest_; }    // of this line
+  std::string_view comment() const { return cut_; }  // what ends it, with its mark
 
   std::string_view word();  // on this line; empty at its end
   // The next word on this line. Throws InputError if there is none or it is no finite number.
@@ -43,7 +44,7 @@ class TextScanner {
  private:
   InputFile& file_;
   char comment_;
-  std::string_view rest_;  // of the current line
+  std::string_view rest_, cut_;  // of the current line
 };
 
 }  // namespace locvol

@@ -57,7 +57,9 @@ struct SizedShape {
 
 /// How large cells are on a sheet of the surface, or in a body: see Options.
 struct SizedPart {
-  std::string name = {};   ///< Of the sheet, or of the surface's group that it is of; of the body.
+  /// Of the sheet, or of the surface's group that it is of; of the body. Of a sheet also its id,
+  /// "#7", or a place that it is the closest to, "near 1,2,3".
+  std::string name = {};
   Size size = {};          ///< Of cells on it, or in it.
   std::string place = {};  ///< What messages call it; empty: by its name.
 };

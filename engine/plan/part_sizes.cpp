@@ -3,9 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "engine/plan/run_estimate.h"
@@ -15,8 +19,15 @@
 namespace locvol {
 namespace {
 
-bool is_called(const SheetFacts& sheet, const std::string& name) {
-  return sheet.name == name || (!sheet.group.empty() && sheet.group == name);
+// Is sheet `s` the one that size `i` is given for?
+bool is_meant(const SurfaceSheets& sheets, std::size_t s, const RunParameters& parameters,
+              std::size_t i) {
+  const SheetId id = static_cast<SheetId>(s + 1);
+  if (i < sheets.nearest.size() && sheets.nearest[i] != 0) return sheets.nearest[i] == id;
+  const std::string& name = parameters.sheet_sizes[i].name;
+  const SheetFacts& sheet = sheets.sheets[s];
+  return sheet.name == name || (!sheet.group.empty() && sheet.group == name) ||
+         name == fmt::format("#{}", id);
 }
 
 // All names that sizes can be given for, a group's before those of its sheets.
@@ -52,12 +63,12 @@ std::vector<double> sizes_by_body(const RunParameters& parameters, const Surface
   return sizes;
 }
 
-void require_sheet(const PartSize& given, const SurfaceSheets& sheets) {
-  const auto& [name, size] = given;
+void require_sheet(const RunParameters& parameters, std::size_t i, const SurfaceSheets& sheets) {
+  const auto& [name, size] = parameters.sheet_sizes[i];
   double area = 0;
   bool is_known = false;
-  for (const SheetFacts& sheet : sheets.sheets)
-    if (is_called(sheet, name)) is_known = true, area += sheet.area;
+  for (std::size_t s = 0; s < sheets.sheets.size(); ++s)
+    if (is_meant(sheets, s, parameters, i)) is_known = true, area += sheets.sheets[s].area;
   if (!is_known)
     refuse_name("sheet", name, names_in(sheets),
                 "the surface has no sheets: neither names nor sharp edges part it");
@@ -86,14 +97,31 @@ void require_body(const PartSize& given, const SurfaceSheets& sheets) {
 
 }  // namespace
 
+std::optional<Point> place_meant_by(const std::string& name) {
+  constexpr std::string_view kNear = "near ";
+  if (!name.starts_with(kNear)) return std::nullopt;
+  std::array<double, 3> place{};
+  const char* next = name.data() + kNear.size();
+  const char* const end = name.data() + name.size();
+  for (double& coordinate : place) {
+    while (next != end && (*next == ' ' || *next == ',')) ++next;
+    const auto [after, error] = std::from_chars(next, end, coordinate);
+    if (error != std::errc() || !std::isfinite(coordinate)) return std::nullopt;
+    next = after;
+  }
+  if (next != end) return std::nullopt;
+  return Point{place[0], place[1], place[2]};
+}
+
 std::vector<double> sizes_by_sheet(const RunParameters& parameters, const SurfaceSheets& sheets) {
   if (parameters.sheet_sizes.empty() && parameters.body_sizes.empty()) return {};
   const std::vector<double> by_body = sizes_by_body(parameters, sheets);
   if (sheets.sheets.empty()) return by_body;  // the surface is one sheet, around one body
   std::vector<double> sizes(sheets.sheets.size(), std::numeric_limits<double>::infinity());
   for (std::size_t s = 0; s < sizes.size(); ++s) {
-    for (const auto& [name, size] : parameters.sheet_sizes)
-      if (is_called(sheets.sheets[s], name)) sizes[s] = std::min(sizes[s], size);
+    for (std::size_t i = 0; i < parameters.sheet_sizes.size(); ++i)
+      if (is_meant(sheets, s, parameters, i))
+        sizes[s] = std::min(sizes[s], parameters.sheet_sizes[i].size);
     for (const BodyId body : sheets.sheets[s].bodies)
       if (body != kNoBody && body <= by_body.size())
         sizes[s] = std::min(sizes[s], by_body[body - 1]);
@@ -108,7 +136,8 @@ std::vector<double> sizes_throughout_bodies(const RunParameters& parameters,
 }
 
 void require_sized_parts(const RunParameters& parameters, const SurfaceSheets& sheets) {
-  for (const PartSize& given : parameters.sheet_sizes) require_sheet(given, sheets);
+  for (std::size_t i = 0; i < parameters.sheet_sizes.size(); ++i)
+    require_sheet(parameters, i, sheets);
   for (const PartSize& given : parameters.body_sizes) require_body(given, sheets);
 }
 

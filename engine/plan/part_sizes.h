@@ -1,11 +1,17 @@
 // Which sheets of a surface, and which bodies, the sizes are for that a user has given by names.
 #pragma once
 
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "storage/records.h"
 
 namespace locvol {
+
+// Of the name "near 1,2,3" (or with blanks between the numbers), the place; nothing: it is a name,
+// or an id ("#7").
+std::optional<Point> place_meant_by(const std::string& name);
 
 // By sheet, from id 1 on: the least size that is given for its name, its group's, or that of a body
 // which it bounds; infinite: none. Empty if none is given.

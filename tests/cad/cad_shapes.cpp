@@ -37,6 +37,7 @@
 #include <TopTools_ListOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
+#include <TopoDS_Shell.hxx>
 #include <Transfer_FinderProcess.hxx>
 #include <XCAFApp_Application.hxx>
 #include <XCAFDoc_ColorTool.hxx>
@@ -220,10 +221,12 @@ double volume_of(const TopoDS_Shape& shape) {
   return facts.Mass();
 }
 
-double area_of(const TopoDS_Shape& shape) {
-  GProp_GProps facts;
-  BRepGProp::SurfaceProperties(shape, facts);
-  return facts.Mass();
+TopoDS_Shape shell_without_a_face(const TopoDS_Shape& solid) {
+  TopoDS_Shell shell;
+  BRep_Builder().MakeShell(shell);
+  TopExp_Explorer faces(solid, TopAbs_FACE);
+  for (faces.Next(); faces.More(); faces.Next()) BRep_Builder().Add(shell, faces.Current());
+  return shell;
 }
 
 int num_faces_of(const TopoDS_Shape& shape) {

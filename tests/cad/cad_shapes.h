@@ -28,8 +28,10 @@ struct CadShape {
 std::vector<CadShape> cad_shapes();
 CadShape cad_shape(const std::string& name);
 
+// One of its faces is missing.
+TopoDS_Shape shell_without_a_face(const TopoDS_Shape& solid);
+
 double volume_of(const TopoDS_Shape& shape);
-double area_of(const TopoDS_Shape& shape);
 int num_faces_of(const TopoDS_Shape& shape);
 
 // `unit`: MM, INCH, M, …

@@ -337,8 +337,11 @@ TEST(Codec, GoldenBytesOpen) {
   expect_golden("surface.v1", smooth_surface, sample_leaf());
   for (Triangle& triangle : smooth_surface.triangles) triangle.sheet = 1;
   expect_golden("surface.v0", smooth_surface, sample_leaf());
-  expect_golden("sheets.v2", sample_sheets(), MortonKey());
+  expect_golden("sheets.v3", sample_sheets(), MortonKey());
   SurfaceSheets without_facts = sample_sheets();
+  for (SheetFacts& sheet : without_facts.sheets) sheet.color.reset();
+  without_facts.nearest.clear();
+  expect_golden("sheets.v2", without_facts, MortonKey());
   without_facts.bodies.clear();
   for (SheetFacts& sheet : without_facts.sheets) sheet.bodies = {kOnlyBody, kNoBody};
   expect_golden("sheets.v1", without_facts, MortonKey());

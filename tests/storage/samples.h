@@ -114,11 +114,20 @@ inline LeafSurface sample_surface() {
 }
 
 inline SurfaceSheets sample_sheets() {
-  return {{{"Einlaß", "Einlaß", 0, 12, 1.0 / 3, {1, 2, 3}, {{0, 0, -1}, {1, 1, 9}}, {2, 1}},
+  return {{{"Einlaß",
+            "Einlaß",
+            0,
+            12,
+            1.0 / 3,
+            {1, 2, 3},
+            {{0, 0, -1}, {1, 1, 9}},
+            {2, 1},
+            Color{255, 0, 7}},
            {"sheet 2", "", 7, 1, 1e-9, {0, -0.0, 3}, {{}, {}}}},
           {{4, 1.5, {1, 3}, {1, 2}}, {1, -0.0, {}, {2, 1u << 31}}},
           3,
-          {{"Gehäuse", 12, 2, 1.0 / 3, 0}, {"", 1, 1, -0.0, 1}}};
+          {{"Gehäuse", 12, 2, 1.0 / 3, 0}, {"", 1, 1, -0.0, 1}},
+          {0, 2}};
 }
 
 inline LeafUnresolved sample_unresolved() {

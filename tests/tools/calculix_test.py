@@ -212,6 +212,27 @@ class Bracket(unittest.TestCase):
             self.assertAlmostEqual(shapes["fillet"]["radius"], 10, delta=1e-3)
             self.assertEqual(shapes["back"]["normal"], [-1, 0, 0])
 
+    def test_is_read_as_step(self):
+        if not (LOCVOL.resolve().parent / "../lib/locvol/locvol_cad.so").exists():
+            self.skipTest("needs OpenCASCADE. To run it: tools/setup.sh && tools/test.sh -R calculix")
+        with tempfile.TemporaryDirectory() as name:
+            directory = pathlib.Path(name)
+            told = run_section("## A part from a CAD program", directory, 2)
+            self.assertIn("near", (directory / "fine.txt").read_text(encoding="ascii"))
+            forces = (directory / "part-case.dat").read_text(encoding="ascii").split()[-3:]
+            self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
+            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", told)[0])
+            self.assertGreater(stress, 22)
+            self.assertLess(stress, 31)
+            faces = json.loads((directory / "part.inp.faces.json").read_text(encoding="utf-8"))
+            shapes = {face["name"]: face["shape"] for face in faces["faces"]}
+            self.assertEqual(len(shapes), 9)
+            self.assertAlmostEqual(shapes["fillet"]["radius"], 10, delta=1e-2)
+            # A face by its number, and one by a place: half as large as those around.
+            sizes = {face["name"]: face["area"] / face["num_facets"] for face in faces["faces"]}
+            for name in "shelf", "front":
+                self.assertLess(sizes[name], 0.8 * sizes["below"])
+
     def test_unknown_sheet_is_refused_with_those_there_are(self):
         with self.assertRaisesRegex(AssertionError, "there is no sheet 'top': boundary, sheet_1"):
             Bar.setUpClass()

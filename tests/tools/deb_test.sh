@@ -44,6 +44,15 @@ if [[ -e $build/tools/locvol-mpi ]]; then
   [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
 fi
 
+if [[ -e $build/lib/locvol/locvol_cad.so ]]; then
+  cad=$(echo "$out"/locvol-cad_*.deb)
+  has_path "$cad" 'lib.*/locvol/locvol_cad.so'
+  [[ $(dpkg-deb -f "$cad" Depends) == *libocct-data-exchange* ]] ||
+    fail "$cad does not depend on OpenCASCADE"
+  [[ $depends != *occt* ]] || fail "$command depends on OpenCASCADE: $depends"
+  [[ $(dpkg-deb -f "$command" Suggests) == *locvol-cad* ]] || fail "$command does not suggest $cad"
+fi
+
 dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"
