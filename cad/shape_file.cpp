@@ -20,7 +20,9 @@
 #include <TDF_LabelSequence.hxx>
 #include <TDataStd_Name.hxx>
 #include <TDocStd_Document.hxx>
+#include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Iterator.hxx>
@@ -38,7 +40,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "cad/watched.h"
+#include "cad/kept_messages.h"
 
 namespace locvol::cad {
 namespace {
@@ -76,23 +78,21 @@ CadColor color_of(const Quantity_Color& color) {
   const auto byte = [](double v) {
     return static_cast<std::uint8_t>(std::lround(255 * std::clamp(v, 0.0, 1.0)));
   };
-  return {byte(red), byte(green), byte(blue)};
+  return {1, byte(red), byte(green), byte(blue)};
 }
 
 // ---- The document
 
 // Solids, and shells that are closed, bound a body each. Faces that are in none are sewn where they
-// nearly meet; what is closed then is one body. If there is none at all, they are taken as they
+// nearly meet; what is closed then is a body each. If there is none at all, all are taken as they
 // are.
 class PartCollector {
  public:
-  PartCollector(ShapeFile& file, CadWatch& watch) : file_(file), watch_(watch) {
+  PartCollector(ShapeFile& file, Sink& sink) : file_(file), sink_(sink) {
     BRep_Builder().MakeCompound(loose_);
   }
 
-  void add_part(const TopoDS_Shape& placed, const std::string& name,
-                const std::optional<CadColor>& color) {
-    require_time(watch_);
+  void add_part(const TopoDS_Shape& placed, const std::string& name, const CadColor& color) {
     const TopoDS_Shape shape = placed.Located(TopLoc_Location());
     Part part{{}, placed.Location().Transformation()};
     const auto add = [&](const TopoDS_Shape& body) {
@@ -112,17 +112,19 @@ class PartCollector {
       else
         add_loose(s.Current().Moved(placed.Location()), TopAbs_SHAPE);
     add_loose(placed, TopAbs_SHELL);
+    // Of a part that is one solid, the designer has named the part.
+    if (part.bodies.size() == 1 && !name.empty()) part.bodies.front().name = name;
     if (!part.bodies.empty()) file_.parts.push_back(part);
   }
 
   void finish() {
     if (num_loose_ == 0) return;
-    if (sew_faces()) return;
+    const std::size_t num_sewn = sew_faces();
     if (file_.parts.empty())
       file_.parts.push_back({{{loose_, {}, {}}}, gp_Trsf()});
-    else
-      watch_.note("left out " + std::to_string(num_loose_) +
-                  (num_loose_ == 1 ? " face that bounds" : " faces that bound") + " no body");
+    else if (const std::size_t num_left = num_loose_ - std::min(num_sewn, num_loose_); num_left > 0)
+      sink_.note("left out " + std::to_string(num_left) +
+                 (num_left == 1 ? " face that bounds" : " faces that bound") + " no body");
   }
 
  private:
@@ -133,28 +135,30 @@ class PartCollector {
     }
   }
 
-  // False: that closes nothing. The tolerance is the file's own.
-  bool sew_faces() {
+  // How many are of a body then. The tolerance is the file's own.
+  std::size_t sew_faces() {
     constexpr double kLeast = 1e-6;  // millimeters
     double tolerance = kLeast;
     for (TopExp_Explorer e(loose_, TopAbs_EDGE); e.More(); e.Next())
       tolerance = std::max(tolerance, BRep_Tool::Tolerance(TopoDS::Edge(e.Current())));
     BRepBuilderAPI_Sewing sewing(tolerance);
     for (TopoDS_Iterator f(loose_); f.More(); f.Next()) sewing.Add(f.Value());
-    const Handle(WatchedProgress) progress = new WatchedProgress(watch_);
-    sewing.Perform(progress->Start());
-    require_time(watch_);
+    sewing.Perform();
     std::vector<TopoDS_Shape> shells;
+    TopTools_IndexedMapOfShape sewn;
     for (TopExp_Explorer s(sewing.SewedShape(), TopAbs_SHELL); s.More(); s.Next())
-      if (BRep_Tool::IsClosed(s.Current())) shells.push_back(s.Current());
-    if (shells.empty()) return false;
+      if (BRep_Tool::IsClosed(s.Current())) {
+        shells.push_back(s.Current());
+        TopExp::MapShapes(s.Current(), TopAbs_FACE, sewn);
+      }
+    if (shells.empty()) return 0;
     file_.parts.push_back({bodies_of(shells), gp_Trsf()});
     for (TopoDS_Iterator f(loose_); f.More(); f.Next()) keep_name(f.Value(), sewing);
     std::ostringstream text;
-    text << "sewed " << num_loose_ << " faces that were in no solid, where they are closer than "
+    text << "sewed " << sewn.Extent() << " faces that were in no solid, where they are closer than "
          << tolerance / file_.unit_mm;
-    watch_.note(text.str());
-    return true;
+    sink_.note(text.str());
+    return static_cast<std::size_t>(sewn.Extent());
   }
 
   // A shell in another is a cavity of it.
@@ -162,7 +166,6 @@ class PartCollector {
     std::vector<Bnd_Box> boxes(shells.size());
     for (std::size_t s = 0; s < shells.size(); ++s) BRepBndLib::Add(shells[s], boxes[s]);
     const auto lies_in = [&](std::size_t s, std::size_t other) {
-      require_time(watch_);
       double x0 = 0, y0 = 0, z0 = 0, x1 = 0, y1 = 0, z1 = 0;
       boxes[s].Get(x0, y0, z0, x1, y1, z1);
       if (boxes[other].IsOut(gp_Pnt(x0, y0, z0)) || boxes[other].IsOut(gp_Pnt(x1, y1, z1)))
@@ -207,19 +210,17 @@ class PartCollector {
   }
 
   ShapeFile& file_;
-  CadWatch& watch_;
+  Sink& sink_;
   TopoDS_Compound loose_;
   std::size_t num_loose_ = 0;
 };
 
 class DocumentReader {
  public:
-  DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, CadWatch& watch,
-                 ShapeFile& file)
+  DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, ShapeFile& file)
       : shapes_(XCAFDoc_DocumentTool::ShapeTool(document->Main())),
         colors_(XCAFDoc_DocumentTool::ColorTool(document->Main())),
         parts_(parts),
-        watch_(watch),
         file_(file) {}
 
   void run() {
@@ -230,10 +231,9 @@ class DocumentReader {
 
  private:
   void visit(const TDF_Label& label, const TopLoc_Location& place, std::string name,
-             std::optional<CadColor> color) {
-    require_time(watch_);
+             CadColor color) {
     if (const std::string own = name_of(label); !own.empty()) name = own;
-    if (const auto own = color_at(label)) color = own;
+    if (const CadColor own = color_at(label); own.is_given) color = own;
     TDF_Label referred;
     if (XCAFDoc_ShapeTool::IsReference(label) &&
         XCAFDoc_ShapeTool::GetReferredShape(label, referred))
@@ -256,21 +256,21 @@ class DocumentReader {
     for (int i = 1; i <= labels.Length(); ++i) {
       const void* key = XCAFDoc_ShapeTool::GetShape(labels.Value(i)).TShape().get();
       if (const std::string name = name_of(labels.Value(i)); !name.empty()) file_.names[key] = name;
-      if (const auto color = color_at(labels.Value(i))) file_.colors[key] = *color;
+      if (const CadColor color = color_at(labels.Value(i)); color.is_given)
+        file_.colors[key] = color;
     }
   }
 
-  std::optional<CadColor> color_at(const TDF_Label& label) const {
+  CadColor color_at(const TDF_Label& label) const {
     Quantity_Color color;
     for (const XCAFDoc_ColorType type : {XCAFDoc_ColorSurf, XCAFDoc_ColorGen})
       if (colors_->GetColor(label, type, color)) return color_of(color);
-    return std::nullopt;
+    return {};
   }
 
   Handle(XCAFDoc_ShapeTool) shapes_;
   Handle(XCAFDoc_ColorTool) colors_;
   PartCollector& parts_;
-  CadWatch& watch_;
   ShapeFile& file_;
 };
 
@@ -320,7 +320,7 @@ constexpr std::array<Unit, 16> kUnits = {{{"millimetre", "mm", 1},
                                           {"mile", "mile", 1609344}}};
 
 // OpenCASCADE gives millimeters. If all of the file is in another unit, its own are made of them.
-void take_unit(STEPControl_Reader& reader, ShapeFile& file, CadWatch& watch) {
+void take_unit(STEPControl_Reader& reader, ShapeFile& file, Sink& sink) {
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
   reader.FileUnits(lengths, angles, solid_angles);
   file.unit = "mm";
@@ -328,13 +328,13 @@ void take_unit(STEPControl_Reader& reader, ShapeFile& file, CadWatch& watch) {
   const std::string_view first = lengths.First().ToCString();
   for (int i = 2; i <= lengths.Length(); ++i)
     if (lengths.Value(i).ToCString() != first) {
-      watch.note("has lengths of several units: its coordinates are taken in millimeters");
+      sink.note("has lengths of several units: its coordinates are taken in millimeters");
       return;
     }
   const auto unit = std::ranges::find(kUnits, first, &Unit::spelled);
   if (unit == kUnits.end()) {
-    watch.note("has lengths in '" + std::string(first) +
-               "': its coordinates are taken in millimeters");
+    sink.note("has lengths in '" + std::string(first) +
+              "': its coordinates are taken in millimeters");
     return;
   }
   file.unit = unit->name;
@@ -348,40 +348,34 @@ void take_unit(STEPControl_Reader& reader, ShapeFile& file, CadWatch& watch) {
                 ": it is cut off, or damaged; fetch or export it again");
 }
 
-void read_step(const std::string& path, ShapeFile& file, PartCollector& parts, CadWatch& watch) {
+void read_step(const std::string& path, ShapeFile& file, PartCollector& parts, Sink& sink) {
   const KeptMessages messages;
   STEPCAFControl_Reader reader;
   reader.SetLayerMode(false);
   reader.SetPropsMode(false);
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");
-  WatchedFile bytes(path, watch);
-  std::istream stream(&bytes);
-  const IFSelect_ReturnStatus status = reader.ChangeReader().ReadStream(path.c_str(), stream);
-  require_time(watch);
+  const IFSelect_ReturnStatus status = reader.ReadFile(path.c_str());
   if (status != IFSelect_RetDone) refuse_unread("STEP", messages);
-  take_unit(reader.ChangeReader(), file, watch);
+  take_unit(reader.ChangeReader(), file, sink);
   Handle(TDocStd_Document) document = new_document();
-  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
-  const bool is_done = reader.Transfer(document, progress->Start());
-  require_time(watch);
+  const bool is_done = reader.Transfer(document);
   if (!is_done) throw Refusal("has no shape: export the solids of the model");
   take_names(reader.Reader().WS(), file, [](const Handle(Standard_Transient) & entity) {
     const auto item = Handle(StepRepr_RepresentationItem)::DownCast(entity);
     return item.IsNull() || item->Name().IsNull() ? std::string()
                                                   : real_name(item->Name()->ToCString());
   });
-  DocumentReader(document, parts, watch, file).run();
+  DocumentReader(document, parts, file).run();
   document->Close();
 }
 
 // ---- IGES
 
-void read_iges(const std::string& path, ShapeFile& file, PartCollector& parts, CadWatch& watch) {
+void read_iges(const std::string& path, ShapeFile& file, PartCollector& parts) {
   const KeptMessages messages;
   IGESCAFControl_Reader reader;
   Interface_Static::SetCVal("xstep.cascade.unit", "MM");
   const IFSelect_ReturnStatus status = reader.ReadFile(path.c_str());
-  require_time(watch);
   if (status != IFSelect_RetDone) refuse_unread("IGES", messages);
   const Handle(IGESData_IGESModel) model = reader.IGESModel();
   const double unit = model->GlobalSection().UnitValue();
@@ -392,47 +386,41 @@ void read_iges(const std::string& path, ShapeFile& file, PartCollector& parts, C
     file.unit = known == kUnits.end() ? std::to_string(unit) + " mm" : std::string(known->name);
   }
   Handle(TDocStd_Document) document = new_document();
-  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
-  const bool is_done = reader.Transfer(document, progress->Start());
-  require_time(watch);
+  const bool is_done = reader.Transfer(document);
   if (!is_done) throw Refusal("has no shape: export the solids of the model");
   take_names(reader.WS(), file, [](const Handle(Standard_Transient) & entity) {
     const auto item = Handle(IGESData_IGESEntity)::DownCast(entity);
     return item.IsNull() || !item->HasName() ? std::string()
                                              : real_name(item->NameValue()->ToCString());
   });
-  DocumentReader(document, parts, watch, file).run();
+  DocumentReader(document, parts, file).run();
   document->Close();
 }
 
 // ---- BREP
 
-void read_brep(const std::string& path, PartCollector& parts, CadWatch& watch) {
+void read_brep(const std::string& path, PartCollector& parts) {
   const KeptMessages messages;
-  WatchedFile bytes(path, watch);
-  std::istream stream(&bytes);
   TopoDS_Shape shape;
-  const Handle(WatchedProgress) progress = new WatchedProgress(watch);
-  BRepTools::Read(shape, stream, BRep_Builder(), progress->Start());
-  require_time(watch);
+  BRepTools::Read(shape, path.c_str(), BRep_Builder());
   if (shape.IsNull()) refuse_unread("BREP", messages);
   parts.add_part(shape, {}, {});
 }
 
 }  // namespace
 
-ShapeFile read_shapes(const std::string& path, CadFormat format, CadWatch& watch) {
+ShapeFile read_shapes(const std::string& path, CadFormat format, Sink& sink) {
   ShapeFile file;
-  PartCollector parts(file, watch);
+  PartCollector parts(file, sink);
   switch (format) {
     case CadFormat::kStep:
-      read_step(path, file, parts, watch);
+      read_step(path, file, parts, sink);
       break;
     case CadFormat::kIges:
-      read_iges(path, file, parts, watch);
+      read_iges(path, file, parts);
       break;
     case CadFormat::kBrep:
-      read_brep(path, parts, watch);
+      read_brep(path, parts);
       break;
   }
   parts.finish();

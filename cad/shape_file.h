@@ -4,13 +4,13 @@
 #include <Standard_Failure.hxx>
 #include <TopoDS_Shape.hxx>
 #include <gp_Trsf.hxx>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
-#include "engine/ingest/cad_module.h"
+#include "cad/sink.h"
+#include "engine/ingest/cad_protocol.h"
 
 namespace locvol::cad {
 
@@ -19,13 +19,10 @@ class Refusal : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
-// CadWatch said so.
-class Ended : public std::exception {};
-
 struct Body {
   TopoDS_Shape shape;  // a solid or a shell; where there is none that is closed, loose faces
   std::string name;    // empty: it has none
-  std::optional<CadColor> color;
+  CadColor color;
 };
 
 // Bodies of one part of an assembly, which may have faces in common.
@@ -43,7 +40,7 @@ struct ShapeFile {
   std::string unit;    // its name; empty: the format has none
 };
 
-// Throws Refusal, Ended, Standard_Failure, std::bad_alloc.
-ShapeFile read_shapes(const std::string& file, CadFormat format, CadWatch& watch);
+// Notes go to the sink. Throws Refusal, Standard_Failure, std::bad_alloc.
+ShapeFile read_shapes(const std::string& file, CadFormat format, Sink& sink);
 
 }  // namespace locvol::cad

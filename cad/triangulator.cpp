@@ -25,12 +25,8 @@
 #include <numbers>
 #include <numeric>
 
-#include "cad/watched.h"
-
 namespace locvol::cad {
 namespace {
-
-using Corners = std::array<double, 9>;
 
 // Bodies that have faces or edges in common are cut together, so that these are cut once.
 std::vector<std::vector<std::size_t>> joined_bodies(const Part& part) {
@@ -57,7 +53,7 @@ std::vector<std::vector<std::size_t>> joined_bodies(const Part& part) {
 
 class PartTriangulator {
  public:
-  PartTriangulator(const ShapeFile& file, const CadLaw& law, CadSink& sink)
+  PartTriangulator(const ShapeFile& file, const CadLaw& law, Sink& sink)
       : file_(file), law_(law), sink_(sink) {}
 
   void run(const Part& part) {
@@ -85,12 +81,9 @@ class PartTriangulator {
                                   Precision::Confusion());
     parameters.CleanModel = false;
     context_->SetShape(all);
-    require_time(sink_);
     const bool has_edges = context_->BuildModel() && context_->DiscretizeEdges();
-    require_time(sink_);
     if (!has_edges || !context_->HealModel() || !context_->PreProcessModel())
       throw Refusal("has edges that cannot be cut into segments: repair it in a CAD program");
-    require_time(sink_);
     const Handle(IMeshData_Model)& model = context_->GetModel();
     for (int f = 0; f < model->FacesNb(); ++f)
       places_.emplace(faces_.Add(model->GetFace(f)->GetFace()), f);
@@ -109,41 +102,38 @@ class PartTriangulator {
   }
 
   void cut_faces(const Body& body, const gp_Trsf& place) {
-    require(sink_.body(body.name));
+    sink_.body(body.name);
     TopTools_IndexedMapOfShape faces;
     TopExp::MapShapes(body.shape, TopAbs_FACE, faces);
     for (int f = 1; f <= faces.Extent(); ++f) {
-      require_time(sink_);
       const TopoDS_Face& face = TopoDS::Face(faces(f));
+      if (face.Orientation() > TopAbs_REVERSED) continue;  // it lies within, and bounds nothing
       const void* key = face.TShape().get();
       const auto name = file_.names.find(key);
       const auto own = file_.colors.find(key);
-      const CadColor* color = own != file_.colors.end() ? &own->second
-                              : body.color              ? &*body.color
-                                                        : nullptr;
-      require(sink_.face(name == file_.names.end() ? std::string() : name->second, color));
-      const std::vector<Corners> triangles = placed(corners_of(face), place);
-      require(sink_.triangles(triangles));
+      sink_.face(name == file_.names.end() ? std::string() : name->second,
+                 own == file_.colors.end() ? body.color : own->second);
+      sink_.triangles(placed(corners_of(face), place));
     }
   }
 
   // Of a face that two bodies have, they are kept until the second has got them.
-  std::vector<Corners> corners_of(const TopoDS_Face& face) {
+  std::vector<CadTriangle> corners_of(const TopoDS_Face& face) {
     const int number = used_.FindIndex(face);
     if (const auto held = held_.find(number); held != held_.end()) {
-      std::vector<Corners> corners = held->second;
+      std::vector<CadTriangle> corners = held->second;
       // The other body is on its other side.
-      for (Corners& c : corners)
+      for (CadTriangle& c : corners)
         for (std::size_t axis = 0; axis < 3; ++axis) std::swap(c[axis], c[3 + axis]);
       if (--num_uses_[static_cast<std::size_t>(number - 1)] == 0) held_.erase(held);
       return corners;
     }
-    std::vector<Corners> corners = triangulated(face);
+    std::vector<CadTriangle> corners = triangulated(face);
     if (--num_uses_[static_cast<std::size_t>(number - 1)] > 0) held_.emplace(number, corners);
     return corners;
   }
 
-  std::vector<Corners> triangulated(const TopoDS_Face& face) {
+  std::vector<CadTriangle> triangulated(const TopoDS_Face& face) {
     const auto place = places_.find(faces_.FindIndex(face));
     if (place == places_.end()) {  // it has no surface
       ++num_failed_;
@@ -153,14 +143,11 @@ class PartTriangulator {
     if (!cut->IsSet(IMeshData_Failure)) try {
         const Handle(IMeshTools_MeshAlgo) algorithm =
             algorithms_->GetAlgo(cut->GetSurface()->GetType(), context_->GetParameters());
-        if (!algorithm.IsNull()) {
-          const Handle(WatchedProgress) progress = new WatchedProgress(sink_);
-          algorithm->Perform(cut, context_->GetParameters(), progress->Start());
-        }
+        if (!algorithm.IsNull())
+          algorithm->Perform(cut, context_->GetParameters(), Message_ProgressRange());
       } catch (const Standard_Failure&) {
         // There is no triangulation then.
       }
-    require_time(sink_);
     TopLoc_Location location;
     const Handle(Poly_Triangulation) triangles = BRep_Tool::Triangulation(face, location);
     if (triangles.IsNull() || triangles->NbTriangles() == 0) {
@@ -168,14 +155,14 @@ class PartTriangulator {
       return {};
     }
     const std::vector<gp_Pnt> nodes = nodes_of(*triangles, location, cut);
-    std::vector<Corners> corners;
+    std::vector<CadTriangle> corners;
     corners.reserve(static_cast<std::size_t>(triangles->NbTriangles()));
     const bool is_turned = face.Orientation() == TopAbs_REVERSED;
     for (int t = 1; t <= triangles->NbTriangles(); ++t) {
       std::array<int, 3> of{};
       triangles->Triangle(t).Get(of[0], of[1], of[2]);
       if (is_turned) std::swap(of[0], of[1]);
-      Corners& c = corners.emplace_back();
+      CadTriangle& c = corners.emplace_back();
       for (std::size_t i = 0; i < 3; ++i) {
         const gp_Pnt& p = nodes[static_cast<std::size_t>(of[i])];
         c[3 * i] = p.X(), c[3 * i + 1] = p.Y(), c[3 * i + 2] = p.Z();
@@ -216,9 +203,9 @@ class PartTriangulator {
     return nodes;
   }
 
-  std::vector<Corners> placed(std::vector<Corners> triangles, const gp_Trsf& place) const {
+  std::vector<CadTriangle> placed(std::vector<CadTriangle> triangles, const gp_Trsf& place) const {
     const bool is_moved = place.Form() != gp_Identity;
-    for (Corners& c : triangles) {
+    for (CadTriangle& c : triangles) {
       for (std::size_t i = 0; i < 9; i += 3) {
         gp_XYZ p(c[i], c[i + 1], c[i + 2]);
         if (is_moved) place.Transforms(p);
@@ -229,10 +216,6 @@ class PartTriangulator {
         for (std::size_t axis = 0; axis < 3; ++axis) std::swap(c[axis], c[3 + axis]);
     }
     return triangles;
-  }
-
-  static void require(bool may_go_on) {
-    if (!may_go_on) throw Ended();
   }
 
   void clear() {
@@ -246,24 +229,24 @@ class PartTriangulator {
 
   const ShapeFile& file_;
   const CadLaw& law_;
-  CadSink& sink_;
+  Sink& sink_;
   const Handle(BRepMesh_MeshAlgoFactory) algorithms_ = new BRepMesh_MeshAlgoFactory;
   // Of the bodies at hand.
   Handle(BRepMesh_Context) context_;
   TopTools_IndexedMapOfShape faces_, used_;
-  std::map<int, int> places_;                 // in the model, by number in faces_
-  std::vector<int> num_uses_;                 // that are still to come, by used_
-  std::map<int, std::vector<Corners>> held_;  // likewise
+  std::map<int, int> places_;                     // in the model, by number in faces_
+  std::vector<int> num_uses_;                     // that are still to come, by used_
+  std::map<int, std::vector<CadTriangle>> held_;  // likewise
   std::size_t num_failed_ = 0;
 };
 
 }  // namespace
 
-void measure(const ShapeFile& file, CadFacts& facts, CadWatch& watch) {
+CadFacts facts_of(const ShapeFile& file) {
+  CadFacts facts;
   Bnd_Box all;
   for (const Part& part : file.parts)
     for (const Body& body : part.bodies) {
-      require_time(watch);
       Bnd_Box box;
       BRepBndLib::AddOptimal(body.shape.Moved(part.place, false), box, false, false);
       all.Add(box);
@@ -281,16 +264,16 @@ void measure(const ShapeFile& file, CadFacts& facts, CadWatch& watch) {
   };
   facts.min = coordinates(min);
   facts.max = coordinates(max);
-  facts.unit = file.unit;
+  file.unit.copy(facts.unit.data(), facts.unit.size() - 1);
+  return facts;
 }
 
-void triangulate(const ShapeFile& file, const CadLaw& law, CadSink& sink) {
+void triangulate(const ShapeFile& file, const CadLaw& law, Sink& sink) {
   PartTriangulator triangulator(file, law, sink);
   for (const Part& part : file.parts) triangulator.run(part);
   if (const std::size_t failed = triangulator.num_failed(); failed > 0)
-    if (!sink.note("left out " + std::to_string(failed) + (failed == 1 ? " face" : " faces") +
-                   " that OpenCASCADE cannot cut into triangles"))
-      throw Ended();
+    sink.note("left out " + std::to_string(failed) + (failed == 1 ? " face" : " faces") +
+              " that OpenCASCADE cannot cut into triangles");
 }
 
 }  // namespace locvol::cad

@@ -5,12 +5,12 @@
 
 namespace locvol::cad {
 
-// The box around all bodies, in the file's unit.
-void measure(const ShapeFile& file, CadFacts& facts, CadWatch& watch);
+// What is in it. Throws Refusal, Standard_Failure.
+CadFacts facts_of(const ShapeFile& file);
 
 // Of each part the edges are cut into segments, which all faces share; then each face is
 // triangulated, given to the sink, and forgotten. So bodies are as closed as their shells are.
-// Throws Ended, Standard_Failure, std::bad_alloc.
-void triangulate(const ShapeFile& file, const CadLaw& law, CadSink& sink);
+// Throws Refusal, Standard_Failure, std::bad_alloc.
+void triangulate(const ShapeFile& file, const CadLaw& law, Sink& sink);
 
 }  // namespace locvol::cad

@@ -15,6 +15,7 @@
 #include "engine/exchange/one_rank.h"
 #include "engine/exchange/pack.h"
 #include "engine/formats/writer.h"
+#include "engine/ingest/cad_input.h"
 #include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_survey.h"
 #include "engine/inspect/replay.h"
@@ -391,14 +392,18 @@ SizeReport found_sizes(const SurfaceSource& surface, const InfoCommand& command,
 }  // namespace
 
 int run_info(const InfoCommand& command) {
-  const MeshOptions& options = command.options;
+  MeshOptions options = command.options;
   const SurfaceSource surface =
       surface_at(command.surface, options.more_inputs, temporary_directory());
+  options.size = command.size.value_or(Size{});
+  const StopSource stop(StopSignal::is_requested);
+  settle_faces(surface, options, memory_cap(0), &stop);
+  const std::optional<Size> asked = command.size ? std::optional(options.size) : std::nullopt;
   const SurveyLaw law{options.weld,
                       options.sharp_angle,
                       options.sharp_polylines,
                       true,
-                      command.size,
+                      asked,
                       body_law(options.has_bodies, options.voids, options.more_inputs.size()),
                       options.gap,
                       options.inside,
@@ -409,7 +414,7 @@ int run_info(const InfoCommand& command) {
   json["sheets"] = to_json(input.sheets);
   json["bodies"] = bodies_json(input.sheets);
   std::string text = facts_text(facts) + sheets_text(input.sheets);
-  const double size = command.size ? absolute_size(*command.size, facts.box) : input.default_size();
+  const double size = asked ? absolute_size(*asked, facts.box) : input.default_size();
   if (size > 0) {
     RunRecord run = run_of_size(input, command.surface, size, options);
     for (const std::string& note : notes_on_shapes(options, run.parameters, facts.box)) {

@@ -55,15 +55,6 @@ void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64
   source.cut_faces({law_for(least, options.deviation.value, options.per_circle), may_have_bodies});
 }
 
-void settle_faces(const SurfaceSource& source, SurveyLaw& law, const StopToken* stop) {
-  MeshOptions options;
-  options.size = law.size.value_or(Size{});
-  options.inside = law.inside;
-  settle_faces(source, options, law.memory_cap, stop);
-  if (law.size) law.size = options.size;
-  law.bodies.has_bodies |= options.has_bodies && !law.bodies.has_files;
-}
-
 void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::uint64_t cap,
                    const StopToken* stop) {
   if (!source.curved(cap, stop)) return;

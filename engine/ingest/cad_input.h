@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "engine/ingest/surface_source.h"
-#include "engine/ingest/surface_survey.h"
 #include "engine/plan/options.h"
 
 namespace locvol {
@@ -16,8 +15,6 @@ namespace locvol {
 // OverBudget, Stopped.
 void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64_t cap,
                   const StopToken* stop);
-// Likewise for what can be known without a run.
-void settle_faces(const SurfaceSource& source, SurveyLaw& law, const StopToken* stop);
 // As they were for a run that began: settle_faces() gave its parameters.
 void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::uint64_t cap,
                    const StopToken* stop);

@@ -6,7 +6,8 @@
 //   ball   SIZE  X Y Z  RADIUS
 //   box    SIZE  X Y Z  X Y Z          two opposite corners
 //   line   SIZE  X Y Z  X Y Z  ...     two points or more, joined by segments
-//   sheet  SIZE  NAME                  a sheet of the surface, or all sheets of a group
+//   sheet  SIZE  NAME                  a sheet of the surface, or all sheets of a group; or #7,
+//                                      its id, or near X,Y,Z, the closest to a place
 //   body   SIZE  NAME                  one of several bodies
 //
 //   {"shapes": [{"kind": "point", "size": 0.1, "points": [[0, 0, 0]]},

@@ -13,6 +13,19 @@
 #include "engine/plan/run_setup.h"
 
 namespace locvol {
+namespace {
+
+// See settle_faces(); what a survey is not asked has no influence on the faces.
+void settle_faces(const SurfaceSource& source, SurveyLaw& law, const StopToken* stop) {
+  MeshOptions options;
+  options.size = law.size.value_or(Size{});
+  options.inside = law.inside;
+  settle_faces(source, options, law.memory_cap, stop);
+  if (law.size) law.size = options.size;
+  law.bodies.has_bodies |= options.has_bodies && !law.bodies.has_files;
+}
+
+}  // namespace
 
 SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
                                IngestWatch& watch, Workers& workers, const SurveyLaw& asked) {

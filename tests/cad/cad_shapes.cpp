@@ -286,3 +286,6 @@ void write_brep(const CadShape& shape, const std::filesystem::path& file) {
 }
 
 }  // namespace locvol
+
+// What OpenCASCADE keeps to the end is none of ours.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libTK\n"; }

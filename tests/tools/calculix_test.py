@@ -213,7 +213,7 @@ class Bracket(unittest.TestCase):
             self.assertEqual(shapes["back"]["normal"], [-1, 0, 0])
 
     def test_is_read_as_step(self):
-        if not (LOCVOL.resolve().parent / "../lib/locvol/locvol_cad.so").exists():
+        if not (LOCVOL.resolve().parent / "../lib/locvol/locvol-cad").exists():
             self.skipTest("needs OpenCASCADE. To run it: tools/setup.sh && tools/test.sh -R calculix")
         with tempfile.TemporaryDirectory() as name:
             directory = pathlib.Path(name)

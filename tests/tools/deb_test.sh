@@ -44,9 +44,9 @@ if [[ -e $build/tools/locvol-mpi ]]; then
   [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
 fi
 
-if [[ -e $build/lib/locvol/locvol_cad.so ]]; then
+if [[ -e $build/lib/locvol/locvol-cad ]]; then
   cad=$(echo "$out"/locvol-cad_*.deb)
-  has_path "$cad" 'lib.*/locvol/locvol_cad.so'
+  has_path "$cad" 'lib.*/locvol/locvol-cad'
   [[ $(dpkg-deb -f "$cad" Depends) == *libocct-data-exchange* ]] ||
     fail "$cad does not depend on OpenCASCADE"
   [[ $depends != *occt* ]] || fail "$command depends on OpenCASCADE: $depends"

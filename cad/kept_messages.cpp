@@ -1,4 +1,4 @@
-#include "cad/watched.h"
+#include "cad/kept_messages.h"
 
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
