@@ -490,7 +490,7 @@ struct Mesh::Impl {
   void of_second_order(const Use& use) const {
     require_complete();
     const Store opened = open();
-    MeshSource mesh(opened, store, num_threads, {}, nullptr, alone(), false, 2);
+    MeshSource mesh(opened, store, num_threads, {}, nullptr, alone(), {.order = 2});
     num_vertices = mesh.num_vertices();
     use(mesh);
   }
