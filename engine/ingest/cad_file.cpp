@@ -17,6 +17,7 @@
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/partial_file.h"
+#include "engine/shared/standard_input.h"
 #include "octree/geometry.h"
 
 namespace locvol {
@@ -174,7 +175,8 @@ CadFile::CadFile(std::shared_ptr<const InputBytes> bytes, CadFormat format,
   const std::filesystem::path program = program_for(*bytes_, format);
   InputFile file(bytes_, stop);
   require_memory(*bytes_, file.size(), format, cap);
-  if (file.is_unpacked() || bytes_->is_copy()) copy_.emplace(copied(file, directory));
+  if (file.is_unpacked() || bytes_->is_copy() || bytes_->path() == kStandardInput)
+    copy_.emplace(copied(file, directory));
   process_.emplace(program, bytes_->path(), format, copy_ ? &*copy_ : nullptr);
   for (;;) {
     const CadProcess::Record record = next(stop);

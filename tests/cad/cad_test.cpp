@@ -1,10 +1,13 @@
 // CAD files from end to end: whole runs of shapes that OpenCASCADE makes, against what it says of
 // them itself.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -191,6 +194,21 @@ TEST_F(Cad, WhatTheFileHoldsDecides) {
   EXPECT_NEAR(surveyed(dir_ / "plate.p21").facts.volume / volume_of(plate.solids[0]), 1, 0.002);
   std::filesystem::rename(dir_ / "plate.p21", dir_ / "plate.stl");
   EXPECT_NEAR(surveyed(dir_ / "plate.stl").facts.volume / volume_of(plate.solids[0]), 1, 0.002);
+}
+
+TEST_F(Cad, WhatIsPackedOrComesThroughTheStandardInputIsRead) {
+  const CadShape plate = cad_shape("plate");
+  const std::filesystem::path file = step(plate);
+  const double volume = volume_of(plate.solids[0]);
+  const int before = ::dup(STDIN_FILENO), input = ::open(file.c_str(), O_RDONLY);
+  ::dup2(input, STDIN_FILENO);
+  ::close(input);
+  const SurveyedSurface survey = surveyed("-");
+  ::dup2(before, STDIN_FILENO);
+  ::close(before);
+  EXPECT_NEAR(survey.facts.volume / volume, 1, 0.002);
+  ASSERT_EQ(std::system(("gzip -k " + file.string()).c_str()), 0);
+  EXPECT_NEAR(surveyed(file.string() + ".gz").facts.volume / volume, 1, 0.002);
 }
 
 // ---- Finer where λ asks for it
