@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "storage/run_choices.h"
+
 namespace locvol {
 
 /// x, y and z.
@@ -121,6 +123,11 @@ struct Options {
   Size gap = {};
   /// The mesh is the boundary alone: triangles, and no cells. All points lie on the surface.
   bool is_surface_only = false;
+  /// What is taken for the inside. By winding numbers, triangles of any kind can be meshed: holes
+  /// close, what overlaps is united, and doubled and inner walls vanish.
+  InsideRule inside = InsideRule::kClosed;
+  /// kPaper: one size everywhere, one body, and any dihedral angle unless one is asked for.
+  Initialization init = Initialization::kCover;
 };
 
 }  // namespace locvol

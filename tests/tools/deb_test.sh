@@ -23,11 +23,12 @@ for path in bin/locvol share/man/man1/locvol.1.gz share/bash-completion/completi
   has_path "$command" "$path"
 done
 for path in include/locvol/locvol.h include/locvol/engine/plan/library_options.h \
+    include/locvol/storage/run_choices.h \
     lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
   has_path "$development" "$path"
 done
 headers=$(dpkg-deb -c "$development" | grep -c '\.h$')
-[[ $headers == 2 ]] || fail "$development has $headers headers: only locvol.h and its options are for users"
+[[ $headers == 3 ]] || fail "$development has $headers headers: only locvol.h and what it includes are for users"
 
 depends=$(dpkg-deb -f "$command" Depends)
 for library in libc6 libboost-serialization libdeflate0 libfmt libhdf5 liblmdb0 libssl3 libzstd1 zlib1g; do
