@@ -267,7 +267,7 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
 Summary summary_of(const RunSummary& run) {
   const SurfaceFacts& surface = run.run.surface;
   return {.size = run.run.parameters.size,
-          .num_cells = run.run.counts.num_cells,
+          .num_cells = run.run.parameters.is_surface_only ? 0 : run.run.counts.num_cells,
           .num_points = run.run.counts.num_points,
           .num_leaves = run.num_leaves,
           .num_visits = run.run.counts.num_visits,

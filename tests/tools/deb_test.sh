@@ -45,6 +45,21 @@ if [[ -e $build/tools/locvol-mpi ]]; then
   [[ $(dpkg-deb -f "$mpi" Depends) == *openmpi-bin* ]] || fail "$mpi does not depend on openmpi-bin"
 fi
 
+if [[ -e $build/tools/python/locvol ]]; then
+  python=$(echo "$out"/python3-locvol_*.deb) module=lib/python3/dist-packages/locvol
+  for path in "$module/__init__.py" "$module/__init__.pyi" "$module/py.typed" \
+      "$module/_locvol.*.so" "$module-.*.dist-info/entry_points.txt"; do
+    has_path "$python" "$path"
+  done
+  dpkg-deb -x "$python" "$out/python"
+  PYTHONPATH=$out/python/usr/lib/python3/dist-packages /usr/bin/python3 -B -c '
+import locvol
+corners = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
+assert len(locvol.mesh((corners, faces), "20%").cells) > 100' ||
+    fail "the packaged module of Python does not mesh"
+fi
+
 dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"
@@ -60,5 +75,5 @@ done < <(cd "$documents" && grep -roP '\]\(\K[^)\s]+' --include='*.md' "$documen
 ((num_links > 100)) || fail "the packaged pages have $num_links links to each other"
 
 if command -v lintian >/dev/null; then
-  lintian --fail-on error,warning "$command" "$development"
+  lintian --fail-on error,warning "$command" "$development" ${python:+"$python"}
 fi

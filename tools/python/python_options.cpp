@@ -37,7 +37,7 @@ auto parsed(std::string_view key, const std::string& text, const Parse& parse) {
 // A cast that says which option it is of. bool is no number here, though Python takes it for one.
 template <class T>
 T cast(std::string_view key, const py::handle& value, std::string_view what) {
-  if (!std::is_same_v<T, bool> && py::isinstance<py::bool_>(value)) refuse(key, value, what);
+  if (py::isinstance<py::bool_>(value)) refuse(key, value, what);
   try {
     return value.cast<T>();
   } catch (const py::cast_error&) {
@@ -72,7 +72,8 @@ void take(std::string_view key, const py::handle& value, std::uint64_t& number) 
 }
 
 void take(std::string_view key, const py::handle& value, bool& is) {
-  is = cast<bool>(key, value, "True or False");
+  if (!py::isinstance<py::bool_>(value)) refuse(key, value, "True or False");
+  is = value.cast<bool>();
 }
 
 void take(std::string_view key, const py::handle& value, Initialization& init) {

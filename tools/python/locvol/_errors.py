@@ -70,8 +70,10 @@ def error_of(code, message):
 
 
 def _place(message):
+    """What comes before the first colon, if it is short: else it is part of what is wrong."""
     place, colon, rest = message.partition(": ")
-    return place if colon and rest else None
+    place = re.sub(r"^cannot \w+ ", "", place)
+    return place if colon and rest and len(place.split()) <= 4 else None
 
 
 def _cure(message):

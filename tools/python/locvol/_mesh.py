@@ -300,7 +300,7 @@ class Mesh:
             boundary (bool): With the boundary's triangles behind the cells, whose ids are cell data
                 "sheet"; 0 where there is none.
 
-        Points and connectivity are shared, not copied, without `boundary`.
+        Coordinates are shared, not copied.
         """
         from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
         from vtkmodules.vtkCommonCore import vtkPoints
@@ -321,7 +321,9 @@ class Mesh:
         grid, points, cells = vtkUnstructuredGrid(), vtkPoints(), vtkCellArray()
         points.SetData(numpy_to_vtk(self.points))
         grid.SetPoints(points)
-        cells.SetData(numpy_to_vtkIdTypeArray(offsets), numpy_to_vtkIdTypeArray(connectivity))
+        # Of these VTK takes the memory alone, and nobody would keep it: copies are VTK's own.
+        cells.SetData(numpy_to_vtkIdTypeArray(offsets, deep=True),
+                      numpy_to_vtkIdTypeArray(connectivity, deep=True))  # fmt: skip
         grid.SetCells(numpy_to_vtk(types), cells)
         named = {"body": bodies, **({"sheet": sheets} if boundary else {})}
         for name, values in named.items():

@@ -1,6 +1,7 @@
 """Options of a run: those of the command, whose one table they come from."""
 import functools
 import re
+import textwrap
 from dataclasses import dataclass
 
 
@@ -102,4 +103,6 @@ def help_of(row):
 
 def documentation():
     """All options, as docstrings list parameters."""
-    return "\n".join(f"        {row['name']}: {help_of(row)}." for row in rows())
+    return "\n".join(
+        textwrap.fill(f"{row['name']}: {help_of(row)}.", 100, initial_indent=" " * 8,
+                      subsequent_indent=" " * 12) for row in rows())  # fmt: skip
