@@ -24,7 +24,7 @@ from unittest import mock
 import numpy as np
 
 LOCVOL, PACKAGE = sys.argv.pop(1), sys.argv.pop(1)
-sys.path.insert(0, PACKAGE)
+sys.path.insert(0, str(pathlib.Path(PACKAGE).resolve()))
 import locvol  # noqa: E402
 
 # An octahedron: its upper half and its lower half are groups of their own.

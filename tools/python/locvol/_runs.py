@@ -12,6 +12,10 @@ log = logging.getLogger("locvol")
 _OF_SURFACE = ("weld", "sharp_angle", "sharp", "has_bodies", "voids", "gap", "inside")
 
 
+def _note(text):
+    log.warning("%s", _options.in_python(text))
+
+
 def memory_bytes(memory):
     """Of a number of bytes, or a text such as "2G", "512M" or "25%" of what is free; None: 0."""
     if memory is None:
@@ -36,7 +40,7 @@ def watched(run, progress, take):
             log.info("%s: %d leaves, %d cells", stage, status.num_leaves, status.num_cells)
         return None if progress is None else progress(status)
 
-    held, raised = run(tell, log.warning)
+    held, raised = run(tell, _note)
     mesh = None if held is None else take(held)
     if raised is not None and not isinstance(raised, KeyboardInterrupt):
         raise raised
@@ -105,7 +109,7 @@ def _mesh_of(held, bytes_, threads):
 
 def _chosen_size(held_surface, options, scratch, bytes_, threads):
     of_surface = {name: options[name] for name in _OF_SURFACE if name in options}
-    known = _locvol.info(held_surface, of_surface, scratch, bytes_, threads, None)
+    known = _locvol.info(held_surface, of_surface, scratch, bytes_, threads, _note)
     if not known.default_size > 0:
         raise _errors.InputError(
             "the surface: its volume is 0, so no size can be chosen for it; give a size")
@@ -149,7 +153,7 @@ def info(surface, *, memory=None, threads=0, groups=None, names=None, scratch=No
         raise TypeError(f"info depends on no option '{unknown[0]}', but on {', '.join(_OF_SURFACE)}")
     return _locvol.info(surface_of(surface, groups, names), options,
                         "" if scratch is None else os.fspath(scratch), memory_bytes(memory), threads,
-                        log.warning)  # fmt: skip
+                        _note)  # fmt: skip
 
 
 def estimate(surface, size=None, *, threads=0, memory=None, groups=None, names=None, scratch=None,
