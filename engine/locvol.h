@@ -33,6 +33,7 @@
 #include <vector>
 
 #include "engine/plan/library_options.h"
+#include "storage/run_choices.h"
 
 namespace locvol {
 

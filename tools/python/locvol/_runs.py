@@ -182,7 +182,8 @@ def _sign(function):
     more = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None)
             for name in _options.names() if name not in known.parameters]  # fmt: skip
     function.__signature__ = known.replace(parameters=plain + more)
-    function.__doc__ = function.__doc__.replace("{options}", _options.documentation())
+    if function.__doc__:  # python -OO has none
+        function.__doc__ = function.__doc__.replace("{options}", _options.documentation())
 
 
 _sign(mesh)
