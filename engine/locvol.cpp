@@ -556,7 +556,7 @@ struct BoundaryOfFirstOrder : NumberedMesh {
 struct MeshOfSecondOrder {
   MeshOfSecondOrder(Store the_store, const std::filesystem::path& directory, int num_threads)
       : store(std::move(the_store)),
-        mesh(store, directory, num_threads, {}, nullptr, alone(), false, 2) {}
+        mesh(store, directory, num_threads, {}, nullptr, alone(), {.order = 2}) {}
   std::uint64_t num_vertices() const { return mesh.num_vertices(); }
 
   Store store;

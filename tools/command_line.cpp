@@ -164,6 +164,13 @@ CLI::Option* add_order(CLI::App& app, OutputOptions& options) {
       ->type_name("1|2");
 }
 
+CLI::Option* add_split_interfaces(CLI::App& app, OutputOptions& options) {
+  return app.add_flag("--split-interfaces", options.splits_interfaces,
+                      "Of several bodies, each has vertices of its own, and what lies between two "
+                      "is there once for "
+                      "each (for contact)");
+}
+
 CLI::Option* add_faces(CLI::App& app, OutputOptions& options) {
   return app.add_flag(
       "--faces", options.has_faces,
@@ -177,6 +184,7 @@ CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, Outpu
   add_cell_data(app, options)->needs(file);
   add_boundary(app, options)->needs(file);
   add_order(app, options)->needs(file);
+  add_split_interfaces(app, options)->needs(file);
   add_faces(app, options)->needs(file);
   app.final_callback([&output, &options, file, format] {
     if (file->count() == 0) return;

@@ -48,6 +48,7 @@ CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options);
 void check_output(const OutputOptions& options);
 CLI::Option* add_boundary(CLI::App& app, OutputOptions& options);
 CLI::Option* add_order(CLI::App& app, OutputOptions& options);
+CLI::Option* add_split_interfaces(CLI::App& app, OutputOptions& options);
 CLI::Option* add_faces(CLI::App& app, OutputOptions& options);
 // The mesh's file; its format, by name or by extension; what is written besides.
 CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options);

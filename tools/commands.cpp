@@ -321,7 +321,8 @@ int run_export(const ExportCommand& command) {
                       num_streaming_threads(command.num_threads, memory_cap(command.memory_bytes)),
                       on_step);
   });
-  if (command.output_options.has_faces) write_faces(store, command.output);
+  if (command.output_options.has_faces)
+    write_faces(store, command.output, command.output_options.splits_interfaces);
   line.clear();
   if (command.is_json) {
     print_json(written_json(command.output, command.output_options, written));

@@ -125,9 +125,11 @@ std::filesystem::path faces_file(const std::filesystem::path& output) {
   return output.string() + ".faces.json";
 }
 
-void write_faces(const Store& store, const std::filesystem::path& output, const StopToken* stop,
-                 Exchange& exchange) {
-  const SheetTable table = sheet_table(store, output, stop, exchange);
+void write_faces(const Store& store, const std::filesystem::path& output, bool is_split,
+                 const StopToken* stop, Exchange& exchange) {
+  SheetTable table = sheet_table(store, output, stop, exchange);
+  const SurfaceSheets sheets = store.snapshot().sheets();
+  if (is_split && sheets.has_several_bodies()) table = with_both_sides(std::move(table), sheets);
   do_on_all(exchange, [&] {
     if (exchange.rank() != 0) return;
     const std::string text = json_text(to_json(table));

@@ -22,8 +22,9 @@ std::string sheet_table_text(const SheetTable& table, std::size_t most_rows);
 
 std::filesystem::path faces_file(const std::filesystem::path& output);
 // Measures the sheets of the finished run, and writes the file of faces of an output. Called by all
-// ranks, of which the first one writes. Throws what sheet_table() does.
-void write_faces(const Store& store, const std::filesystem::path& output,
+// ranks, of which the first one writes. `is_split`: see with_both_sides(). Throws what
+// sheet_table() does.
+void write_faces(const Store& store, const std::filesystem::path& output, bool is_split,
                  const StopToken* stop = nullptr, Exchange& exchange = alone());
 
 }  // namespace locvol

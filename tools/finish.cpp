@@ -118,6 +118,7 @@ void tell_how_to_resume(const RunPlace& place, const RunCommand& command, Progre
     if (options.has_quality) arguments += " --cell-data quality";
     if (options.has_boundary) arguments += " --boundary";
     if (options.order == 2) arguments += " --order 2";
+    if (options.splits_interfaces) arguments += " --split-interfaces";
     if (options.has_faces) arguments += " --faces";
     if (command.control.is_in_pieces) arguments += " --pieces";
   }
@@ -219,7 +220,8 @@ MeasuredMesh measure_and_write(const TimedRun& run, const RunPlace& place,
     mesh.written = timed(RunStage::kWrite, line, seconds, [&](const StepProgress& on_step) {
       WriteSummary written = write(store, command.control, run.num_writers, place, stop, on_step);
       if (command.control.output_options.has_faces)
-        write_faces(store, command.control.output, &stop, exchange);
+        write_faces(store, command.control.output, command.control.output_options.splits_interfaces,
+                    &stop, exchange);
       return written;
     });
   if (run.summary.outcome == RunOutcome::kUnresolved) {
@@ -368,6 +370,7 @@ Json written_json(const std::filesystem::path& output, const OutputOptions& opti
   json["file"] = names_of(output, options).front();
   json["format"] = info_of(options.format).name;
   json["order"] = options.order;
+  json["split_interfaces"] = options.splits_interfaces;
   if (options.order == 2) {
     json["num_nodes"] = written.num_nodes;
     json["num_nodes_on_surface"] = written.num_nodes_on_surface;

@@ -29,7 +29,8 @@ struct OutputOptions {
   bool is_by_ranks = false;   // several processes write one file
   bool has_boundary = false;  // with the cells, in formats that do not have it always
   bool has_faces = false;     // the command puts a file of what is known of the sheets beside it
-  int order = 1;              // 2: cells have a node in the middle of each edge, too
+  bool splits_interfaces = false;  // of several bodies, each has vertices of its own
+  int order = 1;                   // 2: cells have a node in the middle of each edge, too
 };
 
 // What a mesh has of all that a format numbers.

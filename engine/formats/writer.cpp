@@ -112,7 +112,8 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& asked, int num_threads, const StepProgress& on_step,
                         const StopToken* stop, Exchange& exchange) {
   require_order(asked);
-  MeshSource mesh(store, file, num_threads, on_step, stop, exchange, false, asked.order);
+  MeshSource mesh(store, file, num_threads, on_step, stop, exchange,
+                  {.order = asked.order, .is_split = asked.splits_interfaces});
   const OutputOptions options = mesh.is_surface_only() ? of_surface(asked) : asked;
   const MeshCounts counts = mesh_counts(mesh, options);
   check_on_all(exchange, [&] { check_limits(options.format, counts, file); });
@@ -165,7 +166,8 @@ WriteSummary write_piece_as_rank(const Store& store, const std::filesystem::path
     throw InputError(
         "pieces are of cells, of which a run with --surface-only has none: write one "
         "file");
-  MeshSource mesh(store, name, num_threads, {}, nullptr, exchange, true, options.order);
+  MeshSource mesh(store, name, num_threads, {}, nullptr, exchange,
+                  {.is_part = true, .order = options.order, .is_split = options.splits_interfaces});
   const MeshCounts counts = mesh_counts(mesh, options);
   const std::vector<PieceFile> pieces = piece_files(file, options.format, counts, exchange);
   const auto of_all = index_of_pieces(file, options.format);

@@ -384,10 +384,11 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
         watch, workers, share);
     sheets.bodies = std::move(bodies);
     require_sized_parts(run.parameters, sheets);
-    const CreasesOfCells creases = find_creases(
-        surface,
-        {.sharp_angle = run.parameters.sharp_angle, .least_extent = kLeastCreaseExtent * size},
-        watch, workers, share, sheets);
+    const CreasesOfCells creases = find_creases(surface,
+                                                {.sharp_angle = run.parameters.sharp_angle,
+                                                 .least_extent = kLeastCreaseExtent * size,
+                                                 .least_distance = kLeastCreaseDistance * size},
+                                                watch, workers, share, sheets);
     const SurfaceFacts planned = std::exchange(run.surface, surface.facts);
     run.surface.file = planned.file;
     run.surface.more_files = planned.more_files;

@@ -10,6 +10,7 @@
 
 #include "engine/ingest/cell_creases.h"
 #include "engine/ingest/sharp_edges.h"
+#include "engine/shared/compensated_sum.h"
 
 namespace locvol {
 namespace {
@@ -109,6 +110,16 @@ CreasePieces find_chains(const CheckedSurface& surface, const CreasePieces& piec
         cells.put(bucket++, cell.creases);
       });
   return std::move(collector).take(share);
+}
+
+// How far creases are from each other on average, if that is too close. Those that are given alone
+// are kept however close they are.
+std::optional<double> distance_below(const CreaseLaw& law, double area,
+                                     const CreasePieces& chains) {
+  CompensatedSum length;
+  for (const CreasePart& crease : chains.joined.components) length.add(crease.length);
+  if (!(law.sharp_angle > 0) || !(length.value() * law.least_distance > area)) return std::nullopt;
+  return area / length.value();
 }
 
 CreaseFacts facts_of(const CreasePart& crease, std::span<const SurfaceCorner> corners) {
@@ -213,8 +224,9 @@ CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, Inges
   const CreasePieces edges = find_edges(surface, law, watch, workers, share, cells);
   CreasePieces chains{.joined = {}, .places = {}, .corners = {}, .is_too_many = true};
   if (!edges.is_too_many) chains = find_chains(surface, edges, law, watch, workers, share, cells);
+  const std::optional<double> distance = distance_below(law, surface.facts.area, chains);
   if (chains.is_too_many || chains.joined.components.size() > law.most ||
-      chains.corners.size() > law.most) {
+      chains.corners.size() > law.most || distance) {
     if (has_given && !(law.sharp_angle > 0))
       share.refuse(
           surface.given.is_given()
@@ -226,7 +238,12 @@ CreasesOfCells find_creases(CheckedSurface& surface, const CreaseLaw& law, Inges
                              : has_given              ? " but those where bodies meet"
                                                       : "";
     surface.facts.notes.push_back(
-        fmt::format("took no creases{}, for there would be more than {}", kept, law.most));
+        distance
+            ? fmt::format("took no creases{}, for they are {:.3g} apart on average, too close for "
+                          "this size: "
+                          "one below {:.3g} keeps them",
+                          kept, *distance, *distance / kLeastCreaseDistance)
+            : fmt::format("took no creases{}, for there would be more than {}", kept, law.most));
     CreaseLaw of_given = law;
     of_given.sharp_angle = 0;
     return has_given ? find_creases(surface, of_given, watch, workers, share, sheets)

@@ -26,13 +26,16 @@ struct CreaseLaw {
   // their chains are shorter on average: a scan's are often many, in a small place, and bushy. So
   // are tips whose edges are shorter than a quarter of it, on average.
   double least_extent = 0;
+  // Closer to each other on average (area of the surface over their length) creases are too many,
+  // too: cells of this size cannot keep them apart.
+  double least_distance = 0;
   // More creases, or corners, are noise: then there are none but of edges that are given, and a
   // note says so. More of these are refused, by InputError.
   std::size_t most = kMaxCreases;
 };
 
 // Over λ.
-inline constexpr double kLeastCreaseExtent = 2;
+inline constexpr double kLeastCreaseExtent = 2, kLeastCreaseDistance = 0.05;
 // What the cells of a surface's buckets have of its creases, in a nameless temporary file.
 // Memory: 24 bytes a cell, 4 a part of a crease in a cell, 80 a crease and 32 a corner.
 // Errors: as TriangleSpill.

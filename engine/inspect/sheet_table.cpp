@@ -5,12 +5,14 @@
 #include <functional>
 #include <iterator>
 #include <string>
+#include <utility>
 
 #include "engine/exchange/pack.h"
 #include "engine/formats/sheet_names.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/output/leaf_window.h"
 #include "engine/output/stored_mesh.h"
+#include "engine/output/vertex_copies.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/compensated_sum.h"
@@ -143,10 +145,9 @@ class TableMaker {
     do_on_all(exchange_, [&] {
       for (std::size_t leaf = numbering.first_own(); leaf < numbering.end_own(); ++leaf) {
         throw_if_stopped(stop_);
-        const LeafFacets listed = snapshot_.facets(numbering.leaves()[leaf]);
+        const auto [listed, number] = numbers.facets(leaf);
         if (listed.facets.empty()) continue;
-        const std::vector<Point> at =
-            positions.of(listed.vertices, numbers.numbers(leaf, listed.vertices));
+        const std::vector<Point> at = positions.of(listed.vertices, number);
         for (const auto& [vertices, labels] : listed.facets) {
           const auto& [a, b, c] = vertices;
           FacetSums& sums = own[place_of(labels.sheet)];
@@ -186,6 +187,25 @@ class TableMaker {
 SheetTable sheet_table(const Store& store, const std::filesystem::path& output,
                        const StopToken* stop, Exchange& exchange) {
   return TableMaker(store, stop, exchange).table(output);
+}
+
+SheetTable with_both_sides(SheetTable table, const SurfaceSheets& sheets) {
+  const SheetSides sides(sheets);
+  const auto& facts = sides.sheets().sheets;
+  for (std::size_t s = 0; s < sheets.sheets.size(); ++s) {
+    table.rows[s].surface.name = facts[s].name;
+    const SheetId other = sides.other_side(static_cast<SheetId>(s + 1));
+    if (other == s + 1) continue;
+    SheetRow row = table.rows[s];
+    row.surface.name = facts[other - 1].name;
+    std::swap(row.behind, row.before);
+    if (row.shape.form == SheetForm::kPlane)
+      row.shape.direction = -1 * row.shape.direction;
+    else
+      row.shape.is_hollow = !row.shape.is_hollow;
+    table.rows.push_back(row);
+  }
+  return table;
 }
 
 }  // namespace locvol

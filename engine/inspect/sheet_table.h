@@ -39,4 +39,8 @@ inline constexpr double kShapeTolerance = 1e-5;
 SheetTable sheet_table(const Store& store, const std::filesystem::path& output,
                        const StopToken* stop = nullptr, Exchange& exchange = alone());
 
+// The same of a mesh whose bodies share no vertices: of a sheet between two bodies each side is
+// one, and both are called as SheetSides has it.
+SheetTable with_both_sides(SheetTable table, const SurfaceSheets& sheets);
+
 }  // namespace locvol

@@ -23,7 +23,8 @@ struct BoundaryNodes::FacetEdge {
   MeshEdge edge;
   std::uint64_t apex = 0;  // the facet's third vertex
   std::uint32_t sheet = 0;
-  std::uint32_t is_turned = 0;  // does the facet go round from the edge's larger end?
+  std::uint16_t is_turned = 0;  // does the facet go round from the edge's larger end?
+  std::uint16_t is_added = 0;   // see locvol::is_added()
   friend auto operator<=>(const FacetEdge&, const FacetEdge&) = default;
 };
 
@@ -115,8 +116,9 @@ std::vector<BoundaryNodes::FacetEdge> BoundaryNodes::edges_of(
   for (const BoundaryFacet& facet : facets)
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint64_t a = facet.vertices[k], b = facet.vertices[(k + 1) % 3];
-      edges.push_back(
-          {edge_between(a, b), facet.vertices[(k + 2) % 3], facet.labels.sheet, a > b ? 1U : 0U});
+      edges.push_back({edge_between(a, b), facet.vertices[(k + 2) % 3], facet.labels.sheet,
+                       static_cast<std::uint16_t>(a > b),
+                       static_cast<std::uint16_t>(is_added(facet.labels))});
     }
   std::ranges::sort(edges);
   return edges;
@@ -158,7 +160,8 @@ void BoundaryNodes::find_places(const Store& store, NearLists<FacetEdge>& edges,
       });
 }
 
-// Of a boundary that is a manifold, each edge has two facets.
+// Of a boundary that is a manifold, each edge has two facets. Copies of an edge have one place:
+// that which the edge would have without them.
 std::vector<BoundaryNodes::EdgeShape> BoundaryNodes::shapes_of(const OwnEdges& own,
                                                                FoundNodes& found) {
   std::vector<EdgeShape> shapes;
@@ -168,19 +171,30 @@ std::vector<BoundaryNodes::EdgeShape> BoundaryNodes::shapes_of(const OwnEdges& o
       const double length = norm(normal);
       return length > 0 ? (e.is_turned != 0 ? -1 / length : 1 / length) * normal : Point{};
     };
-    for (auto first = own.edges.begin(); first != own.edges.end();) {
-      const MeshEdge edge = first->edge;
-      const auto end =
-          std::find_if(first, own.edges.end(), [&](const FacetEdge& e) { return e.edge != edge; });
-      const std::uint64_t node =
-          edge_windows_.with([&](EdgeWindow& edges) { return edges.number(edge); });
-      for (auto e = first; e != end; ++e) found.nodes.emplace_back(node, e->sheet);
-      if (end - first == 2) {
+    std::vector<std::pair<MeshEdge, const FacetEdge*>> edges;  // by their first copies
+    edges.reserve(own.edges.size());
+    for (const FacetEdge& e : own.edges)
+      edges.emplace_back(window.numbers.first_copies(e.edge), &e);
+    if (numbering_->sides() != nullptr)
+      std::ranges::stable_sort(edges, {}, &std::pair<MeshEdge, const FacetEdge*>::first);
+    for (auto first = edges.begin(); first != edges.end();) {
+      const MeshEdge edge = first->first;
+      std::vector<const FacetEdge*> facets;
+      auto end = first;
+      for (std::uint64_t node = 0; end != edges.end() && end->first == edge; ++end) {
+        const FacetEdge& e = *end->second;
+        if (end == first || e.edge != end[-1].second->edge)
+          node = edge_windows_.with([&](EdgeWindow& numbers) { return numbers.number(e.edge); });
+        found.nodes.emplace_back(node, e.sheet);
+        if (e.is_added == 0) facets.push_back(&e);
+      }
+      if (facets.size() == 2) {
         const std::array ends = {window.positions.of(edge.a), window.positions.of(edge.b)};
-        shapes.push_back({edge,
-                          {.ends = ends,
-                           .sheets = {first->sheet, first[1].sheet},
-                           .outward = unit_normal(*first, ends) + unit_normal(first[1], ends)}});
+        shapes.push_back(
+            {edge,
+             {.ends = ends,
+              .sheets = {facets[0]->sheet, facets[1]->sheet},
+              .outward = unit_normal(*facets[0], ends) + unit_normal(*facets[1], ends)}});
       } else {
         ++found.num_without;
       }
@@ -277,20 +291,21 @@ std::vector<MeshEdge> BoundaryNodes::refused_by(const CellsToAsk& asked) {
   for (const NodeOnSurface& node : asked.nodes) ends.insert(ends.end(), {node.edge.a, node.edge.b});
   sort_and_unite(ends);
   windows_.with([&](MeshWindow& window) {
-    const LeafCells cells = window.snapshot.cells(numbering_->leaves()[asked.leaf]);
-    const std::vector<std::int64_t> numbers = window.numbers.numbers(asked.leaf, cells);
+    const auto [cells, numbers] = window.numbers.cells(asked.leaf);
     std::vector<bool> is_end(numbers.size());
-    for (std::size_t v = 0; v < numbers.size(); ++v)
-      is_end[v] = numbers[v] >= 0 &&
-                  std::ranges::binary_search(ends, static_cast<std::uint64_t>(numbers[v]));
+    std::vector<std::uint64_t> first_copies(numbers.size());
+    for (std::size_t v = 0; v < numbers.size(); ++v) {
+      if (numbers[v] < 0) continue;
+      first_copies[v] = window.numbers.first_copy(static_cast<std::uint64_t>(numbers[v]));
+      is_end[v] = std::ranges::binary_search(ends, first_copies[v]);
+    }
     for (const auto& cell : cells.cells) {
       if (std::ranges::count_if(cell, [&](std::uint32_t v) { return is_end[v]; }) < 2) continue;
       std::array<const NodeOnSurface*, 6> nodes{};
       for (std::size_t e = 0; e < 6; ++e) {
         const std::uint32_t v = cell[kCellEdges[e][0]], w = cell[kCellEdges[e][1]];
         if (!is_end[v] || !is_end[w]) continue;
-        const MeshEdge edge = edge_between(static_cast<std::uint64_t>(numbers[v]),
-                                           static_cast<std::uint64_t>(numbers[w]));
+        const MeshEdge edge = edge_between(first_copies[v], first_copies[w]);
         const auto found = std::ranges::lower_bound(asked.nodes, edge, {}, &NodeOnSurface::edge);
         if (found != asked.nodes.end() && found->edge == edge) nodes[e] = &*found;
       }

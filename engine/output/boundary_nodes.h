@@ -27,7 +27,7 @@ namespace locvol {
 
 // Where nodes are that are not in the middle of their edges.
 struct NodeOnSurface {
-  MeshEdge edge;
+  MeshEdge edge;  // of copies, between the first ones of its ends; all are there
   Point position;
 };
 

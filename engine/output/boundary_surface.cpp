@@ -53,18 +53,18 @@ BoundarySurface::BoundarySurface(const Reader& reader, const VertexNumbering& nu
       pages_(&pages),
       stop_(stop),
       exchange_(exchange),
-      num_sheets_(static_cast<SheetId>(std::max<std::size_t>(1, reader.sheets().sheets.size()))),
+      num_sheets_(static_cast<SheetId>(std::max<std::size_t>(
+          1, numbering.sides() != nullptr ? numbering.sides()->sheets().sheets.size()
+                                          : reader.sheets().sheets.size()))),
       facets_(output) {
   find_facets(workers);
 }
 
 std::vector<BoundarySurface::ListedFacet> BoundarySurface::load_facets(std::size_t leaf,
                                                                        NumberWindow& numbers) {
-  const LeafFacets listed = reader_->facets(numbering_->leaves()[leaf]);
+  const auto [listed, number] = numbers.facets(leaf);
   pages_->count(sizeof(listed.facets[0]) * listed.facets.size());
   std::vector<ListedFacet> facets;
-  if (listed.facets.empty()) return facets;
-  const std::vector<std::int64_t> number = numbers.numbers(leaf, listed.vertices);
   facets.reserve(listed.facets.size());
   for (const auto& [vertices, labels] : listed.facets) {
     for (const std::uint32_t v : vertices)
@@ -178,9 +178,9 @@ void BoundarySurface::find_facets(Workers& workers) {
             near.push_back(*list);
         CellsAndFacets result{numbering_->first_cell(leaf), {}, {}, {}};
         if (near.empty()) return result;
-        LeafCells cells = reader_->cells(numbering_->leaves()[leaf]);
-        result.numbers = numbers.numbers(leaf, cells);
-        result.cells = std::move(cells.cells);
+        NumberWindow::Cells cells = numbers.cells(leaf);
+        result.numbers = std::move(cells.numbers);
+        result.cells = std::move(cells.cells.cells);
         pages_->count(sizeof(result.cells[0]) * result.cells.size());
         const MarkedNumbers vertices(result.numbers);
         for (const std::size_t list : near)

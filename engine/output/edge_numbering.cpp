@@ -82,8 +82,7 @@ EdgeNumbering::EdgeNumbering(const Reader& reader, const VertexNumbering& number
 EdgeNumbering::Found EdgeNumbering::find(std::size_t leaf, MeshWindows& windows) const {
   return windows.with([&](MeshWindow& window) {
     Found found;
-    const LeafCells cells = window.snapshot.cells(numbering_->leaves()[leaf]);
-    const std::vector<std::int64_t> numbers = window.numbers.numbers(leaf, cells);
+    const auto [cells, numbers] = window.numbers.cells(leaf);
     std::vector<bool> is_of_core(numbers.size());
     for (std::size_t v = 0; v < numbers.size(); ++v)
       is_of_core[v] = numbering_->is_core(cells.vertices[v], numbers[v]);

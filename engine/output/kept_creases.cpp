@@ -97,25 +97,32 @@ class KeptCreases::Segments {
       ids.push_back(point.id);
       positions.push_back(point.position);
     }
-    const std::vector<std::int64_t> numbers = numbers_.numbers(leaf, ids);
+    std::vector<NumberWindow::Numbered> numbered = numbers_.numbered(leaf, ids);
+    std::ranges::sort(numbered, {}, &NumberWindow::Numbered::place);
+    const auto of_point = [&](std::size_t place) {
+      return std::ranges::equal_range(numbered, place, {}, &NumberWindow::Numbered::place);
+    };
     const NumberRange own{numbering_.first_vertex(leaf), numbering_.first_vertex(leaf + 1)};
     std::vector<Item> items;
+    const auto add = [&](std::int64_t one, std::int64_t other, std::uint64_t crease,
+                         std::uint64_t length) {
+      const auto [a, b] =
+          edge_between(static_cast<std::uint64_t>(one), static_cast<std::uint64_t>(other));
+      if (is_in(own, a)) items.push_back({{a, b}, 0, crease, length});
+    };
+    // Of copies, an edge joins those of one body.
     for (const auto& [ends, length, crease, way] :
-         crease_segments(std::move(piece), positions, p.size)) {
-      const auto [a, b] = std::minmax(numbers[ends[0]], numbers[ends[1]]);
-      if (a < 0 || !is_in(own, static_cast<std::uint64_t>(a))) continue;
-      items.push_back({{static_cast<std::uint64_t>(a), static_cast<std::uint64_t>(b)},
-                       0,
-                       crease,
-                       std::bit_cast<std::uint64_t>(length)});
-    }
+         crease_segments(std::move(piece), positions, p.size))
+      for (const NumberWindow::Numbered& one : of_point(ends[0]))
+        for (const NumberWindow::Numbered& other : of_point(ends[1]))
+          if (one.body == other.body)
+            add(one.number, other.number, crease, std::bit_cast<std::uint64_t>(length));
     for (const CornerPoint& corner : here->surface.corners) {
       const auto point = std::ranges::find(positions, corner.position);
       if (point == positions.end()) continue;
-      const std::int64_t number = numbers[static_cast<std::size_t>(point - positions.begin())];
-      if (number < 0 || !is_in(own, static_cast<std::uint64_t>(number))) continue;
-      const auto vertex = static_cast<std::uint64_t>(number);
-      items.push_back({{vertex, vertex}, 0, corner.corner, 0});
+      for (const NumberWindow::Numbered& copy :
+           of_point(static_cast<std::size_t>(point - positions.begin())))
+        add(copy.number, copy.number, corner.corner, 0);
     }
     std::ranges::sort(items, {}, by_vertices);
     return items;
@@ -190,9 +197,8 @@ KeptCreases::KeptCreases(const Reader& reader, const RunRecord& run,
   NumberWindow numbers(reader, numbering);
   find(
       [&](std::size_t leaf) {
-        const LeafFacets listed = reader.facets(numbering.leaves()[leaf]);
+        const auto [listed, number] = numbers.facets(leaf);
         pages.count(sizeof(listed.facets[0]) * listed.facets.size());
-        const std::vector<std::int64_t> number = numbers.numbers(leaf, listed.vertices);
         std::vector<Facet> facets;
         for (const auto& [vertices, labels] : listed.facets) {
           Facet& facet = facets.emplace_back();
@@ -327,7 +333,9 @@ void KeptCreases::add_up(const Lists& kept) {
   for (std::size_t c = 0; c < num_creases_; ++c)
     kept_[c] = {all[c].num_edges, all[c].length.value(), {all[c].min, all[c].max}};
   corners_ = gather_all(exchange_, own_corners);
-  std::ranges::sort(corners_, {}, &KeptCorner::corner);
+  std::ranges::sort(corners_, {}, [](const KeptCorner& corner) {
+    return std::pair(corner.corner, corner.vertex);
+  });
 }
 
 KeptCreases::Edges KeptCreases::with_nodes(std::uint64_t first, std::vector<KeptEdge> edges) const {

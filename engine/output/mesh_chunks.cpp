@@ -56,8 +56,7 @@ void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
 }
 
 void ChunkReader::add_stored_cells(std::size_t leaf, NumberedCells& out) {
-  const LeafCells cells = reader_.cells(numbering_.leaves()[leaf]);
-  const std::vector<std::int64_t> numbers = numbers_.numbers(leaf, cells);
+  const auto [cells, numbers] = numbers_.cells(leaf);
   for (const auto& cell : cells.cells) {
     auto& numbered = out.cells.emplace_back();
     for (std::size_t i = 0; i < 4; ++i) numbered[i] = static_cast<std::uint64_t>(numbers[cell[i]]);

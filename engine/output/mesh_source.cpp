@@ -15,29 +15,37 @@ namespace {
 
 constexpr std::uint64_t kFullPieceBytes = std::uint64_t{1} << 20;
 
+std::optional<SheetSides> sides_of(const SurfaceSheets& sheets, const MeshShape& shape) {
+  if (!shape.is_split || !sheets.has_several_bodies()) return std::nullopt;
+  return SheetSides(sheets);
+}
+
 }  // namespace
 
 MeshSource::MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
                        const StepProgress& on_step, const StopToken* stop, Exchange& exchange,
-                       bool is_part, int order)
+                       const MeshShape& shape)
     : store_(store),
       snapshot_(store.snapshot()),
       run_(finished_run(store, snapshot_)),
       sheets_(snapshot_.sheets()),
+      sides_(sides_of(sheets_, shape)),
       output_(output),
       on_step_(on_step),
       stop_(stop),
       exchange_(exchange),
       pages_(store),
-      numbering_(snapshot_, run_, output, pages_, stop_while_alone(), exchange),
+      numbering_(snapshot_, run_, output, pages_, stop_while_alone(), exchange,
+                 sides_ ? &*sides_ : nullptr),
       positions_(snapshot_, numbering_),
       workers_(num_threads),
       windows_([this, num_threads] {
         return std::make_unique<MeshWindow>(store_, numbering_, num_threads);
       }),
       end_cell_(numbering_.num_cells()) {
-  if (order > 1) number_edges();
-  if (is_part) become_part();
+  if (sides_) sheets_ = sides_->sheets();
+  if (shape.order > 1) number_edges();
+  if (shape.is_part) become_part();
 }
 
 // The first half of the steps.
@@ -60,8 +68,10 @@ Point MeshSource::position_of(const MeshEdge& edge) {
       return LeafList<NodeOnSurface>{boundary_nodes_->on_surface(leaf)};
     });
   const auto nodes = on_surface_->get(numbering_.leaf_of(edge.a));
-  const auto found = std::ranges::lower_bound(nodes->values, edge, {}, &NodeOnSurface::edge);
-  if (found != nodes->values.end() && found->edge == edge) return found->position;
+  const MeshEdge first =
+      windows_.with([&](MeshWindow& window) { return window.numbers.first_copies(edge); });
+  const auto found = std::ranges::lower_bound(nodes->values, first, {}, &NodeOnSurface::edge);
+  if (found != nodes->values.end() && found->edge == first) return found->position;
   return middle(position_of(edge.a), position_of(edge.b));
 }
 
@@ -128,7 +138,10 @@ void MeshSource::for_each_node(std::size_t leaf, MeshWindow& window, EdgeWindow&
   const std::vector<NodeOnSurface> on_surface = boundary_nodes_->on_surface(leaf);
   auto next = on_surface.begin();
   for (const MeshEdge& edge : edges_->listed(leaf).values) {
-    const bool is_on_surface = next != on_surface.end() && next->edge == edge;
+    const MeshEdge first = window.numbers.first_copies(edge);
+    if (numbering_.sides() != nullptr)
+      next = std::ranges::lower_bound(on_surface, first, {}, &NodeOnSurface::edge);
+    const bool is_on_surface = next != on_surface.end() && next->edge == first;
     if (is_wanted(number++))
       visit(is_on_surface ? next->position
                           : middle(window.positions.of(edge.a), window.positions.of(edge.b)));
@@ -527,8 +540,7 @@ void MeshSource::add_core_bodies(std::size_t leaf, MeshWindow& window, MeshPiece
 void MeshSource::add_cells(std::size_t leaf, bool has_corners, MeshWindow& window,
                            EdgeWindow* edge_window, MeshPiece& piece) const {
   const MortonKey key = numbering_.leaves()[leaf];
-  const LeafCells cells = window.snapshot.cells(key);
-  const std::vector<std::int64_t> numbers = window.numbers.numbers(leaf, cells);
+  const auto [cells, numbers] = window.numbers.cells(leaf);
   for (const auto& [a, b, c, d] : cells.cells)
     piece.cells.push_back({numbers[a], numbers[b], numbers[c], numbers[d]});
   if (edge_window != nullptr) {

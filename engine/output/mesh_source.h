@@ -21,6 +21,7 @@
 #include "engine/output/mesh_window.h"
 #include "engine/output/number_range.h"
 #include "engine/output/part_vertices.h"
+#include "engine/output/vertex_copies.h"
 #include "engine/output/vertex_numbering.h"
 #include "engine/output/vertex_positions.h"
 #include "engine/shared/encode_in_order.h"
@@ -95,6 +96,13 @@ struct MeshPart {
   int rank = 0, num_ranks = 1;
 };
 
+// What is to be had of a mesh.
+struct MeshShape {
+  bool is_part = false;   // of one rank
+  int order = 1;          // or 2
+  bool is_split = false;  // bodies share no vertices, see vertex_copies.h
+};
+
 // Vertices are numbered as VertexNumbering says, cells leaf by leaf in the same order. A part is
 // what one rank has, as a mesh by itself: its cells, from 0 on, with all of their vertices, which
 // have the numbers of PartVertices.
@@ -111,10 +119,10 @@ class MeshSource {
   // The run must be done, and `store` outlive this object. `output`: temporary files lie beside it.
   // Steps are the rank's cells, told in the first pass over them. Any pass throws Stopped.
   // `exchange`: see VertexNumbering; then pieces are of own leaves, and numbers of all ranks, but
-  // for a part. `order`: 1, or 2
+  // for a part.
   MeshSource(const Store& store, const std::filesystem::path& output, int num_threads,
              const StepProgress& on_step = {}, const StopToken* stop = nullptr,
-             Exchange& exchange = alone(), bool is_part = false, int order = 1);
+             Exchange& exchange = alone(), const MeshShape& shape = {});
 
   const RunRecord& run() const { return run_; }
   const std::filesystem::path& output() const { return output_; }
@@ -237,6 +245,7 @@ class MeshSource {
   Snapshot snapshot_;
   RunRecord run_;
   SurfaceSheets sheets_;
+  std::optional<SheetSides> sides_;
   std::filesystem::path output_;
   StepProgress on_step_;
   const StopToken* stop_;

@@ -64,6 +64,42 @@ NamedBy named_by(const LeafFacets& listed, MortonKey leaf) {
       [](const MeshFacet& facet) -> auto& { return facet.vertices; }, leaf);
 }
 
+std::vector<std::uint64_t> flat(std::span<const VertexCopy> copies) {
+  std::vector<std::uint64_t> words;
+  words.reserve(2 * copies.size());
+  for (const auto& [id, body] : copies) words.insert(words.end(), {id, body});
+  return words;
+}
+std::vector<VertexCopy> copies_in(std::span<const std::uint64_t> words) {
+  std::vector<VertexCopy> copies;
+  copies.reserve(words.size() / 2);
+  for (std::size_t i = 0; i + 1 < words.size(); i += 2)
+    copies.push_back({words[i], static_cast<BodyId>(words[i + 1])});
+  return copies;
+}
+
+// The copies that cells or facets of a leaf name, and how many of these there are.
+struct CopiesNamedBy {
+  std::vector<VertexCopy> copies;
+  std::uint64_t num_cells = 0;
+};
+CopiesNamedBy copies_named_by(const std::vector<std::uint64_t>& ids,
+                              const std::vector<BodyId>& bodies, std::uint64_t num_cells) {
+  CopiesNamedBy named{{}, num_cells};
+  for (std::size_t v = 0; v < ids.size(); ++v) named.copies.push_back({ids[v], bodies[v]});
+  return named;
+}
+CopiesNamedBy copies_named_by(LeafCells listed, MortonKey leaf) {
+  require_ascending(listed.vertices, leaf, "the vertices of the cells");
+  const auto [cells, bodies] = with_copies(std::move(listed));
+  return copies_named_by(cells.vertices, bodies, cells.cells.size());
+}
+CopiesNamedBy copies_named_by(const LeafFacets& listed, MortonKey leaf, const SheetSides& sides) {
+  require_ascending(listed.vertices, leaf, "the vertices of the facets");
+  const auto [facets, bodies] = with_copies(listed, sides);
+  return copies_named_by(facets.vertices, bodies, facets.facets.size());
+}
+
 // Own ones are one after another.
 std::pair<std::size_t, std::size_t> own_leaves(const Reader& reader,
                                                std::span<const MortonKey> leaves) {
@@ -79,8 +115,9 @@ std::pair<std::size_t, std::size_t> own_leaves(const Reader& reader,
 
 VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                                  const std::filesystem::path& output, PageRelease& pages,
-                                 const StopToken* stop, Exchange& exchange)
+                                 const StopToken* stop, Exchange& exchange, const SheetSides* sides)
     : is_surface_only_(run.parameters.is_surface_only),
+      sides_(sides),
       frame_(run.frame),
       lattice_(lattice_of(run)),
       scale_(reader, run),
@@ -101,12 +138,14 @@ VertexNumbering::VertexNumbering(const Reader& reader, const RunRecord& run,
                           [&](std::size_t leaf) { return load_names(reader, pages, leaf); });
   for (std::size_t leaf = first_own_; leaf < end_own_; ++leaf) {
     throw_if_stopped(stop);
-    const std::vector<std::uint64_t> used = find_used(leaf, names);
+    const std::vector<std::uint64_t> used =
+        sides_ == nullptr ? find_used(leaf, names) : find_used_copies(leaf, names);
+    const std::uint64_t num_here = used.size() / words_of_vertex();
     const auto here = names.get(leaf);
-    ids_file_.write_at(num_used * sizeof(std::uint64_t), std::as_bytes(std::span(used)));
-    own.push_back({num_vertices, here->num_core_points, num_used, used.size()});
-    num_used += used.size();
-    num_vertices += used.size() + here->num_core_points;
+    write_words(num_used, used);
+    own.push_back({num_vertices, here->num_core_points, num_used, num_here});
+    num_used += num_here;
+    num_vertices += num_here + here->num_core_points;
     num_core_cells_[leaf] = here->num_core_cells;
     num_cells.push_back(here->num_cells + here->num_core_cells);
     num_all_cells += num_cells.back();
@@ -186,7 +225,10 @@ void VertexNumbering::exchange_names(const Reader& reader, PageRelease& pages, E
   std::uint64_t size = 0;
   tell_ranks_beside(
       reader, exchange, kCellReach,
-      [&](std::size_t leaf) { return load_names(reader, pages, leaf).foreign; },
+      [&](std::size_t leaf) {
+        const Names names = load_names(reader, pages, leaf);
+        return sides_ == nullptr ? names.foreign : flat(names.foreign_copies);
+      },
       [&](std::size_t leaf, const std::vector<std::uint64_t>& ids) {
         names_file_.write_at(sizeof(std::uint64_t) * size, std::as_bytes(std::span(ids)));
         names_beside_[leaf] = {size, ids.size()};
@@ -204,15 +246,16 @@ std::vector<std::pair<std::size_t, VertexNumbering::Numbered>> VertexNumbering::
       reader, exchange, kCellReach,
       [&](std::size_t leaf) {
         const Numbered& numbered = own[leaf - first_own_];
-        std::vector<std::uint64_t> numbers = read_ids(numbered.first_used, numbered.num_used);
+        std::vector<std::uint64_t> numbers = read_words(numbered.first_used, numbered.num_used);
         numbers.insert(numbers.begin(), {numbered.first_vertex, numbered.num_core});
         return numbers;
       },
       [&](std::size_t leaf, const std::vector<std::uint64_t>& numbers) {
-        const auto ids = std::span(numbers).subspan(2);
-        ids_file_.write_at(sizeof(std::uint64_t) * num_in_file, std::as_bytes(ids));
-        beside.push_back({leaf, {numbers[0], numbers[1], num_in_file, ids.size()}});
-        num_in_file += ids.size();
+        const auto words = std::span(numbers).subspan(2);
+        const std::uint64_t num_there = words.size() / words_of_vertex();
+        write_words(num_in_file, words);
+        beside.push_back({leaf, {numbers[0], numbers[1], num_in_file, num_there}});
+        num_in_file += num_there;
       });
   std::ranges::sort(beside, {}, &std::pair<std::size_t, Numbered>::first);
   return beside;
@@ -222,19 +265,24 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
                                                    std::size_t leaf) const {
   const MortonKey key = leaves()[leaf];
   const LeafPoints points = reader.points(key);
-  const NamedBy named =
-      is_surface_only_ ? named_by(reader.facets(key), key) : named_by(reader.cells(key), key);
-  pages.count(points.points.size() * sizeof(MeshPoint) + named.num_cells * 16);
-
   Names names;
   if (const auto beside = names_beside_.find(leaf); beside != names_beside_.end()) {
     const auto [first, count] = beside->second;
     names.foreign.resize(count);
     names_file_.read_at(sizeof(std::uint64_t) * first,
                         std::as_writable_bytes(std::span(names.foreign)));
+    if (sides_ != nullptr) names.foreign_copies = copies_in(std::exchange(names.foreign, {}));
     return names;
   }
-  names.num_cells = named.num_cells;
+  NamedBy named;
+  CopiesNamedBy of_copies;
+  if (sides_ == nullptr)
+    named = is_surface_only_ ? named_by(reader.facets(key), key) : named_by(reader.cells(key), key);
+  else
+    of_copies = is_surface_only_ ? copies_named_by(reader.facets(key), key, *sides_)
+                                 : copies_named_by(reader.cells(key), key);
+  names.num_cells = named.num_cells + of_copies.num_cells;
+  pages.count(points.points.size() * sizeof(MeshPoint) + names.num_cells * 16);
   if (!points.core.is_empty()) {
     check_core(leaf, points.core);
     const LeafInfo info = reader.leaf(key).value_or(LeafInfo());
@@ -244,6 +292,12 @@ VertexNumbering::Names VertexNumbering::load_names(const Reader& reader, PageRel
   names.own.reserve(points.points.size());
   for (const MeshPoint& point : points.points) names.own.push_back(point.id);
   require_ascending(names.own, key, "the points");
+  if (sides_ != nullptr) {
+    for (const VertexCopy& copy : of_copies.copies)
+      (std::ranges::binary_search(names.own, copy.id) ? names.own_copies : names.foreign_copies)
+          .push_back(copy);
+    return names;
+  }
   names.is_named.resize(names.own.size());
   auto own = names.own.begin();
   for (const std::uint64_t vertex : named.vertices) {
@@ -275,15 +329,42 @@ std::vector<std::uint64_t> VertexNumbering::find_used(std::size_t leaf,
   return used;
 }
 
-std::vector<std::uint64_t> VertexNumbering::used_ids(std::size_t leaf) const {
-  return read_ids(first_used_[leaf], num_used_[leaf]);
+// Cells of other leaves may name a point for bodies that own cells do not name it for.
+std::vector<std::uint64_t> VertexNumbering::find_used_copies(std::size_t leaf,
+                                                             LeafWindow<Names>& names) const {
+  const auto here = names.get(leaf);
+  std::vector<VertexCopy> used = here->own_copies;
+  for (const std::size_t neighbor : neighbors(leaf))
+    std::ranges::copy_if(
+        names.get(neighbor)->foreign_copies, std::back_inserter(used),
+        [&](const VertexCopy& copy) { return std::ranges::binary_search(here->own, copy.id); });
+  sort_and_unite(used);
+  return flat(used);
 }
 
-std::vector<std::uint64_t> VertexNumbering::read_ids(std::uint64_t first,
-                                                     std::uint64_t count) const {
-  std::vector<std::uint64_t> ids(count);
-  ids_file_.read_at(first * sizeof(std::uint64_t), std::as_writable_bytes(std::span(ids)));
-  return ids;
+std::vector<std::uint64_t> VertexNumbering::used_ids(std::size_t leaf) const {
+  std::vector<std::uint64_t> words = read_words(first_used_[leaf], num_used_[leaf]);
+  if (sides_ == nullptr) return words;
+  for (std::size_t i = 0; i < num_used_[leaf]; ++i) words[i] = words[2 * i];
+  words.resize(num_used_[leaf]);
+  return words;
+}
+
+std::vector<VertexCopy> VertexNumbering::used_copies(std::size_t leaf) const {
+  return copies_in(read_words(first_used_[leaf], num_used_[leaf]));
+}
+
+std::vector<std::uint64_t> VertexNumbering::read_words(std::uint64_t first,
+                                                       std::uint64_t count) const {
+  const std::size_t words_of = words_of_vertex();
+  std::vector<std::uint64_t> words(words_of * count);
+  ids_file_.read_at(words_of * first * sizeof(std::uint64_t),
+                    std::as_writable_bytes(std::span(words)));
+  return words;
+}
+
+void VertexNumbering::write_words(std::uint64_t first, std::span<const std::uint64_t> words) {
+  ids_file_.write_at(words_of_vertex() * first * sizeof(std::uint64_t), std::as_bytes(words));
 }
 
 void VertexNumbering::check_core(std::size_t leaf, const LatticeCore& core) const {
@@ -308,7 +389,7 @@ NumberWindow::NumberWindow(const Reader& reader, const VertexNumbering& numberin
     : reader_(&reader),
       numbering_(&numbering),
       tables_(kTableBytes / static_cast<std::size_t>(num_shares),
-              [this](std::size_t leaf) { return Table{numbering_->used_ids(leaf)}; }),
+              [this](std::size_t leaf) { return load_table(leaf); }),
       cores_(kCoreBytes / static_cast<std::size_t>(num_shares), [this](std::size_t leaf) {
         if (numbering_->num_core_vertices(leaf) == 0) return Core{};
         return Core{reader_->points(numbering_->leaves()[leaf]).core};
@@ -333,30 +414,104 @@ const SiteBlock<std::int64_t>* NumberWindow::core_numbers(std::size_t leaf) {
   return has_core_numbers_ ? &core_numbers_ : nullptr;
 }
 
-std::vector<std::int64_t> NumberWindow::numbers(std::size_t leaf,
-                                                std::span<const std::uint64_t> ids) {
-  std::vector<std::int64_t> numbers(ids.size(), -1);
-  if (ids.empty()) return numbers;
+NumberWindow::Table NumberWindow::load_table(std::size_t leaf) const {
+  if (numbering_->sides() == nullptr) return {numbering_->used_ids(leaf), {}};
+  Table table;
+  for (const auto& [id, body] : numbering_->used_copies(leaf)) {
+    table.ids.push_back(id);
+    table.bodies.push_back(body);
+  }
+  return table;
+}
+
+// Calls visit(i, number) for the ids that have one; of copies, for each. `core_number`: likewise of
+// points of the core, after all others
+template <class Visit, class VisitCore>
+void NumberWindow::for_each_number(std::size_t leaf, std::span<const std::uint64_t> ids,
+                                   const Visit& visit, const VisitCore& visit_core) {
+  if (ids.empty()) return;
   for (const std::size_t neighbor : numbering_->neighbors(leaf)) {
     const auto first = static_cast<std::int64_t>(numbering_->first_vertex(neighbor));
-    for_each_common(ids, tables_.get(neighbor)->ids, [&](auto id, auto rank) {
-      numbers[static_cast<std::size_t>(id)] = first + rank;
+    const auto table = tables_.get(neighbor);
+    for_each_common(ids, table->ids, [&](auto id, auto place) {
+      visit(static_cast<std::size_t>(id), *table, static_cast<std::size_t>(place), first);
     });
   }
   if (const auto* core = core_numbers(leaf))
     for (std::size_t i = 0; i < ids.size() && ids[i] < kFirstOtherId; ++i) {
       const LatticeSite site = site_of(ids[i]);
-      if (numbers[i] < 0 && core->box().contains(site)) numbers[i] = (*core)[site];
+      if (core->box().contains(site)) visit_core(i, (*core)[site]);
     }
+}
+
+std::vector<std::int64_t> NumberWindow::numbers(std::size_t leaf,
+                                                std::span<const std::uint64_t> ids,
+                                                std::span<const BodyId> bodies) {
+  std::vector<std::int64_t> numbers(ids.size(), -1);
+  for_each_number(
+      leaf, ids,
+      [&](std::size_t id, const Table& table, std::size_t place, std::int64_t first) {
+        // Copies of one point follow each other, here and there.
+        for (; !bodies.empty() && table.bodies[place] != bodies[id]; ++place)
+          if (place + 1 == table.ids.size() || table.ids[place + 1] != ids[id]) return;
+        numbers[id] = first + static_cast<std::int64_t>(place);
+      },
+      [&](std::size_t id, std::int64_t number) {
+        if (numbers[id] < 0) numbers[id] = number;
+      });
   return numbers;
 }
 
-std::vector<std::int64_t> NumberWindow::numbers(std::size_t leaf, const LeafCells& cells) {
-  std::vector<std::int64_t> numbers = this->numbers(leaf, cells.vertices);
-  for (const auto& cell : cells.cells)
+std::vector<NumberWindow::Numbered> NumberWindow::numbered(std::size_t leaf,
+                                                           std::span<const std::uint64_t> ids) {
+  std::vector<Numbered> numbered;
+  std::vector<bool> is_listed(ids.size());
+  for_each_number(
+      leaf, ids,
+      [&](std::size_t id, const Table& table, std::size_t place, std::int64_t first) {
+        is_listed[id] = true;
+        for (; place < table.ids.size() && table.ids[place] == ids[id]; ++place)
+          numbered.push_back({id, table.bodies.empty() ? kNoBody : table.bodies[place],
+                              first + static_cast<std::int64_t>(place)});
+      },
+      [&](std::size_t id, std::int64_t number) {
+        if (!is_listed[id] && number >= 0) numbered.push_back({id, kNoBody, number});
+      });
+  return numbered;
+}
+
+NumberWindow::Cells NumberWindow::cells(std::size_t leaf) {
+  LeafCells listed = reader_->cells(numbering_->leaves()[leaf]);
+  CellsOfCopies of_copies;
+  if (numbering_->sides() == nullptr)
+    of_copies.cells = std::move(listed);
+  else
+    of_copies = with_copies(std::move(listed));
+  Cells result{std::move(of_copies.cells), {}};
+  result.numbers = numbers(leaf, result.cells.vertices, of_copies.bodies);
+  for (const auto& cell : result.cells.cells)
     for (const std::uint32_t v : cell)
-      if (numbers[v] < 0) throw_unknown_point(cells.vertices[v], numbering_->leaves()[leaf]);
-  return numbers;
+      if (result.numbers[v] < 0)
+        throw_unknown_point(result.cells.vertices[v], numbering_->leaves()[leaf]);
+  return result;
+}
+
+NumberWindow::Facets NumberWindow::facets(std::size_t leaf) {
+  FacetsOfCopies listed{reader_->facets(numbering_->leaves()[leaf]), {}};
+  if (numbering_->sides() != nullptr) listed = with_copies(listed.facets, *numbering_->sides());
+  Facets result{std::move(listed.facets), {}};
+  result.numbers = numbers(leaf, result.facets.vertices, listed.bodies);
+  return result;
+}
+
+std::uint64_t NumberWindow::first_copy(std::uint64_t vertex) {
+  if (numbering_->sides() == nullptr) return vertex;
+  const std::size_t leaf = numbering_->leaf_of(vertex);
+  const auto table = tables_.get(leaf);
+  const std::uint64_t first = numbering_->first_vertex(leaf), place = vertex - first;
+  if (place >= table->ids.size()) return vertex;  // of the core
+  const auto copies = std::ranges::equal_range(table->ids, table->ids[place]);
+  return first + static_cast<std::uint64_t>(copies.begin() - table->ids.begin());
 }
 
 }  // namespace locvol

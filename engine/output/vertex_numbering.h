@@ -13,7 +13,9 @@
 #include "engine/exchange/exchange.h"
 #include "engine/exchange/one_rank.h"
 #include "engine/output/leaf_window.h"
+#include "engine/output/mesh_edge.h"
 #include "engine/output/stored_mesh.h"
+#include "engine/output/vertex_copies.h"
 #include "engine/shared/partial_file.h"
 #include "octree/octree.h"
 #include "octree/site_block.h"
@@ -25,27 +27,31 @@ namespace locvol {
 // Used points (named by some cell) are numbered leaf by leaf in Morton order: in a leaf by id, then
 // those of the lattice core, by site. In a run of the surface alone, what is said of cells is true
 // of facets, in the order of their vertices' ids in each leaf.
-// A cell may name points of any leaf within 2λ, so which points of a leaf are used is known only
-// from its neighbors: one pass over the store finds it out, and leaves the used ids, in the order
-// of their numbers, in a nameless file of 8 bytes per vertex beside the output.
-// Of several ranks, each numbers its own leaves, and is told the numbers of points beside them.
-// What is said of all vertices, cells and leaves is then of all ranks, and what is asked of one
-// leaf is known of own ones; of others within kCellReach, what numbers need. Leaves beyond stand
-// for all that is there. Memory: 56 bytes per leaf, and 16 MB while it is made. Threads: const
-// functions are safe from many threads. Errors: StoreError; CorruptRecord when records contradict
-// each other; std::system_error.
+// Where bodies are to share no vertex, each point has a number for each body that has cells with
+// it, in the order of these. Points of the core are of one. A cell may name points of any leaf
+// within 2λ, so which points of a leaf are used is known only from its neighbors: one pass over the
+// store finds it out, and leaves the used ids, in the order of their numbers, in a nameless file of
+// 8 bytes per vertex beside the output; of copies, 16. Of several ranks, each numbers its own
+// leaves, and is told the numbers of points beside them. What is said of all vertices, cells and
+// leaves is then of all ranks, and what is asked of one leaf is known of own ones; of others within
+// kCellReach, what numbers need. Leaves beyond stand for all that is there. Memory: 56 bytes per
+// leaf, and 16 MB while it is made. Threads: const functions are safe from many threads. Errors:
+// StoreError; CorruptRecord when records contradict each other; std::system_error.
 class VertexNumbering {
  public:
   // `reader` is used by the constructor only, which throws Stopped.
-  // `exchange`: of the ranks that have the run together, which all call it.
+  // `exchange`: of the ranks that have the run together, which all call it. `sides`: null, or those
+  // of several bodies that are to share no vertex; it must outlive this object.
   VertexNumbering(const Reader& reader, const RunRecord& run, const std::filesystem::path& output,
-                  PageRelease& pages, const StopToken* stop = nullptr,
-                  Exchange& exchange = alone());
+                  PageRelease& pages, const StopToken* stop = nullptr, Exchange& exchange = alone(),
+                  const SheetSides* sides = nullptr);
 
   VertexNumbering(const VertexNumbering&) = delete;
   VertexNumbering& operator=(const VertexNumbering&) = delete;
 
   bool is_surface_only() const { return is_surface_only_; }
+  // Null: each point has one number.
+  const SheetSides* sides() const { return sides_; }
   std::span<const MortonKey> leaves() const { return octree_.leaves(); }
   // The rank's own leaves, from `first` to before `end`; and the place of one among all leaves.
   std::size_t first_own() const { return first_own_; }
@@ -82,17 +88,18 @@ class VertexNumbering {
 
   // That hold points which the leaf's cells may name.
   std::vector<std::size_t> neighbors(std::size_t leaf) const { return near(leaf, kCellReach); }
-  // Of a leaf's used points but for those of the core, in the order of their numbers: ascending.
+  // Of a leaf's used points but for those of the core, in the order of their numbers: ascending, of
+  // copies each as often as there are.
   std::vector<std::uint64_t> used_ids(std::size_t leaf) const;
+  // REQUIRES: sides()
+  std::vector<VertexCopy> used_copies(std::size_t leaf) const;
   // Where they lie: calls visit(position). `points`: the leaf's
   template <class Visit>
   void for_each_listed(std::size_t leaf, const LeafPoints& points, const Visit& visit) const {
     const std::vector<std::uint64_t> used = used_ids(leaf);
     auto next = used.begin();
     for (const MeshPoint& point : points.points) {
-      if (next == used.end() || point.id != *next) continue;
-      visit(point.position);
-      ++next;
+      for (; next != used.end() && *next == point.id; ++next) visit(point.position);
     }
   }
   // Likewise of all, the core's last.
@@ -120,16 +127,23 @@ class VertexNumbering {
     std::vector<std::uint64_t> own;
     std::vector<bool> is_named;
     std::vector<std::uint64_t> foreign;
+    std::vector<VertexCopy> own_copies, foreign_copies;  // with sides(), instead of these two
     std::uint64_t num_cells = 0, num_core_points = 0, num_core_cells = 0;
 
     std::size_t bytes() const {
-      return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8;
+      return sizeof *this + 8 * (own.capacity() + foreign.capacity()) + is_named.capacity() / 8 +
+             sizeof(VertexCopy) * (own_copies.capacity() + foreign_copies.capacity());
     }
   };
   Names load_names(const Reader& reader, PageRelease& pages, std::size_t leaf) const;
+  // Both give ids as used_ids() does, or copies as flat().
   std::vector<std::uint64_t> find_used(std::size_t leaf, LeafWindow<Names>& names) const;
+  std::vector<std::uint64_t> find_used_copies(std::size_t leaf, LeafWindow<Names>& names) const;
   void check_core(std::size_t leaf, const LatticeCore& core) const;
-  std::vector<std::uint64_t> read_ids(std::uint64_t first, std::uint64_t count) const;
+  // Of so many vertices, from the `first` of the file on.
+  std::vector<std::uint64_t> read_words(std::uint64_t first, std::uint64_t count) const;
+  void write_words(std::uint64_t first, std::span<const std::uint64_t> words);
+  std::size_t words_of_vertex() const { return sides_ == nullptr ? 1 : 2; }
   // Of own leaves, and of those beside them.
   struct Numbered {
     std::uint64_t first_vertex = 0, num_core = 0, first_used = 0, num_used = 0;
@@ -143,6 +157,7 @@ class VertexNumbering {
               std::span<const std::pair<std::size_t, Numbered>> beside, std::uint64_t num_all);
 
   bool is_surface_only_;
+  const SheetSides* sides_;
   Frame frame_;
   Lattice lattice_;
   LeafScale scale_;
@@ -176,17 +191,49 @@ class NumberWindow {
     const auto held = cores_.get(leaf);
     return {held, &held->core};
   }
-  // The numbers of points within 2λ of the leaf, or of the core and up to two sites away; -1 if
-  // unused or unknown. REQUIRES: ids ascend
-  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids);
-  // Of the leaf's cells: throws CorruptRecord if one of them names a point without a number.
-  std::vector<std::int64_t> numbers(std::size_t leaf, const LeafCells& cells);
+  // What a leaf lists, and the numbers of its vertices, -1 if unused or unknown. With sides() these
+  // are copies, see vertex_copies.h.
+  struct Cells {
+    LeafCells cells;
+    std::vector<std::int64_t> numbers;
+  };
+  struct Facets {
+    LeafFacets facets;
+    std::vector<std::int64_t> numbers;
+  };
+  // Throws CorruptRecord if a cell names a point without a number.
+  Cells cells(std::size_t leaf);
+  Facets facets(std::size_t leaf);
+  // Of points within 2λ of the leaf, or of the core and up to two sites away: those that have a
+  // number, with it. Of copies, each. REQUIRES: ids ascend
+  struct Numbered {
+    std::size_t place = 0;  // among the ids
+    BodyId body = kNoBody;  // of copies
+    std::int64_t number = -1;
+  };
+  std::vector<Numbered> numbered(std::size_t leaf, std::span<const std::uint64_t> ids);
+  // That of the point's first copy; without copies, the same.
+  std::uint64_t first_copy(std::uint64_t vertex);
+  MeshEdge first_copies(const MeshEdge& edge) {
+    return edge_between(first_copy(edge.a), first_copy(edge.b));
+  }
 
  private:
   struct Table {
-    std::vector<std::uint64_t> ids;  // of the leaf's used points, ascending
-    std::size_t bytes() const { return sizeof *this + 8 * ids.capacity(); }
+    // Of the leaf's used points, ascending; of copies, all have their bodies.
+    std::vector<std::uint64_t> ids;
+    std::vector<BodyId> bodies;
+    std::size_t bytes() const {
+      return sizeof *this + 8 * ids.capacity() + sizeof(BodyId) * bodies.capacity();
+    }
   };
+  Table load_table(std::size_t leaf) const;
+  template <class Visit, class VisitCore>
+  void for_each_number(std::size_t leaf, std::span<const std::uint64_t> ids, const Visit& visit,
+                       const VisitCore& visit_core);
+  // `bodies`: of each, of copies; empty: there are none.
+  std::vector<std::int64_t> numbers(std::size_t leaf, std::span<const std::uint64_t> ids,
+                                    std::span<const BodyId> bodies);
   struct Core {
     LatticeCore core;
     std::size_t bytes() const { return sizeof *this + sizeof(LatticeRow) * core.rows.capacity(); }

@@ -231,13 +231,14 @@ std::uint64_t write(const Mesh& mesh, const Watch& watch, const std::filesystem:
     const Store store = open_done(mesh);
     require_file(file);
     const WriteSummary written = write_mesh(store, file, output, num_threads, {}, &watch);
-    if (output.has_faces) write_faces(store, file, &watch);
+    if (output.has_faces) write_faces(store, file, output.splits_interfaces, &watch);
     return written.bytes;
   });
 }
 
 OutputOptions output_options(const std::filesystem::path& file, const std::string& format,
-                             int order, bool boundary, bool quality, bool faces) {
+                             int order, bool boundary, bool quality, bool faces,
+                             bool split_interfaces) {
   return as_library([&] {
     OutputOptions output;
     try {
@@ -249,6 +250,7 @@ OutputOptions output_options(const std::filesystem::path& file, const std::strin
     output.has_boundary = boundary;
     output.has_quality = quality;
     output.has_faces = faces;
+    output.splits_interfaces = split_interfaces;
     if (order != 1 && order != 2)
       throw Error(ErrorCode::kInput, fmt::format("cells of order {}: give 1 or 2", order));
     if (quality && !info_of(output.format).has_cell_data)
@@ -674,9 +676,9 @@ void add_mesh(py::module_& module) {
            })
       .def("write",
            [](HeldMesh& m, const std::filesystem::path& file, const std::string& format, int order,
-              bool boundary, bool quality, bool faces, int num_threads) {
+              bool boundary, bool quality, bool faces, bool split_interfaces, int num_threads) {
              const OutputOptions output =
-                 output_options(file, format, order, boundary, quality, faces);
+                 output_options(file, format, order, boundary, quality, faces, split_interfaces);
              return m.watched([&](const Mesh& mesh, const Watch& watch) {
                return write(mesh, watch, file, output, num_threads);
              });

@@ -24,7 +24,7 @@ struct Creased {
 };
 
 struct CreaseTrial {
-  double sharp_angle = 40, least_area = 0, least_extent = 0;
+  double sharp_angle = 40, least_area = 0, least_extent = 0, least_distance = 0;
   std::uint64_t bucket_capacity = kBucketCapacity;
   int num_threads = 1;
   std::size_t most = kMaxCreases;
@@ -53,9 +53,9 @@ inline Creased creases_in(const std::filesystem::path& file, const CreaseTrial& 
   Creased found;
   found.sheets =
       number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare());
-  const CreasesOfCells creases =
-      find_creases(surface, {trial.sharp_angle, trial.least_extent, trial.most}, watch, workers,
-                   IngestShare(), found.sheets);
+  const CreasesOfCells creases = find_creases(
+      surface, {trial.sharp_angle, trial.least_extent, trial.least_distance, trial.most}, watch,
+      workers, IngestShare(), found.sheets);
   std::vector<LeafSurface> of_cells;
   const auto buckets = surface.buckets.all();
   for (std::size_t i = 0; i < buckets.size(); ++i) {

@@ -289,6 +289,26 @@ TEST(SurfaceCreases, TooManyAreNone) {
   }
 }
 
+// A box of 3 × 2 × 1 has an area of 22 and edges that are 24 long.
+TEST(SurfaceCreases, TooCloseAreNone) {
+  const SurfaceFiles files;
+  const auto file = files.write("box.off", to_off(box_of_triangles({0, 0, 0}, {3, 2, 1})));
+  const double distance = 22.0 / 24;
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{4}}) {
+    const Creased all =
+        creases_in(file, {.least_distance = 0.99 * distance, .bucket_capacity = capacity});
+    EXPECT_TRUE(all.notes.empty());
+    EXPECT_EQ(all.sheets.creases.size(), 12U);
+    const Creased none =
+        creases_in(file, {.least_distance = 1.01 * distance, .bucket_capacity = capacity});
+    EXPECT_TRUE(none.sheets.creases.empty());
+    EXPECT_TRUE(none.surface.creases.empty() && none.surface.corners.empty());
+    EXPECT_EQ(none.notes.back(),
+              "took no creases, for they are 0.917 apart on average, too close for this size: one "
+              "below 18.3 keeps them");
+  }
+}
+
 // Of n sides, from z = 0 to 1, with these radii there; of a radius of 0, a tip.
 Polygons frustum(std::uint32_t n, double lower, double upper) {
   Polygons shape;

@@ -360,7 +360,7 @@ void FileOfRanks::expect_blocks_of_one_process(int order) const {
     return all;
   };
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
-  MeshSource one(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), false, order);
+  MeshSource one(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), {.order = order});
   std::vector<ArrayInfo> infos = mesh_arrays(counts_of(one, kAll), kAll, {8, 4});
   infos.push_back(*std::ranges::find(infos, ArrayName::kEnds, &ArrayInfo::array));
   infos.back().array = ArrayName::kStarts;
@@ -371,7 +371,7 @@ void FileOfRanks::expect_blocks_of_one_process(int order) const {
       std::array<std::vector<Blocks>, 3> of_ranks;
       run_as_ranks(3, [&](Exchange& exchange) {
         const Store store = part(exchange);
-        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange, false, order);
+        MeshSource source(store, scratch_ / "mesh", 2, {}, nullptr, exchange, {.order = order});
         of_ranks[static_cast<std::size_t>(exchange.rank())] = blocks_of(source, info, items);
       });
       const auto in_order = [](std::span<const std::vector<Blocks>> parts) {
@@ -425,7 +425,7 @@ TEST_F(CreasedFileOfRanks, HasTheBytesOfOneProcess) {
 // have it.
 TEST_F(CreasedFileOfRanks, PiecesHaveAllEdgesAndCornersOnce) {
   const Store whole = Store::open(scratch_ / "whole", {.read_only = true});
-  MeshSource source(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), false, 2);
+  MeshSource source(whole, scratch_ / "mesh", 1, {}, nullptr, alone(), {.order = 2});
   using Edges = std::set<std::tuple<std::uint64_t, std::uint64_t, std::uint64_t, CreaseId>>;
   using Corners = std::set<std::pair<std::uint64_t, std::uint64_t>>;
   const auto add = [](MeshSource& mesh, Edges& edges, Corners& corners) {
@@ -450,7 +450,8 @@ TEST_F(CreasedFileOfRanks, PiecesHaveAllEdgesAndCornersOnce) {
   std::mutex mutex;
   run_as_ranks(3, [&](Exchange& exchange) {
     const Store store = part(exchange);
-    MeshSource own(store, scratch_ / "mesh", 1, {}, nullptr, exchange, true, 2);
+    MeshSource own(store, scratch_ / "mesh", 1, {}, nullptr, exchange,
+                   {.is_part = true, .order = 2});
     own.creases();  // which all ranks call, before one waits for its turn
     std::vector<KeptCorner> of_vertices = own.corners_by_vertex();
     const std::lock_guard lock(mutex);

@@ -178,6 +178,13 @@ class Arrays(WithDirectory):
         between = [s for s in mesh.sheet_list if s.bodies == (2, 1)]
         self.assertEqual(len(between), 1)
         self.assertAlmostEqual(between[0].area, 1, places=9)
+        for file, split in ("joined.inp", False), ("split.inp", True):
+            mesh.write(self.dir / file, split_interfaces=split)
+            command("export", mesh.store, "-o", self.dir / f"command-{file}", "--quiet",
+                    *(["--split-interfaces"] if split else []))  # fmt: skip
+            self.assert_same_bytes(self.dir / file, self.dir / f"command-{file}")
+        self.assertGreater((self.dir / "split.inp").stat().st_size,
+                           (self.dir / "joined.inp").stat().st_size)  # fmt: skip
 
     def test_a_surface_alone_has_no_cells(self):
         mesh = locvol.mesh(OCTAHEDRON, 0.2, surface_only=True)
@@ -286,6 +293,24 @@ class Options(WithDirectory):
         for name in given:
             self.assertRegex(locvol.mesh.__doc__, rf"\n        {name}: \w")
         self.assertNotIn("--", locvol.mesh.__doc__)
+
+    def test_the_stub_has_what_classes_and_methods_have(self):
+        stub = pathlib.Path(locvol.__file__).with_name("__init__.pyi").read_text(encoding="utf-8")
+        classes = {c.name: c for c in ast.parse(stub).body if isinstance(c, ast.ClassDef)}
+        public = [name for name in locvol.__all__ if inspect.isclass(getattr(locvol, name))]
+        self.assertEqual(set(classes), set(public))
+        for name in public:
+            if issubclass(getattr(locvol, name), Exception) or name in ("Ball", "Box", "Segment"):
+                continue
+            known = {n: m for n, m in vars(getattr(locvol, name)).items() if not n.startswith("_")}
+            functions = {f.name: f for f in classes[name].body}
+            self.assertEqual(set(functions), set(known), name)
+            for method, value in known.items():
+                self.assertTrue(value.__doc__, f"{name}.{method} has no docstring")
+                if inspect.isfunction(value):
+                    arguments = functions[method].args
+                    self.assertEqual([a.arg for a in arguments.args + arguments.kwonlyargs],
+                                     list(inspect.signature(value).parameters))  # fmt: skip
 
     def test_each_has_a_value_that_it_takes(self):
         """A new option has to come here, too."""

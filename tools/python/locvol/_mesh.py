@@ -103,7 +103,7 @@ class Mesh:
         return self._load_boundary(None)[2]
 
     def load(self, mapped=None):
-        """Makes all arrays, which are made otherwise when the first one is asked for.
+        """Makes the arrays that are not there yet; otherwise the first one that is asked for does.
 
         Args:
             mapped (bool | None): True: they are in nameless files beside the store, which are mapped
@@ -255,7 +255,8 @@ class Mesh:
 
     # -- Other programs
 
-    def write(self, file, format=None, *, order=1, boundary=False, quality=False, faces=False):
+    def write(self, file, format=None, *, order=1, boundary=False, quality=False, faces=False,
+              split_interfaces=False):  # fmt: skip
         """Writes the mesh; the bytes are those of the command's file.
 
         Args:
@@ -266,6 +267,7 @@ class Mesh:
                 and TetGen's; others always have them.
             quality (bool): With the quality of the cells, in VTK's formats.
             faces (bool): Writes FILE.faces.json, too: what is known of each sheet.
+            split_interfaces (bool): Each of several bodies has points of its own, for contact.
 
         Returns:
             int: Its bytes.
@@ -275,7 +277,7 @@ class Mesh:
             SystemFailure: The file cannot be written.
         """
         return self._held.write(os.fspath(file), format or "", order, boundary, quality, faces,
-                                self._num_threads())  # fmt: skip
+                                split_interfaces, self._num_threads())  # fmt: skip
 
     def _num_threads(self):
         return _locvol.streaming_threads(self._threads, _locvol.memory_cap(self._memory_bytes))
