@@ -231,15 +231,13 @@ class Surfaces(WithDirectory):
     def test_what_is_none_is_refused(self):
         vertices, triangles = OCTAHEDRON
         quads = types.SimpleNamespace(points=vertices, faces=np.array([4, 0, 2, 1, 3]))
-        for surface, message in {
-            (1,): "give a path, or a pair",
-            ((1, 2), ): "pair",
-        }.items():
-            with self.assertRaisesRegex(locvol.InputError, message):
-                locvol.mesh(surface, 0.3)
         for surface, message in [
+            ((1,), "give a path, or a pair"),
             (quads, "no triangles; triangulate it"),
             (3.0, "float is none; give a path"),
+            (types.SimpleNamespace(points=vertices, cells_dict={"tetra": []}), "no cells of type"),
+            (types.SimpleNamespace(points=vertices, cells_dict={"triangle": triangles, "quad": []}),
+             "has cells of type 'quad'; triangulate it"),
             ((vertices[:, :2], triangles), r"shape \(n, 3\)"),
             ((vertices, triangles - 1), "-1 to 4: give indices from 0"),
             ((vertices, triangles.astype(float)), "whole numbers"),

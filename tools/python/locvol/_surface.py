@@ -54,6 +54,10 @@ def _arrays_of(surface):
     if hasattr(surface, "cells_dict"):  # meshio
         if "triangle" not in surface.cells_dict:
             raise InputError("the surface: has no cells of type 'triangle'; give a surface mesh")
+        others = [name for name in surface.cells_dict
+                  if name != "triangle" and name.startswith(("triangle", "quad", "polygon"))]  # fmt: skip
+        if others:
+            raise InputError(f"the surface: has cells of type '{others[0]}'; triangulate it before")
         return surface.points, surface.cells_dict["triangle"]
     if hasattr(surface, "GetPolys"):  # VTK, PyVista
         return _of_polydata(surface)
