@@ -16,7 +16,8 @@ sys.path.insert(0, str(pathlib.Path(PACKAGE).resolve()))
 def torus(num_around, num_across):
     """As text STL."""
     def point(i, j):
-        a, b = 2 * math.pi * (i % num_around) / num_around, 2 * math.pi * (j % num_across) / num_across
+        a = 2 * math.pi * (i % num_around) / num_around
+        b = 2 * math.pi * (j % num_across) / num_across
         r = 1 + 0.4 * math.cos(b)
         return r * math.cos(a), r * math.sin(a), 0.4 * math.sin(b)
 

@@ -131,7 +131,8 @@ class Arrays(WithDirectory):
 
     def test_large_ones_are_mapped_by_themselves(self):
         opened = locvol.open(self.mesh.store, memory="1G")
-        with mock.patch("locvol._locvol.memory_cap", lambda asked: 100_000 if asked == 1 << 30 else 0):
+        caps = {1 << 30: 100_000}
+        with mock.patch("locvol._locvol.memory_cap", caps.__getitem__):
             self.assertIsInstance(opened.cells, np.memmap)
 
     def test_chunks_are_the_mesh(self):
@@ -316,7 +317,7 @@ class Options(WithDirectory):
         values = {
             "size": "10%", "leaf_capacity": 500, "init": "cover", "seed": 3, "min_dihedral": 12,
             "spacing_floor": 0.03, "growth": 0.1, "max_size": 0.5,
-            "shapes": [locvol.Ball(0.1, (0, 0, 1), 0.1), locvol.Box(0.1, (0, 0, 0), (0.1, 0.1, 0.1)),
+            "shapes": [locvol.Ball(0.1, (0, 0, 1), 0.1), locvol.Box(0.1, (0, 0, 0), (0.1, 0.1, 0)),
                        locvol.Segment("5%", (0, 0, 0), (0, 0, 1))],
             "sheet_sizes": {"upper": 0.15}, "body_sizes": {}, "size_image": None, "per_circle": 12,
             "deviation": 0.1, "layers": 2, "min_size": 0.05, "weld": 0, "sharp_angle": 30,

@@ -6,10 +6,11 @@
 
 Notes on surfaces go to the log `locvol` as warnings, stages of runs as information.
 """
-from ._errors import (Error, InputError, InternalError, Interrupted, MemoryLimitError, MismatchError,
-                      StoreError, SystemFailure)  # fmt: skip
+from ._errors import (Error, InputError, InternalError, Interrupted, MemoryLimitError,
+                      MismatchError, StoreError, SystemFailure)  # fmt: skip
 from ._locvol import (Body, BoundaryChunk, Chunk, Distribution, Estimate, PoorCellPlace, Sheet,
-                      Statistics, Status, Summary, SurfaceInfo, UnresolvedPlace, share_one_heap)  # fmt: skip
+                      Statistics, Status, Summary, SurfaceInfo, UnresolvedPlace,
+                      share_one_heap)  # fmt: skip
 from ._locvol import version as __version__
 from ._mesh import Mesh
 from ._options import Ball, Box, Segment

@@ -14,7 +14,8 @@ def make(shape, dtype, directory):
     if directory is None or num_bytes == 0:
         return np.empty(shape, dtype)
     with tempfile.TemporaryFile(dir=directory) as file:
-        os.posix_fallocate(file.fileno(), 0, num_bytes)  # a full disk would kill who writes to a map
+        # Before: who writes to a map is killed by a full disk.
+        os.posix_fallocate(file.fileno(), 0, num_bytes)
         return np.memmap(file, dtype, "r+", shape=shape)
 
 

@@ -88,13 +88,13 @@ class Mesh:
     def boundary(self):
         """numpy.ndarray: (k, 3) int64, read-only: the boundary's facets, and those between bodies.
 
-        They are indices into `points`, counterclockwise from outside; between bodies, from that with
-        the smaller id. A facet between two bodies is there once."""
+        They are indices into `points`, counterclockwise from outside; between bodies, from that
+        with the smaller id. A facet between two bodies is there once."""
         return self._load_boundary(None)[0]
 
     @property
     def sheets(self):
-        """numpy.ndarray: (k,) uint32, read-only: of each facet of `boundary` the id of its sheet."""
+        """numpy.ndarray: (k,) uint32, read-only: of each facet of `boundary` its sheet's id."""
         return self._load_boundary(None)[1]
 
     @property
@@ -106,8 +106,8 @@ class Mesh:
         """Makes the arrays that are not there yet; otherwise the first one that is asked for does.
 
         Args:
-            mapped (bool | None): True: they are in nameless files beside the store, which are mapped
-                and go with the arrays; False: in memory. None: in files if they take more than half
+            mapped (bool | None): True: they are in nameless files beside the store, which are
+                mapped and go with the arrays; False: in memory. None: in files if they take more than half
                 of `memory`.
 
         Returns:
@@ -180,8 +180,8 @@ class Mesh:
 
     @property
     def sheet_list(self):
-        """list[Sheet]: The sheets of the surface, measured there and on the mesh's boundary; that of
-        id i is sheet_list[i - 1]. One that is called "boundary" if nothing parts it."""
+        """list[Sheet]: The sheets of the surface, measured there and on the mesh's boundary; that
+        of id i is sheet_list[i - 1]. One that is called "boundary" if nothing parts it."""
         return self._held.sheets()
 
     @property
@@ -202,7 +202,7 @@ class Mesh:
             KeyError: There is none of that name.
         """
         all_sheets = self.sheet_list
-        ids = [s.id for s in all_sheets if sheet in (s.id, s.name) or (s.group and sheet == s.group)]
+        ids = [s.id for s in all_sheets if sheet in (s.id, s.name, s.group) and sheet != ""]
         if not ids:
             raise KeyError(f"no sheet {sheet!r}: there are {', '.join(s.name for s in all_sheets)}")
         return np.flatnonzero(np.isin(self.sheets, ids))

@@ -52,15 +52,15 @@ class Segment:
 
 # What the command has no help for.
 _HELP = {
-    "size": "λ: a length, or a percentage of the smallest side of the bounding box (default: chosen "
-            "for about half a million cells, and told to the log)",
-    "shapes": "A list of Ball, Box and Segment, where cells are to be smaller; around them they grow "
-              "by 0.2 of the way, unless growth is given",
+    "size": "λ: a length, or a percentage of the smallest side of the bounding box (default: "
+            "chosen for about half a million cells, and told to the log)",
+    "shapes": "A list of Ball, Box and Segment, where cells are to be smaller; around them they "
+              "grow by 0.2 of the way, unless growth is given",
     "sheet_sizes": "A dict from names of sheets, or of groups of the surface, to sizes there",
     "body_sizes": "A dict from names of bodies to sizes in them",
     "size_image": "A VTK image (.vti) of sizes: the name of its file",
-    "sharp": "Polylines along edges of the surface that are sharp whatever their angle: the name of "
-             "a file (CGAL's .polylines.txt)",
+    "sharp": "Polylines along edges of the surface that are sharp whatever their angle: the name "
+             "of a file (CGAL's .polylines.txt)",
     "has_bodies": "True: each group of the surface that is closed by itself is a body; without "
                   "groups, each shell is",
     "voids": "A list of names: these bodies are none, but cavities of those that they lie in",

@@ -1,5 +1,5 @@
-"""The accessor `surface.locvol` of PyVista, 0.48 or later, which finds this module by itself: by the
-entry point `pyvista.accessors` of the package."""
+"""The accessor `surface.locvol` of PyVista, 0.48 or later, which finds this module by itself: by
+the entry point `pyvista.accessors` of the package."""
 import pyvista
 
 from ._runs import info, mesh

@@ -150,10 +150,11 @@ def info(surface, *, memory=None, threads=0, groups=None, names=None, scratch=No
     """
     unknown = [name for name in options if name not in _OF_SURFACE]
     if unknown:
-        raise TypeError(f"info depends on no option '{unknown[0]}', but on {', '.join(_OF_SURFACE)}")
+        known = ", ".join(_OF_SURFACE)
+        raise TypeError(f"info depends on no option '{unknown[0]}', but on {known}")
     return _locvol.info(surface_of(surface, groups, names), options,
-                        "" if scratch is None else os.fspath(scratch), memory_bytes(memory), threads,
-                        _note)  # fmt: skip
+                        "" if scratch is None else os.fspath(scratch), memory_bytes(memory),
+                        threads, _note)  # fmt: skip
 
 
 def estimate(surface, size=None, *, threads=0, memory=None, groups=None, names=None, scratch=None,

@@ -17,17 +17,20 @@ def surface_of(surface, groups=None, names=None):
         return _locvol.Surface.files([os.fspath(path) for path in surface])
     vertices, triangles = _arrays_of(surface)
     vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise InputError(f"the surface's vertices: give an array of shape (n, 3), not {vertices.shape}")
+    _require_rows(vertices, "the surface's vertices")
     triangles = _indices(triangles, "the surface's triangles", 2)
-    if triangles.ndim != 2 or triangles.shape[1] != 3:
-        raise InputError(f"the surface's triangles: give an array of shape (n, 3), not {triangles.shape}")
+    _require_rows(triangles, "the surface's triangles")
     if (groups is None) != (names is None):
         raise InputError("groups and names belong together: give both, or none")
     if groups is None:
         return _locvol.Surface.arrays(vertices, triangles, None, [])
     groups = _indices(groups, "groups", 1)
     return _locvol.Surface.arrays(vertices, triangles, groups, [str(name) for name in names])
+
+
+def _require_rows(array, what):
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"{what}: give an array of shape (n, 3), not {array.shape}")
 
 
 def _are_paths(surface):
@@ -54,8 +57,8 @@ def _arrays_of(surface):
     if hasattr(surface, "cells_dict"):  # meshio
         if "triangle" not in surface.cells_dict:
             raise InputError("the surface: has no cells of type 'triangle'; give a surface mesh")
-        others = [name for name in surface.cells_dict
-                  if name != "triangle" and name.startswith(("triangle", "quad", "polygon"))]  # fmt: skip
+        faces = [n for n in surface.cells_dict if n.startswith(("triangle", "quad", "polygon"))]
+        others = [name for name in faces if name != "triangle"]
         if others:
             raise InputError(f"the surface: has cells of type '{others[0]}'; triangulate it before")
         return surface.points, surface.cells_dict["triangle"]
@@ -66,8 +69,8 @@ def _arrays_of(surface):
     if hasattr(surface, "vertices") and hasattr(surface, "faces"):  # trimesh
         return surface.vertices, surface.faces
     raise InputError(
-        f"the surface: {type(surface).__name__} is none; give a path, a pair (vertices, triangles), "
-        "or an object with points and faces, vertices and faces, or points and cells_dict")
+        f"the surface: {type(surface).__name__} is none; give a path, a pair (vertices, "
+        "triangles), or an object with points and faces, vertices and faces, or points and cells_dict")
 
 
 def _unpadded(faces):
@@ -87,7 +90,8 @@ def _of_polydata(data):
     if data.GetNumberOfStrips() or data.GetNumberOfPolys() == 0:
         raise InputError("the surface: has strips, or no polygons; triangulate it before")
     polys = data.GetPolys()
-    if polys.GetMaxCellSize() != 3 or polys.GetNumberOfConnectivityIds() != 3 * polys.GetNumberOfCells():
+    num_corners = polys.GetNumberOfConnectivityIds()
+    if polys.GetMaxCellSize() != 3 or num_corners != 3 * polys.GetNumberOfCells():
         raise InputError("the surface: has faces that are no triangles; triangulate it before")
     points = vtk_to_numpy(data.GetPoints().GetData())
     return points, vtk_to_numpy(polys.GetConnectivityArray()).reshape(-1, 3)
