@@ -18,6 +18,7 @@
 #include "engine/ingest/surface_survey.h"
 #include "engine/inspect/mesh_statistics.h"
 #include "engine/inspect/sheet_table.h"
+#include "engine/library_errors.h"
 #include "engine/output/boundary_surface.h"
 #include "engine/output/mesh_chunks.h"
 #include "engine/plan/run_estimate.h"
@@ -47,9 +48,7 @@ struct SurfaceAccess {
   }
 };
 
-namespace {
-
-[[noreturn]] void rethrow_as_error() try { throw; } catch (const Error&) {
+void rethrow_as_error() try { throw; } catch (const Error&) {
   throw;
 } catch (const InputError& e) {
   throw Error(ErrorCode::kInput, e.what());
@@ -68,6 +67,8 @@ namespace {
 } catch (const std::exception& e) {
   throw Error(ErrorCode::kInternal, e.what());
 }
+
+namespace {
 
 // Each entry to the library: does the action; what it throws comes out as an Error, or as the
 // callback has thrown it.
@@ -266,7 +267,7 @@ Statistics statistics_of(const MeshStatistics& mesh, double size) {
 Summary summary_of(const RunSummary& run) {
   const SurfaceFacts& surface = run.run.surface;
   return {.size = run.run.parameters.size,
-          .num_cells = run.run.counts.num_cells,
+          .num_cells = run.run.parameters.is_surface_only ? 0 : run.run.counts.num_cells,
           .num_points = run.run.counts.num_points,
           .num_leaves = run.num_leaves,
           .num_visits = run.run.counts.num_visits,
@@ -371,28 +372,57 @@ std::vector<Sheet> public_sheets(const SheetTable& table) {
   return sheets;
 }
 
-void pass_on(const BoundarySurface::Facets& some,
-             const std::function<void(const BoundaryChunk&)>& visit) {
+// A chunk with what its spans are of.
+struct HeldChunk {
+  explicit HeldChunk(MeshChunk the_chunk) : held(std::move(the_chunk)) {
+    chunk = {.first_cell = held.first_cell,
+             .first_vertex = held.first_vertex,
+             .num_own = held.num_own,
+             .vertices = held.vertices,
+             .vertex_numbers = held.numbers,
+             .cells = held.cells,
+             .bodies = held.bodies,
+             .first_node = held.first_node,
+             .num_own_nodes = held.num_own_nodes,
+             .nodes = held.nodes,
+             .node_numbers = held.node_numbers,
+             .cell_nodes = held.cell_nodes};
+  }
+  MeshChunk held;
+  Chunk chunk;
+};
+
+struct HeldBoundaryChunk {
+  explicit HeldBoundaryChunk(BoundarySurface::Facets some) : nodes(std::move(some.nodes)) {
+    for (const BoundaryFacet& facet : some.facets) {
+      facets.push_back(facet.vertices);
+      cells.push_back(facet.cell);
+      sheets.push_back(facet.labels.sheet);
+      bodies.push_back({facet.labels.behind, facet.labels.before});
+    }
+    for (const auto& [a, b, c] : some.corners)
+      corners.push_back({coordinates(a), coordinates(b), coordinates(c)});
+    chunk = {.first_facet = some.first,
+             .facets = facets,
+             .corners = corners,
+             .cells = cells,
+             .sheets = sheets,
+             .bodies = bodies,
+             .nodes = nodes};
+  }
   std::vector<std::array<std::uint64_t, 3>> facets;
   std::vector<std::array<Coordinates, 3>> corners;
   std::vector<std::uint64_t> cells;
   std::vector<std::uint32_t> sheets;
   std::vector<std::array<std::uint32_t, 2>> bodies;
-  for (const BoundaryFacet& facet : some.facets) {
-    facets.push_back(facet.vertices);
-    cells.push_back(facet.cell);
-    sheets.push_back(facet.labels.sheet);
-    bodies.push_back({facet.labels.behind, facet.labels.before});
-  }
-  for (const auto& [a, b, c] : some.corners)
-    corners.push_back({coordinates(a), coordinates(b), coordinates(c)});
-  visit({.first_facet = some.first,
-         .facets = facets,
-         .corners = corners,
-         .cells = cells,
-         .sheets = sheets,
-         .bodies = bodies,
-         .nodes = some.nodes});
+  std::vector<std::array<std::uint64_t, 3>> nodes;
+  BoundaryChunk chunk;
+};
+
+template <class Held>
+auto shared_chunk(auto some) {
+  const auto held = std::make_shared<const Held>(std::move(some));
+  return std::shared_ptr<const decltype(Held::chunk)>(held, &held->chunk);
 }
 
 bool is_second(int order) {
@@ -471,29 +501,8 @@ struct Mesh::Impl {
       throw Error(ErrorCode::kStore,
                   "the store " + store.string() + " holds an unfinished run: resume it first");
   }
-  // Not open between calls: a process can open a store once only, and resume_run() may want it.
+  // Not open between calls: resume_run() may want to write to it.
   Store open() const { return Store::open(store, {.read_only = true}); }
-  // Calls use(numbering, reader, pages).
-  template <class Use>
-  void numbered(const Use& use) const {
-    require_complete();
-    const Store opened = open();
-    const Snapshot snapshot = opened.snapshot();
-    const RunRecord run = snapshot.run().value();
-    PageRelease pages(opened);
-    VertexNumbering numbering(snapshot, run, store, pages);
-    num_vertices = numbering.num_vertices();
-    use(numbering, snapshot, pages);
-  }
-
-  template <class Use>
-  void of_second_order(const Use& use) const {
-    require_complete();
-    const Store opened = open();
-    MeshSource mesh(opened, store, num_threads, {}, nullptr, alone(), {.order = 2});
-    num_vertices = mesh.num_vertices();
-    use(mesh);
-  }
 
   std::unique_ptr<ScratchDirectory> scratch;  // of a store without a name
   std::filesystem::path store;
@@ -503,14 +512,95 @@ struct Mesh::Impl {
   mutable std::optional<std::uint64_t> num_vertices;  // once they have been counted
 };
 
+namespace {
+
+// A finished mesh of first order, numbered, with what it is read from.
+struct NumberedMesh {
+  NumberedMesh(Store the_store, const std::filesystem::path& directory)
+      : store(std::move(the_store)),
+        snapshot(store.snapshot()),
+        pages(store),
+        numbering(snapshot, snapshot.run().value(), directory, pages) {}
+
+  Store store;
+  Snapshot snapshot;
+  PageRelease pages;
+  VertexNumbering numbering;
+};
+
+struct ChunksOfFirstOrder : NumberedMesh {
+  ChunksOfFirstOrder(Store the_store, const std::filesystem::path& directory, std::size_t bytes)
+      : NumberedMesh(std::move(the_store), directory),
+        reader(snapshot, numbering, pages, bytes > 0 ? bytes : kChunkBytes) {}
+  std::optional<MeshChunk> next() { return reader.next(); }
+  std::uint64_t num_vertices() const { return numbering.num_vertices(); }
+
+  ChunkReader reader;
+};
+
+struct BoundaryOfFirstOrder : NumberedMesh {
+  BoundaryOfFirstOrder(Store the_store, const std::filesystem::path& directory, int num_threads)
+      : NumberedMesh(std::move(the_store), directory),
+        positions(snapshot, numbering),
+        workers(num_threads),
+        boundary(snapshot, numbering, positions, directory, pages, workers),
+        next(boundary.facets({.has_corners = true})) {}
+  std::uint64_t num_vertices() const { return numbering.num_vertices(); }
+
+  VertexPositions positions;
+  Workers workers;
+  BoundarySurface boundary;
+  std::function<std::optional<BoundarySurface::Facets>()> next;
+};
+
+struct MeshOfSecondOrder {
+  MeshOfSecondOrder(Store the_store, const std::filesystem::path& directory, int num_threads)
+      : store(std::move(the_store)),
+        mesh(store, directory, num_threads, {}, nullptr, alone(), {.order = 2}) {}
+  std::uint64_t num_vertices() const { return mesh.num_vertices(); }
+
+  Store store;
+  MeshSource mesh;
+};
+
+struct ChunksOfSecondOrder : MeshOfSecondOrder {
+  ChunksOfSecondOrder(Store the_store, const std::filesystem::path& directory, int num_threads)
+      : MeshOfSecondOrder(std::move(the_store), directory, num_threads),
+        next(chunks_of_second_order(mesh)) {}
+
+  std::function<std::optional<MeshChunk>()> next;
+};
+
+struct BoundaryOfSecondOrder : MeshOfSecondOrder {
+  BoundaryOfSecondOrder(Store the_store, const std::filesystem::path& directory, int num_threads)
+      : MeshOfSecondOrder(std::move(the_store), directory, num_threads),
+        next(mesh.boundary().facets({.has_corners = true})) {}
+
+  std::function<std::optional<BoundarySurface::Facets>()> next;
+};
+
+// Gives what the source does, with errors as the library has them. `mesh`: what must outlive it.
+template <class Held>
+auto stream_of(std::shared_ptr<const void> mesh, auto source) {
+  using Piece = std::shared_ptr<const decltype(Held::chunk)>;
+  return [mesh = std::move(mesh), source = std::move(source)]() -> Piece {
+    return translated({}, [&]() -> Piece {
+      auto some = source->next();
+      return some ? shared_chunk<Held>(*std::move(some)) : nullptr;
+    });
+  };
+}
+
+}  // namespace
+
 struct MeshAccess {
   static Mesh of(std::unique_ptr<ScratchDirectory> scratch, std::filesystem::path store,
                  const RunSummary& run, const Control& control) {
-    return Mesh(std::make_unique<Mesh::Impl>(std::move(scratch), std::move(store), run, control));
+    return Mesh(std::make_shared<Mesh::Impl>(std::move(scratch), std::move(store), run, control));
   }
 };
 
-Mesh::Mesh(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Mesh::Mesh(std::shared_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Mesh::Mesh(Mesh&&) noexcept = default;
 Mesh& Mesh::operator=(Mesh&&) noexcept = default;
 Mesh::~Mesh() = default;
@@ -538,7 +628,9 @@ std::vector<UnresolvedPlace> Mesh::unresolved(std::uint64_t max) const {
 
 std::uint64_t Mesh::num_vertices() const {
   return translated({}, [&] {
-    if (!impl_->num_vertices) impl_->numbered([](VertexNumbering&, const Reader&, PageRelease&) {});
+    impl_->require_complete();
+    if (!impl_->num_vertices)
+      impl_->num_vertices = NumberedMesh(impl_->open(), impl_->store).numbering.num_vertices();
     return impl_->num_vertices.value();
   });
 }
@@ -560,52 +652,44 @@ std::vector<PoorCellPlace> Mesh::poor_cells(std::uint64_t max) const {
   });
 }
 
-void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit, int order) const {
-  Thrown thrown;
-  const auto pass = watched(visit, thrown);
-  const auto pass_chunk = [&](const MeshChunk& chunk) {
-    pass({.first_cell = chunk.first_cell,
-          .first_vertex = chunk.first_vertex,
-          .num_own = chunk.num_own,
-          .vertices = chunk.vertices,
-          .vertex_numbers = chunk.numbers,
-          .cells = chunk.cells,
-          .bodies = chunk.bodies,
-          .first_node = chunk.first_node,
-          .num_own_nodes = chunk.num_own_nodes,
-          .nodes = chunk.nodes,
-          .node_numbers = chunk.node_numbers,
-          .cell_nodes = chunk.cell_nodes});
-  };
-  translated(thrown, [&] {
+Stream<Chunk> Mesh::chunks(int order, std::uint64_t bytes) const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    const auto made = [&](auto source) {
+      impl_->num_vertices = source->num_vertices();
+      return Stream<Chunk>(stream_of<HeldChunk>(impl_, std::move(source)));
+    };
     if (is_second(order))
-      impl_->of_second_order(
-          [&](MeshSource& mesh) { for_each_chunk_of_second_order(mesh, pass_chunk); });
-    else
-      impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
-        ChunkReader(reader, numbering, pages).for_each(pass_chunk);
-      });
+      return made(
+          std::make_shared<ChunksOfSecondOrder>(impl_->open(), impl_->store, impl_->num_threads));
+    return made(std::make_shared<ChunksOfFirstOrder>(impl_->open(), impl_->store, bytes));
   });
+}
+
+Stream<BoundaryChunk> Mesh::boundary_chunks(int order) const {
+  return translated({}, [&] {
+    impl_->require_complete();
+    const auto made = [&](auto source) {
+      impl_->num_vertices = source->num_vertices();
+      return Stream<BoundaryChunk>(stream_of<HeldBoundaryChunk>(impl_, std::move(source)));
+    };
+    if (is_second(order))
+      return made(
+          std::make_shared<BoundaryOfSecondOrder>(impl_->open(), impl_->store, impl_->num_threads));
+    return made(
+        std::make_shared<BoundaryOfFirstOrder>(impl_->open(), impl_->store, impl_->num_threads));
+  });
+}
+
+void Mesh::for_each_chunk(const std::function<void(const Chunk&)>& visit, int order) const {
+  Stream<Chunk> all = chunks(order);
+  while (const auto chunk = all.next()) visit(*chunk);
 }
 
 void Mesh::for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit,
                                    int order) const {
-  Thrown thrown;
-  const auto pass = watched(visit, thrown);
-  const auto pass_all = [&](BoundarySurface& boundary) {
-    const auto next = boundary.facets({.has_corners = true});
-    for (auto some = next(); some; some = next()) pass_on(*some, pass);
-  };
-  translated(thrown, [&] {
-    if (is_second(order))
-      return impl_->of_second_order([&](MeshSource& mesh) { pass_all(mesh.boundary()); });
-    impl_->numbered([&](VertexNumbering& numbering, const Reader& reader, PageRelease& pages) {
-      VertexPositions positions(reader, numbering);
-      Workers workers(impl_->num_threads);
-      BoundarySurface boundary(reader, numbering, positions, impl_->store, pages, workers);
-      pass_all(boundary);
-    });
-  });
+  Stream<BoundaryChunk> all = boundary_chunks(order);
+  while (const auto chunk = all.next()) visit(*chunk);
 }
 
 std::vector<Sheet> Mesh::sheets() const {
@@ -654,10 +738,20 @@ Mesh resume_run(const std::filesystem::path& store, const Control& control) {
   });
 }
 
+Mesh open_run(const std::filesystem::path& store, const Control& control) {
+  return translated({}, [&] {
+    const Store opened = Store::open(store, {.read_only = true});
+    require_whole_run(opened);
+    RunSummary run = summarize(opened.snapshot());
+    return MeshAccess::of(nullptr, store, run, control);
+  });
+}
+
 SurfaceInfo surface_info(const Surface& surface, const Control& control,
                          const std::filesystem::path& scratch, const std::optional<Size>& weld,
                          double sharp_angle, const std::filesystem::path& sharp_polylines,
-                         bool has_bodies, const std::vector<std::string>& voids, const Size& gap) {
+                         bool has_bodies, const std::vector<std::string>& voids, const Size& gap,
+                         InsideRule inside) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -675,7 +769,9 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
          .sharp_polylines = sharp_polylines,
          .has_sheets = true,
          .bodies = body_law(has_bodies, voids, SurfaceAccess::more_files(surface).size()),
-         .gap = gap});
+         .gap = gap,
+         .inside = inside,
+         .memory_cap = memory_cap(run.memory_bytes)});
     if (run.on_note)
       for (const std::string& note : survey.facts.notes) run.on_note(note);
     SurfaceInfo info = info_of(survey);

@@ -29,9 +29,11 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "engine/plan/library_options.h"
+#include "storage/run_choices.h"
 
 namespace locvol {
 
@@ -361,13 +363,27 @@ struct BoundaryChunk {
   std::span<const std::array<std::uint64_t, 3>> nodes = {};
 };
 
+/// Gives what a mesh hands out, one piece after another. It keeps the store open to be read, and
+/// may outlive the Mesh. Threads: used by one at a time.
+template <class Piece>
+class Stream {
+ public:
+  /// The next one, which stays as long as it is held; null: there are no more. Throws Error.
+  std::shared_ptr<const Piece> next() { return next_(); }
+
+ private:
+  friend class Mesh;
+  explicit Stream(std::function<std::shared_ptr<const Piece>()> next) : next_(std::move(next)) {}
+  std::function<std::shared_ptr<const Piece>()> next_;
+};
+
 /// A run's result. It reads from the store, and holds no part of the mesh in memory.
 /// Threads: used by one at a time, and not from within a function that it calls.
 class Mesh {
  public:
   Mesh(Mesh&&) noexcept;             ///< Leaves nothing to be used behind.
   Mesh& operator=(Mesh&&) noexcept;  ///< Leaves nothing to be used behind.
-  ~Mesh();                           ///< Removes the store if it has no name.
+  ~Mesh();  ///< Removes the store if it has no name, once no stream reads it.
 
   /// False: the run was canceled. resume_run(store()) goes on with it.
   bool is_complete() const;
@@ -391,11 +407,17 @@ class Mesh {
   /// a temporary file beside the store. `order`: 2 for cells with a node in the middle of each
   /// edge, which needs 60 MB more. REQUIRES: is_complete()
   void for_each_chunk(const std::function<void(const Chunk&)>& visit, int order = 1) const;
+  /// The same chunks, for who asks for one after another. `bytes`: about so much has a chunk, and
+  /// at least a leaf; 0: a mebibyte, as have those of second order always.
+  /// REQUIRES: is_complete()
+  Stream<Chunk> chunks(int order = 1, std::uint64_t bytes = 0) const;
   /// Hands out the boundary of the mesh, a closed surface with its vertices on the input's, and
   /// what lies between bodies, in the order of its cells. Needs 60 MB besides, and temporary files
   /// beside the store. `order`: as of for_each_chunk(). REQUIRES: is_complete()
   void for_each_boundary_chunk(const std::function<void(const BoundaryChunk&)>& visit,
                                int order = 1) const;
+  /// The same chunks, for who asks for one after another. REQUIRES: is_complete()
+  Stream<BoundaryChunk> boundary_chunks(int order = 1) const;
   /// The sheets of the surface, measured there and on the mesh's boundary. One that is called
   /// "boundary" if nothing parts it. Reads the surface twice; needs 30 MB besides, and a temporary
   /// file beside the store. REQUIRES: is_complete()
@@ -412,8 +434,8 @@ class Mesh {
  private:
   friend struct MeshAccess;
   struct Impl;
-  explicit Mesh(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit Mesh(std::shared_ptr<Impl> impl);
+  std::shared_ptr<Impl> impl_;  // of streams, too
 };
 
 /// Meshes the volume inside the surface: starts a run, or goes on with the one that the store holds
@@ -424,16 +446,21 @@ Mesh mesh_surface(const Surface& surface, const Options& options, const Control&
 /// options, but for a surface that was in no file and had not been read to its end. Throws Error.
 Mesh resume_run(const std::filesystem::path& store, const Control& control = {});
 
+/// Opens the run in a store as it is, finished or not: only to be looked into. `control`: its
+/// memory and threads. Throws Error.
+Mesh open_run(const std::filesystem::path& store, const Control& control = {});
+
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`, `gap`: see Options. Throws
-/// Error.
+/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`, `gap`, `inside`: see Options.
+/// Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
                          const std::optional<Size>& weld = {},
                          double sharp_angle = Options().sharp_angle,
                          const std::filesystem::path& sharp_polylines = {}, bool has_bodies = false,
-                         const std::vector<std::string>& voids = {}, const Size& gap = {});
+                         const std::vector<std::string>& voids = {}, const Size& gap = {},
+                         InsideRule inside = InsideRule::kClosed);
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

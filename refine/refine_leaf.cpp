@@ -231,6 +231,7 @@ class Refinement {
   struct Mirror {
     Point position;
     Condition condition = kC3;  // for which its point came
+    double distance = 0;        // between the two
   };
   std::deque<Mirror> mirrors_;  // of points on sheets that were inserted
 
@@ -340,18 +341,19 @@ void Refinement::note_mirrors(const Point& q, Condition condition) {
   const double size = surroundings_.sizes.on_surface_at(q);
   const double farthest = mesh_.scaled(kInsertion * input_.criteria.size, size);
   for_each_in_orbit(surroundings_.domain, q, kMirrorReach * size, kMirrorDistance * size,
-                    [&](const MirrorPoint& mirror, const Point&) {
+                    [&](const MirrorPoint& mirror, const Point& of) {
                       if (input_.box.squared_distance(mirror.position) > farthest * farthest)
                         return false;
-                      mirrors_.push_back({mirror.position, condition});
+                      mirrors_.push_back({mirror.position, condition, norm(mirror.position - of)});
                       return true;
                     });
 }
 
-// One that lies in the ball on a segment, or close to another point, is not needed.
+// One that lies in the ball on a segment, or close to another point (kMirrorTolerance), is not
+// needed.
 bool Refinement::insert_next_mirror() {
   while (!mirrors_.empty()) {
-    const auto [q, condition] = mirrors_.front();
+    const auto [q, condition, distance] = mirrors_.front();
     tell_creases();
     const Cell hint = mesh_.delaunay().newest_cell();
     const bool is_kept_out = creases_->segment_at(q).has_value();
@@ -360,8 +362,10 @@ bool Refinement::insert_next_mirror() {
     if (is_kept_out) continue;
     mesh_.find_conflict(q, hint, conflict_);
     attempt_ = {condition, q, 0};
-    mesh_.volume_points_near(q, floor_at(q), leaving_);
-    if (is_blocked(q)) continue;
+    const double close = std::max(floor_at(q), kMirrorTolerance * distance);
+    mesh_.volume_points_near(q, close, leaving_);
+    if (is_blocked(q) || mesh_.has_other_point_within(q, close, conflict_.nearest, leaving_))
+      continue;
     delete_volume_points_near(q);
     insert(q, PointKind::kSurface, condition);
     return true;

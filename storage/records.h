@@ -18,6 +18,7 @@
 #include "octree/size_field.h"
 #include "octree/size_nodes.h"
 #include "octree/size_shapes.h"
+#include "storage/run_choices.h"
 
 namespace locvol {
 
@@ -125,10 +126,6 @@ struct QueueEntry {
   friend auto operator<=>(const QueueEntry&, const QueueEntry&) = default;
 };
 
-enum class Initialization : std::uint8_t { kCover = 0, kPaper = 1 };
-// What is inside: what the surface encloses, which has to be closed; or where its winding number is
-// above 1/2, whatever it is.
-enum class InsideRule : std::uint8_t { kClosed = 0, kWinding = 1 };
 // One after another. The surface is measured if sizes depend on it, and sizes if they vary. The
 // first points are scattered in paper mode; in cover mode they come on creases, if there are any;
 // then leaves are covered, and once all of these points are known, the holes between them filled.

@@ -498,14 +498,24 @@ void print(const InspectSummary& summary) {
   for (const Fault& fault : summary.faults) fmt::print("{}\n", fault_text(fault));
 }
 
-}  // namespace
-
-std::uint64_t inspect_summary(const RunPart& part, bool reads_all, bool is_json) {
+// With the number of faults that this rank met.
+std::pair<InspectSummary, std::uint64_t> whole_summary(const RunPart& part, bool reads_all) {
   InspectSummary own = own_summary(part, reads_all);
   std::uint64_t num_faults = own.faults.size();
   InspectSummary summary = together(part, std::move(own));
   const bool is_done = summary.run && summary.run->phase == Phase::kDone && summary.faults.empty();
   if (is_done && !any(part.exchange, !part.store)) num_faults += measure(part, summary);
+  return {std::move(summary), num_faults};
+}
+
+}  // namespace
+
+Json inspected(const RunPart& whole, bool reads_all) {
+  return to_json(whole_summary(whole, reads_all).first);
+}
+
+std::uint64_t inspect_summary(const RunPart& part, bool reads_all, bool is_json) {
+  const auto [summary, num_faults] = whole_summary(part, reads_all);
   if (!part.is_first()) return num_faults;
   if (is_json)
     print_json(to_json(summary));

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Makes Debian packages in build/packages: locvol, the command; liblocvol-dev, the library; where there
-# is MPI locvol-mpi; where there is OpenCASCADE locvol-cad.
+# Makes Debian packages in build/packages: locvol, the command; liblocvol-dev, the library;
+# python3-locvol, Python's package; where there is MPI locvol-mpi; where there is OpenCASCADE
+# locvol-cad.
 # Usage: tools/package.sh
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -11,42 +11,40 @@
 #include "octree/sort_and_unite.h"
 
 namespace locvol {
-namespace {
 
-constexpr std::size_t kFullBytes = std::size_t{1} << 20;  // of a chunk
-
-}  // namespace
-
-ChunkReader::ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages)
+ChunkReader::ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages,
+                         std::size_t chunk_bytes)
     : reader_(reader),
       numbering_(numbering),
       pages_(pages),
+      chunk_bytes_(chunk_bytes),
+      next_leaf_(numbering.first_own()),
       has_bodies_(reader.sheets().has_several_bodies()),
       numbers_(reader, numbering),
       positions_(reader, numbering) {}
 
-void ChunkReader::for_each(const std::function<void(const MeshChunk&)>& visit) {
-  std::uint64_t num_cells = 0;
+std::optional<MeshChunk> ChunkReader::next() {
   const std::size_t end = numbering_.end_own();
-  for (std::size_t leaf = numbering_.first_own(); leaf < end;) {
+  while (next_leaf_ < end) {
     MeshChunk chunk;
-    chunk.first_vertex = numbering_.first_vertex(leaf);
-    chunk.first_cell = num_cells;
+    chunk.first_vertex = numbering_.first_vertex(next_leaf_);
+    chunk.first_cell = num_cells_;
     NumberedCells numbered;
     const auto bytes = [&] {
       return chunk.vertices.size() * sizeof chunk.vertices[0] +
              numbered.cells.size() * sizeof numbered.cells[0];
     };
-    for (; leaf < end && bytes() < kFullBytes; ++leaf) {
-      add_own(leaf, chunk);
-      add_stored_cells(leaf, numbered);
-      add_core_cells(leaf, numbered);
+    for (; next_leaf_ < end && bytes() < chunk_bytes_; ++next_leaf_) {
+      add_own(next_leaf_, chunk);
+      add_stored_cells(next_leaf_, numbered);
+      add_core_cells(next_leaf_, numbered);
     }
     pages_.count(bytes());
     complete(std::move(numbered), chunk);
-    num_cells += chunk.cells.size();
-    if (!chunk.vertices.empty()) visit(chunk);
+    num_cells_ += chunk.cells.size();
+    if (!chunk.vertices.empty()) return chunk;
   }
+  return std::nullopt;
 }
 
 void ChunkReader::add_own(std::size_t leaf, MeshChunk& chunk) {
@@ -156,55 +154,62 @@ class NumberedPoints {
   std::vector<std::uint64_t>& numbers_;
 };
 
-}  // namespace
-
-void for_each_chunk_of_second_order(MeshSource& mesh,
-                                    const std::function<void(const MeshChunk&)>& visit) {
+MeshChunk chunk_of_second_order(MeshSource& mesh, const MeshPiece& piece) {
   struct OtherNode {
     std::uint64_t number = 0;
     MeshEdge edge;
   };
-  const auto next = mesh.pieces({.has_points = true, .has_cells = true, .has_node_points = true});
-  while (const auto piece = next()) {
-    MeshChunk chunk;
-    chunk.first_vertex = piece->first_vertex;
-    chunk.first_cell = piece->first_cell;
-    chunk.first_node = piece->first_node;
-    chunk.vertices = piece->points;
-    chunk.nodes = piece->node_points;
-    chunk.bodies = piece->bodies;
-    chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
-    chunk.num_own_nodes = static_cast<std::uint32_t>(chunk.nodes.size());
-    NumberedPoints vertices(chunk.first_vertex, chunk.vertices, chunk.numbers),
-        nodes(chunk.first_node, chunk.nodes, chunk.node_numbers);
-    std::vector<std::uint64_t> other_vertices;
-    std::vector<OtherNode> other_nodes;
-    for (std::size_t c = 0; c < piece->cells.size(); ++c) {
-      const auto vertex = [&](std::size_t k) {
-        return static_cast<std::uint64_t>(piece->cells[c][k]);
-      };
-      for (std::size_t k = 0; k < 4; ++k)
-        if (!vertices.is_own(vertex(k))) other_vertices.push_back(vertex(k));
-      for (std::size_t e = 0; e < kCellEdges.size(); ++e) {
-        const auto number = static_cast<std::uint64_t>(piece->nodes[c][e]);
-        const auto& [i, j] = kCellEdges[e];
-        if (!nodes.is_own(number))
-          other_nodes.push_back({number, edge_between(vertex(i), vertex(j))});
-      }
+  MeshChunk chunk;
+  chunk.first_vertex = piece.first_vertex;
+  chunk.first_cell = piece.first_cell;
+  chunk.first_node = piece.first_node;
+  chunk.vertices = piece.points;
+  chunk.nodes = piece.node_points;
+  chunk.bodies = piece.bodies;
+  chunk.num_own = static_cast<std::uint32_t>(chunk.vertices.size());
+  chunk.num_own_nodes = static_cast<std::uint32_t>(chunk.nodes.size());
+  NumberedPoints vertices(chunk.first_vertex, chunk.vertices, chunk.numbers),
+      nodes(chunk.first_node, chunk.nodes, chunk.node_numbers);
+  std::vector<std::uint64_t> other_vertices;
+  std::vector<OtherNode> other_nodes;
+  for (std::size_t c = 0; c < piece.cells.size(); ++c) {
+    const auto vertex = [&](std::size_t k) {
+      return static_cast<std::uint64_t>(piece.cells[c][k]);
+    };
+    for (std::size_t k = 0; k < 4; ++k)
+      if (!vertices.is_own(vertex(k))) other_vertices.push_back(vertex(k));
+    for (std::size_t e = 0; e < kCellEdges.size(); ++e) {
+      const auto number = static_cast<std::uint64_t>(piece.nodes[c][e]);
+      const auto& [i, j] = kCellEdges[e];
+      if (!nodes.is_own(number))
+        other_nodes.push_back({number, edge_between(vertex(i), vertex(j))});
     }
-    sort_and_unite(other_vertices);
-    sort_and_unite(other_nodes, &OtherNode::number);
-    for (const std::uint64_t vertex : other_vertices)
-      vertices.add_other(vertex, mesh.position_of(vertex));
-    for (const auto& [number, edge] : other_nodes) nodes.add_other(number, mesh.position_of(edge));
-    for (std::size_t c = 0; c < piece->cells.size(); ++c) {
-      std::ranges::transform(piece->cells[c], chunk.cells.emplace_back().begin(),
-                             [&](std::int64_t v) { return vertices.index_of(v); });
-      std::ranges::transform(piece->nodes[c], chunk.cell_nodes.emplace_back().begin(),
-                             [&](std::int64_t n) { return nodes.index_of(n); });
-    }
-    if (!chunk.vertices.empty() || !chunk.nodes.empty()) visit(chunk);
   }
+  sort_and_unite(other_vertices);
+  sort_and_unite(other_nodes, &OtherNode::number);
+  for (const std::uint64_t vertex : other_vertices)
+    vertices.add_other(vertex, mesh.position_of(vertex));
+  for (const auto& [number, edge] : other_nodes) nodes.add_other(number, mesh.position_of(edge));
+  for (std::size_t c = 0; c < piece.cells.size(); ++c) {
+    std::ranges::transform(piece.cells[c], chunk.cells.emplace_back().begin(),
+                           [&](std::int64_t v) { return vertices.index_of(v); });
+    std::ranges::transform(piece.nodes[c], chunk.cell_nodes.emplace_back().begin(),
+                           [&](std::int64_t n) { return nodes.index_of(n); });
+  }
+  return chunk;
+}
+
+}  // namespace
+
+std::function<std::optional<MeshChunk>()> chunks_of_second_order(MeshSource& mesh) {
+  const auto next = mesh.pieces({.has_points = true, .has_cells = true, .has_node_points = true});
+  return [&mesh, next]() -> std::optional<MeshChunk> {
+    while (const auto piece = next()) {
+      MeshChunk chunk = chunk_of_second_order(mesh, *piece);
+      if (!chunk.vertices.empty() || !chunk.nodes.empty()) return chunk;
+    }
+    return std::nullopt;
+  };
 }
 
 }  // namespace locvol

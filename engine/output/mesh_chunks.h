@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "engine/output/leaf_window.h"
@@ -35,16 +36,20 @@ struct MeshChunk {
   std::vector<std::array<std::uint32_t, 6>> cell_nodes;
 };
 
-// Memory: a chunk takes a mebibyte or a leaf; besides, 28 MB for points of leaves near.
+// Bytes of a chunk, of its own vertices and its cells: it ends with the leaf that reaches them.
+inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
+
+// Memory: a chunk takes `chunk_bytes` or a leaf; besides, 28 MB for points of leaves near.
 // Errors: CorruptRecord.
 class ChunkReader {
  public:
   // All must outlive this object.
-  ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages);
+  ChunkReader(const Reader& reader, const VertexNumbering& numbering, PageRelease& pages,
+              std::size_t chunk_bytes = kChunkBytes);
 
-  // Calls the visitor with each chunk of the rank's own leaves, in order; cells are counted from
-  // the first of these on.
-  void for_each(const std::function<void(const MeshChunk&)>& visit);
+  // The next chunk of the rank's own leaves, in order; cells are counted from the first of these
+  // on. Nothing, if there are no more.
+  std::optional<MeshChunk> next();
 
  private:
   // A vertex, by its number.
@@ -67,14 +72,17 @@ class ChunkReader {
   const Reader& reader_;
   const VertexNumbering& numbering_;
   PageRelease& pages_;
-  bool has_bodies_;  // several
+  std::size_t chunk_bytes_;
+  std::size_t next_leaf_;
+  std::uint64_t num_cells_ = 0;  // of the chunks before
+  bool has_bodies_;              // several
   NumberWindow numbers_;
   VertexPositions positions_;
 };
 
-// The same chunks of a mesh of second order, but for where one ends.
+// The same chunks of a mesh of second order, but for where one ends. Gives one after another, and
+// then nothing; `mesh` must outlive it.
 // Memory: as MeshSource. Errors: StoreError; std::system_error.
-void for_each_chunk_of_second_order(MeshSource& mesh,
-                                    const std::function<void(const MeshChunk&)>& visit);
+std::function<std::optional<MeshChunk>()> chunks_of_second_order(MeshSource& mesh);
 
 }  // namespace locvol

@@ -14,6 +14,11 @@
 
 namespace locvol {
 
+// These are in storage/run_choices.h. It is not included here, where an installed header would not
+// find it: locvol.h does that.
+enum class Initialization : std::uint8_t;
+enum class InsideRule : std::uint8_t;
+
 /// x, y and z.
 using Coordinates = std::array<double, 3>;
 
@@ -123,6 +128,13 @@ struct Options {
   Size gap = {};
   /// The mesh is the boundary alone: triangles, and no cells. All points lie on the surface.
   bool is_surface_only = false;
+  /// What is taken for the inside: InsideRule::kClosed, or kWinding. By winding numbers, triangles
+  /// of any kind can be meshed: holes close, what overlaps is united, and doubled and inner walls
+  /// vanish.
+  InsideRule inside = {};
+  /// Initialization::kCover, or kPaper: one size everywhere, one body, and any dihedral angle
+  /// unless one is asked for.
+  Initialization init = {};
 };
 
 }  // namespace locvol

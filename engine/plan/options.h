@@ -35,14 +35,12 @@ struct FilesOfOptions {
   std::string sharp_polylines = {};  // digest; empty: there are none
 };
 
-// What the library does not offer is what the command adds.
+// With the files of the surface.
 struct MeshOptions : Options {
   std::filesystem::path input = {};  // empty: the surface is in no file; or kFromStandardInput
   // Each of these files is a body then, and so is the first. All are files, none the standard
   // input.
   std::vector<std::filesystem::path> more_inputs = {};
-  Initialization init = Initialization::kCover;
-  InsideRule inside = InsideRule::kClosed;
 };
 
 struct Progress {

@@ -8,7 +8,9 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -206,6 +208,64 @@ TEST(Library, HandsOutTheMeshInChunks) {
   EXPECT_EQ(mesh.summary().num_cells, cells.size());
   EXPECT_NEAR(volume, mesh.summary().surface_volume, 0.02 * volume);
   EXPECT_EQ(cells, connectivity);
+}
+
+// A stream gives what a callback is given, in chunks as large as is asked for. Chunks that are held
+// stay, whatever is read after them, and a stream may outlive its mesh.
+TEST(Library, GivesChunksOneByOne) {
+  const TempDir dir;
+  Options options = torus_options(dir);
+  options.size = Size::length(0.06);
+  std::optional<Mesh> mesh(mesh_surface(torus_arrays().surface(), options));
+  for (const int order : {1, 2}) {
+    std::vector<std::array<std::uint64_t, 4>> visited, given;
+    const auto append = [](const Chunk& chunk, auto& cells) {
+      for (const auto& [a, b, c, d] : chunk.cells)
+        cells.push_back({chunk.vertex_numbers[a], chunk.vertex_numbers[b], chunk.vertex_numbers[c],
+                         chunk.vertex_numbers[d]});
+    };
+    mesh->for_each_chunk([&](const Chunk& chunk) { append(chunk, visited); }, order);
+    std::vector<std::shared_ptr<const Chunk>> held;
+    Stream<Chunk> chunks = mesh->chunks(order, 1 << 14);
+    while (auto chunk = chunks.next()) held.push_back(std::move(chunk));
+    EXPECT_EQ(chunks.next(), nullptr);
+    for (const auto& chunk : held) append(*chunk, given);
+    EXPECT_EQ(given, visited);
+    Stream<Chunk> whole = mesh->chunks(1, std::uint64_t{1} << 40);
+    EXPECT_EQ(whole.next()->cells.size(), visited.size());
+    EXPECT_EQ(whole.next(), nullptr);
+    if (order == 1) {
+      EXPECT_GT(held.size(), 10U);
+    }
+
+    std::uint64_t num_facets = 0, num_given = 0;
+    mesh->for_each_boundary_chunk(
+        [&](const BoundaryChunk& chunk) { num_facets += chunk.facets.size(); }, order);
+    Stream<BoundaryChunk> boundary = mesh->boundary_chunks(order);
+    if (order == 2) mesh.reset();
+    while (const auto chunk = boundary.next()) {
+      EXPECT_EQ(chunk->first_facet, num_given);
+      num_given += chunk->facets.size();
+    }
+    EXPECT_EQ(num_given, num_facets);
+  }
+  EXPECT_TRUE(is_empty(dir));
+}
+
+// What is open cannot be meshed but by winding numbers, which know it to be nearly closed.
+TEST(Library, MeshesWhatTrianglesWindAround) {
+  const TempDir dir;
+  Arrays open = torus_arrays();
+  open.triangles.pop_back();
+  Options options = torus_options(dir);
+  EXPECT_EQ(code_of([&] { mesh_surface(open.surface(), options); }, "is not closed"),
+            ErrorCode::kInput);
+  options.inside = InsideRule::kWinding;
+  const Mesh mesh = mesh_surface(open.surface(), options);
+  EXPECT_NEAR(mesh.statistics().volume, 2 * std::pow(std::numbers::pi * 0.45, 2), 0.2);
+  const SurfaceInfo info =
+      surface_info(open.surface(), {}, dir.path(), {}, 40, {}, false, {}, {}, options.inside);
+  EXPECT_NEAR(info.volume, mesh.statistics().volume, 0.1 * info.volume);
 }
 
 TEST(Library, HandsOutCellsOfSecondOrder) {
@@ -467,8 +527,13 @@ TEST(Library, GoesOnWithACanceledRunToTheSameBytes) {
   EXPECT_EQ(code_of([&] { canceled.for_each_chunk([](const Chunk&) {}); }, "unfinished"),
             ErrorCode::kStore);
   EXPECT_EQ(code_of([&] { canceled.statistics(); }, "unfinished"), ErrorCode::kStore);
+  const Mesh opened = open_run(dir / "run");
+  EXPECT_FALSE(opened.is_complete());
+  EXPECT_EQ(opened.summary().num_visits, canceled.summary().num_visits);
+  EXPECT_EQ(code_of([&] { open_run(dir / "no_run"); }, "no_run"), ErrorCode::kStore);
   const Mesh resumed = resume_run(dir / "run");
   EXPECT_TRUE(resumed.is_complete());
+  EXPECT_TRUE(open_run(dir / "run").is_complete());
   resumed.write(dir / "resumed.vtu");
   EXPECT_EQ(bytes_of(dir / "resumed.vtu"), bytes_of(dir / "undisturbed.vtu"));
 

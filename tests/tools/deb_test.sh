@@ -23,11 +23,12 @@ for path in bin/locvol share/man/man1/locvol.1.gz share/bash-completion/completi
   has_path "$command" "$path"
 done
 for path in include/locvol/locvol.h include/locvol/engine/plan/library_options.h \
+    include/locvol/storage/run_choices.h \
     lib.*/liblocvol.a lib.*/cmake/locvol/locvolConfig.cmake; do
   has_path "$development" "$path"
 done
 headers=$(dpkg-deb -c "$development" | grep -c '\.h$')
-[[ $headers == 2 ]] || fail "$development has $headers headers: only locvol.h and its options are for users"
+[[ $headers == 3 ]] || fail "$development has $headers headers: only locvol.h and what it includes are for users"
 
 depends=$(dpkg-deb -f "$command" Depends)
 for library in libc6 libboost-serialization libdeflate0 libfmt libhdf5 liblmdb0 libssl3 libzstd1 zlib1g; do
@@ -53,6 +54,21 @@ if [[ -e $build/lib/locvol/locvol-cad ]]; then
   [[ $(dpkg-deb -f "$command" Suggests) == *locvol-cad* ]] || fail "$command does not suggest $cad"
 fi
 
+if [[ -e $build/tools/python/locvol ]]; then
+  python=$(echo "$out"/python3-locvol_*.deb) module=lib/python3/dist-packages/locvol
+  for path in "$module/__init__.py" "$module/__init__.pyi" "$module/py.typed" \
+      "$module/_locvol.*.so" "$module-.*.dist-info/entry_points.txt"; do
+    has_path "$python" "$path"
+  done
+  dpkg-deb -x "$python" "$out/python"
+  PYTHONPATH=$out/python/usr/lib/python3/dist-packages /usr/bin/python3 -B -c '
+import locvol
+corners = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+faces = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
+assert len(locvol.mesh((corners, faces), "20%").cells) > 100' ||
+    fail "the packaged module of Python does not mesh"
+fi
+
 dpkg-deb -x "$command" "$out/root"
 [[ $("$out/root/usr/bin/locvol" --version) == "locvol $(dpkg-deb -f "$command" Version)" ]] ||
   fail "the packaged command has another version"
@@ -68,5 +84,5 @@ done < <(cd "$documents" && grep -roP '\]\(\K[^)\s]+' --include='*.md' "$documen
 ((num_links > 100)) || fail "the packaged pages have $num_links links to each other"
 
 if command -v lintian >/dev/null; then
-  lintian --fail-on error,warning "$command" "$development"
+  lintian --fail-on error,warning "$command" "$development" ${python:+"$python"}
 fi
