@@ -12,7 +12,7 @@ import pathlib
 import re
 import sys
 
-LAYERS = [{"octree"}, {"storage", "refine"}, {"engine"}, {"cad", "tools"}, {"tests"}]  # from the bottom
+LAYERS = [{"octree"}, {"storage", "refine"}, {"engine"}, {"tools"}, {"tests"}]  # from the bottom
 INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 
 

@@ -8,7 +8,7 @@ packages=(
   libcgal-dev libqd-dev                   # refine/
   liblmdb-dev libzstd-dev libboost-serialization-dev  # storage/
   libfmt-dev libssl-dev libhdf5-dev libdeflate-dev zlib1g-dev  # engine/
-  libocct-data-exchange-dev               # cad/
+  libocct-data-exchange-dev               # tools/cad/
   libcli11-dev nlohmann-json3-dev libjs-three  # tools/
   python3-dev pybind11-dev python3-numpy  # tools/python/
   libgtest-dev libbenchmark-dev python3   # tests/

@@ -1,6 +1,6 @@
-// What the engine and the program that reads CAD files (cad/) say to each other. It is a program of
-// its own, so that only who reads such files needs OpenCASCADE, and so that a damaged file which
-// OpenCASCADE does not survive is an error like others.
+// What the engine and the program that reads CAD files (tools/cad/) say to each other. It is a
+// program of its own, so that only who reads such files needs OpenCASCADE, and so that a damaged
+// file which OpenCASCADE does not survive is an error like others.
 //
 // The program is started with the file's path and its format. It writes records to the descriptor
 // kCadOutput:

@@ -1,4 +1,4 @@
-#include "cad/triangulator.h"
+#include "tools/cad/triangulator.h"
 
 #include <BRepBndLib.hxx>
 #include <BRepMesh_Context.hxx>

@@ -1,4 +1,4 @@
-#include "tests/cad/cad_shapes.h"
+#include "tests/tools/cad/cad_shapes.h"
 
 #include <BRepAlgoAPI_Cut.hxx>
 #include <BRepAlgoAPI_Fuse.hxx>

@@ -1,7 +1,7 @@
 // Curved faces become triangles: edges first and once, then face by face.
 #pragma once
 
-#include "cad/shape_file.h"
+#include "tools/cad/shape_file.h"
 
 namespace locvol::cad {
 

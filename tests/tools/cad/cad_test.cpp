@@ -25,11 +25,11 @@
 #include "engine/shared/input_error.h"
 #include "engine/shared/memory_budget.h"
 #include "engine/shared/stop_source.h"
-#include "tests/cad/cad_shapes.h"
 #include "tests/engine/described.h"
 #include "tests/engine/store_contents.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
+#include "tests/tools/cad/cad_shapes.h"
 
 namespace locvol {
 namespace {

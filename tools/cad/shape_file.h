@@ -9,8 +9,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "cad/sink.h"
 #include "engine/ingest/cad_protocol.h"
+#include "tools/cad/sink.h"
 
 namespace locvol::cad {
 

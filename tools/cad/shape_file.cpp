@@ -1,4 +1,4 @@
-#include "cad/shape_file.h"
+#include "tools/cad/shape_file.h"
 
 #include <BRepBndLib.hxx>
 #include <BRepBuilderAPI_Sewing.hxx>
@@ -40,7 +40,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "cad/kept_messages.h"
+#include "tools/cad/kept_messages.h"
 
 namespace locvol::cad {
 namespace {

@@ -11,9 +11,9 @@
 #include <string>
 #include <string_view>
 
-#include "cad/shape_file.h"
-#include "cad/sink.h"
-#include "cad/triangulator.h"
+#include "tools/cad/shape_file.h"
+#include "tools/cad/sink.h"
+#include "tools/cad/triangulator.h"
 
 namespace locvol::cad {
 namespace {

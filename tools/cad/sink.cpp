@@ -1,4 +1,4 @@
-#include "cad/sink.h"
+#include "tools/cad/sink.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "cad/kept_messages.h"
+#include "tools/cad/kept_messages.h"
 
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
