@@ -9,6 +9,7 @@
 #include "engine/ingest/size_file.h"
 #include "engine/plan/option_table.h"
 #include "engine/shared/closest_word.h"
+#include "engine/shared/standard_input.h"
 #include "tools/arguments.h"
 #include "tools/tell_user.h"
 
@@ -178,15 +179,23 @@ CLI::Option* add_faces(CLI::App& app, OutputOptions& options) {
       "programs that look for one");
 }
 
-CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options) {
-  CLI::Option* file = app.add_option("-o,--output", output, "File to write")->type_name("FILE");
+CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options,
+                             const std::function<std::filesystem::path()>& choose) {
+  CLI::Option* file =
+      app.add_option("-o,--output", output,
+                     choose
+                         ? "File to write (default: called as the surface, a .vtu in the current "
+                           "directory)"
+                         : "File to write")
+          ->type_name("FILE");
   CLI::Option* format = add_format(app, options, "by its extension")->needs(file);
   add_cell_data(app, options)->needs(file);
   add_boundary(app, options)->needs(file);
   add_order(app, options)->needs(file);
   add_split_interfaces(app, options)->needs(file);
   add_faces(app, options)->needs(file);
-  app.final_callback([&output, &options, file, format] {
+  app.final_callback([&output, &options, file, format, choose] {
+    if (file->count() == 0 && choose) output = choose();
     if (file->count() == 0) return;
     if (output.empty()) throw CLI::ValidationError("-o", "is empty: give the name of a file");
     try {
@@ -293,11 +302,23 @@ CLI::Option* add_limit(CLI::App& app, std::optional<std::uint64_t>& limit,
   return add_parsed(app, "--limit", parse_count, limit, description)->type_name("N");
 }
 
+// Called as the surface, in the current directory.
+std::filesystem::path chosen_output(const std::filesystem::path& surface) {
+  if (surface == kFromStandardInput)
+    throw CLI::ValidationError("-o", "is needed where the surface comes through standard input");
+  std::filesystem::path name = surface.filename();
+  if (name.extension() == ".gz") name = name.stem();
+  return name.replace_extension(".vtu");
+}
+
 CLI::App* declare_mesh(CLI::App& app, MeshCommand& command) {
   CLI::App* mesh = app.add_subcommand("mesh", "Mesh the volume inside a surface");
   MeshOptions& options = command.options;
   add_surfaces(*mesh, options.input, options.more_inputs);
-  add_mesh_output(*mesh, command.control.output, command.control.output_options)->required();
+  add_mesh_output(*mesh, command.control.output, command.control.output_options, [&command] {
+    command.is_output_chosen = true;
+    return chosen_output(command.options.input);
+  });
   add_parsed(
       *mesh, "-s,--size", parse_size, command.size,
       fmt::format(

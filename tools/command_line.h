@@ -50,7 +50,9 @@ CLI::Option* add_order(CLI::App& app, OutputOptions& options);
 CLI::Option* add_split_interfaces(CLI::App& app, OutputOptions& options);
 CLI::Option* add_faces(CLI::App& app, OutputOptions& options);
 // The mesh's file; its format, by name or by extension; what is written besides.
-CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options);
+// `choose`: the name of a file where none is given; null: there is no file then.
+CLI::Option* add_mesh_output(CLI::App& app, std::filesystem::path& output, OutputOptions& options,
+                             const std::function<std::filesystem::path()>& choose = {});
 std::string format_list();
 void add_store(CLI::App& app, std::filesystem::path& store);
 void add_json(CLI::App& app, bool& is_json);

@@ -210,6 +210,13 @@ int mesh_at(const RunPlace& place, const MeshCommand& command) {
     require_output(place, command.control, [&] { return file_of(command.options.input); });
     const std::uint64_t cap = cap_of(command.control.memory_bytes, place);
     ProgressLine line(progress_style(own), cap);
+    if (command.is_output_chosen)
+      line.tell(
+          "output",
+          [&] {
+            return Json{{"file", command.control.output.string()}};
+          },
+          fmt::format("no -o is given: the mesh goes to {}", command.control.output.string()));
     const SurfaceSource surface =
         surface_at(command.options.input, command.options.more_inputs, place.own());
     own.options.size =

@@ -18,9 +18,10 @@
 namespace locvol {
 
 struct MeshCommand : RunCommand {
-  MeshOptions options;         // store: empty for the default, OUTPUT.locvol; size: see below
-  std::optional<Size> size;    // absent: chosen for the surface
-  bool is_store_kept = false;  // a store that the user names is kept in any case
+  MeshOptions options;            // store: empty for the default, OUTPUT.locvol; size: see below
+  std::optional<Size> size;       // absent: chosen for the surface
+  bool is_store_kept = false;     // a store that the user names is kept in any case
+  bool is_output_chosen = false;  // the user has named none
 };
 
 struct ResumeCommand : RunCommand {  // whose output may be empty: none is written

@@ -167,6 +167,19 @@ int print_reference(const CLI::App& app, const std::string& form) {
   return kExitDone;
 }
 
+// What who calls the command alone may want to do first.
+constexpr const char* kFirstSteps =
+    R"(locvol fills closed surfaces with tetrahedra, within a memory cap.
+
+  locvol info part.stl                is it closed, how large would a mesh be
+  locvol mesh part.stl                makes part.vtu, for ParaView, of about half a million cells
+  locvol mesh part.step -o part.inp   from CAD to CalculiX and Abaqus: faces keep their names
+  locvol mesh part.stl -o part.msh --size 1% --memory 2G
+  locvol repair part.stl -o new.stl   if it is not closed
+
+`locvol --help` lists the commands, `locvol COMMAND --help` their options.
+)";
+
 int run(int argc, char** argv) {
   CLI::App app(kDescription, "locvol");
   app.footer(kFooter);
@@ -198,6 +211,10 @@ int run(int argc, char** argv) {
       {declare_reference(app, reference_form),
        [&] { return print_reference(app, reference_form); }},
   };
+  if (argc < 2) {
+    fmt::print("{}", kFirstSteps);
+    return kExitUsage;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

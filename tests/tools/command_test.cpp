@@ -446,6 +446,31 @@ TEST(Command, MeshChoosesASizeAndSaysSo) {
       << process.err();
 }
 
+TEST(Command, MeshChoosesAnOutputAndSaysSo) {
+  const TempDir dir;
+  const std::string cube = make_cube(dir);
+  const std::filesystem::path before = std::filesystem::current_path();
+  const std::filesystem::path here = dir / "here";
+  std::filesystem::create_directory(here);
+  std::filesystem::current_path(here);
+  const ProcessResult made = run_locvol({"mesh", cube, "--size", "30%"});
+  const ProcessResult in_vain = run_locvol({"mesh", "-", "--size", "30%"});
+  std::filesystem::current_path(before);
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_TRUE(std::filesystem::exists(here / "cube.vtu"));
+  EXPECT_NE(made.err.find("no -o is given: the mesh goes to cube.vtu"), std::string::npos)
+      << made.err;
+  EXPECT_EQ(in_vain.exit_code, 2);
+  EXPECT_NE(in_vain.err.find("-o: is needed"), std::string::npos) << in_vain.err;
+}
+
+TEST(Command, AloneSaysWhatToBeginWith) {
+  const ProcessResult result = run_locvol({});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_EQ(result.err, "");
+  EXPECT_NE(result.out.find("locvol mesh part.stl "), std::string::npos) << result.out;
+}
+
 // In JSON, what goes to stderr is one object a line.
 TEST(Command, ProgressInJsonIsALineForEachEvent) {
   const TempDir dir;
