@@ -24,6 +24,7 @@
 #include "engine/ranks/rank_store.h"
 #include "engine/shared/leaf_facets.h"
 #include "tests/engine/closed_shapes.h"
+#include "tests/engine/ranks/written_by_ranks.h"
 #include "tests/file_bytes.h"
 #include "tests/temp_dir.h"
 
@@ -222,23 +223,15 @@ TEST_F(SplitInterfaces, OfSeveralRanksHaveTheBytesOfOneProcess) {
   run_as_ranks(
       2, [&](Exchange& exchange) { join_ranks(of_ranks.store, dir_ / "whole", {}, exchange); });
   const Store whole = Store::open(dir_ / "whole", {.read_only = true});
+  std::vector<OutputOptions> outputs;
   for (const FormatInfo& info : mesh_formats())
-    for (const int order : {1, 2}) {
-      if (order == 2 && !info.has_second_order()) continue;
-      SCOPED_TRACE(std::string(info.name) + " of order " + std::to_string(order));
-      const OutputOptions output{
-          .format = info.format, .has_boundary = true, .splits_interfaces = true, .order = order};
-      const std::filesystem::path one = dir_ / "one.node", all = dir_ / "all.node";
-      const WriteSummary written = write_mesh(whole, one, output, 1);
-      run_as_ranks(3, [&](Exchange& exchange) {
-        const WriteSummary by_rank =
-            write_mesh(part(exchange), all, output, 2, {}, nullptr, exchange);
-        EXPECT_EQ(by_rank.bytes, written.bytes);
-      });
-      const auto files = files_of(output, one), others = files_of(output, all);
-      for (std::size_t i = 0; i < files.size(); ++i)
-        EXPECT_TRUE(bytes_of(files[i]) == bytes_of(others[i])) << files[i];
-    }
+    for (const int order : {1, 2})
+      if (order == 1 || info.has_second_order())
+        outputs.push_back({.format = info.format,
+                           .has_boundary = true,
+                           .splits_interfaces = true,
+                           .order = order});
+  expect_files_of_one_process(whole, part, outputs, dir_.path());
 }
 
 // Pieces of ranks are meshes by themselves.

@@ -33,6 +33,7 @@
 #include "tests/directories.h"
 #include "tests/engine/closed_shapes.h"
 #include "tests/engine/file_size_limit.h"
+#include "tests/engine/ranks/written_by_ranks.h"
 #include "tests/engine/store_contents.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
@@ -406,19 +407,8 @@ TEST_F(CreasedFileOfRanks, HasTheBytesOfOneProcess) {
                            .has_quality = info.has_cell_data,
                            .has_boundary = true,
                            .order = order});
-  for (const OutputOptions& output : outputs) {
-    SCOPED_TRACE(info_of(output.format).name);
-    const std::filesystem::path one = scratch_ / "one.node", all = scratch_ / "all.node";
-    const WriteSummary written = write_mesh(whole, one, output, 1);
-    run_as_ranks(3, [&](Exchange& exchange) {
-      const WriteSummary by_rank =
-          write_mesh(part(exchange), all, output, 2, {}, nullptr, exchange);
-      EXPECT_EQ(by_rank.bytes, written.bytes);
-    });
-    const auto files = files_of(output, one), others = files_of(output, all);
-    for (std::size_t i = 0; i < files.size(); ++i)
-      EXPECT_TRUE(bytes_of(files[i]) == bytes_of(others[i])) << files[i];
-  }
+  expect_files_of_one_process(
+      whole, [&](const Exchange& exchange) { return part(exchange); }, outputs, scratch_.path());
 }
 
 // Each edge is in one piece, which has its vertices and its node; a vertex is a corner in all that
