@@ -176,7 +176,9 @@ class Refinement {
   std::optional<std::vector<Point>> others_changed(const Point& q) const;
   void forget_changed();
   void delete_volume_points_near(const Point& q);
-  bool is_blocked(const Point& q) const;  // by the spacing floor; leaving_ does not count
+  // By a point closer than the spacing floor, or than a distance; leaving_ does not count.
+  bool is_blocked(const Point& q) const { return is_blocked(q, floor_at(q)); }
+  bool is_blocked(const Point& q, double distance) const;
   double floor_at(const Point& q) const {
     return mesh_.scaled(input_.criteria.spacing_floor, surroundings_.sizes.on_surface_at(q));
   }
@@ -364,8 +366,7 @@ bool Refinement::insert_next_mirror() {
     attempt_ = {condition, q, 0};
     const double close = std::max(floor_at(q), kMirrorTolerance * distance);
     mesh_.volume_points_near(q, close, leaving_);
-    if (is_blocked(q) || mesh_.has_other_point_within(q, close, conflict_.nearest, leaving_))
-      continue;
+    if (is_blocked(q, close)) continue;
     delete_volume_points_near(q);
     insert(q, PointKind::kSurface, condition);
     return true;
@@ -806,10 +807,10 @@ std::optional<Refinement::SurfaceBall> Refinement::encroached_ball(const Point& 
   return largest;
 }
 
-bool Refinement::is_blocked(const Point& q) const {
+bool Refinement::is_blocked(const Point& q, double distance) const {
   const bool is_vertex = conflict_.squared_distance == 0;  // even without a floor
   if (is_vertex && !std::ranges::binary_search(leaving_, conflict_.nearest)) return true;
-  return mesh_.has_other_point_within(q, floor_at(q), conflict_.nearest, leaving_);
+  return mesh_.has_other_point_within(q, distance, conflict_.nearest, leaving_);
 }
 
 // Whether two sheets of the surface face each other at q, closer than the spacing floor. To tell

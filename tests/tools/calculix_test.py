@@ -193,18 +193,21 @@ def run_section(heading, directory, num_commands):
 
 
 class Bracket(unittest.TestCase):
+    def check_load(self, results, told):
+        forces = results.read_text(encoding="ascii").split()[-3:]
+        self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
+        # Where the fillet begins, the shelf is a beam of 40 by 8 with a moment of 10,500 N mm:
+        # 25 N/mm². Quadratic elements have 30 in the fillet, linear ones less.
+        stress = float(re.findall(r"Mises stress ([-+.e\d]+)", told)[0])
+        self.assertGreater(stress, 22)
+        self.assertLess(stress, 31)
+
     def test_is_loaded_and_held_by_names(self):
         with tempfile.TemporaryDirectory() as name:
             directory = pathlib.Path(name)
             told = run_section("## A part by the names of its faces", directory, 2)
             self.assertIn("fillet: 24 triangles", told)
-            forces = (directory / "bracket-case.dat").read_text(encoding="ascii").split()[-3:]
-            self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
-            # Where the fillet begins, the shelf is a beam of 40 by 8 with a moment of 10,500 N mm:
-            # 25 N/mm². Quadratic elements have 30 in the fillet, linear ones less.
-            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", told)[0])
-            self.assertGreater(stress, 22)
-            self.assertLess(stress, 31)
+            self.check_load(directory / "bracket-case.dat", told)
             faces = json.loads((directory / "bracket.inp.faces.json").read_text(encoding="utf-8"))
             shapes = {face["name"]: face["shape"] for face in faces["faces"]}
             self.assertEqual(shapes["fillet"]["kind"], "cylinder")
@@ -219,11 +222,7 @@ class Bracket(unittest.TestCase):
             directory = pathlib.Path(name)
             told = run_section("## A part from a CAD program", directory, 2)
             self.assertIn("near", (directory / "fine.txt").read_text(encoding="ascii"))
-            forces = (directory / "part-case.dat").read_text(encoding="ascii").split()[-3:]
-            self.assertAlmostEqual(float(forces[2]), 500, delta=1e-2)
-            stress = float(re.findall(r"Mises stress ([-+.e\d]+)", told)[0])
-            self.assertGreater(stress, 22)
-            self.assertLess(stress, 31)
+            self.check_load(directory / "part-case.dat", told)
             faces = json.loads((directory / "part.inp.faces.json").read_text(encoding="utf-8"))
             shapes = {face["name"]: face["shape"] for face in faces["faces"]}
             self.assertEqual(len(shapes), 9)
