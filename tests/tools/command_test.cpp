@@ -48,28 +48,38 @@ TEST_P(UsageError, ExitsWithTwoAndSaysWhy) {
 
 INSTANTIATE_TEST_SUITE_P(
     Command, UsageError,
-    testing::Values(
-        std::vector<std::string>{}, Names{"frobnicate"}, Names{"mesh"}, Names{"mesh", "cube.off"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
-        Names{"mesh", "cube.off", "-o", "cube.vtk", "--size", "2%"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity", "0"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "50"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "-1"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "x"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
-        Names{"mesh", "cube.off", "-o", "", "--size", "2%"},
-        Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--store", ""}, Names{"resume"},
-        Names{"inspect", "dir", "--leaf", "2"}, Names{"inspect", "dir", "--leaves", "--queue"},
-        Names{"export", "dir"}, Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
-        Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"},
-        Names{"generate", "three-holes", "-o", "a.stl"},
-        Names{"generate", "three-holes", "-o", "a.stl", "-n", "5k", "--seed", "1"},
-        Names{"generate", "polycrystal", "-o", "a.ply"},
-        Names{"generate", "polycrystal", "-o", "a.ply", "--grains", "3", "-n", "5k"}));
+    testing::Values(Names{"frobnicate"}, Names{"mesh"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "0"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "nan"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtk", "--size", "2%"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--init", "none"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--seed", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--leaf-capacity",
+                          "0"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "50"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "-1"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--min-dihedral", "x"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "--size", "2%", "--frobnicate"},
+                    Names{"mesh", "cube.off", "-o", "", "--size", "2%"},
+                    Names{"mesh", "cube.off", "-o", "cube.vtu", "-s", "2%", "--store", ""},
+                    Names{"resume"}, Names{"inspect", "dir", "--leaf", "2"},
+                    Names{"inspect", "dir", "--leaves", "--queue"}, Names{"export", "dir"},
+                    Names{"audit"}, Names{"info"}, Names{"generate", "cube"},
+                    Names{"generate", "three-holes", "-o", "a.stl", "--triangles", "none"},
+                    Names{"generate", "three-holes", "-o", "a.stl"},
+                    Names{"generate", "three-holes", "-o", "a.stl", "-n", "5k", "--seed", "1"},
+                    Names{"generate", "polycrystal", "-o", "a.ply"},
+                    Names{"generate", "polycrystal", "-o", "a.ply", "--grains", "3", "-n", "5k"}));
+
+// Called alone, it is asked what it is for; the exit code still tells a script that it did nothing.
+TEST(Command, AloneItSaysWhatToBeginWith) {
+  const ProcessResult result = run_locvol({});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_EQ(result.err, "");
+  for (const char* text : {"locvol info part.stl", "locvol mesh part.stl", "locvol --help"})
+    EXPECT_NE(result.out.find(text), std::string::npos) << text << " in " << result.out;
+}
 
 TEST(Command, SaysWhatAWordMayHaveMeant) {
   const auto err_of = [](const Names& words) { return run_locvol(words).err; };
