@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "engine/ingest/body_cuts.h"
+#include "engine/ingest/coordinate_step.h"
 #include "engine/ingest/loose_surface.h"
 #include "engine/ingest/shared_faces.h"
 #include "engine/ingest/surface_check.h"
@@ -38,6 +39,7 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 
 // Of the largest coordinate: what is nearer was one, before it was rounded.
 constexpr double kNear = 1e-11;
+constexpr double kRoundedSteps = 2;  // √3, and room: both of two points may be rounded
 constexpr int kMostNearRounds = 10;
 constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
@@ -391,7 +393,7 @@ class SurfacePreparation {
           "remove degenerate faces",
           counted(raw_.collinear.size(), "triangle", "triangles"), text(raw_.collinear.front()));
     share_.require_whole();
-    bring_together(gap_, true);
+    bring_together(gap_, Nearness::kGap);
     distribute_and_check();
     const EdgeCounts& edges = findings_.edges_that_count();
     if (edges.border.count + edges.overused.count > 0)
@@ -410,31 +412,52 @@ class SurfacePreparation {
   // What rounding alone parts, of bodies, is made the same: cut along each other it would be dust.
   void join_near_bodies() {
     if (given_.empty() || !has_area()) return;
-    if (bring_together(kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max)), false))
-      return check_again();
+    if (gap_ == 0) step_ = coordinate_step();
+    if (step_ > 0) share_.require_whole();
+    const bool is_joined = step_ > 0 && bring_together(kRoundedSteps * step_, Nearness::kStep);
+    const double near = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
+    if (bring_together(near, Nearness::kArithmetic) || is_joined) return check_again();
     for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
     raw_.triangles.clear();
   }
 
+  // The largest of those that bodies have.
+  double coordinate_step() const {
+    std::map<std::uint32_t, CoordinateStep> steps;
+    for (const TriangleList& list : raw_.triangles)
+      raw_.spill.for_each(list, [&](const Triangle& t) {
+        CoordinateStep& step = steps[given_body(given_, t)];
+        for (const Point& p : t.corners) step.add(p);
+      });
+    double largest = 0;
+    for (const auto& [body, step] : steps) largest = std::max(largest, step.value());
+    return largest;
+  }
+
+  // What bodies may be parted by: what was computed in several ways, coordinates that were rounded
+  // when they were written, or a gap that the user does not mean.
+  enum class Nearness { kArithmetic, kStep, kGap };
+
   // Until nothing of two bodies is nearer than the distance, but is the same. Returns whether
   // something has changed.
-  bool bring_together(double distance, bool is_asked_for) {
+  bool bring_together(double distance, Nearness nearness) {
+    const bool is_arithmetic = nearness == Nearness::kArithmetic;
     bool is_changed = false;
     std::uint64_t most = std::numeric_limits<std::uint64_t>::max();  // each time fewer, to end
     for (int round = 0; round < kMostNearRounds; ++round) {
       const std::uint64_t num_changed =
-          imprint_bodies({.distance = distance, .has_needles = is_changed});
+          imprint_bodies({.distance = distance, .has_needles = is_changed}, !is_arithmetic);
       // What lies on each other but for the distance needs no vertices, but to be joined.
-      if (num_changed == 0 && !(is_asked_for && round == 0)) break;
+      if (num_changed == 0 && (is_arithmetic || round > 0)) break;
       is_changed = is_changed || num_changed > 0;
       distribute({}, true);
       WeldedSurface welded = welded_surface(
-          raw_.spill, buckets_, is_asked_for ? WeldPoints::kBetweenBodies : WeldPoints::kAll,
+          raw_.spill, buckets_, is_arithmetic ? WeldPoints::kAll : WeldPoints::kBetweenBodies,
           distance, watch_, workers_, given_);
       const std::string obstacle = welded.num_joined > 0 ? obstacle_to(welded) : std::string();
-      if (is_asked_for && !obstacle.empty()) refuse_gap(obstacle);
+      if (nearness == Nearness::kGap && !obstacle.empty()) refuse_gap(obstacle);
       if (welded.num_joined > 0 && obstacle.empty()) {
-        if (is_asked_for) {
+        if (!is_arithmetic) {
           num_joined_bodies_ += welded.num_joined;
           widest_gap_ = std::max(widest_gap_, welded.width);
         }
@@ -450,7 +473,7 @@ class SurfacePreparation {
   }
 
   // Returns how many triangles have changed.
-  std::uint64_t imprint_bodies(const NearLaw& near) {
+  std::uint64_t imprint_bodies(const NearLaw& near, bool is_told) {
     TriangleBuckets buckets = buckets_.empty_ones();
     buckets.distribute(raw_.spill, raw_.triangles, raw_.box, {}, true, watch_, near.distance);
     CutSurface cut = locvol::cut_bodies(raw_.spill, buckets, drops_copies_, given_, raw_.box,
@@ -462,7 +485,7 @@ class SurfacePreparation {
     add_meetings(cut.meetings);
     adopt(std::move(cut.triangles));
     raw_.has_pieces = true;
-    if (near.distance == gap_) {
+    if (is_told) {
       num_brought_ += cut.num_cut;
       widest_gap_ = std::max(widest_gap_, cut.widest);
     }
@@ -612,9 +635,11 @@ class SurfacePreparation {
     note("flipped an edge of {} without area", raw_.collinear.size(), "triangle", "triangles");
     if (num_brought_ + num_joined_bodies_ > 0)
       notes_.push_back(fmt::format(
-          "brought bodies together that were nearer than {} (--gap): {} became one with those of "
+          "brought bodies together that were nearer than {} ({}): {} became one with those of "
           "others, and {} took their vertices, up to {} away",
-          decimal(gap_), counted(num_joined_bodies_, "point", "points"),
+          gap_ > 0 ? decimal(gap_) : rounded(kRoundedSteps * step_),
+          gap_ > 0 ? "--gap" : "to which coordinates are rounded",
+          counted(num_joined_bodies_, "point", "points"),
           counted(num_brought_, "triangle", "triangles"), rounded(widest_gap_)));
     note_winding();
     note_meetings();
@@ -758,8 +783,9 @@ class SurfacePreparation {
   std::string tried_;                    // to close it
   std::map<MeetingBodies, Meeting> meetings_;
   std::uint64_t num_copies_ = 0;  // that were dropped before bodies were cut
-  // Where bodies were nearer than gap_: triangles that took vertices, points that became others,
-  // and how far these were away.
+  double step_ = 0;               // of coordinates
+  // Where bodies were nearer than gap_, or than coordinates tell: triangles that took vertices,
+  // points that became others, and how far these were away.
   std::uint64_t num_brought_ = 0, num_joined_bodies_ = 0;
   double widest_gap_ = 0;
   double volume_ = 0;

@@ -1,4 +1,5 @@
 // Whole runs of several bodies: what lies in what, their volumes, and what lies between them.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <random>
 #include <set>
 #include <string>
 #include <utility>
@@ -928,6 +930,45 @@ TEST_F(Bodies, NearerThanAGapTouch) {
         EXPECT_EQ(meshed(options, run + "apart").sheets.sheets.size(), 12U);
       }
     }
+  }
+}
+
+// As in binary STL, and as streams write them: no face lies exactly in another's plane.
+TEST_F(Bodies, OfRoundedCoordinatesTouch) {
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const auto random_point = [&] { return Point{unit(random), unit(random), unit(random)}; };
+  const auto direction = [](const Point& p) { return 1 / norm(p) * p; };
+  for (const bool is_single : {true, false}) {
+    const Point w = direction(random_point()), u = direction(cross(w, random_point()));
+    const Point origin = 3 * random_point(), v = cross(w, u);
+    const auto placed = [&](Shape shape) {
+      for (Point& p : shape.vertices) {
+        p = origin + p.x * u + p.y * v + p.z * w;
+        for (int axis = 0; axis < 3; ++axis)
+          p[axis] = is_single ? static_cast<double>(static_cast<float>(p[axis]))
+                              : std::stod(fmt::format("{:.7g}", p[axis]));
+      }
+      return shape;
+    };
+    const std::string run = is_single ? "single" : "digits";
+    const Contents contents =
+        meshed(options({off(run + "_below", placed(box({0, 0, 0}, {2, 2, 1}))),
+                        off(run + "_above", placed(box({0.4, 0.3, 1}, {1.3, 1.1, 1.8})))},
+                       0.2),
+               run);
+    SCOPED_TRACE(run);
+    EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+    EXPECT_EQ(contents.sheets.sheets.size(), 12U);  // one of them between the two
+    const std::string notes = fmt::format("{}", fmt::join(contents.run.surface.notes, "; "));
+    EXPECT_NE(notes.find("to which coordinates are rounded"), notes.npos) << notes;
+    const AuditReport report = audit(Store::open(dir_ / run, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid());
+    ASSERT_EQ(report.body_volumes.size(), 2U);
+    EXPECT_NEAR(report.body_volumes[0], 4, 1e-5);
+    EXPECT_NEAR(report.body_volumes[1], 0.576, 1e-5);
   }
 }
 
