@@ -438,7 +438,10 @@ void SurfaceSampler::take_in_creases(std::span<const Point> points) {
     balls.push_back({creases_->point(i), creases_->ball_radius(i)});
     largest_ball_ = std::max(largest_ball_, balls.back().radius);
   }
-  if (largest_ball_ > 0) balls_.emplace(domain_.region(), largest_ball_, balls);
+  if (largest_ball_ == 0) return;
+  constexpr double kMostCubes = 128;  // in a row: balls may be small for the leaf
+  const Box region = domain_.region();
+  balls_.emplace(region, cube_side(region, largest_ball_, kMostCubes, balls.size()), balls);
 }
 
 bool SurfaceSampler::is_out_of_balls(const Point& p) const {

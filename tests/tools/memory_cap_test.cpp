@@ -1,6 +1,9 @@
 // The cap on memory, as the user sets it: kept, and without influence on the mesh.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <fstream>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -73,6 +76,36 @@ TEST_F(MemoryCap, HoldsAgainstTheKernelToo) {
   const std::string mesh = mesh_under("96M");
   EXPECT_TRUE(mesh_under("96M", 96 * kMiB) == mesh) << result_.err;
   EXPECT_EQ(result_.exit_code, 0);
+}
+
+// A disk with hundreds of teeth, all of it as small as λ: its creases have points, with balls
+// around them, that are tiny beside the leaf.
+TEST_F(MemoryCap, HoldsWhereCreasesAreFineForTheSize) {
+  constexpr int kNumCorners = 400;
+  std::ofstream out(dir_ / "teeth.off");
+  out << "OFF\n" << 2 * kNumCorners + 2 << ' ' << 4 * kNumCorners << " 0\n";
+  for (const double z : {0.0, 0.3})
+    for (int i = 0; i < kNumCorners; ++i) {
+      const double angle = 2 * std::numbers::pi * i / kNumCorners, radius = i % 2 == 0 ? 1 : 0.99;
+      out << radius * std::cos(angle) << ' ' << radius * std::sin(angle) << ' ' << z << '\n';
+    }
+  out << "0 0 0\n0 0 0.3\n";
+  const auto triangle = [&](int a, int b, int c) {
+    out << "3 " << a << ' ' << b << ' ' << c << '\n';
+  };
+  for (int i = 0; i < kNumCorners; ++i) {
+    const int next = (i + 1) % kNumCorners, above = i + kNumCorners, after = next + kNumCorners;
+    triangle(2 * kNumCorners, next, i);
+    triangle(2 * kNumCorners + 1, above, after);
+    triangle(i, next, after);
+    triangle(i, after, above);
+  }
+  out.close();
+  result_ = run_locvol({"mesh", (dir_ / "teeth.off").string(), "-o", output(), "--size", "1",
+                        "--memory", "96M", "--threads", "1", "--quiet"},
+                       is_sanitized ? 0 : 96 * kMiB);
+  EXPECT_EQ(result_.exit_code, 0) << result_.err;
+  EXPECT_TRUE(is_sanitized || result_.peak_bytes < 96 * kMiB) << result_.peak_bytes;
 }
 
 TEST_F(MemoryCap, TooSmallIsRefusedAtOnceWithOneThatWorks) {
