@@ -39,6 +39,9 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 // Of the largest coordinate: what is nearer was one, before it was rounded.
 constexpr double kNear = 1e-11;
 constexpr int kMostNearRounds = 10;
+// Of the longest side of the box: points at open edges that are closer become one before what is
+// open is closed.
+constexpr double kMostJoined = 1e-4;
 constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
@@ -125,8 +128,9 @@ class SurfacePreparation {
   void take_what_is_wound_around() {
     share_.require_whole();
     require_memory_for(raw_.num_triangles());
+    const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
     const LooseSurface found = winding_surface(loose_surface(raw_.spill, raw_.triangles),
-                                               winding_.spacing, wound_, watch_.stop());
+                                               winding_.spacing, gap, wound_, watch_.stop());
     if (found.triangles.empty())
       refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
     TriangleList list;
@@ -621,8 +625,12 @@ class SurfacePreparation {
   }
 
   void note_winding() {
-    if (wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 && wound_.left_out_area == 0)
+    if (wound_.num_joined + wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 &&
+        wound_.left_out_area == 0)
       return;
+    note(
+        "by winding numbers: joined {} with others up to " + rounded(wound_.largest_move) + " away",
+        wound_.num_joined, "point", "points");
     note("by winding numbers: turned {}", wound_.num_turned, "triangle", "triangles");
     note("by winding numbers: cut {} along others", wound_.num_cut, "triangle", "triangles");
     if (wound_.left_out_area >= 1e-9)
@@ -634,6 +642,10 @@ class SurfacePreparation {
           fmt::format("by winding numbers: closed {}, the largest of {}; that is {} of the area",
                       counted(wound_.num_holes, "hole", "holes"),
                       counted(wound_.largest_hole, "edge", "edges"), percent(wound_.closing_area)));
+    if (wound_.is_level)
+      notes_.push_back(
+          "by winding numbers: most of its triangles have no neighbors: the surface is where the "
+          "number is 1/2, at places λ apart");
     if (wound_.doubt > 0)
       notes_.push_back(
           fmt::format("by winding numbers: in doubt is {} of the box", percent(wound_.doubt)));
