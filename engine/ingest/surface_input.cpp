@@ -42,6 +42,11 @@ constexpr int kMostNearRounds = 10;
 // Of the longest side of the box: points at open edges that are closer become one before what is
 // open is closed.
 constexpr double kMostJoined = 1e-4;
+
+// Of the box, where winding numbers still tell what is inside.
+constexpr double kMostDoubt = 0.25;
+// What they take of so many triangles; see README.md.
+std::uint64_t winding_bytes(std::uint64_t num_triangles) { return 1200 * num_triangles; }
 constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
@@ -151,8 +156,7 @@ class SurfacePreparation {
   }
 
   void require_memory_for(std::uint64_t num_triangles) const {
-    constexpr std::uint64_t kBytes = 1200;  // of a triangle; see README.md
-    const std::uint64_t bytes = kBytes * num_triangles;
+    const std::uint64_t bytes = winding_bytes(num_triangles);
     if (bytes <= winding_.cap) return;
     throw OverBudget(
         fmt::format("{}: to find what its triangles wind around may take {} MiB of memory, but the "
@@ -574,6 +578,7 @@ class SurfacePreparation {
   // How the command makes a surface of it that can be meshed. It takes one file.
   std::string cured_by(std::string_view command) const {
     const bool is_file = raw_.file != kInMemory && raw_.file != kStandardInput;
+    if (winding_.inside == InsideRule::kWrap) return ", or give another --wrap-alpha";
     if (!is_file || !raw_.files.empty() || raw_.has_several_bodies) return "";
     constexpr std::string_view kPlain =
         "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._+-/";
@@ -583,13 +588,43 @@ class SurfacePreparation {
       for (const char c : file) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
       file = quoted + "'";
     }
+    const auto cure = [&](std::string_view name) {
+      return fmt::format(", or {} it: locvol {} {} -o {}.ply", name, name, file,
+                         name == "wrap" ? "wrapped" : "repaired");
+    };
+    if (has_winding())
+      return cure("wrap") + (wound_.doubt > 0
+                                 ? fmt::format(" (by winding numbers, {} of the box is in doubt)",
+                                               percent(wound_.doubt))
+                                 : "");
+    constexpr std::string_view kWinding =
+        ", or mesh what its triangles wind around: --inside winding";
+    const std::optional<double> doubt = doubt_of_winding();
     // What is mostly open has little inside.
-    const std::string_view winding =
-        has_winding() || is_mostly_open() || !is_orientable()
-            ? ""
-            : ", or mesh what its triangles wind around: --inside winding";
-    return fmt::format(", or {} it: locvol {} {} -o {}.ply{}", command, command, file,
-                       command == "wrap" ? "wrapped" : "repaired", winding);
+    if (!doubt)
+      return fmt::format("{}{}", cure(command),
+                         is_mostly_open() || !is_orientable() ? "" : kWinding);
+    if (*doubt > kMostDoubt)
+      return fmt::format("{} (by winding numbers, {} of the box would be in doubt)", cure("wrap"),
+                         percent(*doubt));
+    return fmt::format("{}{} ({} of the box is in doubt)", command == "repair" ? cure(command) : "",
+                       kWinding, percent(*doubt));
+  }
+
+  // Of what winding numbers would tell. Nothing: it would take more memory than the cap, or this is
+  // a part of the surface.
+  std::optional<double> doubt_of_winding() const {
+    if (!share_.range().is_all() || winding_bytes(findings_.num_triangles) > winding_.cap)
+      return std::nullopt;
+    std::vector<Triangle> triangles;
+    for (const TriangleBucket& bucket : buckets_.all()) {
+      const Box cell = buckets_.frame().box(bucket.cell);
+      for (const Triangle& t : raw_.spill.load(bucket.triangles))
+        if (owns_triangle(cell, t)) triangles.push_back(t);
+    }
+    std::ranges::sort(triangles, {}, &Triangle::id);
+    TriangleSoup soup = soup_of(triangles);
+    return winding_doubt({std::move(soup.vertices), std::move(soup.triangles), {}}, watch_.stop());
   }
 
   std::string about_bodies() const {

@@ -259,7 +259,7 @@ void drop_flat_parts(Chain& chain) {
   std::erase_if(chain.triangles, [](const ChainTriangle& t) { return t.times == 0; });
 }
 
-double doubt_of(const Chain& chain, const WindingNumber& number) {
+double doubt_of(const Chain& chain, const WindingNumber& number, const StopToken* stop) {
   if (number.open().empty()) return 0;
   constexpr int kAlong = 24;
   constexpr double kNear = 0.1;
@@ -268,22 +268,20 @@ double doubt_of(const Chain& chain, const WindingNumber& number) {
     for (const Point& p : chain.points_of(t)) box = box.joined(p);
   const Point step = (1.0 / kAlong) * (box.max - box.min);
   int num = 0;
+  StopPoll poll(stop);
   for (int i = 0; i < kAlong; ++i)
     for (int j = 0; j < kAlong; ++j)
       for (int k = 0; k < kAlong; ++k) {
-        const double its =
-            number.at(box.min + Point{(i + 0.5) * step.x, (j + 0.5) * step.y, (k + 0.5) * step.z});
+        poll();
+        const double its = number.roughly_at(
+            box.min + Point{(i + 0.5) * step.x, (j + 0.5) * step.y, (k + 0.5) * step.z});
         num += std::abs(its - std::round(its)) > kNear;
       }
   return num / static_cast<double>(kAlong * kAlong * kAlong);
 }
 
-}  // namespace
-
-LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
-                             WindingChanges& changes, const StopToken* stop) {
-  constexpr int kMostRounds = 4;   // what rounding does to cuts is cut again
-  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+// Without what has no area.
+Chain chain_of(const LooseSurface& surface) {
   Chain chain{surface.vertices, {}};
   for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
     const auto& [a, b, c] = surface.triangles[t];
@@ -293,6 +291,25 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
     chain.triangles.push_back(
         {surface.triangles[t], 1, surface.groups.empty() ? SheetId{1} : surface.groups[t]});
   }
+  return chain;
+}
+
+}  // namespace
+
+double winding_doubt(const LooseSurface& surface, const StopToken* stop) {
+  Chain chain = chain_of(surface);
+  orient_patches(chain);
+  unite_equal(chain);
+  if (chain.triangles.empty()) return 0;
+  throw_if_stopped(stop);
+  return doubt_of(chain, WindingNumber(chain), stop);
+}
+
+LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
+                             WindingChanges& changes, const StopToken* stop) {
+  constexpr int kMostRounds = 4;   // what rounding does to cuts is cut again
+  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+  Chain chain = chain_of(surface);
   join_open_points(chain, gap, changes);
   changes.num_turned = orient_patches(chain);
   turn_outwards(chain, changes);
@@ -303,7 +320,7 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
   changes.is_level = !chain.triangles.empty() && is_mostly_islands(chain, spacing);
   if (changes.is_level) {
     const WindingNumber number(chain);
-    changes.doubt = doubt_of(chain, number);
+    changes.doubt = doubt_of(chain, number, stop);
     chain = level_surface(chain, number, spacing, stop);
   }
   std::size_t num_closed = 0;
@@ -318,7 +335,7 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
       const WindingNumber number(chain);
       throw_if_stopped(stop);
       if (round == 0 && !changes.is_level && !chain.triangles.empty())
-        changes.doubt = doubt_of(chain, number);
+        changes.doubt = doubt_of(chain, number, stop);
       keep_where_label_changes(chain, number, near, stop);
       if (chain.triangles.empty()) break;
       if (round == 0 && !changes.is_level)

@@ -38,4 +38,7 @@ struct WindingChanges {
 LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
                              WindingChanges& changes, const StopToken* stop);
 
+// WindingChanges::doubt alone, in a part of the time. Of no triangles, 0. Throws Stopped.
+double winding_doubt(const LooseSurface& surface, const StopToken* stop);
+
 }  // namespace locvol

@@ -594,11 +594,13 @@ PatchCounts counts_of(const Chain& chain, std::span<const OpenEdge> open) {
   return counts;
 }
 
-// Pieces that are narrower than `most`, and have so long a border that they bound nothing: a closed
-// curve of length L bounds at least no area of L²/4π. Around them more is missing than is there.
-std::vector<bool> islands_of(const Chain& chain, double most) {
+// Pieces that are narrower than `most`, or of fewer triangles than `few`, and have so long a border
+// that they bound nothing: a closed curve of length L bounds at least no area of L²/4π. Around them
+// more is missing than is there.
+std::vector<bool> islands_of(const Chain& chain, double most, std::size_t few) {
   struct Piece {
     Box box;
+    std::size_t num = 0;
     double area = 0, border = 0;
   };
   DisjointSets pieces(chain.triangles.size());
@@ -611,6 +613,7 @@ std::vector<bool> islands_of(const Chain& chain, double most) {
     const std::array<Point, 3> corners = chain.points_of(chain.triangles[t]);
     Piece& piece = found.try_emplace(pieces.find(t), Piece{Box::around(corners[0])}).first->second;
     for (const Point& p : corners) piece.box = piece.box.joined(p);
+    ++piece.num;
     piece.area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
   }
   for_each_edge(edges, [&](std::span<const ChainEdge> uses) {
@@ -621,7 +624,8 @@ std::vector<bool> islands_of(const Chain& chain, double most) {
   std::vector<bool> islands(chain.triangles.size());
   for (std::size_t t = 0; t < islands.size(); ++t) {
     const Piece& piece = found.at(pieces.find(t));
-    islands[t] = piece.border > 0 && max_norm(piece.box.max - piece.box.min) < most &&
+    islands[t] = piece.border > 0 &&
+                 (piece.num < few || max_norm(piece.box.max - piece.box.min) < most) &&
                  piece.border * piece.border >= 4 * std::numbers::pi * piece.area;
   }
   return islands;
@@ -646,7 +650,7 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
   constexpr std::size_t kMostWideEdges = 300;  // of a wide hole that is filled
   PatchCounts counts = counts_of(kept, open_edges(kept));
   std::erase_if(kept.triangles,
-                [&, islands = islands_of(kept, kWide * spacing),
+                [&, islands = islands_of(kept, kWide * spacing, 0),
                  t = std::size_t{0}](const ChainTriangle&) mutable { return islands[t++]; });
   const SheetId group = kept.triangles.empty() ? 0 : kept.triangles.front().group;
   const std::size_t first_filling = kept.triangles.size();
@@ -678,7 +682,8 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
 
 bool is_mostly_islands(const Chain& chain, double spacing) {
   constexpr double kMost = 0.3;  // of the area
-  const std::vector<bool> islands = islands_of(chain, kWide * spacing);
+  constexpr std::size_t kFew = 10;
+  const std::vector<bool> islands = islands_of(chain, kWide * spacing, kFew);
   double area = 0;
   for (std::size_t t = 0; t < islands.size(); ++t)
     if (islands[t]) area += 0.5 * norm(chain.normal_of(chain.triangles[t]));

@@ -25,7 +25,8 @@ struct PatchCounts {
 // Afterwards the chain is closed. Throws Stopped.
 PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop);
 
-// Is it mostly made of such pieces, as triangles without neighbors are?
+// Is it mostly made of such pieces, or of wider ones of few triangles, as triangles without
+// neighbors are?
 bool is_mostly_islands(const Chain& chain, double spacing);
 // Then this is all there is: the level 1/2, closed, on such a grid. `number`: of the chain. Throws
 // Stopped.

@@ -331,6 +331,20 @@ TEST(WindingSurface, OfTrianglesWithoutNeighborsIsTheLevel) {
   EXPECT_FALSE(changes.is_level);
 }
 
+TEST(WindingSurface, ItsDoubtIsThatOfTheWholeBoxAroundASheet) {
+  EXPECT_EQ(winding_doubt(ball(3), nullptr), 0);
+  LooseSurface open = ball(3);
+  open.triangles.pop_back();
+  WindingChanges changes;
+  wound(open, 0.1, changes);
+  EXPECT_GT(winding_doubt(open, nullptr), 0);
+  EXPECT_EQ(winding_doubt(open, nullptr), changes.doubt);
+  LooseSurface half = ball(3);
+  std::erase_if(half.triangles, [&](const Face& t) { return half.vertices[t[0]].z < 0.3; });
+  half.groups.resize(half.triangles.size());
+  EXPECT_GT(winding_doubt(half, nullptr), 0.5);
+}
+
 TEST(WindingSurface, OfSheetsIsNothing) {
   LooseSurface square;
   square.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
